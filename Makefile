@@ -1,0 +1,65 @@
+# Every target sets up .venv first when it is missing, or older than what it is made from.
+PYTHON ?= python3
+JOBS ?= 2
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.complete
+RENDER := $(BIN)/jupyter-book build --warningiserror --keep-going
+
+# Trials run side by side, one thread each: a second thread to each only makes them wait for one another.
+export OMP_NUM_THREADS ?= 1
+
+.PHONY: help setup book page notebooks test lint bench clean
+.DELETE_ON_ERROR:
+
+help:
+	@echo 'make book [PARAMS=params/smoke.yaml]             run copies of the notebooks and render the book: _build/html'
+	@echo 'make page NAME=05-figure3 [PARAMS=...]           run one copy again and render what changed'
+	@echo 'make notebooks                                   refresh the outputs in notebooks/ themselves'
+	@echo 'make test [JOBS=2]                               package, notebooks and book'
+	@echo 'make lint                                        style and types'
+	@echo 'make bench                                       the scripts of benchmarks/'
+	@echo 'make setup, make clean                           the environment in .venv alone; remove _build'
+
+setup: $(STAMP)
+
+# --no-build-isolation: setuptools comes pinned from requirements.txt instead of fresh from the index.
+$(STAMP): requirements.txt constraints.txt pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "sidm needs Python 3.11 or later: make PYTHON=python3.12 ...")'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@touch $@
+
+# The book is rendered from a copy of its sources in _build/book, where executed notebooks stand in for the committed
+# ones: the table of contents, links and included code are the same in both. `jupyter-book build .` renders the committed.
+book: $(STAMP)
+	rm -rf _build/book
+	mkdir -p _build/book
+	cp -R _config.yml _toc.yml CHANGELOG.md CONTRIBUTING.md book sidm params _build/book/
+	$(BIN)/python -m sidm notebook all _build/book/notebooks $(if $(PARAMS),-f $(PARAMS))
+	$(RENDER) --path-output . _build/book
+
+page: $(STAMP)
+	@test -d _build/book || { echo "make page renders into a built book: run 'make book' first"; exit 2; }
+	$(BIN)/python -m sidm notebook $(NAME) _build/book/notebooks/$(NAME).ipynb $(if $(PARAMS),-f $(PARAMS))
+	$(RENDER) --path-output . _build/book
+
+notebooks: $(STAMP)
+	$(BIN)/python -m sidm notebook all --in-place
+
+# One call of pytest, so that one exit status and one closing line speak for all: the unit tests; each notebook with
+# params/smoke.yaml, and a book built with warnings as errors, which are tests themselves (tests/book); and nbval over the
+# committed notebooks. `loadfile` keeps a notebook's cells, and the tests that share the built book, on one worker.
+test: $(STAMP)
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --nbval-lax --nbval-current-env tests notebooks
+
+lint: $(STAMP)
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+bench: $(STAMP)
+	@set -e; for script in $(wildcard benchmarks/*.py); do echo "== $$script"; $(BIN)/python $$script; done
+
+clean:
+	rm -rf _build

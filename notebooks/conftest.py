@@ -1,0 +1,6 @@
+"""How pytest takes the notebooks (nbval): what goes to stderr, as progress bars do, is not compared."""
+
+
+def pytest_collection_modifyitems(items):
+    for notebook in {item.parent for item in items if item.path.suffix == ".ipynb"}:
+        notebook.skip_compare += ("stderr",)

@@ -1,0 +1,198 @@
+"""The command line: python -m sidm collect | train | run | show | notebook.
+
+Exit status: 0; 1 when something failed or is still missing; 2 for arguments that cannot be used.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import yaml
+
+from sidm import __version__, notebook
+from sidm.config import ConfigError
+from sidm.systems import SYSTEMS
+from sidm.trajectory import ShardError
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The parser of the whole command line."""
+    parser = argparse.ArgumentParser(prog="python -m sidm", description=(__doc__ or "").split("\n\n")[1])
+    parser.add_argument("--version", action="version", version=__version__)
+    commands = parser.add_subparsers(metavar="collect | train | run | show | notebook", required=True)
+
+    def command(name: str, work: Callable[[argparse.Namespace], int], help: str) -> argparse.ArgumentParser:
+        made = commands.add_parser(name, help=help, description=help)
+        made.set_defaults(work=work)
+        return made
+
+    collect = command("collect", run_collect, "Simulate the data that a preset lacks; what is on disk is kept.")
+    _add_preset(collect)
+    _add_system(collect)
+    collect.add_argument("--workers", type=_positive, metavar="N", help="processes; all cores unless given")
+
+    train = command("train", run_train, "Run one trial and store its result; goes on from its checkpoint.")
+    _add_preset(train)
+    train.add_argument("--system", required=True, choices=SYSTEMS, help="the pair of robots")
+    train.add_argument("--method", default="sidm", help="sidm, novice_only or no_regularisation (%(default)s)")
+    train.add_argument("--minutes", type=float, required=True, help="novice data, minutes of motion")
+    train.add_argument(
+        "--seed", type=int, default=0,
+        help="of the novice subset, the weights and the batches (%(default)s)",
+    )  # fmt: skip
+
+    run = command("run", run_run, "Run the trials of a figure that are not stored; can be stopped and goes on.")
+    _add_preset(run)
+    _add_grid(run)
+    run.add_argument(
+        "--workers", type=_positive, default=2, metavar="N",
+        help="processes of one thread each (%(default)s)",
+    )  # fmt: skip
+
+    show = command("show", run_show, "List what is stored, stale (made by older code) and missing.")
+    _add_preset(show)
+    _add_grid(show)
+
+    runner = commands.add_parser("notebook", help="Run a notebook with checked parameters.")
+    notebook.add_arguments(runner)
+    runner.set_defaults(work=notebook.run_from_arguments)
+    return parser
+
+
+def _add_preset(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--preset", default="laptop", metavar="NAME",
+        help="smoke, laptop, released or paper (%(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="NAME=VALUE", dest="changes",
+        help="change one value of the preset, e.g. seeds=5 or pixels=64; may be given again",
+    )  # fmt: skip
+    parser.add_argument("--data", default="data", metavar="DIR", help="trajectories and checkpoints (%(default)s)")
+    parser.add_argument("--results", default="results", metavar="DIR", help="the results store (%(default)s)")
+
+
+def _add_system(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--system", choices=SYSTEMS, help="only this one; both unless given")
+
+
+def _add_grid(parser: argparse.ArgumentParser) -> None:
+    _add_system(parser)
+    parser.add_argument("--figure", default="3", help="3, 4, p-expert, iterations or all (%(default)s)")
+    parser.add_argument("--minutes", type=float, nargs="+", help="only these novice dataset sizes, minutes of motion")
+    parser.add_argument("--seeds", type=int, nargs="+", help="only these seeds")
+
+
+def _positive(text: str) -> int:
+    """A whole number above 0; argparse reports any other."""
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"must be at least 1, not {number}")
+    return number
+
+
+def _preset(arguments: argparse.Namespace):
+    """The preset that was asked for, with the changes of --set."""
+    from sidm.experiments import load_preset
+
+    changes: dict[str, Any] = {}
+    for text in arguments.changes:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise ConfigError(f"--set takes NAME=VALUE, not '{text}'")
+        try:
+            changes[name] = yaml.safe_load(value)
+        except yaml.YAMLError:
+            raise ConfigError(f"--set {name}: cannot read '{value}'") from None
+    return load_preset(arguments.preset, **changes)
+
+
+def _trials(arguments: argparse.Namespace, preset: Any) -> list:
+    """The trials that --figure, --system, --minutes and --seeds ask for."""
+    from sidm.experiments import grid
+
+    return grid(
+        preset,
+        figure=arguments.figure,
+        system=arguments.system,
+        minutes=arguments.minutes,
+        seeds=arguments.seeds,
+        data=arguments.data,
+        results=arguments.results,
+    )
+
+
+def run_collect(arguments: argparse.Namespace) -> int:
+    """`collect`: prints each dataset and its digest."""
+    from sidm.experiments import collect_datasets
+
+    systems = [arguments.system] if arguments.system else list(SYSTEMS)
+    found = collect_datasets(_preset(arguments), systems, arguments.data, arguments.workers)
+    for name, digest in found.items():
+        print(f"{name}: {digest}")
+    return 0
+
+
+def run_train(arguments: argparse.Namespace) -> int:
+    """`train`: prints where the result lies and what it is."""
+    from sidm.experiments import Results, Study
+    from sidm.experiments.run import run_here
+
+    trial = Study(_preset(arguments), arguments.data, arguments.results).trial(
+        arguments.system, arguments.method, arguments.minutes, arguments.seed
+    )
+    store = Results(arguments.results)
+    row = run_here(trial, arguments.data, store)
+    print(f"{store.path(trial)}: validation loss {row.outcome.validation_loss:.6g}")
+    return 0
+
+
+def run_run(arguments: argparse.Namespace) -> int:
+    """`run`: 1 when trials are missing at the end."""
+    from sidm.experiments import run
+
+    trials = _trials(arguments, _preset(arguments))
+    store = run(trials, workers=arguments.workers, data=arguments.data, results=arguments.results)
+    missing = len(store.missing(trials))
+    print(f"{len(trials) - missing} of {len(trials)} trials stored")
+    return 1 if missing else 0
+
+
+def run_show(arguments: argparse.Namespace) -> int:
+    """`show`: a line a point, then 'missing: N'."""
+    from sidm.experiments import Results
+    from sidm.experiments.tables import overview
+
+    preset = _preset(arguments)
+    trials = _trials(arguments, preset)
+    store = Results(arguments.results)
+    print(f"preset {arguments.preset}, figure {arguments.figure}: {len(trials)} trials")
+    for line in overview(store, trials, preset):
+        print(line)
+    print(f"missing: {len(store.missing(trials))}")
+    return 0
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Carry out a command line and return its exit status; errors are one line on stderr."""
+    arguments = build_parser().parse_args(words)
+    try:
+        return arguments.work(arguments)
+    except ConfigError as error:
+        return _fail(error, 2)
+    except KeyboardInterrupt:
+        return _fail("stopped; the same command goes on where this one was", 1)
+    except (ShardError, OSError, ImportError) as error:
+        return _fail(error, 1)
+
+
+def _fail(error: object, status: int) -> int:
+    print(f"sidm: {(str(error).splitlines() or [type(error).__name__])[0]}", file=sys.stderr)
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,14 @@
+"""Many trials: what is run, kept and shown; PyBullet is imported inside the function that collects data alone."""
+
+from sidm.experiments.datasets import collect_datasets
+from sidm.experiments.grids import FIGURES, METHODS, Study, grid
+from sidm.experiments.measure import perform, run_trial
+from sidm.experiments.presets import PRESETS, Preset, load_preset
+from sidm.experiments.run import run
+from sidm.experiments.store import Outcome, Results, Row, StoreError
+from sidm.experiments.trials import UNKNOWN, Dataset, Trial
+
+__all__ = [
+    "FIGURES", "METHODS", "PRESETS", "UNKNOWN", "Dataset", "Outcome", "Preset", "Results", "Row", "StoreError", "Study",
+    "Trial", "collect_datasets", "grid", "load_preset", "perform", "run", "run_trial",
+]  # fmt: skip

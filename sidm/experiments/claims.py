@@ -1,0 +1,118 @@
+"""The paper's claims (section 5) beside our figures; verdicts follow by the rule of the book's page on claims."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from sidm.experiments.grids import COMPARED
+from sidm.experiments.statistics import Interval, bootstrap, greatest_ratio
+from sidm.experiments.store import Row
+from sidm.experiments.tables import Losses, final_position_error, gather
+
+REPRODUCED = "Reproduced"
+DIRECTION = "In the same direction"
+NOT_SEEN = "Not seen"
+CONTRARY = "Contrary"
+UNCLEAR = "Unclear in the paper"
+NO_VERDICT = "No verdict"  # not run, one seed, or sizes from which no figure follows
+
+
+class Claim(NamedTuple):
+    """A line of the table of claims."""
+
+    claim: str
+    paper: str  # its figure
+    ours: str  # with its interval
+    verdict: str
+    interval: Interval | None = None
+
+
+def verdict(found: Interval, none: float, paper: float | None = None) -> str:
+    """What an interval says about a claim that a value lies above `none`, and at `paper` if the paper has a figure."""
+    if not np.all(np.isfinite(found)):
+        return NO_VERDICT
+    if paper is not None and found.low <= paper <= found.high:
+        return REPRODUCED
+    if found.low > none:
+        return DIRECTION
+    return CONTRARY if found.high < none else NOT_SEEN
+
+
+def _saving(rows: Sequence[Row], system: str, words: str, paper: float) -> Claim:
+    """Claims 1 and 2: as good as with so many times the data."""
+    claim, losses = f"{system}: as good with SIDM as without it on {words} the data", gather(rows, system)
+    if not losses.values.size:
+        return Claim(claim, words, "not run", NO_VERDICT)
+    found = bootstrap(lambda pairs: greatest_ratio(losses.minutes, pairs)[0], losses.values)
+    least = "at least " if greatest_ratio(losses.minutes, losses.values)[1] == ">=" else ""
+    if not np.isfinite(found.value):
+        return Claim(claim, words, "cannot be told from these sizes", NO_VERDICT)
+    ours = f"{least}{found.value:.3g} x [{found.low:.3g}, {found.high:.3g}]"
+    return Claim(claim, words, *_judged(ours, found, losses, verdict(found, 1.0, paper)))
+
+
+def difference(losses: Losses, size: int) -> Interval:
+    """Mean of the value without SIDM minus that with it, at size number `size`, with its interval."""
+    return bootstrap(lambda pairs: (pairs[:, 1] - pairs[:, 0]).mean(), losses.values[:, :, size])
+
+
+def meeting_size(losses: Losses) -> float | None:
+    """The smallest size, in minutes, from which on no interval of the difference lies above zero; None: not yet met."""
+    met = None
+    for size in reversed(range(len(losses.minutes))):
+        if difference(losses, size).low > 0:
+            break
+        met = float(losses.minutes[size])
+    return met
+
+
+def _meeting(rows: Sequence[Row], system: str, paper: str) -> Claim:
+    """Claim 3: where the curves meet."""
+    claim, losses = f"{system}: the curves become comparable", gather(rows, system)
+    if not losses.values.size:
+        return Claim(claim, paper, "not run", UNCLEAR)
+    met = meeting_size(losses)
+    ours = f"not by {losses.minutes[-1]:g} min" if met is None else f"from {met:g} min"
+    return Claim(claim, paper, *_judged(ours, None, losses, UNCLEAR))
+
+
+def _deviation(rows: Sequence[Row], minutes: float) -> Claim:
+    """Claim 4: a smaller deviation over 25 steps."""
+    claim = f"system1: less deviation after 2.5 s with SIDM, at {minutes:g} min"
+    losses = gather((row for row in rows if row.trial.novice_minutes == minutes), "system1", value=final_position_error)
+    if not losses.values.size:
+        return Claim(claim, "less (Figure 4)", "not run", NO_VERDICT)
+    found = difference(losses, 0)
+    ours = f"{found.value:.3g} m less [{found.low:.3g}, {found.high:.3g}]"
+    return Claim(claim, "less (Figure 4)", *_judged(ours, found, losses, verdict(found, 0.0)))
+
+
+def _judged(ours: str, found: Interval | None, losses: Losses, said: str) -> tuple[str, str, Interval | None]:
+    """The last columns of a claim; a single seed has no interval and gives no verdict."""
+    if len(losses.values) < 2:
+        return f"{ours.split(' [')[0]} (one seed)", said if said == UNCLEAR else NO_VERDICT, found
+    return ours, said, found
+
+
+def claims_table(rows: Iterable[Row], figure4_minutes: Sequence[float] = (5.0, 120.0)) -> list[Claim]:
+    """The paper's claims beside what `rows` (of Figures 3 and 4) say.
+
+    Ratios and differences are of means over seeds, with 95 % percentile intervals over whole seeds.
+    """
+    rows = [row for row in rows if row.trial.method in COMPARED]
+    return [
+        _saving(rows, "system1", "up to 20 x", 20),
+        _saving(rows, "system2", "about 5 x", 5),
+        _meeting(rows, "system1", "at about 2 h or 5 h"),
+        _meeting(rows, "system2", "at about 2 h or 5 h"),
+        *(_deviation(rows, minutes) for minutes in figure4_minutes),
+    ]
+
+
+def markdown(claims: Iterable[Claim]) -> str:
+    """The table of claims for a page."""
+    head = "| Claim | The paper's figure | Ours [95 % interval] | Verdict |\n| --- | --- | --- | --- |\n"
+    return head + "".join(f"| {c.claim} | {c.paper} | {c.ours} | {c.verdict} |\n" for c in claims)

@@ -1,0 +1,232 @@
+"""Results as figures, each a matplotlib Figure in the book's style: colour-blind safe, opaque, units on every axis."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FormatStrFormatter, LogLocator
+
+from sidm.experiments.grids import COMPARED
+from sidm.experiments.statistics import efficiency, falling, summarise
+from sidm.experiments.store import Row
+from sidm.experiments.tables import gather, validation_loss
+from sidm.experiments.trials import Trial
+from sidm.systems import SYSTEMS
+
+STYLE = Path(__file__).with_name("sidm.mplstyle")
+
+#: How a method is drawn and named, told apart by colour (Okabe and Ito), line and marker.
+METHOD_STYLES: dict[str, dict[str, Any]] = {
+    "sidm": {"color": "#0072B2", "linestyle": "-", "marker": "o", "label": "with SIDM"},
+    "novice_only": {"color": "#D55E00", "linestyle": "--", "marker": "s", "label": "without SIDM"},
+    "no_regularisation": {"color": "#009E73", "linestyle": "-.", "marker": "^", "label": "SIDM, no adversary"},
+}
+SIZE_STYLES: tuple[dict[str, Any], ...] = (
+    {"color": "#0072B2", "linestyle": "-", "marker": "o"},
+    {"color": "#D55E00", "linestyle": "--", "marker": "s"},
+    {"color": "#009E73", "linestyle": "-.", "marker": "^"},
+    {"color": "#CC79A7", "linestyle": ":", "marker": "D"},
+)
+LOSS_LABEL = "validation loss, equation (1)\n(squared m, m/s and rad/s, summed)"
+#: How a data-efficiency ratio is drawn: its bound, marker, colour and words.
+EFFICIENCY_MARKS = (
+    ("=", "o", "#0072B2", "ratio"),
+    (">=", "^", "#D55E00", "at least"),
+    ("<=", "v", "#009E73", "at most"),
+)
+CONTROL_STEP = 0.1  # s
+
+
+def _styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
+    """Draw in the book's style, and leave no figure open behind."""
+
+    @functools.wraps(draw)
+    def drawn(*arguments: Any, **named: Any) -> Figure:
+        with plt.style.context(STYLE):
+            figure = draw(*arguments, **named)
+        plt.close(figure)
+        return figure
+
+    return drawn
+
+
+def _panels(count: int) -> tuple[Figure, list[Axes]]:
+    size = (1 + 4.2 * count, 3.8)
+    figure, axes = plt.subplots(1, count, figsize=size, squeeze=False, layout="constrained")
+    return figure, list(axes[0])
+
+
+def _finish(axes: Axes, minutes: Iterable[float] = (), legend: bool = True) -> None:
+    """A legend where something is drawn, a notice where not; log axes in plain numbers, at the `minutes` if given."""
+    if not axes.has_data():
+        axes.text(0.5, 0.5, "no trials stored", ha="center", va="center", transform=axes.transAxes)
+        return
+    if legend:
+        axes.legend()
+    if axes.get_yscale() == "log":
+        low, high = np.log10(axes.get_ylim())
+        steps = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0) if high - low < 1 else (1.0, 2.0, 5.0) if high - low < 2 else (1.0,)
+        axes.yaxis.set_major_locator(LogLocator(subs=steps))
+        axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
+    ticks = sorted(set(minutes))
+    if ticks:
+        axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes.minorticks_off()
+
+
+@_styled
+def figure3(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS), methods: Sequence[str] = COMPARED) -> Figure:
+    """Figure 3: validation loss against novice data; lines are means over seeds, shades minimum to maximum."""
+    figure, panels = _panels(len(systems))
+    for axes, system in zip(panels, systems, strict=True):
+        axes.set(xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL, title=system)
+        drawn: set[float] = set()
+        for method in methods:
+            found = gather([row for row in rows if row.trial.method == method], system, [method])
+            if found.values.size:
+                summary, style = summarise(found.values[:, 0]), METHOD_STYLES[method]
+                axes.plot(found.minutes, summary.mean, **style)
+                shade = {"color": style["color"], "alpha": 0.2, "lw": 0}
+                axes.fill_between(found.minutes, summary.minimum, summary.maximum, **shade)
+                drawn |= set(found.minutes)
+        _finish(axes, drawn)
+    return figure
+
+
+@_styled
+def efficiency_curves(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
+    """Data-efficiency ratio against the loss to be reached; triangles mark bounds ('at least', 'at most')."""
+    figure, panels = _panels(len(systems))
+    for axes, system in zip(panels, systems, strict=True):
+        axes.set(yscale="log", xlabel="validation loss to reach\n(squared m, m/s and rad/s, summed)", title=system)
+        axes.set_ylabel("data without SIDM / data with SIDM (-)")
+        losses = gather(rows, system)
+        if losses.values.size:
+            sidm, novice = losses.values.mean(0)
+            reach = np.concatenate([falling(sidm), falling(novice)])
+            found = efficiency(losses.minutes, sidm, novice, np.linspace(reach.min(), reach.max(), 60))
+            for bound, marker, colour, words in EFFICIENCY_MARKS:
+                at = found.bound == bound
+                if at.any():
+                    axes.plot(found.loss[at], found.ratio[at], marker, color=colour, label=words)
+            axes.axhline(1, color="0.5", lw=1, linestyle="-", marker="")
+        _finish(axes)
+    return figure
+
+
+def _sized(rows: Sequence[Row]) -> list[tuple[str, float, list[Row]]]:
+    """Rows by method and size, both in order."""
+    groups: dict[tuple[str, float], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row.trial.method, row.trial.novice_minutes), []).append(row)
+    return [(method, minutes, group) for (method, minutes), group in sorted(groups.items(), reverse=True)]
+
+
+def _size_style(method: str, index: int) -> dict[str, Any]:
+    """A method's colour, with a line style by the number of the size."""
+    line = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)), (0, (1, 3)))[index % 6]
+    return {"color": METHOD_STYLES[method]["color"], "linestyle": line, "marker": ""}
+
+
+@_styled
+def figure4(rows: Sequence[Row], seed: int = 0) -> Figure:
+    """Figure 4: deviation of the predicted from the actual path over time, and one example seen from above.
+
+    Args:
+        rows: of one system; lines are means over the trials, shades their standard error.
+        seed: whose trials draw the example's paths.
+    """
+    figure, (left, right) = _panels(2)
+    left.set(xlabel="time (s)", ylabel="deviation from the actual position (m)", title="mean and standard error")
+    right.set(xlabel="x (m)", ylabel="y (m)", title="one example from above")
+    sizes = sorted({row.trial.novice_minutes for row in rows})
+    for method, minutes, group in _sized(rows):
+        style = _size_style(method, sizes.index(minutes))
+        label = f"{METHOD_STYLES[method]['label']}, {minutes:g} min"
+        errors = np.array([(0.0, *row.outcome.position_error) for row in group])  # (S, K + 1)
+        time, mean = CONTROL_STEP * np.arange(errors.shape[1]), errors.mean(0)
+        left.plot(time, mean, label=label, **style)
+        if len(errors) > 1:
+            spread = errors.std(0, ddof=1) / np.sqrt(len(errors))
+            left.fill_between(time, mean - spread, mean + spread, color=style["color"], alpha=0.15, lw=0)
+        for row in group:
+            if row.trial.seed == seed:
+                right.plot(*np.array(row.outcome.example_predicted).T, label=label, **style)
+    shown = [row for row in rows if row.trial.seed == seed]
+    if shown:
+        right.plot(
+            *np.array(shown[0].outcome.example_actual).T, color="black", linestyle="-", marker="", label="actual"
+        )
+        right.set_aspect("equal", adjustable="datalim")
+    _finish(left)
+    _finish(right)
+    return figure
+
+
+@_styled
+def learning_curves(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
+    """Novice test loss against samples seen, a thin line a trial."""
+    figure, panels = _panels(len(systems))
+    for axes, system in zip(panels, systems, strict=True):
+        axes.set(xscale="log", yscale="log", xlabel="samples seen (control steps)", title=system)
+        axes.set_ylabel("novice test loss, equation (1)\n(raw units squared)")
+        here = [row for row in rows if row.trial.system == system]
+        sizes = sorted({row.trial.novice_minutes for row in here})
+        for method, minutes, group in _sized(here):
+            style = _size_style(method, sizes.index(minutes))
+            for number, row in enumerate(group):
+                label = f"{METHOD_STYLES[method]['label']}, {minutes:g} min" if number == 0 else None
+                axes.plot(row.outcome.curve_samples, row.outcome.curve_test_loss, lw=0.9, label=label, **style)
+        _finish(axes, legend=False)
+    drawn = dict(zip(*reversed(_legend_entries(panels)), strict=True))
+    if drawn:
+        figure.legend(drawn.values(), drawn.keys(), loc="outside right upper")
+    return figure
+
+
+def _legend_entries(panels: Sequence[Axes]) -> tuple[list[Any], list[str]]:
+    """Handles and labels of all plots together."""
+    pairs = [axes.get_legend_handles_labels() for axes in panels]
+    return [h for handles, _ in pairs for h in handles], [label for _, labels in pairs for label in labels]
+
+
+def ablated(trial: Trial, name: str) -> float:
+    """The value of a trial in the ablation of `name`, a field of Training; without regularisation, 0 matching."""
+    if name == "matching_iterations" and not trial.training.regularise:
+        return 0.0
+    return float(getattr(trial.training, name))
+
+
+@_styled
+def ablation(rows: Sequence[Row], name: str, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
+    """Validation loss against a value of the training: mean over seeds with minimum to maximum, a line a size.
+
+    Args:
+        rows: the ablation's.
+        name: 'p_expert', 'prediction_iterations', 'discriminator_iterations' or 'matching_iterations'.
+        systems: a plot each.
+    """
+    figure, panels = _panels(len(systems))
+    for axes, system in zip(panels, systems, strict=True):
+        unit = "probability" if name == "p_expert" else "a phase"
+        axes.set(xlabel=f"{name.replace('_', ' ')} ({unit})", ylabel=LOSS_LABEL, title=system)
+        here = [row for row in rows if row.trial.system == system]
+        for minutes, style in zip(sorted({row.trial.novice_minutes for row in here}), SIZE_STYLES, strict=False):
+            found: dict[float, list[float]] = {}
+            for row in here:
+                if row.trial.novice_minutes == minutes:
+                    found.setdefault(ablated(row.trial, name), []).append(validation_loss(row))
+            values = sorted(found)
+            means = np.array([np.mean(found[v]) for v in values])
+            lowest, highest = (np.array([end(found[v]) for v in values]) for end in (min, max))
+            spread = np.clip([means - lowest, highest - means], 0, None)
+            axes.errorbar(values, means, spread, capsize=3, label=f"{minutes:g} min", **style)
+        _finish(axes)
+    return figure

@@ -1,0 +1,151 @@
+"""Run one trial: load its data, train, validate, roll out."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from sidm.experiments import provenance
+from sidm.experiments.datasets import load_dataset
+from sidm.experiments.store import Outcome, Row
+from sidm.experiments.trials import Trial
+from sidm.learning.dataset import Datasets, load_motion, novice_split
+from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
+from sidm.learning.networks import DynamicsModel
+from sidm.learning.training import Tested, Trained, train
+from sidm.systems import find_system
+from sidm.terrain import generate_terrain
+from sidm.trajectory import Trajectory
+
+ROLLOUT_STEPS = 25  # control steps of Figure 4's rollouts, 2.5 s
+CURVE_POINTS = 40  # at most, of the learning curve's summary
+THREADS = 1  # a trial; results are compared bit for bit only at the same number
+
+Progress = Callable[[Tested], None]  # called after each test
+
+
+@contextlib.contextmanager
+def one_thread() -> Iterator[None]:
+    """PyTorch on THREADS threads inside the block."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(THREADS)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def load_datasets(trial: Trial, data: str | Path = "data") -> tuple[Datasets, list[Trajectory]]:
+    """A trial's motions and its rollout trajectories, each held against the trial's digest.
+
+    Raises:
+        ShardError: data that are missing, damaged, or not those of the trial; one line.
+    """
+    terrain, pixels = find_system(trial.system).terrain, trial.network.pixels
+    motions, rollouts = {}, []
+    for kind, dataset in trial.datasets.items():
+        trajectories = load_dataset(dataset, trial.digests[kind], data)
+        if kind == "rollout":
+            rollouts = trajectories
+        else:
+            motions[kind] = load_motion(Path(data), dataset.collection, dataset.count, terrain, pixels)
+    train_part, test_part = novice_split(len(motions["novice"]), trial.novice_minutes, trial.seed)
+    return (
+        Datasets(
+            train=motions["novice"].take(train_part),
+            test=motions["novice"].take(test_part),
+            validation=motions["validation"],
+            expert=motions["expert"],
+        ),
+        rollouts,
+    )
+
+
+def perform(
+    trial: Trial,
+    data: str | Path = "data",
+    checkpoint: Path | None = None,
+    progress: Progress | None = None,
+) -> tuple[Outcome, Trained]:
+    """Train and evaluate one trial.
+
+    Args:
+        trial: what to run.
+        data: the folder of the shards.
+        checkpoint: a folder to go on from and to write the state to.
+        progress: called after each test.
+
+    Returns:
+        The outcome, a pure function of the trial and its data, and the trained model with its history.
+    """
+    with one_thread():
+        sets, rollouts = load_datasets(trial, data)
+        trained = train(sets, trial.network, trial.training, trial.seed, checkpoint=checkpoint, progress=progress)
+        losses = validation_loss(trained.model, sets.validation)
+        predicted, actual = roll_out(trained.model, trial, rollouts)
+        position, heading = rollout_errors(predicted, actual)
+        samples, test, training = summary_curve(trained)
+    outcome = Outcome(
+        validation_loss=float(losses.sum()),
+        component_losses=_floats(losses),
+        best_test_loss=float(trained.best_test_loss),
+        position_error=_floats(position.mean(0)),
+        heading_error=_floats(heading.mean(0)),
+        example_predicted=_path(predicted[0]),
+        example_actual=_path(actual[0]),
+        curve_samples=samples,
+        curve_test_loss=test,
+        curve_training_loss=training,
+        iterations=trained.iterations,
+        samples=trained.samples,
+    )
+    return outcome, trained
+
+
+def run_trial(
+    trial: Trial,
+    data: str | Path = "data",
+    checkpoint: Path | None = None,
+    progress: Progress | None = None,
+) -> Row:
+    """`perform` a trial and say where the outcome comes from."""
+    provenance.source_hash("learning")  # of the code as it is now, not when the trial is done
+    resumed, start = checkpoint is not None and checkpoint.exists(), time.perf_counter()
+    outcome, _ = perform(trial, data, checkpoint, progress)
+    made = provenance.here(seconds=time.perf_counter() - start, threads=THREADS, resumed=resumed)
+    return Row(trial=trial, outcome=outcome, provenance=made)
+
+
+def roll_out(model: DynamicsModel, trial: Trial, trajectories: list[Trajectory]) -> tuple[torch.Tensor, torch.Tensor]:
+    """Predicted and actual states, each (B, K + 1, 13), of trajectories under their own actions; K = ROLLOUT_STEPS."""
+    terrain = find_system(trial.system).terrain
+    heights = torch.tensor(np.stack([generate_terrain(terrain, t.terrain_seed) for t in trajectories]))
+    states = torch.tensor(np.stack([t.states[: ROLLOUT_STEPS + 1] for t in trajectories]))
+    actions = torch.tensor(np.stack([t.actions[:ROLLOUT_STEPS] for t in trajectories]))
+    return rollout(model, heights, states[:, 0], actions, trial.network.pixels), states
+
+
+def summary_curve(trained: Trained) -> tuple[tuple[int, ...], tuple[float, ...], tuple[float, ...]]:
+    """Samples seen, test loss and training loss at up to CURVE_POINTS even steps, first and last included."""
+    count = len(trained.history)
+    chosen = np.unique(np.linspace(0, count - 1, min(count, CURVE_POINTS)).round().astype(int))
+    tests = [trained.history[number] for number in chosen]
+    return (
+        tuple(test.samples for test in tests),
+        tuple(test.test_loss for test in tests),
+        tuple(test.training_loss for test in tests),
+    )
+
+
+def _floats(values: torch.Tensor) -> tuple[float, ...]:
+    return tuple(values.double().tolist())
+
+
+def _path(states: torch.Tensor) -> tuple[tuple[float, float], ...]:
+    """(K + 1, 13) states as x and y, m."""
+    return tuple((x, y) for x, y in states[:, :2].double().tolist())

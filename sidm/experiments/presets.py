@@ -1,0 +1,169 @@
+"""Presets: how much of the study is run, from a test's seconds to the paper's 320 trials.
+
+This table is the only place where a preset's numbers stand; `params/NAME.yaml` names the preset to the notebooks.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, Literal
+
+from sidm.config import ConfigError, config, conform, unknown_name
+from sidm.experiments.trials import Dataset, datasets
+from sidm.learning.networks import PAPER_NETWORK, RELEASED_NETWORK, Network
+from sidm.learning.settings import Training
+from sidm.systems import find_system
+
+PresetName = Literal["smoke", "laptop", "released", "paper"]
+
+
+@config
+class Preset:
+    """The sizes of a study; the book's page on the experiments says why they are so."""
+
+    name: str
+    expert_minutes: float
+    novice_minutes_system1: tuple[float, ...]  # the sizes of Figure 3's left plot
+    novice_minutes_system2: tuple[float, ...]  # the sizes of Figure 3's right plot
+    pool_minutes_system1: float  # of the pool that the novice subsets are drawn from
+    pool_minutes_system2: float
+    validation_minutes: float
+    rollouts: int  # trajectories of the 25-step test
+    seeds: int  # trials a point
+    figure4_minutes: tuple[float, ...] = (5.0, 120.0)
+    ablation_minutes: tuple[float, ...] = (5.0, 60.0)  # a small and a middle size
+    p_expert_system1: float = 0.75  # section 4: the systems are similar
+    p_expert_system2: float = 0.5  # section 4: they differ greatly
+    policy: str = "ornstein_uhlenbeck"  # that explores, in all but the 25-step test
+    network: Network = Network()
+    training: Training = Training()
+
+    def __post_init__(self) -> None:
+        """Refuse sizes that the pools do not hold."""
+        for system in ("system1", "system2"):
+            most, pool = max(self.novice_minutes(system), default=0), self.pool_minutes(system)
+            if most > pool:
+                raise ConfigError(f"novice_minutes_{system} asks for {most:g}, but pool_minutes_{system} is {pool:g}")
+        if self.seeds < 1:
+            raise ConfigError(f"seeds must be at least 1, not {self.seeds}")
+
+    def novice_minutes(self, system: str) -> tuple[float, ...]:
+        """The novice dataset sizes of a system's Figure 3, in minutes of motion."""
+        return getattr(self, f"novice_minutes_{find_system(system).name}")
+
+    def pool_minutes(self, system: str) -> float:
+        """Minutes of motion in a system's novice pool."""
+        return getattr(self, f"pool_minutes_{find_system(system).name}")
+
+    def p_expert(self, system: str) -> float:
+        """The paper's p_e for a system."""
+        return getattr(self, f"p_expert_{find_system(system).name}")
+
+    def datasets(self, system: str) -> dict[str, Dataset]:
+        """What all trials of a system need: 'novice' (the pool), 'expert', 'validation', 'rollout'."""
+        return datasets(
+            system,
+            self.policy,
+            self.pool_minutes(system),
+            self.expert_minutes,
+            self.validation_minutes,
+            self.rollouts,
+        )
+
+    def replace(self, **changes: Any) -> Preset:
+        """This preset with some values changed: its own, its network's or its training's, all by their plain names.
+
+        Raises:
+            ConfigError: an unknown name, with the nearest right one, or a value of the wrong type. `p_expert` and
+                `regularise` are the method's to set and not known here.
+        """
+        own = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}  # type: ignore[arg-type]
+        parts = {"network": dict(_values(self.network)), "training": dict(_values(self.training))}
+        groups = [own, *parts.values()]
+        hidden = {"name", "p_expert", "regularise", *parts}
+        for name, value in changes.items():
+            group = next((group for group in groups if name in group and name not in hidden), None)
+            if group is None:
+                raise unknown_name(name, (n for group in groups for n in group if n not in hidden), "a preset")
+            group[name] = value
+        return Preset(**(own | {"network": Network(**parts["network"]), "training": Training(**parts["training"])}))
+
+
+def _values(settings: Any) -> dict[str, Any]:
+    """The fields of a configuration, not nested."""
+    return {field.name: getattr(settings, field.name) for field in dataclasses.fields(settings)}
+
+
+_PAPER_SIZES: dict[str, Any] = dict(
+    expert_minutes=500_000 / 600,  # 500,000 control steps of 0.1 s: 13.9 h
+    novice_minutes_system1=(1, 2, 5, 20, 60, 120, 300, 600),
+    novice_minutes_system2=(1, 2, 5, 10, 20, 60, 120, 300),
+    pool_minutes_system1=600,
+    pool_minutes_system2=300,
+    validation_minutes=120,
+    rollouts=100,
+    seeds=10,
+)
+
+#: The presets by name.
+PRESETS: dict[str, Preset] = {
+    preset.name: preset
+    for preset in (
+        Preset(
+            name="smoke",
+            expert_minutes=2,
+            novice_minutes_system1=(0.5, 2),
+            novice_minutes_system2=(0.5, 2),
+            pool_minutes_system1=2,
+            pool_minutes_system2=2,
+            validation_minutes=1,
+            rollouts=4,
+            seeds=1,
+            figure4_minutes=(0.5, 2),
+            ablation_minutes=(0.5, 2),
+            network=Network(pixels=16, layers=1, hidden=32),
+            training=Training(
+                prediction_iterations=10,
+                discriminator_iterations=2,
+                matching_iterations=2,
+                test_interval=5,
+                max_samples=20_000,
+            ),
+        ),
+        Preset(
+            name="laptop",
+            expert_minutes=120,
+            novice_minutes_system1=(1, 2, 5, 20, 60, 120),
+            novice_minutes_system2=(1, 2, 5, 20, 60, 120),
+            pool_minutes_system1=120,
+            pool_minutes_system2=120,
+            validation_minutes=20,
+            rollouts=32,
+            seeds=3,
+            network=Network(pixels=32, layers=3, hidden=256),
+            training=Training(max_samples=1_500_000),
+        ),
+        Preset(
+            name="released",
+            **_PAPER_SIZES,
+            network=RELEASED_NETWORK,
+            training=Training(max_samples=20_000_000),
+        ),
+        Preset(
+            name="paper",
+            **_PAPER_SIZES,
+            network=PAPER_NETWORK,
+            training=Training(max_samples=20_000_000),
+        ),
+    )
+}
+
+
+def load_preset(name: str, **changes: Any) -> Preset:
+    """The preset of that name with some values changed, as `Preset.replace` does it.
+
+    Raises:
+        ConfigError: no such preset (naming the nearest), no such value, or one of the wrong type.
+    """
+    preset = PRESETS[conform(name, PresetName, "preset")]
+    return preset.replace(**changes) if changes else preset

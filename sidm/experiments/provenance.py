@@ -1,0 +1,135 @@
+"""Where a result comes from: the code, the libraries and the machine.
+
+The code is known by two hashes, one a wing: what training and evaluation are made of, and what makes the data. Each is
+taken over the modules that the wing's entry points import, as syntax trees without docstrings and comments, so that
+rewording a sentence or adding a module beside them leaves a stored result fresh.
+"""
+
+from __future__ import annotations
+
+import ast
+import datetime
+import functools
+import hashlib
+import importlib.metadata
+import platform
+import resource
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import sidm
+from sidm.config import config
+
+PACKAGE = Path(sidm.__file__).parent
+
+#: The entry points whose code, with all that they import from the wings before, a result depends on.
+WINGS = {
+    "learning": ("sidm.experiments.measure",),
+    "simulation": ("sidm.simulation.collect",),
+}
+
+
+@config
+class Provenance:
+    """What made a row of the store."""
+
+    version: str  # of this package
+    learning_source: str  # hash of the code that trains and evaluates
+    simulation_source: str  # hash of the code that makes the data
+    python: str
+    torch: str
+    numpy: str
+    scipy: str
+    device: str
+    threads: int
+    seconds: float  # of the last stretch, if the trial was interrupted and `resumed`
+    resumed: bool
+    peak_memory: float  # of the process that ran it, MiB
+    date: str  # UTC, ISO 8601
+
+
+def _module_file(name: str) -> Path | None:
+    """The file of a module or subpackage of this package, or None."""
+    path = PACKAGE.joinpath(*name.split(".")[1:])
+    for candidate in (path.with_suffix(".py"), path / "__init__.py"):
+        if candidate.is_file():
+            return candidate
+    return None
+
+
+def _imports(tree: ast.AST) -> Iterable[str]:
+    """Names of this package's modules that a syntax tree may import, at any depth of its functions."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name.startswith("sidm."))
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "sidm":
+            yield str(node.module)
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def modules_of(entries: Iterable[str]) -> dict[str, ast.Module]:
+    """Name -> syntax tree of the entry points and of every module of this package that they lead to.
+
+    Other modules of `sidm.experiments` are left out: they keep results and do not change them.
+    """
+    found: dict[str, ast.Module] = {}
+    waiting = list(entries)
+    while waiting:
+        name = waiting.pop()
+        file = _module_file(name)
+        if name not in found and name != "sidm" and file is not None:
+            found[name] = ast.parse(file.read_text(encoding="utf-8"))
+            waiting += [one for one in _imports(found[name]) if not one.startswith("sidm.experiments")]
+    return found
+
+
+def canonical(node: Any) -> str:
+    """A syntax tree as text: no positions, comments, docstrings or empty fields, the same in every Python version."""
+    if isinstance(node, list):
+        return "[" + ",".join(canonical(item) for item in node) + "]"
+    if not isinstance(node, ast.AST):
+        return repr(node)
+    fields = {name: value for name, value in ast.iter_fields(node) if value not in (None, []) and name != "kind"}
+    if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)) and ast.get_docstring(node):
+        fields["body"] = node.body[1:]
+    return f"{type(node).__name__}({','.join(f'{name}={canonical(value)}' for name, value in fields.items())})"
+
+
+@functools.cache
+def source_hash(wing: str) -> str:
+    """12 hexadecimal digits for the code of a wing, 'learning' or 'simulation', as it is on disk."""
+    digest = hashlib.sha256()
+    for name, tree in sorted(modules_of(WINGS[wing]).items()):
+        digest.update(f"{name}:{canonical(tree)}\n".encode())
+    return digest.hexdigest()[:12]
+
+
+def peak_memory() -> float:
+    """The most memory that this process has held so far, MiB."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (2**20 if sys.platform == "darwin" else 2**10)
+
+
+def here(seconds: float, threads: int, resumed: bool) -> Provenance:
+    """The provenance of something made by this process, just now."""
+    return Provenance(
+        version=sidm.__version__,
+        learning_source=source_hash("learning"),
+        simulation_source=source_hash("simulation"),
+        python=platform.python_version(),
+        **{name: importlib.metadata.version(name) for name in ("torch", "numpy", "scipy")},
+        device=f"{platform.machine()} CPU",
+        threads=threads,
+        seconds=round(seconds, 1),
+        resumed=resumed,
+        peak_memory=round(peak_memory()),
+        date=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    )
+
+
+def is_stale(provenance: Provenance) -> bool:
+    """Whether the code has changed since."""
+    then = provenance.learning_source, provenance.simulation_source
+    return then != (source_hash("learning"), source_hash("simulation"))

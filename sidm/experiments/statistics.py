@@ -1,0 +1,136 @@
+"""Intervals over whole seeds, and how much less data a method needs.
+
+Losses come as arrays whose first axis is the seed: S seeds, M sizes, L losses. Seeds pair the methods and the sizes,
+so that resampling draws whole seeds and keeps what belongs together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import isotonic_regression
+from scipy.stats import trim_mean
+
+RESAMPLES = 2000
+CONFIDENCE = 0.95
+
+
+class Interval(NamedTuple):
+    """An estimate with its percentile interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+class Summary(NamedTuple):
+    """What Figure 3 draws at each size, each (M,)."""
+
+    mean: np.ndarray
+    interquartile_mean: np.ndarray
+    minimum: np.ndarray
+    maximum: np.ndarray
+
+
+def summarise(losses: np.ndarray) -> Summary:
+    """Mean, interquartile mean, minimum and maximum over seeds of losses (S, M)."""
+    losses = np.asarray(losses, float)
+    return Summary(losses.mean(0), trim_mean(losses, 0.25, axis=0), losses.min(0), losses.max(0))
+
+
+def bootstrap(
+    statistic: Callable[[np.ndarray], float],
+    samples: np.ndarray,
+    resamples: int = RESAMPLES,
+    confidence: float = CONFIDENCE,
+    seed: int = 0,
+) -> Interval:
+    """Percentile bootstrap of `statistic` over the whole seeds of `samples`.
+
+    Args:
+        statistic: takes an array like `samples` and does not mind the order of the seeds; values that are not finite
+            are left out of the percentiles.
+        samples: (S, ...), seeds first.
+        resamples: how many times S seeds are drawn with replacement.
+        confidence: of the interval.
+        seed: of the draws.
+
+    Returns:
+        The statistic of `samples`, and its interval; with one seed the interval is the value itself.
+    """
+    samples = np.asarray(samples, float)
+    count = len(samples)
+    draws = np.sort(np.random.default_rng(seed).integers(count, size=(resamples, count)), axis=1)
+    different, times = np.unique(draws, axis=0, return_counts=True)
+    values = np.repeat([statistic(samples[draw]) for draw in different], times)
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return Interval(float(statistic(samples)), np.nan, np.nan)
+    low, high = np.percentile(values, [50 * (1 - confidence), 50 * (1 + confidence)])
+    return Interval(float(statistic(samples)), float(low), float(high))
+
+
+def falling(losses: np.ndarray) -> np.ndarray:
+    """Isotonic fit of the log of losses (M,), in order of growing data: the nearest curve that never rises."""
+    return np.exp(isotonic_regression(np.log(np.asarray(losses, float)), increasing=False).x)
+
+
+def minutes_needed(minutes: np.ndarray, curve: np.ndarray, loss: float) -> tuple[float, str]:
+    """Novice data with which a falling curve (M,) over `minutes` (M,) gets down to `loss`.
+
+    Returns:
+        The minutes, interpolated between the logarithms, and how they are to be read: '=', '<=' where the smallest
+        size is already there, '>' where the largest is not yet.
+    """
+    if curve[0] <= loss:
+        return float(minutes[0]), "=" if curve[0] == loss else "<="
+    if curve[-1] > loss:
+        return float(minutes[-1]), ">"
+    right = int(np.argmax(curve <= loss))
+    across = np.log(curve[right - 1] / loss) / np.log(curve[right - 1] / curve[right])
+    log_left, log_right = np.log(minutes[right - 1]), np.log(minutes[right])
+    return float(np.exp(log_left + across * (log_right - log_left))), "="
+
+
+class Efficiency(NamedTuple):
+    """Data-efficiency ratio n_novice_only(loss) / n_sidm(loss) over losses, each (L,)."""
+
+    loss: np.ndarray
+    ratio: np.ndarray  # NaN where neither a value nor a bound is known
+    bound: np.ndarray  # '=', '>=' (at least), '<=' (at most) or '?'
+
+
+def efficiency(minutes: np.ndarray, sidm: np.ndarray, novice_only: np.ndarray, losses: np.ndarray) -> Efficiency:
+    """How many times as much data the comparison needs, along the isotonic fits of two curves of mean losses (M,)."""
+    curves = falling(sidm), falling(novice_only)
+    ratios, bounds = [], []
+    for loss in np.asarray(losses, float):
+        (own, own_sign), (other, other_sign) = (minutes_needed(np.asarray(minutes, float), c, loss) for c in curves)
+        more, less = other_sign == ">" or own_sign == "<=", other_sign == "<=" or own_sign == ">"
+        bound = "?" if more and less else ">=" if more else "<=" if less else "="
+        ratios.append(np.nan if bound == "?" else other / own)
+        bounds.append(bound)
+    return Efficiency(np.asarray(losses, float), np.array(ratios), np.array(bounds))
+
+
+def efficiency_at_sizes(minutes: np.ndarray, sidm: np.ndarray, novice_only: np.ndarray) -> Efficiency:
+    """`efficiency` at the losses that the fitted SIDM curve has at each size: 'as good as with how much more data?'."""
+    return efficiency(minutes, sidm, novice_only, falling(sidm))
+
+
+def greatest_ratio(minutes: np.ndarray, pairs: np.ndarray) -> tuple[float, str]:
+    """The paper's 'up to': the greatest ratio of the mean curves over the losses that SIDM reaches at a size.
+
+    Args:
+        minutes: (M,) sizes, rising.
+        pairs: (S, 2, M) losses, SIDM's before the comparison's.
+
+    Returns:
+        The ratio and '=' or, where only a lower bound is known, '>='; NaN and '?' where neither is.
+    """
+    found = efficiency_at_sizes(minutes, *np.asarray(pairs, float).mean(0))
+    usable = [(ratio, bound) for ratio, bound in zip(found.ratio, found.bound, strict=True) if bound in ("=", ">=")]
+    ratio, bound = max(usable, default=(np.nan, "?"))
+    return float(ratio), str(bound)

@@ -1,0 +1,164 @@
+"""The results store: one small JSON file a trial, written whole or not at all.
+
+A row holds its trial, what came out, and what made it. Floats of the outcome carry 6 significant digits. Nothing is
+ever overwritten by halves: files are written beside their place and moved there.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from sidm.config import ConfigError, config, from_mapping
+from sidm.experiments.provenance import Provenance, is_stale
+from sidm.experiments.trials import Trial
+from sidm.trajectory import write_atomically
+
+SCHEMA = 1  # of a row's file
+DIGITS = 6  # significant, of stored floats
+
+
+class StoreError(OSError):
+    """A row that cannot be read; the message is one line that names the file and the mend."""
+
+
+@config
+class Outcome:
+    """What a trial yields: a pure function of the trial and its data. K rollout steps of 0.1 s, C curve points."""
+
+    validation_loss: float  # equation (1) on the validation set, a sample, raw units of y
+    component_losses: tuple[float, ...]  # (13,) its summands
+    best_test_loss: float  # equation (1) on the novice test split, smoothed, of the weights that were kept
+    position_error: tuple[float, ...]  # (K,) m, mean over the rollouts, after each step
+    heading_error: tuple[float, ...]  # (K,) rad, mean over the rollouts, after each step
+    example_predicted: tuple[tuple[float, float], ...]  # (K + 1, 2) m, x and y of the first rollout
+    example_actual: tuple[tuple[float, float], ...]  # (K + 1, 2) m, where the robot really went
+    curve_samples: tuple[int, ...]  # (C,) samples seen, of the learning curve's summary
+    curve_test_loss: tuple[float, ...]  # (C,) test loss then
+    curve_training_loss: tuple[float, ...]  # (C,) novice training loss then
+    iterations: int  # of prediction, in all
+    samples: int  # seen by prediction training, in all
+
+
+@config
+class Row:
+    """A line of the store."""
+
+    trial: Trial
+    outcome: Outcome
+    provenance: Provenance
+
+    @property
+    def stale(self) -> bool:
+        """Whether the code has changed since the row was made."""
+        return is_stale(self.provenance)
+
+
+def rounded(value: Any) -> Any:
+    """`value` with every float in it rounded to DIGITS significant digits."""
+    if isinstance(value, float):
+        return float(f"{value:.{DIGITS}g}")
+    if isinstance(value, (list, tuple)):
+        return [rounded(item) for item in value]
+    if isinstance(value, Mapping):
+        return {name: rounded(item) for name, item in value.items()}
+    return value
+
+
+class Results:
+    """The rows under a folder, by trial."""
+
+    def __init__(self, folder: str | Path = "results") -> None:
+        """`folder` need not exist."""
+        self.folder = Path(folder)
+
+    def path(self, trial: Trial) -> Path:
+        """The file of a trial's row, whether it exists or not."""
+        return self.folder / "trials" / f"{trial.key}.json"
+
+    def __contains__(self, trial: Trial) -> bool:
+        """Whether a trial's row is stored."""
+        return self.path(trial).is_file()
+
+    def put(self, row: Row) -> Path:
+        """Store a row, in place of an earlier one of the same trial.
+
+        Raises:
+            StoreError: the outcome is not finite (the training diverged).
+        """
+        path = self.path(row.trial)
+        values = {
+            "schema": SCHEMA,
+            "trial": row.trial.to_json(),
+            "outcome": rounded(dataclasses.asdict(row.outcome)),  # type: ignore[call-overload]
+            "provenance": rounded(dataclasses.asdict(row.provenance)),  # type: ignore[call-overload]
+        }
+        try:
+            lines = (f"{json.dumps(name)}: {json.dumps(value, allow_nan=False)}" for name, value in values.items())
+            text = "{\n" + ",\n".join(lines) + "\n}\n"
+        except ValueError:
+            raise StoreError(f"{row.trial}: the outcome is not finite; the training diverged") from None
+        write_atomically(path, lambda file: file.write(text.encode()))
+        return path
+
+    def get(self, trial: Trial) -> Row | None:
+        """A trial's row, or None where none is stored; StoreError when it is damaged or another trial's."""
+        path = self.path(trial)
+        if not path.is_file():
+            return None
+        row = read_row(path)
+        if row.trial != trial:
+            raise StoreError(f"{path}: holds another trial; restore the file, or delete it and run the trial again")
+        return row
+
+    def rows(self, trials: Iterable[Trial]) -> list[Row]:
+        """The stored rows among `trials`, in their order."""
+        return [row for row in map(self.get, trials) if row is not None]
+
+    def missing(self, trials: Iterable[Trial]) -> list[Trial]:
+        """Those of `trials` that are not stored, in their order."""
+        return [trial for trial in trials if trial not in self]
+
+    def stale(self, trials: Iterable[Trial]) -> list[Trial]:
+        """Those of `trials` whose stored row was made by other code than today's."""
+        return [row.trial for row in self.rows(trials) if row.stale]
+
+    def all(self) -> list[Row]:
+        """Every stored row, whatever its trial, in the order of the keys."""
+        return [read_row(path) for path in sorted((self.folder / "trials").glob("*.json"))]
+
+    def rekey(self) -> int:
+        """Move rows to the keys that their trials have today, and return how many moved.
+
+        For the day when a Trial learns a new value whose default is what was done before: the stored trials take that
+        default, and their keys change with it. An existing row is never replaced.
+        """
+        moved = 0
+        for path in sorted((self.folder / "trials").glob("*.json")):
+            row = read_row(path)
+            if self.path(row.trial) != path and row.trial not in self:
+                self.put(row)
+                path.unlink()
+                moved += 1
+        return moved
+
+
+def read_row(path: Path) -> Row:
+    """The row in a file of the store; StoreError when it is damaged."""
+    mend = "restore the file, or delete it and run the trial again"
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+        if values["schema"] != SCHEMA:
+            raise StoreError(f"{path}: has schema {values['schema']}, this version reads {SCHEMA}; {mend}")
+        return Row(
+            trial=Trial.from_json(values["trial"]),
+            outcome=from_mapping(Outcome, values["outcome"]),
+            provenance=from_mapping(Provenance, values["provenance"]),
+        )
+    except (KeyError, TypeError, AttributeError) as error:
+        raise StoreError(f"{path}: not a row of results ({error!r}); {mend}") from None
+    except (json.JSONDecodeError, UnicodeDecodeError, ConfigError) as error:
+        raise StoreError(f"{path}: damaged ({error}); {mend}") from None

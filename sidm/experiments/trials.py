@@ -1,0 +1,119 @@
+"""A trial: everything that the result of one training run depends on."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from sidm.config import ConfigError, config, from_mapping
+from sidm.learning.networks import Network
+from sidm.learning.settings import Training
+from sidm.systems import find_system
+from sidm.trajectory import Collection, trajectories_for
+
+#: Stands for the digest of a dataset that was never collected here nor belongs to a stored result.
+UNKNOWN = "unknown"
+
+#: Seeds of the collections; each dataset's trajectories are disjoint from the others'.
+POOL_SEED, VALIDATION_SEED, EXPERT_SEED, ROLLOUT_SEED = 0, 1, 2, 3
+
+
+@config
+class Dataset:
+    """The first `count` trajectories of a collection."""
+
+    collection: Collection
+    count: int
+
+    @property
+    def name(self) -> str:
+        """For people and files: 'system1/novice/ornstein_uhlenbeck/seed-0/1125'."""
+        c = self.collection
+        return f"{c.system}/{c.role}/{c.policy}/seed-{c.seed}/{self.count}"
+
+
+def datasets(
+    system: str, policy: str, pool_minutes: float, expert_minutes: float, validation_minutes: float, rollouts: int
+) -> dict[str, Dataset]:
+    """The four datasets of a study of one system: 'novice' (the pool), 'expert', 'validation' and 'rollout'."""
+
+    def dataset(role: str, seed: int, count: int, policy: str = policy) -> Dataset:
+        return Dataset(collection=Collection(system=system, role=role, policy=policy, seed=seed), count=count)
+
+    return {
+        "novice": dataset("novice", POOL_SEED, trajectories_for(pool_minutes)),
+        "expert": dataset("expert", EXPERT_SEED, trajectories_for(expert_minutes)),
+        "validation": dataset("novice", VALIDATION_SEED, trajectories_for(validation_minutes)),
+        "rollout": dataset("novice", ROLLOUT_SEED, rollouts, policy="held"),
+    }
+
+
+@config
+class Trial:
+    """One training run: its method, its data (by digest), its network and its seed."""
+
+    system: str
+    method: str  # a name of `grids.METHODS`; what it means stands in `training`
+    novice_minutes: float  # train and test together
+    seed: int  # of the novice subset, the initial weights and the batches; pairs the methods
+    pool_minutes: float  # of the novice pool that the subset is drawn from
+    expert_minutes: float
+    validation_minutes: float
+    rollouts: int  # trajectories of the 25-step test
+    policy: str = "ornstein_uhlenbeck"  # that made pool, expert and validation data
+    novice_data: str = UNKNOWN  # digest of the pool
+    expert_data: str = UNKNOWN
+    validation_data: str = UNKNOWN
+    rollout_data: str = UNKNOWN
+    network: Network = Network()
+    training: Training = Training()
+
+    def __post_init__(self) -> None:
+        """Refuse a trial that cannot be run."""
+        find_system(self.system)
+        if not 0 < self.novice_minutes <= self.pool_minutes:
+            raise ConfigError(
+                f"Trial.novice_minutes must be above 0 and at most pool_minutes ({self.pool_minutes:g}), "
+                f"not {self.novice_minutes:g}"
+            )
+        if self.rollouts < 1:
+            raise ConfigError(f"Trial.rollouts must be at least 1, not {self.rollouts}")
+
+    @property
+    def datasets(self) -> dict[str, Dataset]:
+        """What it learns from and is judged on: 'novice' (the pool), 'expert', 'validation', 'rollout'."""
+        return datasets(
+            self.system, self.policy, self.pool_minutes, self.expert_minutes, self.validation_minutes, self.rollouts
+        )
+
+    @property
+    def digests(self) -> dict[str, str]:
+        """The digests of `datasets`, by the same names."""
+        return {name: getattr(self, f"{name}_data") for name in self.datasets}
+
+    @property
+    def key(self) -> str:
+        """20 hexadecimal digits that change when any value of the trial does."""
+        text = json.dumps(self.to_json(), sort_keys=True, separators=(",", ":"), allow_nan=False)
+        return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+    def __str__(self) -> str:
+        """For messages and progress bars."""
+        return f"{self.system} {self.method} {self.novice_minutes:g} min seed {self.seed}"
+
+    def replace(self, **changes: Any) -> Trial:
+        """The same trial with some values changed, checked like a new one."""
+        own = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}  # type: ignore[arg-type]
+        return Trial(**(own | changes))
+
+    def to_json(self) -> dict[str, Any]:
+        """All its values as plain nested mappings."""
+        return dataclasses.asdict(self)  # type: ignore[call-overload]
+
+    @classmethod
+    def from_json(cls, values: Mapping[str, Any]) -> Trial:
+        """The trial that `to_json` wrote; ConfigError when a name or a type is not right."""
+        return from_mapping(cls, values)

@@ -1,0 +1,26 @@
+"""The method: what the networks see, the networks, their losses, training and evaluation; without PyBullet."""
+
+from sidm.learning.checkpoint import CheckpointError
+from sidm.learning.dataset import Datasets, Motion, Standardisation, load_motion, novice_split, prepare
+from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
+from sidm.learning.networks import (
+    PAPER_NETWORK,
+    RELEASED_NETWORK,
+    SIDM,
+    Decoder,
+    Discriminator,
+    DynamicsModel,
+    Encoder,
+    Network,
+    parameter_count,
+)
+from sidm.learning.observation import encode_inputs, integrate, robot_centred_map, transition
+from sidm.learning.settings import Training
+from sidm.learning.training import Tested, Trained, TrainingError, train
+
+__all__ = [
+    "CheckpointError", "Datasets", "Decoder", "Discriminator", "DynamicsModel", "Encoder", "Motion", "Network",
+    "PAPER_NETWORK", "RELEASED_NETWORK", "SIDM", "Standardisation", "Tested", "Trained", "Training", "TrainingError",
+    "encode_inputs", "integrate", "load_motion", "novice_split", "parameter_count", "prepare", "robot_centred_map",
+    "rollout", "rollout_errors", "train", "transition", "validation_loss",
+]  # fmt: skip

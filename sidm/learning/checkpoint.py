@@ -1,0 +1,83 @@
+"""A run's state on disk: arrays and one JSON text in a single .npz file, written atomically, without pickle.
+
+An array's name is its path in the state: 'model/sidm.lstm.weight_ih_l0', 'optimisers/prediction/12/exp_avg'.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from sidm.trajectory import write_atomically
+
+FILE = "checkpoint.npz"
+TEXT = "json"  # the name of the array that holds the text
+
+
+class CheckpointError(ValueError):
+    """A checkpoint that is damaged or of another run; the message is one line that names the file and the mend."""
+
+
+def write(folder: Path, tensors: Mapping[str, Tensor], values: Mapping[str, Any]) -> None:
+    """Write `tensors` and `values` (plain JSON types) as the checkpoint of `folder`, replacing the one before."""
+    arrays = {name: tensor.detach().cpu().numpy() for name, tensor in tensors.items()}
+    arrays[TEXT] = np.frombuffer(json.dumps(values).encode(), np.uint8)
+    write_atomically(Path(folder) / FILE, lambda file: np.savez(file, **arrays))  # type: ignore[arg-type]
+
+
+def read(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
+    """What `write` wrote; None when there is nothing.
+
+    Raises:
+        CheckpointError: the file is damaged.
+    """
+    path = Path(folder) / FILE
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            arrays = {name: data[name] for name in data.files}
+        values = json.loads(arrays.pop(TEXT).tobytes())
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise CheckpointError(f"{path}: the checkpoint is damaged ({error}); delete it to start afresh") from None
+    return {name: torch.from_numpy(array) for name, array in arrays.items()}, values
+
+
+def under(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """The tensors whose names begin with `prefix` and a slash, by the rest of their names."""
+    return {name[len(prefix) + 1 :]: tensor for name, tensor in tensors.items() if name.startswith(f"{prefix}/")}
+
+
+def prefixed(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """The same tensors with `prefix` and a slash before their names."""
+    return {f"{prefix}/{name}": tensor for name, tensor in tensors.items()}
+
+
+def module_tensors(module: nn.Module) -> dict[str, Tensor]:
+    """Weights and buffers by name, not copied."""
+    return {name: tensor.detach() for name, tensor in module.state_dict().items()}
+
+
+def optimiser_tensors(optimiser: torch.optim.Optimizer) -> dict[str, Tensor]:
+    """The optimiser's moments and step counts, by 'parameter number/name'."""
+    state = optimiser.state_dict()["state"]
+    return {f"{number}/{name}": tensor for number, entry in state.items() for name, tensor in entry.items()}
+
+
+def load_optimiser(optimiser: torch.optim.Optimizer, tensors: Mapping[str, Tensor]) -> None:
+    """Put back what `optimiser_tensors` gave."""
+    parameters = [parameter for group in optimiser.param_groups for parameter in group["params"]]
+    state: dict[int, dict[str, Tensor]] = {}
+    for path, tensor in tensors.items():
+        number, name = path.split("/")
+        if tensor.ndim:  # the fused kernels walk moments and weights in memory order: give them the weights' layout
+            tensor = torch.empty_like(parameters[int(number)]).copy_(tensor)
+        state.setdefault(int(number), {})[name] = tensor
+    optimiser.load_state_dict({"state": state, "param_groups": optimiser.state_dict()["param_groups"]})

@@ -1,0 +1,205 @@
+"""Everything that changes while a model is trained, and how it is kept on disk."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from sidm.config import ConfigError
+from sidm.learning import checkpoint
+from sidm.learning.dataset import Datasets, Motion, Standardisation
+from sidm.learning.losses import prediction_loss
+from sidm.learning.networks import Discriminator, DynamicsModel, Network, seeded
+from sidm.learning.seeds import generator
+from sidm.learning.settings import Training
+from sidm.learning.stopping import Stopper
+from sidm.systems import ROLES
+from sidm.trajectory import checksum
+
+EVALUATION_BATCH = 32  # trajectories at a time where no gradient is needed
+
+#: What is drawn at random, each from a generator of its own, so that one seed gives all methods the same novice draws.
+PURPOSES = ("system", "novice", "expert", "discriminator novice", "discriminator expert", "matching")
+
+
+class Tested(NamedTuple):
+    """A point of the learning curve."""
+
+    samples: int  # control steps of the prediction phases so far
+    training_loss: float  # equation (1) on the novice's samples since the test before; on all samples if it had none
+    test_loss: float  # equation (1) on the novice's test split, not smoothed
+    discriminator_accuracy: float | None  # share of latents told apart in the last discriminator phase; None without
+
+
+def mean_loss(model: DynamicsModel, motion: Motion, role: str = "novice") -> float:
+    """Equation (1) averaged over the steps of `motion`."""
+    total = 0.0
+    with torch.inference_mode():
+        for part in motion.split(EVALUATION_BATCH):
+            part = part.to(model.device)
+            total += float(prediction_loss(model(role, part.inputs, part.maps)[0], part.targets).double().sum())
+    return total / motion.targets[..., 0].numel()
+
+
+def make_optimiser(module: torch.nn.Module, training: Training) -> torch.optim.Optimizer:
+    """Adam with decoupled weight decay (section 4), or with the released code's L2 penalty."""
+    adam = torch.optim.AdamW if training.decay == "decoupled" else torch.optim.Adam
+    return adam(module.parameters(), lr=training.learning_rate, weight_decay=training.weight_decay, fused=True)
+
+
+class Learner:
+    """A model in training: weights, optimisers, generators, counters, the best weights so far."""
+
+    def __init__(
+        self,
+        datasets: Datasets,
+        network: Network,
+        training: Training,
+        seed: int,
+        standardisation: Standardisation | None = None,
+        device: str | torch.device = "cpu",
+    ):
+        if training.needs_expert and datasets.expert is None:
+            raise ConfigError("p_expert above 0 and regularise need the expert's data, but datasets.expert is None")
+        if standardisation is None and datasets.expert is None:
+            raise ConfigError("without the expert's data pass `standardisation`, the same for every method compared")
+        if standardisation is None and datasets.expert is not None:
+            standardisation = Standardisation.of(datasets.expert)
+        self.datasets, self.network, self.training, self.seed = datasets, network, training, seed
+        self.device = torch.device(device)
+        self.test = datasets.test.first(training.test_trajectories)
+        roles = ROLES if training.needs_expert else ("novice",)
+        self.model = DynamicsModel(network, standardisation, seed, roles).to(self.device)
+        self.discriminator = seeded(seed, "discriminator", lambda: Discriminator(network)).to(self.device)
+        self.prediction = make_optimiser(self.model, training)
+        self.discrimination = make_optimiser(self.discriminator, training)
+        own = training.matching_optimiser == "own"
+        self.matching = make_optimiser(self.model.encoders["novice"], training) if own else self.prediction
+        self.generators = {purpose: generator(seed, purpose) for purpose in PURPOSES}
+        self.stopper = Stopper(training.stopping, training.smoothing, training.patience, training.max_samples)
+        self.best = self.weights()
+        self.history: list[Tested] = []
+        self.iteration = self.samples = 0  # of the prediction phases
+        self.accuracy: float | None = None  # of the discriminator
+        self.losses = dict.fromkeys(ROLES, (0.0, 0))  # since the last test: sum of losses and their number, by system
+
+    @property
+    def finished(self) -> bool:
+        """Whether training ends here."""
+        return self.stopper.finished(self.samples, self.iteration)
+
+    def weights(self) -> dict[str, Tensor]:
+        """A copy of the model's weights and buffers."""
+        return {name: tensor.clone() for name, tensor in checkpoint.module_tensors(self.model).items()}
+
+    def draw(self, role: str, count: int, purpose: str) -> Motion:
+        """`count` random training trajectories of a system, on the device."""
+        motion = self.datasets.expert if role == "expert" else self.datasets.train
+        assert motion is not None
+        return motion.draw(count, self.generators[purpose]).to(self.device)
+
+    def draw_batch(self) -> dict[str, Motion]:
+        """b_pred trajectories by system, each the expert's with probability p_e (Algorithm 1).
+
+        Every place of the batch draws a novice's and an expert's trajectory and takes one of them: the novice's is the
+        same for all methods.
+        """
+        count = self.training.batch
+        of_expert = torch.rand(count, generator=self.generators["system"]) < self.training.p_expert
+        if self.training.system_draw == "iteration":
+            of_expert = of_expert[:1].expand(count)
+        batch = {}
+        for role, motion, mine in zip(ROLES, (self.datasets.train, self.datasets.expert), (~of_expert, of_expert),
+                                      strict=True):  # fmt: skip
+            if motion is not None:
+                indices = torch.randint(len(motion), (count,), generator=self.generators[role])[mine]
+                if len(indices):
+                    batch[role] = motion.take(indices).to(self.device)
+        return batch
+
+    def note(self, losses: dict[str, Tensor]) -> None:
+        """Count an iteration of prediction with per-sample `losses` (b, T) by system."""
+        self.iteration += 1
+        for role, loss in losses.items():
+            total, count = self.losses[role]
+            self.losses[role] = (total + float(loss.detach().double().sum()), count + loss.numel())
+            self.samples += loss.numel()
+
+    def take_test(self) -> Tested:
+        """Measure the test loss; keep the weights if its smoothed value is the lowest so far."""
+        novice, everything = self.losses["novice"], tuple(map(sum, zip(*self.losses.values(), strict=True)))
+        total, count = novice if novice[1] else everything
+        test = mean_loss(self.model, self.test)
+        tested = Tested(self.samples, total / max(count, 1), test, self.accuracy)
+        self.history.append(tested)
+        self.losses = dict.fromkeys(ROLES, (0.0, 0))
+        if self.stopper.update(self.samples, self.iteration, tested.training_loss, test):
+            self.best = self.weights()
+        return tested
+
+    def save(self, folder: Path) -> None:
+        """Write the whole state as the checkpoint of `folder`."""
+        groups = {
+            "model": checkpoint.module_tensors(self.model),
+            "discriminator": checkpoint.module_tensors(self.discriminator),
+            "best": self.best,
+            "prediction": checkpoint.optimiser_tensors(self.prediction),
+            "discrimination": checkpoint.optimiser_tensors(self.discrimination),
+            "generators": {purpose: g.get_state() for purpose, g in self.generators.items()},
+        }
+        if self.matching is not self.prediction:
+            groups["matching"] = checkpoint.optimiser_tensors(self.matching)
+        tensors = {name: t for group, part in groups.items() for name, t in checkpoint.prefixed(group, part).items()}
+        values = {
+            "run": self._identity(),
+            "stopper": dataclasses.asdict(self.stopper),
+            "history": [list(tested) for tested in self.history],
+            "iteration": self.iteration,
+            "samples": self.samples,
+            "accuracy": self.accuracy,
+            "losses": {role: list(pair) for role, pair in self.losses.items()},
+        }
+        checkpoint.write(folder, tensors, values)
+
+    def restore(self, folder: Path) -> bool:
+        """Go on from the checkpoint of `folder`, bit for bit; False when there is none.
+
+        Raises:
+            CheckpointError: the checkpoint is damaged or of another run.
+        """
+        found = checkpoint.read(folder)
+        if found is None:
+            return False
+        tensors, values = found
+        if values.get("run") != self._identity():
+            raise checkpoint.CheckpointError(
+                f"{Path(folder) / checkpoint.FILE}: the checkpoint is of another run; delete it or name another folder"
+            )
+        self.model.load_state_dict(checkpoint.under("model", tensors))
+        self.discriminator.load_state_dict(checkpoint.under("discriminator", tensors))
+        self.best = {name: tensor.to(self.device) for name, tensor in checkpoint.under("best", tensors).items()}
+        checkpoint.load_optimiser(self.prediction, checkpoint.under("prediction", tensors))
+        checkpoint.load_optimiser(self.discrimination, checkpoint.under("discrimination", tensors))
+        if self.matching is not self.prediction:
+            checkpoint.load_optimiser(self.matching, checkpoint.under("matching", tensors))
+        for purpose, state in checkpoint.under("generators", tensors).items():
+            self.generators[purpose].set_state(state)
+        self.stopper = Stopper(**values["stopper"])
+        self.history = [Tested(*tested) for tested in values["history"]]
+        self.iteration, self.samples, self.accuracy = values["iteration"], values["samples"], values["accuracy"]
+        self.losses = {role: (total, count) for role, (total, count) in values["losses"].items()}
+        return True
+
+    def _identity(self) -> dict:
+        """What makes this run another than the next: configuration, seed, data."""
+        motions = {"train": self.datasets.train, "test": self.datasets.test, "expert": self.datasets.expert}
+        return {
+            "network": dataclasses.asdict(self.network) | {"channels": list(self.network.channels)},  # type: ignore
+            "training": dataclasses.asdict(self.training),  # type: ignore[call-overload]
+            "seed": self.seed,
+            "data": {name: checksum(motion.inputs.numpy()) for name, motion in motions.items() if motion is not None},
+        }

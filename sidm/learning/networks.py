@@ -1,0 +1,239 @@
+"""Encoders, system invariant dynamics model (SIDM), decoders and discriminator (sections 3 and 4 of the paper).
+
+B trajectories, T steps, P map pixels a side.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from typing import TypeVar
+
+import torch
+from torch import Tensor, nn
+
+from sidm.config import ConfigError, config
+from sidm.learning.dataset import Standardisation
+from sidm.learning.observation import INPUT_SIZE, TARGET_SIZE
+from sidm.learning.seeds import derive
+from sidm.systems import ROLES
+
+M = TypeVar("M", bound=nn.Module)
+Memory = tuple[Tensor, Tensor]  # the LSTM's hidden and cell state, each (layers, B, hidden)
+
+
+@config
+class Network:
+    """Sizes of all networks; the defaults are the paper's but for the map and the LSTM."""
+
+    pixels: int = 32  # P, a side of the height map; the paper has 300
+    channels: tuple[int, int] = (8, 4)  # of the encoder's two convolutions
+    kernel: int = 4  # a side of both convolutions' kernels; no padding, stride 1
+    encoder_hidden: int = 128  # the encoder's hidden layer
+    latent: int = 128  # size of the latent state-action
+    layers: int = 3  # LSTM layers of the SIDM; the paper has 4
+    hidden: int = 256  # size of each LSTM layer; the paper has 1024
+    latent_transition: int = 64  # size of the latent state transition
+    decoder_hidden: int = 64  # the decoder's hidden layer
+    discriminator_hidden: int = 1024  # the discriminator's hidden layer (not in the paper; the released code's)
+    slope: float = 0.01  # of the leaky ReLU below zero
+
+    def __post_init__(self) -> None:
+        """Refuse sizes that make no network."""
+        for name in ("kernel", "encoder_hidden", "latent", "layers", "hidden", "latent_transition", "decoder_hidden",
+                     "discriminator_hidden"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"Network.{name} must be at least 1, not {getattr(self, name)}")
+        if min(self.channels) < 1:
+            raise ConfigError(f"Network.channels must be at least 1, not {self.channels}")
+        if not 0 <= self.slope < 1:
+            raise ConfigError(f"Network.slope must be in [0, 1), not {self.slope}")
+        if self.map_side < 1:
+            raise ConfigError(
+                f"Network.pixels must be at least {2 * self.kernel - 1} for two kernels of {self.kernel}, "
+                f"not {self.pixels}"
+            )
+
+    @property
+    def map_side(self) -> int:
+        """A side of what the convolutions leave of the map."""
+        return self.pixels - 2 * (self.kernel - 1)
+
+
+PAPER_NETWORK = Network(pixels=300, layers=4, hidden=1024)
+RELEASED_NETWORK = Network(pixels=64, layers=3, hidden=256)
+
+
+class Encoder(nn.Module):
+    """E_e or E_n: state-actions to latent state-actions."""
+
+    input_mean: Tensor
+    input_std: Tensor
+    map_mean: Tensor
+    map_std: Tensor
+
+    def __init__(self, network: Network, standardisation: Standardisation | None = None):
+        super().__init__()
+        first, second = network.channels
+        self.pixels = network.pixels
+        self.convolutions = nn.Sequential(
+            nn.Conv2d(1, first, network.kernel), nn.LeakyReLU(network.slope, inplace=True),
+            nn.Conv2d(first, second, network.kernel), nn.LeakyReLU(network.slope, inplace=True),
+        ).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.dense = nn.Sequential(
+            nn.Linear(second * network.map_side**2 + INPUT_SIZE, network.encoder_hidden), nn.LeakyReLU(network.slope),
+            nn.Linear(network.encoder_hidden, network.latent), nn.LeakyReLU(network.slope),
+        )
+        units = standardisation or Standardisation.none()
+        self.register_buffer("input_mean", units.input_mean.clone())
+        self.register_buffer("input_std", units.input_std.clone())
+        self.register_buffer("map_mean", units.map_mean.clone())
+        self.register_buffer("map_std", units.map_std.clone())
+
+    def forward(self, inputs: Tensor, maps: Tensor) -> Tensor:
+        """Latent state-actions (B, T, latent) of inputs (B, T, 11), raw units, and maps (B, T, P, P), m."""
+        expect(inputs, ("B", "T", INPUT_SIZE), "inputs")
+        expect(maps, (*inputs.shape[:2], self.pixels, self.pixels), "maps")
+        pixels = (maps.flatten(0, 1).to(inputs.dtype) - self.map_mean) / self.map_std  # (B T, P, P)
+        # The channel is made the last dimension in memory: twice as fast on a CPU as the default layout.
+        features = self.convolutions(pixels.unsqueeze(-1).movedim(-1, 1))  # (B T, 4, P - 6, P - 6)
+        features = features.movedim(1, -1).flatten(1)  # (B T, 4 (P - 6)^2), a view
+        numbers = ((inputs - self.input_mean) / self.input_std).flatten(0, 1)  # (B T, 11)
+        return self.dense(torch.cat([features, numbers], dim=-1)).unflatten(0, inputs.shape[:2])
+
+
+class SIDM(nn.Module):
+    """The system invariant dynamics model: latent state-actions to latent state transitions, along a trajectory."""
+
+    def __init__(self, network: Network):
+        super().__init__()
+        self.latent = network.latent
+        self.lstm = nn.LSTM(network.latent, network.hidden, network.layers, batch_first=True)
+        self.output = nn.Sequential(nn.Linear(network.hidden, network.latent_transition), nn.LeakyReLU(network.slope))
+
+    def forward(self, latents: Tensor, memory: Memory | None = None) -> tuple[Tensor, Memory]:
+        """Latent state transitions (B, T, 64) of latents (B, T, 128), and the memory after the last step.
+
+        Without `memory` the trajectories begin here.
+        """
+        expect(latents, ("B", "T", self.latent), "latents")
+        hidden, memory = self.lstm(latents, memory)
+        return self.output(hidden), memory
+
+
+class Decoder(nn.Module):
+    """D_e or D_n: latent state transitions to state transitions in raw units."""
+
+    def __init__(self, network: Network, standardisation: Standardisation | None = None):
+        super().__init__()
+        self.size = network.latent_transition
+        self.dense = nn.Sequential(
+            nn.Linear(network.latent_transition, network.decoder_hidden), nn.LeakyReLU(network.slope),
+            nn.Linear(network.decoder_hidden, TARGET_SIZE),
+        )
+        units = standardisation or Standardisation.none()
+        self.register_buffer("target_mean", units.target_mean.clone())
+        self.register_buffer("target_std", units.target_std.clone())
+
+    def forward(self, transitions: Tensor) -> Tensor:
+        """State transitions y' (..., 13) of latent state transitions (..., 64)."""
+        expect(transitions, (*transitions.shape[:-1], self.size), "latent transitions")
+        return self.target_mean + self.target_std * self.dense(transitions)
+
+
+class Discriminator(nn.Module):
+    """A: the probability that a latent state-action came from the expert."""
+
+    def __init__(self, network: Network):
+        super().__init__()
+        self.latent = network.latent
+        self.dense = nn.Sequential(
+            nn.Linear(network.latent, network.discriminator_hidden), nn.LeakyReLU(network.slope),
+            nn.Linear(network.discriminator_hidden, 1),
+        )
+
+    def logits(self, latents: Tensor) -> Tensor:
+        """Log odds (...) of latents (..., 128)."""
+        expect(latents, (*latents.shape[:-1], self.latent), "latents")
+        return self.dense(latents).squeeze(-1)
+
+    def forward(self, latents: Tensor) -> Tensor:
+        """Probabilities (...) in (0, 1) of latents (..., 128)."""
+        return torch.sigmoid(self.logits(latents))
+
+
+class DynamicsModel(nn.Module):
+    """Figure 1: an encoder and a decoder for each system around one SIDM.
+
+    Args:
+        network: the sizes.
+        standardisation: units of inputs and outputs; none by default.
+        seed: of the initial weights; each part has its own, so that parts are equal whatever else the model has.
+        roles: the systems, 'novice' and 'expert' or one of them.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        standardisation: Standardisation | None = None,
+        seed: int = 0,
+        roles: Iterable[str] = ROLES,
+    ):
+        super().__init__()
+        roles = tuple(roles)
+        self.encoders = nn.ModuleDict(
+            {role: seeded(seed, f"{role} encoder", lambda: Encoder(network, standardisation)) for role in roles}
+        )
+        self.sidm = seeded(seed, "sidm", lambda: SIDM(network))
+        self.decoders = nn.ModuleDict(
+            {role: seeded(seed, f"{role} decoder", lambda: Decoder(network, standardisation)) for role in roles}
+        )
+
+    def forward(
+        self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None
+    ) -> tuple[Tensor, Memory]:
+        """Predictions of one system.
+
+        Args:
+            role: 'novice' or 'expert'.
+            inputs: (B, T, 11), raw units.
+            maps: (B, T, P, P), m.
+            memory: of the SIDM after the step before; None where the trajectories begin.
+
+        Returns:
+            State transitions y' (B, T, 13) in raw units, and the memory after the last step.
+
+        Raises:
+            ConfigError: a system that the model does not have.
+            ValueError: wrong shapes.
+        """
+        if role not in self.encoders:
+            raise ConfigError(f"this model has {', '.join(self.encoders)}, not {role!r}")
+        transitions, memory = self.sidm(self.encoders[role](inputs, maps), memory)
+        return self.decoders[role](transitions), memory
+
+    @property
+    def device(self) -> torch.device:
+        """Where the weights are."""
+        return next(self.parameters()).device
+
+
+def seeded(seed: int, part: str, build: Callable[[], M]) -> M:
+    """What `build` makes, its initial weights given by `seed` and `part` alone; global randomness is left as it was."""
+    with torch.random.fork_rng(devices=[]):
+        torch.default_generator.manual_seed(derive(seed, part))
+        return build()
+
+
+def parameter_count(module: nn.Module) -> int:
+    """How many numbers the module learns."""
+    return sum(math.prod(parameter.shape) for parameter in module.parameters())
+
+
+def expect(tensor: Tensor, shape: tuple[int | str, ...], name: str) -> None:
+    """ValueError giving both shapes unless `tensor` has `shape`, in which names stand for any length."""
+    if tensor.ndim == len(shape):
+        if all(isinstance(want, str) or have == want for have, want in zip(tensor.shape, shape, strict=True)):
+            return
+    wanted = ", ".join(map(str, shape))
+    raise ValueError(f"{name} must have shape ({wanted}), not {tuple(tensor.shape)}")

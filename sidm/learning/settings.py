@@ -1,0 +1,59 @@
+"""How a model is trained: the choices of Algorithms 1 and 2, and the released code's variants of them."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from sidm.config import ConfigError, config
+
+
+@config
+class Training:
+    """Settings of one training run.
+
+    The defaults are the paper's where it gives a value: p_e, 100 prediction and 20 matching iterations, whole novice
+    trajectories split 75 to 25. A sample is one control step.
+    """
+
+    p_expert: float = 0.75  # p_e: probability that a trajectory of a batch is the expert's
+    regularise: bool = True  # whether Algorithm 2 runs after each phase of Algorithm 1
+    batch: int = 8  # b_pred, trajectories
+    discriminator_batch: int = 8  # b_d, trajectories of each system
+    matching_batch: int = 8  # b_g, trajectories of the novice
+    prediction_iterations: int = 100  # a phase
+    discriminator_iterations: int = 20  # a phase (not in the paper; the released code's)
+    matching_iterations: int = 20  # a phase
+    learning_rate: float = 1e-3  # of every optimiser
+    weight_decay: float = 1e-5  # of every optimiser
+    test_interval: int = 25  # prediction iterations between two tests
+    test_trajectories: int = 64  # of the test split, at most, in a test: the first ones
+    smoothing: float = 0.5  # weight of the past in the smoothed test loss, [0, 1)
+    patience: int = 200_000  # samples without a new minimum of the smoothed test loss before training ends
+    max_samples: int = 1_500_000  # of the prediction phases, novice and expert together
+    system_draw: Literal["trajectory", "iteration"] = "trajectory"  # 'iteration': one system a batch (released code)
+    decay: Literal["decoupled", "l2"] = "decoupled"  # 'l2': in the gradient (released code)
+    matching_optimiser: Literal["own", "shared"] = "own"  # 'shared': the prediction optimiser's moments (released code)
+    stopping: Literal["test_loss", "released"] = "test_loss"  # the rules of `stopping.Stopper`
+    reduction: Literal["sum", "mean"] = "sum"  # over the 13 components of the loss that is minimised ('mean': released)
+
+    def __post_init__(self) -> None:
+        """Refuse values that no run can have."""
+        for name in ("p_expert", "smoothing"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ConfigError(f"Training.{name} must be from 0 to 1, not {getattr(self, name)}")
+        if self.smoothing == 1:
+            raise ConfigError("Training.smoothing must be below 1; 1 would never take in a test")
+        for name in ("batch", "discriminator_batch", "matching_batch", "prediction_iterations", "test_interval",
+                     "test_trajectories", "patience", "max_samples"):  # fmt: skip
+            if getattr(self, name) < 1:
+                raise ConfigError(f"Training.{name} must be at least 1, not {getattr(self, name)}")
+        for name in ("discriminator_iterations", "matching_iterations", "weight_decay"):
+            if getattr(self, name) < 0:
+                raise ConfigError(f"Training.{name} must not be negative, not {getattr(self, name)}")
+        if not self.learning_rate > 0:
+            raise ConfigError(f"Training.learning_rate must be positive, not {self.learning_rate}")
+
+    @property
+    def needs_expert(self) -> bool:
+        """Whether any phase draws the expert's data."""
+        return self.p_expert > 0 or self.regularise

@@ -1,0 +1,55 @@
+"""When to stop: the smoothed test loss no longer falls (section 4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+RELEASED_SMOOTHING = 0.9  # of the test and the training loss, a test
+RELEASED_PATIENCE = 25_000  # prediction iterations
+RELEASED_RATIO = 0.8  # of training loss to test loss, below which the model counts as overfit
+
+
+@dataclass
+class Stopper:
+    """Follows the test loss and says when training has to end.
+
+    `rule` 'test_loss' ends it when the smoothed test loss has not had a new minimum for `patience` samples; 'released'
+    when that, smoothed by 0.9, has had none for 25,000 iterations and the training loss is below 0.8 of it. Both end at
+    `max_samples`.
+    """
+
+    rule: Literal["test_loss", "released"]
+    smoothing: float  # weight of the past in the smoothed loss, [0, 1)
+    patience: int  # samples
+    max_samples: int
+    test_loss: float | None = None  # smoothed
+    training_loss: float | None = None  # smoothed
+    best: float | None = None  # lowest smoothed test loss
+    best_samples: int = 0  # seen when it was reached
+    best_iteration: int = 0
+
+    def update(self, samples: int, iteration: int, training_loss: float, test_loss: float) -> bool:
+        """Take in a test; whether its smoothed loss is the lowest so far."""
+        weight = RELEASED_SMOOTHING if self.rule == "released" else self.smoothing
+        self.test_loss = _smooth(self.test_loss, test_loss, weight)
+        self.training_loss = _smooth(self.training_loss, training_loss, weight)
+        if self.best is not None and not self.test_loss < self.best:
+            return False
+        self.best, self.best_samples, self.best_iteration = self.test_loss, samples, iteration
+        return True
+
+    def finished(self, samples: int, iteration: int) -> bool:
+        """Whether training ends here."""
+        if samples >= self.max_samples:
+            return True
+        if self.test_loss is None or self.training_loss is None:
+            return False
+        if self.rule == "released":
+            waited = iteration - self.best_iteration >= RELEASED_PATIENCE
+            return waited and self.training_loss < RELEASED_RATIO * self.test_loss
+        return samples - self.best_samples >= self.patience
+
+
+def _smooth(past: float | None, now: float, weight: float) -> float:
+    return now if past is None else weight * past + (1 - weight) * now

@@ -1,0 +1,285 @@
+"""Strict runs of the notebooks through papermill: an unknown parameter or a wrong type is an error, never a warning.
+
+A notebook's parameters stand in its one cell tagged `parameters`, a line each: `name: type = value  # what it is, its
+unit`. The types that papermill can read there are plain ones (`int`, `list[float]`) and `Optional[...]` of them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import re
+import sys
+import typing
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple, Optional
+
+import yaml
+
+from sidm.config import ConfigError, conform, unknown_name
+
+DEFAULT_OUTPUT = Path("_build/runs")  # where a run goes that names no output
+KINDS: dict[str, Any] = {kind.__name__: kind for kind in (bool, int, float, str, list, dict, tuple)}
+KINDS |= {"Optional": Optional, "None": None}
+
+
+class NotebookError(RuntimeError):
+    """A notebook that could not be run to its end; the message is one line naming the cell and its error."""
+
+
+class Parameter(NamedTuple):
+    """One line of a notebook's `parameters` cell."""
+
+    name: str
+    kind: Any  # the annotation, as a type
+    default: str  # as written
+    help: str
+
+
+def project_root(start: Path | None = None) -> Path:
+    """The folder of `notebooks/` and `sidm/`: the nearest above `start` (the working folder), else the package's."""
+    here = Path(start or Path.cwd()).resolve()
+    for folder in (here, *here.parents):
+        if (folder / "notebooks").is_dir() and (folder / "sidm" / "notebook.py").is_file():
+            return folder
+    return Path(__file__).resolve().parents[1]
+
+
+def enter_project() -> Path:
+    """Make the project's folder the working one: `results` and `data` are the same then, however a notebook is run."""
+    root = project_root()
+    os.chdir(root)
+    return root
+
+
+def notebooks(root: Path | None = None) -> list[Path]:
+    """The project's notebooks in reading order."""
+    return sorted((root or project_root()).glob("notebooks/*.ipynb"))
+
+
+def find_notebook(name: str, root: Path | None = None) -> Path:
+    """The notebook of that path or name: `05-figure3` and `figure3` are notebooks/05-figure3.ipynb."""
+    if Path(name).is_file():
+        return Path(name)
+    known = {path.stem: path for path in notebooks(root)}
+    for stem, path in known.items():
+        if name.removesuffix(".ipynb") in (stem, re.sub(r"^\d+-", "", stem)):
+            return path
+    near = str(unknown_name(name, known, "")).partition("; ")[2]
+    raise ConfigError(f"no notebook '{name}'; {near}")
+
+
+def inspect(path: Path) -> dict[str, Parameter]:
+    """The parameters of a notebook; ConfigError when it declares none or one has no type that can be checked."""
+    from papermill import inspect_notebook
+
+    try:
+        lines = inspect_notebook(str(path))
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such notebook") from None
+    except Exception as error:  # whatever nbformat raises on a file that is no notebook
+        raise ConfigError(f"{path}: not a notebook ({_first_line(error)})") from error
+    if not lines:
+        raise ConfigError(f"{path}: no parameters; tag one cell 'parameters', each line 'name: type = value  # help'")
+    return {
+        name: Parameter(name, _kind(line["inferred_type_name"], name, path), line["default"], line["help"])
+        for name, line in lines.items()
+    }
+
+
+def _kind(annotation: str, name: str, path: Path) -> Any:
+    """The type that an annotation's text names."""
+    if annotation == "None":  # papermill's word for a line without one, or with one that it cannot read
+        raise ConfigError(f"{path}: parameter '{name}' has no readable type; write 'name: type = value  # help'")
+    try:
+        return eval(annotation, {"__builtins__": {}}, KINDS)
+    except Exception as error:
+        known = ", ".join(KINDS)
+        raise ConfigError(f"{path}: parameter '{name}' has the unknown type '{annotation}'; use {known}") from error
+
+
+def check(value: Any, kind: Any, name: str) -> Any:
+    """`value` as `kind` asks, in a form that papermill can write into a notebook (lists for tuples)."""
+    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
+    if origin is list:
+        if not isinstance(value, (list, tuple)):
+            raise ConfigError(f"'{name}' must be a list, not {type(value).__name__} ({value!r})")
+        return [check(item, arguments[0], name) for item in value]
+    if origin is dict:
+        conform(value, dict, name)
+        return {check(key, arguments[0], name): check(item, arguments[1], name) for key, item in value.items()}
+    if type(None) in arguments:
+        return None if value is None else check(value, next(a for a in arguments if a is not type(None)), name)
+    checked = conform(value, kind, name)
+    return list(checked) if isinstance(checked, tuple) else checked
+
+
+def read_value(text: str, kind: Any, name: str) -> Any:
+    """The value that a command line's `text` stands for: YAML, checked against `kind`; `text` itself for a string."""
+    if kind is str:
+        return text
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError:
+        raise ConfigError(f"'{name}' cannot be read as YAML: {text!r}") from None
+    if kind == Optional[str]:  # noqa: UP045 - as the notebooks write it
+        return None if value is None else text
+    if isinstance(value, str):  # YAML 1.1 takes 1e-3 for text
+        with contextlib.suppress(ValueError):
+            return check(float(value), kind, name)
+    return check(value, kind, name)
+
+
+def merge_parameters(path: Path, given: Mapping[str, Any], files: Iterable[Path] = ()) -> dict[str, Any]:
+    """The checked parameters of one run: the files' in their order, then those given by hand.
+
+    A name given by hand must be this notebook's; a name in a file must be known to some notebook of the project and is
+    left out where it is another's. ConfigError names the nearest right name, or the type that is asked for.
+    """
+    own = inspect(path)
+    merged: dict[str, Any] = {}
+    for file in files:
+        values = _read_file(Path(file))
+        everywhere = {name for other in notebooks() for name in inspect(other)} | set(own)
+        for name, value in values.items():
+            if name not in everywhere:
+                raise unknown_name(name, sorted(everywhere), f"{file} (no notebook has it)")
+            if name in own:
+                merged[name] = check(value, own[name].kind, f"{file}: {name}")
+    for name, value in given.items():
+        if name not in own:
+            raise unknown_name(name, own, Path(path).name)
+        merged[name] = check(value, own[name].kind, name)
+    return merged
+
+
+def _read_file(path: Path) -> dict[str, Any]:
+    """The mapping in a parameter file."""
+    try:
+        values = yaml.safe_load(path.read_text())
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such parameter file") from None
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{path}: not YAML ({_first_line(error)})") from None
+    if not isinstance(values, dict):
+        raise ConfigError(f"{path}: a parameter file is a mapping 'name: value', not {type(values).__name__}")
+    return values
+
+
+def run_notebook(
+    path: Path, output: Path, parameters: Mapping[str, Any] | None = None, parameter_files: Iterable[Path] = ()
+) -> Path:
+    """Execute a notebook into `output` with checked parameters; its working folder is the project's.
+
+    ConfigError before anything runs when a parameter cannot be used; NotebookError when a cell fails, and then `output`
+    holds all up to that cell.
+    """
+    import papermill
+
+    values = merge_parameters(Path(path), parameters or {}, parameter_files)
+    output = Path(output)
+    output.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        papermill.execute_notebook(
+            str(path), str(output), parameters=values, cwd=str(project_root()), progress_bar=sys.stderr.isatty()
+        )
+    except papermill.PapermillExecutionError as error:
+        reason = f"cell {error.exec_count} failed, {error.ename}: {_first_line(error.evalue)}"
+        raise NotebookError(f"{path}: {reason}; the run up to there is {output}") from None
+    return output
+
+
+def refresh(path: Path) -> Path:
+    """Execute a notebook with its defaults and keep the outputs in it, without the times that change at each run."""
+    import nbformat
+    from nbclient import NotebookClient
+    from nbclient.exceptions import CellExecutionError
+
+    notebook = nbformat.read(path, as_version=4)
+    where = {"metadata": {"path": project_root()}}
+    client = NotebookClient(notebook, timeout=None, record_timing=False, resources=where)
+    try:
+        client.execute()
+    except CellExecutionError as error:
+        reason = f"a cell failed, {error.ename}: {_first_line(error.evalue)}"
+        raise NotebookError(f"{path}: {reason}; the notebook is unchanged") from None
+    nbformat.write(notebook, path)
+    return Path(path)
+
+
+def _first_line(error: object) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `python -m sidm notebook`."""
+    add = parser.add_argument
+    add("notebook", help="its name, with or without the number, or its path; 'all' for each in turn")
+    add("output", nargs="?", type=Path, help=f"the executed copy, for 'all' a folder; else it goes to {DEFAULT_OUTPUT}")
+    many: dict[str, Any] = {"action": "append", "default": []}
+    add("-p", "--parameter", nargs=2, metavar=("NAME", "VALUE"), help="one parameter, by hand", **many)
+    add("-f", "--file", type=Path, metavar="YAML", help="parameters of a preset, as params/smoke.yaml", **many)
+    add("--in-place", action="store_true", help="refresh the outputs in the notebook itself, by its defaults")
+    add("--list", action="store_true", help="show the parameters and run nothing")
+
+
+def run_from_arguments(arguments: argparse.Namespace) -> int:
+    """Carry out `python -m sidm notebook`: 0, 1 when a notebook failed, 2 for arguments that cannot be used."""
+    try:
+        every = arguments.notebook == "all"
+        paths = notebooks() if every else [find_notebook(arguments.notebook)]
+        if arguments.in_place and (arguments.output or arguments.parameter or arguments.file):
+            raise ConfigError("--in-place keeps a notebook's own outputs: give it no output and no parameters")
+        if every and arguments.parameter:
+            raise ConfigError("-p is one notebook's: name the notebook, or put the parameter into a file for -f")
+        if arguments.list:
+            for path in paths:
+                _show(path)
+            return 0
+        folder = arguments.output if every and arguments.output else DEFAULT_OUTPUT
+        jobs = [(path, _given(path, arguments.parameter)) for path in paths]
+        for path, given in jobs:  # all of them before the first is run
+            merge_parameters(path, given, arguments.file)
+    except ConfigError as error:
+        print(f"sidm notebook: {error}", file=sys.stderr)
+        return 2
+    failures = 0
+    for path, given in jobs:
+        output = folder / path.name if every or not arguments.output else arguments.output
+        try:
+            made = refresh(path) if arguments.in_place else run_notebook(path, output, given, arguments.file)
+            print(made, flush=True)
+        except NotebookError as error:
+            print(f"sidm notebook: {error}", file=sys.stderr)
+            failures += 1
+    return min(failures, 1)
+
+
+def _given(path: Path, pairs: Iterable[tuple[str, str]]) -> dict[str, Any]:
+    """The parameters given by hand, as the notebook's types ask."""
+    own = inspect(path)
+    given = {}
+    for name, text in pairs:
+        if name not in own:
+            raise unknown_name(name, own, path.name)
+        given[name] = read_value(text, own[name].kind, name)
+    return given
+
+
+def _show(path: Path) -> None:
+    print(path)
+    for name, parameter in inspect(path).items():
+        print(f"  {name} = {parameter.default}  # {parameter.help}")
+
+
+def notebook_command(words: Iterable[str] | None = None) -> int:
+    """`python -m sidm notebook` with the words of a command line; returns its exit status."""
+    parser = argparse.ArgumentParser(prog="python -m sidm notebook", description="Run a notebook, strictly.")
+    add_arguments(parser)
+    return run_from_arguments(parser.parse_args(None if words is None else list(words)))
+
+
+if __name__ == "__main__":
+    sys.exit(notebook_command())

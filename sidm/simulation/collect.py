@@ -1,0 +1,149 @@
+"""Trajectories by the thousand: in parallel, resumable, and the same whatever the number of workers.
+
+Trajectory i of a collection is a pure function of the collection's values and of i. A worker simulates one shard
+and writes it in one piece, so a collection that was killed goes on with the shards it lacks.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import zlib
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from contextlib import nullcontext
+from pathlib import Path
+
+import numpy as np
+from tqdm.auto import tqdm
+
+from sidm.simulation.exploration import draw_actions
+from sidm.simulation.simulator import Simulator
+from sidm.systems import System, find_system
+from sidm.terrain import generate_terrain
+from sidm.trajectory import (
+    DISCARDS,
+    POSITION,
+    QUATERNION,
+    SHARD_SIZE,
+    STEPS,
+    TWIST,
+    Collection,
+    Trajectory,
+    checksum,
+    load,
+    write_shard,
+)
+
+STUCK_STEPS, STUCK_DISTANCE = 25, 0.1  # more control steps than this within this distance, m, are stuck
+BORDER = 1.0  # m from the terrain's edge
+FASTEST = 15.0  # m/s: a body faster than this is a simulation gone wrong
+MOST_ATTEMPTS = 1000  # at one trajectory
+
+
+class EpisodeRules:
+    """When a trajectory ends early: stuck, at the border, rolled over, or unstable (the causes in DISCARDS)."""
+
+    def __init__(self, start: np.ndarray, half_width: float) -> None:
+        """Begin with the settled state (13,) on a terrain reaching `half_width` m from the origin."""
+        self._place, self._since, self._half_width = start[POSITION][:2], 0, half_width
+
+    def ended(self, state: np.ndarray) -> str | None:
+        """The cause why the trajectory ends at `state` (13,), or None; call once a control step."""
+        if not np.isfinite(state).all() or np.linalg.norm(state[TWIST][:3]) > FASTEST:
+            return "unstable"
+        x, y = state[QUATERNION][:2]
+        if 1 - 2 * (x * x + y * y) < 0:  # the up axis points down
+            return "rollover"
+        position = state[POSITION][:2]
+        if np.abs(position).max() > self._half_width - BORDER:
+            return "border"
+        if np.linalg.norm(position - self._place) > STUCK_DISTANCE:
+            self._place, self._since = position, 0
+        else:
+            self._since += 1
+        return "stuck" if self._since > STUCK_STEPS else None
+
+
+def attempt(system: System, collection: Collection, index: int, number: int) -> tuple[Trajectory | None, str | None]:
+    """Try number `number` at trajectory `index`: the trajectory, or the cause why it is thrown away."""
+    names = (collection.system, collection.role, collection.policy)
+    key = [zlib.crc32(name.encode()) for name in names]
+    rng = np.random.default_rng(np.random.SeedSequence(collection.seed, spawn_key=(*key, index, number)))
+    terrain_seed, yaw = int(rng.integers(2**62)), rng.uniform(-np.pi, np.pi)
+    actions = draw_actions(collection.policy, STEPS, rng).astype(np.float32)
+    heights = generate_terrain(system.terrain, terrain_seed)
+    with Simulator(system.robot(collection.role), heights, system.physics) as simulator:
+        states = [simulator.reset(0.0, 0.0, yaw)]
+        rules = EpisodeRules(states[0], system.terrain.half_width)
+        for action in actions:
+            states.append(simulator.step(action))
+            cause = rules.ended(states[-1])
+            if cause:
+                return None, cause
+    return Trajectory(index, np.array(states, np.float32), actions, terrain_seed, checksum(heights), ()), None
+
+
+def simulate(collection: Collection, index: int) -> Trajectory:
+    """Trajectory `index` of a collection: the first attempt to last 64 steps, with the count of those that did not."""
+    system = find_system(collection.system)
+    causes: list[str | None] = []
+    for number in range(MOST_ATTEMPTS):
+        trajectory, cause = attempt(system, collection, index, number)
+        if trajectory is not None:
+            return trajectory._replace(discarded=tuple(causes.count(name) for name in DISCARDS))
+        causes.append(cause)
+    raise RuntimeError(f"{collection}: {MOST_ATTEMPTS} attempts at trajectory {index} ended early; last: {causes[-1]}")
+
+
+def make_shard(root: Path, collection: Collection, number: int) -> int:
+    """Simulate and write one shard; how many trajectories it holds."""
+    indices = range(SHARD_SIZE * number, SHARD_SIZE * (number + 1))
+    write_shard(collection.shard(root, number), [simulate(collection, index) for index in indices])
+    return SHARD_SIZE
+
+
+def missing_shards(root: Path, collection: Collection, count: int) -> list[int]:
+    """Numbers of the shards that the first `count` trajectories need and that are not on disk."""
+    return [k for k in range(-(-count // SHARD_SIZE)) if not collection.shard(root, k).exists()]
+
+
+def collect(
+    root: Path | str,
+    collection: Collection,
+    count: int,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    progress: bool = True,
+) -> list[Trajectory]:
+    """The first `count` trajectories of a collection; what is on disk is read, the rest is simulated and written.
+
+    Args:
+        root: the data folder.
+        collection: what to collect.
+        count: trajectories.
+        workers: processes, one a core when None; ignored with an `executor`.
+        executor: runs the shards elsewhere; its workers write into the same `root`.
+        progress: show a bar with the time left.
+
+    Raises:
+        ShardError: a shard on disk is damaged; the message names it.
+    """
+    root = Path(root)
+    missing = missing_shards(root, collection, count)
+    if missing:
+        pool = nullcontext(executor) if executor else _pool(min(workers or os.cpu_count() or 1, len(missing)))
+        title = f"{collection.system} {collection.role} {collection.policy}"
+        with pool as run, tqdm(total=len(missing) * SHARD_SIZE, desc=title, unit="traj", disable=not progress) as bar:
+            futures = [run.submit(make_shard, root, collection, number) for number in missing]
+            for future in as_completed(futures):
+                bar.update(future.result())
+    return load(root, collection, count)
+
+
+def _pool(workers: int) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+
+
+def discards(trajectories: list[Trajectory]) -> dict[str, int]:
+    """How many attempts were thrown away on the way to these trajectories, by cause."""
+    return {cause: sum(t.discarded[k] for t in trajectories) for k, cause in enumerate(DISCARDS)}

@@ -1,0 +1,236 @@
+"""One robot on one terrain in Bullet: reset, step, strut positions, save and restore."""
+
+from __future__ import annotations
+
+import tempfile
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pybullet
+
+from sidm.simulation.robot import KINGPINS, STRUT_RATES, STRUTS, WHEELS, urdf
+from sidm.systems import Physics, Robot
+from sidm.terrain import height_at
+
+GRID_SPACING = 0.1  # m, of the heights a simulator is given
+RELEASED = Physics()  # the constants of the released simulator
+START_RADIUS = 1.0  # m: the start is dropped above the highest ground this near
+
+
+class Client:
+    """A connection to a Bullet of its own: PyBullet's functions with the connection's number filled in."""
+
+    def __init__(self) -> None:
+        """Start it, without a window."""
+        self._number = pybullet.connect(pybullet.DIRECT)
+
+    def __getattr__(self, name: str) -> Any:
+        """A function or constant of PyBullet."""
+        value = getattr(pybullet, name)
+        return partial(value, physicsClientId=self._number) if callable(value) else value
+
+
+class Simulator:
+    """A robot on a terrain, stepped at 10 Hz; a context manager.
+
+    Args:
+        robot: the robot's parameters.
+        heights: (H, W), m, index [y, x], 0.1 m apart, centred on the origin.
+        physics: constants of the simulation.
+        visible: build the ground so that pictures show it, which takes longer.
+
+    Attributes:
+        heights: the terrain it was given, float64.
+    """
+
+    def __init__(
+        self, robot: Robot, heights: np.ndarray, physics: Physics = RELEASED, *, visible: bool = False
+    ) -> None:
+        """Build the terrain and the robot; nothing is simulated before `reset`."""
+        heights = np.asarray(heights, float)
+        if heights.ndim != 2 or min(heights.shape) < 2 or not np.isfinite(heights).all():
+            raise ValueError(f"heights must be finite with shape (H, W), at least (2, 2), not {heights.shape}")
+        self.robot, self.physics, self.heights = robot, physics, heights
+        self._visible = visible
+        self._client = Client()
+        self._build()
+        self._pristine = self._client.saveState()
+
+    def __enter__(self) -> Simulator:
+        """The simulator itself."""
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        """Close the connection to Bullet."""
+        self.close()
+
+    def close(self) -> None:
+        """Free the simulation; further calls fail."""
+        self._client.disconnect()
+
+    def _build(self) -> None:
+        client, physics = self._client, self.physics
+        client.setGravity(0, 0, -physics.gravity)
+        client.setPhysicsEngineParameter(
+            fixedTimeStep=physics.time_step,
+            numSolverIterations=physics.solver_iterations,
+            contactBreakingThreshold=physics.contact_threshold,
+            contactSlop=physics.contact_slop,
+            deterministicOverlappingPairs=1,
+        )
+        self._ground = self._build_ground()
+        with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
+            file.write(urdf(self.robot))
+            file.flush()
+            self._body = client.loadURDF(file.name, flags=client.URDF_USE_INERTIA_FROM_FILE)
+        joints = {client.getJointInfo(self._body, j)[1].decode(): j for j in range(client.getNumJoints(self._body))}
+        self._struts = [joints[name] for name in STRUTS]
+        self._wheels = [joints[name] for name in WHEELS]
+        self._kingpins = [joints[name] for name in KINGPINS]
+        for link in range(-1, len(joints)):
+            client.changeDynamics(
+                self._body, link, linearDamping=physics.damping, angularDamping=physics.damping,
+                restitution=0.0, lateralFriction=self.robot.friction,
+            )
+        hold = physics.rear_strut_hold / STRUT_RATES * np.array([1.0, 1.0, 0.0, 0.0])
+        client.setJointMotorControlArray(
+            self._body, self._struts, client.VELOCITY_CONTROL, targetVelocities=[0.0] * 4, forces=hold.tolist()
+        )
+
+    def _build_ground(self) -> int:
+        client, physics = self._client, self.physics
+        rows, columns = self.heights.shape
+        shape = client.createCollisionShape(
+            client.GEOM_HEIGHTFIELD,
+            meshScale=[GRID_SPACING, GRID_SPACING, 1.0],
+            heightfieldData=self.heights.astype(np.float32).ravel().tolist(),
+            numHeightfieldRows=columns,  # Bullet's rows run along x
+            numHeightfieldColumns=rows,
+        )
+        # Bullet puts the middle of the heights' range at the body's origin.
+        middle = (self.heights.max() + self.heights.min()) / 2
+        # Without a shape of its own to show, PyBullet would draw all triangles, which takes as long as building them.
+        hidden = client.createVisualShape(client.GEOM_SPHERE, radius=1e-3)
+        ground = client.createMultiBody(0, shape, -1 if self._visible else hidden, basePosition=[0, 0, middle])
+        client.changeVisualShape(ground, -1, rgbaColor=[0.78, 0.74, 0.68, 1.0], textureUniqueId=-1)
+        client.changeDynamics(
+            ground, -1, restitution=0.0, lateralFriction=physics.ground_friction,
+            collisionMargin=physics.contact_margin,
+            contactStiffness=physics.contact_stiffness, contactDamping=physics.contact_damping,
+        )
+        return ground
+
+    def reset(self, x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> np.ndarray:
+        """Drop the robot at (x, y), m, heading `yaw`, rad; its state (13,) after it has settled.
+
+        All history is erased: the result is that of a new Simulator, bit for bit.
+        """
+        client, physics = self._client, self.physics
+        client.restoreState(self._pristine)
+        reach = np.linspace(-START_RADIUS, START_RADIUS, 41)
+        dx, dy = np.meshgrid(reach, reach)
+        near = np.hypot(dx, dy) <= START_RADIUS
+        top = height_at(self.heights, x + dx[near], y + dy[near]).max()
+        turn = [0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)]
+        client.resetBasePositionAndOrientation(self._body, [x, y, top + physics.drop_height], turn)
+        self._drive(np.zeros(2))
+        self._simulate(round(physics.settling_time / physics.time_step))
+        return self.state
+
+    def step(self, action: np.ndarray) -> np.ndarray:
+        """Apply an action (throttle, steering), clipped to [-1, 1], for one control step; the state (13,) after it."""
+        action = np.asarray(action, float)
+        if action.shape != (2,) or not np.isfinite(action).all():
+            raise ValueError(f"an action is 2 finite numbers, shape (2,), not {action} of shape {action.shape}")
+        self._drive(np.clip(action, -1, 1))
+        self._simulate(self.physics.steps_per_control)
+        return self.state
+
+    def _drive(self, action: np.ndarray) -> None:
+        """Set the targets of wheels and kingpins, which hold until the next call."""
+        client, robot, physics = self._client, self.robot, self.physics
+        throttle = action[0] * robot.throttle_scale
+        steering = np.clip(action[1] * robot.steering_scale, -physics.kingpin_stop, physics.kingpin_stop)
+        client.setJointMotorControlArray(
+            self._body, self._wheels, client.VELOCITY_CONTROL,
+            targetVelocities=[throttle] * 4, forces=[physics.wheel_torque] * 4,
+        )
+        for kingpin in self._kingpins:
+            client.setJointMotorControl2(
+                self._body, kingpin, client.POSITION_CONTROL, targetPosition=steering, maxVelocity=physics.steering_rate
+            )
+
+    def _simulate(self, steps: int) -> None:
+        """Advance by physics steps, with the struts' spring and damper force in each."""
+        client, body, struts, robot = self._client, self._body, self._struts, self.robot
+        get, push, advance, torque_control = (
+            client.getJointStates, client.setJointMotorControlArray, client.stepSimulation, client.TORQUE_CONTROL
+        )
+        # torque = force / rate with force = spring (offset - angle / rate) - damping velocity / rate
+        rates = STRUT_RATES.tolist()
+        rest = [robot.spring * robot.spring_offset / r for r in rates]
+        stiff = [robot.spring / r**2 for r in rates]
+        damp = [robot.damping / r**2 for r in rates]
+        for _ in range(steps):
+            torques = [
+                f - k * joint[0] - c * joint[1]
+                for f, k, c, joint in zip(rest, stiff, damp, get(body, struts), strict=True)
+            ]
+            push(body, struts, torque_control, forces=torques)
+            advance()
+
+    @property
+    def state(self) -> np.ndarray:
+        """The state (13,), float64, as `sidm.trajectory` tables it."""
+        position, quaternion = self._client.getBasePositionAndOrientation(self._body)
+        velocity = self._client.getBaseVelocity(self._body)
+        world_to_body = np.array(self._client.getMatrixFromQuaternion(quaternion)).reshape(3, 3).T
+        return np.concatenate([position, quaternion, *(world_to_body @ np.array(v) for v in velocity)])
+
+    @property
+    def strut_positions(self) -> np.ndarray:
+        """Travel of the struts (4,), m, compression positive: rear right, rear left, front right, front left."""
+        angles = [joint[0] for joint in self._client.getJointStates(self._body, self._struts)]
+        return np.array(angles) / STRUT_RATES
+
+    def ray_heights(self, points: np.ndarray) -> np.ndarray:
+        """Heights (N,), m, where vertical rays at `points` (N, 2), m, meet the ground; NaN where they miss."""
+        top, bottom = self.heights.max() + 1, self.heights.min() - 1
+        hits: list[float] = []
+        for some in np.array_split(points, -(-len(points) // pybullet.MAX_RAY_INTERSECTION_BATCH_SIZE)):
+            rays = self._client.rayTestBatch([[*p, top] for p in some], [[*p, bottom] for p in some])
+            hits += [hit[3][2] if hit[0] == self._ground else np.nan for hit in rays]
+        return np.array(hits)
+
+    def picture(
+        self, width: int = 640, height: int = 480, distance: float = 1.6, yaw: float = 40.0, pitch: float = -25.0
+    ) -> np.ndarray:
+        """The robot where it stands, by Bullet's software renderer: (height, width, 3) uint8.
+
+        Args:
+            width: pixels.
+            height: pixels.
+            distance: of the camera from the body, m.
+            yaw: of the camera about the vertical, degrees.
+            pitch: of the camera, degrees, negative from above.
+
+        The ground shows only in a simulator made with `visible=True`.
+        """
+        client = self._client
+        target = client.getBasePositionAndOrientation(self._body)[0]
+        view = client.computeViewMatrixFromYawPitchRoll(target, distance, yaw, pitch, 0, 2)
+        lens = client.computeProjectionMatrixFOV(45, width / height, 0.05, 60.0)
+        pixels = client.getCameraImage(
+            width, height, view, lens, lightDirection=[2, -4, 6], renderer=client.ER_TINY_RENDERER
+        )[2]
+        return np.asarray(pixels, np.uint8).reshape(height, width, 4)[..., :3]
+
+    def save(self) -> int:
+        """A token for the present moment, to `restore` it later in this simulator."""
+        return self._client.saveState()
+
+    def restore(self, token: int) -> np.ndarray:
+        """Go back to the moment of `save`; its state (13,)."""
+        self._client.restoreState(token)
+        return self.state

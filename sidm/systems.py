@@ -1,0 +1,148 @@
+"""The robots, their terrain and the physics they live in: the paper's two systems as frozen dataclasses.
+
+The values are those of the authors' released simulation parameters (footnote 1 of the paper); the ratios between
+novice and expert are the paper's (section 5).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+from sidm.config import ConfigError, config
+
+
+@config
+class Robot:
+    """What distinguishes one robot from another; dimensions and masses, the same for all, are in `simulation.robot`."""
+
+    throttle_scale: float  # wheel speed at full throttle, rad/s
+    steering_scale: float  # kingpin angle at full steering, rad
+    spring_offset: float  # the spring's rest position on the strut's travel, m, compression positive
+    travel_lower: float  # the strut's longest extension, m (negative)
+    travel_upper: float  # the strut's deepest compression, m
+    damping: float  # of each strut, N s/m
+    spring: float  # stiffness of each strut, N/m
+    friction: float  # Coulomb coefficient of the tyres
+    mass_scale: float = 1.0  # on mass and inertia of every part but the chassis
+
+    def __post_init__(self) -> None:
+        """Refuse a robot that cannot be built."""
+        if not self.travel_lower < self.travel_upper:
+            raise ConfigError(
+                f"Robot.travel_lower must be below travel_upper, not {self.travel_lower} and {self.travel_upper}"
+            )
+        for name in ("damping", "spring", "friction", "mass_scale"):
+            if getattr(self, name) < 0 or (name == "mass_scale" and self.mass_scale == 0):
+                raise ConfigError(f"Robot.{name} must be positive, not {getattr(self, name)}")
+
+    def replace(self, **changes: float) -> Robot:
+        """The same robot with some values changed, checked like a new one."""
+        return Robot(**(dataclasses.asdict(self) | changes))
+
+
+@config
+class Terrain:
+    """Random rocky ground: Voronoi steps of random height, smoothed, with finer noise and a flat start."""
+
+    cell_height_scale: float  # amplitude of the cells' Perlin heights, m
+    size: int = 300  # grid points a side
+    spacing: float = 0.1  # between grid points, m
+    cells_per_area: float = 1.0  # mean density of cell centres, 1/m^2
+    cell_frequency: float = 5.0  # of the Perlin noise that gives the cells' heights, 1/m
+    start_cell_radius: float = 2.0  # centres nearer to the origin than this are replaced by one at the origin, m
+    smoothing: float = 0.7  # standard deviation of the Gaussian filter, grid cells
+    noise_height_scale: float = 0.1  # amplitude of the fine Perlin noise, m
+    noise_frequency: float = 2.5  # of the fine Perlin noise, 1/m
+    flat_radius: float = 1.0  # of the level disc at the origin, m
+    blend: float = 0.5  # width of the ring around the disc that leads back to the rough ground, m
+
+    @property
+    def half_width(self) -> float:
+        """Distance from the origin to the border, m."""
+        return (self.size - 1) * self.spacing / 2
+
+
+@config
+class Physics:
+    """Constants of the rigid-body simulation, shared by all robots.
+
+    `kingpin_stop` and `rear_strut_hold` are in no table of the released robot: its recorded motion shows them. At full
+    steering every robot turns as with 0.5 rad, and the rear struts stay within a few millimetres of rest on any ground.
+    """
+
+    time_step: float = 1 / 500  # s
+    steps_per_control: int = 50  # physics steps in one control step of 0.1 s
+    gravity: float = 10.0  # m/s^2, downward
+    solver_iterations: int = 50  # at most, of the constraint solver, a physics step
+    damping: float = 0.2  # linear and angular drag of every link, as Bullet defines it
+    contact_threshold: float = 1e-4  # breaking threshold of contacts, m
+    contact_slop: float = 1e-4  # penetration that the solver leaves alone, m
+    contact_margin: float = 0.01  # collision margin around the terrain, m
+    contact_stiffness: float = 30_000.0  # of the terrain, N/m
+    contact_damping: float = 1_000.0  # of the terrain, N s/m
+    ground_friction: float = 0.5  # Coulomb coefficient of the terrain; Bullet multiplies it with the tyre's
+    wheel_torque: float = 10.0  # at most, a wheel, N m
+    steering_rate: float = 10.0  # at most, a kingpin, rad/s
+    kingpin_stop: float = 0.5  # whatever the steering scale, the front wheels turn no farther, rad
+    rear_strut_hold: float = 5_000.0  # dry friction in each rear strut, N; 0 frees the rear suspension
+    drop_height: float = 0.3  # of the body's origin above the highest ground within 1 m at the start, m
+    settling_time: float = 0.5  # before a trajectory begins, s
+
+    @property
+    def control_step(self) -> float:
+        """Duration of a control step, s."""
+        return self.time_step * self.steps_per_control
+
+
+@config
+class System:
+    """A pair of similar robots and the ground they drive on."""
+
+    name: str
+    novice: Robot  # the target, whose data are dear
+    expert: Robot  # the proxy, whose data are cheap
+    terrain: Terrain
+    physics: Physics = Physics()
+
+    def robot(self, role: str) -> Robot:
+        """The robot in the role 'novice' or 'expert'."""
+        if role not in ROLES:
+            raise ConfigError(f"a role is one of {', '.join(ROLES)}, not {role!r}")
+        return self.novice if role == "novice" else self.expert
+
+
+ROLES = ("novice", "expert")
+
+SYSTEMS = {
+    "system1": System(  # similar dynamics: spring 5 x, damping 2 x, equal travel
+        name="system1",
+        novice=Robot(
+            throttle_scale=30.0, steering_scale=0.5, spring_offset=-0.001, travel_lower=-0.02, travel_upper=0.0,
+            damping=100.0, spring=50_000.0, friction=1.25,
+        ),
+        expert=Robot(
+            throttle_scale=60.0, steering_scale=0.8, spring_offset=-0.002, travel_lower=-0.02, travel_upper=0.0,
+            damping=50.0, spring=10_000.0, friction=1.0, mass_scale=1.5,
+        ),
+        terrain=Terrain(cell_height_scale=0.35),
+    ),
+    "system2": System(  # unlike dynamics: spring 667 x, damping 100 x, 1.5 x less travel
+        name="system2",
+        novice=Robot(
+            throttle_scale=30.0, steering_scale=0.5, spring_offset=0.0, travel_lower=-0.01, travel_upper=0.003,
+            damping=100.0, spring=50_000.0, friction=1.0,
+        ),
+        expert=Robot(
+            throttle_scale=40.0, steering_scale=0.75, spring_offset=-0.002, travel_lower=-0.02, travel_upper=0.0,
+            damping=1.0, spring=75.0, friction=1.25, mass_scale=1.5,
+        ),
+        terrain=Terrain(cell_height_scale=0.9),
+    ),
+}
+
+
+def find_system(name: str) -> System:
+    """The system of that name; ConfigError naming the known ones otherwise."""
+    if name not in SYSTEMS:
+        raise ConfigError(f"unknown system '{name}'; known: {', '.join(SYSTEMS)}")
+    return SYSTEMS[name]

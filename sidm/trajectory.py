@@ -1,0 +1,153 @@
+"""A trajectory and how it lies on disk: immutable shards without pickle.
+
+The state of a robot, 13 numbers:
+
+=====  ====================  ========  ==========================
+index  quantity              unit      frame
+=====  ====================  ========  ==========================
+0-2    position              m         world
+3-6    quaternion x,y,z,w    -         body to world
+7-9    linear velocity       m/s       body
+10-12  angular velocity      rad/s     body
+=====  ====================  ========  ==========================
+
+Body frame: x forward, y left, z up, origin at the chassis' centre of mass. An action is (throttle, steering), each in
+[-1, 1]; a control step lasts 0.1 s.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import zipfile
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from sidm.config import config
+
+POSITION, QUATERNION, TWIST = slice(0, 3), slice(3, 7), slice(7, 13)
+STATE_SIZE, ACTION_SIZE = 13, 2
+STEPS = 64  # control steps of a trajectory
+SHARD_SIZE = 4  # trajectories in a shard
+
+#: Why an attempt at a trajectory is thrown away.
+DISCARDS = ("stuck", "border", "rollover", "unstable")
+
+
+class ShardError(ValueError):
+    """A shard that is missing, damaged or from elsewhere; the message is one line that names the file and the mend."""
+
+
+class Trajectory(NamedTuple):
+    """T control steps of one robot on one terrain."""
+
+    index: int  # type: ignore[assignment]  # within its collection
+    states: np.ndarray  # (T + 1, 13) float32
+    actions: np.ndarray  # (T, 2) float32
+    terrain_seed: int  # generate_terrain(terrain, seed) makes its ground again
+    terrain_checksum: str  # of the heights, to be sure of it
+    discarded: tuple[int, ...]  # attempts thrown away before this one, by the causes in DISCARDS
+
+
+def checksum(array: np.ndarray) -> str:
+    """16 hexadecimal digits that change when any byte, the shape or the type of `array` does."""
+    digest = hashlib.sha256(f"{array.dtype.str}{array.shape}".encode())
+    digest.update(np.ascontiguousarray(array).data)
+    return digest.hexdigest()[:16]
+
+
+def digest(trajectories: Iterable[Trajectory]) -> str:
+    """16 hexadecimal digits that stand for the content of a dataset."""
+    total = hashlib.sha256()
+    for trajectory in trajectories:
+        total.update(f"{trajectory.index}{trajectory.terrain_seed}{trajectory.terrain_checksum}".encode())
+        total.update(np.ascontiguousarray(trajectory.states).data)
+        total.update(np.ascontiguousarray(trajectory.actions).data)
+    return total.hexdigest()[:16]
+
+
+def write_atomically(path: Path, write) -> None:
+    """Call `write(file)` on a temporary file beside `path`, force it to disk and move it into place."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with open(part, "wb") as file:
+            write(file)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(part, path)
+    except OSError as error:
+        raise OSError(f"{path}: cannot be written ({error.strerror or error})") from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def write_shard(path: Path, trajectories: Sequence[Trajectory]) -> None:
+    """Write trajectories of equal length as one immutable .npz file."""
+    arrays = {
+        "index": np.array([t.index for t in trajectories], np.int64),
+        "states": np.stack([t.states for t in trajectories]),
+        "actions": np.stack([t.actions for t in trajectories]),
+        "terrain_seed": np.array([t.terrain_seed for t in trajectories], np.uint64),
+        "terrain_checksum": np.array([t.terrain_checksum for t in trajectories], "U16"),
+        "discarded": np.array([t.discarded for t in trajectories], np.int64),
+    }
+    write_atomically(path, lambda file: np.savez(file, allow_pickle=False, **arrays))
+
+
+def read_shard(path: Path) -> list[Trajectory]:
+    """The trajectories of a shard; ShardError when the file is missing or damaged (the archive's own checksums say)."""
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            columns = {name: data[name] for name in data.files}
+        return [
+            Trajectory(
+                index=int(columns["index"][i]),
+                states=columns["states"][i],
+                actions=columns["actions"][i],
+                terrain_seed=int(columns["terrain_seed"][i]),
+                terrain_checksum=str(columns["terrain_checksum"][i]),
+                discarded=tuple(int(count) for count in columns["discarded"][i]),
+            )
+            for i in range(len(columns["index"]))
+        ]
+    except FileNotFoundError:
+        raise ShardError(f"{path}: the shard is missing; collect again to make it") from None
+    except (OSError, ValueError, KeyError, IndexError, EOFError, zipfile.BadZipFile) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise ShardError(f"{path}: the shard is damaged ({reason}); delete it and collect again") from error
+
+
+def trajectories_for(minutes: float) -> int:
+    """How many trajectories of 64 steps of 0.1 s make `minutes` of motion: at least 2."""
+    return max(2, round(600 * minutes / STEPS))
+
+
+@config
+class Collection:
+    """A named, endless sequence of trajectories: number i is a pure function of these values and of i."""
+
+    system: str
+    role: str
+    policy: str = "ornstein_uhlenbeck"
+    seed: int = 0  # disjoint for the novice pool, the validation set and the expert's data
+
+    def folder(self, root: Path) -> Path:
+        """Where its shards lie under the data folder `root`."""
+        return Path(root) / self.system / self.role / self.policy / f"seed-{self.seed}"
+
+    def shard(self, root: Path, number: int) -> Path:
+        """The shard of trajectories SHARD_SIZE * number to SHARD_SIZE * (number + 1) - 1."""
+        return self.folder(root) / f"shard-{number:05d}.npz"
+
+
+def load(root: Path, collection: Collection, count: int) -> list[Trajectory]:
+    """The first `count` trajectories of a collection; ShardError names the first shard that is missing or damaged."""
+    shards = range(-(-count // SHARD_SIZE))
+    trajectories = [t for number in shards for t in read_shard(collection.shard(root, number))]
+    if [t.index for t in trajectories] != list(range(len(trajectories))):
+        raise ShardError(f"{collection.folder(root)}: shards out of order; delete the folder and collect again")
+    return trajectories[:count]

@@ -1,0 +1,20 @@
+"""The book, built once for all tests of its pages."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from pages import ROOT
+
+
+@pytest.fixture(scope="session")
+def book(tmp_path_factory) -> Path:
+    """The folder of pages rendered from the committed outputs, warnings being errors."""
+    output = tmp_path_factory.mktemp("book")
+    words = ["build", "--warningiserror", "--keep-going", "--path-output", str(output), str(ROOT)]
+    program = "import sys; from jupyter_book.cli.main import main; sys.exit(main())"
+    done = subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True)
+    problems = [line for line in (done.stdout + done.stderr).splitlines() if "WARNING" in line or "ERROR" in line]
+    assert done.returncode == 0, "\n".join(problems) or done.stdout[-2000:] + done.stderr[-2000:]
+    return output / "_build" / "html"

@@ -1,0 +1,73 @@
+"""What the tests need to know of a rendered page, read without a browser."""
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import yaml
+
+ROOT = Path(__file__).parents[2]
+
+LOADED = {  # tag -> attributes whose addresses a browser fetches by itself
+    "script": ("src",), "img": ("src", "srcset"), "source": ("src", "srcset"), "video": ("src", "poster"),
+    "audio": ("src",), "track": ("src",), "image": ("href",), "link": ("href",), "iframe": ("src",), "embed": ("src",),
+    "object": ("data",),
+}  # fmt: skip
+NOT_FETCHED = {"next", "prev", "canonical", "search", "index", "author"}  # rel of <link>
+ABROAD = re.compile(r"^\s*(https?:)?//", re.IGNORECASE)
+STYLE_ADDRESS = re.compile(r"(?:url\(|@import)\s*[\"']?\s*((?:https?:)?//[^\"')\s]+)", re.IGNORECASE)
+
+
+def contents() -> list[str]:
+    """The pages of the table of contents, without suffix, in reading order."""
+    toc = yaml.safe_load((ROOT / "_toc.yml").read_text())
+    return [toc["root"], *(chapter["file"] for part in toc["parts"] for chapter in part["chapters"])]
+
+
+class Page(HTMLParser):
+    """One page: what it `loads` and `links` (tag, address), its `names` (ids), `images` and `unlinked` references."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.path = path
+        self.loads: list[tuple[str, str]] = []
+        self.links: list[tuple[str, str]] = []
+        self.names: set[str] = set()
+        self.images: list[dict[str, str]] = []
+        self.classes: set[str] = set()
+        self.unlinked: list[str] = []
+        self._inside: list[str] = []  # open <a>, <article>
+        self._reference = False
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        values = {name: value or "" for name, value in attrs}
+        self.names |= {values[key] for key in ("id", "name") if values.get(key)}
+        self.classes |= set(values.get("class", "").split())
+        if not (tag == "link" and set(values.get("rel", "").lower().split()) & NOT_FETCHED):
+            self.loads += [(tag, values[key]) for key in LOADED.get(tag, ()) if values.get(key)]
+        self.loads += [(tag, address) for address in STYLE_ADDRESS.findall(values.get("style", ""))]
+        if tag == "a" and "href" in values:
+            self.links.append((tag, values["href"]))
+        if tag in ("a", "article"):
+            self._inside.append(tag)
+        if tag == "img" and "article" in self._inside:
+            self.images.append(values)
+        classes = values.get("class", "").split()
+        self._reference = tag == "code" and {"xref", "py"} <= set(classes) and "a" not in self._inside
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag in self._inside:
+            del self._inside[len(self._inside) - 1 - self._inside[::-1].index(tag)]
+
+    def handle_data(self, data: str) -> None:
+        if self._reference and data.strip():
+            self.unlinked.append(data)
+        self._reference = self._reference and not data.strip()
+        if self.lasttag == "style":
+            self.loads += [("style", address) for address in STYLE_ADDRESS.findall(data)]
+
+    @property
+    def abroad(self) -> list[str]:
+        """Addresses on another host that the page would fetch."""
+        return [f"<{tag}> {address}" for tag, address in self.loads if ABROAD.match(address)]

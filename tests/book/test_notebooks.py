@@ -1,0 +1,65 @@
+"""Every notebook from beginning to end with the smoke preset, in a scratch copy of the project."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import nbformat
+import pytest
+from pages import ROOT
+
+from sidm.notebook import inspect, notebooks
+
+NOTEBOOKS = [pytest.param(path, id=path.stem) for path in notebooks(ROOT)]
+
+
+@pytest.fixture(scope="session")
+def project(tmp_path_factory) -> Path:
+    """A copy of what the notebooks work with, shared by all workers: data are collected and trials run in it once."""
+    base = tmp_path_factory.getbasetemp()
+    shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "project"
+    own = tmp_path_factory.mktemp("copy") / "project"
+    for name in ("sidm", "notebooks", "params", "results"):
+        shutil.copytree(ROOT / name, own / name, ignore=shutil.ignore_patterns("__pycache__"))
+    try:
+        own.rename(shared)
+    except OSError:  # another worker was first
+        shutil.rmtree(own)
+    return shared
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS)
+def test_it_runs_with_the_smoke_preset(project, tmp_path, path):
+    output = tmp_path / path.name
+    words = ["notebook", path.stem, str(output), "-f", "params/smoke.yaml"]
+    done = subprocess.run([sys.executable, "-m", "sidm", *words], cwd=project, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert output.is_file()
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS)
+def test_its_parameters_say_what_they_are(path):
+    cells = nbformat.read(path, as_version=4).cells
+    assert sum("parameters" in cell.metadata.get("tags", []) for cell in cells) == 1
+    assert [name for name, parameter in inspect(path).items() if not parameter.help] == []
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS)
+def test_its_committed_outputs_are_whole(path):
+    cells = [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code" and cell.source]
+    assert [cell.source for cell in cells if cell.execution_count is None] == [], "cells that were never run"
+    errors = [output for cell in cells for output in cell.outputs if output.output_type == "error"]
+    assert errors == []
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS)
+def test_its_pictures_have_words(path):
+    wordless = []
+    for cell in nbformat.read(path, as_version=4).cells:
+        drawn = [o for o in cell.get("outputs", []) if any(kind.startswith("image/") for kind in o.get("data", {}))]
+        shown = [o for o in drawn if "glue" not in o.metadata.get("scrapbook", {}).get("mime_prefix", "")]
+        if shown and not cell.metadata.get("mystnb", {}).get("image", {}).get("alt"):
+            wordless.append(cell.source.splitlines()[0])
+    assert wordless == []

@@ -1,0 +1,124 @@
+"""The rendered pages: as files (all there, self-contained, linked right) and in a browser with the network cut."""
+
+import functools
+import os
+import shutil
+from pathlib import Path
+from urllib.parse import unquote, urldefrag
+
+import pytest
+from pages import ABROAD, STYLE_ADDRESS, Page, contents
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+EQUATIONS = {  # the paper's number -> the label, and the function that computes it
+    1: ("prediction-loss", "sidm.learning.losses.prediction_loss"),
+    2: ("discriminator-objective", "sidm.learning.losses.expected_discriminator_loss"),
+    3: ("discriminator-loss", "sidm.learning.losses.discriminator_loss"),
+    4: ("matching-objective", "sidm.learning.losses.expected_matching_loss"),
+    5: ("matching-loss", "sidm.learning.losses.matching_loss"),
+}
+
+
+@functools.cache
+def read(path: Path) -> Page:
+    return Page(path)
+
+
+@pytest.fixture
+def pages(book) -> list[Page]:
+    return [read(path) for path in sorted(book.rglob("*.html")) if "_static" not in path.relative_to(book).parts]
+
+
+def test_the_expected_pages_exist(book):
+    assert [name for name in ["index", *contents()] if not (book / f"{name}.html").is_file()] == []
+
+
+def test_no_page_fetches_from_another_host(pages):
+    assert {str(page.path): page.abroad for page in pages if page.abroad} == {}
+
+
+def test_no_style_sheet_fetches_from_another_host(book):
+    found = {str(path): STYLE_ADDRESS.findall(path.read_text(encoding="utf-8")) for path in book.rglob("*.css")}
+    assert {path: addresses for path, addresses in found.items() if addresses} == {}
+
+
+def test_links_inside_the_book_resolve(book, pages):
+    broken = []
+    for page in pages:
+        for tag, address in page.links + page.loads:
+            place, mark = urldefrag(address)
+            if ABROAD.match(address) or ":" in place.split("/")[0] or place.startswith("?") or tag == "style":
+                continue
+            target = (page.path.parent / unquote(place.split("?")[0])).resolve() if place else page.path
+            if not target.is_file():
+                broken.append(f"{page.path.name}: {address}")
+            elif mark and target.suffix == ".html" and unquote(mark) not in read(target).names:
+                broken.append(f"{page.path.name}: {address} (no such place)")
+    assert broken == []
+
+
+def test_every_picture_has_words(pages):
+    def wordless(image: dict[str, str]) -> bool:
+        alt = image.get("alt", "").strip()
+        return len(alt) < 10 or alt.lower().endswith((".png", ".svg", ".jpg", ".jpeg", ".gif"))
+
+    found = {str(page.path): [i.get("src", "")[-80:] for i in page.images if wordless(i)] for page in pages}
+    assert {path: images for path, images in found.items() if images} == {}
+
+
+def test_every_reference_to_the_package_is_a_link(pages):
+    assert {str(page.path): page.unlinked for page in pages if page.unlinked} == {}
+
+
+def test_equations_carry_the_papers_numbers(book):
+    text = (book / "book" / "paper.html").read_text(encoding="utf-8")
+    for number, (label, _) in EQUATIONS.items():
+        _, found, after = text.partition(f'id="equation-{label}"')
+        assert found, f"equation {label} is missing"
+        assert f'<span class="eqno">({number})' in after[:200], f"equation {label} is not ({number})"
+
+
+def test_equations_link_to_what_computes_them(book):
+    links = {address for _, address in read(book / "book" / "paper.html").links}
+    assert {name for _, name in EQUATIONS.values() if f"api.html#{name}" not in links} == set()
+
+
+def test_no_page_shows_a_traceback_or_an_empty_widget(book, pages):
+    assert [str(page.path) for page in pages if "traceback" in page.classes] == []
+    widgets = [page.path for page in pages if "jupyter.widget-view+json" in page.path.read_text(encoding="utf-8")]
+    assert widgets == []
+
+
+@pytest.fixture(scope="session")
+def context():
+    """A browser without a network."""
+    path = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if path is None and not os.environ.get("CI"):
+        pytest.skip("no Chromium found; install Debian's package 'chromium' to test the pages")
+    assert path is not None, "no Chromium found, and under CI the tests of the pages may not be skipped"
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=path, args=["--host-resolver-rules=MAP * ~NOTFOUND"])
+        yield browser.new_context(offline=True, viewport={"width": 1280, "height": 900})
+        browser.close()
+
+
+@pytest.mark.parametrize("name", contents())
+def test_a_page_is_whole_without_a_network(book, context, name):
+    page, problems = context.new_page(), []
+    page.on("requestfailed", lambda request: problems.append(f"failed: {request.url}"))
+    page.on("request", lambda r: None if r.url.startswith(("file:", "data:", "blob:")) else problems.append(r.url))
+    page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.goto((book / f"{name}.html").as_uri(), wait_until="load")
+    formulas = page.locator(".math:not(.math .math)").count()
+    if formulas:
+        page.evaluate("() => MathJax.startup.promise")
+        assert page.locator(".math mjx-container").count() >= formulas, "equations that are not drawn"
+        assert page.locator("mjx-merror, [data-mjx-error]").count() == 0, "equations that MathJax cannot read"
+        fonts = page.evaluate("async () => [...await document.fonts.ready].map(font => font.status)")
+        assert "loaded" in fonts and "error" not in fonts, "the fonts of the equations did not load"
+    pictures = page.evaluate("() => [...document.images].filter(i => !i.complete || !i.naturalWidth).map(i => i.src)")
+    page.close()
+    assert problems == [] and pictures == []

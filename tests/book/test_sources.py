@@ -1,0 +1,86 @@
+"""The book's sources: what they name exists, and what is said in two places is the same."""
+
+import json
+import pkgutil
+import re
+import tomllib
+from importlib.metadata import version
+
+import pytest
+import yaml
+from pages import ROOT, contents
+
+import sidm
+
+ROLE = re.compile(r"\{py:\w+\}`~?(?:[^`<]*<)?([\w.]+)>?`")
+PIN = re.compile(r"^([A-Za-z0-9_.-]+)==([^\s#]+)(?:\s+# (.+))?$")
+
+
+def source(name: str) -> str:
+    """The prose of a page of the table of contents."""
+    path = ROOT / f"{name}.md"
+    if path.is_file():
+        return path.read_text(encoding="utf-8")
+    cells = json.loads((ROOT / f"{name}.ipynb").read_text(encoding="utf-8"))["cells"]
+    return "\n\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
+
+
+def pins(name: str) -> dict[str, tuple[str, str | None]]:
+    lines = [line for line in (ROOT / name).read_text().splitlines() if line and line[0] not in "#-"]
+    matches = [PIN.match(line) for line in lines]
+    assert all(matches), f"{name}: not exact: {[line for line, m in zip(lines, matches, strict=True) if not m]}"
+    return {m[1].lower(): (m[2], m[3]) for m in matches if m}
+
+
+@pytest.mark.parametrize("name", contents())
+def test_a_page_of_the_contents_exists_and_is_named_with_hyphens(name):
+    assert (ROOT / f"{name}.md").is_file() or (ROOT / f"{name}.ipynb").is_file()
+    assert "_" not in name and " " not in name
+
+
+@pytest.mark.parametrize("name", contents())
+def test_what_a_page_refers_to_in_the_package_can_be_imported(name):
+    for target in ROLE.findall(source(name)):
+        pkgutil.resolve_name(target)
+
+
+def test_every_module_stands_in_the_reference():
+    listed = set(re.findall(r"automodule:: ([\w.]+)", source("book/api")))
+    files = [path.relative_to(ROOT).with_suffix("").parts for path in (ROOT / "sidm").rglob("*.py")]
+    names = {".".join(part for part in parts if part != "__init__") for parts in files if parts[-1] != "__main__"}
+    assert names - listed - {"sidm"} == set() and listed - names == set()
+
+
+def test_one_version_everywhere():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    latest = re.search(r"^## (\S+)", source("CHANGELOG"), re.MULTILINE)
+    assert latest is not None
+    assert {project["version"], citation["version"], latest[1], sidm.__version__} == {sidm.__version__}
+
+
+def test_requirements_are_exact_and_say_why():
+    assert [name for name, (_, why) in pins("requirements.txt").items() if not why] == []
+
+
+def test_what_runs_here_is_what_is_pinned():
+    wanted = pins("requirements.txt")
+    assert {name: v for name, (v, _) in wanted.items() if version(name).split("+")[0] != v} == {}
+
+
+def test_constraints_name_no_place():
+    text = (ROOT / "requirements.txt").read_text() + (ROOT / "constraints.txt").read_text()
+    assert "//" not in text and " @ " not in text
+    assert set(pins("constraints.txt")) & set(pins("requirements.txt")) == set()
+
+
+def test_nothing_runs_while_the_book_is_rendered():
+    assert yaml.safe_load((ROOT / "_config.yml").read_text())["execute"]["execute_notebooks"] == "off"
+
+
+def test_presets_name_parameters_that_some_notebook_has():
+    from sidm.notebook import inspect, notebooks
+
+    known = {name for path in notebooks(ROOT) for name in inspect(path)}
+    for path in (ROOT / "params").glob("*.yaml"):
+        assert set(yaml.safe_load(path.read_text())) <= known, path

@@ -1,0 +1,91 @@
+"""Seeded fixtures: tiny synthetic motion that needs no simulator, and the smallest networks."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import torch
+
+from sidm.learning import Datasets, Motion, Network, Training
+from sidm.systems import Terrain
+from sidm.terrain import generate_terrain
+from sidm.trajectory import Trajectory, checksum
+
+
+@pytest.fixture(autouse=True, scope="session")
+def one_thread() -> None:
+    """Bit-for-bit comparisons hold at one number of threads."""
+    torch.set_num_threads(1)
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(0)
+
+
+@pytest.fixture
+def generator() -> torch.Generator:
+    return torch.Generator().manual_seed(0)
+
+
+@pytest.fixture(scope="session")
+def small_terrain() -> Terrain:
+    """8 m a side."""
+    return Terrain(cell_height_scale=0.35, size=81)
+
+
+@pytest.fixture
+def small_network() -> Network:
+    return Network(
+        pixels=8, encoder_hidden=16, latent=8, layers=2, hidden=12, latent_transition=6, decoder_hidden=8,
+        discriminator_hidden=16,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def small_training() -> Training:
+    """Two phases of a few iterations; a batch holds 4 trajectories of 6 steps."""
+    return Training(
+        batch=4, discriminator_batch=3, matching_batch=3, prediction_iterations=6, discriminator_iterations=2,
+        matching_iterations=2, test_interval=4, max_samples=24 * 12,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def make_trajectories(small_terrain) -> Callable[..., list[Trajectory]]:
+    """Random but lawful motion: `make_trajectories(count, steps=6, seed=0)`."""
+
+    def make(count: int, steps: int = 6, seed: int = 0) -> list[Trajectory]:
+        rng, made = np.random.default_rng(seed), []
+        for index in range(count):
+            quaternion = rng.normal(size=(steps + 1, 4))
+            quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
+            position = np.cumsum(rng.normal(0, 0.1, (steps + 1, 3)), axis=0)
+            states = np.hstack([position, quaternion, rng.normal(size=(steps + 1, 6))]).astype(np.float32)
+            actions = rng.uniform(-1, 1, (steps, 2)).astype(np.float32)
+            heights = generate_terrain(small_terrain, index)
+            made.append(Trajectory(index, states, actions, index, checksum(heights), (0, 0, 0, 0)))
+        return made
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def make_motion() -> Callable[..., Motion]:
+    """Motion that can be learnt: `make_motion(count, seed=0, steps=6, gain=1.0)`; y is linear in x and the map's mean."""
+
+    def make(count: int, seed: int = 0, steps: int = 6, pixels: int = 8, gain: float = 1.0) -> Motion:
+        generator = torch.Generator().manual_seed(seed)
+        inputs = torch.randn(count, steps, 11, generator=generator)
+        maps = 0.2 * torch.randn(count, steps, pixels, pixels, generator=generator).half()
+        law = torch.randn(11, 13, generator=torch.Generator().manual_seed(99)) / 11
+        targets = gain * inputs @ law + maps.float().mean((-2, -1))[..., None]
+        return Motion(inputs, targets, maps)
+
+    return make
+
+
+@pytest.fixture
+def datasets(make_motion) -> Datasets:
+    """Six novice trajectories to learn from, two to test, three to validate, twelve of an expert with other gains."""
+    return Datasets(make_motion(6, 1), make_motion(2, 2), make_motion(3, 3), make_motion(12, 4, gain=1.5))

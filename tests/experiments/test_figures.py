@@ -1,0 +1,149 @@
+"""Figures, tables and claims from made-up rows whose answers are known."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from sidm.experiments import Results, Study
+from sidm.experiments.claims import (
+    CONTRARY,
+    DIRECTION,
+    NO_VERDICT,
+    NOT_SEEN,
+    REPRODUCED,
+    UNCLEAR,
+    claims_table,
+    difference,
+    markdown,
+    meeting_size,
+    verdict,
+)
+from sidm.experiments.figures import ablated, ablation, efficiency_curves, figure3, figure4, learning_curves
+from sidm.experiments.statistics import Interval
+from sidm.experiments.tables import costs_table, gather, overview, provenance_line
+
+
+def power_law(trial) -> float:
+    """Without SIDM the loss of 4 times less data, in every seed a little different."""
+    data = trial.novice_minutes * (4 if trial.method == "sidm" else 1)
+    return (1 + 0.01 * trial.seed) * data**-0.5
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """The laptop's study without data."""
+    nowhere = tmp_path_factory.mktemp("empty")
+    return Study("laptop", nowhere, nowhere)
+
+
+@pytest.fixture(scope="module")
+def rows(study, make_row):
+    """All of Figure 3, by a power law."""
+    return [make_row(t, power_law(t)) for system in ("system1", "system2") for t in study.figure3(system)]
+
+
+def test_gather_keeps_what_is_complete(rows):
+    """Sizes that a method lacks go first, then seeds that lack one of the others."""
+    found = gather(rows, "system1")
+    assert found.minutes.tolist() == [1, 2, 5, 20, 60, 120] and found.values.shape == (3, 2, 6)
+    assert found.values[0, 0] == pytest.approx((4 * found.minutes) ** -0.5)
+    part = [r for r in rows if (r.trial.method, r.trial.novice_minutes) != ("sidm", 60)]
+    part = [r for r in part if (r.trial.seed, r.trial.novice_minutes) != (2, 5)]
+    assert gather(part, "system1").minutes.tolist() == [1, 2, 5, 20, 120]
+    assert gather(part, "system1").values.shape == (2, 2, 5)
+    assert gather([], "system1").values.size == 0
+
+
+def test_figure3_draws_the_means(rows):
+    """Both systems on log axes; each line is the mean over seeds; two methods are told apart by more than colour."""
+    figure = figure3(rows)
+    left, right = figure.axes
+    assert left.get_xscale() == left.get_yscale() == "log" and "(min)" in left.get_xlabel()
+    sidm, novice = left.get_lines()
+    assert sidm.get_ydata() == pytest.approx(1.01 * (4 * sidm.get_xdata()) ** -0.5)
+    assert sidm.get_linestyle() != novice.get_linestyle() and sidm.get_marker() != novice.get_marker()
+    assert len(right.get_lines()) == 2 and len(left.collections) == 2
+    assert not plt.get_fignums()
+
+
+def test_empty_figures_say_so():
+    """Where nothing is stored a figure is drawn all the same."""
+    for figure in (figure3([]), figure4([]), efficiency_curves([]), learning_curves([]), ablation([], "p_expert")):
+        assert all(axes.texts[0].get_text() == "no trials stored" for axes in figure.axes)
+
+
+def test_figure4_draws_means_and_paths(rows, study):
+    """Four lines of deviation from zero at the start, four predicted paths and the actual one."""
+    keys = {t.key for t in study.figure4()}
+    mine = [r for r in rows if r.trial.key in keys]
+    left, right = figure4(mine).axes
+    assert len(left.get_lines()) == 4 and len(right.get_lines()) == 5
+    assert all(line.get_ydata()[0] == 0 and line.get_xdata()[-1] == pytest.approx(2.5) for line in left.get_lines())
+    assert len({(line.get_color(), line.get_linestyle()) for line in left.get_lines()}) == 4
+
+
+def test_other_figures(rows, study, make_row):
+    """Efficiency is 4 where both curves reach; an ablation has a point a value."""
+    left = efficiency_curves(rows).axes[0]
+    exact = next(line for line in left.get_lines() if line.get_label() == "ratio")
+    assert exact.get_ydata() == pytest.approx(4)
+    assert learning_curves(rows[:4]).axes[0].get_lines()
+    some = [make_row(t, 1 + t.training.p_expert) for t in study.p_expert("system1")]
+    line = ablation(some, "p_expert", ["system1"]).axes[0].get_lines()[0]
+    assert line.get_ydata() == pytest.approx(1 + line.get_xdata()) and len(line.get_xdata()) == 6
+    matching = study.iterations("system1", "matching_iterations")
+    assert sorted({ablated(t, "matching_iterations") for t in matching}) == [0, 5, 20, 100]
+
+
+def test_verdicts_follow_the_rule():
+    """The rule of the page on claims, whatever comes out."""
+    assert verdict(Interval(18, 12, 25), 1, 20) == REPRODUCED
+    assert verdict(Interval(8, 4, 12), 1, 20) == DIRECTION
+    assert verdict(Interval(1.2, 0.8, 3), 1, 20) == NOT_SEEN
+    assert verdict(Interval(0.5, 0.3, 0.8), 1, 20) == CONTRARY
+    assert verdict(Interval(0.2, 0.1, 0.3), 0) == DIRECTION
+    assert verdict(Interval(np.nan, np.nan, np.nan), 1, 20) == NO_VERDICT
+
+
+def test_claims_table(rows):
+    """On the power law SIDM saves 4 x; the paper's 20 x is not in the interval, nor is its 5 x."""
+    first, second, third, fourth, *deviations = claims_table(rows)
+    assert first.interval.value == pytest.approx(4) and first.verdict == DIRECTION and first.ours == "4 x [4, 4]"
+    assert second.verdict == DIRECTION and third.verdict == fourth.verdict == UNCLEAR
+    assert third.ours == "not by 120 min"
+    assert [c.verdict for c in deviations] == [DIRECTION, DIRECTION]
+    losses = gather(rows, "system1")
+    expected = losses.minutes**-0.5 * (1 - 0.5) * 1.01
+    assert [difference(losses, k).value for k in range(6)] == pytest.approx(expected)
+    text = markdown(claims_table(rows))
+    assert text.count("\n") == 8 and "nan" not in text
+
+
+def test_claims_without_enough(rows):
+    """Nothing run, or one seed: said, and no verdict."""
+    assert {c.ours for c in claims_table([])} == {"not run"}
+    assert {c.verdict for c in claims_table([])} == {NO_VERDICT, UNCLEAR}
+    single = claims_table([r for r in rows if r.trial.seed == 0])
+    assert single[0].ours == "4 x (one seed)" and single[0].verdict == NO_VERDICT
+
+
+def test_curves_that_meet(study, make_row):
+    """From the size on at which they are the same."""
+    same = [make_row(t, power_law(t) if t.novice_minutes < 20 else 0.1) for t in study.figure3("system1")]
+    assert meeting_size(gather(same, "system1")) == 20
+
+
+def test_words_about_rows(rows, study, tmp_path):
+    """The line of provenance, the costs and the overview count what is there."""
+    line = provenance_line(rows, "python -m sidm run")
+    assert line.startswith("72 trials; ") and "older code" not in line
+    assert line.endswith("; again: `python -m sidm run`.")
+    assert provenance_line([], "cmd") == "No trials stored; `cmd` runs them."
+    costs = costs_table(rows)
+    assert [(c.system, c.method, c.trials) for c in costs][0] == ("system1", "novice_only", 18)
+    assert costs[0].mean_minutes == pytest.approx(0.2)
+    store = Results(tmp_path)
+    store.put(rows[0])
+    lines = overview(store, study.p_expert("system1"), study.preset)
+    assert any("(p_expert=0.25)" in text for text in lines) and all("of 3" in text for text in lines)
+    assert "stored 1 of 3  stale 0  loss 0.5" in overview(store, study.figure3("system1"), study.preset)[0]

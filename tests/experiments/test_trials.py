@@ -1,0 +1,163 @@
+"""Trials, presets and grids."""
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import get_args, get_type_hints
+
+import pytest
+import yaml
+
+from sidm.config import ConfigError
+from sidm.experiments import METHODS, PRESETS, UNKNOWN, Study, Trial, grid, load_preset
+
+TRIAL = Trial(
+    system="system1", method="sidm", novice_minutes=1, seed=0, pool_minutes=2, expert_minutes=3, validation_minutes=1,
+    rollouts=4,
+)  # fmt: skip
+OTHER = {
+    "system": "system2", "method": "novice_only", "novice_minutes": 2, "seed": 1, "pool_minutes": 3,
+    "expert_minutes": 4, "validation_minutes": 2, "rollouts": 5, "policy": "sinusoid", "novice_data": "a",
+    "expert_data": "a",
+    "validation_data": "a", "rollout_data": "a",
+}  # fmt: skip
+
+
+def changed(value, kind):
+    """Another value of the same type."""
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, str):
+        return next(choice for choice in get_args(kind) if choice != value)
+    if isinstance(value, tuple):
+        return tuple(item + 1 for item in value)
+    return value + 1 if isinstance(value, int) else value / 2
+
+
+def test_key_survives_json():
+    """Through JSON a trial comes back equal, with the same key, ints given for floats or not."""
+    back = Trial.from_json(json.loads(json.dumps(TRIAL.to_json())))
+    assert back == TRIAL and back.key == TRIAL.key == TRIAL.replace(novice_minutes=1.0).key
+    assert len(TRIAL.key) == 20
+
+
+def test_key_feels_every_field():
+    """No two trials that differ in one value share a key, in their network and training neither."""
+    variants = [TRIAL] + [TRIAL.replace(**{name: value}) for name, value in OTHER.items()]
+    for part in ("network", "training"):
+        settings = getattr(TRIAL, part)
+        own = {field.name: getattr(settings, field.name) for field in dataclasses.fields(settings)}
+        for name, kind in get_type_hints(type(settings)).items():
+            other = type(settings)(**(own | {name: changed(own[name], kind)}))
+            variants.append(TRIAL.replace(**{part: other}))
+    names = {field.name for field in dataclasses.fields(TRIAL)}
+    assert names == {*OTHER, "network", "training"}
+    assert len({trial.key for trial in variants}) == len(variants)
+
+
+def test_trials_refuse_what_cannot_be_run():
+    """One line that says which value is wrong."""
+    with pytest.raises(ConfigError, match=r"novice_minutes must be above 0 and at most pool_minutes \(2\), not 5"):
+        TRIAL.replace(novice_minutes=5)
+    with pytest.raises(ConfigError, match="unknown system 'system3'"):
+        TRIAL.replace(system="system3")
+    with pytest.raises(ConfigError, match="did you mean 'seed'"):
+        Trial.from_json(TRIAL.to_json() | {"sede": 1})
+
+
+def test_datasets_are_disjoint():
+    """Pool, validation, expert and rollouts come from four collections."""
+    sets = TRIAL.datasets
+    assert len({one.collection for one in sets.values()}) == 4
+    assert sets["novice"].name == "system1/novice/ornstein_uhlenbeck/seed-0/19"
+    assert sets["rollout"].collection.policy == "held" and sets["rollout"].count == 4
+    assert sets["expert"].collection.role == "expert" and sets["expert"].collection.seed == 2
+
+
+def test_presets_are_the_papers():
+    """The paper's Figure 3 is 320 trials; the laptop's sizes are those of the table of presets."""
+    assert len(grid("paper")) == len(grid("released")) == 320
+    assert len(grid("laptop")) == 2 * 6 * 2 * 3
+    paper = load_preset("paper").network
+    assert (paper.pixels, paper.layers, paper.hidden) == (300, 4, 1024)
+
+
+def test_presets_refuse_unknown_names():
+    """The nearest right name is given; what the methods set is no preset's to change."""
+    with pytest.raises(ConfigError, match="did you mean 'laptop'"):
+        load_preset("lapto")
+    with pytest.raises(ConfigError, match="unknown parameter 'pixel' of a preset; did you mean 'pixels'"):
+        load_preset("laptop", pixel=64)
+    with pytest.raises(ConfigError, match="unknown parameter 'regularise'"):
+        load_preset("laptop", regularise=False)
+    with pytest.raises(ConfigError, match="'Preset.seeds' must be int"):
+        load_preset("laptop", seeds="many")
+    with pytest.raises(ConfigError, match="novice_minutes_system1 asks for 600, but pool_minutes_system1 is 120"):
+        load_preset("laptop", novice_minutes_system1=[1, 600])
+
+
+def test_preset_changes_reach_network_and_training():
+    """A preset's flat names lead to its parts, which have no name in common."""
+    changed = load_preset("laptop", pixels=64, max_samples=1000, seeds=5, p_expert_system2=0.25)
+    assert (changed.network.pixels, changed.training.max_samples, changed.seeds) == (64, 1000, 5)
+    assert METHODS["sidm"](changed, "system2").p_expert == 0.25
+    names = [f.name for part in (changed, changed.network, changed.training) for f in dataclasses.fields(part)]
+    assert len(names) == len(set(names))
+
+
+def test_methods_differ_only_in_their_training():
+    """The comparison is the same loop without expert data and without the adversary (section 4)."""
+    for system, p in (("system1", 0.75), ("system2", 0.5)):
+        with_sidm, without = (Study("laptop").trial(system, m, 5) for m in ("sidm", "novice_only"))
+        assert (with_sidm.training.p_expert, with_sidm.training.regularise) == (p, True)
+        assert (without.training.p_expert, without.training.regularise) == (0.0, False)
+        assert without.replace(method="sidm", training=with_sidm.training) == with_sidm
+
+
+def test_grids():
+    """Seeds pair the methods; ablations share their base trials with Figure 3; filters name what the grid has."""
+    study = Study("laptop")
+    points = {(t.novice_minutes, t.seed) for t in study.figure3("system1") if t.method == "sidm"}
+    assert points == {(t.novice_minutes, t.seed) for t in study.figure3("system1") if t.method == "novice_only"}
+    figure3 = {t.key for t in study.figure3("system1")}
+    assert {t.key for t in study.figure4()} <= figure3
+    shared = {t.key for t in study.p_expert("system1")} & figure3
+    assert len(shared) == 2 * 2 * 3  # p_e of 0 and of 0.75, two sizes, three seeds
+    assert len(grid("laptop", "3", "system2", minutes=[5, 20], seeds=[1])) == 4
+    assert {t.key for t in grid("laptop", "all")} >= figure3
+    with pytest.raises(ConfigError, match="minutes 3 is not in this grid; it has 1, 2, 5, 20, 60, 120"):
+        grid("laptop", minutes=[3])
+    with pytest.raises(ConfigError, match="figure 4 has no trials of system2"):
+        grid("laptop", "4", "system2")
+    with pytest.raises(ConfigError, match="did you mean 'p-expert'"):
+        grid("laptop", "p_expert")
+    with pytest.raises(ConfigError, match="did you mean 'novice_only'"):
+        study.trial("system1", "novice-only", 5)
+
+
+def test_digests_come_from_disk_before_the_results(data, tiny, tmp_path):
+    """What lies on this disk makes the trial; without data the committed digests do; without either it is UNKNOWN."""
+    local = Study(tiny, data, tmp_path).digests("system1")
+    assert UNKNOWN not in local.values() and len(set(local.values())) == 4
+    bare = Study(tiny, tmp_path / "none", tmp_path)
+    assert set(bare.digests("system1").values()) == {UNKNOWN}
+    table = {one.name: f"committed-{kind}" for kind, one in tiny.datasets("system1").items()}
+    (tmp_path / "datasets.json").write_text(json.dumps(table))
+    assert Study(tiny, tmp_path / "none", tmp_path).digests("system1")["novice_data"] == "committed-novice"
+    assert Study(tiny, data, tmp_path).digests("system1") == local
+
+
+def test_damaged_digests_are_named(tiny, tmp_path):
+    """A table that cannot be read is an error of one line."""
+    (tmp_path / "datasets.json").write_text("{")
+    with pytest.raises(ConfigError, match=r"datasets\.json: not JSON .*restore it"):
+        Study(tiny, tmp_path, tmp_path).digests("system1")
+
+
+def test_parameter_files_name_their_preset():
+    """params/NAME.yaml asks the notebooks for the preset NAME; only the smoke preset runs what is missing by itself."""
+    folder = Path(__file__).parents[2] / "params"
+    found = {path.stem: yaml.safe_load(path.read_text()) for path in folder.glob("*.yaml")}
+    assert found.keys() == PRESETS.keys()
+    for name, values in found.items():
+        assert values["preset"] == name and values["run_missing"] == (name == "smoke")

@@ -1,0 +1,20 @@
+"""Streams of random numbers from one seed."""
+
+import torch
+
+from sidm.learning.seeds import derive, generator
+
+
+def test_same_seed_and_purpose_give_the_same_numbers():
+    first, second = (torch.rand(5, generator=generator(3, "novice")) for _ in range(2))
+    assert torch.equal(first, second)
+
+
+def test_seeds_and_purposes_differ():
+    found = {derive(seed, purpose) for seed in range(50) for purpose in ("novice", "expert", "matching")}
+    assert len(found) == 150 and all(0 <= seed < 2**63 for seed in found)
+
+
+def test_derivation_does_not_change_between_releases():
+    assert derive(0, "novice") == derive(0, "novice")
+    assert derive(0, "sidm") != derive(1, "sidm")

@@ -1,0 +1,128 @@
+"""The simulator: the ground it stands on, clean resets, determinism, stability, rules of behaviour."""
+
+import multiprocessing
+
+import numpy as np
+import pytest
+
+from sidm.simulation import Simulator
+from sidm.systems import ROLES, SYSTEMS
+from sidm.terrain import generate_terrain, height_at
+
+FLAT = np.zeros((300, 300))
+
+
+@pytest.fixture(scope="module")
+def rough():
+    """A terrain of system 1."""
+    return generate_terrain(SYSTEMS["system1"].terrain, 11)
+
+
+def drive(system, role, heights, steps=12, seed=0, yaw=0.4):
+    rng = np.random.default_rng(seed)
+    with Simulator(system.robot(role), heights, system.physics) as simulator:
+        states = [simulator.reset(0.3, -0.2, yaw)]
+        return np.array(states + [simulator.step(rng.uniform(-1, 1, 2)) for _ in range(steps)])
+
+
+def test_wheels_touch_the_ground_of_the_height_map_on_several_terrains_in_one_process():
+    rng = np.random.default_rng(0)
+    for name, seed in [("system2", 1), ("system1", 2), ("system2", 3)]:
+        heights = generate_terrain(SYSTEMS[name].terrain, seed)
+        points = rng.uniform(-14.9, 14.9, (1500, 2))
+        with Simulator(SYSTEMS[name].novice, heights) as simulator:
+            hits = simulator.ray_heights(points)
+        assert np.abs(hits - height_at(heights, *points.T)).max() < 1e-3
+
+
+def test_reset_erases_all_history(rough):
+    system = SYSTEMS["system1"]
+    with Simulator(system.novice, rough) as used:
+        used.reset(1.0, 2.0, 0.5)
+        for action in np.random.default_rng(1).uniform(-1, 1, (15, 2)):
+            used.step(action)
+        used.reset(0.3, -0.2, 0.4)
+        again = [used.reset(0.3, -0.2, 0.4)] + [used.step((0.7, 0.3)) for _ in range(8)]
+    with Simulator(system.novice, rough) as new:
+        first = [new.reset(0.3, -0.2, 0.4)] + [new.step((0.7, 0.3)) for _ in range(8)]
+    assert np.array_equal(again, first)
+
+
+def test_another_process_drives_the_same_trajectory(rough):
+    system = SYSTEMS["system2"]
+    here = drive(system, "expert", rough)
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        there = pool.apply(drive, (system, "expert", rough))
+    assert np.array_equal(here, there)
+
+
+def test_save_and_restore_branch_exactly(rough):
+    system = SYSTEMS["system1"]
+    with Simulator(system.expert, rough) as simulator:
+        simulator.reset()
+        simulator.step((0.8, 0.1))
+        token = simulator.save()
+        first = [simulator.step((0.5, -0.5)) for _ in range(6)]
+        simulator.restore(token)
+        assert np.array_equal(first, [simulator.step((0.5, -0.5)) for _ in range(6)])
+
+
+@pytest.mark.parametrize("role", ROLES)
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_motion_stays_bounded_and_struts_within_their_stops(name, role):
+    system = SYSTEMS[name]
+    robot = system.robot(role)
+    rng = np.random.default_rng(3)
+    with Simulator(robot, generate_terrain(system.terrain, 7), system.physics) as simulator:
+        simulator.reset(0, 0, 1.0)
+        for _ in range(25):
+            state = simulator.step(rng.uniform(-1, 1, 2))
+            assert np.isfinite(state).all() and np.linalg.norm(state[7:10]) < 15
+            assert np.linalg.norm(state[3:7]) == pytest.approx(1)
+            struts = simulator.strut_positions
+            assert struts.shape == (4,)
+            assert (struts > robot.travel_lower - 0.004).all() and (struts < robot.travel_upper + 0.004).all()
+
+
+def test_on_flat_ground_it_rests_drives_and_turns_as_told():
+    system = SYSTEMS["system1"]
+    with Simulator(system.novice, FLAT, system.physics) as simulator:
+        start = simulator.reset()
+        assert start[2] == pytest.approx(0.185, abs=0.003)  # tyre radius, margin, axle below the body
+        assert np.abs(start[7:]).max() < 0.02
+        for _ in range(12):
+            state = simulator.step((0.25, 0.0))
+        assert state[7] == pytest.approx(0.25 * 30 * 0.1, rel=0.03)  # wheel speed times radius
+        simulator.reset()
+        for _ in range(12):
+            state = simulator.step((0.25, 1.0))
+        assert state[12] < -0.3  # positive steering turns right
+
+
+def test_actions_beyond_the_range_are_clipped():
+    system = SYSTEMS["system1"]
+    with Simulator(system.novice, FLAT) as simulator:
+        simulator.reset()
+        inside = simulator.step((1.0, -1.0))
+        simulator.reset()
+        assert np.array_equal(inside, simulator.step((3.0, -7.0)))
+
+
+def test_wrong_input_is_refused_with_both_shapes():
+    system = SYSTEMS["system1"]
+    with pytest.raises(ValueError, match=r"\(H, W\).*\(300,\)"):
+        Simulator(system.novice, np.zeros(300))
+    with Simulator(system.novice, FLAT) as simulator:
+        simulator.reset()
+        with pytest.raises(ValueError, match=r"\(2,\).*\(3,\)"):
+            simulator.step((0.0, 0.0, 0.0))
+
+
+def test_a_picture_shows_robot_and_ground(rough):
+    system = SYSTEMS["system1"]
+    with Simulator(system.novice, rough, visible=True) as simulator:
+        simulator.reset()
+        image = simulator.picture(80, 60)
+    assert image.shape == (60, 80, 3) and image.dtype == np.uint8
+    orange = (image[..., 0] > 120) & (image[..., 2] < 60)
+    assert 10 < orange.sum() < 2000  # the chassis

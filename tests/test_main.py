@@ -1,0 +1,121 @@
+"""The command line: what it prints and its exit status."""
+
+import subprocess
+import sys
+
+import pytest
+
+from sidm.__main__ import main
+from sidm.experiments import Results, Study, grid, load_preset
+
+CHANGES = {
+    "expert_minutes": 0.25, "novice_minutes_system1": [0.25], "pool_minutes_system1": 0.25, "validation_minutes": 0.25,
+    "rollouts": 2, "pixels": 8, "hidden": 8, "max_samples": 2000, "figure4_minutes": [0.25],
+}  # fmt: skip
+
+
+def python(code: str, *words: str) -> subprocess.CompletedProcess:
+    return subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True)
+
+
+def test_importing_sidm_is_light():
+    """Neither torch nor PyBullet comes with the package or with the command line's help."""
+    code = "import sys, sidm, sidm.__main__; print({'torch', 'pybullet'} & set(sys.modules))"
+    assert python(code).stdout.strip() == "set()"
+
+
+def test_without_pybullet(tmp_path):
+    """Experiments work where PyBullet is not installed; collecting says so in one line."""
+    hide = "import sys; sys.modules['pybullet'] = None; import sidm.experiments; from sidm.__main__ import main; "
+    done = python(hide + "sys.exit(main(sys.argv[1:]))", "show", "--preset", "smoke", "--results", str(tmp_path))
+    assert done.returncode == 0 and done.stdout.splitlines()[-1] == "missing: 8"
+    done = python(hide + "sys.exit(main(sys.argv[1:]))", "collect", "--preset", "smoke", "--data", str(tmp_path))
+    assert done.returncode == 1 and done.stderr.count("\n") == 1 and "PyBullet" in done.stderr
+
+
+def test_help_shows_defaults_and_units(capsys):
+    for command in ("collect", "train", "run", "show", "notebook"):
+        with pytest.raises(SystemExit) as stop:
+            main([command, "--help"])
+        assert stop.value.code == 0
+    with pytest.raises(SystemExit):
+        main(["train", "--help"])
+    said = capsys.readouterr().out
+    assert "minutes of motion" in said and "(laptop)" in said and "(data)" in said
+
+
+@pytest.mark.parametrize(
+    "words, message",
+    [
+        (["show", "--preset", "lapto"], "did you mean 'laptop'?"),
+        (["show", "--set", "pixel=3"], "did you mean 'pixels'?"),
+        (["show", "--set", "pixels"], "--set takes NAME=VALUE, not 'pixels'"),
+        (["show", "--set", "pixels=big"], "'Network.pixels' must be int, not str ('big')"),
+        (["show", "--minutes", "3"], "minutes 3 is not in this grid; it has 1, 2, 5, 20, 60, 120"),
+        (["run", "--figure", "5"], "unknown parameter '5' of the figures"),
+        (["train", "--system", "system1", "--minutes", "500"], "at most pool_minutes (120), not 500"),
+        (["train", "--system", "system1", "--minutes", "5", "--method", "sdim"], "did you mean 'sidm'?"),
+    ],
+)
+def test_arguments_that_cannot_be_used(words, message, capsys, tmp_path):
+    """Exit status 2 and one line on stderr."""
+    assert main([*words, "--data", str(tmp_path), "--results", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("sidm: ") and message in said and said.count("\n") == 1
+
+
+@pytest.mark.parametrize("words", [["show", "--sytem", "system1"], ["train"], ["run", "--workers", "0"], []])
+def test_argparse_errors(words):
+    with pytest.raises(SystemExit) as stop:
+        main(words)
+    assert stop.value.code == 2
+
+
+def test_show_counts(tmp_path, capsys):
+    """The last line is 'missing: N', over the figure or the part of it that is asked for."""
+    common = ["--data", str(tmp_path), "--results", str(tmp_path)]
+    for words, count in (
+        (["--preset", "laptop"], 72),
+        (["--preset", "paper"], 320),
+        (["--preset", "laptop", "--figure", "4"], 12),
+        (["--preset", "laptop", "--system", "system2", "--minutes", "5", "20", "--seeds", "0"], 4),
+        (["--preset", "laptop", "--set", "seeds=1"], 24),
+        (["--preset", "laptop", "--figure", "all"], len(grid("laptop", "all"))),
+    ):
+        assert main(["show", *words, *common]) == 0
+        assert capsys.readouterr().out.splitlines()[-1] == f"missing: {count}"
+
+
+def test_damaged_store_is_one_line(tmp_path, capsys):
+    """A row that cannot be read is named, with exit status 1."""
+    trial = grid("smoke", data=tmp_path, results=tmp_path)[0]
+    path = Results(tmp_path).path(trial)
+    path.parent.mkdir()
+    path.write_text("{")
+    assert main(["show", "--preset", "smoke", "--data", str(tmp_path), "--results", str(tmp_path)]) == 1
+    said = capsys.readouterr().err
+    assert str(path) in said and said.count("\n") == 1
+
+
+def test_missing_data_is_one_line(tmp_path, capsys):
+    """Nothing is run on data that do not exist; the message names the command that makes them."""
+    assert main(["run", "--preset", "smoke", "--data", str(tmp_path), "--results", str(tmp_path)]) == 2
+    assert "python -m sidm collect --preset" in capsys.readouterr().err
+
+
+def test_collect_train_run_show(tmp_path, capsys):
+    """The whole way with the real simulator: collect, one trial, the rest, nothing missing."""
+    pytest.importorskip("pybullet")
+    settings = [word for name, value in CHANGES.items() for word in ("--set", f"{name}={value}")]
+    common = ["--preset", "smoke", "--data", str(tmp_path / "data"), "--results", str(tmp_path / "results"), *settings]
+    part = ["--system", "system1"]
+    assert main(["collect", *common, *part, "--workers", "2"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == 4
+    assert main(["train", *common, *part, "--minutes", "0.25", "--method", "novice_only"]) == 0
+    assert "validation loss" in capsys.readouterr().out
+    assert main(["show", *common, *part]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "missing: 1"
+    assert main(["run", *common, *part, "--workers", "1"]) == 0
+    assert "2 of 2 trials stored" in capsys.readouterr().out
+    trials = Study(load_preset("smoke", **CHANGES), tmp_path / "data", tmp_path / "results").figure3("system1")
+    assert [row.stale for row in Results(tmp_path / "results").rows(trials)] == [False, False]

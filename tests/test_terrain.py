@@ -1,0 +1,56 @@
+"""The terrain's recipe and the surface between its grid points."""
+
+import numpy as np
+import pytest
+
+from sidm.systems import SYSTEMS, Terrain
+from sidm.terrain import generate_terrain, height_at, perlin
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_heights_have_the_stated_shape_floor_and_level_start(name):
+    terrain = SYSTEMS[name].terrain
+    heights = generate_terrain(terrain, 3)
+    assert heights.shape == (300, 300) and heights.dtype == np.float64 and heights.min() == 0
+    angle = np.linspace(0, 2 * np.pi, 50)
+    disc = height_at(heights, 0.85 * np.cos(angle), 0.85 * np.sin(angle))
+    assert np.ptp(disc) < 1e-9
+    assert heights.std() > 0.05
+
+
+def test_same_seed_same_terrain_other_seed_another():
+    terrain = SYSTEMS["system1"].terrain
+    assert np.array_equal(generate_terrain(terrain, 5), generate_terrain(terrain, 5))
+    assert not np.allclose(generate_terrain(terrain, 5), generate_terrain(terrain, 6))
+
+
+def test_perlin_noise_vanishes_on_its_lattice_and_is_smooth():
+    x = np.linspace(-2, 2, 41)  # lattice points of frequency 2 are every 0.5 m
+    values = perlin(x, x[:, None], 2.0, np.random.default_rng(0))
+    assert np.abs(values[::5, ::5]).max() < 1e-12
+    assert 0.2 < np.abs(values).max() <= 1
+    fine = perlin(np.linspace(0, 1, 10001), np.zeros(1), 2.0, np.random.default_rng(1))
+    assert np.abs(np.diff(fine)).max() < 1e-3
+
+
+def test_surface_passes_through_the_grid_and_is_linear_on_each_triangle():
+    heights = np.random.default_rng(0).uniform(size=(5, 7))
+    x, y = (np.arange(7) - 3) * 0.1, (np.arange(5) - 2) * 0.1
+    assert np.allclose(height_at(heights, x, y[:, None]), heights)
+    # the middle of a cell lies on the diagonal from (0, 1) to (1, 0)
+    assert height_at(heights, x[2] + 0.05, y[1] + 0.05) == pytest.approx((heights[1, 3] + heights[2, 2]) / 2)
+    # centroids of both triangles
+    low = height_at(heights, x[2] + 0.1 / 3, y[1] + 0.1 / 3)
+    assert low == pytest.approx((heights[1, 2] + heights[1, 3] + heights[2, 2]) / 3)
+    high = height_at(heights, x[2] + 0.2 / 3, y[1] + 0.2 / 3)
+    assert high == pytest.approx((heights[2, 3] + heights[1, 3] + heights[2, 2]) / 3)
+
+
+def test_outside_the_grid_the_border_holds():
+    heights = np.random.default_rng(0).uniform(size=(4, 4))
+    assert height_at(heights, 9.0, 9.0) == pytest.approx(heights[-1, -1])
+    assert height_at(heights, -9.0, 0.05) == pytest.approx(heights[2, 0])
+
+
+def test_a_flat_recipe_is_flat():
+    assert np.ptp(generate_terrain(Terrain(cell_height_scale=0.0, noise_height_scale=0.0), 1)) == 0

@@ -1,0 +1,102 @@
+"""Shards on disk: round trip, damage, order."""
+
+import numpy as np
+import pytest
+
+from sidm.trajectory import (
+    SHARD_SIZE,
+    STEPS,
+    Collection,
+    ShardError,
+    Trajectory,
+    checksum,
+    digest,
+    load,
+    read_shard,
+    trajectories_for,
+    write_shard,
+)
+
+COLLECTION = Collection(system="system1", role="novice")
+
+
+def some_trajectories(first, count):
+    rng = np.random.default_rng(first)
+    return [
+        Trajectory(
+            index=i,
+            states=rng.normal(size=(STEPS + 1, 13)).astype(np.float32),
+            actions=rng.uniform(-1, 1, (STEPS, 2)).astype(np.float32),
+            terrain_seed=2**62 - 1 - i,
+            terrain_checksum=f"{i:016x}",
+            discarded=(i, 0, 1, 0),
+        )
+        for i in range(first, first + count)
+    ]
+
+
+def fill(root, shards):
+    made = [some_trajectories(SHARD_SIZE * k, SHARD_SIZE) for k in range(shards)]
+    for k, trajectories in enumerate(made):
+        write_shard(COLLECTION.shard(root, k), trajectories)
+    return [t for shard in made for t in shard]
+
+
+def test_what_is_written_is_read(tmp_path):
+    made = fill(tmp_path, 2)
+    read = load(tmp_path, COLLECTION, SHARD_SIZE + 1)
+    assert len(read) == SHARD_SIZE + 1
+    for before, after in zip(made, read, strict=False):
+        assert np.array_equal(before.states, after.states) and np.array_equal(before.actions, after.actions)
+        assert before._replace(states=0, actions=0) == after._replace(states=0, actions=0)
+    assert digest(read) == digest(made[: len(read)]) != digest(made)
+
+
+def test_no_shard_needs_pickle_and_no_temporary_file_stays(tmp_path):
+    fill(tmp_path, 1)
+    folder = COLLECTION.folder(tmp_path)
+    assert [path.name for path in folder.iterdir()] == ["shard-00000.npz"]
+    with np.load(folder / "shard-00000.npz", allow_pickle=False) as data:
+        assert all(data[name].dtype != object for name in data.files)
+
+
+@pytest.mark.parametrize("where", [0.02, 0.3, 0.6, 0.99])
+def test_a_flipped_byte_is_found_and_the_file_named(tmp_path, where):
+    fill(tmp_path, 1)
+    path = COLLECTION.shard(tmp_path, 0)
+    data = bytearray(path.read_bytes())
+    position = int(where * len(data))
+    data[position] ^= 0xFF
+    path.write_bytes(data)
+    try:
+        after = read_shard(path)
+    except ShardError as error:
+        assert str(path) in str(error) and "\n" not in str(error) and "delete it" in str(error)
+    else:  # a byte of the archive's padding or dates: the content is whole
+        assert digest(after) == digest(some_trajectories(0, SHARD_SIZE))
+
+
+def test_a_truncated_shard_is_found(tmp_path):
+    fill(tmp_path, 1)
+    path = COLLECTION.shard(tmp_path, 0)
+    path.write_bytes(path.read_bytes()[:500])
+    with pytest.raises(ShardError, match="damaged"):
+        read_shard(path)
+
+
+def test_a_missing_shard_is_named(tmp_path):
+    fill(tmp_path, 1)
+    with pytest.raises(ShardError, match="shard-00001.npz.*collect"):
+        load(tmp_path, COLLECTION, SHARD_SIZE + 1)
+
+
+def test_checksum_sees_values_shape_and_type():
+    array = np.arange(6.0)
+    assert checksum(array) == checksum(array.copy())
+    others = (array, array.reshape(2, 3), array.astype("f4"), np.nextafter(array, 9))
+    assert len({checksum(other) for other in others}) == 4
+
+
+@pytest.mark.parametrize(("minutes", "count"), [(0.01, 2), (1, 9), (5, 47), (120, 1125)])
+def test_minutes_to_trajectories(minutes, count):
+    assert trajectories_for(minutes) == count
