@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Sequence
+from concurrent.futures import BrokenExecutor
 from typing import Any
 
 import yaml
@@ -51,6 +52,9 @@ def build_parser() -> argparse.ArgumentParser:
         "--workers", type=_positive, default=2, metavar="N",
         help="processes of one thread each (%(default)s)",
     )  # fmt: skip
+
+    for trainer in (train, run):
+        trainer.add_argument("--device", default="cpu", help="where to compute, cpu or cuda (%(default)s)")
 
     show = command("show", run_show, "List what is stored, stale (made by older code) and missing.")
     _add_preset(show)
@@ -140,22 +144,27 @@ def run_train(arguments: argparse.Namespace) -> int:
     """`train`: prints where the result lies and what it is."""
     from sidm.experiments import Results, Study
     from sidm.experiments.run import run_here
+    from sidm.learning import CheckpointError, TrainingError
 
     trial = Study(_preset(arguments), arguments.data, arguments.results).trial(
         arguments.system, arguments.method, arguments.minutes, arguments.seed
     )
     store = Results(arguments.results)
-    row = run_here(trial, arguments.data, store)
+    try:
+        row = run_here(trial, arguments.data, store, device=arguments.device)
+    except (CheckpointError, TrainingError) as error:
+        return _fail(error, 1)
     print(f"{store.path(trial)}: validation loss {row.outcome.validation_loss:.6g}")
     return 0
 
 
 def run_run(arguments: argparse.Namespace) -> int:
     """`run`: 1 when trials are missing at the end."""
-    from sidm.experiments import run
+    from sidm.experiments import Results, run
 
     trials = _trials(arguments, _preset(arguments))
-    store = run(trials, workers=arguments.workers, data=arguments.data, results=arguments.results)
+    store = Results(arguments.results)
+    run(trials, workers=arguments.workers, data=arguments.data, results=store, device=arguments.device)
     missing = len(store.missing(trials))
     print(f"{len(trials) - missing} of {len(trials)} trials stored")
     return 1 if missing else 0
@@ -164,6 +173,7 @@ def run_run(arguments: argparse.Namespace) -> int:
 def run_show(arguments: argparse.Namespace) -> int:
     """`show`: a line a point, then 'missing: N'."""
     from sidm.experiments import Results
+    from sidm.experiments.datasets import differing
     from sidm.experiments.tables import overview
 
     preset = _preset(arguments)
@@ -172,6 +182,8 @@ def run_show(arguments: argparse.Namespace) -> int:
     print(f"preset {arguments.preset}, figure {arguments.figure}: {len(trials)} trials")
     for line in overview(store, trials, preset):
         print(line)
+    for name in differing(preset, arguments.data, arguments.results):
+        print(f"note: the data on this disk are not those of the stored results: {name}")
     print(f"missing: {len(store.missing(trials))}")
     return 0
 
@@ -183,6 +195,8 @@ def main(words: Sequence[str] | None = None) -> int:
         return arguments.work(arguments)
     except ConfigError as error:
         return _fail(error, 2)
+    except BrokenExecutor:
+        return _fail("a worker was killed (out of memory?); the same command goes on where this one was", 1)
     except KeyboardInterrupt:
         return _fail("stopped; the same command goes on where this one was", 1)
     except (ShardError, OSError, ImportError) as error:

@@ -72,7 +72,7 @@ def make_trajectories(small_terrain) -> Callable[..., list[Trajectory]]:
 
 @pytest.fixture(scope="session")
 def make_motion() -> Callable[..., Motion]:
-    """Motion that can be learnt: `make_motion(count, seed=0, steps=6, gain=1.0)`; y is linear in x and the map's mean."""
+    """Motion that can be learnt: `make_motion(count, seed=0, steps=6, gain=1.0)`; y is linear in x."""
 
     def make(count: int, seed: int = 0, steps: int = 6, pixels: int = 8, gain: float = 1.0) -> Motion:
         generator = torch.Generator().manual_seed(seed)

@@ -14,7 +14,7 @@ import sidm
 PACKAGE = Path(sidm.__file__).parent
 ROOT = PACKAGE.parent
 
-#: Wings by rank: a module imports from wings of a lower rank and from its own; wings of one rank know nothing of each other.
+#: Wings by rank: a module imports from wings of a lower rank and from its own, not from others of its rank.
 RANKS = [
     ["config"],
     ["systems"],
@@ -28,8 +28,8 @@ RANK = {wing: rank for rank, wings in enumerate(RANKS) for wing in wings}
 
 #: Inside `learning`, first to last.
 LEARNING = [
-    "seeds", "settings", "observation", "dataset", "losses", "networks", "stopping", "checkpoint", "learner", "training",
-    "evaluation",
+    "seeds", "settings", "observation", "dataset", "losses", "networks", "stopping", "checkpoint", "learner",
+    "training", "evaluation",
 ]  # fmt: skip
 
 PYBULLET = {"pybullet", "pybullet_data", "pybullet_utils"}

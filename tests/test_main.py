@@ -119,3 +119,16 @@ def test_collect_train_run_show(tmp_path, capsys):
     assert "2 of 2 trials stored" in capsys.readouterr().out
     trials = Study(load_preset("smoke", **CHANGES), tmp_path / "data", tmp_path / "results").figure3("system1")
     assert [row.stale for row in Results(tmp_path / "results").rows(trials)] == [False, False]
+
+
+def test_damaged_checkpoint_is_one_line(tmp_path, capsys, monkeypatch):
+    """What training reports of itself reaches the command line as one line, with exit status 1."""
+    from sidm.learning import CheckpointError
+
+    def damaged(*_, **__):
+        raise CheckpointError("checkpoint.npz: the checkpoint is damaged (x); delete it to start afresh")
+
+    monkeypatch.setattr(sys.modules["sidm.experiments.run"], "run_here", damaged)
+    words = ["train", "--preset", "smoke", "--system", "system1", "--minutes", "2", "--results", str(tmp_path)]
+    assert main(words) == 1
+    assert capsys.readouterr().err == "sidm: checkpoint.npz: the checkpoint is damaged (x); delete it to start afresh\n"

@@ -48,6 +48,13 @@ def find_digest(dataset: Dataset, data: str | Path = "data", results: str | Path
     return local.get(str(dataset.count)) or _read(Path(results) / COMMITTED).get(dataset.name, UNKNOWN)
 
 
+def differing(preset: Preset, data: str | Path = "data", results: str | Path = "results") -> list[str]:
+    """Names of a preset's datasets whose data on this disk are not those that the results were made from."""
+    known = _read(Path(results) / COMMITTED)
+    needed = [dataset for system in SYSTEMS for dataset in preset.datasets(system).values()]
+    return [one.name for one in needed if one.name in known and find_digest(one, data, results) != known[one.name]]
+
+
 def note_digest(dataset: Dataset, trajectories: Sequence[Trajectory], data: str | Path = "data") -> str:
     """Write the digest of a dataset beside its shards, and return it."""
     found = digest(trajectories)

@@ -71,6 +71,7 @@ def perform(
     data: str | Path = "data",
     checkpoint: Path | None = None,
     progress: Progress | None = None,
+    device: str = "cpu",
 ) -> tuple[Outcome, Trained]:
     """Train and evaluate one trial.
 
@@ -79,13 +80,16 @@ def perform(
         data: the folder of the shards.
         checkpoint: a folder to go on from and to write the state to.
         progress: called after each test.
+        device: where to compute, 'cpu' or 'cuda'; two kinds of device agree but for rounding.
 
     Returns:
         The outcome, a pure function of the trial and its data, and the trained model with its history.
     """
     with one_thread():
         sets, rollouts = load_datasets(trial, data)
-        trained = train(sets, trial.network, trial.training, trial.seed, checkpoint=checkpoint, progress=progress)
+        trained = train(
+            sets, trial.network, trial.training, trial.seed, checkpoint=checkpoint, progress=progress, device=device
+        )
         losses = validation_loss(trained.model, sets.validation)
         predicted, actual = roll_out(trained.model, trial, rollouts)
         position, heading = rollout_errors(predicted, actual)
@@ -112,12 +116,13 @@ def run_trial(
     data: str | Path = "data",
     checkpoint: Path | None = None,
     progress: Progress | None = None,
+    device: str = "cpu",
 ) -> Row:
     """`perform` a trial and say where the outcome comes from."""
     provenance.source_hash("learning")  # of the code as it is now, not when the trial is done
     resumed, start = checkpoint is not None and checkpoint.exists(), time.perf_counter()
-    outcome, _ = perform(trial, data, checkpoint, progress)
-    made = provenance.here(seconds=time.perf_counter() - start, threads=THREADS, resumed=resumed)
+    outcome, _ = perform(trial, data, checkpoint, progress, device)
+    made = provenance.here(time.perf_counter() - start, THREADS, resumed, device)
     return Row(trial=trial, outcome=outcome, provenance=made)
 
 

@@ -112,7 +112,16 @@ def peak_memory() -> float:
     return peak / (2**20 if sys.platform == "darwin" else 2**10)
 
 
-def here(seconds: float, threads: int, resumed: bool) -> Provenance:
+def device_name(device: str) -> str:
+    """What computed: 'x86_64 CPU', or the name of the GPU."""
+    if device == "cpu":
+        return f"{platform.machine()} CPU"
+    import torch
+
+    return torch.cuda.get_device_name(device) if device.startswith("cuda") else device
+
+
+def here(seconds: float, threads: int, resumed: bool, device: str = "cpu") -> Provenance:
     """The provenance of something made by this process, just now."""
     return Provenance(
         version=sidm.__version__,
@@ -120,7 +129,7 @@ def here(seconds: float, threads: int, resumed: bool) -> Provenance:
         simulation_source=source_hash("simulation"),
         python=platform.python_version(),
         **{name: importlib.metadata.version(name) for name in ("torch", "numpy", "scipy")},
-        device=f"{platform.machine()} CPU",
+        device=device_name(device),
         threads=threads,
         seconds=round(seconds, 1),
         resumed=resumed,

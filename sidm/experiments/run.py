@@ -48,7 +48,8 @@ def refuse_unknown_data(trials: Iterable[Trial]) -> None:
 
 def _die_with_parent() -> None:
     """Initialiser of a local worker: end silently on Ctrl-C, and when the parent is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # as where the parent runs in the background
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     parent = multiprocessing.parent_process()
 
     def watch() -> None:
@@ -81,6 +82,7 @@ def run(
     data: str | Path = "data",
     results: Results | str | Path = "results",
     progress: bool = True,
+    device: str = "cpu",
 ) -> Results:
     """Run the trials that are not stored, and store each as soon as it is done.
 
@@ -92,6 +94,7 @@ def run(
         data: the folder of the shards; checkpoints lie there too.
         results: the store, or its folder.
         progress: whether to show a bar with the time left.
+        device: where the workers compute, 'cpu' or 'cuda'.
 
     Returns:
         The store. Trials that failed are reported on stderr and are still `missing` there.
@@ -109,14 +112,14 @@ def run(
         note_datasets(missing, store.folder)
         pool = contextlib.nullcontext(executor) if executor else _local_pool(min(workers, len(missing)))
         with pool as where:
-            _run_all(missing, where, Path(data).absolute(), store, progress)
+            _run_all(missing, where, Path(data).absolute(), store, progress, device)
     return store
 
 
-def _run_all(trials: list[Trial], executor: Executor, data: Path, store: Results, progress: bool) -> None:
+def _run_all(trials: list[Trial], executor: Executor, data: Path, store: Results, progress: bool, device: str) -> None:
     """Submit every trial and store each as it comes back."""
     futures: dict[Future[Row], Trial] = {
-        executor.submit(run_trial, trial, data, checkpoint_folder(data, trial)): trial for trial in trials
+        executor.submit(run_trial, trial, data, checkpoint_folder(data, trial), None, device): trial for trial in trials
     }
     with tqdm(total=len(futures), desc="trials", unit="trial", disable=not progress) as bar:
         lost = 0
@@ -148,7 +151,11 @@ def _report(bar: tqdm, message: str) -> None:
 
 
 def run_here(
-    trial: Trial, data: str | Path = "data", results: Results | str | Path = "results", progress: bool = True
+    trial: Trial,
+    data: str | Path = "data",
+    results: Results | str | Path = "results",
+    progress: bool = True,
+    device: str = "cpu",
 ) -> Row:
     """Run one trial in this process unless it is stored, and store it; errors are raised.
 
@@ -167,7 +174,7 @@ def run_here(
             bar.set_postfix(test_loss=f"{tested.test_loss:.4g}", refresh=False)
             bar.update(tested.samples - bar.n)
 
-        row = run_trial(trial, data, checkpoint_folder(data, trial), show)
+        row = run_trial(trial, data, checkpoint_folder(data, trial), show, device)
     store.put(row)
     shutil.rmtree(checkpoint_folder(data, trial), ignore_errors=True)
     return row

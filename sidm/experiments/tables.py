@@ -41,8 +41,18 @@ def gather(
     """A value of every row of a system as an array over seeds, methods and sizes.
 
     Sizes that a method lacks altogether are left out, then seeds that lack one of the sizes.
+
+    Raises:
+        ValueError: two different trials stand for the same point, as rows of an ablation do.
     """
-    cells = {(r.trial.seed, r.trial.method, r.trial.novice_minutes): value(r) for r in rows if r.trial.system == system}
+    cells: dict[tuple[int, str, float], float] = {}
+    trials: dict[tuple[int, str, float], Trial] = {}
+    for row in rows:
+        point = row.trial.seed, row.trial.method, row.trial.novice_minutes
+        if row.trial.system == system:
+            if trials.setdefault(point, row.trial) != row.trial:
+                raise ValueError(f"two different trials of {row.trial}; gather the rows of one figure at a time")
+            cells[point] = value(row)
     sizes = sorted(set.intersection(*({size for _, method, size in cells if method == m} for m in methods)))
     every = sorted({seed for seed, _, _ in cells})
     seeds = [seed for seed in every if all((seed, m, size) in cells for m in methods for size in sizes)]
@@ -112,3 +122,51 @@ def overview(store: Results, trials: Iterable[Trial], preset: Preset) -> list[st
         variant = differences(training, METHODS[method](preset, system))
         lines.append(words + (f"  ({variant})" if variant else ""))
     return lines
+
+
+def stored_line(store: Results, trials: Sequence[Trial], command: str) -> str:
+    """How many of `trials` are stored, by system where some are missing, and the `command` that runs those."""
+    missing = store.missing(trials)
+    if not missing:
+        return f"All {len(trials)} trials are stored."
+    systems = dict.fromkeys(trial.system for trial in trials)
+    parts = [f"{sum(trial.system == system for trial in missing)} of {system}" for system in systems]
+    return f"{len(missing)} of {len(trials)} trials are missing ({', '.join(parts)}); `{command}` runs them."
+
+
+def provenance_block(rows: Sequence[Row], command: str = "") -> str:
+    """`provenance_line` as Markdown of the book's class `provenance`."""
+    return f'<div class="provenance">\n\n{provenance_line(rows, command)}\n\n</div>'
+
+
+def markdown_table(head: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
+    """A table for a page, floats with 3 significant digits; a sentence instead when there is no line."""
+    body = [[f"{cell:.3g}" if isinstance(cell, float) else str(cell) for cell in line] for line in lines]
+    if not body:
+        return "No trials stored."
+    rule = ["---"] * len(head)
+    return "\n".join(f"| {' | '.join(line)} |" for line in (head, rule, *body)) + "\n"
+
+
+def spread(
+    rows: Iterable[Row], by: Callable[[Row], tuple], value: Callable[[Row], float] = validation_loss
+) -> list[tuple]:
+    """For each key that `by` gives, in rising order: the key's parts, the number of trials, mean, minimum, maximum."""
+    groups: dict[tuple, list[float]] = {}
+    for row in rows:
+        groups.setdefault(by(row), []).append(value(row))
+    return [(*key, len(group), float(np.mean(group)), min(group), max(group)) for key, group in sorted(groups.items())]
+
+
+#: Name and unit of each of the 13 components of y.
+COMPONENTS = (
+    *((f"translation {axis}", "m") for axis in "xyz"),
+    *((f"quaternion {axis}", "-") for axis in "xyzw"),
+    *((f"linear velocity {axis}", "m/s") for axis in "xyz"),
+    *((f"angular velocity {axis}", "rad/s") for axis in "xyz"),
+)
+
+
+def component_errors(losses: Sequence[Sequence[float]]) -> np.ndarray:
+    """Root mean square error of each component (13,), in its own unit, of the component losses (S, 13) of S trials."""
+    return np.sqrt(np.mean(np.asarray(losses, float), axis=0))

@@ -19,6 +19,7 @@ from sidm.experiments.claims import (
     verdict,
 )
 from sidm.experiments.figures import ablated, ablation, efficiency_curves, figure3, figure4, learning_curves
+from sidm.experiments.grids import change
 from sidm.experiments.statistics import Interval
 from sidm.experiments.tables import costs_table, gather, overview, provenance_line
 
@@ -42,7 +43,7 @@ def rows(study, make_row):
     return [make_row(t, power_law(t)) for system in ("system1", "system2") for t in study.figure3(system)]
 
 
-def test_gather_keeps_what_is_complete(rows):
+def test_gather_keeps_what_is_complete(rows, make_row):
     """Sizes that a method lacks go first, then seeds that lack one of the others."""
     found = gather(rows, "system1")
     assert found.minutes.tolist() == [1, 2, 5, 20, 60, 120] and found.values.shape == (3, 2, 6)
@@ -52,6 +53,9 @@ def test_gather_keeps_what_is_complete(rows):
     assert gather(part, "system1").minutes.tolist() == [1, 2, 5, 20, 120]
     assert gather(part, "system1").values.shape == (2, 2, 5)
     assert gather([], "system1").values.size == 0
+    other = rows[0].trial.replace(training=change(rows[0].trial.training, p_expert=0.1))
+    with pytest.raises(ValueError, match="two different trials of system1 sidm 1 min seed 0"):
+        gather([*rows, make_row(other)], "system1")
 
 
 def test_figure3_draws_the_means(rows):

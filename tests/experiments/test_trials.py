@@ -10,6 +10,7 @@ import yaml
 
 from sidm.config import ConfigError
 from sidm.experiments import METHODS, PRESETS, UNKNOWN, Study, Trial, grid, load_preset
+from sidm.experiments.datasets import differing
 
 TRIAL = Trial(
     system="system1", method="sidm", novice_minutes=1, seed=0, pool_minutes=2, expert_minutes=3, validation_minutes=1,
@@ -145,6 +146,8 @@ def test_digests_come_from_disk_before_the_results(data, tiny, tmp_path):
     (tmp_path / "datasets.json").write_text(json.dumps(table))
     assert Study(tiny, tmp_path / "none", tmp_path).digests("system1")["novice_data"] == "committed-novice"
     assert Study(tiny, data, tmp_path).digests("system1") == local
+    assert differing(tiny, data, tmp_path) == [one.name for one in tiny.datasets("system1").values()]
+    assert differing(tiny, tmp_path / "none", tmp_path) == []
 
 
 def test_damaged_digests_are_named(tiny, tmp_path):

@@ -1,0 +1,174 @@
+"""Tensors from trajectories, the cache of maps, the nested split, standardisation."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sidm.config import ConfigError
+from sidm.learning import (
+    Motion,
+    Standardisation,
+    encode_inputs,
+    load_motion,
+    novice_split,
+    prepare,
+    robot_centred_map,
+    transition,
+)
+from sidm.terrain import generate_terrain
+from sidm.trajectory import SHARD_SIZE, Collection, ShardError, trajectories_for, write_shard
+
+COLLECTION = Collection(system="system1", role="novice")
+
+
+@pytest.fixture
+def stored(tmp_path, make_trajectories):
+    """A collection of two shards on disk: its folder and its trajectories."""
+    trajectories = make_trajectories(2 * SHARD_SIZE)
+    for number in range(2):
+        write_shard(COLLECTION.shard(tmp_path, number), trajectories[number * SHARD_SIZE : (number + 1) * SHARD_SIZE])
+    return tmp_path, trajectories
+
+
+def cached(root):
+    return list(COLLECTION.folder(root).glob("maps-*.npy"))
+
+
+def test_prepare(small_terrain, make_trajectories):
+    trajectories = make_trajectories(3)
+    motion = prepare(trajectories, small_terrain, 8)
+    assert len(motion) == 3
+    assert (motion.inputs.shape, motion.targets.shape, motion.maps.shape) == ((3, 6, 11), (3, 6, 13), (3, 6, 8, 8))
+    assert (motion.inputs.dtype, motion.targets.dtype, motion.maps.dtype) == (torch.float32,) * 2 + (torch.float16,)
+    states, actions = (torch.from_numpy(part).double() for part in trajectories[1][1:3])
+    assert torch.equal(motion.inputs[1], encode_inputs(states[:-1], actions).float())
+    assert torch.equal(motion.targets[1], transition(states[:-1], states[1:]).float())
+    maps = robot_centred_map(generate_terrain(small_terrain, 1), states[:-1], 8)
+    assert torch.allclose(motion.maps[1].double(), maps, atol=2e-3)
+
+
+def test_prepare_refuses_another_terrain(small_terrain, make_trajectories):
+    trajectories = make_trajectories(2)
+    trajectories[1] = trajectories[1]._replace(terrain_checksum="0" * 16)
+    with pytest.raises(ShardError, match="trajectory 1: terrain 1 is no longer the one it drove on") as caught:
+        prepare(trajectories, small_terrain, 8)
+    assert "\n" not in str(caught.value)
+
+
+def test_prepare_refuses_nothing(small_terrain):
+    with pytest.raises(ValueError, match="at least one trajectory"):
+        prepare([], small_terrain, 8)
+
+
+def test_load_motion_is_prepare_of_what_lies_on_disk(stored, small_terrain):
+    root, trajectories = stored
+    count = SHARD_SIZE + 1
+    expected = prepare(trajectories[:count], small_terrain, 8)
+    for _ in range(2):  # made, then read
+        motion = load_motion(root, COLLECTION, count, small_terrain, 8)
+        for field in dataclasses.fields(Motion):
+            assert torch.equal(getattr(motion, field.name), getattr(expected, field.name))
+
+
+def test_maps_are_computed_once(stored, small_terrain, monkeypatch):
+    root, _ = stored
+    load_motion(root, COLLECTION, 3, small_terrain, 8)
+    monkeypatch.setattr("sidm.learning.dataset.generate_terrain", lambda *_: pytest.fail("built a terrain again"))
+    load_motion(root, COLLECTION, 3, small_terrain, 8)
+
+
+def test_each_resolution_and_count_has_its_file(stored, small_terrain):
+    root, _ = stored
+    for count, pixels in ((3, 8), (3, 7), (4, 8)):
+        assert load_motion(root, COLLECTION, count, small_terrain, pixels).maps.shape == (count, 6, pixels, pixels)
+    assert len(cached(root)) == 3
+
+
+def test_reading_leaves_the_cache_unharmed(stored, small_terrain):
+    root, _ = stored
+    motion = load_motion(root, COLLECTION, 2, small_terrain, 8)
+    before = cached(root)[0].read_bytes()
+    motion.maps.zero_()
+    assert cached(root)[0].read_bytes() == before
+
+
+@pytest.mark.parametrize("content", [b"", b"not an array", b"\x93NUMPY\x01\x00"])
+def test_damaged_maps_are_named(stored, small_terrain, content):
+    root, _ = stored
+    load_motion(root, COLLECTION, 2, small_terrain, 8)
+    cached(root)[0].write_bytes(content)
+    with pytest.raises(ShardError, match="maps-8-.*delete the file") as caught:
+        load_motion(root, COLLECTION, 2, small_terrain, 8)
+    assert "\n" not in str(caught.value)
+
+
+def test_maps_of_another_shape_are_named(stored, small_terrain):
+    root, _ = stored
+    load_motion(root, COLLECTION, 2, small_terrain, 8)
+    np.save(cached(root)[0], np.zeros((1, 2), np.float16))
+    with pytest.raises(ShardError, match=r"maps \(1, 2\) where \(2, 6, 8, 8\)"):
+        load_motion(root, COLLECTION, 2, small_terrain, 8)
+
+
+def test_take_first_split_and_draw(make_motion):
+    motion = make_motion(7)
+    assert torch.equal(motion.take(np.array([4, 1])).inputs, motion.inputs[[4, 1]])
+    assert len(motion.first(3)) == 3 and len(motion.first(30)) == 7
+    parts = list(motion.split(3))
+    assert [len(part) for part in parts] == [3, 3, 1]
+    assert torch.equal(torch.cat([part.maps for part in parts]), motion.maps)
+    first, second = (motion.draw(5, torch.Generator().manual_seed(2)) for _ in range(2))
+    assert torch.equal(first.targets, second.targets)
+
+
+minutes = st.floats(0.1, 60)
+
+
+@settings(max_examples=60, deadline=None)
+@given(minutes, minutes, st.integers(0, 1000))
+def test_smaller_subsets_lie_in_larger_ones(few, many, seed):
+    few, many = sorted((few, many))
+    small, large = (tuple(map(set, novice_split(600, m, seed))) for m in (few, many))
+    assert small[0] <= large[0] and small[1] <= large[1]
+
+
+@settings(max_examples=60, deadline=None)
+@given(minutes, st.integers(0, 1000))
+def test_split_is_three_to_one_of_whole_trajectories(amount, seed):
+    train, test = novice_split(600, amount, seed)
+    count = trajectories_for(amount)
+    assert len(train) + len(test) == count == len({*train, *test})
+    assert len(train) >= 1 and len(test) >= 1 and abs(len(test) - count / 4) <= 0.5
+    assert 0 <= min(*train, *test) and max(*train, *test) < 600
+
+
+def test_split_depends_on_the_seed_alone():
+    first, again, other = (novice_split(100, 5, seed)[0].tolist() for seed in (0, 0, 1))
+    assert first == again != other
+
+
+def test_split_of_too_small_a_pool():
+    with pytest.raises(ConfigError, match="5 novice minutes are 47 trajectories, but the pool has 20"):
+        novice_split(20, 5, 0)
+
+
+def test_standardisation_against_numpy(make_motion):
+    motion = make_motion(9)
+    motion.targets[..., 4] = 0.25
+    units = Standardisation.of(motion)
+    assert np.allclose(units.input_mean, motion.inputs.numpy().mean((0, 1)), atol=1e-6)
+    assert np.allclose(units.input_std, motion.inputs.numpy().std((0, 1)), atol=1e-6)
+    assert np.allclose(units.target_std[:4], motion.targets.numpy().std((0, 1))[:4], atol=1e-6)
+    assert np.allclose(units.map_mean, motion.maps.float().mean(), atol=1e-6)
+    assert np.allclose(units.map_std, motion.maps.float().numpy().std(), atol=1e-6)
+    assert units.map_std.shape == () and (units.input_mean.dtype, units.map_std.dtype) == (torch.float32,) * 2
+    assert units.target_std[4] == pytest.approx(1e-6)
+
+
+def test_standardisation_from_part_of_the_maps(make_motion):
+    motion = make_motion(9)
+    assert torch.equal(Standardisation.of(motion, maps_from=2).map_std, Standardisation.of(motion.first(2)).map_std)

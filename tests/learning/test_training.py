@@ -1,0 +1,288 @@
+"""Algorithms 1 and 2: who learns from what, the same seed, the released variants, a tiny run end to end."""
+
+import dataclasses
+import math
+
+import pytest
+import torch
+from torch import nn
+
+from sidm.config import ConfigError
+from sidm.learning import DynamicsModel, Standardisation, Training, TrainingError, train, validation_loss
+from sidm.learning.learner import Learner, make_optimiser, mean_loss
+from sidm.learning.losses import prediction_loss
+from sidm.learning.training import batch_losses, discriminator_iteration, matching_iteration, predict_phase
+
+PARTS = ("encoders.novice", "encoders.expert", "sidm", "decoders.novice", "decoders.expert")
+
+
+def vector(module: nn.Module) -> torch.Tensor:
+    return torch.cat([parameter.detach().reshape(-1) for parameter in module.parameters()])
+
+
+def parts(learner: Learner) -> dict[str, torch.Tensor]:
+    """All weights by part, the discriminator's as 'A'."""
+    return {name: vector(learner.model.get_submodule(name)) for name in PARTS} | {"A": vector(learner.discriminator)}
+
+
+def changed(before: dict[str, torch.Tensor], after: dict[str, torch.Tensor]) -> set[str]:
+    return {name for name in before if not torch.equal(before[name], after[name])}
+
+
+@pytest.fixture
+def make_learner(datasets, small_network, small_training):
+    def make(**changes) -> Learner:
+        training = Training(**(dataclasses.asdict(small_training) | changes))
+        return Learner(datasets, small_network, training, 0)
+
+    return make
+
+
+@pytest.fixture
+def run(datasets, small_network, small_training):
+    def run(seed=0, sets=datasets, standardisation=None, progress=None, **changes):
+        training = Training(**(dataclasses.asdict(small_training) | changes))
+        return train(sets, small_network, training, seed, standardisation=standardisation, progress=progress)
+
+    return run
+
+
+def test_discriminator_iteration_changes_a_alone(make_learner):
+    learner = make_learner()
+    before = parts(learner)
+    discriminator_iteration(learner)
+    assert changed(before, parts(learner)) == {"A"}
+    assert 0 <= learner.accuracy <= 1
+
+
+@pytest.mark.parametrize("optimiser", ["own", "shared"])
+def test_matching_iteration_changes_the_novice_encoder_alone(make_learner, optimiser):
+    learner = make_learner(matching_optimiser=optimiser)
+    predict_phase(learner)  # the shared optimiser now has moments for all parts
+    before = parts(learner)
+    matching_iteration(learner)
+    assert changed(before, parts(learner)) == {"encoders.novice"}
+
+
+def test_prediction_changes_all_but_a(make_learner):
+    learner = make_learner(p_expert=0.5)
+    before = parts(learner)
+    predict_phase(learner)
+    assert changed(before, parts(learner)) == set(PARTS)
+
+
+@pytest.mark.parametrize(("p_expert", "untouched"), [(0.0, "expert"), (1.0, "novice")])
+def test_prediction_leaves_the_parts_of_a_system_not_drawn(make_learner, p_expert, untouched):
+    learner = make_learner(p_expert=p_expert)
+    before = parts(learner)
+    predict_phase(learner)
+    same = {f"encoders.{untouched}", f"decoders.{untouched}", "A"}
+    assert changed(before, parts(learner)) == set(before) - same
+
+
+def test_the_discriminator_learns_to_tell_apart_and_matching_deceives_it(make_learner):
+    learner = make_learner(discriminator_batch=6, learning_rate=3e-3)
+    encoder = learner.model.encoders["novice"]
+    for _ in range(150):
+        discriminator_iteration(learner)
+    novice = learner.datasets.train
+    with torch.no_grad():
+        before = float(learner.discriminator(encoder(novice.inputs, novice.maps)).mean())
+    assert learner.accuracy > 0.7 and before < 0.4
+    for _ in range(100):
+        matching_iteration(learner)
+    with torch.no_grad():
+        assert float(learner.discriminator(encoder(novice.inputs, novice.maps)).mean()) > before + 0.2
+
+
+def test_batch_loss_is_that_of_each_system_alone(make_learner):
+    learner = make_learner(p_expert=0.5, batch=8)
+    batch = learner.draw_batch()
+    assert set(batch) == {"novice", "expert"} and sum(map(len, batch.values())) == 8
+    for role, losses in batch_losses(learner.model, batch).items():
+        motion = batch[role]
+        predicted, _ = learner.model(role, motion.inputs, motion.maps)
+        assert torch.allclose(losses, prediction_loss(predicted, motion.targets), rtol=1e-4)
+
+
+def test_one_step_is_adam_on_the_batch_mean(make_learner):
+    """Algorithm 1's update from its formulas: the first step of Adam with decoupled decay."""
+    learner, twin = make_learner(prediction_iterations=1, p_expert=0.5), make_learner(p_expert=0.5)
+    start = vector(twin.model)
+    loss = torch.cat([part.flatten() for part in batch_losses(twin.model, twin.draw_batch()).values()]).mean()
+    gradient = torch.cat([g.reshape(-1) for g in torch.autograd.grad(loss, list(twin.model.parameters()))])
+    predict_phase(learner)
+    expected = start * (1 - 1e-3 * 1e-5) - 1e-3 * gradient / (gradient.abs() + 1e-8)
+    clear = gradient.abs() > 1e-5
+    assert clear.sum() > 500
+    assert torch.allclose(vector(learner.model)[clear], expected[clear], atol=1e-6)
+
+
+def test_system_drawn_per_trajectory(make_learner):
+    learner = make_learner(p_expert=0.75, batch=8)
+    shares = [len(batch["expert"]) if "expert" in batch else 0 for batch in (learner.draw_batch() for _ in range(300))]
+    assert len(set(shares)) > 3 and abs(sum(shares) / 2400 - 0.75) < 0.04
+
+
+def test_system_drawn_per_iteration(make_learner):
+    learner = make_learner(p_expert=0.75, system_draw="iteration")
+    batches = [learner.draw_batch() for _ in range(300)]
+    assert all(len(batch) == 1 and len(next(iter(batch.values()))) == 4 for batch in batches)
+    assert abs(sum("expert" in batch for batch in batches) / 300 - 0.75) < 0.08
+
+
+def test_methods_draw_the_same_novice_trajectories(make_learner):
+    alone, shared = make_learner(p_expert=0.0, regularise=False, batch=8), make_learner(p_expert=0.5, batch=8)
+    for _ in range(5):
+        everything = alone.draw_batch()["novice"].inputs
+        some = shared.draw_batch()["novice"].inputs
+        assert all(any(torch.equal(one, other) for other in everything) for one in some)
+
+
+def test_methods_begin_with_the_same_weights(make_learner):
+    alone, shared = make_learner(p_expert=0.0, regularise=False), make_learner()
+    assert list(alone.model.encoders) == ["novice"]
+    for name in ("encoders.novice", "sidm", "decoders.novice"):
+        assert torch.equal(vector(alone.model.get_submodule(name)), vector(shared.model.get_submodule(name)))
+
+
+def test_decay_decoupled_and_l2(small_network):
+    """On a zero gradient, decoupled decay shrinks weights in proportion; an L2 penalty takes a step of Adam."""
+    after = {}
+    for decay in ("decoupled", "l2"):
+        layer = nn.Linear(3, 1, bias=False)
+        layer.weight.data = torch.tensor([[1.0, 2.0, -4.0]])
+        layer.weight.grad = torch.zeros(1, 3)
+        make_optimiser(layer, Training(decay=decay, learning_rate=0.1, weight_decay=0.5)).step()
+        after[decay] = layer.weight.detach().flatten().tolist()
+    assert after["decoupled"] == pytest.approx([0.95, 1.9, -3.8])
+    assert after["l2"] == pytest.approx([0.9, 1.9, -3.9])
+
+
+def test_matching_optimiser_own_and_shared(make_learner):
+    own, shared = make_learner(), make_learner(matching_optimiser="shared")
+    assert own.matching is not own.prediction and shared.matching is shared.prediction
+    predict_phase(own)
+    predict_phase(shared)
+    for learner in (own, shared):
+        matching_iteration(learner)
+    assert not torch.equal(vector(own.model.encoders["novice"]), vector(shared.model.encoders["novice"]))
+
+
+def test_reduction_mean_divides_the_gradient_by_thirteen(make_learner):
+    total, mean = (make_learner(prediction_iterations=1, reduction=name) for name in ("sum", "mean"))
+    for learner in (total, mean):
+        predict_phase(learner)
+    for one, other in zip(total.model.parameters(), mean.model.parameters(), strict=True):
+        assert (one.grad is None) == (other.grad is None)
+        assert one.grad is None or torch.allclose(one.grad, 13 * other.grad, rtol=1e-4, atol=1e-7)
+    assert total.losses == mean.losses  # what is reported stays equation (1)
+
+
+def test_released_stopping_is_chosen_by_its_name(run, make_learner):
+    assert make_learner(stopping="released").stopper.rule == "released"
+    assert not run(stopping="released", patience=1).stopped_early
+    assert run(stopping="test_loss", patience=1, max_samples=10**6).stopped_early
+
+
+def test_fused_optimiser_is_the_plain_one(make_learner):
+    """The fused kernel walks memory: held here against the plain one on the encoder's channels-last weights."""
+    fused, plain = make_learner(p_expert=0.5), make_learner(p_expert=0.5)
+    plain.prediction = torch.optim.AdamW(plain.model.parameters(), lr=1e-3, weight_decay=1e-5, foreach=False)
+    predict_phase(fused)
+    predict_phase(plain)
+    assert torch.allclose(vector(fused.model), vector(plain.model), atol=1e-5)
+
+
+def test_a_run_counts_samples_and_tests(run, datasets):
+    seen = []
+    trained = run(progress=seen.append)
+    assert trained.iterations == 12 and trained.samples == 12 * 4 * 6 and not trained.stopped_early
+    assert [tested.samples for tested in trained.history] == [96, 192, 288]
+    assert seen == trained.history
+    assert [tested.discriminator_accuracy is None for tested in trained.history] == [True, False, False]
+    assert all(math.isfinite(tested.training_loss) for tested in trained.history)
+
+
+def test_training_loss_is_the_novices(make_learner):
+    learner = make_learner()
+    learner.note({"novice": torch.full((1, 6), 2.0), "expert": torch.full((3, 6), 8.0)})
+    assert learner.take_test().training_loss == 2.0
+    learner.note({"expert": torch.full((4, 6), 8.0)})
+    assert learner.take_test().training_loss == 8.0
+    assert learner.samples == 48
+
+
+def test_same_seed_same_result_another_seed_another(run):
+    first, again, other = run(seed=1), run(seed=1), run(seed=2)
+    assert torch.equal(vector(first.model), vector(again.model)) and first.history == again.history
+    assert not torch.equal(vector(first.model), vector(other.model))
+
+
+def test_global_randomness_does_not_matter(run):
+    first = run()
+    with torch.random.fork_rng():
+        torch.default_generator.manual_seed(12345)
+        before = torch.get_rng_state()
+        again = run()
+        assert torch.equal(torch.get_rng_state(), before)
+    assert torch.equal(vector(first.model), vector(again.model))
+
+
+def test_learning_lowers_the_validation_loss(run, datasets, small_network):
+    fresh = DynamicsModel(small_network, Standardisation.of(datasets.expert), seed=0)
+    trained = run(max_samples=24 * 300, learning_rate=5e-3, p_expert=0.5)
+    before, after = (float(validation_loss(model, datasets.validation).sum()) for model in (fresh, trained.model))
+    assert after < 0.8 * before
+
+
+def test_the_best_weights_are_returned(run, datasets):
+    trained = run(max_samples=24 * 40, learning_rate=0.05, smoothing=0.0)
+    losses = [tested.test_loss for tested in trained.history]
+    assert losses.index(min(losses)) < len(losses) - 1, "the run must overfit for this test to tell"
+    assert trained.best_test_loss == min(losses)
+    assert trained.best_samples == trained.history[losses.index(min(losses))].samples
+    assert mean_loss(trained.model, datasets.test) == pytest.approx(min(losses), rel=1e-6)
+
+
+def test_a_test_takes_the_first_trajectories(make_learner):
+    learner = make_learner(test_trajectories=1)
+    assert learner.take_test().test_loss == pytest.approx(mean_loss(learner.model, learner.datasets.test.first(1)))
+
+
+def test_without_the_experts_data(run, datasets):
+    units = Standardisation.of(datasets.expert)
+    alone = run(sets=datasets._replace(expert=None), standardisation=units, p_expert=0.0, regularise=False)
+    beside = run(p_expert=0.0, regularise=False)
+    assert torch.equal(vector(alone.model), vector(beside.model)) and alone.history == beside.history
+
+
+def test_missing_expert_data_are_named(run, datasets):
+    without = datasets._replace(expert=None)
+    with pytest.raises(ConfigError, match="need the expert's data"):
+        run(sets=without)
+    with pytest.raises(ConfigError, match="pass `standardisation`"):
+        run(sets=without, p_expert=0.0, regularise=False)
+
+
+def test_a_short_run_is_tested_at_its_end(run):
+    trained = run(max_samples=1)
+    assert trained.iterations == 1 and len(trained.history) == 1
+
+
+def test_a_loss_that_is_no_number_is_an_error(run, datasets):
+    datasets.test.targets.fill_(float("nan"))
+    with pytest.raises(TrainingError, match="not a number"):
+        run()
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("p_expert", 1.1), ("smoothing", 1.0), ("batch", 0), ("patience", 0), ("matching_iterations", -1),
+        ("learning_rate", 0.0), ("weight_decay", -1.0), ("system_draw", "sample"), ("stopping", "never"),
+    ],
+)  # fmt: skip
+def test_settings_that_no_run_can_have(name, value):
+    with pytest.raises(ConfigError, match=f"Training.{name}"):
+        Training(**{name: value})
