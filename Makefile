@@ -9,13 +9,14 @@ RENDER := $(BIN)/jupyter-book build --warningiserror --keep-going
 # Trials run side by side, one thread each: a second thread to each only makes them wait for one another.
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help setup book page notebooks test lint bench clean
+.PHONY: help setup book page notebooks figures test lint bench clean
 .DELETE_ON_ERROR:
 
 help:
 	@echo 'make book [PARAMS=params/smoke.yaml]             run copies of the notebooks and render the book: _build/html'
 	@echo 'make page NAME=05-figure3 [PARAMS=...]           run one copy again and render what changed'
 	@echo 'make notebooks                                   refresh the outputs in notebooks/ themselves'
+	@echo "make figures                                     Figures 3 and 4 into _build/figures, and README.md's numbers"
 	@echo 'make test [JOBS=2]                               package, notebooks and book'
 	@echo 'make lint                                        style and types'
 	@echo 'make bench                                       the scripts of benchmarks/'
@@ -44,6 +45,9 @@ page: $(STAMP)
 	@test -d _build/book || { echo "make page renders into a built book: run 'make book' first"; exit 2; }
 	$(BIN)/python -m sidm notebook $(NAME) _build/book/notebooks/$(NAME).ipynb $(if $(PARAMS),-f $(PARAMS))
 	$(RENDER) --path-output . _build/book
+
+figures: $(STAMP)
+	$(BIN)/python -m sidm.experiments.headline
 
 notebooks: $(STAMP)
 	$(BIN)/python -m sidm notebook all --in-place

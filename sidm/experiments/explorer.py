@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -95,6 +96,13 @@ def rides_figure(rides: Mapping[str, Ride]) -> Figure:
     return figure
 
 
+def picture(figure: Figure) -> bytes:
+    """A figure as PNG."""
+    file = io.BytesIO()
+    figure.savefig(file, format="png", dpi=100)
+    return file.getvalue()
+
+
 def explorer(first: str = "system1 novice", second: str = "system1 expert", steps: int = 40) -> Any:
     """Sliders for the first robot's suspension beside an unchanged second one, as an ipywidgets box.
 
@@ -104,7 +112,6 @@ def explorer(first: str = "system1 novice", second: str = "system1 expert", step
         steps: control steps of a ride.
     """
     import ipywidgets as widgets
-    from IPython.display import display
 
     start = ROBOTS[first]
     wide = {"style": {"description_width": "12em"}, "layout": widgets.Layout(width="30em"), "continuous_update": False}
@@ -125,20 +132,16 @@ def explorer(first: str = "system1 novice", second: str = "system1 expert", step
         "terrain_seed": widgets.IntSlider(0, min=0, max=20, description="terrain", **wide),
         "rear_held": widgets.Checkbox(True, description="hold the rear struts, as in the recordings"),
     }
-    screen = widgets.Output()
+    screen = widgets.Image(format="png")
 
     def show(_: Any = None) -> None:
         value = {name: knob.value for name, knob in knobs.items()}
         terrain = Terrain(cell_height_scale=value["roughness"])
         own = start.replace(**{name: value[name] for name in ("spring", "damping", "travel_lower")})
         same = {"terrain_seed": value["terrain_seed"], "throttle": value["throttle"], "rear_held": value["rear_held"]}
-        rides = {
-            "yours": ride(own, terrain, steps=steps, **same),
-            second: ride(ROBOTS[second], terrain, steps=steps, **same),
-        }
-        with screen:
-            screen.clear_output(wait=True)
-            display(rides_figure(rides))
+        rides = {"yours": ride(own, terrain, steps=steps, **same)}
+        rides[second] = ride(ROBOTS[second], terrain, steps=steps, **same)
+        screen.value = picture(rides_figure(rides))
 
     for knob in knobs.values():
         knob.observe(show, names="value")

@@ -167,6 +167,14 @@ COMPONENTS = (
 )
 
 
-def component_errors(losses: Sequence[Sequence[float]]) -> np.ndarray:
-    """Root mean square error of each component (13,), in its own unit, of the component losses (S, 13) of S trials."""
-    return np.sqrt(np.mean(np.asarray(losses, float), axis=0))
+def component_lines(columns: Iterable[Sequence[Sequence[float]]]) -> list[tuple]:
+    """A line a component of y: name, unit, and its root mean square error in each column.
+
+    Args:
+        columns: component losses (S, 13) of S trials each, as `Outcome.component_losses`.
+
+    Returns:
+        13 lines, or none without columns.
+    """
+    errors = [np.sqrt(np.mean(np.asarray(losses, float), axis=0)).tolist() for losses in columns]
+    return [(*named, *line) for named, *line in zip(COMPONENTS, *errors, strict=True)] if errors else []

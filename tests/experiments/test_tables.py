@@ -6,7 +6,7 @@ import pytest
 from sidm.experiments import Results, Study
 from sidm.experiments.tables import (
     COMPONENTS,
-    component_errors,
+    component_lines,
     markdown_table,
     provenance_block,
     provenance_line,
@@ -57,8 +57,10 @@ def test_spread_is_over_the_rows_of_a_key(trials, make_row):
     assert spread([], lambda row: ()) == []
 
 
-def test_component_errors_are_roots_of_mean_squares():
-    losses = [[4.0] * TARGET_SIZE, [14.0] * TARGET_SIZE]
-    np.testing.assert_allclose(component_errors(losses), 3.0)
-    assert len(COMPONENTS) == TARGET_SIZE
-    assert COMPONENTS[3] == ("quaternion x", "-") and COMPONENTS[12] == ("angular velocity z", "rad/s")
+def test_component_lines_are_roots_of_mean_squares():
+    few, many = [[4.0] * TARGET_SIZE, [14.0] * TARGET_SIZE], [[1.0] * TARGET_SIZE]
+    lines = component_lines([few, many])
+    assert len(lines) == len(COMPONENTS) == TARGET_SIZE
+    assert lines[3][:2] == ("quaternion x", "-") and lines[12][:2] == ("angular velocity z", "rad/s")
+    np.testing.assert_allclose([line[2:] for line in lines], [[3.0, 1.0]] * TARGET_SIZE)
+    assert component_lines([]) == []

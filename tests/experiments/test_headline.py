@@ -1,0 +1,29 @@
+"""The README's numbers are those of the store."""
+
+from pathlib import Path
+
+import pytest
+
+from sidm.experiments.grids import grid
+from sidm.experiments.headline import BEGIN, END, PRESET, headline, refresh
+from sidm.experiments.store import Results
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_the_readme_says_what_is_stored(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    rows = Results("results").rows(grid(PRESET, "3", data="no data"))
+    assert refresh(text, rows) == text, "out of date: make figures"
+
+
+def test_only_the_block_between_the_marks_changes():
+    text = f"before\n{BEGIN}\nold\n{END}\nafter"
+    assert refresh(text, []) == f"before\n{headline([])}\nafter"
+    assert "No trials stored" in headline([])
+
+
+def test_a_readme_without_its_marks_is_refused():
+    with pytest.raises(ValueError, match="headline: begin"):
+        refresh("nothing here", [])
