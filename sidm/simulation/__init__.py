@@ -1,12 +1,30 @@
 """The robots in simulation: the only part of the package that needs PyBullet."""
 
-try:
-    import pybullet  # noqa: F401
-except ImportError as error:
-    raise ImportError("simulating needs PyBullet: pip install pybullet (all else works without it)") from error
+import ctypes
+import os
+import sys
 
-from sidm.simulation.collect import collect, discards, simulate
-from sidm.simulation.exploration import POLICIES, draw_actions
-from sidm.simulation.simulator import Simulator
+
+def _import_pybullet_quietly() -> None:
+    """Import PyBullet without the line that it prints into every terminal, pipe and notebook."""
+    sys.stdout.flush()
+    screen, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    try:
+        import pybullet  # noqa: F401
+    except ImportError as error:
+        raise ImportError("simulating needs PyBullet: pip install pybullet (all else works without it)") from error
+    finally:
+        ctypes.CDLL(None).fflush(None)  # the line waits in C's own buffer
+        os.dup2(screen, 1)
+        os.close(screen)
+        os.close(nowhere)
+
+
+_import_pybullet_quietly()
+
+from sidm.simulation.collect import collect, discards, simulate  # noqa: E402
+from sidm.simulation.exploration import POLICIES, draw_actions  # noqa: E402
+from sidm.simulation.simulator import Simulator  # noqa: E402
 
 __all__ = ["POLICIES", "Simulator", "collect", "discards", "draw_actions", "simulate"]
