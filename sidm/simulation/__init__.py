@@ -1,22 +1,18 @@
 """The robots in simulation: the only part of the package that needs PyBullet."""
 
-import ctypes
 import os
-import sys
 
 
 def _import_pybullet_quietly() -> None:
-    """Import PyBullet without the line that it prints into every terminal, pipe and notebook."""
-    sys.stdout.flush()
-    screen, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 1)
+    """Import PyBullet without the line that it writes to standard error in every process and notebook."""
+    screen, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
     try:
         import pybullet  # noqa: F401
     except ImportError as error:
         raise ImportError("simulating needs PyBullet: pip install pybullet (all else works without it)") from error
     finally:
-        ctypes.CDLL(None).fflush(None)  # the line waits in C's own buffer
-        os.dup2(screen, 1)
+        os.dup2(screen, 2)
         os.close(screen)
         os.close(nowhere)
 
