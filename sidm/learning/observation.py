@@ -3,21 +3,21 @@
 The state vector is the table of `sidm.trajectory`. The input x is 11 numbers and a robot-centred height map; the output
 y, a transition, is 13 numbers:
 
-=====  ========================================  ========  ===================================
-index  quantity of x                             unit      frame
-=====  ========================================  ========  ===================================
-0-2    up direction                              -         body
+=====  ========================================  ==========  =======================
+index  quantity of x                             unit        frame
+=====  ========================================  ==========  =======================
+0-2    up direction                              -           body
 3-8    twist: linear, angular velocity           m/s, rad/s  body
-9-10   action: throttle, steering                -         -
-=====  ========================================  ========  ===================================
+9-10   action: throttle, steering                -           -
+=====  ========================================  ==========  =======================
 
-=====  ========================================  ========  ===================================
-index  quantity of y                             unit      frame
-=====  ========================================  ========  ===================================
-0-2    translation                               m         body before the step
-3-6    rotation, quaternion x,y,z,w with w >= 0  -         body before the step
+=====  ========================================  ==========  =======================
+index  quantity of y                             unit        frame
+=====  ========================================  ==========  =======================
+0-2    translation                               m           body before the step
+3-6    rotation, quaternion x,y,z,w with w >= 0  -           body before the step
 7-12   new twist: linear, angular velocity       m/s, rad/s  body after the step
-=====  ========================================  ========  ===================================
+=====  ========================================  ==========  =======================
 """
 
 from __future__ import annotations
