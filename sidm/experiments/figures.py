@@ -158,7 +158,7 @@ def figure4(rows: Sequence[Row], seed: int = 0) -> Figure:
             left.fill_between(time, mean - spread, mean + spread, color=style["color"], alpha=0.15, lw=0)
         for row in group:
             if row.trial.seed == seed:
-                right.plot(*np.array(row.outcome.example_predicted).T, label=label, **style)
+                right.plot(*np.array(row.outcome.example_predicted).T, **style)  # lines as on the left
     shown = [row for row in rows if row.trial.seed == seed]
     if shown:
         right.plot(
