@@ -41,7 +41,7 @@ def build_parser() -> argparse.ArgumentParser:
     train.add_argument("--method", default="sidm", help="sidm, novice_only or no_regularisation (%(default)s)")
     train.add_argument("--minutes", type=float, required=True, help="novice data, minutes of motion")
     train.add_argument(
-        "--seed", type=int, default=0,
+        "--seed", type=_seed, default=0,
         help="of the novice subset, the weights and the batches (%(default)s)",
     )  # fmt: skip
 
@@ -54,7 +54,8 @@ def build_parser() -> argparse.ArgumentParser:
     )  # fmt: skip
 
     for trainer in (train, run):
-        trainer.add_argument("--device", default="cpu", help="where to compute, cpu or cuda (%(default)s)")
+        words = "where to compute, cpu or cuda (%(default)s)"
+        trainer.add_argument("--device", type=_device, default="cpu", help=words)
 
     show = command("show", run_show, "List what is stored, stale (made by older code) and missing.")
     _add_preset(show)
@@ -108,10 +109,37 @@ def _preset(arguments: argparse.Namespace):
         if not equals:
             raise ConfigError(f"--set takes NAME=VALUE, not '{text}'")
         try:
-            changes[name] = yaml.safe_load(value)
+            changes[name] = _number(yaml.safe_load(value))
         except yaml.YAMLError:
             raise ConfigError(f"--set {name}: cannot read '{value}'") from None
     return load_preset(arguments.preset, **changes)
+
+
+def _number(value: Any) -> Any:
+    """A value as YAML read it, but 1e-3 as the number that it is to everybody else."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
+
+
+def _device(name: str) -> str:
+    """An argument that names a device PyTorch can compute on here."""
+    import torch
+
+    try:
+        torch.zeros(1, device=name)
+    except (RuntimeError, AssertionError) as error:
+        raise argparse.ArgumentTypeError(f"'{name}' cannot be used here: {str(error).splitlines()[0]}") from None
+    return name
+
+
+def _seed(text: str) -> int:
+    """An argument that is a seed."""
+    number = int(text)
+    if number < 0:
+        raise argparse.ArgumentTypeError(f"must not be negative, not {number}")
+    return number
 
 
 def _trials(arguments: argparse.Namespace, preset: Any) -> list:
@@ -199,7 +227,7 @@ def main(words: Sequence[str] | None = None) -> int:
         return _fail("a worker was killed (out of memory?); the same command goes on where this one was", 1)
     except KeyboardInterrupt:
         return _fail("stopped; the same command goes on where this one was", 1)
-    except (ShardError, OSError, ImportError) as error:
+    except (ShardError, OSError, ImportError, RuntimeError) as error:
         return _fail(error, 1)
 
 

@@ -161,10 +161,13 @@ def _read_file(path: Path) -> dict[str, Any]:
         values = yaml.safe_load(path.read_text())
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such parameter file") from None
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: not YAML ({_first_line(error)})") from None
     if not isinstance(values, dict):
         raise ConfigError(f"{path}: a parameter file is a mapping 'name: value', not {type(values).__name__}")
+    strange = [name for name in values if not isinstance(name, str)]
+    if strange:
+        raise ConfigError(f"{path}: a parameter's name is text, not {strange[0]!r}")
     return values
 
 
@@ -205,6 +208,8 @@ def refresh(path: Path) -> Path:
     except CellExecutionError as error:
         reason = f"a cell failed, {error.ename}: {_first_line(error.evalue)}"
         raise NotebookError(f"{path}: {reason}; the notebook is unchanged") from None
+    for part in (notebook, *notebook.cells):  # what papermill notes of its runs: times and this machine's paths
+        part.metadata.pop("papermill", None)
     nbformat.write(notebook, path)
     return Path(path)
 

@@ -17,6 +17,7 @@ DIRECTION = "In the same direction"
 NOT_SEEN = "Not seen"
 CONTRARY = "Contrary"
 UNCLEAR = "Unclear in the paper"
+FEWEST_SEEDS = 3  # resampling fewer only gives back the seeds themselves
 NO_VERDICT = "No verdict"  # not run, one seed, or sizes from which no figure follows
 
 
@@ -60,10 +61,11 @@ def difference(losses: Losses, size: int) -> Interval:
 
 
 def meeting_size(losses: Losses) -> float | None:
-    """The smallest size, in minutes, from which on no interval of the difference lies above zero; None: not yet met."""
+    """The smallest size, in minutes, from which on the interval of the difference holds zero; None: not yet met."""
     met = None
     for size in reversed(range(len(losses.minutes))):
-        if difference(losses, size).low > 0:
+        found = difference(losses, size)
+        if not found.low <= 0 <= found.high:
             break
         met = float(losses.minutes[size])
     return met
@@ -91,9 +93,11 @@ def _deviation(rows: Sequence[Row], minutes: float) -> Claim:
 
 
 def _judged(ours: str, found: Interval | None, losses: Losses, said: str) -> tuple[str, str, Interval | None]:
-    """The last columns of a claim; a single seed has no interval and gives no verdict."""
-    if len(losses.values) < 2:
-        return f"{ours.split(' [')[0]} (one seed)", said if said == UNCLEAR else NO_VERDICT, found
+    """The last columns of a claim; fewer than FEWEST_SEEDS make no interval and give no verdict."""
+    seeds = len(losses.values)
+    if seeds < FEWEST_SEEDS:
+        few = "one seed" if seeds == 1 else f"{seeds} seeds"
+        return f"{ours.split(' [')[0]} ({few})", said if said == UNCLEAR else NO_VERDICT, found
     return ours, said, found
 
 

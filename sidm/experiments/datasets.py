@@ -7,11 +7,15 @@ results needs no data. Where both speak, the data on this disk count.
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import json
+import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from sidm.config import ConfigError
+from sidm.experiments.pool import local_pool
 from sidm.experiments.presets import Preset
 from sidm.experiments.trials import UNKNOWN, Dataset, Trial
 from sidm.systems import SYSTEMS
@@ -34,12 +38,14 @@ def _read(path: Path) -> dict[str, str]:
 
 
 def _note(path: Path, entries: dict[str, str]) -> None:
-    """Add entries to a file of digests, keys sorted, unless they stand there."""
-    known = _read(path)
-    if all(known.get(name) == value for name, value in entries.items()):
-        return
-    text = json.dumps(dict(sorted((known | entries).items())), indent=1) + "\n"
-    write_atomically(path, lambda file: file.write(text.encode()))
+    """Add entries to a file of digests, keys sorted, unless they stand there; one process at a time."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with open(path.with_name(f".{path.name}.lock"), "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        known = _read(path)
+        if any(known.get(name) != value for name, value in entries.items()):
+            text = json.dumps(dict(sorted((known | entries).items())), indent=1) + "\n"
+            write_atomically(path, lambda file: file.write(text.encode()))
 
 
 def find_digest(dataset: Dataset, data: str | Path = "data", results: str | Path = "results") -> str:
@@ -112,10 +118,12 @@ def collect_datasets(
     from sidm.simulation import collect
 
     found = {}
-    for system in systems:
-        for dataset in preset.datasets(system).values():
-            trajectories = collect(
-                Path(data), dataset.collection, dataset.count, workers=workers, executor=executor, progress=progress
-            )
-            found[dataset.name] = note_digest(dataset, trajectories, data)
+    pool = contextlib.nullcontext(executor) if executor else local_pool(workers or os.cpu_count() or 1)
+    with pool as where:
+        for system in systems:
+            for dataset in preset.datasets(system).values():
+                trajectories = collect(
+                    Path(data), dataset.collection, dataset.count, executor=where, progress=progress
+                )
+                found[dataset.name] = note_digest(dataset, trajectories, data)
     return found

@@ -10,6 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
+from sidm.config import unknown_name
 from sidm.experiments.figures import CONTROL_STEP, STYLE
 from sidm.systems import ROLES, SYSTEMS, Physics, Robot, Terrain
 from sidm.terrain import generate_terrain
@@ -18,6 +19,13 @@ from sidm.trajectory import POSITION, QUATERNION
 #: The paper's four robots, by the names the explorer's menu shows.
 ROBOTS = {f"{system.name} {role}": system.robot(role) for system in SYSTEMS.values() for role in ROLES}
 LINES = ({"color": "#0072B2", "linestyle": "-"}, {"color": "#D55E00", "linestyle": "--"})
+
+
+def find_robot(name: str) -> Robot:
+    """The robot of that name, as 'system1 novice'; ConfigError naming the nearest otherwise."""
+    if name not in ROBOTS:
+        raise unknown_name(name, ROBOTS, "the robots")
+    return ROBOTS[name]
 
 
 class Ride(NamedTuple):
@@ -113,7 +121,7 @@ def explorer(first: str = "system1 novice", second: str = "system1 expert", step
     """
     import ipywidgets as widgets
 
-    start = ROBOTS[first]
+    start, other = find_robot(first), find_robot(second)
     wide = {"style": {"description_width": "12em"}, "layout": widgets.Layout(width="30em"), "continuous_update": False}
     knobs = {
         "spring": widgets.FloatLogSlider(start.spring, min=1.5, max=5, description="spring (N/m)", **wide),
@@ -140,7 +148,7 @@ def explorer(first: str = "system1 novice", second: str = "system1 expert", step
         own = start.replace(**{name: value[name] for name in ("spring", "damping", "travel_lower")})
         same = {"terrain_seed": value["terrain_seed"], "throttle": value["throttle"], "rear_held": value["rear_held"]}
         rides = {"yours": ride(own, terrain, steps=steps, **same)}
-        rides[second] = ride(ROBOTS[second], terrain, steps=steps, **same)
+        rides[second] = ride(other, terrain, steps=steps, **same)
         screen.value = picture(rides_figure(rides))
 
     for knob in knobs.values():

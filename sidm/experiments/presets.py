@@ -6,6 +6,7 @@ This table is the only place where a preset's numbers stand; `params/NAME.yaml` 
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any, Literal
 
 from sidm.config import ConfigError, config, conform, unknown_name
@@ -14,12 +15,15 @@ from sidm.learning.networks import PAPER_NETWORK, RELEASED_NETWORK, Network
 from sidm.learning.settings import Training
 from sidm.systems import find_system
 
+#: The exploration policies of `sidm.simulation`, which need not be installed to read results.
+POLICIES = ("ornstein_uhlenbeck", "sinusoid", "bounded_noise", "held")
+
 PresetName = Literal["smoke", "laptop", "released", "paper"]
 
 
 @config
 class Preset:
-    """The sizes of a study; the book's page on the experiments says why they are so."""
+    """The sizes of a study; the book's page on running it again says why they are so."""
 
     name: str
     expert_minutes: float
@@ -44,20 +48,32 @@ class Preset:
             most, pool = max(self.novice_minutes(system), default=0), self.pool_minutes(system)
             if most > pool:
                 raise ConfigError(f"novice_minutes_{system} asks for {most:g}, but pool_minutes_{system} is {pool:g}")
+        for name in ("expert_minutes", "validation_minutes", "pool_minutes_system1", "pool_minutes_system2"):
+            if not 0 < getattr(self, name) < float("inf"):
+                raise ConfigError(f"{name} must be positive and finite, not {getattr(self, name)}")
+        for name, value in _values(self.training).items():
+            if isinstance(value, float) and not math.isfinite(value):
+                raise ConfigError(f"{name} must be finite, not {value}")
+        if self.policy not in POLICIES:
+            raise unknown_name(self.policy, POLICIES, "the exploration policies")
         if self.seeds < 1:
             raise ConfigError(f"seeds must be at least 1, not {self.seeds}")
 
+    def _of(self, system: str, name: str) -> Any:
+        """A value that differs between the paper's systems; a system of your own has system 1's."""
+        return getattr(self, f"{name}_{find_system(system).name}", getattr(self, f"{name}_system1"))
+
     def novice_minutes(self, system: str) -> tuple[float, ...]:
         """The novice dataset sizes of a system's Figure 3, in minutes of motion."""
-        return getattr(self, f"novice_minutes_{find_system(system).name}")
+        return self._of(system, "novice_minutes")
 
     def pool_minutes(self, system: str) -> float:
         """Minutes of motion in a system's novice pool."""
-        return getattr(self, f"pool_minutes_{find_system(system).name}")
+        return self._of(system, "pool_minutes")
 
     def p_expert(self, system: str) -> float:
         """The paper's p_e for a system."""
-        return getattr(self, f"p_expert_{find_system(system).name}")
+        return self._of(system, "p_expert")
 
     def datasets(self, system: str) -> dict[str, Dataset]:
         """What all trials of a system need: 'novice' (the pool), 'expert', 'validation', 'rollout'."""

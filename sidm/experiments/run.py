@@ -7,14 +7,10 @@ With an executor of other machines, `data` must be a folder that they all see.
 from __future__ import annotations
 
 import contextlib
-import multiprocessing
-import os
 import shutil
-import signal
 import sys
-import threading
-from collections.abc import Iterable, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from collections.abc import Iterable
+from concurrent.futures import Executor, Future, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
@@ -23,6 +19,8 @@ from tqdm.auto import tqdm
 from sidm.config import ConfigError
 from sidm.experiments.datasets import note_datasets
 from sidm.experiments.measure import run_trial
+from sidm.experiments.pool import local_pool
+from sidm.experiments.provenance import source_hash
 from sidm.experiments.store import Results, Row
 from sidm.experiments.trials import UNKNOWN, Trial
 from sidm.learning.training import Tested
@@ -31,8 +29,8 @@ WORKERS = 2  # by default
 
 
 def checkpoint_folder(data: str | Path, trial: Trial) -> Path:
-    """Where an unfinished trial keeps its state, under the folder of the data."""
-    return Path(data) / "checkpoints" / trial.key
+    """Where an unfinished trial keeps its state: apart for each version of the code, so that none are mixed."""
+    return Path(data) / "checkpoints" / f"{trial.key}-{source_hash('learning')}"
 
 
 def refuse_unknown_data(trials: Iterable[Trial]) -> None:
@@ -44,35 +42,6 @@ def refuse_unknown_data(trials: Iterable[Trial]) -> None:
                     f"the dataset {dataset.name} is neither on this disk nor known to the results; "
                     f"'python -m sidm collect --preset NAME --system {trial.system}' makes a preset's data"
                 )
-
-
-def _die_with_parent() -> None:
-    """Initialiser of a local worker: end silently on Ctrl-C, and when the parent is gone."""
-    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # as where the parent runs in the background
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
-    parent = multiprocessing.parent_process()
-
-    def watch() -> None:
-        if parent is not None:
-            parent.join()
-            os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-@contextlib.contextmanager
-def _local_pool(workers: int) -> Iterator[Executor]:
-    """Fresh processes (spawn), which are ended when the block is left by an error or Ctrl-C."""
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_die_with_parent)
-    try:
-        yield pool
-    except BaseException:
-        for process in list((pool._processes or {}).values()):
-            process.terminate()
-        pool.shutdown(wait=False, cancel_futures=True)
-        raise
-    pool.shutdown()
 
 
 def run(
@@ -110,7 +79,7 @@ def run(
         raise ConfigError(f"workers must be at least 1, not {workers}")
     if missing:
         note_datasets(missing, store.folder)
-        pool = contextlib.nullcontext(executor) if executor else _local_pool(min(workers, len(missing)))
+        pool = contextlib.nullcontext(executor) if executor else local_pool(min(workers, len(missing)))
         with pool as where:
             _run_all(missing, where, Path(data).absolute(), store, progress, device)
     return store

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sidm.experiments.explorer import ROBOTS, explorer, ride, rides_figure, tilt
+from sidm.config import ConfigError
+from sidm.experiments.explorer import ROBOTS, explorer, find_robot, ride, rides_figure, tilt
 from sidm.systems import Terrain
 
 GROUND = Terrain(cell_height_scale=0.35)
@@ -49,3 +50,8 @@ def test_a_slider_draws_anew():
     before = screen.value
     next(knob for knob in knobs if knob.description.startswith("spring")).value = 100.0
     assert before[:4] == screen.value[:4] == b"\x89PNG" and before != screen.value
+
+
+def test_a_mistyped_robot_is_named_with_the_nearest():
+    with pytest.raises(ConfigError, match="system1 novise.*system1 novice"):
+        find_robot("system1 novise")

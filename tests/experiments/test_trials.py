@@ -11,6 +11,8 @@ import yaml
 from sidm.config import ConfigError
 from sidm.experiments import METHODS, PRESETS, UNKNOWN, Study, Trial, grid, load_preset
 from sidm.experiments.datasets import differing
+from sidm.experiments.presets import POLICIES
+from sidm.systems import SYSTEMS
 
 TRIAL = Trial(
     system="system1", method="sidm", novice_minutes=1, seed=0, pool_minutes=2, expert_minutes=3, validation_minutes=1,
@@ -164,3 +166,28 @@ def test_parameter_files_name_their_preset():
     assert found.keys() == PRESETS.keys()
     for name, values in found.items():
         assert values["preset"] == name and values["run_missing"] == (name == "smoke")
+
+
+def test_a_system_of_your_own_has_system_1s_sizes(monkeypatch):
+    """A third system can be listed, run and shown beside the paper's two."""
+    own = dataclasses.replace(SYSTEMS["system1"], name="soft")
+    monkeypatch.setitem(SYSTEMS, "soft", own)
+    preset = load_preset("smoke")
+    assert preset.pool_minutes("soft") == preset.pool_minutes_system1
+    assert {trial.system for trial in Study(preset).figure3("soft")} == {"soft"}
+    assert Study(preset).trial("soft", "sidm", 0.5).training.p_expert == preset.p_expert_system1
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("policy", "orstein"), ("expert_minutes", -5), ("validation_minutes", float("nan")), ("weight_decay", 1e999)],
+)
+def test_values_no_preset_can_have_are_refused(name, value):
+    with pytest.raises(ConfigError, match=name if name != "policy" else "ornstein_uhlenbeck"):
+        load_preset("laptop", **{name: value})
+
+
+def test_the_policies_of_a_preset_are_those_of_the_simulation():
+    from sidm.simulation import POLICIES as simulated
+
+    assert set(POLICIES) == set(simulated)
