@@ -25,7 +25,7 @@ def heave(sides=figures.SIDES):
 
 
 def velocities(robot):
-    """Of each part of the rear axle a unit of dq/dt, against the chassis: mass, velocity (3,), inertia and turn about y."""
+    """Of each part of the rear axle, a unit of dq/dt: mass, velocity (3,) and, about y, inertia and turn."""
     scale, (turn, shift) = robot.mass_scale, heave()
     for side in figures.SIDES:
         signs = figures.mirror("rear", side)
@@ -49,9 +49,9 @@ def falling_mass(robot):
 
 
 def computed_pole(robot, dt):
-    """The decay rate and angular frequency, 1/s, of q in free fall, as velocity-first Euler steps of `dt` have it.
+    """The decay rate and angular frequency, 1/s, of q in free fall, as velocity-first Euler steps of `dt` have them.
 
-    Without steps they are the roots of m s^2 + 4 c s + 4 k; the explicit damper adds to the decay, by up to a fifth here.
+    With ever smaller steps they become those of the roots of m s^2 + 4 c s + 4 k.
     """
     mass = falling_mass(robot)
     k, c = 4 * robot.spring / mass * dt**2, 4 * robot.damping / mass * dt
@@ -70,10 +70,11 @@ def measured_pole(travel, dt):
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_frequency_and_damping_of_heave_in_free_fall(name):
-    robot = ROBOTS[name].replace(spring_offset=-0.002, travel_lower=-0.02, travel_upper=0.002)  # swings clear of the stops
+    robot = ROBOTS[name].replace(spring_offset=-0.002, travel_lower=-0.02, travel_upper=0.002)  # clear of the stops
     physics = Physics(
-        rear_strut_hold=0.0, damping=0.0, drop_height=200.0, settling_time=0.0, steps_per_control=1, solver_iterations=200
-    )
+        rear_strut_hold=0.0, damping=0.0, drop_height=200.0, settling_time=0.0, steps_per_control=1,
+        solver_iterations=200,
+    )  # fmt: skip
     with Simulator(robot, FLAT, physics) as simulator:
         simulator.reset()
         travel = []
