@@ -8,11 +8,16 @@ from collections.abc import Callable
 import numpy as np
 
 
-def rate(work: Callable[[], int], rounds: int = 7) -> np.ndarray:
-    """Units of work a second of this process's CPU time, one figure a round; `work` returns its units."""
+def rate(work: Callable[[], int], prepare: Callable[[], object] = lambda: None, rounds: int = 7) -> np.ndarray:
+    """Units of work a second of this process's CPU time, one figure a round; `work` returns its units.
+
+    `prepare` is called before each round and is not counted.
+    """
+    prepare()
     work()  # warm up
     rates = []
     for _ in range(rounds):
+        prepare()
         start = time.process_time()
         units = work()
         rates.append(units / (time.process_time() - start))

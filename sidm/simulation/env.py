@@ -21,7 +21,7 @@ from gymnasium import spaces
 
 from sidm.simulation.collect import EpisodeRules
 from sidm.simulation.simulator import Simulator
-from sidm.systems import find_system
+from sidm.systems import System, find_system
 from sidm.terrain import generate_terrain, height_at
 from sidm.trajectory import ACTION_SIZE, POSITION, QUATERNION, STEPS, TWIST
 
@@ -47,14 +47,19 @@ class Rover(gymnasium.Env):
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
 
     def __init__(
-        self, system: str = "system1", role: str = "novice", pixels: int = 64, render_mode: str | None = None
+        self,
+        system: str | System = "system1",
+        role: str = "novice",
+        pixels: int = 64,
+        render_mode: str | None = None,
     ) -> None:
-        """Take `role` of `system`, maps of `pixels` a side, and 'rgb_array' for pictures."""
+        """Take `role` of `system`, a name or a pair of your own, maps of `pixels` a side, 'rgb_array' for pictures."""
         if pixels < 1:
             raise ValueError(f"pixels must be 1 or more, not {pixels}")
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode is None or 'rgb_array', not {render_mode!r}")
-        self.system, self.pixels, self.render_mode = find_system(system), pixels, render_mode
+        self.system = find_system(system) if isinstance(system, str) else system
+        self.pixels, self.render_mode = pixels, render_mode
         self.robot = self.system.robot(role)
         self.action_space = spaces.Box(-1.0, 1.0, (ACTION_SIZE,), np.float32)
         self.observation_space = spaces.Dict(

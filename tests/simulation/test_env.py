@@ -90,6 +90,8 @@ def test_pictures_show_the_robot_and_wrong_arguments_are_named():
         assert picture.shape == (480, 640, 3) and picture.dtype == np.uint8 and picture.std() > 5
         with pytest.raises(ValueError, match="unknown option 'seeed'"):
             env.reset(options={"seeed": 1})
+    own = SYSTEMS["system2"]
+    assert Rover(own, "expert", pixels=4).robot == own.expert
     with pytest.raises(ValueError, match="rgb_array"):
         Rover(render_mode="human")
     with pytest.raises(gymnasium.error.ResetNeeded, match="reset"):
