@@ -38,7 +38,8 @@ class Rover(gymnasium.Env):
     height: together the x of section 4. Reward: 0.
 
     A step terminates the episode when the robot is stuck, rolled over or the simulation failed, and truncates it at
-    the terrain's border; ``info["ended"]`` names the cause. ``info["state"]`` is the absolute state (13,).
+    the terrain's border; ``info["ended"]`` names the cause. ``info["state"]`` is the absolute state (13,). A simulation
+    that failed has no place on the map: its step repeats the observation before it.
 
     `reset` takes ``options``: ``terrain_seed`` (int), ``heights`` (H, W), m, and ``start`` (x, y, yaw), m and rad;
     ground and heading are drawn where they are not given.
@@ -94,14 +95,17 @@ class Rover(gymnasium.Env):
         state = self._simulator.reset(x, y, yaw)
         half_width = (min(self._simulator.heights.shape) - 1) * self.system.terrain.spacing / 2
         self._rules = EpisodeRules(state, half_width)
-        return self._observe(state, np.zeros(ACTION_SIZE)), {"state": state, "ended": None}
+        self._seen = self._observe(state, np.zeros(ACTION_SIZE))
+        return _copy(self._seen), {"state": state, "ended": None}
 
     def step(self, action: np.ndarray) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
         """Drive for 0.1 s: observation, reward 0, terminated, truncated, info."""
         state = self.simulator.step(action)
         cause = self._rules.ended(state)
         ended, outside = cause not in (None, "border"), cause == "border"
-        return self._observe(state, action), 0.0, ended, outside, {"state": state, "ended": cause}
+        if np.isfinite(state).all():
+            self._seen = self._observe(state, action)
+        return _copy(self._seen), 0.0, ended, outside, {"state": state, "ended": cause}
 
     def render(self) -> np.ndarray | None:
         """The robot from a camera that follows it, (480, 640, 3) uint8; None without a render mode."""
@@ -192,6 +196,11 @@ def _heading(state: np.ndarray) -> tuple[float, float]:
     ahead = _rotation(state)[:2, 0]
     yaw = np.arctan2(ahead[1], ahead[0])
     return float(np.cos(yaw)), float(np.sin(yaw))
+
+
+def _copy(observation: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Arrays of the caller's own."""
+    return {name: values.copy() for name, values in observation.items()}
 
 
 gymnasium.register("sidm/Rover-v0", entry_point=f"{__name__}:Rover", max_episode_steps=STEPS)
