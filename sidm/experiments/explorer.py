@@ -43,7 +43,7 @@ def ride(
     throttle: float = 0.5,
     steering: float = 0.0,
     steps: int = 40,
-    rear_held: bool = True,
+    strut_motors: bool = True,
 ) -> Ride:
     """Drive a robot from the origin along x.
 
@@ -54,11 +54,11 @@ def ride(
         throttle: held, in [-1, 1].
         steering: held, in [-1, 1].
         steps: control steps of 0.1 s.
-        rear_held: hold the rear struts as in the recorded robot; otherwise both axles are sprung.
+        strut_motors: brake the struts as in the recorded robot; otherwise springs and dampers act alone.
     """
     from sidm.simulation import Simulator
 
-    physics = Physics() if rear_held else Physics(rear_strut_hold=0.0)
+    physics = Physics(strut_motors=strut_motors)
     with Simulator(robot, generate_terrain(terrain, terrain_seed), physics) as simulator:
         states, struts = [simulator.reset()], [simulator.strut_positions]
         for _ in range(steps):
@@ -138,7 +138,7 @@ def explorer(first: str = "system1 novice", second: str = "system1 expert", step
         "throttle": widgets.FloatSlider(0.5, min=-1, max=1, step=0.05, description="throttle", **wide),
         "roughness": widgets.FloatSlider(0.35, min=0, max=0.9, step=0.05, description="rock height scale (m)", **wide),
         "terrain_seed": widgets.IntSlider(0, min=0, max=20, description="terrain", **wide),
-        "rear_held": widgets.Checkbox(True, description="hold the rear struts, as in the recordings"),
+        "strut_motors": widgets.Checkbox(True, description="brake the struts, as in the recordings"),
     }
     screen = widgets.Image(format="png")
 
@@ -146,7 +146,7 @@ def explorer(first: str = "system1 novice", second: str = "system1 expert", step
         value = {name: knob.value for name, knob in knobs.items()}
         terrain = Terrain(cell_height_scale=value["roughness"])
         own = start.replace(**{name: value[name] for name in ("spring", "damping", "travel_lower")})
-        same = {"terrain_seed": value["terrain_seed"], "throttle": value["throttle"], "rear_held": value["rear_held"]}
+        same = {key: value[key] for key in ("terrain_seed", "throttle", "strut_motors")}
         rides = {"yours": ride(own, terrain, steps=steps, **same)}
         rides[second] = ride(other, terrain, steps=steps, **same)
         screen.value = picture(rides_figure(rides))

@@ -14,7 +14,7 @@ from concurrent.futures import Executor, Future, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
-from tqdm.auto import tqdm
+from tqdm import tqdm
 
 from sidm.config import ConfigError
 from sidm.experiments.datasets import note_datasets

@@ -14,7 +14,7 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
-from tqdm.auto import tqdm
+from tqdm import tqdm
 
 from sidm.simulation.exploration import draw_actions
 from sidm.simulation.simulator import Simulator

@@ -9,7 +9,10 @@ from typing import Any
 import numpy as np
 import pybullet
 
-from sidm.simulation.robot import KINGPINS, STRUT_RATES, STRUTS, WHEELS, urdf
+from sidm.simulation.dimensions import AXLES
+from sidm.simulation.rendering import DrawnRods
+from sidm.simulation.robot import HEAVES, KINGPINS, ROLLS, WHEELS, urdf
+from sidm.simulation.suspension import Suspension
 from sidm.systems import Physics, Robot
 from sidm.terrain import height_at
 
@@ -53,6 +56,7 @@ class Simulator:
             raise ValueError(f"heights must be finite with shape (H, W), at least (2, 2), not {heights.shape}")
         self.robot, self.physics, self.heights = robot, physics, heights
         self._visible = visible
+        self._suspensions = {axle: Suspension(robot, axle, physics) for axle in AXLES}
         self._client = Client()
         self._build()
         self._pristine = self._client.saveState()
@@ -75,17 +79,18 @@ class Simulator:
         client.setPhysicsEngineParameter(
             fixedTimeStep=physics.time_step,
             numSolverIterations=physics.solver_iterations,
+            solverResidualThreshold=physics.solver_residual,
             contactBreakingThreshold=physics.contact_threshold,
             contactSlop=physics.contact_slop,
             deterministicOverlappingPairs=1,
         )
         self._ground = self._build_ground()
         with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
-            file.write(urdf(self.robot))
+            file.write(urdf(self.robot, self._suspensions))
             file.flush()
             self._body = client.loadURDF(file.name, flags=client.URDF_USE_INERTIA_FROM_FILE)
         joints = {client.getJointInfo(self._body, j)[1].decode(): j for j in range(client.getNumJoints(self._body))}
-        self._struts = [joints[name] for name in STRUTS]
+        self._axles = [joints[name] for pair in zip(HEAVES, ROLLS, strict=True) for name in pair]
         self._wheels = [joints[name] for name in WHEELS]
         self._kingpins = [joints[name] for name in KINGPINS]
         for link in range(-1, len(joints)):
@@ -93,10 +98,14 @@ class Simulator:
                 self._body, link, linearDamping=physics.damping, angularDamping=physics.damping,
                 restitution=0.0, lateralFriction=self.robot.friction,
             )
-        hold = physics.rear_strut_hold / STRUT_RATES * np.array([1.0, 1.0, 0.0, 0.0])
-        client.setJointMotorControlArray(
-            self._body, self._struts, client.VELOCITY_CONTROL, targetVelocities=[0.0] * 4, forces=hold.tolist()
-        )
+        client.setJointMotorControlArray(self._body, self._axles, client.VELOCITY_CONTROL, forces=[0.0] * 4)
+        start = min(max(0.0, self.robot.travel_lower), self.robot.travel_upper)
+        for joint, suspension in zip(self._axles[::2], self._suspensions.values(), strict=True):
+            if suspension.heave_free:
+                client.resetJointState(self._body, joint, suspension.joints.heave_angle(start))
+        if self._visible:
+            axles = dict(zip(AXLES, self._axles[1::2], strict=True))  # a joint's number is that of the link it moves
+            self._rods = DrawnRods(client, self._body, axles, self._suspensions)
 
     def _build_ground(self) -> int:
         client, physics = self._client, self.physics
@@ -128,6 +137,8 @@ class Simulator:
         """
         client, physics = self._client, self.physics
         client.restoreState(self._pristine)
+        for suspension in self._suspensions.values():
+            suspension.slip = 0.0
         reach = np.linspace(-START_RADIUS, START_RADIUS, 41)
         dx, dy = np.meshgrid(reach, reach)
         near = np.hypot(dx, dy) <= START_RADIUS
@@ -162,22 +173,15 @@ class Simulator:
             )
 
     def _simulate(self, steps: int) -> None:
-        """Advance by physics steps, with the struts' spring and damper force in each."""
-        client, body, struts, robot = self._client, self._body, self._struts, self.robot
+        """Advance by physics steps, with the suspension's torques in each."""
+        client, body, joints = self._client, self._body, self._axles
         get, push, advance, torque_control = (
             client.getJointStates, client.setJointMotorControlArray, client.stepSimulation, client.TORQUE_CONTROL
         )
-        # torque = force / rate with force = spring (offset - angle / rate) - damping velocity / rate
-        rates = STRUT_RATES.tolist()
-        rest = [robot.spring * robot.spring_offset / r for r in rates]
-        stiff = [robot.spring / r**2 for r in rates]
-        damp = [robot.damping / r**2 for r in rates]
+        rear, front = (self._suspensions[axle].torques for axle in AXLES)
         for _ in range(steps):
-            torques = [
-                f - k * joint[0] - c * joint[1]
-                for f, k, c, joint in zip(rest, stiff, damp, get(body, struts), strict=True)
-            ]
-            push(body, struts, torque_control, forces=torques)
+            (h0, v0, *_), (r0, w0, *_), (h1, v1, *_), (r1, w1, *_) = get(body, joints)
+            push(body, joints, torque_control, forces=[*rear(h0, v0, r0, w0), *front(h1, v1, r1, w1)])
             advance()
 
     @property
@@ -191,8 +195,9 @@ class Simulator:
     @property
     def strut_positions(self) -> np.ndarray:
         """Travel of the struts (4,), m, compression positive: rear right, rear left, front right, front left."""
-        angles = [joint[0] for joint in self._client.getJointStates(self._body, self._struts)]
-        return np.array(angles) / STRUT_RATES
+        angles = [joint[0] for joint in self._client.getJointStates(self._body, self._axles[::2])]
+        pairs = zip(self._suspensions.values(), angles, strict=True)
+        return np.array([travel for suspension, angle in pairs for travel in suspension.travel(angle)])
 
     def ray_heights(self, points: np.ndarray) -> np.ndarray:
         """Heights (N,), m, where vertical rays at `points` (N, 2), m, meet the ground; NaN where they miss."""
@@ -218,6 +223,8 @@ class Simulator:
         The ground shows only in a simulator made with `visible=True`.
         """
         client = self._client
+        if self._visible:
+            self._rods.place()
         target = client.getBasePositionAndOrientation(self._body)[0]
         view = client.computeViewMatrixFromYawPitchRoll(target, distance, yaw, pitch, 0, 2)
         lens = client.computeProjectionMatrixFOV(45, width / height, 0.05, 60.0)
@@ -226,11 +233,14 @@ class Simulator:
         )[2]
         return np.asarray(pixels, np.uint8).reshape(height, width, 4)[..., :3]
 
-    def save(self) -> int:
+    def save(self) -> tuple[int, list[float]]:
         """A token for the present moment, to `restore` it later in this simulator."""
-        return self._client.saveState()
+        return self._client.saveState(), [suspension.slip for suspension in self._suspensions.values()]
 
-    def restore(self, token: int) -> np.ndarray:
+    def restore(self, token: tuple[int, list[float]]) -> np.ndarray:
         """Go back to the moment of `save`; its state (13,)."""
-        self._client.restoreState(token)
+        state, slips = token
+        self._client.restoreState(state)
+        for suspension, slip in zip(self._suspensions.values(), slips, strict=True):
+            suspension.slip = slip
         return self.state

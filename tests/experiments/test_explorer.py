@@ -26,7 +26,7 @@ def test_a_ride_has_its_steps_and_repeats(rides):
 
 def test_the_rear_struts_move_only_when_they_are_free():
     robot = ROBOTS["system2 expert"]
-    held, free = (ride(robot, GROUND, 3, 0.8, steps=12, rear_held=held) for held in (True, False))
+    held, free = (ride(robot, GROUND, 3, 0.8, steps=12, strut_motors=motors) for motors in (True, False))
     assert np.ptp(held.struts[:, :2]) < 0.002 < np.ptp(free.struts[:, :2])
 
 

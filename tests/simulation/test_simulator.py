@@ -1,11 +1,14 @@
 """The simulator: the ground it stands on, clean resets, determinism, stability, rules of behaviour."""
 
+import io
 import multiprocessing
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from sidm.simulation import Simulator
+from sidm.simulation.film import film, gif
 from sidm.systems import ROLES, SYSTEMS
 from sidm.terrain import generate_terrain, height_at
 
@@ -126,3 +129,28 @@ def test_a_picture_shows_robot_and_ground(rough):
     assert image.shape == (60, 80, 3) and image.dtype == np.uint8
     orange = (image[..., 0] > 120) & (image[..., 2] < 60)
     assert 10 < orange.sum() < 2000  # the chassis
+
+
+def test_pictures_show_the_struts_between_chassis_and_axle(rough):
+    with Simulator(SYSTEMS["system1"].expert, rough, visible=True) as simulator:
+        simulator.reset()
+        image = simulator.picture(320, 240, distance=1.0)
+    blue = (image[..., 2] > 100) & (image[..., 0] < 40)
+    orange = (image[..., 0] > 120) & (image[..., 2] < 60)
+    rows, columns = (np.flatnonzero(blue.any(axis=1 - k)) for k in range(2))
+    assert blue.sum() > 100
+    assert columns.min() < np.flatnonzero(orange.any(axis=0)).min()  # beyond both ends of the chassis
+    assert columns.max() > np.flatnonzero(orange.any(axis=0)).max()
+    assert rows.max() > np.flatnonzero(orange.any(axis=1)).min()
+
+
+def test_a_film_follows_the_drive_and_becomes_a_gif(rough):
+    actions = np.tile([0.5, 0.0], (3, 1))
+    with Simulator(SYSTEMS["system1"].novice, rough, visible=True) as simulator:
+        simulator.reset()
+        frames = film(simulator, actions, width=64, height=48)
+        last = simulator.picture(64, 48)
+    assert frames.shape == (3, 48, 64, 3) and np.array_equal(frames[-1], last)
+    assert not np.array_equal(frames[0], frames[-1])
+    with Image.open(io.BytesIO(gif(frames))) as image:
+        assert image.n_frames == 3 and image.info["duration"] == 100

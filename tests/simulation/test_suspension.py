@@ -1,59 +1,60 @@
 """The suspension's truth: sag, frequency and damping of the heave against values computed from the robot's figures.
 
-In heave all four struts move alike, by q. Each axle then turns about a fixed line of the chassis, so every part's
-velocity is its own constant times dq/dt, and the motion has one mass, one spring (four struts), one damper. The robots
-are taken with all struts free (`rear_strut_hold=0`) and without Bullet's drag on links, neither being the suspension's.
+In heave all four struts move alike, by q. Each axle then turns about a line of the chassis, so every part's velocity
+is its own constant times dq/dt, and the motion has one mass, one spring (four struts), one damper. The constants are
+the closed linkage's where q is, not those of the two joints that stand for it in the simulator. The robots are taken
+with all struts free (`strut_motors=False`) and without Bullet's drag on links, neither being the suspension's.
 """
 
 import numpy as np
 import pytest
 
 from sidm.simulation import Simulator
-from sidm.simulation import robot as figures
+from sidm.simulation import dimensions as figures
+from sidm.simulation.linkage import axle_pose, twists
+from sidm.simulation.robot import LINKAGE_MASS
+from sidm.simulation.suspension import BRAKE_LIMIT, BRAKED, FREE, Suspension
 from sidm.systems import ROLES, SYSTEMS, Physics
 
 ROBOTS = {f"{name} {role}": system.robot(role) for name, system in SYSTEMS.items() for role in ROLES}
 FLAT = np.zeros((300, 300))
 
 
-def heave(sides=figures.SIDES):
-    """How the rear axle moves against the chassis a metre of travel of these struts: turn (3,), rad, and shift (3,)."""
-    joints = [figures.strut_joints("rear")[side] for side in sides]
-    turn = sum(joint.rate * joint.axis for joint in joints)
-    shift = sum(joint.rate * np.cross(joint.point, joint.axis) for joint in joints)
-    return turn, shift
+def heave(travel):
+    """How the rear axle moves against the chassis a metre of q at q = travel: pose, turn (3,), rad, and shift (3,)."""
+    pose = axle_pose("rear", (travel, travel))
+    twist = twists("rear", pose).sum(axis=0)
+    return pose, twist[:3], twist[3:]
 
 
-def velocities(robot):
+def velocities(robot, travel):
     """Of each part of the rear axle, a unit of dq/dt: mass, velocity (3,) and, about y, inertia and turn."""
-    scale, (turn, shift) = robot.mass_scale, heave()
+    scale, (pose, turn, shift) = robot.mass_scale, heave(travel)
     for side in figures.SIDES:
         signs = figures.mirror("rear", side)
-        hub, tyre = signs * figures.REAR_LEFT_HUB, signs * figures.REAR_LEFT_TYRE
+        hub, tyre = pose.place(signs * figures.REAR_LEFT_HUB), pose.place(signs * figures.REAR_LEFT_TYRE)
         yield scale * figures.HUB_MASS, shift + np.cross(turn, hub), 0.0, turn[1]
         # held by its motor, the tyre turns with the axle
         yield scale * figures.TYRE_MASS, shift + np.cross(turn, tyre), scale * figures.TYRE_INERTIA[1], turn[1]
-    yield scale * figures.AXLE_MASS, shift + np.cross(turn, figures.REAR_AXLE), 0.0, turn[1]
-    # Links and struts, in the model one part in their middle that moves with one strut of the two: with half the heave.
-    first_turn, first_shift = heave(figures.SIDES[:1])
-    middle = figures.REAR_LEFT_RODS.mean(axis=(0, 1)) * (1, 0, 1)
-    yield scale * figures.LINKAGE_MASS, first_shift + np.cross(first_turn, middle), 0.0, first_turn[1]
+    yield scale * figures.AXLE_MASS, shift + np.cross(turn, pose.place(figures.REAR_AXLE)), 0.0, turn[1]
+    middle = pose.place(figures.REAR_LEFT_RODS.mean(axis=(0, 1)) * (1, 0, 1))  # links and struts, in the model one part
+    yield scale * LINKAGE_MASS, shift + np.cross(turn, middle), 0.0, turn[1]
 
 
-def falling_mass(robot):
+def falling_mass(robot, travel):
     """The mass, kg, that goes with q in free fall, where the chassis gives way so that momentum stays nought."""
-    parts = list(velocities(robot))
+    parts = list(velocities(robot, travel))
     own = 2 * sum(mass * v @ v + inertia * w * w for mass, v, inertia, w in parts)
     momentum = 2 * sum(mass * v[2] for mass, v, *_ in parts)
     return own - momentum**2 / (figures.CHASSIS_MASS + 2 * sum(mass for mass, *_ in parts))
 
 
-def computed_pole(robot, dt):
+def computed_pole(robot, travel, dt):
     """The decay rate and angular frequency, 1/s, of q in free fall, as velocity-first Euler steps of `dt` have them.
 
     With ever smaller steps they become those of the roots of m s^2 + 4 c s + 4 k.
     """
-    mass = falling_mass(robot)
+    mass = falling_mass(robot, travel)
     k, c = 4 * robot.spring / mass * dt**2, 4 * robot.damping / mass * dt
     root = max(np.roots([1, k + c - 2, 1 - c]).astype(complex), key=lambda z: z.imag)
     pole = np.log(root) / dt
@@ -72,7 +73,7 @@ def measured_pole(travel, dt):
 def test_frequency_and_damping_of_heave_in_free_fall(name):
     robot = ROBOTS[name].replace(spring_offset=-0.002, travel_lower=-0.02, travel_upper=0.002)  # clear of the stops
     physics = Physics(
-        rear_strut_hold=0.0, damping=0.0, drop_height=200.0, settling_time=0.0, steps_per_control=1,
+        strut_motors=False, damping=0.0, drop_height=200.0, settling_time=0.0, steps_per_control=1,
         solver_iterations=200,
     )  # fmt: skip
     with Simulator(robot, FLAT, physics) as simulator:
@@ -81,9 +82,9 @@ def test_frequency_and_damping_of_heave_in_free_fall(name):
         for _ in range(1500 if robot.spring < 1000 else 60):
             simulator.step(np.zeros(2))
             travel.append(simulator.strut_positions)
-    assert np.ptp(travel, axis=1).max() < 0.15 * np.ptp(travel)  # nearly alike: links hang on the right struts alone
+    assert np.ptp(travel, axis=1).max() < 0.02 * np.ptp(travel)  # all four alike
     decay, frequency = measured_pole(np.mean(travel, axis=1), physics.time_step)
-    expected_decay, expected_frequency = computed_pole(robot, physics.time_step)
+    expected_decay, expected_frequency = computed_pole(robot, robot.spring_offset, physics.time_step)
     assert frequency == pytest.approx(expected_frequency, rel=0.1)
     assert decay / np.hypot(decay, frequency) == pytest.approx(
         expected_decay / np.hypot(expected_decay, expected_frequency), rel=0.1
@@ -93,17 +94,66 @@ def test_frequency_and_damping_of_heave_in_free_fall(name):
 @pytest.mark.parametrize("name", ROBOTS)
 def test_static_sag_is_the_sprung_weight_on_four_struts_or_the_stop(name):
     robot = ROBOTS[name].replace(friction=0.0)  # tyres that slide, so that no friction holds the axles
-    physics = Physics(rear_strut_hold=0.0, settling_time=2.0)
+    physics = Physics(strut_motors=False, settling_time=2.0)
     with Simulator(robot, FLAT, physics) as simulator:
         simulator.reset()
         sag = simulator.strut_positions
     # With the tyres on the ground, raising the chassis by z turns the axles: q = -z / (tyre's rise a metre of q).
-    turn, shift = heave()
-    rise = (shift + np.cross(turn, figures.REAR_LEFT_TYRE))[2]
+    pose, turn, shift = heave(sag.mean())
+    rise = (shift + np.cross(turn, pose.place(figures.REAR_LEFT_TYRE)))[2]
     weight = figures.CHASSIS_MASS * rise
-    for mass, v, *_ in velocities(robot):
+    for mass, v, *_ in velocities(robot, sag.mean()):
         weight += 2 * mass * (rise - v[2])
     expected = min(robot.spring_offset + physics.gravity * weight / (4 * robot.spring), robot.travel_upper)
     deflection = abs(expected - robot.spring_offset)
     assert sag.mean() == pytest.approx(expected, abs=0.1 * deflection)
-    assert np.ptp(sag) < 0.25 * deflection
+    assert np.ptp(sag) < 0.12 * deflection
+
+
+def held_at(suspension, roll, steps):
+    """The torques on heave and roll after `steps` with the axle held at a roll, rad, and at no heave."""
+    for _ in range(steps):
+        torques = suspension.torques(suspension.joints.heave_angle(0.0), 0.0, roll, 0.0)
+    return torques
+
+
+def test_links_and_struts_are_springs_in_series_in_roll():
+    robot = ROBOTS["system2 novice"].replace(travel_lower=-0.02, travel_upper=0.02)  # clear of the stops
+    suspension = Suspension(robot, "front", Physics(strut_motors=False))
+    struts = 2 * robot.spring / suspension.joints.roll_rate(0.0) ** 2  # N m/rad
+    both = 1 / (1 / FREE.link_stiffness + 1 / struts)
+    assert held_at(suspension, 0.1, 400)[1] == pytest.approx(-0.1 * both, rel=1e-3)
+    right, left = suspension.travel(suspension.joints.heave_angle(0.0))
+    assert (left - right) / 2 * suspension.joints.roll_rate(0.0) == pytest.approx(0.1 * both / struts, rel=1e-3)
+
+
+def test_a_strut_at_its_stop_lifts_the_axle_away_and_leaves_the_links_to_give():
+    robot = ROBOTS["system1 novice"]  # its upper stop is where its struts are at zero
+    suspension = Suspension(robot, "front", Physics())
+    heave, roll = held_at(suspension, 0.1, 400)
+    assert suspension.slip == pytest.approx(0.0, abs=1e-12)
+    assert roll == pytest.approx(-0.1 * BRAKED["front"].link_stiffness, rel=1e-3)
+    assert heave < held_at(Suspension(robot, "front", Physics()), 0.0, 1)[0] - 100 * suspension.joints.heave_travel[1]
+
+
+def test_a_braked_rear_axle_creeps_and_yields_at_the_brakes_limit():
+    robot = ROBOTS["system2 expert"]
+    creeping, yielding = (Suspension(robot, "rear", Physics()) for _ in range(2))
+    stiffness = robot.mass_scale * BRAKED["rear"].link_stiffness
+    torque = -held_at(creeping, 10 / stiffness, 50)[1]
+    assert 0.9 * 10 < torque < 10  # N m, little lost in a tenth of a second
+    limit = 2 * BRAKE_LIMIT / creeping.joints.roll_rate(0.0)
+    assert -held_at(yielding, 60 / stiffness, 50)[1] == pytest.approx(limit, rel=0.05)
+
+
+def test_an_unbraked_robot_stands_on_both_axles_alike_and_a_braked_one_on_its_front():
+    robot = ROBOTS["system1 expert"]
+    sag = {}
+    for motors in (True, False):
+        with Simulator(robot, FLAT, Physics(strut_motors=motors, settling_time=2.0)) as simulator:
+            simulator.reset()
+            for _ in range(5):
+                simulator.step(np.array([0.5, 0.0]))
+            sag[motors] = simulator.strut_positions
+    assert np.abs(sag[True][:2]).max() < 1e-4 < np.abs(sag[True][2:]).min()
+    assert np.abs(sag[False]).min() > 1e-4
