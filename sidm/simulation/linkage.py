@@ -63,17 +63,22 @@ def rods(axle: str) -> np.ndarray:
     return np.concatenate([[mirror(axle, side) * rod for side in SIDES] for rod in REAR_LEFT_RODS])
 
 
+def _lengths(ends: np.ndarray, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
+    """Of rods with the given ends (6, 2, 3): length (6,), m, and how a twist (w, v) lengthens each (6, 6)."""
+    points = pose.place(ends[:, 0])
+    outward = points - ends[:, 1]
+    length = np.linalg.norm(outward, axis=1)
+    unit = outward / length[:, None]
+    return length, np.hstack([np.cross(points, unit), unit])
+
+
 def twists(axle: str, pose: Pose) -> np.ndarray:
     """The axle's twists (2, 6) a metre of travel of its right and of its left strut, from where it stands.
 
     A twist (w, v) lengthens a rod with unit vector u at the point p of the axle by u . (v + w x p). Four rods keep
     their length and the two struts shorten at given rates: six equations for the six numbers.
     """
-    ends = rods(axle)
-    points = pose.place(ends[:, 0])
-    outward = points - ends[:, 1]
-    unit = outward / np.linalg.norm(outward, axis=1, keepdims=True)
-    lengthening = np.hstack([np.cross(points, unit), unit])  # (6 rods, 6 of (w, v))
+    _, lengthening = _lengths(rods(axle), pose)
     return np.linalg.solve(lengthening, -np.eye(6)[:, 4:]).T
 
 
@@ -88,14 +93,11 @@ def axle_pose(axle: str, travel: tuple[float, float]) -> Pose:
     wanted[4:] -= travel
     pose = Pose(np.eye(3), np.zeros(3))
     for _ in range(20):
-        points = pose.place(ends[:, 0])
-        outward = points - ends[:, 1]
-        length = np.linalg.norm(outward, axis=1)
+        length, lengthening = _lengths(ends, pose)
         miss = wanted - length
         if np.abs(miss).max() < 1e-12:
             return pose
-        unit = outward / length[:, None]
-        step = np.linalg.solve(np.hstack([np.cross(points, unit), unit]), miss)
+        step = np.linalg.solve(lengthening, miss)
         turn = Rotation.from_rotvec(step[:3]).as_matrix()
         pose = Pose(turn @ pose.rotation, turn @ pose.shift + step[3:])
     right, left = map(float, travel)
