@@ -70,7 +70,7 @@ def measure_parts(system: System, heights: np.ndarray) -> None:
             report(f"{system.name} novice at rest, {what}", rates, "a s of CPU")
 
 
-def collecting(workers: int, shards: int = 2) -> float:
+def collecting(workers: int, shards: int = 6) -> float:
     """Kept control steps a second of wall-clock time of a collection in an empty folder, processes started anew."""
     collection = Collection(system="system1", role="novice", policy="ornstein_uhlenbeck", seed=99)
     with tempfile.TemporaryDirectory() as folder:
@@ -103,6 +103,13 @@ def main() -> None:
         return 1
 
     report("simulators built on a given terrain", rate(build), "a s of CPU")
+    with Simulator(system.novice, heights, system.physics) as simulator:
+
+        def exchange() -> int:
+            simulator.put_on(heights)
+            return 1
+
+        report("terrains exchanged under a simulator", rate(exchange), "a s of CPU")
     measure_collection()
 
 

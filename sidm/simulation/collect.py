@@ -6,6 +6,7 @@ and writes it in one piece, so a collection that was killed goes on with the sha
 
 from __future__ import annotations
 
+import functools
 import multiprocessing
 import os
 import zlib
@@ -64,7 +65,9 @@ class EpisodeRules:
         return "stuck" if self._since > STUCK_STEPS else None
 
 
-def attempt(system: System, collection: Collection, index: int, number: int) -> tuple[Trajectory | None, str | None]:
+def attempt(
+    simulator: Simulator, system: System, collection: Collection, index: int, number: int
+) -> tuple[Trajectory | None, str | None]:
     """Try number `number` at trajectory `index`: the trajectory, or the cause why it is thrown away."""
     names = (collection.system, collection.role, collection.policy)
     key = [zlib.crc32(name.encode()) for name in names]
@@ -72,23 +75,22 @@ def attempt(system: System, collection: Collection, index: int, number: int) -> 
     terrain_seed, yaw = int(rng.integers(2**62)), rng.uniform(-np.pi, np.pi)
     actions = draw_actions(collection.policy, STEPS, rng).astype(np.float32)
     heights = generate_terrain(system.terrain, terrain_seed)
-    with Simulator(system.robot(collection.role), heights, system.physics) as simulator:
-        states = [simulator.reset(0.0, 0.0, yaw)]
-        rules = EpisodeRules(states[0], system.terrain.half_width)
-        for action in actions:
-            states.append(simulator.step(action))
-            cause = rules.ended(states[-1])
-            if cause:
-                return None, cause
+    simulator.put_on(heights)
+    states = [simulator.reset(0.0, 0.0, yaw)]
+    rules = EpisodeRules(states[0], system.terrain.half_width)
+    for action in actions:
+        states.append(simulator.step(action))
+        cause = rules.ended(states[-1])
+        if cause:
+            return None, cause
     return Trajectory(index, np.array(states, np.float32), actions, terrain_seed, checksum(heights), ()), None
 
 
-def simulate(collection: Collection, index: int) -> Trajectory:
+def simulate(simulator: Simulator, system: System, collection: Collection, index: int) -> Trajectory:
     """Trajectory `index` of a collection: the first attempt to last 64 steps, with the count of those that did not."""
-    system = find_system(collection.system)
     causes: list[str | None] = []
     for number in range(MOST_ATTEMPTS):
-        trajectory, cause = attempt(system, collection, index, number)
+        trajectory, cause = attempt(simulator, system, collection, index, number)
         if trajectory is not None:
             return trajectory._replace(discarded=tuple(causes.count(name) for name in DISCARDS))
         causes.append(cause)
@@ -97,9 +99,15 @@ def simulate(collection: Collection, index: int) -> Trajectory:
 
 def make_shard(root: Path, collection: Collection, number: int) -> int:
     """Simulate and write one shard; how many trajectories it holds."""
-    indices = range(SHARD_SIZE * number, SHARD_SIZE * (number + 1))
-    write_shard(collection.shard(root, number), [simulate(collection, index) for index in indices])
+    system, indices = find_system(collection.system), range(SHARD_SIZE * number, SHARD_SIZE * (number + 1))
+    simulator = _simulator(system, collection.role)
+    write_shard(collection.shard(root, number), [simulate(simulator, system, collection, index) for index in indices])
     return SHARD_SIZE
+
+
+@functools.lru_cache(maxsize=1)  # a worker keeps it from shard to shard: building one takes a quarter of a trajectory
+def _simulator(system: System, role: str) -> Simulator:
+    return Simulator(system.robot(role), np.zeros((system.terrain.size, system.terrain.size)), system.physics)
 
 
 def missing_shards(root: Path, collection: Collection, count: int) -> list[int]:

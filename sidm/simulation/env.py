@@ -89,14 +89,21 @@ class Rover(gymnasium.Env):
         x, y, yaw = options.pop("start", (0.0, 0.0, self.np_random.uniform(-np.pi, np.pi)))
         if options:
             raise ValueError(f"unknown option {sorted(options)[0]!r}; known: terrain_seed, heights, start")
-        self.close()
         heights = generate_terrain(self.system.terrain, terrain_seed) if heights is None else heights
-        self._simulator = Simulator(self.robot, heights, self.system.physics, visible=self.render_mode is not None)
-        state = self._simulator.reset(x, y, yaw)
-        half_width = (min(self._simulator.heights.shape) - 1) * self.system.terrain.spacing / 2
+        self._begin(np.asarray(heights, float))
+        state = self.simulator.reset(x, y, yaw)
+        half_width = (min(self.simulator.heights.shape) - 1) * self.system.terrain.spacing / 2
         self._rules = EpisodeRules(state, half_width)
         self._seen = self._observe(state, np.zeros(ACTION_SIZE))
         return _copy(self._seen), {"state": state, "ended": None}
+
+    def _begin(self, heights: np.ndarray) -> None:
+        """Put the robot on a terrain (H, W), m, in the simulator at hand if that can be."""
+        if self._simulator is not None and not self.render_mode and heights.shape == self._simulator.heights.shape:
+            self._simulator.put_on(heights)
+            return
+        self.close()
+        self._simulator = Simulator(self.robot, heights, self.system.physics, visible=self.render_mode is not None)
 
     def step(self, action: np.ndarray) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
         """Drive for 0.1 s: observation, reward 0, terminated, truncated, info."""

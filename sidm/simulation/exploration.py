@@ -16,15 +16,21 @@ SUBSTEPS = 50  # of the Ornstein-Uhlenbeck process in a control step
 
 def ornstein_uhlenbeck(steps: int, rng: np.random.Generator) -> np.ndarray:
     """Actions (T, 2) of a mean-reverting walk, low-pass filtered, 50 substeps a control step; the paper's data."""
-    mean, pull = np.array([0.2, 0.0]), np.array([0.0125, 0.001])
-    noise, keep = np.array([0.025, 0.05]), np.array([0.8, 0.99])
-    walk, smooth, actions = np.zeros(2), np.zeros(2), np.empty((steps, 2))
-    for step, shocks in enumerate(rng.normal(0.0, noise, (steps, SUBSTEPS, 2))):
-        for shock in shocks:
-            walk = walk + pull * (mean - walk) + shock
-            smooth = np.clip(keep * smooth + (1 - keep) * walk, -1, 1)
-        actions[step] = smooth
-    return actions
+    shocks = rng.normal(0.0, (0.025, 0.05), (steps * SUBSTEPS, 2))
+    throttle = _filtered_walk(shocks[:, 0].tolist(), mean=0.2, pull=0.0125, keep=0.8)
+    steering = _filtered_walk(shocks[:, 1].tolist(), mean=0.0, pull=0.001, keep=0.99)
+    return np.array([throttle, steering]).T[SUBSTEPS - 1 :: SUBSTEPS]
+
+
+def _filtered_walk(shocks: list[float], mean: float, pull: float, keep: float) -> list[float]:
+    """A walk pulled towards its mean, seen through a low-pass filter that keeps within [-1, 1], after each shock."""
+    walk = smooth = 0.0
+    seen = []
+    for shock in shocks:
+        walk = walk + pull * (mean - walk) + shock
+        smooth = min(max(keep * smooth + (1 - keep) * walk, -1.0), 1.0)
+        seen.append(smooth)
+    return seen
 
 
 def sinusoid(steps: int, rng: np.random.Generator) -> np.ndarray:

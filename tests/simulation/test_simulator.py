@@ -51,6 +51,23 @@ def test_reset_erases_all_history(rough):
     assert np.array_equal(again, first)
 
 
+def test_an_exchanged_terrain_drives_as_a_new_simulator_does(rough):
+    system = SYSTEMS["system1"]
+    with Simulator(system.novice, FLAT) as simulator:
+        simulator.reset()
+        simulator.step((1.0, 0.4))
+        for heights in (2 * rough, rough):
+            simulator.put_on(heights)
+            assert simulator.heights is heights
+            exchanged = [simulator.reset(0.3, -0.2, 0.4)] + [simulator.step((0.7, 0.3)) for _ in range(5)]
+        points = np.random.default_rng(0).uniform(5, 10, (50, 2))  # away from the robot
+        assert np.abs(simulator.ray_heights(points) - height_at(rough, *points.T)).max() < 1e-3
+    for visible in (False, True):
+        with Simulator(system.novice, rough, visible=visible) as new:
+            first = [new.reset(0.3, -0.2, 0.4)] + [new.step((0.7, 0.3)) for _ in range(5)]
+        assert np.array_equal(exchanged, first)
+
+
 def test_another_process_drives_the_same_trajectory(rough):
     system = SYSTEMS["system2"]
     here = drive(system, "expert", rough)
@@ -115,7 +132,11 @@ def test_wrong_input_is_refused_with_both_shapes():
     system = SYSTEMS["system1"]
     with pytest.raises(ValueError, match=r"\(H, W\).*\(300,\)"):
         Simulator(system.novice, np.zeros(300))
+    with pytest.raises(ValueError, match="finite, within 100 m"):
+        Simulator(system.novice, np.full((300, 300), np.nan))
     with Simulator(system.novice, FLAT) as simulator:
+        with pytest.raises(ValueError, match=r"\(300, 300\).*\(20, 20\)"):
+            simulator.put_on(np.zeros((20, 20)))
         simulator.reset()
         with pytest.raises(ValueError, match=r"\(2,\).*\(3,\)"):
             simulator.step((0.0, 0.0, 0.0))
