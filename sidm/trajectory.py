@@ -20,7 +20,7 @@ from __future__ import annotations
 import hashlib
 import os
 import zipfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -103,6 +103,7 @@ def read_shard(path: Path) -> list[Trajectory]:
     try:
         with np.load(path, allow_pickle=False) as data:
             columns = {name: data[name] for name in data.files}
+        _check_shapes(columns)
         return [
             Trajectory(
                 index=int(columns["index"][i]),
@@ -119,6 +120,18 @@ def read_shard(path: Path) -> list[Trajectory]:
     except (OSError, ValueError, KeyError, IndexError, EOFError, zipfile.BadZipFile) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise ShardError(f"{path}: the shard is damaged ({reason}); delete it and collect again") from error
+
+
+def _check_shapes(columns: Mapping[str, np.ndarray]) -> None:
+    """ValueError unless a shard's columns belong together."""
+    count, steps = columns["actions"].shape[:2]
+    wanted = {
+        "index": (count,), "states": (count, steps + 1, STATE_SIZE), "actions": (count, steps, ACTION_SIZE),
+        "terrain_seed": (count,), "terrain_checksum": (count,), "discarded": (count, len(DISCARDS)),
+    }  # fmt: skip
+    for name, shape in wanted.items():
+        if columns[name].shape != shape:
+            raise ValueError(f"{name} has shape {columns[name].shape}, not {shape}")
 
 
 def trajectories_for(minutes: float) -> int:

@@ -84,6 +84,13 @@ def test_a_truncated_shard_is_found(tmp_path):
         read_shard(path)
 
 
+def test_columns_that_do_not_belong_together_are_found(tmp_path):
+    path = COLLECTION.shard(tmp_path, 0)
+    write_shard(path, [one._replace(states=one.states[:-1]) for one in some_trajectories(0, 2)])
+    with pytest.raises(ShardError, match=r"states has shape \(2, 64, 13\), not \(2, 65, 13\)"):
+        read_shard(path)
+
+
 def test_a_missing_shard_is_named(tmp_path):
     fill(tmp_path, 1)
     with pytest.raises(ShardError, match="shard-00001.npz.*collect"):

@@ -27,7 +27,7 @@ from sidm.trajectory import (
 )
 
 TEST_EVERY = 4  # one trajectory of four is for testing: 75 % train, 25 % test (section 4)
-SMALLEST_STD = 1e-6  # of a component that never changes
+SMALLEST_STD = 1e-6  # of a component that changes; one that does not keeps its raw unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ def _moments(parts: Iterable[Tensor]) -> tuple[Tensor, Tensor]:
         count, total, squares = count + len(wide), total + wide.sum(0), squares + wide.square().sum(0)
     mean = total / count
     std = (squares / count - mean.square()).clamp_min(0).sqrt()
-    return mean.float(), std.float().clamp_min(SMALLEST_STD)
+    return mean.float(), torch.where(std > SMALLEST_STD, std, 1.0).float()
 
 
 def prepare(trajectories: Sequence[Trajectory], terrain: Terrain, pixels: int) -> Motion:

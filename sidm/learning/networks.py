@@ -91,7 +91,10 @@ class Encoder(nn.Module):
         self.register_buffer("map_std", units.map_std.clone())
 
     def forward(self, inputs: Tensor, maps: Tensor) -> Tensor:
-        """Latent state-actions (B, T, latent) of inputs (B, T, 11), raw units, and maps (B, T, P, P), m."""
+        """Latent state-actions (B, T, latent) of inputs (B, T, 11), raw units, and maps (B, T, P, P), m.
+
+        Under `torch.autocast` the layers compute in its precision; the latents have the inputs' all the same.
+        """
         expect(inputs, ("B", "T", INPUT_SIZE), "inputs")
         expect(maps, (*inputs.shape[:2], self.pixels, self.pixels), "maps")
         pixels = (maps.flatten(0, 1).to(inputs.dtype) - self.map_mean) / self.map_std  # (B T, P, P)
@@ -99,7 +102,8 @@ class Encoder(nn.Module):
         features = self.convolutions(pixels.unsqueeze(-1).movedim(-1, 1))  # (B T, 4, P - 6, P - 6)
         features = features.movedim(1, -1).flatten(1)  # (B T, 4 (P - 6)^2), a view
         numbers = ((inputs - self.input_mean) / self.input_std).flatten(0, 1)  # (B T, 11)
-        return self.dense(torch.cat([features, numbers], dim=-1)).unflatten(0, inputs.shape[:2])
+        latents = self.dense(torch.cat([features, numbers.to(features.dtype)], dim=-1))
+        return latents.to(inputs.dtype).unflatten(0, inputs.shape[:2])
 
 
 class SIDM(nn.Module):

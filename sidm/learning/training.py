@@ -87,7 +87,7 @@ def predict_phase(learner: Learner, progress: Callable[[Tested], None] | None = 
     """Algorithm 1: the parts of the systems drawn, and the SIDM, learn to predict."""
     training = learner.training
     for _ in range(training.prediction_iterations):
-        losses = batch_losses(learner.model, learner.draw_batch())
+        losses = batch_losses(learner, learner.draw_batch())
         loss = torch.cat(list(losses.values())).mean()  # over the whole batch, whatever the system
         learner.prediction.zero_grad()
         (loss / TARGET_SIZE if training.reduction == "mean" else loss).backward()
@@ -109,12 +109,11 @@ def regularise_phase(learner: Learner) -> None:
 
 def discriminator_iteration(learner: Learner) -> None:
     """One update of A alone, equation (2)."""
-    count, encoders = learner.training.discriminator_batch, learner.model.encoders
+    count = learner.training.discriminator_batch
     expert = learner.draw("expert", count, "discriminator expert")
     novice = learner.draw("novice", count, "discriminator novice")
     with torch.no_grad():
-        expert_latents = encoders["expert"](expert.inputs, expert.maps)
-        novice_latents = encoders["novice"](novice.inputs, novice.maps)
+        expert_latents, novice_latents = encode(learner, "expert", expert), encode(learner, "novice", novice)
     expert_logits, novice_logits = map(learner.discriminator.logits, (expert_latents, novice_latents))
     learner.discrimination.zero_grad()
     expected_discriminator_loss(expert_logits, novice_logits).backward()
@@ -127,16 +126,23 @@ def matching_iteration(learner: Learner) -> None:
     """One update of E_n alone, equation (4)."""
     encoder = learner.model.encoders["novice"]
     novice = learner.draw("novice", learner.training.matching_batch, "matching")
-    loss = expected_matching_loss(learner.discriminator.logits(encoder(novice.inputs, novice.maps)))
+    loss = expected_matching_loss(learner.discriminator.logits(encode(learner, "novice", novice)))
     learner.prediction.zero_grad()  # drops the gradients of all parts; those without one are not stepped
     loss.backward(inputs=list(encoder.parameters()))
     learner.matching.step()
 
 
-def batch_losses(model: DynamicsModel, batch: dict[str, Motion]) -> dict[str, Tensor]:
+def encode(learner: Learner, role: str, motion: Motion) -> Tensor:
+    """Latent state-actions (b, T, 128), float32, computed in the training's precision."""
+    low = learner.training.precision == "bfloat16"
+    with torch.autocast(learner.device.type, torch.bfloat16, enabled=low):
+        return learner.model.encoders[role](motion.inputs, motion.maps)
+
+
+def batch_losses(learner: Learner, batch: dict[str, Motion]) -> dict[str, Tensor]:
     """Equation (1) for each sample of a batch by system, (b, T) each; the SIDM sees the whole batch at once."""
-    latents = [model.encoders[role](motion.inputs, motion.maps) for role, motion in batch.items()]
-    transitions, _ = model.sidm(torch.cat(latents))
+    model = learner.model
+    transitions, _ = model.sidm(torch.cat([encode(learner, role, motion) for role, motion in batch.items()]))
     parts = transitions.split([len(motion) for motion in batch.values()])
     return {
         role: prediction_loss(model.decoders[role](part), motion.targets)
