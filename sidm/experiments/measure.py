@@ -57,8 +57,8 @@ def load_datasets(trial: Trial, data: str | Path = "data") -> tuple[Datasets, li
     train_part, test_part = novice_split(len(motions["novice"]), trial.novice_minutes, trial.seed)
     return (
         Datasets(
-            train=motions["novice"].take(train_part),
-            test=motions["novice"].take(test_part),
+            train=motions["novice"].part(train_part),
+            test=motions["novice"].part(test_part),
             validation=motions["validation"],
             expert=motions["expert"],
         ),

@@ -27,6 +27,8 @@ from sidm.trajectory import (
 )
 
 TEST_EVERY = 4  # one trajectory of four is for testing: 75 % train, 25 % test (section 4)
+Indices = Tensor | np.ndarray | Sequence[int]
+
 SMALLEST_STD = 1e-6  # of a component that changes; one that does not keeps its raw unit
 
 
@@ -42,10 +44,14 @@ class Motion:
         """N."""
         return len(self.inputs)
 
-    def take(self, indices: Tensor | np.ndarray | Sequence[int]) -> Motion:
+    def take(self, indices: Indices) -> Motion:
         """The trajectories of these indices, copied."""
         chosen = torch.as_tensor(indices, dtype=torch.long)
         return Motion(self.inputs[chosen], self.targets[chosen], self.maps[chosen])
+
+    def part(self, indices: Indices) -> Part:
+        """The trajectories of these indices, not copied."""
+        return Part(self, torch.as_tensor(indices, dtype=torch.long))
 
     def first(self, count: int) -> Motion:
         """The first `count` trajectories, or all where there are fewer, not copied."""
@@ -65,11 +71,49 @@ class Motion:
         return Motion(self.inputs.to(device), self.targets.to(device), self.maps.to(device))
 
 
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Some trajectories of a Motion, by index: their maps stay in its file until they are taken."""
+
+    whole: Motion
+    indices: Tensor  # (N,) int64
+
+    def __len__(self) -> int:
+        """N."""
+        return len(self.indices)
+
+    @property
+    def inputs(self) -> Tensor:
+        """(N, T, 11) float32, raw units."""
+        return self.whole.inputs[self.indices]
+
+    @property
+    def targets(self) -> Tensor:
+        """(N, T, 13) float32, raw units."""
+        return self.whole.targets[self.indices]
+
+    def take(self, indices: Indices) -> Motion:
+        """The trajectories of these indices within the part, copied."""
+        return self.whole.take(self.indices[torch.as_tensor(indices, dtype=torch.long)])
+
+    def first(self, count: int) -> Part:
+        """The first `count` trajectories, or all where there are fewer."""
+        return Part(self.whole, self.indices[:count])
+
+    def split(self, size: int) -> Iterator[Motion]:
+        """All trajectories in order, at most `size` at a time, each copied when its turn comes."""
+        return (self.whole.take(indices) for indices in self.indices.split(size))
+
+    def draw(self, count: int, generator: torch.Generator) -> Motion:
+        """`count` trajectories drawn with replacement."""
+        return self.take(torch.randint(len(self), (count,), generator=generator))
+
+
 class Datasets(NamedTuple):
     """What a trial learns from and is judged by."""
 
-    train: Motion  # the novice's, to learn from
-    test: Motion  # the novice's, to stop by
+    train: Motion | Part  # the novice's, to learn from
+    test: Motion | Part  # the novice's, to stop by
     validation: Motion  # the novice's, to judge by
     expert: Motion | None = None
 
@@ -125,7 +169,8 @@ def prepare(trajectories: Sequence[Trajectory], terrain: Terrain, pixels: int) -
 def load_motion(root: str | Path, collection: Collection, count: int, terrain: Terrain, pixels: int) -> Motion:
     """The first `count` trajectories of a collection as tensors.
 
-    Their maps are computed once, written beside the shards and read by memory map, so that processes share them.
+    Their maps are computed once, written beside the shards and read by memory map, so that processes share them: a step
+    takes 96 bytes of memory, and 2 P^2 bytes of a file.
 
     Raises:
         ShardError: a shard is missing or damaged, or a terrain cannot be made again as it was; one line.

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from sidm.config import ConfigError
 from sidm.learning import checkpoint
-from sidm.learning.dataset import Datasets, Motion, Standardisation
+from sidm.learning.dataset import Datasets, Motion, Part, Standardisation
 from sidm.learning.losses import prediction_loss
 from sidm.learning.networks import Discriminator, DynamicsModel, Network, seeded
 from sidm.learning.seeds import generator
@@ -35,7 +35,7 @@ class Tested(NamedTuple):
     discriminator_accuracy: float | None  # share of latents told apart in the last discriminator phase; None without
 
 
-def mean_loss(model: DynamicsModel, motion: Motion, role: str = "novice") -> float:
+def mean_loss(model: DynamicsModel, motion: Motion | Part, role: str = "novice") -> float:
     """Equation (1) averaged over the steps of `motion`."""
     total = 0.0
     with torch.inference_mode():

@@ -5,6 +5,7 @@ The comparison without SIDM is the same loop with p_expert = 0 and regularise = 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -67,7 +68,7 @@ def train(
     Raises:
         ConfigError: data that the settings need are not there.
         CheckpointError: the checkpoint is damaged or of another run.
-        TrainingError: the loss was never a number.
+        TrainingError: a test found a loss that is not finite; the message names the iteration.
     """
     learner = Learner(datasets, network, training, seed, standardisation, device)
     if checkpoint is not None:
@@ -152,14 +153,17 @@ def batch_losses(learner: Learner, batch: dict[str, Motion]) -> dict[str, Tensor
 
 def _test(learner: Learner, progress: Callable[[Tested], None] | None) -> None:
     tested = learner.take_test()
+    for what, loss in (("training", tested.training_loss), ("test", tested.test_loss)):
+        if not math.isfinite(loss):
+            after = f"{learner.iteration} iterations"
+            raise TrainingError(f"the {what} loss is {loss} after {after}; lower the learning rate or look at the data")
     if progress is not None:
         progress(tested)
 
 
 def _result(learner: Learner) -> Trained:
     best = learner.stopper.best
-    if best is None or best != best:
-        raise TrainingError("the test loss is not a number; lower the learning rate or look at the data")
+    assert best is not None  # there was a test
     learner.model.load_state_dict(learner.best)
     return Trained(
         model=learner.model.eval(),

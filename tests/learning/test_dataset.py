@@ -1,6 +1,7 @@
 """Tensors from trajectories, the cache of maps, the nested split, standardisation."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -123,6 +124,37 @@ def test_take_first_split_and_draw(make_motion):
     assert torch.equal(torch.cat([part.maps for part in parts]), motion.maps)
     first, second = (motion.draw(5, torch.Generator().manual_seed(2)) for _ in range(2))
     assert torch.equal(first.targets, second.targets)
+
+
+def test_a_part_is_what_take_copies(make_motion):
+    motion, chosen = make_motion(7), [4, 1, 5, 0]
+    part, copy = motion.part(chosen), motion.take(chosen)
+    assert len(part) == 4 and torch.equal(part.inputs, copy.inputs) and torch.equal(part.targets, copy.targets)
+    assert torch.equal(torch.cat([some.maps for some in part.split(3)]), copy.maps)
+    assert torch.equal(part.first(2).take([1]).maps, motion.maps[[1]])
+    drawn, again = (one.draw(5, torch.Generator().manual_seed(2)) for one in (part, copy))
+    assert torch.equal(drawn.maps, again.maps)
+
+
+def anonymous_memory() -> float:
+    """MiB of this process that no file stands behind."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("RssAnon")) / 1024
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs Linux")
+def test_maps_stay_in_their_file(tmp_path):
+    """Drawing from half of 96 MiB of maps holds a batch of them, 1.5 MiB, not the 48; the allocator the rest."""
+    count, steps, pixels, batch = 192, 64, 64, 3
+    np.save(tmp_path / "maps.npy", np.ones((count, steps, pixels, pixels), np.float16))
+    maps = torch.from_numpy(np.load(tmp_path / "maps.npy", mmap_mode="c"))
+    motion = Motion(torch.zeros(count, steps, 11), torch.zeros(count, steps, 13), maps)
+    part, generator = motion.part(range(0, count, 2)), torch.Generator().manual_seed(0)
+    part.draw(batch, generator)
+    before = anonymous_memory()
+    assert sum(float(part.draw(batch, generator).maps[0, 0, 0, 0]) for _ in range(64)) == 64
+    assert sum(len(some) for some in part.split(batch)) == count // 2
+    assert anonymous_memory() - before < 16
 
 
 minutes = st.floats(0.1, 60)

@@ -286,8 +286,13 @@ def test_a_short_run_is_tested_at_its_end(run):
 
 def test_a_loss_that_is_no_number_is_an_error(run, datasets):
     datasets.test.targets.fill_(float("nan"))
-    with pytest.raises(TrainingError, match="not a number"):
-        run()
+    with pytest.raises(TrainingError, match="the test loss is nan after 2 iterations"):
+        run(test_interval=2)
+
+
+def test_training_that_diverges_stops_at_the_next_test(run):
+    with pytest.raises(TrainingError, match="the training loss is (nan|inf) after 3 iterations"):
+        run(learning_rate=1e30, test_interval=3)
 
 
 @pytest.mark.parametrize(
