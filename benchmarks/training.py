@@ -63,7 +63,7 @@ class ReleasedLoop:
         maps = F.grid_sample(terrains, points, padding_mode="border", align_corners=True)
         return maps if self.resolution == 64 else F.interpolate(maps, 64, mode="bilinear")
 
-    def iterate(self, iterations: int = 2) -> int:
+    def iterate(self, iterations: int = 8) -> int:
         """Prediction iterations, in samples."""
         for _ in range(iterations):
             system, chosen = int(torch.rand(()) < 0.75), torch.randint(TRAJECTORIES, (2,))

@@ -19,3 +19,11 @@ class Client:
         """A function or constant of PyBullet."""
         value = getattr(pybullet, name)
         return partial(value, physicsClientId=self._number) if callable(value) else value
+
+    def close(self) -> None:
+        """End it; further calls fail. One that nobody holds is ended too, for PyBullet has room for a thousand."""
+        if self._number >= 0:
+            pybullet.disconnect(physicsClientId=self._number)
+            self._number = -1
+
+    __del__ = close

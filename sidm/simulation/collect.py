@@ -86,8 +86,15 @@ def attempt(
     return Trajectory(index, np.array(states, np.float32), actions, terrain_seed, checksum(heights), ()), None
 
 
-def simulate(simulator: Simulator, system: System, collection: Collection, index: int) -> Trajectory:
+@functools.lru_cache(maxsize=1)  # a worker keeps it from shard to shard: building one takes a quarter of a trajectory
+def _simulator(system: System, role: str) -> Simulator:
+    return Simulator(system.robot(role), np.zeros((system.terrain.size, system.terrain.size)), system.physics)
+
+
+def simulate(collection: Collection, index: int) -> Trajectory:
     """Trajectory `index` of a collection: the first attempt to last 64 steps, with the count of those that did not."""
+    system = find_system(collection.system)
+    simulator = _simulator(system, collection.role)
     causes: list[str | None] = []
     for number in range(MOST_ATTEMPTS):
         trajectory, cause = attempt(simulator, system, collection, index, number)
@@ -99,15 +106,9 @@ def simulate(simulator: Simulator, system: System, collection: Collection, index
 
 def make_shard(root: Path, collection: Collection, number: int) -> int:
     """Simulate and write one shard; how many trajectories it holds."""
-    system, indices = find_system(collection.system), range(SHARD_SIZE * number, SHARD_SIZE * (number + 1))
-    simulator = _simulator(system, collection.role)
-    write_shard(collection.shard(root, number), [simulate(simulator, system, collection, index) for index in indices])
+    indices = range(SHARD_SIZE * number, SHARD_SIZE * (number + 1))
+    write_shard(collection.shard(root, number), [simulate(collection, index) for index in indices])
     return SHARD_SIZE
-
-
-@functools.lru_cache(maxsize=1)  # a worker keeps it from shard to shard: building one takes a quarter of a trajectory
-def _simulator(system: System, role: str) -> Simulator:
-    return Simulator(system.robot(role), np.zeros((system.terrain.size, system.terrain.size)), system.physics)
 
 
 def missing_shards(root: Path, collection: Collection, count: int) -> list[int]:

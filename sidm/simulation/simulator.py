@@ -54,7 +54,7 @@ class Simulator:
 
     def close(self) -> None:
         """Free the simulation; further calls fail."""
-        self._client.disconnect()
+        self._client.close()
 
     @property
     def heights(self) -> np.ndarray:

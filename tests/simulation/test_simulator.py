@@ -4,10 +4,12 @@ import io
 import multiprocessing
 
 import numpy as np
+import pybullet
 import pytest
 from PIL import Image
 
 from sidm.simulation import Simulator
+from sidm.simulation.client import Client
 from sidm.simulation.film import film, gif
 from sidm.systems import ROLES, SYSTEMS
 from sidm.terrain import generate_terrain, height_at
@@ -140,6 +142,17 @@ def test_wrong_input_is_refused_with_both_shapes():
         simulator.reset()
         with pytest.raises(ValueError, match=r"\(2,\).*\(3,\)"):
             simulator.step((0.0, 0.0, 0.0))
+
+
+def test_a_simulator_that_nobody_holds_is_freed():
+    client = Client()
+    number = client._number
+    del client
+    with Simulator(SYSTEMS["system1"].novice, FLAT) as simulator:
+        assert simulator._client._number == number  # its place is free again
+        simulator.close()
+        with pytest.raises(pybullet.error):
+            simulator.reset()
 
 
 def test_a_picture_shows_robot_and_ground(rough):
