@@ -1,5 +1,6 @@
 """Seeded fixtures: tiny synthetic motion that needs no simulator, and the smallest networks."""
 
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 import torch
 
 from sidm.learning import Datasets, Motion, Network, Training
+from sidm.learning.learner import Learner
 from sidm.systems import Terrain
 from sidm.terrain import generate_terrain
 from sidm.trajectory import Trajectory, checksum
@@ -89,3 +91,14 @@ def make_motion() -> Callable[..., Motion]:
 def datasets(make_motion) -> Datasets:
     """Six novice trajectories to learn from, two to test, three to validate, twelve of an expert with other gains."""
     return Datasets(make_motion(6, 1), make_motion(2, 2), make_motion(3, 3), make_motion(12, 4, gain=1.5))
+
+
+@pytest.fixture
+def make_learner(datasets, small_network, small_training) -> Callable[..., Learner]:
+    """A Learner with some settings changed."""
+
+    def make(**changes) -> Learner:
+        training = Training(**(dataclasses.asdict(small_training) | changes))
+        return Learner(datasets, small_network, training, 0)
+
+    return make

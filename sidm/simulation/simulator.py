@@ -36,13 +36,7 @@ class Simulator:
         """Build the terrain and the robot; nothing is simulated before `reset`."""
         self.robot, self.physics, self._visible = robot, physics, visible
         self._suspensions = {axle: Suspension(robot, axle, physics) for axle in AXLES}
-        self._client = Client()
-        try:
-            self._build(heights)
-        except Exception:
-            self.close()
-            raise
-        self._pristine = self._client.saveState()
+        self._start(heights)
 
     def __enter__(self) -> Simulator:
         """The simulator itself."""
@@ -55,6 +49,23 @@ class Simulator:
     def close(self) -> None:
         """Free the simulation; further calls fail."""
         self._client.close()
+
+    def _start(self, heights: np.ndarray) -> None:
+        self._client = Client()
+        try:
+            self._build(heights)
+        except Exception:
+            self.close()
+            raise
+        self._pristine = self._client.saveState()
+
+    def _restart(self) -> None:
+        """Back to the moment after building; where numbers are not finite, in a new Bullet, for they stay in the old."""
+        if np.isfinite(self.state).all():
+            self._client.restoreState(self._pristine)
+        else:
+            self.close()
+            self._start(self.heights)
 
     @property
     def heights(self) -> np.ndarray:
@@ -103,7 +114,7 @@ class Simulator:
         Raises:
             ValueError: another shape, not finite or too high; or the simulator is visible.
         """
-        self._client.restoreState(self._pristine)
+        self._restart()
         self._ground.exchange(heights)
         self._client.removeState(self._pristine)
         self._pristine = self._client.saveState()
@@ -113,8 +124,8 @@ class Simulator:
 
         All history is erased: the result is that of a new Simulator, bit for bit.
         """
+        self._restart()
         client, physics = self._client, self.physics
-        client.restoreState(self._pristine)
         for suspension in self._suspensions.values():
             suspension.slip = 0.0
         reach = np.linspace(-START_RADIUS, START_RADIUS, 41)

@@ -1,13 +1,10 @@
 """Prediction training held against a plain implementation: from the formulas, default layouts, one step at a time."""
 
-import dataclasses
-
 import pytest
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from sidm.learning import Training
 from sidm.learning.learner import Learner
 from sidm.learning.training import batch_losses, predict_phase
 
@@ -83,14 +80,6 @@ class PlainTraining:
         rate, weight = self.training.learning_rate, self.weights[name]
         weight *= 1 - rate * self.training.weight_decay
         weight -= rate * (mean / (1 - 0.9**count)) / ((square / (1 - 0.999**count)).sqrt() + 1e-8)
-
-
-@pytest.fixture
-def make_learner(datasets, small_network, small_training):
-    def make(**changes) -> Learner:
-        return Learner(datasets, small_network, Training(**(dataclasses.asdict(small_training) | changes)), 0)
-
-    return make
 
 
 def test_training_is_the_plain_one(make_learner):

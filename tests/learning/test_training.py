@@ -30,15 +30,6 @@ def changed(before: dict[str, torch.Tensor], after: dict[str, torch.Tensor]) -> 
 
 
 @pytest.fixture
-def make_learner(datasets, small_network, small_training):
-    def make(**changes) -> Learner:
-        training = Training(**(dataclasses.asdict(small_training) | changes))
-        return Learner(datasets, small_network, training, 0)
-
-    return make
-
-
-@pytest.fixture
 def run(datasets, small_network, small_training):
     def run(seed=0, sets=datasets, standardisation=None, progress=None, **changes):
         training = Training(**(dataclasses.asdict(small_training) | changes))

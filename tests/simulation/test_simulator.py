@@ -70,6 +70,16 @@ def test_an_exchanged_terrain_drives_as_a_new_simulator_does(rough):
         assert np.array_equal(exchanged, first)
 
 
+def test_a_failed_simulation_leaves_no_trace(rough):
+    with Simulator(SYSTEMS["system1"].novice, rough) as simulator:
+        first = simulator.reset()
+        for mend in (lambda: None, lambda: simulator.put_on(rough)):
+            simulator._client.resetBaseVelocity(simulator._body, [np.nan] * 3, [np.nan] * 3)
+            assert not np.isfinite(simulator.step((0.0, 0.0))).all()
+            mend()
+            assert np.array_equal(simulator.reset(), first)
+
+
 def test_another_process_drives_the_same_trajectory(rough):
     system = SYSTEMS["system2"]
     here = drive(system, "expert", rough)
