@@ -60,7 +60,7 @@ class Simulator:
         self._pristine = self._client.saveState()
 
     def _restart(self) -> None:
-        """Back to the moment after building; where numbers are not finite, in a new Bullet, for they stay in the old."""
+        """Back to the moment after building; not finite numbers would stay: then in a new Bullet."""
         if np.isfinite(self.state).all():
             self._client.restoreState(self._pristine)
         else:
