@@ -62,10 +62,6 @@ class Motion:
         parts = zip(self.inputs.split(size), self.targets.split(size), self.maps.split(size), strict=True)
         return (Motion(*part) for part in parts)
 
-    def draw(self, count: int, generator: torch.Generator) -> Motion:
-        """`count` trajectories drawn with replacement."""
-        return self.take(torch.randint(len(self), (count,), generator=generator))
-
     def to(self, device: torch.device | str) -> Motion:
         """The same on a device."""
         return Motion(self.inputs.to(device), self.targets.to(device), self.maps.to(device))
@@ -103,10 +99,6 @@ class Part:
     def split(self, size: int) -> Iterator[Motion]:
         """All trajectories in order, at most `size` at a time, each copied when its turn comes."""
         return (self.whole.take(indices) for indices in self.indices.split(size))
-
-    def draw(self, count: int, generator: torch.Generator) -> Motion:
-        """`count` trajectories drawn with replacement."""
-        return self.take(torch.randint(len(self), (count,), generator=generator))
 
 
 class Datasets(NamedTuple):

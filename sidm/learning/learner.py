@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,6 +26,20 @@ EVALUATION_BATCH = 32  # trajectories at a time where no gradient is needed
 
 #: What is drawn at random, each from a generator of its own, so that one seed gives all methods the same novice draws.
 PURPOSES = ("system", "novice", "expert", "discriminator novice", "discriminator expert", "matching")
+
+
+class TrainingError(RuntimeError):
+    """A run that came to nothing because a loss is not finite; the message is one line."""
+
+    def __init__(self, what: str, loss: float, iteration: int):
+        super().__init__(what, loss, iteration)
+        self.what, self.loss, self.iteration = what, loss, iteration
+
+    def __str__(self) -> str:
+        return (
+            f"the {self.what} loss is {self.loss} after {self.iteration} iterations; "
+            "lower the learning rate or look at the data"
+        )
 
 
 class Tested(NamedTuple):
@@ -96,14 +112,22 @@ class Learner:
         """A copy of the model's weights and buffers."""
         return {name: tensor.clone() for name, tensor in checkpoint.module_tensors(self.model).items()}
 
-    def draw(self, role: str, count: int, purpose: str) -> Motion:
-        """`count` random training trajectories of a system, on the device."""
+    def part(self, role: str) -> Motion | Part:
+        """The trajectories of a system to learn from."""
         motion = self.datasets.expert if role == "expert" else self.datasets.train
         assert motion is not None
-        return motion.draw(count, self.generators[purpose]).to(self.device)
+        return motion
 
-    def draw_batch(self) -> dict[str, Motion]:
-        """b_pred trajectories by system, each the expert's with probability p_e (Algorithm 1).
+    def draw_indices(self, role: str, count: int, purpose: str) -> Tensor:
+        """(count,) int64: which of a system's trajectories to learn from, drawn with replacement."""
+        return torch.randint(len(self.part(role)), (count,), generator=self.generators[purpose])
+
+    def draw(self, role: str, count: int, purpose: str) -> Motion:
+        """`count` random training trajectories of a system, on the device."""
+        return self.part(role).take(self.draw_indices(role, count, purpose)).to(self.device)
+
+    def draw_batch_indices(self) -> dict[str, Tensor]:
+        """Which b_pred trajectories make a batch, by system: each the expert's with probability p_e (Algorithm 1).
 
         Every place of the batch draws a novice's and an expert's trajectory and takes one of them: the novice's is the
         same for all methods.
@@ -112,34 +136,56 @@ class Learner:
         of_expert = torch.rand(count, generator=self.generators["system"]) < self.training.p_expert
         if self.training.system_draw == "iteration":
             of_expert = of_expert[:1].expand(count)
-        batch = {}
-        for role, motion, mine in zip(ROLES, (self.datasets.train, self.datasets.expert), (~of_expert, of_expert),
-                                      strict=True):  # fmt: skip
-            if motion is not None:
-                indices = torch.randint(len(motion), (count,), generator=self.generators[role])[mine]
+        chosen = {}
+        for role, mine in zip(ROLES, (~of_expert, of_expert), strict=True):
+            if role == "novice" or self.datasets.expert is not None:
+                indices = self.draw_indices(role, count, role)[mine]
                 if len(indices):
-                    batch[role] = motion.take(indices).to(self.device)
-        return batch
+                    chosen[role] = indices
+        return chosen
+
+    def draw_batch(self) -> dict[str, Motion]:
+        """The trajectories of a batch by system, on the device."""
+        return {role: self.part(role).take(which).to(self.device) for role, which in self.draw_batch_indices().items()}
 
     def note(self, losses: dict[str, Tensor]) -> None:
         """Count an iteration of prediction with per-sample `losses` (b, T) by system."""
-        self.iteration += 1
+        self.count({role: loss.numel() for role, loss in losses.items()})
         for role, loss in losses.items():
-            total, count = self.losses[role]
-            self.losses[role] = (total + float(loss.detach().double().sum()), count + loss.numel())
-            self.samples += loss.numel()
+            self.add_losses(role, float(loss.detach().double().sum()))
+
+    def count(self, samples: Mapping[str, int]) -> None:
+        """Count an iteration of prediction with so many samples by system."""
+        self.iteration += 1
+        for role, number in samples.items():
+            self.samples += number
+            self.losses[role] = (self.losses[role][0], self.losses[role][1] + number)
+
+    def add_losses(self, role: str, total: float) -> None:
+        """Remember a sum of losses of counted samples until the next test."""
+        self.losses[role] = (self.losses[role][0] + total, self.losses[role][1])
 
     def take_test(self) -> Tested:
         """Measure the test loss; keep the weights if its smoothed value is the lowest so far."""
+        if self.judge(mean_loss(self.model, self.test)):
+            self.best = self.weights()
+        return self.history[-1]
+
+    def judge(self, test_loss: float) -> bool:
+        """Add a test to the learning curve; whether its smoothed loss is the lowest so far.
+
+        Raises:
+            TrainingError: the test or the training loss is not finite; the test is not added.
+        """
         novice, everything = self.losses["novice"], tuple(map(sum, zip(*self.losses.values(), strict=True)))
         total, count = novice if novice[1] else everything
-        test = mean_loss(self.model, self.test)
-        tested = Tested(self.samples, total / max(count, 1), test, self.accuracy)
-        self.history.append(tested)
         self.losses = dict.fromkeys(ROLES, (0.0, 0))
-        if self.stopper.update(self.samples, self.iteration, tested.training_loss, test):
-            self.best = self.weights()
-        return tested
+        tested = Tested(self.samples, total / max(count, 1), test_loss, self.accuracy)
+        for what, loss in (("training", tested.training_loss), ("test", test_loss)):
+            if not math.isfinite(loss):
+                raise TrainingError(what, loss, self.iteration)
+        self.history.append(tested)
+        return self.stopper.update(self.samples, self.iteration, tested.training_loss, test_loss)
 
     def save(self, folder: Path) -> None:
         """Write the whole state as the checkpoint of `folder`."""

@@ -5,7 +5,6 @@ The comparison without SIDM is the same loop with p_expert = 0 and regularise = 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -14,17 +13,13 @@ import torch
 from torch import Tensor
 
 from sidm.learning.dataset import Datasets, Motion, Standardisation
-from sidm.learning.learner import Learner, Tested
+from sidm.learning.learner import Learner, Tested, TrainingError
 from sidm.learning.losses import expected_discriminator_loss, expected_matching_loss, prediction_loss
 from sidm.learning.networks import DynamicsModel, Network
 from sidm.learning.observation import TARGET_SIZE
 from sidm.learning.settings import Training
 
-__all__ = ["Tested", "Trained", "Training", "TrainingError", "train"]
-
-
-class TrainingError(RuntimeError):
-    """A run that came to nothing; the message is one line."""
+__all__ = ["Tested", "Trained", "Training", "TrainingError", "result", "train"]
 
 
 class Trained(NamedTuple):
@@ -81,7 +76,7 @@ def train(
             learner.save(checkpoint)
     if not learner.history:
         _test(learner, progress)
-    return _result(learner)
+    return result(learner)
 
 
 def predict_phase(learner: Learner, progress: Callable[[Tested], None] | None = None) -> None:
@@ -153,15 +148,12 @@ def batch_losses(learner: Learner, batch: dict[str, Motion]) -> dict[str, Tensor
 
 def _test(learner: Learner, progress: Callable[[Tested], None] | None) -> None:
     tested = learner.take_test()
-    for what, loss in (("training", tested.training_loss), ("test", tested.test_loss)):
-        if not math.isfinite(loss):
-            after = f"{learner.iteration} iterations"
-            raise TrainingError(f"the {what} loss is {loss} after {after}; lower the learning rate or look at the data")
     if progress is not None:
         progress(tested)
 
 
-def _result(learner: Learner) -> Trained:
+def result(learner: Learner) -> Trained:
+    """The best model of a finished run, and how it came about."""
     best = learner.stopper.best
     assert best is not None  # there was a test
     learner.model.load_state_dict(learner.best)

@@ -115,15 +115,13 @@ def test_maps_of_another_shape_are_named(stored, small_terrain):
         load_motion(root, COLLECTION, 2, small_terrain, 8)
 
 
-def test_take_first_split_and_draw(make_motion):
+def test_take_first_and_split(make_motion):
     motion = make_motion(7)
     assert torch.equal(motion.take(np.array([4, 1])).inputs, motion.inputs[[4, 1]])
     assert len(motion.first(3)) == 3 and len(motion.first(30)) == 7
     parts = list(motion.split(3))
     assert [len(part) for part in parts] == [3, 3, 1]
     assert torch.equal(torch.cat([part.maps for part in parts]), motion.maps)
-    first, second = (motion.draw(5, torch.Generator().manual_seed(2)) for _ in range(2))
-    assert torch.equal(first.targets, second.targets)
 
 
 def test_a_part_is_what_take_copies(make_motion):
@@ -132,8 +130,6 @@ def test_a_part_is_what_take_copies(make_motion):
     assert len(part) == 4 and torch.equal(part.inputs, copy.inputs) and torch.equal(part.targets, copy.targets)
     assert torch.equal(torch.cat([some.maps for some in part.split(3)]), copy.maps)
     assert torch.equal(part.first(2).take([1]).maps, motion.maps[[1]])
-    drawn, again = (one.draw(5, torch.Generator().manual_seed(2)) for one in (part, copy))
-    assert torch.equal(drawn.maps, again.maps)
 
 
 def anonymous_memory() -> float:
@@ -144,15 +140,15 @@ def anonymous_memory() -> float:
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs Linux")
 def test_maps_stay_in_their_file(tmp_path):
-    """Drawing from half of 96 MiB of maps holds a batch of them, 1.5 MiB, not the 48; the allocator the rest."""
+    """Taking from half of 96 MiB of maps holds a batch of them, 1.5 MiB, not the 48; the allocator the rest."""
     count, steps, pixels, batch = 192, 64, 64, 3
     np.save(tmp_path / "maps.npy", np.ones((count, steps, pixels, pixels), np.float16))
     maps = torch.from_numpy(np.load(tmp_path / "maps.npy", mmap_mode="c"))
     motion = Motion(torch.zeros(count, steps, 11), torch.zeros(count, steps, 13), maps)
-    part, generator = motion.part(range(0, count, 2)), torch.Generator().manual_seed(0)
-    part.draw(batch, generator)
+    part = motion.part(range(0, count, 2))
+    part.take(range(batch))
     before = anonymous_memory()
-    assert sum(float(part.draw(batch, generator).maps[0, 0, 0, 0]) for _ in range(64)) == 64
+    assert sum(float(part.take(range(start, start + batch)).maps[0, 0, 0, 0]) for start in range(64)) == 64
     assert sum(len(some) for some in part.split(batch)) == count // 2
     assert anonymous_memory() - before < 16
 

@@ -1,0 +1,146 @@
+"""What a `Learner` changes on the device, for M of them at once: weights, moments, best weights, losses.
+
+The updates are those of `training`: Algorithm 1 and the two halves of Algorithm 2. Trajectories are named by their
+places on a `Shelf`. M trials, b trajectories of T steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+import torch
+from torch import Tensor, nn
+
+from sidm.learning import checkpoint
+from sidm.learning.bundle.adam import StackedAdam
+from sidm.learning.bundle.recorded import Recorded
+from sidm.learning.bundle.shelf import Shelf
+from sidm.learning.bundle.stack import Stack, within
+from sidm.learning.learner import Learner
+from sidm.learning.losses import discriminator_loss, matching_loss, prediction_loss
+from sidm.learning.networks import Network
+from sidm.learning.observation import TARGET_SIZE
+from sidm.learning.settings import Training
+from sidm.systems import ROLES
+
+NOVICE_ENCODER = "model.encoders.novice"
+
+
+class StackedLearners:
+    """M trials of one Network on one device."""
+
+    def __init__(self, shelf: Shelf, network: Network, training: Training, roles: Iterable[str], trials: int,
+                 device: torch.device):  # fmt: skip
+        """Room for `trials` trials of these `roles`; of `training` they share what `bundle.SHARED` names."""
+        self.shelf, self.training, self.roles = shelf, training, tuple(roles)
+        systems = (f"model.{part}.{role}" for part in ("encoders", "decoders") for role in self.roles)
+        self.parts = ["model.sidm", *systems]
+        self.stack = Stack(network, self.roles, trials, device, low=training.precision == "bfloat16")
+        self.best = {n: one.detach().clone() for n, one in self.stack.weights.items() if n.startswith("model.")}
+        decoupled = training.decay == "decoupled"
+        self.prediction = StackedAdam(self.stack.learnt("model"), decoupled)
+        self.discrimination = StackedAdam(self.stack.learnt("discriminator"), decoupled)
+        own = training.matching_optimiser == "own"
+        self.matching = StackedAdam(self.stack.learnt(NOVICE_ENCODER), decoupled) if own else self.prediction
+        self.totals = torch.zeros(trials, 2, dtype=torch.float64, device=device)  # of losses since a test, by role
+        self.right = torch.zeros(trials, device=device)  # share of latents that the discriminators told apart
+        works = self._predict, self._discriminate, self._match, self._test
+        self.predict, self.discriminate, self.match, self.test = (Recorded(work, device) for work in works)
+
+    def _predict(self, moving: Tensor, places: Tensor, of_expert: Tensor) -> None:
+        """An iteration of Algorithm 1 on the trajectories at `places` (M, b), the expert's where `of_expert`."""
+        batch = self.shelf.motion.take(places)
+        who = of_expert if len(self.roles) > 1 else "novice"
+        losses = prediction_loss(self.stack.predict(who, batch.inputs, batch.maps), batch.targets)  # (M, b, T)
+        total = losses.mean((1, 2)).sum()  # each trial's gradient is that of its own mean
+        gradients = self._gradients(total / TARGET_SIZE if self.training.reduction == "mean" else total, "model")
+        for part in self.parts:  # a system's own parts only learn where its trajectories were drawn
+            met = of_expert if part.endswith("expert") else ~of_expert if part.endswith("novice") else moving[:, None]
+            own = {name: one for name, one in gradients.items() if name.startswith(f"{part}.")}
+            self.prediction.step(own, moving & met.any(1))
+        sums = losses.detach().double().sum(2)
+        by_role = torch.stack([(sums * ~of_expert).sum(1), (sums * of_expert).sum(1)], dim=1)
+        self.totals.add_(torch.where(moving[:, None], by_role, 0.0))
+
+    def _discriminate(self, moving: Tensor, expert_places: Tensor, novice_places: Tensor) -> None:
+        """One update of A alone, equation (2)."""
+        with torch.no_grad():
+            latents = [self._latents(role, at) for role, at in (("expert", expert_places), ("novice", novice_places))]
+        expert, novice = map(self.stack.logits, latents)
+        loss = discriminator_loss(expert, novice).mean((1, 2)).sum()
+        self.discrimination.step(self._gradients(loss, "discriminator"), moving)
+        right = torch.cat([expert > 0, novice < 0], dim=1).float().mean((1, 2))
+        self.right.copy_(torch.where(moving, right, self.right))
+
+    def _match(self, moving: Tensor, places: Tensor) -> None:
+        """One update of E_n alone, equation (4)."""
+        loss = matching_loss(self.stack.logits(self._latents("novice", places))).mean((1, 2)).sum()
+        self.matching.step(self._gradients(loss, NOVICE_ENCODER), moving)
+
+    def _test(self, counted: Tensor, places: Tensor) -> Tensor:
+        """(M,) float64: sums of equation (1) over the trajectories at `places` (M, b) that are `counted`."""
+        batch = self.shelf.motion.take(places)
+        with torch.no_grad():
+            predicted = self.stack.predict("novice", batch.inputs, batch.maps, exact=True)
+        losses = prediction_loss(predicted, batch.targets).double().sum(2)
+        return torch.where(counted, losses, 0.0).sum(1)
+
+    def _latents(self, role: str, places: Tensor) -> Tensor:
+        batch = self.shelf.motion.take(places)
+        return self.stack.encode(role, batch.inputs, batch.maps)
+
+    def _gradients(self, loss: Tensor, part: str) -> dict[str, Tensor]:
+        own = self.stack.learnt(part)
+        return dict(zip(own, torch.autograd.grad(loss, list(own.values())), strict=True))
+
+    def keep_best(self, trials: Sequence[int]) -> None:
+        """The weights of these trials are the best so far."""
+        chosen = torch.tensor(trials, dtype=torch.long, device=self.totals.device)
+        for name, best in self.best.items():
+            best[chosen] = self.stack.weights[name].detach()[chosen]
+
+    def put(self, trial: int, learner: Learner) -> None:
+        """Take over what `learner` has learnt so far."""
+        modules = nn.ModuleDict({"model": learner.model, "discriminator": learner.discriminator})
+        self.stack.put(trial, modules.state_dict())
+        for name, best in self.best.items():
+            best[trial] = learner.best.get(name.removeprefix("model."), torch.zeros(()))
+        self.totals[trial] = self.right[trial] = 0.0
+        for stacked, single, names in self._optimisers(learner):
+            state = {}
+            for path, tensor in checkpoint.optimiser_tensors(single).items():
+                number, what = path.split("/")
+                state[f"{names[int(number)]}/{what}"] = tensor
+            stacked.put(trial, learner.training.learning_rate, learner.training.weight_decay, state)
+
+    def get(self, trial: int, learner: Learner) -> None:
+        """Give `learner` what its trial has learnt, so that it can go on alone or be saved."""
+        for name, module in (("model", learner.model), ("discriminator", learner.discriminator)):
+            mine = within(name, self.stack.weights)
+            module.load_state_dict({key: mine[key][trial] for key in module.state_dict()})
+        learner.best = {key: self.best[f"model.{key}"][trial].to("cpu", copy=True) for key in learner.best}
+        for stacked, single, names in self._optimisers(learner):
+            state = {}
+            for path, tensor in stacked.get(trial).items():
+                name, what = path.split("/")
+                if name in names:
+                    state[f"{names.index(name)}/{what}"] = tensor
+            checkpoint.load_optimiser(single, state)
+        self.settle(trial, learner)
+
+    def settle(self, trial: int, learner: Learner) -> None:
+        """Give `learner` the sums of its losses since the last time."""
+        for role, total in zip(ROLES, self.totals[trial].tolist(), strict=True):
+            learner.add_losses(role, total)
+        self.totals[trial] = 0.0
+
+    def _optimisers(self, learner: Learner) -> Iterator[tuple[StackedAdam, torch.optim.Optimizer, list[str]]]:
+        """Stacked and single optimisers, and the names that the single one's parameters have in the stack."""
+        pairs: list[tuple[StackedAdam, torch.optim.Optimizer, str, nn.Module]] = [
+            (self.prediction, learner.prediction, "model", learner.model),
+            (self.discrimination, learner.discrimination, "discriminator", learner.discriminator),
+        ]
+        if self.matching is not self.prediction:
+            pairs.append((self.matching, learner.matching, NOVICE_ENCODER, learner.model.encoders["novice"]))
+        for stacked, single, prefix, module in pairs:
+            yield stacked, single, [f"{prefix}.{name}" for name, _ in module.named_parameters()]

@@ -1,0 +1,73 @@
+"""A trial of a bundle, as the host sees it: what it draws, how its test loss goes, when it is over."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from sidm.learning.bundle.shelf import Shelf
+from sidm.learning.dataset import Datasets, Standardisation
+from sidm.learning.learner import Learner, TrainingError
+from sidm.learning.networks import Network
+from sidm.learning.settings import Training
+
+
+class Run(NamedTuple):
+    """What `train` takes, of one trial of a bundle."""
+
+    datasets: Datasets
+    training: Training
+    seed: int
+    standardisation: Standardisation | None = None
+    checkpoint: Path | None = None  # a folder to go on from and to write to
+
+
+class Seat:
+    """A trial in the bundle: its learner, where its data stand, what became of it."""
+
+    def __init__(self, number: int, run: Run, network: Network, shelf: Shelf):
+        """Run `number` from fresh weights, or from its checkpoint."""
+        self.number, self.run = number, run
+        self.learner = Learner(run.datasets, network, run.training, run.seed, run.standardisation)
+        if run.checkpoint is not None:
+            self.learner.restore(run.checkpoint)
+        self.places = {role: shelf.places(self.learner.part(role)) for role in self.learner.model.encoders}
+        self.tests = shelf.places(run.datasets.test)[: len(self.learner.test)]
+        self.steps = shelf.steps
+        self.error: TrainingError | None = None
+
+    @property
+    def over(self) -> bool:
+        """Whether it has ended, in one way or the other."""
+        return self.error is not None or self.learner.finished
+
+    def draw_batches(self, iterations: int) -> tuple[Tensor, Tensor]:
+        """Places on the shelf of batches' trajectories, and which are the expert's, each (iterations, b)."""
+        places, of_expert = [], []
+        for _ in range(iterations):
+            for role, which in self.learner.draw_batch_indices().items():
+                places.append(self.places[role][which])
+                of_expert.append(torch.full((len(which),), role == "expert"))
+        return tuple(torch.cat(pieces).unflatten(0, (iterations, -1)) for pieces in (places, of_expert))
+
+    def draw(self, iterations: int, role: str, count: int, purpose: str) -> Tensor:
+        """Places (iterations, count) of trajectories of one system."""
+        drawn = [self.learner.draw_indices(role, count, purpose) for _ in range(iterations)]
+        return self.places[role][torch.stack(drawn) if drawn else torch.zeros(0, count, dtype=torch.long)]
+
+    def count(self, of_expert: Tensor) -> None:
+        """Count an iteration of prediction on trajectories of which these (b,) are the expert's."""
+        experts = int(of_expert.sum())
+        samples = {"novice": (len(of_expert) - experts) * self.steps, "expert": experts * self.steps}
+        self.learner.count(samples)
+
+    def judge(self, test_loss: float) -> bool:
+        """Take in a test; whether the weights are the best so far. A loss that is not finite ends the trial."""
+        try:
+            return self.learner.judge(test_loss)
+        except TrainingError as error:
+            self.error = error
+            return False

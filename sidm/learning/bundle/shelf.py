@@ -1,0 +1,56 @@
+"""The trajectories of many trials on one device, each once: what trials share is not copied for every one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import torch
+from torch import Tensor
+
+from sidm.config import ConfigError
+from sidm.learning.dataset import Motion, Part
+
+
+class Shelf:
+    """All trajectories that some trials learn from and test on."""
+
+    def __init__(self, motions: Iterable[Motion | Part], device: torch.device):
+        """Copy the data of `motions` to `device`.
+
+        Raises:
+            ConfigError: they differ in steps or pixels.
+        """
+        self._wholes = {id(whole): whole for whole in map(_whole, motions)}
+        shapes = {tuple(whole.maps.shape[1:]) for whole in self._wholes.values()}
+        if len(shapes) > 1:
+            raise ConfigError(f"the maps (T, P, P) of a bundle must have one shape, not {sorted(shapes)}")
+        self._first, count = {}, 0
+        for key, whole in self._wholes.items():
+            self._first[key], count = count, count + len(whole)
+        self.motion = Motion(*(_copied([getattr(whole, name) for whole in self._wholes.values()], count, device)
+                               for name in ("inputs", "targets", "maps")))  # fmt: skip
+
+    @property
+    def steps(self) -> int:
+        """T of every trajectory."""
+        return self.motion.inputs.shape[1]
+
+    def places(self, motion: Motion | Part) -> Tensor:
+        """(N,) int64, on the CPU: where the trajectories of `motion`, one of those given, stand."""
+        indices = motion.indices if isinstance(motion, Part) else torch.arange(len(motion))
+        return indices + self._first[id(_whole(motion))]
+
+
+def _whole(motion: Motion | Part) -> Motion:
+    return motion.whole if isinstance(motion, Part) else motion
+
+
+def _copied(tensors: list[Tensor], count: int, device: torch.device) -> Tensor:
+    """All rows in one tensor on the device; piece by piece, so that files are never held twice."""
+    together = torch.empty(count, *tensors[0].shape[1:], dtype=tensors[0].dtype, device=device)
+    start = 0
+    for tensor in tensors:
+        for piece in tensor.split(256):
+            together[start : start + len(piece)] = piece
+            start += len(piece)
+    return together
