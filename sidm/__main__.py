@@ -53,9 +53,15 @@ def build_parser() -> argparse.ArgumentParser:
         help="processes of one thread each (%(default)s)",
     )  # fmt: skip
 
+    run.add_argument(
+        "--bundle", type=_positive, default=0, metavar="N",
+        help="train N trials side by side on the device, instead of in processes",
+    )  # fmt: skip
+
     for trainer in (train, run):
         words = "where to compute, cpu or cuda (%(default)s)"
         trainer.add_argument("--device", type=_device, default="cpu", help=words)
+        trainer.add_argument("--log", metavar="DIR", help="write TensorBoard event files there, to watch it learn")
 
     show = command("show", run_show, "List what is stored, stale (made by older code) and missing.")
     _add_preset(show)
@@ -179,7 +185,7 @@ def run_train(arguments: argparse.Namespace) -> int:
     )
     store = Results(arguments.results)
     try:
-        row = run_here(trial, arguments.data, store, device=arguments.device)
+        row = run_here(trial, arguments.data, store, device=arguments.device, log=arguments.log)
     except (CheckpointError, TrainingError) as error:
         return _fail(error, 1)
     print(f"{store.path(trial)}: validation loss {row.outcome.validation_loss:.6g}")
@@ -192,7 +198,10 @@ def run_run(arguments: argparse.Namespace) -> int:
 
     trials = _trials(arguments, _preset(arguments))
     store = Results(arguments.results)
-    run(trials, workers=arguments.workers, data=arguments.data, results=store, device=arguments.device)
+    run(
+        trials, workers=arguments.workers, data=arguments.data, results=store, device=arguments.device,
+        bundle=arguments.bundle, log=arguments.log,
+    )  # fmt: skip
     missing = len(store.missing(trials))
     print(f"{len(trials) - missing} of {len(trials)} trials stored")
     return 1 if missing else 0
@@ -210,6 +219,8 @@ def run_show(arguments: argparse.Namespace) -> int:
     print(f"preset {arguments.preset}, figure {arguments.figure}: {len(trials)} trials")
     for line in overview(store, trials, preset):
         print(line)
+    for failure in store.failures(trials):
+        print(f"note: {failure}")
     for name in differing(preset, arguments.data, arguments.results):
         print(f"note: the data on this disk are not those of the stored results: {name}")
     print(f"missing: {len(store.missing(trials))}")

@@ -5,10 +5,10 @@ from sidm.experiments.grids import FIGURES, METHODS, Study, grid
 from sidm.experiments.measure import perform, run_trial
 from sidm.experiments.presets import PRESETS, Preset, load_preset
 from sidm.experiments.run import run
-from sidm.experiments.store import Outcome, Results, Row, StoreError
+from sidm.experiments.store import Failure, Outcome, Results, Row, StoreError
 from sidm.experiments.trials import UNKNOWN, Dataset, Trial
 
 __all__ = [
-    "FIGURES", "METHODS", "PRESETS", "UNKNOWN", "Dataset", "Outcome", "Preset", "Results", "Row", "StoreError", "Study",
-    "Trial", "collect_datasets", "grid", "load_preset", "perform", "run", "run_trial",
+    "FIGURES", "METHODS", "PRESETS", "UNKNOWN", "Dataset", "Failure", "Outcome", "Preset", "Results", "Row", "StoreError",
+    "Study", "Trial", "collect_datasets", "grid", "load_preset", "perform", "run", "run_trial",
 ]  # fmt: skip

@@ -12,12 +12,14 @@ import torch
 
 from sidm.experiments import provenance
 from sidm.experiments.datasets import load_dataset
-from sidm.experiments.store import Outcome, Row
+from sidm.experiments.log import EventLog
+from sidm.experiments.provenance import Provenance
+from sidm.experiments.store import Failure, Outcome, Row
 from sidm.experiments.trials import Trial
-from sidm.learning.dataset import Datasets, load_motion, novice_split
+from sidm.learning.dataset import Datasets, Motion, load_motion, novice_split
 from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
 from sidm.learning.networks import DynamicsModel
-from sidm.learning.training import Tested, Trained, train
+from sidm.learning.training import Tested, Trained, TrainingError, train
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain
 from sidm.trajectory import Trajectory
@@ -40,30 +42,32 @@ def one_thread() -> Iterator[None]:
         torch.set_num_threads(before)
 
 
-def load_datasets(trial: Trial, data: str | Path = "data") -> tuple[Datasets, list[Trajectory]]:
-    """A trial's motions and its rollout trajectories, each held against the trial's digest.
+class Library:
+    """The data under a folder as trials need them, each held against the trial's digest and loaded once."""
 
-    Raises:
-        ShardError: data that are missing, damaged, or not those of the trial; one line.
-    """
-    terrain, pixels = find_system(trial.system).terrain, trial.network.pixels
-    motions, rollouts = {}, []
-    for kind, dataset in trial.datasets.items():
-        trajectories = load_dataset(dataset, trial.digests[kind], data)
-        if kind == "rollout":
-            rollouts = trajectories
-        else:
-            motions[kind] = load_motion(Path(data), dataset.collection, dataset.count, terrain, pixels)
-    train_part, test_part = novice_split(len(motions["novice"]), trial.novice_minutes, trial.seed)
-    return (
-        Datasets(
-            train=motions["novice"].part(train_part),
-            test=motions["novice"].part(test_part),
-            validation=motions["validation"],
-            expert=motions["expert"],
-        ),
-        rollouts,
-    )
+    def __init__(self, data: str | Path = "data"):
+        self.data = Path(data)
+        self._loaded: dict[tuple, Motion] = {}
+
+    def trajectories(self, trial: Trial, kind: str) -> list[Trajectory]:
+        """One of the trial's datasets; ShardError when it is missing, damaged, or not that of the trial."""
+        return load_dataset(trial.datasets[kind], trial.digests[kind], self.data)
+
+    def motion(self, trial: Trial, kind: str) -> Motion:
+        """The same as tensors."""
+        dataset, pixels = trial.datasets[kind], trial.network.pixels
+        key = dataset, trial.digests[kind], pixels
+        if key not in self._loaded:
+            self.trajectories(trial, kind)
+            terrain = find_system(trial.system).terrain
+            self._loaded[key] = load_motion(self.data, dataset.collection, dataset.count, terrain, pixels)
+        return self._loaded[key]
+
+    def datasets(self, trial: Trial) -> Datasets:
+        """What the trial learns from and is judged by."""
+        pool, validation, expert = (self.motion(trial, kind) for kind in ("novice", "validation", "expert"))
+        train_part, test_part = novice_split(len(pool), trial.novice_minutes, trial.seed)
+        return Datasets(pool.part(train_part), pool.part(test_part), validation, expert)
 
 
 def perform(
@@ -86,15 +90,21 @@ def perform(
         The outcome, a pure function of the trial and its data, and the trained model with its history.
     """
     with one_thread():
-        sets, rollouts = load_datasets(trial, data)
+        library = Library(data)
+        sets, rollouts = library.datasets(trial), library.trajectories(trial, "rollout")
         trained = train(
             sets, trial.network, trial.training, trial.seed, checkpoint=checkpoint, progress=progress, device=device
         )
-        losses = validation_loss(trained.model, sets.validation)
-        predicted, actual = roll_out(trained.model, trial, rollouts)
-        position, heading = rollout_errors(predicted, actual)
-        samples, test, training = summary_curve(trained)
-    outcome = Outcome(
+        return evaluate(trial, trained, sets.validation, rollouts), trained
+
+
+def evaluate(trial: Trial, trained: Trained, validation: Motion, rollouts: list[Trajectory]) -> Outcome:
+    """How good a trained model is, where it is."""
+    losses = validation_loss(trained.model, validation)
+    predicted, actual = roll_out(trained.model, trial, rollouts)
+    position, heading = rollout_errors(predicted, actual)
+    samples, test, training = summary_curve(trained)
+    return Outcome(
         validation_loss=float(losses.sum()),
         component_losses=_floats(losses),
         best_test_loss=float(trained.best_test_loss),
@@ -108,7 +118,6 @@ def perform(
         iterations=trained.iterations,
         samples=trained.samples,
     )
-    return outcome, trained
 
 
 def run_trial(
@@ -117,13 +126,25 @@ def run_trial(
     checkpoint: Path | None = None,
     progress: Progress | None = None,
     device: str = "cpu",
-) -> Row:
-    """`perform` a trial and say where the outcome comes from."""
+    log: str | Path | None = None,
+) -> Row | Failure:
+    """`perform` a trial and say where the outcome comes from, or how it failed; event files go to the folder `log`."""
     provenance.source_hash("learning")  # of the code as it is now, not when the trial is done
     resumed, start = checkpoint is not None and checkpoint.exists(), time.perf_counter()
-    outcome, _ = perform(trial, data, checkpoint, progress, device)
-    made = provenance.here(time.perf_counter() - start, THREADS, resumed, device)
-    return Row(trial=trial, outcome=outcome, provenance=made)
+    try:
+        with EventLog(log) as events:
+            tell = events.progress(trial, also=progress)
+            found: Outcome | TrainingError = perform(trial, data, checkpoint, tell, device)[0]
+    except TrainingError as error:
+        found = error
+    return stored_as(trial, found, provenance.here(time.perf_counter() - start, THREADS, resumed, device))
+
+
+def stored_as(trial: Trial, found: Outcome | TrainingError, made: Provenance) -> Row | Failure:
+    """What the store keeps of a trial."""
+    if isinstance(found, TrainingError):
+        return Failure(trial=trial, what=found.what, loss=str(found.loss), iteration=found.iteration, provenance=made)
+    return Row(trial=trial, outcome=found, provenance=made)
 
 
 def roll_out(model: DynamicsModel, trial: Trial, trajectories: list[Trajectory]) -> tuple[torch.Tensor, torch.Tensor]:

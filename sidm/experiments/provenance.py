@@ -27,6 +27,7 @@ PACKAGE = Path(sidm.__file__).parent
 #: The entry points whose code, with all that they import from the wings before, a result depends on.
 WINGS = {
     "learning": ("sidm.experiments.measure",),
+    "bundle": ("sidm.experiments.measure", "sidm.learning.bundle"),  # the same, many at once
     "simulation": ("sidm.simulation.collect",),
 }
 
@@ -36,7 +37,7 @@ class Provenance:
     """What made a row of the store."""
 
     version: str  # of this package
-    learning_source: str  # hash of the code that trains and evaluates
+    learning_source: str  # hash of the code that trains and evaluates; of a bundle's, where `bundle` is not 0
     simulation_source: str  # hash of the code that makes the data
     python: str
     torch: str
@@ -44,10 +45,11 @@ class Provenance:
     scipy: str
     device: str
     threads: int
-    seconds: float  # of the last stretch, if the trial was interrupted and `resumed`
+    seconds: float  # of the last stretch, if the trial was interrupted and `resumed`; in a bundle its share of them
     resumed: bool
     peak_memory: float  # of the process that ran it, MiB
     date: str  # UTC, ISO 8601
+    bundle: int = 0  # how many trials were trained side by side, at most; 0: alone
 
 
 def _module_file(name: str) -> Path | None:
@@ -121,11 +123,11 @@ def device_name(device: str) -> str:
     return torch.cuda.get_device_name(device) if device.startswith("cuda") else device
 
 
-def here(seconds: float, threads: int, resumed: bool, device: str = "cpu") -> Provenance:
+def here(seconds: float, threads: int, resumed: bool, device: str = "cpu", bundle: int = 0) -> Provenance:
     """The provenance of something made by this process, just now."""
     return Provenance(
         version=sidm.__version__,
-        learning_source=source_hash("learning"),
+        learning_source=source_hash("bundle" if bundle else "learning"),
         simulation_source=source_hash("simulation"),
         python=platform.python_version(),
         **{name: importlib.metadata.version(name) for name in ("torch", "numpy", "scipy")},
@@ -135,10 +137,11 @@ def here(seconds: float, threads: int, resumed: bool, device: str = "cpu") -> Pr
         resumed=resumed,
         peak_memory=round(peak_memory()),
         date=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        bundle=bundle,
     )
 
 
 def is_stale(provenance: Provenance) -> bool:
     """Whether the code has changed since."""
     then = provenance.learning_source, provenance.simulation_source
-    return then != (source_hash("learning"), source_hash("simulation"))
+    return then != (source_hash("bundle" if provenance.bundle else "learning"), source_hash("simulation"))

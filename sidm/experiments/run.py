@@ -7,6 +7,7 @@ With an executor of other machines, `data` must be a folder that they all see.
 from __future__ import annotations
 
 import contextlib
+import functools
 import shutil
 import sys
 from collections.abc import Iterable
@@ -17,20 +18,22 @@ from pathlib import Path
 from tqdm import tqdm
 
 from sidm.config import ConfigError
+from sidm.experiments.bundled import bundles, run_bundle
 from sidm.experiments.datasets import note_datasets
+from sidm.experiments.log import EventLog
 from sidm.experiments.measure import run_trial
 from sidm.experiments.pool import local_pool
 from sidm.experiments.provenance import source_hash
-from sidm.experiments.store import Results, Row
+from sidm.experiments.store import Failure, Results, Row
 from sidm.experiments.trials import UNKNOWN, Trial
-from sidm.learning.training import Tested
+from sidm.learning.training import Tested, TrainingError
 
 WORKERS = 2  # by default
 
 
-def checkpoint_folder(data: str | Path, trial: Trial) -> Path:
+def checkpoint_folder(data: str | Path, trial: Trial, wing: str = "learning") -> Path:
     """Where an unfinished trial keeps its state: apart for each version of the code, so that none are mixed."""
-    return Path(data) / "checkpoints" / f"{trial.key}-{source_hash('learning')}"
+    return Path(data) / "checkpoints" / f"{trial.key}-{source_hash(wing)}"
 
 
 def refuse_unknown_data(trials: Iterable[Trial]) -> None:
@@ -52,6 +55,8 @@ def run(
     results: Results | str | Path = "results",
     progress: bool = True,
     device: str = "cpu",
+    bundle: int = 0,
+    log: str | Path | None = None,
 ) -> Results:
     """Run the trials that are not stored, and store each as soon as it is done.
 
@@ -64,48 +69,94 @@ def run(
         results: the store, or its folder.
         progress: whether to show a bar with the time left.
         device: where the workers compute, 'cpu' or 'cuda'.
+        bundle: how many trials are trained side by side in this process, instead of in workers; what a GPU is for.
+        log: a folder for TensorBoard's event files.
 
     Returns:
-        The store. Trials that failed are reported on stderr and are still `missing` there.
+        The store. Trials that failed are reported on stderr and are still `missing` there; those whose training this
+        code has seen fail are not run again.
 
     Raises:
-        ConfigError: the digest of a trial's data is unknown, or `workers` is below 1.
+        ConfigError: the digest of a trial's data is unknown, `workers` is below 1, or `bundle` is below 0.
+        ImportError: TensorBoard is asked for and not installed; one line.
     """
     store = results if isinstance(results, Results) else Results(results)
     wanted = list({trial.key: trial for trial in trials}.values())
-    missing = store.missing(wanted)
+    missing = _not_failed(store, store.missing(wanted))
     refuse_unknown_data(missing)
     if workers < 1:
         raise ConfigError(f"workers must be at least 1, not {workers}")
+    if bundle < 0:
+        raise ConfigError(f"bundle must not be negative, not {bundle}")
+    EventLog(log)  # a missing TensorBoard is known before hours of work
     if missing:
         note_datasets(missing, store.folder)
-        pool = contextlib.nullcontext(executor) if executor else local_pool(min(workers, len(missing)))
-        with pool as where:
-            _run_all(missing, where, Path(data).absolute(), store, progress, device)
+        data = Path(data).absolute()
+        with tqdm(total=len(missing), desc="trials", unit="trial", disable=not progress) as bar:
+            if bundle:
+                _run_bundles(missing, bundle, data, store, bar, device, log)
+                return store
+            pool = contextlib.nullcontext(executor) if executor else local_pool(min(workers, len(missing)))
+            with pool as where:
+                _run_all(missing, where, data, store, bar, device, log)
     return store
 
 
-def _run_all(trials: list[Trial], executor: Executor, data: Path, store: Results, progress: bool, device: str) -> None:
+def _not_failed(store: Results, trials: list[Trial]) -> list[Trial]:
+    """Those that today's code has not seen fail; the others are reported."""
+    failed = {failure.trial.key: failure for failure in store.failures(trials)}
+    for failure in failed.values():
+        print(f"sidm: {failure}; not run again unless {store.failure_path(failure.trial)} is deleted", file=sys.stderr)
+    return [trial for trial in trials if trial.key not in failed]
+
+
+def _run_bundles(
+    trials: list[Trial], seats: int, data: Path, store: Results, bar: tqdm, device: str, log: str | Path | None
+) -> None:
+    """Train bundle after bundle in this process and store each trial as it ends."""
+    with EventLog(log) as events:
+
+        def show(trial: Trial, tested: Tested) -> None:
+            events.progress(trial)(tested)
+            bar.set_postfix(samples=tested.samples, test_loss=f"{tested.test_loss:.4g}", refresh=False)
+
+        for group in bundles(trials):
+            folder = functools.partial(checkpoint_folder, data, wing="bundle")
+            for row in run_bundle(group, seats, data, folder, show, device):
+                _keep(row, store, bar)
+                shutil.rmtree(folder(row.trial), ignore_errors=True)
+
+
+def _keep(row: Row | Failure, store: Results, bar: tqdm) -> None:
+    """Store what became of a trial."""
+    store.put(row)
+    if isinstance(row, Failure):
+        _report(bar, str(row))
+    bar.update()
+
+
+def _run_all(
+    trials: list[Trial], executor: Executor, data: Path, store: Results, bar: tqdm, device: str, log: str | Path | None
+) -> None:
     """Submit every trial and store each as it comes back."""
-    futures: dict[Future[Row], Trial] = {
-        executor.submit(run_trial, trial, data, checkpoint_folder(data, trial), None, device): trial for trial in trials
+    futures: dict[Future[Row | Failure], Trial] = {
+        executor.submit(run_trial, trial, data, checkpoint_folder(data, trial), None, device, log): trial
+        for trial in trials
     }
-    with tqdm(total=len(futures), desc="trials", unit="trial", disable=not progress) as bar:
-        lost = 0
-        for done in as_completed(futures):
-            trial = futures[done]
-            try:
-                store.put(done.result())
-            except BrokenProcessPool:
-                lost += 1
-                continue
-            except Exception as error:  # one trial's failure must not lose the others
-                _report(bar, f"{trial}: {one_line(error)}")
-            else:
-                shutil.rmtree(checkpoint_folder(data, trial), ignore_errors=True)
+    lost = 0
+    for done in as_completed(futures):
+        trial = futures[done]
+        try:
+            _keep(done.result(), store, bar)
+        except BrokenProcessPool:
+            lost += 1
+        except Exception as error:  # one trial's failure must not lose the others
+            _report(bar, f"{trial}: {one_line(error)}")
             bar.update()
-        if lost:
-            _report(bar, f"a worker was killed (out of memory?); {lost} trials not done, run again to go on")
+        else:
+            shutil.rmtree(checkpoint_folder(data, trial), ignore_errors=True)
+    if lost:
+        _report(bar, f"a worker was killed (out of memory?); {lost} trials not done, run again to go on")
 
 
 def one_line(error: BaseException) -> str:
@@ -125,6 +176,7 @@ def run_here(
     results: Results | str | Path = "results",
     progress: bool = True,
     device: str = "cpu",
+    log: str | Path | None = None,
 ) -> Row:
     """Run one trial in this process unless it is stored, and store it; errors are raised.
 
@@ -143,7 +195,9 @@ def run_here(
             bar.set_postfix(test_loss=f"{tested.test_loss:.4g}", refresh=False)
             bar.update(tested.samples - bar.n)
 
-        row = run_trial(trial, data, checkpoint_folder(data, trial), show, device)
+        row = run_trial(trial, data, checkpoint_folder(data, trial), show, device, log)
     store.put(row)
     shutil.rmtree(checkpoint_folder(data, trial), ignore_errors=True)
+    if isinstance(row, Failure):
+        raise TrainingError(row.what, float(row.loss), row.iteration)
     return row

@@ -10,7 +10,7 @@ import dataclasses
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from sidm.config import ConfigError, config, from_mapping
 from sidm.experiments.provenance import Provenance, is_stale
@@ -57,6 +57,25 @@ class Row:
         return is_stale(self.provenance)
 
 
+@config
+class Failure:
+    """What is kept of a trial that came to nothing: the loss that was not finite, and when."""
+
+    trial: Trial
+    what: str  # 'training' or 'test' loss
+    loss: str  # 'nan' or 'inf'
+    iteration: int  # of prediction
+    provenance: Provenance
+
+    @property
+    def stale(self) -> bool:
+        """Whether the code has changed since."""
+        return is_stale(self.provenance)
+
+    def __str__(self) -> str:
+        return f"{self.trial}: failed, the {self.what} loss was {self.loss} after {self.iteration} iterations"
+
+
 def rounded(value: Any) -> Any:
     """`value` with every float in it rounded to DIGITS significant digits."""
     if isinstance(value, float):
@@ -66,6 +85,9 @@ def rounded(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {name: rounded(item) for name, item in value.items()}
     return value
+
+
+Stored = TypeVar("Stored", Row, Failure)
 
 
 class Results:
@@ -79,29 +101,31 @@ class Results:
         """The file of a trial's row, whether it exists or not."""
         return self.folder / "trials" / f"{trial.key}.json"
 
+    def failure_path(self, trial: Trial) -> Path:
+        """The file that says how a trial failed, whether it exists or not."""
+        return self.folder / "failures" / f"{trial.key}.json"
+
     def __contains__(self, trial: Trial) -> bool:
         """Whether a trial's row is stored."""
         return self.path(trial).is_file()
 
-    def put(self, row: Row) -> Path:
-        """Store a row, in place of an earlier one of the same trial.
+    def put(self, row: Row | Failure) -> Path:
+        """Store a row, in place of an earlier one of the same trial and of its failure; or a failure.
 
         Raises:
             StoreError: the outcome is not finite (the training diverged).
         """
-        path = self.path(row.trial)
-        values = {
-            "schema": SCHEMA,
-            "trial": row.trial.to_json(),
-            "outcome": rounded(dataclasses.asdict(row.outcome)),  # type: ignore[call-overload]
-            "provenance": rounded(dataclasses.asdict(row.provenance)),  # type: ignore[call-overload]
-        }
+        path = self.path(row.trial) if isinstance(row, Row) else self.failure_path(row.trial)
+        values = {"schema": SCHEMA, **rounded(dataclasses.asdict(row))}  # type: ignore[call-overload]
+        values["trial"] = row.trial.to_json()
         try:
             lines = (f"{json.dumps(name)}: {json.dumps(value, allow_nan=False)}" for name, value in values.items())
             text = "{\n" + ",\n".join(lines) + "\n}\n"
         except ValueError:
             raise StoreError(f"{row.trial}: the outcome is not finite; the training diverged") from None
         write_atomically(path, lambda file: file.write(text.encode()))
+        if isinstance(row, Row):
+            self.failure_path(row.trial).unlink(missing_ok=True)
         return path
 
     def get(self, trial: Trial) -> Row | None:
@@ -109,10 +133,16 @@ class Results:
         path = self.path(trial)
         if not path.is_file():
             return None
-        row = read_row(path)
-        if row.trial != trial:
-            raise StoreError(f"{path}: holds another trial; restore the file, or delete it and run the trial again")
-        return row
+        return _of(trial, read_row(path), path)
+
+    def failure(self, trial: Trial) -> Failure | None:
+        """How a trial failed, or None where it did not; StoreError when the file is damaged or another trial's."""
+        path = self.failure_path(trial)
+        return _of(trial, _read(path, Failure), path) if path.is_file() else None
+
+    def failures(self, trials: Iterable[Trial]) -> list[Failure]:
+        """The failures among `trials` that today's code would repeat, in their order."""
+        return [one for one in map(self.failure, trials) if one is not None and not one.stale]
 
     def rows(self, trials: Iterable[Trial]) -> list[Row]:
         """The stored rows among `trials`, in their order."""
@@ -148,16 +178,23 @@ class Results:
 
 def read_row(path: Path) -> Row:
     """The row in a file of the store; StoreError when it is damaged."""
+    return _read(path, Row)
+
+
+def _of(trial: Trial, row: Stored, path: Path) -> Stored:
+    if row.trial != trial:
+        raise StoreError(f"{path}: holds another trial; restore the file, or delete it and run the trial again")
+    return row
+
+
+def _read(path: Path, kind: type[Stored]) -> Stored:
     mend = "restore the file, or delete it and run the trial again"
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
         if values["schema"] != SCHEMA:
             raise StoreError(f"{path}: has schema {values['schema']}, this version reads {SCHEMA}; {mend}")
-        return Row(
-            trial=Trial.from_json(values["trial"]),
-            outcome=from_mapping(Outcome, values["outcome"]),
-            provenance=from_mapping(Provenance, values["provenance"]),
-        )
+        del values["schema"]
+        return from_mapping(kind, values)
     except (KeyError, TypeError, AttributeError) as error:
         raise StoreError(f"{path}: not a row of results ({error!r}); {mend}") from None
     except (json.JSONDecodeError, UnicodeDecodeError, ConfigError) as error:

@@ -48,6 +48,10 @@ def alone(run: Run, network):
     return train(run.datasets, network, run.training, run.seed, standardisation=run.standardisation)
 
 
+def results(ended) -> dict:
+    return {one.number: one.result for one in ended}
+
+
 def assert_same(bundled, single, rel=ROUNDING):
     """The learning curve, the counters and the weights that were kept."""
     for name in ("samples", "iterations", "best_samples", "stopped_early"):
@@ -69,8 +73,8 @@ def assert_same(bundled, single, rel=ROUNDING):
 )  # fmt: skip
 def test_a_bundle_of_one_is_the_trial(make_run, small_network, changes):
     run = make_run(**changes)
-    ((number, bundled),) = train_bundle([run], small_network, seats=1)
-    assert number == 0
+    ((number, bundled, seconds),) = train_bundle([run], small_network, seats=1)
+    assert number == 0 and seconds > 0
     assert_same(bundled, alone(run, small_network))
 
 
@@ -78,7 +82,7 @@ def test_a_bundle_of_one_is_the_trial(make_run, small_network, changes):
 def test_a_bundle_of_unlike_trials_is_each_of_them(five, small_network, seats):
     """Those that end make room for those that wait, and then the bundle shrinks."""
     reported = []
-    ended = dict(train_bundle(five, small_network, seats, progress=lambda *what: reported.append(what)))
+    ended = results(train_bundle(five, small_network, seats, progress=lambda *what: reported.append(what)))
     assert list(ended) != sorted(ended) or seats == 1
     assert set(ended) == set(range(5))
     for number, run in enumerate(five):
@@ -89,7 +93,7 @@ def test_a_bundle_of_unlike_trials_is_each_of_them(five, small_network, seats):
 def test_low_precision(make_run, small_network):
     """In bfloat16 too a bundle goes the way of the trial alone, as near as that rounds."""
     runs = [make_run(0, precision="bfloat16"), make_run(1, novice=9, precision="bfloat16")]
-    for number, bundled in train_bundle(runs, small_network, seats=2):
+    for number, bundled, _ in train_bundle(runs, small_network, seats=2):
         assert_same(bundled, alone(runs[number], small_network), rel=1e-3)
 
 
@@ -109,7 +113,7 @@ def test_encoders_alone_are_low(make_run, small_network):
 def test_a_loss_that_is_not_finite_ends_that_trial_alone(five, small_network):
     five[2].datasets.train.targets[:, 0] = float("inf")
     five[4] = five[4]._replace(training=dataclasses.replace(five[4].training, learning_rate=1e30))
-    ended = dict(train_bundle(five, small_network, seats=3))
+    ended = results(train_bundle(five, small_network, seats=3))
     for number, what in ((2, "training"), (4, "test|training")):
         assert isinstance(ended[number], TrainingError) and ended[number].iteration == 4
         with pytest.raises(TrainingError, match=f"the ({what}) loss is (nan|inf) after 4 iterations"):
@@ -137,7 +141,7 @@ def test_a_killed_bundle_goes_on(make_run, small_network, tmp_path, monkeypatch)
     assert [learner.iteration for learner in again] == [12] * 3
     first = train(*runs[0][:1], small_network, runs[0].training, 0, checkpoint=runs[0].checkpoint)
     assert_same(first, alone(runs[0], small_network))
-    for number, bundled in train_bundle(runs[1:], small_network, seats=2):
+    for number, bundled, _ in train_bundle(runs[1:], small_network, seats=2):
         assert_same(bundled, alone(runs[number + 1], small_network))
 
 

@@ -38,6 +38,7 @@ class Seat:
         self.tests = shelf.places(run.datasets.test)[: len(self.learner.test)]
         self.steps = shelf.steps
         self.error: TrainingError | None = None
+        self.seconds = 0.0  # its share of the bundle's time
 
     @property
     def over(self) -> bool:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -165,13 +166,21 @@ class Bundle:
         return spread.to(self.device)
 
 
+class Ended(NamedTuple):
+    """A trial of a bundle that is over."""
+
+    number: int  # among the runs
+    result: Trained | TrainingError  # the latter where a loss was not finite
+    seconds: float  # its share of the time that the bundle took
+
+
 def train_bundle(
     runs: Sequence[Run],
     network: Network,
     seats: int,
     device: str | torch.device = "cpu",
     progress: Callable[[int, Tested], None] | None = None,
-) -> Iterator[tuple[int, Trained | TrainingError]]:
+) -> Iterator[Ended]:
     """Train many trials side by side, `seats` at a time; a trial that ends makes room for the next.
 
     Each gives what `train` gives, but for rounding.
@@ -184,7 +193,7 @@ def train_bundle(
         progress: called after each test with the trial's number among `runs`.
 
     Yields:
-        A trial's number and what it came to, as soon as it ends; a TrainingError where a loss was not finite.
+        What a trial came to, as soon as it ends.
 
     Raises:
         ConfigError: settings in which the trials of a bundle may not differ, or data of unlike shapes.
@@ -202,10 +211,13 @@ def train_bundle(
     while waiting or bundle.taken:
         while waiting and None in bundle.seats:
             bundle.join(Seat(*waiting.popleft(), network, shelf))
+        start, here = time.monotonic(), list(bundle.taken.values())
         bundle.phase(progress)
+        for seat in here:
+            seat.seconds += (time.monotonic() - start) / len(here)
         for index in [index for index, seat in bundle.taken.items() if seat.over]:
             seat = bundle.leave(index)
-            yield seat.number, seat.error or result(seat.learner)
+            yield Ended(seat.number, seat.error or result(seat.learner), seat.seconds)
         if time.monotonic() - saved > SAVE_INTERVAL:
             bundle.save()
             saved = time.monotonic()
