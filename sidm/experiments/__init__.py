@@ -9,6 +9,6 @@ from sidm.experiments.store import Failure, Outcome, Results, Row, StoreError
 from sidm.experiments.trials import UNKNOWN, Dataset, Trial
 
 __all__ = [
-    "FIGURES", "METHODS", "PRESETS", "UNKNOWN", "Dataset", "Failure", "Outcome", "Preset", "Results", "Row", "StoreError",
-    "Study", "Trial", "collect_datasets", "grid", "load_preset", "perform", "run", "run_trial",
+    "FIGURES", "METHODS", "PRESETS", "UNKNOWN", "Dataset", "Failure", "Outcome", "Preset", "Results", "Row",
+    "StoreError", "Study", "Trial", "collect_datasets", "grid", "load_preset", "perform", "run", "run_trial",
 ]  # fmt: skip
