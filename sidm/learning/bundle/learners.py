@@ -45,7 +45,8 @@ class StackedLearners:
         self.totals = torch.zeros(trials, 2, dtype=torch.float64, device=device)  # of losses since a test, by role
         self.right = torch.zeros(trials, device=device)  # share of latents that the discriminators told apart
         works = self._predict, self._discriminate, self._match, self._test
-        self.predict, self.discriminate, self.match, self.test = (Recorded(work, device) for work in works)
+        pool = torch.cuda.graph_pool_handle() if device.type == "cuda" else None
+        self.predict, self.discriminate, self.match, self.test = (Recorded(work, device, pool) for work in works)
 
     def _predict(self, moving: Tensor, places: Tensor, of_expert: Tensor) -> None:
         """An iteration of Algorithm 1 on the trajectories at `places` (M, b), the expert's where `of_expert`."""

@@ -15,11 +15,12 @@ class Recorded:
     """`work`, recorded at its first call on a GPU and replayed from then on; on a CPU simply called.
 
     Its first argument says which trials may change, (M,) bool; with none of them it must change nothing, for so it is
-    warmed up. All arguments are tensors whose shapes stay. What it returns is overwritten by the next call.
+    warmed up. All arguments are tensors whose shapes stay. What it returns is overwritten by the next call. Works of
+    one `pool` share memory: none may run beside another, nor use what another left there.
     """
 
-    def __init__(self, work: Callable[..., Any], device: torch.device):
-        self.work, self.device = work, device
+    def __init__(self, work: Callable[..., Any], device: torch.device, pool: Any = None):
+        self.work, self.device, self.pool = work, device, pool
         self.graph: torch.cuda.CUDAGraph | None = None
         self.inputs: tuple[Tensor, ...] = ()
         self.output: Any = None
@@ -46,5 +47,5 @@ class Recorded:
                 self.work(*self.inputs)
         torch.cuda.current_stream(self.device).wait_stream(stream)
         self.graph = torch.cuda.CUDAGraph()
-        with torch.cuda.graph(self.graph):
+        with torch.cuda.graph(self.graph, pool=self.pool):
             self.output = self.work(*self.inputs)

@@ -19,7 +19,7 @@ from sidm.config import ConfigError
 from sidm.learning.bundle.learners import StackedLearners
 from sidm.learning.bundle.seat import Run, Seat
 from sidm.learning.bundle.shelf import Shelf
-from sidm.learning.learner import EVALUATION_BATCH, Tested, TrainingError
+from sidm.learning.learner import Tested, TrainingError
 from sidm.learning.networks import Network
 from sidm.learning.settings import Training
 from sidm.learning.training import Trained, result
@@ -142,12 +142,13 @@ class Bundle:
     def _test_losses(self, indices: Sequence[int]) -> list[float]:
         """Equation (1) on these seats' test splits."""
         tests = {index: self.taken[index].tests for index in indices}
-        length = -(-max(map(len, tests.values())) // EVALUATION_BATCH) * EVALUATION_BATCH
+        size = self.training.batch  # at a time: what has room in training has room here
+        length = -(-max(map(len, tests.values())) // size) * size
         places = torch.zeros(len(self.seats), length, dtype=torch.long)
         counted = torch.zeros(len(self.seats), length, dtype=torch.bool)
         for index, mine in tests.items():
             places[index, : len(mine)], counted[index, : len(mine)] = mine, True
-        parts = zip(counted.split(EVALUATION_BATCH, dim=1), places.split(EVALUATION_BATCH, dim=1), strict=True)
+        parts = zip(counted.split(size, dim=1), places.split(size, dim=1), strict=True)
         sums = sum(self.stacked.test(some.to(self.device), at.to(self.device)).cpu() for some, at in parts)
         return [float(sums[index]) / (len(mine) * self.shelf.steps) for index, mine in tests.items()]
 
