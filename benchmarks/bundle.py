@@ -205,7 +205,7 @@ def main() -> None:
     best = measure(ON_GPU if gpu else ON_CPU, device, options.seconds)
     if gpu:
         hours = [FIGURE3 * samples / best / 3600 for samples in (1e6, 20e6)]
-        print(f"{FIGURE3} trials at the best rate: {hours[0]:.2f} h at 1 million samples a trial, {hours[1]:.1f} h at 20")
+        print(f"{FIGURE3} trials at the best rate, 1 and 20 million samples each: {hours[0]:.2f} h, {hours[1]:.1f} h")
 
 
 if __name__ == "__main__":
