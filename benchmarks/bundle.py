@@ -7,9 +7,11 @@ training (cuDNN's LSTM on a GPU) and a stand-in of the released loop on the same
 from __future__ import annotations
 
 import argparse
+import functools
 import platform
 import time
 from collections.abc import Callable, Iterable
+from contextlib import closing
 from typing import NamedTuple
 
 import torch
@@ -69,8 +71,7 @@ class Traffic(TorchDispatchMode):
 
 def settings(case: Case) -> Training:
     """The released preset's batch of 8 trajectories, and no test."""
-    precision = "bfloat16" if case.precision == "bfloat16" else "float32"
-    return Training(prediction_iterations=PHASE, test_interval=10**6, max_samples=10**9, precision=precision)
+    return Training(prediction_iterations=PHASE, test_interval=10**6, max_samples=10**9, precision=case.precision)
 
 
 def per_second(work: Callable[[], int], device: torch.device, seconds: float) -> float:
@@ -99,15 +100,10 @@ def make_bundle(case: Case, device: torch.device) -> Bundle:
     return bundle
 
 
-def bundled(case: Case, device: torch.device) -> Callable[[], int]:
+def bundle_phase(bundle: Bundle) -> int:
     """A phase of prediction of a bundle, in samples."""
-    bundle = make_bundle(case, device)
-
-    def work() -> int:
-        bundle.predict_phase()
-        return case.trials * PHASE * bundle.training.batch * bundle.shelf.steps
-
-    return work
+    bundle.predict_phase()
+    return len(bundle.seats) * PHASE * bundle.training.batch * bundle.shelf.steps
 
 
 def single(case: Case, device: torch.device) -> Callable[[], int]:
@@ -143,9 +139,8 @@ def use(precision: str) -> None:
 
 def bytes_a_sample(case: Case) -> float:
     """What an iteration of a bundle of one reads and writes, by its operations."""
-    work = bundled(case._replace(trials=1), torch.device("cpu"))
-    with Traffic() as counted:
-        samples = work()
+    with closing(make_bundle(case._replace(trials=1), torch.device("cpu"))) as bundle, Traffic() as counted:
+        samples = bundle_phase(bundle)
     return counted.bytes / samples
 
 
@@ -178,7 +173,8 @@ def measure(cases: Iterable[Case], device: torch.device, seconds: float) -> floa
             each = operations(Learner(random_data(case.network.pixels), case.network, settings(case), 0))
             rates[case.network] = alone, per_second(loop.iterate, device, seconds), each, bytes_a_sample(case)
         alone, released, each, moved = rates[case.network]
-        found = per_second(bundled(case, device), device, seconds)
+        with closing(make_bundle(case, device)) as bundle:
+            found = per_second(functools.partial(bundle_phase, bundle), device, seconds)
         first = first or case.network
         best = max(best, found) if case.network == first else best
         print(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import torch
 
@@ -12,7 +14,9 @@ from sidm.experiments.measure import Library, evaluate, stored_as
 from sidm.experiments.store import Failure, Outcome, Row
 from sidm.experiments.trials import Trial
 from sidm.learning.bundle import SHARED, Run, train_bundle
+from sidm.learning.checkpoint import CheckpointError
 from sidm.learning.training import Tested, Trained, TrainingError
+from sidm.trajectory import ShardError
 
 
 def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:
@@ -24,14 +28,17 @@ def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:
     return [sorted(group, key=lambda trial: -trial.novice_minutes) for group in groups.values()]
 
 
+class Hooks(NamedTuple):
+    """What a bundle tells those who run it."""
+
+    progress: Callable[[Trial, Tested], None]  # a test was taken
+    fault: Callable[[Trial, Exception], None]  # a trial could not be run or evaluated; the others go on
+
+
 def run_bundle(
-    trials: Sequence[Trial],
-    seats: int,
-    data: str | Path = "data",
-    checkpoint: Callable[[Trial], Path] | None = None,
-    progress: Callable[[Trial, Tested], None] | None = None,
+    trials: Sequence[Trial], seats: int, data: str | Path, checkpoint: Callable[[Trial], Path], hooks: Hooks,
     device: str = "cpu",
-) -> Iterator[Row | Failure]:
+) -> Iterator[Row | Failure]:  # fmt: skip
     """Train trials side by side, `seats` at a time, and evaluate each when it ends.
 
     Args:
@@ -39,35 +46,43 @@ def run_bundle(
         seats: how many are trained at once.
         data: the folder of the shards.
         checkpoint: the folder of a trial, to go on from and to write to.
-        progress: called after each test.
+        hooks: what is told of them meanwhile.
         device: where to compute.
 
     Yields:
         What is stored of a trial: its outcome is that of `measure.perform` but for rounding.
-
-    Raises:
-        ShardError: data that are missing, damaged, or not those of a trial; one line.
     """
     provenance.source_hash("bundle")  # of the code as it is now, not when the trials are done
-    library = Library(data)
-    folders = [checkpoint(trial) if checkpoint else None for trial in trials]
-    resumed = [folder is not None and folder.exists() for folder in folders]
-    runs = [
-        Run(library.datasets(trial), trial.training, trial.seed, checkpoint=folder)
-        for trial, folder in zip(trials, folders, strict=True)
-    ]
+    library, ready, runs = Library(data), [], []
+    for trial in trials:
+        try:
+            library.rollouts(trial)  # missing ones are known before hours of work
+            runs.append(Run(library.datasets(trial), trial.training, trial.seed, checkpoint=checkpoint(trial)))
+        except ShardError as error:
+            hooks.fault(trial, error)
+        else:
+            ready.append(trial)
+    resumed = [checkpoint(trial).exists() for trial in ready]
+    for number, found, seconds in train_bundle(
+        runs, trials[0].network, seats, device, lambda number, tested: hooks.progress(ready[number], tested)
+    ):
+        trial, start = ready[number], time.perf_counter()
+        try:
+            outcome = _outcome(trial, found, library, device)
+        except Exception as error:  # one trial's failure must not lose the others
+            hooks.fault(trial, error)
+        else:
+            seconds += time.perf_counter() - start
+            made = provenance.here(seconds, torch.get_num_threads(), resumed[number], device, bundle=seats)
+            yield stored_as(trial, outcome, made)
 
-    def tell(number: int, tested: Tested) -> None:
-        if progress is not None:
-            progress(trials[number], tested)
 
-    for number, found, seconds in train_bundle(runs, trials[0].network, seats, device, tell):
-        trial = trials[number]
-        made = provenance.here(seconds, torch.get_num_threads(), resumed[number], device, bundle=seats)
-        outcome = found if isinstance(found, TrainingError) else _outcome(trial, found, library, device)
-        yield stored_as(trial, outcome, made)
-
-
-def _outcome(trial: Trial, trained: Trained, library: Library, device: str) -> Outcome:
-    trained.model.to(device)
-    return evaluate(trial, trained, library.motion(trial, "validation"), library.trajectories(trial, "rollout"))
+def _outcome(
+    trial: Trial, found: Trained | TrainingError | CheckpointError, library: Library, device: str
+) -> Outcome | TrainingError:
+    if isinstance(found, CheckpointError):
+        raise found
+    if isinstance(found, TrainingError):
+        return found
+    found.model.to(device)
+    return evaluate(trial, found, library.motion(trial, "validation"), library.rollouts(trial))

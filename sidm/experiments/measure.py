@@ -47,21 +47,25 @@ class Library:
 
     def __init__(self, data: str | Path = "data"):
         self.data = Path(data)
-        self._loaded: dict[tuple, Motion] = {}
+        self._rollouts: dict[tuple, list[Trajectory]] = {}
+        self._motions: dict[tuple, Motion] = {}
 
-    def trajectories(self, trial: Trial, kind: str) -> list[Trajectory]:
-        """One of the trial's datasets; ShardError when it is missing, damaged, or not that of the trial."""
-        return load_dataset(trial.datasets[kind], trial.digests[kind], self.data)
+    def rollouts(self, trial: Trial) -> list[Trajectory]:
+        """The trajectories of the 25-step test; ShardError as in `motion`."""
+        key = trial.datasets["rollout"], trial.digests["rollout"]
+        if key not in self._rollouts:
+            self._rollouts[key] = load_dataset(*key, self.data)
+        return self._rollouts[key]
 
     def motion(self, trial: Trial, kind: str) -> Motion:
-        """The same as tensors."""
+        """One of the trial's datasets; ShardError when it is missing, damaged, or not that of the trial."""
         dataset, pixels = trial.datasets[kind], trial.network.pixels
         key = dataset, trial.digests[kind], pixels
-        if key not in self._loaded:
-            self.trajectories(trial, kind)
+        if key not in self._motions:
+            load_dataset(dataset, trial.digests[kind], self.data)
             terrain = find_system(trial.system).terrain
-            self._loaded[key] = load_motion(self.data, dataset.collection, dataset.count, terrain, pixels)
-        return self._loaded[key]
+            self._motions[key] = load_motion(self.data, dataset.collection, dataset.count, terrain, pixels)
+        return self._motions[key]
 
     def datasets(self, trial: Trial) -> Datasets:
         """What the trial learns from and is judged by."""
@@ -91,7 +95,7 @@ def perform(
     """
     with one_thread():
         library = Library(data)
-        sets, rollouts = library.datasets(trial), library.trajectories(trial, "rollout")
+        sets, rollouts = library.datasets(trial), library.rollouts(trial)
         trained = train(
             sets, trial.network, trial.training, trial.seed, checkpoint=checkpoint, progress=progress, device=device
         )

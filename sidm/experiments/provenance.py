@@ -27,7 +27,7 @@ PACKAGE = Path(sidm.__file__).parent
 #: The entry points whose code, with all that they import from the wings before, a result depends on.
 WINGS = {
     "learning": ("sidm.experiments.measure",),
-    "bundle": ("sidm.experiments.measure", "sidm.learning.bundle"),  # the same, many at once
+    "bundle": ("sidm.experiments.measure", "sidm.experiments.bundled"),  # the same, many at once
     "simulation": ("sidm.simulation.collect",),
 }
 
@@ -101,7 +101,7 @@ def canonical(node: Any) -> str:
 
 @functools.cache
 def source_hash(wing: str) -> str:
-    """12 hexadecimal digits for the code of a wing, 'learning' or 'simulation', as it is on disk."""
+    """12 hexadecimal digits for the code of a wing, one of WINGS, as it is on disk."""
     digest = hashlib.sha256()
     for name, tree in sorted(modules_of(WINGS[wing]).items()):
         digest.update(f"{name}:{canonical(tree)}\n".encode())

@@ -18,13 +18,13 @@ from pathlib import Path
 from tqdm import tqdm
 
 from sidm.config import ConfigError
-from sidm.experiments.bundled import bundles, run_bundle
+from sidm.experiments.bundled import Hooks, bundles, run_bundle
 from sidm.experiments.datasets import note_datasets
 from sidm.experiments.log import EventLog
 from sidm.experiments.measure import run_trial
 from sidm.experiments.pool import local_pool
 from sidm.experiments.provenance import source_hash
-from sidm.experiments.store import Failure, Results, Row
+from sidm.experiments.store import Failure, Results, Row, StoreError
 from sidm.experiments.trials import UNKNOWN, Trial
 from sidm.learning.training import Tested, TrainingError
 
@@ -77,7 +77,8 @@ def run(
         code has seen fail are not run again.
 
     Raises:
-        ConfigError: the digest of a trial's data is unknown, `workers` is below 1, or `bundle` is below 0.
+        ConfigError: the digest of a trial's data is unknown, `workers` is below 1, `bundle` below 0, or a bundle meant
+            for an executor.
         ImportError: TensorBoard is asked for and not installed; one line.
     """
     store = results if isinstance(results, Results) else Results(results)
@@ -86,8 +87,8 @@ def run(
     refuse_unknown_data(missing)
     if workers < 1:
         raise ConfigError(f"workers must be at least 1, not {workers}")
-    if bundle < 0:
-        raise ConfigError(f"bundle must not be negative, not {bundle}")
+    if bundle < 0 or (bundle and executor):
+        raise ConfigError(f"bundle must not be negative, nor go with an executor; it is {bundle}")
     EventLog(log)  # a missing TensorBoard is known before hours of work
     if missing:
         note_datasets(missing, store.folder)
@@ -120,11 +121,19 @@ def _run_bundles(
             events.progress(trial)(tested)
             bar.set_postfix(samples=tested.samples, test_loss=f"{tested.test_loss:.4g}", refresh=False)
 
+        def fault(trial: Trial, error: Exception) -> None:
+            _report(bar, f"{trial}: {one_line(error)}")
+            bar.update()
+
         for group in bundles(trials):
             folder = functools.partial(checkpoint_folder, data, wing="bundle")
-            for row in run_bundle(group, seats, data, folder, show, device):
-                _keep(row, store, bar)
-                shutil.rmtree(folder(row.trial), ignore_errors=True)
+            for row in run_bundle(group, seats, data, folder, Hooks(show, fault), device):
+                try:
+                    _keep(row, store, bar)
+                except StoreError as error:
+                    fault(row.trial, error)
+                else:
+                    shutil.rmtree(folder(row.trial), ignore_errors=True)
 
 
 def _keep(row: Row | Failure, store: Results, bar: tqdm) -> None:

@@ -35,7 +35,8 @@ class Training:
     matching_optimiser: Literal["own", "shared"] = "own"  # 'shared': the prediction optimiser's moments (released code)
     stopping: Literal["test_loss", "released"] = "test_loss"  # the rules of `stopping.Stopper`
     reduction: Literal["sum", "mean"] = "sum"  # over the 13 components of the loss that is minimised ('mean': released)
-    precision: Literal["float32", "bfloat16"] = "float32"  # of the encoders' arithmetic while training; tests: float32
+    precision: Literal["float32", "tf32", "bfloat16"] = "float32"  # 'tf32': of all products, on a GPU; 'bfloat16': of
+    # the encoders' arithmetic but for the tests'
 
     def __post_init__(self) -> None:
         """Refuse values that no run can have."""

@@ -17,6 +17,7 @@ from sidm.learning.learner import Learner, Tested, TrainingError
 from sidm.learning.losses import expected_discriminator_loss, expected_matching_loss, prediction_loss
 from sidm.learning.networks import DynamicsModel, Network
 from sidm.learning.observation import TARGET_SIZE
+from sidm.learning.precision import products
 from sidm.learning.settings import Training
 
 __all__ = ["Tested", "Trained", "Training", "TrainingError", "result", "train"]
@@ -68,14 +69,15 @@ def train(
     learner = Learner(datasets, network, training, seed, standardisation, device)
     if checkpoint is not None:
         learner.restore(checkpoint)
-    while not learner.finished:
-        predict_phase(learner, progress)
-        if training.regularise and not learner.finished:
-            regularise_phase(learner)
-        if checkpoint is not None:
-            learner.save(checkpoint)
-    if not learner.history:
-        _test(learner, progress)
+    with products(training.precision):
+        while not learner.finished:
+            predict_phase(learner, progress)
+            if training.regularise and not learner.finished:
+                regularise_phase(learner)
+            if checkpoint is not None:
+                learner.save(checkpoint)
+        if not learner.history:
+            _test(learner, progress)
     return result(learner)
 
 

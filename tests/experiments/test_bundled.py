@@ -1,6 +1,7 @@
 """Bundles of stored trials, failures that are kept, and event files."""
 
 import dataclasses
+import shutil
 import sys
 from concurrent.futures import ThreadPoolExecutor
 
@@ -8,7 +9,7 @@ import pytest
 
 from sidm.__main__ import main
 from sidm.config import ConfigError
-from sidm.experiments import Failure, Results, Study, run, run_trial
+from sidm.experiments import Failure, Results, Study, bundled, run, run_trial
 from sidm.experiments.bundled import bundles
 from sidm.experiments.provenance import source_hash
 from sidm.experiments.run import checkpoint_folder, run_here
@@ -53,17 +54,41 @@ def test_what_goes_into_one_bundle(study):
 def test_a_failure_is_kept_and_not_repeated(study, data, tmp_path, capsys, bundle):
     """With its iteration; the others go on, and other code or a deleted file tries again."""
     good, bad = study.figure3("system1")[1], diverging(study.figure3("system1")[0])
-    with ThreadPoolExecutor(1) as executor:
-        store = run([bad, good], executor, data=data, results=tmp_path, progress=False, bundle=bundle)
+    with ThreadPoolExecutor(1) as pool:
+        options = dict(executor=None if bundle else pool, data=data, results=tmp_path, progress=False, bundle=bundle)
+        store = run([bad, good], **options)
         assert store.missing([bad, good]) == [bad]
         (failure,) = store.failures([bad, good])
         assert failure.trial == bad and failure.loss in ("nan", "inf") and failure.iteration == 5
         said = f"sidm: {bad}: failed, the {failure.what} loss was {failure.loss} after 5 iterations"
         assert capsys.readouterr().err.strip() == said
         written = store.failure_path(bad).stat().st_mtime_ns
-        run([bad], executor, data=data, results=tmp_path, progress=False, bundle=bundle)
+        run([bad], **options)
         assert "not run again unless" in capsys.readouterr().err
     assert store.failure_path(bad).stat().st_mtime_ns == written
+
+
+def test_one_fault_in_a_bundle_loses_no_other(study, data, tmp_path, capsys, monkeypatch):
+    """Data that are not a trial's, a damaged checkpoint, an outcome that cannot be stored: one line each."""
+    damaged, infinite, good = study.figure3("system1")[:3]
+    strange = damaged.replace(rollout_data="0" * 16)
+    folder = checkpoint_folder(data, damaged, "bundle")
+    folder.mkdir(parents=True)
+    (folder / "checkpoint.npz").write_bytes(b"no archive")
+    true = bundled.evaluate
+
+    def evaluate(trial, *rest):
+        return dataclasses.replace(true(trial, *rest), best_test_loss=float("nan" if trial == infinite else 1))
+
+    monkeypatch.setattr(bundled, "evaluate", evaluate)
+    trials = [strange, damaged, infinite, good]
+    store = run(trials, data=data, results=tmp_path, progress=False, bundle=4)
+    shutil.rmtree(folder)
+    assert store.missing(trials) == [strange, damaged, infinite]
+    said = capsys.readouterr().err.strip().splitlines()
+    assert len(said) == 3
+    for words in ("digest", "the checkpoint is damaged", "the outcome is not finite"):
+        assert sum(words in line for line in said) == 1
 
 
 def test_a_later_success_replaces_a_failure(study, data, tmp_path, make_row):

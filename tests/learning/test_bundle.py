@@ -13,6 +13,7 @@ from sidm.learning.bundle.recurrence import Recurrence, lstm
 from sidm.learning.bundle.shelf import Shelf
 from sidm.learning.bundle.stack import Stack
 from sidm.learning.learner import Learner
+from sidm.learning.precision import products
 from sidm.learning.training import encode
 
 ROUNDING = 1e-4  # relative, of losses: sums run in another order
@@ -122,6 +123,38 @@ def test_a_loss_that_is_not_finite_ends_that_trial_alone(five, small_network):
         assert_same(ended[number], alone(five[number], small_network))
 
 
+def test_a_trial_that_ends_within_a_phase(make_run, small_network):
+    """It stands still until the phase of the others is over, also where its first test comes last."""
+    runs = [make_run(0), make_run(1, max_samples=24 * 2)]
+    for number, bundled, _ in train_bundle(runs, small_network, seats=2):
+        assert_same(bundled, alone(runs[number], small_network))
+
+
+def test_data_of_one_trial_do_not_reach_another(make_run, small_network):
+    """Where a trial has nothing to draw, it computes on whatever stands first and must not learn from it."""
+    runs = [make_run(0), make_run(1, p_expert=0.0, regularise=False), make_run(2)]
+    runs[0].datasets.train.inputs[:] = float("nan")
+    ended = results(train_bundle(runs, small_network, seats=3))
+    assert isinstance(ended[0], TrainingError)
+    for number in (1, 2):
+        assert_same(ended[number], alone(runs[number], small_network))
+
+
+def test_a_finished_checkpoint(make_run, small_network, tmp_path):
+    """Nothing is left to do but to give the result."""
+    run = make_run(checkpoint=tmp_path)
+    first = train(run.datasets, small_network, run.training, run.seed, checkpoint=tmp_path)
+    ((_, again, _),) = train_bundle([run], small_network, seats=3)
+    assert_same(again, first, rel=1e-7)
+
+
+def test_large_convolutions_are_done_in_pieces(make_run, small_network, monkeypatch):
+    run = make_run()
+    monkeypatch.setattr("sidm.learning.bundle.stack.LARGEST", 5000)
+    ((_, bundled, _),) = train_bundle([run], small_network, seats=1)
+    assert_same(bundled, alone(run, small_network))
+
+
 def test_a_killed_bundle_goes_on(make_run, small_network, tmp_path, monkeypatch):
     """From its trials' checkpoints, which are those of trials alone."""
     runs = [make_run(seed, max_samples=24 * 30, checkpoint=tmp_path / str(seed)) for seed in range(3)]
@@ -152,6 +185,15 @@ def test_what_trials_of_a_bundle_share(make_run, small_network, make_motion):
     with pytest.raises(ConfigError, match=r"must have one shape, not \[\(6, 8, 8\), \(7, 8, 8\)\]"):
         next(train_bundle([make_run(), strange], small_network, seats=2))
     assert list(train_bundle([], small_network, seats=2)) == []
+
+
+def test_rounding_of_products_is_set_and_put_back():
+    matrices, networks = torch.backends.cuda.matmul, torch.backends.cudnn
+    before = matrices.allow_tf32, networks.allow_tf32
+    for precision, rounded in (("float32", False), ("tf32", True), ("bfloat16", False)):
+        with products(precision):
+            assert matrices.allow_tf32 is networks.allow_tf32 is rounded
+        assert (matrices.allow_tf32, networks.allow_tf32) == before
 
 
 def test_the_shelf_holds_shared_data_once(make_motion):

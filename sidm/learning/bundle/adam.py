@@ -63,6 +63,7 @@ class StackedAdam:
         lead = (-1, *[1] * (weights.ndim - 1))
         count = moments.step.clamp_min(1).double()  # 1 - 0.999 in single precision has lost four digits
         first, second = ((1 - beta**count).to(weights.dtype).view(lead) for beta in (BETA1, BETA2))
+        gradient = torch.where(moving.view(lead), gradient, 0.0)  # whatever it is where nothing moves
         now = moving.to(weights.dtype).view(lead)  # 0 leaves everything as it is
         rate, decay = now * self.learning_rate.view(lead), self.decay.view(lead)
         if self.decoupled:

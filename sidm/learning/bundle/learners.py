@@ -60,7 +60,7 @@ class StackedLearners:
             own = {name: one for name, one in gradients.items() if name.startswith(f"{part}.")}
             self.prediction.step(own, moving & met.any(1))
         sums = losses.detach().double().sum(2)
-        by_role = torch.stack([(sums * ~of_expert).sum(1), (sums * of_expert).sum(1)], dim=1)
+        by_role = torch.stack([torch.where(of, sums, 0.0).sum(1) for of in (~of_expert, of_expert)], dim=1)
         self.totals.add_(torch.where(moving[:, None], by_role, 0.0))
 
     def _discriminate(self, moving: Tensor, expert_places: Tensor, novice_places: Tensor) -> None:
@@ -93,6 +93,11 @@ class StackedLearners:
     def _gradients(self, loss: Tensor, part: str) -> dict[str, Tensor]:
         own = self.stack.learnt(part)
         return dict(zip(own, torch.autograd.grad(loss, list(own.values())), strict=True))
+
+    def close(self) -> None:
+        """Free what the device holds for these trials; nothing can be computed any more."""
+        for one in (self.predict, self.discriminate, self.match, self.test):
+            one.close()
 
     def keep_best(self, trials: Sequence[int]) -> None:
         """The weights of these trials are the best so far."""

@@ -18,12 +18,13 @@ class Shelf:
         """Copy the data of `motions` to `device`.
 
         Raises:
-            ConfigError: they differ in steps or pixels.
+            ConfigError: they differ in steps or pixels, or do not fit.
         """
         self._wholes = {id(whole): whole for whole in map(_whole, motions)}
         shapes = {tuple(whole.maps.shape[1:]) for whole in self._wholes.values()}
         if len(shapes) > 1:
             raise ConfigError(f"the maps (T, P, P) of a bundle must have one shape, not {sorted(shapes)}")
+        refuse_too_much(self._wholes.values(), device)
         self._first, count = {}, 0
         for key, whole in self._wholes.items():
             self._first[key], count = count, count + len(whole)
@@ -39,6 +40,16 @@ class Shelf:
         """(N,) int64, on the CPU: where the trajectories of `motion`, one of those given, stand."""
         indices = motion.indices if isinstance(motion, Part) else torch.arange(len(motion))
         return indices + self._first[id(_whole(motion))]
+
+
+def refuse_too_much(motions: Iterable[Motion], device: torch.device) -> None:
+    """ConfigError when the maps are larger than what is free on a GPU."""
+    needed = sum(motion.maps.numel() * motion.maps.element_size() for motion in motions)
+    if device.type == "cuda" and needed > (free := torch.cuda.mem_get_info(device)[0]):
+        raise ConfigError(
+            f"the maps take {needed / 2**30:.0f} GiB and {device} has {free / 2**30:.0f} free; "
+            "choose fewer pixels or leave out the bundle"
+        )
 
 
 def _whole(motion: Motion | Part) -> Motion:

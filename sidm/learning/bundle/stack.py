@@ -16,6 +16,7 @@ from sidm.learning.bundle.recurrence import lstm
 from sidm.learning.networks import Discriminator, DynamicsModel, Network
 from sidm.systems import ROLES
 
+LARGEST = 2**31 - 1  # numbers in a tensor that PyTorch's convolution of one channel a group takes on a GPU
 Who = Tensor | str  # (M, B) bool: which trajectories are the expert's; or the role of all of them
 
 
@@ -80,7 +81,10 @@ class Stack:
                 mine = torch.where(trailing(who, mine.ndim + 1), theirs[:, None], mine[:, None])
             kernels[name] = mine.expand(-1, pixels.shape[1], *mine.shape[2:]).flatten(0, 1)  # (M B, ...)
         module = self.modules.get_submodule("model.encoders.novice.convolutions")
-        features = over(module, kernels, pixels.flatten(0, 1).unsqueeze(2))  # (M B, T, 4, P - 6, P - 6)
+        rows = pixels.flatten(0, 1).unsqueeze(2)  # (M B, T, 1, P, P)
+        widest = len(rows) * kernels["0.weight"].shape[1] * pixels.shape[-1] ** 2  # numbers a step, rather more
+        pieces = [over(module, kernels, piece) for piece in rows.split(max(1, LARGEST // widest), dim=1)]
+        features = torch.cat(pieces, dim=1) if len(pieces) > 1 else pieces[0]  # (M B, T, 4, P - 6, P - 6)
         return features.movedim(2, -1).flatten(2).unflatten(0, pixels.shape[:2])
 
     def _dense(self, part: str, who: Who, rows: Tensor) -> Tensor:

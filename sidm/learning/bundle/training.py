@@ -19,8 +19,10 @@ from sidm.config import ConfigError
 from sidm.learning.bundle.learners import StackedLearners
 from sidm.learning.bundle.seat import Run, Seat
 from sidm.learning.bundle.shelf import Shelf
+from sidm.learning.checkpoint import CheckpointError
 from sidm.learning.learner import Tested, TrainingError
 from sidm.learning.networks import Network
+from sidm.learning.precision import products
 from sidm.learning.settings import Training
 from sidm.learning.training import Trained, result
 from sidm.systems import ROLES
@@ -69,11 +71,17 @@ class Bundle:
                 self.stacked.get(index, seat.learner)
                 seat.learner.save(seat.run.checkpoint)
 
+    def close(self) -> None:
+        """Free what the device holds for the trials that are here."""
+        self.stacked.close()
+
     def shrunk(self) -> Bundle:
-        """A bundle of the same trials without empty seats."""
-        small = Bundle(self.shelf, self.network, self.training, self.roles, len(self.taken), self.device)
-        for index in self.taken:
-            small.join(self.leave(index))
+        """A bundle of the same trials without empty seats, in place of this one."""
+        seats = [self.leave(index) for index in self.taken]
+        self.close()
+        small = Bundle(self.shelf, self.network, self.training, self.roles, len(seats), self.device)
+        for seat in seats:
+            small.join(seat)
         return small
 
     def phase(self, progress: Callable[[int, Tested], None] | None = None) -> None:
@@ -84,22 +92,33 @@ class Bundle:
                 self.take_tests([index], progress)
         self.regularise_phase()
 
+    def timed_phase(self, progress: Callable[[int, Tested], None] | None = None) -> None:
+        """A phase whose time is shared out among those who took part."""
+        start, here = time.monotonic(), list(self.taken.values())
+        self.phase(progress)
+        for seat in here:
+            seat.seconds += (time.monotonic() - start) / len(here)
+
     def predict_phase(self, progress: Callable[[int, Tested], None] | None = None) -> None:
         """Algorithm 1."""
         going = {index: seat for index, seat in self.taken.items() if not seat.over}
+        if not going:
+            return
         batches = {index: seat.draw_batches(self.training.prediction_iterations) for index, seat in going.items()}
         moving = self._flags(going)
         places = self._spread({index: places for index, (places, _) in batches.items()})
         of_expert = self._spread({index: who for index, (_, who) in batches.items()})
         for iteration in range(self.training.prediction_iterations):
-            if not going:
-                return
             self.stacked.predict(moving, places[iteration], of_expert[iteration])
             for index, seat in going.items():
                 seat.count(batches[index][1][iteration])
             due = [index for index, seat in going.items() if seat.learner.iteration % self.training.test_interval == 0]
             self.take_tests(due, progress)
-            going = {index: seat for index, seat in going.items() if not seat.over}
+            if any(seat.over for seat in going.values()):
+                going = {index: seat for index, seat in going.items() if not seat.over}
+                moving = self._flags(going)
+            if not going:
+                return
 
     def regularise_phase(self) -> None:
         """Algorithm 2, of the trials that have one."""
@@ -171,7 +190,7 @@ class Ended(NamedTuple):
     """A trial of a bundle that is over."""
 
     number: int  # among the runs
-    result: Trained | TrainingError  # the latter where a loss was not finite
+    result: Trained | TrainingError | CheckpointError  # an error where a loss was not finite or it could not go on
     seconds: float  # its share of the time that the bundle took
 
 
@@ -202,29 +221,32 @@ def train_bundle(
     check_shared(runs)
     if not runs:
         return
-    device, training = torch.device(device), runs[0].training
-    roles = ROLES if any(run.training.needs_expert for run in runs) else ("novice",)
-    motions = [getattr(run.datasets, name) for run in runs for name in ("train", "test", "expert")]
+    training, needs_expert = runs[0].training, any(run.training.needs_expert for run in runs)
+    roles, names = (ROLES, ("train", "test", "expert")) if needs_expert else (ROLES[:1], ("train", "test"))
+    motions = [getattr(run.datasets, name) for run in runs for name in names]
+    device = torch.device(device)
     shelf = Shelf([motion for motion in motions if motion is not None], device)
     waiting = deque(enumerate(runs))
     bundle = Bundle(shelf, network, training, roles, min(seats, len(runs)), device)
     saved = time.monotonic()
-    while waiting or bundle.taken:
-        while waiting and None in bundle.seats:
-            bundle.join(Seat(*waiting.popleft(), network, shelf))
-        start, here = time.monotonic(), list(bundle.taken.values())
-        bundle.phase(progress)
-        for seat in here:
-            seat.seconds += (time.monotonic() - start) / len(here)
-        for index in [index for index, seat in bundle.taken.items() if seat.over]:
-            seat = bundle.leave(index)
-            yield Ended(seat.number, seat.error or result(seat.learner), seat.seconds)
-        if time.monotonic() - saved > SAVE_INTERVAL:
-            bundle.save()
-            saved = time.monotonic()
-        free = bundle.seats.count(None)
-        if not waiting and bundle.taken and free * SHRINK >= len(bundle.seats):
-            bundle = bundle.shrunk()
+    with products(training.precision):
+        while waiting or bundle.taken:
+            while waiting and None in bundle.seats:
+                number, run = waiting.popleft()
+                try:
+                    bundle.join(Seat(number, run, network, shelf))
+                except CheckpointError as error:
+                    yield Ended(number, error, 0.0)
+            bundle.timed_phase(progress)
+            for index in [index for index, seat in bundle.taken.items() if seat.over]:
+                seat = bundle.leave(index)
+                yield Ended(seat.number, seat.error or result(seat.learner), seat.seconds)
+            if time.monotonic() - saved > SAVE_INTERVAL:
+                bundle.save()
+                saved = time.monotonic()
+            if not waiting and bundle.taken and bundle.seats.count(None) * SHRINK >= len(bundle.seats):
+                bundle = bundle.shrunk()
+    bundle.close()
 
 
 def check_shared(runs: Sequence[Run]) -> None:
