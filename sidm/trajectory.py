@@ -18,15 +18,14 @@ Body frame: x forward, y left, z up, origin at the chassis' centre of mass. An a
 from __future__ import annotations
 
 import hashlib
-import os
-import zipfile
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from sidm.config import config
+from sidm.config import ConfigError, config
+from sidm.storage import read_arrays, write_arrays
 
 POSITION, QUATERNION, TWIST = slice(0, 3), slice(3, 7), slice(7, 13)
 STATE_SIZE, ACTION_SIZE = 13, 2
@@ -69,22 +68,6 @@ def digest(trajectories: Iterable[Trajectory]) -> str:
     return total.hexdigest()[:16]
 
 
-def write_atomically(path: Path, write) -> None:
-    """Call `write(file)` on a temporary file beside `path`, force it to disk and move it into place."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with open(part, "wb") as file:
-            write(file)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(part, path)
-    except OSError as error:
-        raise OSError(f"{path}: cannot be written ({error.strerror or error})") from error
-    finally:
-        part.unlink(missing_ok=True)
-
-
 def write_shard(path: Path, trajectories: Sequence[Trajectory]) -> None:
     """Write trajectories of equal length as one immutable .npz file."""
     arrays = {
@@ -95,14 +78,13 @@ def write_shard(path: Path, trajectories: Sequence[Trajectory]) -> None:
         "terrain_checksum": np.array([t.terrain_checksum for t in trajectories], "U16"),
         "discarded": np.array([t.discarded for t in trajectories], np.int64),
     }
-    write_atomically(path, lambda file: np.savez(file, allow_pickle=False, **arrays))
+    write_arrays(path, arrays)
 
 
 def read_shard(path: Path) -> list[Trajectory]:
-    """The trajectories of a shard; ShardError when the file is missing or damaged (the archive's own checksums say)."""
+    """The trajectories of a shard; ShardError when the file is missing or damaged."""
     try:
-        with np.load(path, allow_pickle=False) as data:
-            columns = {name: data[name] for name in data.files}
+        columns = read_arrays(path)
         _check_shapes(columns)
         return [
             Trajectory(
@@ -117,13 +99,12 @@ def read_shard(path: Path) -> list[Trajectory]:
         ]
     except FileNotFoundError:
         raise ShardError(f"{path}: the shard is missing; collect again to make it") from None
-    except (OSError, ValueError, KeyError, IndexError, EOFError, zipfile.BadZipFile) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise ShardError(f"{path}: the shard is damaged ({reason}); delete it and collect again") from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise ShardError(f"{path}: the shard is damaged ({error}); delete it and collect again") from None
 
 
 def _check_shapes(columns: Mapping[str, np.ndarray]) -> None:
-    """ValueError unless a shard's columns belong together."""
+    """ValueError or KeyError unless a shard's columns belong together."""
     count, steps = columns["actions"].shape[:2]
     wanted = {
         "index": (count,), "states": (count, steps + 1, STATE_SIZE), "actions": (count, steps, ACTION_SIZE),
@@ -147,6 +128,14 @@ class Collection:
     role: str
     policy: str = "ornstein_uhlenbeck"
     seed: int = 0  # disjoint for the novice pool, the validation set and the expert's data
+
+    def __post_init__(self) -> None:
+        """Refuse names that would lead out of the data folder."""
+        for name in ("system", "role", "policy"):
+            if not getattr(self, name).isidentifier():
+                raise ConfigError(f"Collection.{name} must be a plain name, not {getattr(self, name)!r}")
+        if self.seed < 0:
+            raise ConfigError(f"Collection.seed must not be negative, not {self.seed}")
 
     def folder(self, root: Path) -> Path:
         """Where its shards lie under the data folder `root`."""

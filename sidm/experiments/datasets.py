@@ -1,78 +1,76 @@
 """The datasets of a study on disk, and the digests by which trials know them.
 
-Beside the shards of a collection lies `digests.json` (number of trajectories -> digest), written after collecting; with
-the results lies `datasets.json` (dataset name -> digest) for those that the stored trials learnt from, so that reading
-results needs no data. Where both speak, the data on this disk count.
+Beside the shards of a collection lies a file `digest-COUNT.json`, written after collecting; with the results lies one
+like it under `datasets/` for each dataset that the stored trials learnt from, so that reading results needs no data.
+Where both speak, the data on this disk count.
 """
 
 from __future__ import annotations
 
 import contextlib
-import fcntl
-import json
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from sidm.config import ConfigError
-from sidm.experiments.pool import local_pool
 from sidm.experiments.presets import Preset
 from sidm.experiments.trials import UNKNOWN, Dataset, Trial
+from sidm.pool import local_pool
+from sidm.storage import Damaged, read_record, write_record
 from sidm.systems import SYSTEMS
-from sidm.trajectory import ShardError, Trajectory, digest, load, write_atomically
-
-LOCAL, COMMITTED = "digests.json", "datasets.json"
+from sidm.trajectory import ShardError, Trajectory, digest, load
 
 
-def _read(path: Path) -> dict[str, str]:
-    """A file of digests; empty when it is missing, ConfigError when it is damaged."""
+def _local(dataset: Dataset, data: str | Path) -> Path:
+    return dataset.collection.folder(Path(data)) / f"digest-{dataset.count}.json"
+
+
+def _committed(dataset: Dataset, results: str | Path) -> Path:
+    return Path(results) / "datasets" / f"{dataset.name}.json"
+
+
+def _read(path: Path) -> str:
+    """The digest in a file, UNKNOWN when there is none; ConfigError when it is damaged."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = read_record(path)["digest"]
     except FileNotFoundError:
-        return {}
-    except ValueError as error:
-        raise ConfigError(f"{path}: not JSON ({error}); restore it, or delete it and collect again") from None
-    if not isinstance(found, dict):
-        raise ConfigError(f"{path}: not a table of digests; restore it, or delete it and collect again")
-    return found
+        return UNKNOWN
+    except (Damaged, KeyError) as error:
+        raise ConfigError(f"{path}: damaged ({error}); restore it, or delete it and collect again") from None
+    return str(found)
 
 
-def _note(path: Path, entries: dict[str, str]) -> None:
-    """Add entries to a file of digests, keys sorted, unless they stand there; one process at a time."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with open(path.with_name(f".{path.name}.lock"), "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        known = _read(path)
-        if any(known.get(name) != value for name, value in entries.items()):
-            text = json.dumps(dict(sorted((known | entries).items())), indent=1) + "\n"
-            write_atomically(path, lambda file: file.write(text.encode()))
+def _note(path: Path, found: str) -> None:
+    """Write a digest unless it stands there."""
+    if _read(path) != found:
+        write_record(path, {"digest": found})
 
 
 def find_digest(dataset: Dataset, data: str | Path = "data", results: str | Path = "results") -> str:
     """The digest of a dataset: of what lies under `data`, else of what the `results` were made from, else UNKNOWN."""
-    local = _read(dataset.collection.folder(Path(data)) / LOCAL)
-    return local.get(str(dataset.count)) or _read(Path(results) / COMMITTED).get(dataset.name, UNKNOWN)
+    local = _read(_local(dataset, data))
+    return local if local != UNKNOWN else _read(_committed(dataset, results))
 
 
 def differing(preset: Preset, data: str | Path = "data", results: str | Path = "results") -> list[str]:
     """Names of a preset's datasets whose data on this disk are not those that the results were made from."""
-    known = _read(Path(results) / COMMITTED)
     needed = [dataset for system in SYSTEMS for dataset in preset.datasets(system).values()]
-    return [one.name for one in needed if one.name in known and find_digest(one, data, results) != known[one.name]]
+    known = {one: _read(_committed(one, results)) for one in needed}
+    return [one.name for one, noted in known.items() if noted not in (UNKNOWN, find_digest(one, data, results))]
 
 
 def note_digest(dataset: Dataset, trajectories: Sequence[Trajectory], data: str | Path = "data") -> str:
     """Write the digest of a dataset beside its shards, and return it."""
     found = digest(trajectories)
-    _note(dataset.collection.folder(Path(data)) / LOCAL, {str(dataset.count): found})
+    _note(_local(dataset, data), found)
     return found
 
 
 def note_datasets(trials: Iterable[Trial], results: str | Path = "results") -> None:
-    """Write the digests that `trials` name into the results' `datasets.json`."""
-    entries = {d.name: trial.digests[kind] for trial in trials for kind, d in trial.datasets.items()}
-    if entries:
-        _note(Path(results) / COMMITTED, entries)
+    """Write the digests that `trials` name into the results' `datasets/`."""
+    entries = {dataset: trial.digests[kind] for trial in trials for kind, dataset in trial.datasets.items()}
+    for dataset, found in entries.items():
+        _note(_committed(dataset, results), found)
 
 
 def load_dataset(dataset: Dataset, wanted: str, data: str | Path = "data") -> list[Trajectory]:

@@ -22,11 +22,12 @@ from sidm.experiments.bundled import Hooks, bundles, run_bundle
 from sidm.experiments.datasets import note_datasets
 from sidm.experiments.log import EventLog
 from sidm.experiments.measure import run_trial
-from sidm.experiments.pool import local_pool
 from sidm.experiments.provenance import source_hash
 from sidm.experiments.store import Failure, Results, Row, StoreError
 from sidm.experiments.trials import UNKNOWN, Trial
 from sidm.learning.training import Tested, TrainingError
+from sidm.pool import local_pool
+from sidm.storage import sweep
 
 WORKERS = 2  # by default
 
@@ -89,6 +90,7 @@ def run(
         raise ConfigError(f"workers must be at least 1, not {workers}")
     if bundle < 0 or (bundle and executor):
         raise ConfigError(f"bundle must not be negative, nor go with an executor; it is {bundle}")
+    sweep(store.folder / "trials")
     EventLog(log)  # a missing TensorBoard is known before hours of work
     if missing:
         note_datasets(missing, store.folder)

@@ -1,13 +1,12 @@
 """The results store: one small JSON file a trial, written whole or not at all.
 
-A row holds its trial, what came out, and what made it. Floats of the outcome carry 6 significant digits. Nothing is
-ever overwritten by halves: files are written beside their place and moved there.
+A row holds its trial, what came out, and what made it. Floats of the outcome carry 6 significant digits. Every file has
+its checksum. Two stores merge by copying files: those of different trials have different names.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -15,9 +14,9 @@ from typing import Any, TypeVar
 from sidm.config import ConfigError, config, from_mapping
 from sidm.experiments.provenance import Provenance, is_stale
 from sidm.experiments.trials import Trial
-from sidm.trajectory import write_atomically
+from sidm.storage import Damaged, read_record, write_record
 
-SCHEMA = 1  # of a row's file
+SCHEMA = 2  # of a row's file: 2 has a checksum
 DIGITS = 6  # significant, of stored floats
 
 
@@ -119,11 +118,9 @@ class Results:
         values = {"schema": SCHEMA, **rounded(dataclasses.asdict(row))}  # type: ignore[call-overload]
         values["trial"] = row.trial.to_json()
         try:
-            lines = (f"{json.dumps(name)}: {json.dumps(value, allow_nan=False)}" for name, value in values.items())
-            text = "{\n" + ",\n".join(lines) + "\n}\n"
+            write_record(path, values)
         except ValueError:
             raise StoreError(f"{row.trial}: the outcome is not finite; the training diverged") from None
-        write_atomically(path, lambda file: file.write(text.encode()))
         if isinstance(row, Row):
             self.failure_path(row.trial).unlink(missing_ok=True)
         return path
@@ -190,12 +187,11 @@ def _of(trial: Trial, row: Stored, path: Path) -> Stored:
 def _read(path: Path, kind: type[Stored]) -> Stored:
     mend = "restore the file, or delete it and run the trial again"
     try:
-        values = json.loads(path.read_text(encoding="utf-8"))
-        if values["schema"] != SCHEMA:
-            raise StoreError(f"{path}: has schema {values['schema']}, this version reads {SCHEMA}; {mend}")
-        del values["schema"]
+        values = read_record(path)
+        if (schema := values.pop("schema")) != SCHEMA:
+            raise StoreError(f"{path}: has schema {schema}, this version reads {SCHEMA}; {mend}")
         return from_mapping(kind, values)
     except (KeyError, TypeError, AttributeError) as error:
         raise StoreError(f"{path}: not a row of results ({error!r}); {mend}") from None
-    except (json.JSONDecodeError, UnicodeDecodeError, ConfigError) as error:
+    except (Damaged, ConfigError) as error:
         raise StoreError(f"{path}: damaged ({error}); {mend}") from None

@@ -1,4 +1,4 @@
-"""A run's state on disk: arrays and one JSON text in a single .npz file, written atomically, without pickle.
+"""A run's state on disk: arrays and one JSON text in a single sealed .npz file.
 
 An array's name is its path in the state: 'model/sidm.lstm.weight_ih_l0', 'optimisers/prediction/12/exp_avg'.
 """
@@ -6,7 +6,6 @@ An array's name is its path in the state: 'model/sidm.lstm.weight_ih_l0', 'optim
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from sidm.trajectory import write_atomically
+from sidm.storage import read_arrays, write_arrays
 
 FILE = "checkpoint.npz"
 TEXT = "json"  # the name of the array that holds the text
@@ -29,7 +28,7 @@ def write(folder: Path, tensors: Mapping[str, Tensor], values: Mapping[str, Any]
     """Write `tensors` and `values` (plain JSON types) as the checkpoint of `folder`, replacing the one before."""
     arrays = {name: tensor.detach().cpu().numpy() for name, tensor in tensors.items()}
     arrays[TEXT] = np.frombuffer(json.dumps(values).encode(), np.uint8)
-    write_atomically(Path(folder) / FILE, lambda file: np.savez(file, **arrays))  # type: ignore[arg-type]
+    write_arrays(Path(folder) / FILE, arrays)
 
 
 def read(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
@@ -40,12 +39,11 @@ def read(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
     """
     path = Path(folder) / FILE
     try:
-        with np.load(path, allow_pickle=False) as data:
-            arrays = {name: data[name] for name in data.files}
+        arrays = read_arrays(path)
         values = json.loads(arrays.pop(TEXT).tobytes())
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except (ValueError, KeyError) as error:
         raise CheckpointError(f"{path}: the checkpoint is damaged ({error}); delete it to start afresh") from None
     return {name: torch.from_numpy(array) for name, array in arrays.items()}, values
 

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from sidm.config import ConfigError
 from sidm.learning import observation
+from sidm.storage import write_atomically
 from sidm.systems import Terrain
 from sidm.terrain import generate_terrain
 from sidm.trajectory import (
@@ -23,7 +24,6 @@ from sidm.trajectory import (
     digest,
     load,
     trajectories_for,
-    write_atomically,
 )
 
 TEST_EVERY = 4  # one trajectory of four is for testing: 75 % train, 25 % test (section 4)

@@ -7,18 +7,19 @@ and writes it in one piece, so a collection that was killed goes on with the sha
 from __future__ import annotations
 
 import functools
-import multiprocessing
 import os
 import zlib
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, as_completed
 from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
+from sidm.pool import local_pool
 from sidm.simulation.exploration import draw_actions
 from sidm.simulation.simulator import Simulator
+from sidm.storage import sweep
 from sidm.systems import System, find_system
 from sidm.terrain import generate_terrain
 from sidm.trajectory import (
@@ -138,19 +139,16 @@ def collect(
         ShardError: a shard on disk is damaged; the message names it.
     """
     root = Path(root)
+    sweep(collection.folder(root))
     missing = missing_shards(root, collection, count)
     if missing:
-        pool = nullcontext(executor) if executor else _pool(min(workers or os.cpu_count() or 1, len(missing)))
+        pool = nullcontext(executor) if executor else local_pool(min(workers or os.cpu_count() or 1, len(missing)))
         title = f"{collection.system} {collection.role} {collection.policy}"
         with pool as run, tqdm(total=len(missing) * SHARD_SIZE, desc=title, unit="traj", disable=not progress) as bar:
             futures = [run.submit(make_shard, root, collection, number) for number in missing]
             for future in as_completed(futures):
                 bar.update(future.result())
     return load(root, collection, count)
-
-
-def _pool(workers: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
 
 
 def discards(trajectories: list[Trajectory]) -> dict[str, int]:

@@ -1,6 +1,5 @@
 """Real trials on tiny synthetic data, and what the runner does with them."""
 
-import json
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -12,6 +11,7 @@ from sidm.experiments import run as run_function
 from sidm.experiments.datasets import find_digest, load_dataset
 from sidm.experiments.run import checkpoint_folder, one_line, run_here
 from sidm.experiments.store import rounded
+from sidm.storage import read_record
 from sidm.trajectory import ShardError
 
 
@@ -64,8 +64,8 @@ def test_run_skips_what_is_stored(trials, data, tmp_path, make_row):
         run(trials, executor, data=data, results=store, progress=False)
     assert files == {path: path.stat().st_mtime_ns for path in (tmp_path / "trials").iterdir()}
     assert not checkpoint_folder(data, trials[1]).exists()
-    named = json.loads((tmp_path / "datasets.json").read_text())
-    assert named["system1/novice/ornstein_uhlenbeck/seed-0/9"] == trials[0].novice_data
+    noted = tmp_path / "datasets" / "system1/novice/ornstein_uhlenbeck/seed-0/9.json"
+    assert read_record(noted) == {"digest": trials[0].novice_data}
 
 
 def test_local_processes_agree_with_this_one(trials, data, tmp_path):

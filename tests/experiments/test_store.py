@@ -1,13 +1,17 @@
 """The store: rows come back as they were put, and nothing damaged is read."""
 
-import json
+import shutil
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from sidm.experiments import Results, StoreError, Study
 from sidm.experiments import provenance as provenance_module
+from sidm.experiments.datasets import note_datasets
 from sidm.experiments.provenance import canonical, modules_of, source_hash
 from sidm.experiments.store import Row, rounded
+from sidm.storage import read_record, write_record
 
 
 @pytest.fixture
@@ -49,24 +53,60 @@ def test_stale_rows_are_shown(trials, make_row, tmp_path):
     assert store.stale(trials) == [trials[1]]
 
 
+def another_seed(values):
+    values["trial"]["seed"] = 7
+
+
+def mistyped(values):
+    values["outcome"]["iteratons"] = values["outcome"].pop("iterations")
+
+
 @pytest.mark.parametrize(
     "spoil, words",
     [
-        (lambda text: text[: len(text) // 2], "damaged"),
-        (lambda text: "[]", "not a row of results"),
-        (lambda text: text.replace('"schema": 1', '"schema": 99'), "has schema 99, this version reads 1"),
-        (lambda text: text.replace('"seed": 0', '"seed": 7'), "holds another trial"),
-        (lambda text: text.replace('"iterations"', '"iteratons"'), "did you mean 'iterations'"),
+        (lambda values: values.pop("outcome"), "damaged|not a row of results"),
+        (lambda values: values.update(schema=99), "has schema 99, this version reads 2"),
+        (lambda values: values.update(trial=[]), "must be Trial, not list"),
+        (another_seed, "holds another trial"),
+        (mistyped, "did you mean 'iterations'"),
     ],
 )
-def test_damage_is_one_line(trials, make_row, tmp_path, spoil, words):
-    """Whatever is wrong with a file, the error names it and the mend in one line."""
+def test_what_is_not_the_row_is_named_in_one_line(trials, make_row, tmp_path, spoil, words):
+    """Whatever was written into the file by others, the error names it and the mend."""
     store = Results(tmp_path)
     path = store.put(make_row(trials[0]))
-    path.write_text(spoil(path.read_text()))
+    values = read_record(path)
+    spoil(values)
+    write_record(path, values)
     with pytest.raises(StoreError, match=words) as caught:
         store.get(trials[0])
     assert str(path) in str(caught.value) and "\n" not in str(caught.value) and "delete it" in str(caught.value)
+
+
+@given(where=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+def test_every_flipped_bit_is_seen(trials, make_row, tmp_path, where, bit):
+    store = Results(tmp_path)
+    path = store.put(make_row(trials[0]))
+    content = bytearray(path.read_bytes())
+    content[int(where * len(content))] ^= 1 << bit
+    path.write_bytes(content)
+    with pytest.raises(StoreError, match="damaged") as caught:
+        store.get(trials[0])
+    assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_stores_merge_by_copying(trials, make_row, tmp_path):
+    """Two people who run different trials write different files."""
+    stores = [Results(tmp_path / name) for name in ("one", "other", "both")]
+    for store, mine in zip(stores, (trials[:2], trials[2:]), strict=False):
+        for trial in mine:
+            store.put(make_row(trial))
+        note_datasets(mine, store.folder)
+        shutil.copytree(store.folder, stores[2].folder, dirs_exist_ok=True)
+    assert stores[2].missing(trials) == [] and [row.trial for row in stores[2].rows(trials)] == trials
+    names = [{path.name for path in (store.folder / "trials").iterdir()} for store in stores[:2]]
+    assert not names[0] & names[1]
 
 
 def test_divergence_is_not_stored(trials, make_row, tmp_path):
@@ -80,10 +120,10 @@ def test_rekey_moves_rows_whose_trial_learnt_a_value(trials, make_row, tmp_path)
     """A row stored before Trial had one of its values takes the default and today's key."""
     store = Results(tmp_path)
     path = store.put(make_row(trials[0]))
-    old = json.loads(path.read_text())
+    old = read_record(path)
     del old["trial"]["policy"]
-    path.rename(path.with_stem("0" * 20))
-    path.with_stem("0" * 20).write_text(json.dumps(old))
+    path.unlink()
+    write_record(path.with_stem("0" * 20), old)
     assert store.missing(trials[:1]) and store.rekey() == 1
     assert not store.missing(trials[:1]) and store.rekey() == 0
     assert store.get(trials[0]).trial == trials[0]

@@ -12,6 +12,7 @@ from sidm.config import ConfigError
 from sidm.experiments import METHODS, PRESETS, UNKNOWN, Study, Trial, grid, load_preset
 from sidm.experiments.datasets import differing
 from sidm.experiments.presets import POLICIES
+from sidm.storage import write_record
 from sidm.systems import SYSTEMS
 
 TRIAL = Trial(
@@ -144,8 +145,8 @@ def test_digests_come_from_disk_before_the_results(data, tiny, tmp_path):
     assert UNKNOWN not in local.values() and len(set(local.values())) == 4
     bare = Study(tiny, tmp_path / "none", tmp_path)
     assert set(bare.digests("system1").values()) == {UNKNOWN}
-    table = {one.name: f"committed-{kind}" for kind, one in tiny.datasets("system1").items()}
-    (tmp_path / "datasets.json").write_text(json.dumps(table))
+    for kind, one in tiny.datasets("system1").items():
+        write_record(tmp_path / "datasets" / f"{one.name}.json", {"digest": f"committed-{kind}"})
     assert Study(tiny, tmp_path / "none", tmp_path).digests("system1")["novice_data"] == "committed-novice"
     assert Study(tiny, data, tmp_path).digests("system1") == local
     assert differing(tiny, data, tmp_path) == [one.name for one in tiny.datasets("system1").values()]
@@ -153,9 +154,11 @@ def test_digests_come_from_disk_before_the_results(data, tiny, tmp_path):
 
 
 def test_damaged_digests_are_named(tiny, tmp_path):
-    """A table that cannot be read is an error of one line."""
-    (tmp_path / "datasets.json").write_text("{")
-    with pytest.raises(ConfigError, match=r"datasets\.json: not JSON .*restore it"):
+    """A digest that cannot be read is an error of one line."""
+    path = tmp_path / "datasets" / f"{tiny.datasets('system1')['expert'].name}.json"
+    write_record(path, {"digest": "0" * 16})
+    path.write_text(path.read_text().replace("00", "01"))
+    with pytest.raises(ConfigError, match=r"9\.json: damaged \(its checksum does not match\); restore it"):
         Study(tiny, tmp_path, tmp_path).digests("system1")
 
 
