@@ -9,7 +9,7 @@ RENDER := $(BIN)/jupyter-book build --warningiserror --keep-going
 # Trials run side by side, one thread each: a second thread to each only makes them wait for one another.
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help setup book page notebooks figures test lint bench clean
+.PHONY: help setup book page notebooks figures test lint bench crash clean
 .DELETE_ON_ERROR:
 
 help:
@@ -20,6 +20,7 @@ help:
 	@echo 'make test [JOBS=2]                               package, notebooks and book'
 	@echo 'make lint                                        style and types'
 	@echo 'make bench                                       the scripts of benchmarks/'
+	@echo 'make crash                                       kill collecting and training at 20 random moments each'
 	@echo 'make setup, make clean                           the environment in .venv alone; remove _build'
 
 setup: $(STAMP)
@@ -64,6 +65,9 @@ lint: $(STAMP)
 
 bench: $(STAMP)
 	@set -e; for script in $(wildcard benchmarks/*.py); do echo "== $$script"; $(BIN)/python $$script; done
+
+crash: $(STAMP)
+	$(BIN)/python tests/crash.py
 
 clean:
 	rm -rf _build

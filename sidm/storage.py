@@ -103,9 +103,12 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
             if any(member.compress_type != zipfile.ZIP_STORED for member in archive.infolist()):
                 raise Damaged("compressed")
         with np.load(io.BytesIO(content), allow_pickle=False) as data:
-            return {name: data[name] for name in data.files}
+            arrays = {name: data[name] for name in data.files}
     except (ValueError, KeyError, EOFError, MemoryError, OSError, zipfile.BadZipFile, NotImplementedError) as error:
         raise Damaged(_first_line(error)) from None
+    if not all(isinstance(array, np.ndarray) for array in arrays.values()):  # NumPy gives other members as bytes
+        raise Damaged("it holds something else than arrays")
+    return arrays
 
 
 def write_record(path: Path, values: Mapping[str, Any]) -> None:

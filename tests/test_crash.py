@@ -1,0 +1,25 @@
+"""Killed at random moments, nothing is lost: `make crash` does the same with more kills."""
+
+import pytest
+from crash import crash, reader
+
+from sidm.storage import read_record, write_record
+
+
+def test_nothing_is_lost(tmp_path):
+    pytest.importorskip("pybullet")
+    lines = crash(3, seed=1, root=tmp_path)
+    assert [line.split(":")[0] for line in lines] == ["collect", "run"]
+
+
+def test_the_reader_would_see_half_a_file(tmp_path):
+    write_record(tmp_path / "a.json", {"x": list(range(100))})
+    with reader(tmp_path, "*.json", read_record) as wrong:
+        pass
+    assert wrong == []
+    text = (tmp_path / "a.json").read_text()
+    (tmp_path / "a.json").write_text(text[:50])
+    with reader(tmp_path, "*.json", read_record) as wrong:
+        while not wrong:
+            pass
+    assert "a.json" in wrong[0]

@@ -1,0 +1,183 @@
+"""Files whole or not at all, damage seen, disks full, and files made by those who mean harm."""
+
+import errno
+import io
+import os
+import pickle
+import subprocess
+import sys
+import time
+import zipfile
+from hashlib import sha256
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sidm.storage import Damaged, read_arrays, read_record, sweep, write_arrays, write_atomically, write_record
+
+ARRAYS = {"numbers": np.arange(6.0).reshape(2, 3), "words": np.array(["a", "bc"]), "one": np.array(3)}
+SHARED_FOLDER = [HealthCheck.function_scoped_fixture]
+
+
+class Trap:
+    """Unpickling it would make a file."""
+
+    def __init__(self, path):
+        self.path = str(path)
+
+    def __reduce__(self):
+        return open, (self.path, "w")
+
+
+def sealed(archive: bytes) -> bytes:
+    """An archive with the comment that ours have."""
+    body = archive[:-2] + (64).to_bytes(2, "little")
+    return body + sha256(body).hexdigest().encode()
+
+
+def test_arrays_come_back_also_to_others(tmp_path):
+    path = tmp_path / "new" / "a.npz"
+    write_arrays(path, ARRAYS)
+    with np.load(path, allow_pickle=False) as data:
+        for found in (read_arrays(path), data):
+            assert all(np.array_equal(found[name], array) for name, array in ARRAYS.items())
+    assert os.listdir(path.parent) == ["a.npz"]
+
+
+def test_records_come_back_a_line_a_value(tmp_path):
+    values = {"a": 0.1 + 0.2, "b": [1, None, "x\"\n"], "c": {"checksum": "none"}}
+    write_record(tmp_path / "a.json", values)
+    assert read_record(tmp_path / "a.json") == values
+    assert len((tmp_path / "a.json").read_text().splitlines()) == 6
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        write_record(tmp_path / "a.json", {"a": float("nan")})
+    assert read_record(tmp_path / "a.json") == values and os.listdir(tmp_path) == ["a.json"]
+
+
+@given(where=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7), cut=st.booleans())
+@settings(max_examples=100, suppress_health_check=SHARED_FOLDER, deadline=None)
+@pytest.mark.parametrize(("name", "write", "read"), [("a.npz", write_arrays, read_arrays),
+                                                     ("a.json", write_record, read_record)])  # fmt: skip
+def test_a_flipped_bit_or_a_lost_end_is_seen(tmp_path, name, write, read, where, bit, cut):
+    path = tmp_path / name
+    write(path, ARRAYS if write is write_arrays else {"x": [1.5, "y"], "z": {}})
+    content = bytearray(path.read_bytes())
+    place = int(where * len(content))
+    content[place] ^= 1 << bit
+    path.write_bytes(content[:place] if cut else content)
+    with pytest.raises(Damaged) as caught:
+        read(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    for read in (read_arrays, read_record):
+        with pytest.raises(FileNotFoundError):
+            read(tmp_path / "none")
+        with pytest.raises(Damaged, match="directory"):
+            read(tmp_path)
+
+
+@pytest.mark.parametrize("failing", ["write", "fsync", "replace"])
+def test_a_full_disk_is_one_line_and_leaves_what_was(tmp_path, monkeypatch, failing):
+    path = tmp_path / "a.json"
+    write_record(path, {"x": 1})
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    if failing != "write":
+        monkeypatch.setattr(os, failing, full)
+    with pytest.raises(OSError, match=r"a\.json: cannot be written \(No space left on device\)") as caught:
+        write_atomically(path, full if failing == "write" else lambda file: file.write(b"half"))
+    assert "\n" not in str(caught.value)
+    assert read_record(path) == {"x": 1} and os.listdir(tmp_path) == ["a.json"]
+
+
+def test_a_quota_is_met_for_real(tmp_path):
+    """The system refuses files above a size, as a quota does; what was written before is whole."""
+    code = (
+        "import resource, signal, sys, numpy as np\n"
+        "from pathlib import Path\n"
+        "from sidm.storage import write_arrays\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))\n"
+        "for count in (100, 100_000):\n"
+        "    try:\n"
+        "        write_arrays(Path(sys.argv[1]) / f'{count}.npz', {'x': np.zeros(count)})\n"
+        "    except OSError as error:\n"
+        "        print(error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True)
+    assert done.stdout == f"{tmp_path / '100000.npz'}: cannot be written (File too large)\n" and not done.stderr
+    assert os.listdir(tmp_path) == ["100.npz"] and len(read_arrays(tmp_path / "100.npz")["x"]) == 100
+
+
+def test_writing_follows_no_link_and_takes_no_name_of_others(tmp_path):
+    """A link in the file's place is replaced; what it points to stays as it is."""
+    (tmp_path / "inside").mkdir()
+    outside, path = tmp_path / "outside", tmp_path / "inside" / "a.json"
+    outside.write_text("mine")
+    path.symlink_to(outside)
+    write_record(path, {"x": 1})
+    assert outside.read_text() == "mine" and not path.is_symlink() and read_record(path) == {"x": 1}
+
+
+def test_a_pickle_disguised_as_arrays_is_not_opened(tmp_path):
+    trap, archive = tmp_path / "sprung", io.BytesIO()
+    np.savez(archive, x=np.array([Trap(trap)], object))
+    plain = io.BytesIO()
+    with zipfile.ZipFile(plain, "w") as made:
+        made.writestr("x.npy", pickle.dumps(Trap(trap)))
+    for content in (pickle.dumps(Trap(trap)), archive.getvalue(), sealed(archive.getvalue()), sealed(plain.getvalue())):
+        (tmp_path / "a.npz").write_bytes(content)
+        with pytest.raises(Damaged):
+            read_arrays(tmp_path / "a.npz")
+    assert not trap.exists()
+
+
+def test_an_archive_that_would_grow_is_not_unpacked(tmp_path):
+    """Neither a compressed one nor one whose header promises a million million numbers."""
+    bomb = io.BytesIO()
+    np.savez_compressed(bomb, x=np.zeros(1000))
+    header, promised = io.BytesIO(), io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)})
+    with zipfile.ZipFile(promised, "w") as made:
+        made.writestr("x.npy", header.getvalue())
+    for content in (bomb, promised):
+        (tmp_path / "a.npz").write_bytes(sealed(content.getvalue()))
+        with pytest.raises(Damaged):
+            read_arrays(tmp_path / "a.npz")
+
+
+def test_a_record_of_any_size_is_not_read(tmp_path):
+    with open(tmp_path / "a.json", "wb") as file:
+        file.truncate(2**30)
+    with pytest.raises(Damaged, match="larger than"):
+        read_record(tmp_path / "a.json")
+    (tmp_path / "a.json").write_text("[" * 10**6)
+    with pytest.raises(Damaged):
+        read_record(tmp_path / "a.json")
+
+
+@given(st.binary(max_size=400))
+@settings(max_examples=100, suppress_health_check=SHARED_FOLDER, deadline=None)
+def test_any_bytes_are_damaged(tmp_path, content):
+    (tmp_path / "a").write_bytes(content)
+    for read in (read_arrays, read_record):
+        with pytest.raises(Damaged) as caught:
+            read(tmp_path / "a")
+        assert "\n" not in str(caught.value)
+
+
+def test_what_killed_writers_left_is_swept(tmp_path):
+    for name in (".a.npz.x1.part", ".b.npz.x2.part", "c.part"):
+        (tmp_path / name).write_text("half")
+    hour_ago = time.time() - 4000
+    os.utime(tmp_path / ".a.npz.x1.part", (hour_ago, hour_ago))
+    os.utime(tmp_path / "c.part", (hour_ago, hour_ago))
+    sweep(tmp_path)
+    assert sorted(os.listdir(tmp_path)) == [".b.npz.x2.part", "c.part"]
+    sweep(tmp_path / "none")
