@@ -21,7 +21,7 @@ from sidm.trajectory import ShardError
 
 def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
-    parser = argparse.ArgumentParser(prog="python -m sidm", description=(__doc__ or "").split("\n\n")[1])
+    parser = notebook.Parser(prog="python -m sidm", description=(__doc__ or "").split("\n\n")[1])
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(metavar="collect | train | run | show | notebook", required=True)
 

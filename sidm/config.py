@@ -12,6 +12,8 @@ from typing import Any, TypeVar, dataclass_transform
 
 T = TypeVar("T")
 
+LARGEST = 1e12  # no size, rate or seed is larger
+
 
 class ConfigError(ValueError):
     """A parameter that does not exist or has the wrong type; the message is one line for the person who typed it."""
@@ -77,6 +79,16 @@ def config(cls: type[T]) -> type[T]:
 
     made.__init__ = __init__  # type: ignore[method-assign]
     return made
+
+
+def refuse_nonsense(settings: Any) -> None:
+    """ConfigError naming the first number of a configuration that is not finite or too large to be meant."""
+    for field in dataclasses.fields(settings):
+        value = getattr(settings, field.name)
+        for one in value if isinstance(value, tuple) else (value,):
+            if isinstance(one, (int, float)) and not abs(one) <= LARGEST:
+                name = f"{type(settings).__name__}.{field.name}"
+                raise ConfigError(f"{name} must be a number from -{LARGEST:g} to {LARGEST:g}, not {one}")
 
 
 def from_mapping(cls: type[T], values: Mapping[str, Any]) -> T:

@@ -7,6 +7,7 @@ unit`. The types that papermill can read there are plain ones (`int`, `list[floa
 from __future__ import annotations
 
 import argparse
+import ast
 import contextlib
 import os
 import re
@@ -14,7 +15,7 @@ import sys
 import typing
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, Optional
+from typing import Any, NamedTuple, NoReturn, Optional
 
 import yaml
 
@@ -94,10 +95,23 @@ def _kind(annotation: str, name: str, path: Path) -> Any:
     if annotation == "None":  # papermill's word for a line without one, or with one that it cannot read
         raise ConfigError(f"{path}: parameter '{name}' has no readable type; write 'name: type = value  # help'")
     try:
-        return eval(annotation, {"__builtins__": {}}, KINDS)
-    except Exception as error:
+        return _type(ast.parse(annotation, mode="eval").body)
+    except (SyntaxError, KeyError, TypeError, ValueError, RecursionError) as error:
         known = ", ".join(KINDS)
         raise ConfigError(f"{path}: parameter '{name}' has the unknown type '{annotation}'; use {known}") from error
+
+
+def _type(node: ast.expr) -> Any:
+    """The type that an annotation's syntax tree names; nothing of it is executed."""
+    if isinstance(node, ast.Constant) and node.value is None:
+        return None
+    if isinstance(node, ast.Name):
+        return KINDS[node.id]
+    if not isinstance(node, ast.Subscript):
+        raise ValueError("not a type")
+    inner = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+    kinds = tuple(... if isinstance(one, ast.Constant) and one.value is ... else _type(one) for one in inner)
+    return _type(node.value)[kinds if len(kinds) > 1 else kinds[0]]
 
 
 def check(value: Any, kind: Any, name: str) -> Any:
@@ -218,6 +232,14 @@ def _first_line(error: object) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0]
 
 
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong and where help is, and end with status 2."""
+        self.exit(2, f"sidm: {' '.join(message.split())}; see {self.prog} --help\n")
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `python -m sidm notebook`."""
     add = parser.add_argument
@@ -281,7 +303,7 @@ def _show(path: Path) -> None:
 
 def notebook_command(words: Iterable[str] | None = None) -> int:
     """`python -m sidm notebook` with the words of a command line; returns its exit status."""
-    parser = argparse.ArgumentParser(prog="python -m sidm notebook", description="Run a notebook, strictly.")
+    parser = Parser(prog="python -m sidm notebook", description="Run a notebook, strictly.")
     add_arguments(parser)
     return run_from_arguments(parser.parse_args(None if words is None else list(words)))
 

@@ -6,10 +6,9 @@ This table is the only place where a preset's numbers stand; `params/NAME.yaml` 
 from __future__ import annotations
 
 import dataclasses
-import math
 from typing import Any, Literal
 
-from sidm.config import ConfigError, config, conform, unknown_name
+from sidm.config import ConfigError, config, conform, refuse_nonsense, unknown_name
 from sidm.experiments.trials import Dataset, datasets
 from sidm.learning.networks import PAPER_NETWORK, RELEASED_NETWORK, Network
 from sidm.learning.settings import Training
@@ -17,6 +16,8 @@ from sidm.systems import find_system
 
 #: The exploration policies of `sidm.simulation`, which need not be installed to read results.
 POLICIES = ("ornstein_uhlenbeck", "sinusoid", "bounded_noise", "held")
+
+MOST_SEEDS = 1000  # trials a point
 
 PresetName = Literal["smoke", "laptop", "released", "paper"]
 
@@ -44,6 +45,7 @@ class Preset:
 
     def __post_init__(self) -> None:
         """Refuse sizes that the pools do not hold."""
+        refuse_nonsense(self)
         for system in ("system1", "system2"):
             most, pool = max(self.novice_minutes(system), default=0), self.pool_minutes(system)
             if most > pool:
@@ -51,13 +53,18 @@ class Preset:
         for name in ("expert_minutes", "validation_minutes", "pool_minutes_system1", "pool_minutes_system2"):
             if not 0 < getattr(self, name) < float("inf"):
                 raise ConfigError(f"{name} must be positive and finite, not {getattr(self, name)}")
-        for name, value in _values(self.training).items():
-            if isinstance(value, float) and not math.isfinite(value):
-                raise ConfigError(f"{name} must be finite, not {value}")
+        for name in ("novice_minutes_system1", "novice_minutes_system2", "figure4_minutes", "ablation_minutes"):
+            if not all(minutes > 0 for minutes in getattr(self, name)):
+                raise ConfigError(f"{name} must be positive, not {getattr(self, name)}")
+        for name in ("p_expert_system1", "p_expert_system2"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ConfigError(f"{name} must be from 0 to 1, not {getattr(self, name)}")
         if self.policy not in POLICIES:
             raise unknown_name(self.policy, POLICIES, "the exploration policies")
-        if self.seeds < 1:
-            raise ConfigError(f"seeds must be at least 1, not {self.seeds}")
+        if not 1 <= self.seeds <= MOST_SEEDS:
+            raise ConfigError(f"seeds must be from 1 to {MOST_SEEDS}, not {self.seeds}")
+        if self.rollouts < 1:
+            raise ConfigError(f"rollouts must be at least 1, not {self.rollouts}")
 
     def _of(self, system: str, name: str) -> Any:
         """A value that differs between the paper's systems; a system of your own has system 1's."""
@@ -175,7 +182,7 @@ PRESETS: dict[str, Preset] = {
 }
 
 
-def load_preset(name: str, **changes: Any) -> Preset:
+def load_preset(name: str, /, **changes: Any) -> Preset:
     """The preset of that name with some values changed, as `Preset.replace` does it.
 
     Raises:

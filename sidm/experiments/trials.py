@@ -8,7 +8,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from sidm.config import ConfigError, config, from_mapping
+from sidm.config import ConfigError, config, from_mapping, refuse_nonsense
 from sidm.learning.networks import Network
 from sidm.learning.settings import Training
 from sidm.systems import find_system
@@ -73,6 +73,7 @@ class Trial:
 
     def __post_init__(self) -> None:
         """Refuse a trial that cannot be run."""
+        refuse_nonsense(self)
         find_system(self.system)
         if not 0 < self.novice_minutes <= self.pool_minutes:
             raise ConfigError(

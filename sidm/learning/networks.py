@@ -12,7 +12,7 @@ from typing import TypeVar
 import torch
 from torch import Tensor, nn
 
-from sidm.config import ConfigError, config
+from sidm.config import ConfigError, config, refuse_nonsense
 from sidm.learning.dataset import Standardisation
 from sidm.learning.observation import INPUT_SIZE, TARGET_SIZE
 from sidm.learning.seeds import derive
@@ -40,6 +40,7 @@ class Network:
 
     def __post_init__(self) -> None:
         """Refuse sizes that make no network."""
+        refuse_nonsense(self)
         for name in ("kernel", "encoder_hidden", "latent", "layers", "hidden", "latent_transition", "decoder_hidden",
                      "discriminator_hidden"):
             if getattr(self, name) < 1:

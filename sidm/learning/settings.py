@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from sidm.config import ConfigError, config
+from sidm.config import ConfigError, config, refuse_nonsense
 
 
 @config
@@ -40,6 +40,7 @@ class Training:
 
     def __post_init__(self) -> None:
         """Refuse values that no run can have."""
+        refuse_nonsense(self)
         for name in ("p_expert", "smoothing"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ConfigError(f"Training.{name} must be from 0 to 1, not {getattr(self, name)}")
