@@ -15,8 +15,6 @@ from concurrent.futures import Executor, Future, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
-from tqdm import tqdm
-
 from sidm.config import ConfigError
 from sidm.experiments.bundled import Hooks, bundles, run_bundle
 from sidm.experiments.datasets import note_datasets
@@ -27,6 +25,7 @@ from sidm.experiments.store import Failure, Results, Row, StoreError
 from sidm.experiments.trials import UNKNOWN, Trial
 from sidm.learning.training import Tested, TrainingError
 from sidm.pool import local_pool
+from sidm.progress import Bar, progress_bar
 from sidm.storage import sweep
 
 WORKERS = 2  # by default
@@ -95,7 +94,7 @@ def run(
     if missing:
         note_datasets(missing, store.folder)
         data = Path(data).absolute()
-        with tqdm(total=len(missing), desc="trials", unit="trial", disable=not progress) as bar:
+        with progress_bar(len(missing), "trials", "trial", progress) as bar:
             if bundle:
                 _run_bundles(missing, bundle, data, store, bar, device, log)
                 return store
@@ -114,7 +113,7 @@ def _not_failed(store: Results, trials: list[Trial]) -> list[Trial]:
 
 
 def _run_bundles(
-    trials: list[Trial], seats: int, data: Path, store: Results, bar: tqdm, device: str, log: str | Path | None
+    trials: list[Trial], seats: int, data: Path, store: Results, bar: Bar, device: str, log: str | Path | None
 ) -> None:
     """Train bundle after bundle in this process and store each trial as it ends."""
     with EventLog(log) as events:
@@ -138,7 +137,7 @@ def _run_bundles(
                     shutil.rmtree(folder(row.trial), ignore_errors=True)
 
 
-def _keep(row: Row | Failure, store: Results, bar: tqdm) -> None:
+def _keep(row: Row | Failure, store: Results, bar: Bar) -> None:
     """Store what became of a trial."""
     store.put(row)
     if isinstance(row, Failure):
@@ -147,7 +146,7 @@ def _keep(row: Row | Failure, store: Results, bar: tqdm) -> None:
 
 
 def _run_all(
-    trials: list[Trial], executor: Executor, data: Path, store: Results, bar: tqdm, device: str, log: str | Path | None
+    trials: list[Trial], executor: Executor, data: Path, store: Results, bar: Bar, device: str, log: str | Path | None
 ) -> None:
     """Submit every trial and store each as it comes back."""
     futures: dict[Future[Row | Failure], Trial] = {
@@ -177,7 +176,7 @@ def one_line(error: BaseException) -> str:
     return text if plain else f"{type(error).__name__}: {text}".rstrip(": ")
 
 
-def _report(bar: tqdm, message: str) -> None:
+def _report(bar: Bar, message: str) -> None:
     bar.write(f"sidm: {message}", file=sys.stderr)
 
 
@@ -199,8 +198,7 @@ def run_here(
         return stored
     refuse_unknown_data([trial])
     note_datasets([trial], store.folder)
-    total = trial.training.max_samples
-    with tqdm(total=total, desc=str(trial), unit="sample", unit_scale=True, disable=not progress) as bar:
+    with progress_bar(trial.training.max_samples, str(trial), "sample", progress, scaled=True) as bar:
 
         def show(tested: Tested) -> None:
             bar.set_postfix(test_loss=f"{tested.test_loss:.4g}", refresh=False)

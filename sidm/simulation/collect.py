@@ -14,9 +14,9 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
 
 from sidm.pool import local_pool
+from sidm.progress import progress_bar
 from sidm.simulation.exploration import draw_actions
 from sidm.simulation.simulator import Simulator
 from sidm.storage import sweep
@@ -144,7 +144,7 @@ def collect(
     if missing:
         pool = nullcontext(executor) if executor else local_pool(min(workers or os.cpu_count() or 1, len(missing)))
         title = f"{collection.system} {collection.role} {collection.policy}"
-        with pool as run, tqdm(total=len(missing) * SHARD_SIZE, desc=title, unit="traj", disable=not progress) as bar:
+        with pool as run, progress_bar(len(missing) * SHARD_SIZE, title, "trajectory", progress) as bar:
             futures = [run.submit(make_shard, root, collection, number) for number in missing]
             for future in as_completed(futures):
                 bar.update(future.result())

@@ -113,7 +113,7 @@ def test_encoders_alone_are_low(make_run, small_network):
 
 def test_a_loss_that_is_not_finite_ends_that_trial_alone(five, small_network):
     five[2].datasets.train.targets[:, 0] = float("inf")
-    five[4] = five[4]._replace(training=dataclasses.replace(five[4].training, learning_rate=1e30))
+    five[4] = five[4]._replace(training=dataclasses.replace(five[4].training, learning_rate=1e11))
     ended = results(train_bundle(five, small_network, seats=3))
     for number, what in ((2, "training"), (4, "test|training")):
         assert isinstance(ended[number], TrainingError) and ended[number].iteration == 4

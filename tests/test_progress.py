@@ -1,0 +1,40 @@
+"""Progress on a terminal and in a log."""
+
+import re
+import sys
+
+from tqdm import tqdm
+
+from sidm import progress
+from sidm.progress import LogBar, progress_bar
+
+
+def test_a_log_gets_whole_lines_with_the_time_left(monkeypatch, capsys):
+    now = [0.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    with progress_bar(10, "trials", "trial") as bar:
+        for number in range(10):
+            now[0] += 12.0
+            bar.set_postfix(loss=number)
+            bar.update()
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 4 and not any("\r" in line for line in lines)
+    assert lines[0] == "trials: 3/10 trial, 00:36 gone, 01:24 left, 12.00s/trial, loss=2"
+    assert re.match(r"trials: 10/10 trial, 02:00 gone, 00:00 left", lines[-1])
+
+
+def test_short_or_unseen_work_writes_nothing(monkeypatch, capsys):
+    now = [0.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    for seconds, shown in ((1.0, True), (100.0, False)):
+        with progress_bar(3, "trials", "trial", shown=shown) as bar:
+            for _ in range(3):
+                now[0] += seconds
+                bar.update()
+    assert capsys.readouterr().err == ""
+
+
+def test_a_terminal_gets_a_bar(monkeypatch):
+    assert isinstance(progress_bar(3, "trials", "trial", shown=False), LogBar)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    assert isinstance(progress_bar(3, "trials", "trial", shown=False), tqdm)
