@@ -1,18 +1,27 @@
 """Statistics against closed forms and scipy."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import scipy.stats
 
+from sidm.experiments import coverage
 from sidm.experiments.statistics import (
+    MANY_SEEDS,
     bootstrap,
     efficiency,
     efficiency_at_sizes,
     falling,
     greatest_ratio,
+    interval,
+    leave_one_out,
     minutes_needed,
     summarise,
 )
+from sidm.storage import read_record
+
+ROOT = Path(__file__).parents[2]
 
 MINUTES = np.array([1.0, 2, 5, 20, 60, 120])
 
@@ -47,6 +56,38 @@ def test_summary():
     """Mean, interquartile mean, minimum and maximum over seeds."""
     found = summarise(np.array([[0.0], [1], [2], [9]]))
     assert (found.mean[0], found.interquartile_mean[0], found.minimum[0], found.maximum[0]) == (3, 1.5, 0, 9)
+
+
+def test_leaving_one_out_of_a_mean_is_students_interval():
+    samples = np.random.default_rng(1).normal(size=7)
+    theirs = scipy.stats.ttest_1samp(samples, 0).confidence_interval()
+    assert leave_one_out(np.mean, samples) == pytest.approx((samples.mean(), theirs.low, theirs.high))
+
+
+def test_intervals_of_degenerate_samples():
+    """One seed, ties, and a curve that never gets there: no interval, one of no width, none."""
+    assert np.isnan(interval(np.mean, np.array([2.0])).low)
+    assert interval(np.mean, np.full(4, 2.0)) == (2, 2, 2) and interval(np.mean, np.full(40, 2.0)) == (2, 2, 2)
+    flat = np.broadcast_to(np.stack([np.full(6, 2.0), np.ones(6)]), (5, 2, 6))
+    assert np.isnan(interval(lambda pairs: greatest_ratio(MINUTES, pairs)[0], flat)).all()
+
+
+def test_many_seeds_are_resampled():
+    samples = np.random.default_rng(1).lognormal(size=MANY_SEEDS)
+    assert interval(np.mean, samples) == bootstrap(np.mean, samples)
+    assert interval(np.mean, samples[1:]) == leave_one_out(np.mean, samples[1:])
+
+
+def test_coverage_is_as_stored():
+    """95 % intervals hold the true ratio in 92 to 98 % of 500 studies of 30 seeds; percentiles of few seeds do not."""
+    found, stored = coverage.measure(), read_record(ROOT / coverage.FILE)
+    for name, by_seeds in found.items():
+        for seeds, (share, width) in by_seeds.items():
+            assert stored[name][seeds] == pytest.approx([share, width], abs=0.004)
+    assert all(0.92 <= share <= 0.98 for share, _ in found["leave_one_out"].values())
+    assert 0.92 <= found["percentile"]["30"][0] <= 0.98 and found["percentile"]["3"][0] < 0.85
+    note = coverage.coverage_note(ROOT / coverage.FILE)
+    assert "3 seeds 80 % and 95 %" in note and "30 seeds 93 % and 96 %" in note
 
 
 def test_falling_pools_what_rises():
