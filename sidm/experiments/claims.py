@@ -77,6 +77,8 @@ def _meeting(rows: Sequence[Row], system: str, paper: str) -> Claim:
     claim, losses = f"{system}: the curves become comparable", gather(rows, system)
     if not losses.values.size:
         return Claim(claim, paper, "not run", UNCLEAR)
+    if len(losses.values) < FEWEST_SEEDS:
+        return Claim(claim, paper, "too few seeds", UNCLEAR)
     met = meeting_size(losses)
     ours = f"not by {losses.minutes[-1]:g} min" if met is None else f"from {met:g} min"
     return Claim(claim, paper, *_judged(ours, None, losses, UNCLEAR))
