@@ -6,9 +6,10 @@ Exit status: 0; 1 when something failed or is still missing; 2 for arguments tha
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
-from collections.abc import Callable, Sequence
-from concurrent.futures import BrokenExecutor
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, Executor
 from typing import Any
 
 import yaml
@@ -34,6 +35,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_preset(collect)
     _add_system(collect)
     collect.add_argument("--workers", type=_positive, metavar="N", help="processes; all cores unless given")
+    _add_dask(collect)
 
     train = command("train", run_train, "Run one trial and store its result; goes on from its checkpoint.")
     _add_preset(train)
@@ -57,6 +59,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--bundle", type=_positive, default=0, metavar="N",
         help="train N trials side by side on the device, instead of in processes",
     )  # fmt: skip
+    _add_dask(run)
 
     for trainer in (train, run):
         words = "where to compute, cpu or cuda (%(default)s)"
@@ -84,6 +87,23 @@ def _add_preset(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--data", default="data", metavar="DIR", help="trajectories and checkpoints (%(default)s)")
     parser.add_argument("--results", default="results", metavar="DIR", help="the results store (%(default)s)")
+
+
+def _add_dask(parser: argparse.ArgumentParser) -> None:
+    words = "work on a Dask cluster instead: its scheduler, tcp://HOST:PORT or a scheduler file"
+    parser.add_argument("--dask", metavar="ADDRESS", help=words)
+
+
+@contextlib.contextmanager
+def _executor(arguments: argparse.Namespace) -> Iterator[Executor | None]:
+    """The cluster of --dask, or None without."""
+    if arguments.dask is None:
+        yield None
+        return
+    from sidm.cluster import dask_executor
+
+    with dask_executor(arguments.dask) as executor:
+        yield executor
 
 
 def _add_system(parser: argparse.ArgumentParser) -> None:
@@ -168,7 +188,9 @@ def run_collect(arguments: argparse.Namespace) -> int:
     from sidm.experiments import collect_datasets
 
     systems = [arguments.system] if arguments.system else list(SYSTEMS)
-    found = collect_datasets(_preset(arguments), systems, arguments.data, arguments.workers)
+    preset = _preset(arguments)
+    with _executor(arguments) as executor:
+        found = collect_datasets(preset, systems, arguments.data, arguments.workers, executor)
     for name, digest in found.items():
         print(f"{name}: {digest}")
     return 0
@@ -198,10 +220,11 @@ def run_run(arguments: argparse.Namespace) -> int:
 
     trials = _trials(arguments, _preset(arguments))
     store = Results(arguments.results)
-    run(
-        trials, workers=arguments.workers, data=arguments.data, results=store, device=arguments.device,
-        bundle=arguments.bundle, log=arguments.log,
-    )  # fmt: skip
+    with _executor(arguments) as executor:
+        run(
+            trials, executor, workers=arguments.workers, data=arguments.data, results=store, device=arguments.device,
+            bundle=arguments.bundle, log=arguments.log,
+        )  # fmt: skip
     missing = len(store.missing(trials))
     print(f"{len(trials) - missing} of {len(trials)} trials stored")
     return 1 if missing else 0

@@ -138,7 +138,7 @@ def collect(
     Raises:
         ShardError: a shard on disk is damaged; the message names it.
     """
-    root = Path(root)
+    root = Path(root).absolute()  # the same for workers elsewhere
     sweep(collection.folder(root))
     missing = missing_shards(root, collection, count)
     if missing:

@@ -1,0 +1,105 @@
+"""A real Dask cluster on this machine: a scheduler and workers, of which one is killed and one comes later."""
+
+import contextlib
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from sidm.__main__ import main
+from sidm.cluster import dask_executor
+from sidm.experiments import Results, Study, load_preset
+from sidm.simulation import collect
+from sidm.trajectory import Collection, digest
+
+SETTINGS = {
+    "expert_minutes": 0.5, "novice_minutes_system1": [0.25, 0.5], "pool_minutes_system1": 0.5,
+    "validation_minutes": 0.25, "rollouts": 2, "pixels": 8, "hidden": 16, "max_samples": 30_000, "patience": 30_000,
+}  # fmt: skip
+
+
+def start(*words: str) -> subprocess.Popen:
+    return subprocess.Popen([sys.executable, "-m", *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def worker(address: str, folder: Path) -> subprocess.Popen:
+    local = ["--local-directory", str(folder / "dask"), "--no-dashboard", "--nthreads", "1", "--no-nanny"]
+    return start("distributed.cli.dask_worker", address, *local)
+
+
+@pytest.fixture
+def cluster(tmp_path):
+    """The scheduler's address, and its two workers' processes, to which others may be added."""
+    file = tmp_path / "scheduler.json"
+    scheduler = start("distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard",
+                      "--scheduler-file", str(file))  # fmt: skip
+    processes = [scheduler]
+    try:
+        while not file.exists() or not file.read_text().strip():
+            assert scheduler.poll() is None
+            time.sleep(0.05)
+        workers = [worker(str_address(file), tmp_path) for _ in range(2)]
+        processes += workers
+        yield str_address(file), workers
+        processes += workers
+    finally:
+        for process in {id(one): one for one in processes}.values():
+            process.kill()
+            process.wait()
+
+
+def str_address(file: Path) -> str:
+    import json
+
+    return json.loads(file.read_text())["address"]
+
+
+def test_a_cluster_gives_what_this_machine_gives(cluster, tmp_path, capsys):
+    """Collected and trained there, with one worker killed at work and another added: the same to the last bit."""
+    address, workers = cluster
+    changes = [word for name, value in SETTINGS.items() for word in ("--set", f"{name}={value}")]
+    common = ["--preset", "smoke", "--system", "system1", "--data", str(tmp_path / "data"), *changes]
+    there, here = (["--results", str(tmp_path / name)] for name in ("there", "here"))
+    assert main(["collect", *common, *there, "--dask", address]) == 0
+    digests = capsys.readouterr().out
+
+    killed = []
+
+    def disturb(*_):
+        if not killed:
+            killed.append(workers[0])
+            workers[0].kill()
+            workers.append(worker(address, tmp_path))
+
+    with pytest.MonkeyPatch.context() as patch:
+        from sidm.experiments import run as _  # noqa: F401
+
+        module = sys.modules["sidm.experiments.run"]
+        keep = module._keep
+        patch.setattr(module, "_keep", lambda *all: (keep(*all), disturb()))
+        assert main(["run", *common, *there, "--dask", address]) == 0
+    assert killed and workers[0].wait() < 0
+    assert main(["run", *common, *here]) == 0
+    trials = Study(load_preset("smoke", **SETTINGS), tmp_path / "data", tmp_path / "here").figure3("system1")
+    rows = [[row.outcome for row in Results(tmp_path / name).rows(trials)] for name in ("there", "here")]
+    assert rows[0] == rows[1] and len(rows[0]) == 4
+
+    collection = Collection(system="system1", role="novice")
+    alone = collect(tmp_path / "alone", collection, 5, workers=1, progress=False)
+    assert f"{collection.system}/novice/ornstein_uhlenbeck/seed-0/5: {digest(alone)}" in digests
+
+
+def test_no_scheduler_is_one_line(monkeypatch):
+    monkeypatch.setattr("sidm.cluster.WAIT", "300ms")
+    with pytest.raises(OSError, match="tcp://127.0.0.1:1: no Dask scheduler answers there") as caught:
+        with dask_executor("tcp://127.0.0.1:1"):
+            pass
+    assert "\n" not in str(caught.value)
+
+
+def test_without_dask_it_says_so(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ImportError, match="pip install distributed"), contextlib.ExitStack() as stack:
+        stack.enter_context(dask_executor("tcp://127.0.0.1:1"))
