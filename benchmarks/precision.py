@@ -49,7 +49,7 @@ def main() -> None:
                 print(f"seed {seed}: float32 {exact:.4f}, bfloat16 {low:.4f}, ratio {low / exact:.4f}", flush=True)
     ratios = np.log([pair["bfloat16"] / pair["float32"] for pair in losses.values()])
     mean, low, high = np.exp(leave_one_out(np.mean, ratios))
-    print(f"{METHOD}, {MINUTES:g} min, {len(ratios)} pairs: geometric mean of the ratio {mean:.4f} [{low:.4f}, {high:.4f}]")
+    print(f"{METHOD}, {MINUTES:g} min, {len(ratios)} pairs: geometric mean ratio {mean:.4f} [{low:.4f}, {high:.4f}]")
 
 
 if __name__ == "__main__":
