@@ -21,9 +21,9 @@ from work import operations, random_data
 
 from sidm.learning import PAPER_NETWORK, RELEASED_NETWORK, Network, Training, train
 from sidm.learning.bundle import Run, train_bundle
+from sidm.learning.bundle.bundle import Bundle
 from sidm.learning.bundle.seat import Seat
 from sidm.learning.bundle.shelf import Shelf
-from sidm.learning.bundle.training import Bundle
 from sidm.learning.learner import Learner
 from sidm.learning.training import predict_phase
 from sidm.systems import ROLES

@@ -1,12 +1,15 @@
 """The command line: what it prints and its exit status."""
 
+import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
 from sidm.__main__ import main
 from sidm.experiments import Results, Study, grid, load_preset
+from sidm.trajectory import read_shard
 
 CHANGES = {
     "expert_minutes": 0.25, "novice_minutes_system1": [0.25], "pool_minutes_system1": 0.25, "validation_minutes": 0.25,
@@ -132,3 +135,17 @@ def test_damaged_checkpoint_is_one_line(tmp_path, capsys, monkeypatch):
     words = ["train", "--preset", "smoke", "--system", "system1", "--minutes", "2", "--results", str(tmp_path)]
     assert main(words) == 1
     assert capsys.readouterr().err == "sidm: checkpoint.npz: the checkpoint is damaged (x); delete it to start afresh\n"
+
+
+def test_ctrl_c_leaves_a_state_to_go_on_from(tmp_path):
+    """Stopped while it collects, a command says how to go on, and its workers end with it."""
+    pytest.importorskip("pybullet")
+    words = ["collect", "--preset", "smoke", "--system", "system1", "--data", str(tmp_path), "--workers", "2"]
+    process = subprocess.Popen([sys.executable, "-m", "sidm", *words], stderr=subprocess.PIPE, text=True)
+    while process.poll() is None and not list(tmp_path.rglob("shard-*.npz")):
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 1 and "Traceback" not in said
+    assert said.splitlines()[-1] == "sidm: stopped; the same command goes on where this one was"
+    assert all(len(read_shard(path)) == 4 for path in tmp_path.rglob("shard-*.npz"))

@@ -1,29 +1,22 @@
-"""Many trials on one device at once: Algorithms 1 and 2 on M models side by side.
-
-Each trial keeps its `Learner`, which draws its batches, follows its test loss and says when it is over, as in a
-training of its own; `StackedLearners` do the arithmetic of all. A trial that is over leaves its seat to one that
-waits. M seats, b trajectories in a batch.
-"""
+"""Many trials on one device at once, from fresh weights to their ends: one that is over leaves its seat to another."""
 
 from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import torch
-from torch import Tensor
 
 from sidm.config import ConfigError
-from sidm.learning.bundle.learners import StackedLearners
+from sidm.learning.bundle.bundle import Bundle
 from sidm.learning.bundle.seat import Run, Seat
 from sidm.learning.bundle.shelf import Shelf
 from sidm.learning.checkpoint import CheckpointError
 from sidm.learning.learner import Tested, TrainingError
 from sidm.learning.networks import Network
 from sidm.learning.precision import products
-from sidm.learning.settings import Training
 from sidm.learning.training import Trained, result
 from sidm.systems import ROLES
 
@@ -35,155 +28,6 @@ SHARED = (
 
 SAVE_INTERVAL = 600.0  # s between two writings of all checkpoints
 SHRINK = 8  # the bundle is made smaller when one of so many seats is empty and no trial waits
-
-
-class Bundle:
-    """Seats for M trials."""
-
-    def __init__(self, shelf: Shelf, network: Network, training: Training, roles: Sequence[str], seats: int,
-                 device: torch.device):  # fmt: skip
-        self.shelf, self.network, self.training, self.roles, self.device = shelf, network, training, roles, device
-        self.stacked = StackedLearners(shelf, network, training, roles, seats, device)
-        self.seats: list[Seat | None] = [None] * seats
-
-    @property
-    def taken(self) -> dict[int, Seat]:
-        """The trials that are here, by seat."""
-        return {index: seat for index, seat in enumerate(self.seats) if seat is not None}
-
-    def join(self, seat: Seat) -> None:
-        """Seat a trial in the first free place."""
-        index = self.seats.index(None)
-        self.seats[index] = seat
-        self.stacked.put(index, seat.learner)
-
-    def leave(self, index: int) -> Seat:
-        """Give a trial's learner what it has learnt, and free its place."""
-        seat = self.taken[index]
-        self.stacked.get(index, seat.learner)
-        self.seats[index] = None
-        return seat
-
-    def save(self) -> None:
-        """Write the checkpoints of all trials that have a folder for it."""
-        for index, seat in self.taken.items():
-            if seat.run.checkpoint is not None:
-                self.stacked.get(index, seat.learner)
-                seat.learner.save(seat.run.checkpoint)
-
-    def close(self) -> None:
-        """Free what the device holds for the trials that are here."""
-        self.stacked.close()
-
-    def shrunk(self) -> Bundle:
-        """A bundle of the same trials without empty seats, in place of this one."""
-        seats = [self.leave(index) for index in self.taken]
-        self.close()
-        small = Bundle(self.shelf, self.network, self.training, self.roles, len(seats), self.device)
-        for seat in seats:
-            small.join(seat)
-        return small
-
-    def phase(self, progress: Callable[[int, Tested], None] | None = None) -> None:
-        """A phase of Algorithm 1 and one of Algorithm 2 of all trials."""
-        self.predict_phase(progress)
-        for index, seat in self.taken.items():
-            if seat.over and not seat.error and not seat.learner.history:
-                self.take_tests([index], progress)
-        self.regularise_phase()
-
-    def timed_phase(self, progress: Callable[[int, Tested], None] | None = None) -> None:
-        """A phase whose time is shared out among those who took part."""
-        start, here = time.monotonic(), list(self.taken.values())
-        self.phase(progress)
-        for seat in here:
-            seat.seconds += (time.monotonic() - start) / len(here)
-
-    def predict_phase(self, progress: Callable[[int, Tested], None] | None = None) -> None:
-        """Algorithm 1."""
-        going = {index: seat for index, seat in self.taken.items() if not seat.over}
-        if not going:
-            return
-        batches = {index: seat.draw_batches(self.training.prediction_iterations) for index, seat in going.items()}
-        moving = self._flags(going)
-        places = self._spread({index: places for index, (places, _) in batches.items()})
-        of_expert = self._spread({index: who for index, (_, who) in batches.items()})
-        for iteration in range(self.training.prediction_iterations):
-            self.stacked.predict(moving, places[iteration], of_expert[iteration])
-            for index, seat in going.items():
-                seat.count(batches[index][1][iteration])
-            due = [index for index, seat in going.items() if seat.learner.iteration % self.training.test_interval == 0]
-            self.take_tests(due, progress)
-            if any(seat.over for seat in going.values()):
-                going = {index: seat for index, seat in going.items() if not seat.over}
-                moving = self._flags(going)
-            if not going:
-                return
-
-    def regularise_phase(self) -> None:
-        """Algorithm 2, of the trials that have one."""
-        training = self.training
-        going = {i: seat for i, seat in self.taken.items() if seat.learner.training.regularise and not seat.over}
-        if not going:
-            return
-        moving = self._flags(going)
-
-        def drawn(iterations: int, role: str, count: int, purpose: str) -> Tensor:
-            """Places (iterations, M, count) on the device."""
-            return self._spread({i: seat.draw(iterations, role, count, purpose) for i, seat in going.items()})
-
-        count, batch = training.discriminator_iterations, training.discriminator_batch
-        expert, novice = (drawn(count, role, batch, f"discriminator {role}") for role in ("expert", "novice"))
-        for iteration in range(count):
-            self.stacked.discriminate(moving, expert[iteration], novice[iteration])
-        matched = drawn(training.matching_iterations, "novice", training.matching_batch, "matching")
-        for iteration in range(training.matching_iterations):
-            self.stacked.match(moving, matched[iteration])
-        if count:
-            right = self.stacked.right.tolist()
-            for index, seat in going.items():
-                seat.learner.accuracy = right[index]
-
-    def take_tests(self, indices: Sequence[int], progress: Callable[[int, Tested], None] | None = None) -> None:
-        """Measure the test losses of these seats' trials; keep the weights of those that are the best so far."""
-        if not indices:
-            return
-        better = []
-        for index, loss in zip(indices, self._test_losses(indices), strict=True):
-            seat = self.taken[index]
-            self.stacked.settle(index, seat.learner)
-            if seat.judge(loss):
-                better.append(index)
-            if progress is not None and seat.error is None:
-                progress(seat.number, seat.learner.history[-1])
-        self.stacked.keep_best(better)
-
-    def _test_losses(self, indices: Sequence[int]) -> list[float]:
-        """Equation (1) on these seats' test splits."""
-        tests = {index: self.taken[index].tests for index in indices}
-        size = self.training.batch  # at a time: what has room in training has room here
-        length = -(-max(map(len, tests.values())) // size) * size
-        places = torch.zeros(len(self.seats), length, dtype=torch.long)
-        counted = torch.zeros(len(self.seats), length, dtype=torch.bool)
-        for index, mine in tests.items():
-            places[index, : len(mine)], counted[index, : len(mine)] = mine, True
-        parts = zip(counted.split(size, dim=1), places.split(size, dim=1), strict=True)
-        sums = sum(self.stacked.test(some.to(self.device), at.to(self.device)).cpu() for some, at in parts)
-        return [float(sums[index]) / (len(mine) * self.shelf.steps) for index, mine in tests.items()]
-
-    def _flags(self, indices: Iterable[int]) -> Tensor:
-        """(M,) bool, on the device: True at `indices`."""
-        flags = torch.zeros(len(self.seats), dtype=torch.bool)
-        flags[list(indices)] = True
-        return flags.to(self.device)
-
-    def _spread(self, of_seats: Mapping[int, Tensor]) -> Tensor:
-        """(I, M, b) on the device of (I, b) by seat; 0 at the seats that have none."""
-        first = next(iter(of_seats.values()))
-        spread = first.new_zeros(len(first), len(self.seats), *first.shape[1:])
-        for index, mine in of_seats.items():
-            spread[:, index] = mine
-        return spread.to(self.device)
 
 
 class Ended(NamedTuple):
@@ -228,13 +72,21 @@ def train_bundle(
     shelf = Shelf([motion for motion in motions if motion is not None], device)
     waiting = deque(enumerate(runs))
     bundle = Bundle(shelf, network, training, roles, min(seats, len(runs)), device)
-    saved = time.monotonic()
     with products(training.precision):
+        yield from _train(bundle, waiting, progress)
+
+
+def _train(
+    bundle: Bundle, waiting: deque[tuple[int, Run]], progress: Callable[[int, Tested], None] | None
+) -> Iterator[Ended]:
+    """Seat those who wait and train until nobody is left."""
+    saved = time.monotonic()
+    try:
         while waiting or bundle.taken:
             while waiting and None in bundle.seats:
                 number, run = waiting.popleft()
                 try:
-                    bundle.join(Seat(number, run, network, shelf))
+                    bundle.join(Seat(number, run, bundle.network, bundle.shelf))
                 except CheckpointError as error:
                     yield Ended(number, error, 0.0)
             bundle.timed_phase(progress)
@@ -246,7 +98,8 @@ def train_bundle(
                 saved = time.monotonic()
             if not waiting and bundle.taken and bundle.seats.count(None) * SHRINK >= len(bundle.seats):
                 bundle = bundle.shrunk()
-    bundle.close()
+    finally:
+        bundle.close()
 
 
 def check_shared(runs: Sequence[Run]) -> None:
