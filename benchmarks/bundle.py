@@ -69,9 +69,9 @@ class Traffic(TorchDispatchMode):
         return made
 
 
-def settings(case: Case) -> Training:
+def settings(case: Case, phase: int = PHASE) -> Training:
     """The released preset's batch of 8 trajectories, and no test."""
-    return Training(prediction_iterations=PHASE, test_interval=10**6, max_samples=10**9, precision=case.precision)
+    return Training(prediction_iterations=phase, test_interval=10**6, max_samples=10**9, precision=case.precision)
 
 
 def per_second(work: Callable[[], int], device: torch.device, seconds: float) -> float:
@@ -90,9 +90,9 @@ def per_second(work: Callable[[], int], device: torch.device, seconds: float) ->
     return done / (time.perf_counter() - start)
 
 
-def make_bundle(case: Case, device: torch.device) -> Bundle:
+def make_bundle(case: Case, device: torch.device, phase: int = PHASE) -> Bundle:
     """A bundle of trials that differ in their seeds."""
-    sets, training = random_data(case.network.pixels), settings(case)
+    sets, training = random_data(case.network.pixels), settings(case, phase)
     shelf = Shelf([sets.train], device)
     bundle = Bundle(shelf, case.network, training, ROLES, case.trials, device)
     for seed in range(case.trials):
@@ -103,7 +103,8 @@ def make_bundle(case: Case, device: torch.device) -> Bundle:
 def bundle_phase(bundle: Bundle) -> int:
     """A phase of prediction of a bundle, in samples."""
     bundle.predict_phase()
-    return len(bundle.seats) * PHASE * bundle.training.batch * bundle.shelf.steps
+    training = bundle.training
+    return len(bundle.seats) * training.prediction_iterations * training.batch * bundle.shelf.steps
 
 
 def single(case: Case, device: torch.device) -> Callable[[], int]:
@@ -139,7 +140,8 @@ def use(precision: str) -> None:
 
 def bytes_a_sample(case: Case) -> float:
     """What an iteration of a bundle of one reads and writes, by its operations."""
-    with closing(make_bundle(case._replace(trials=1), torch.device("cpu"))) as bundle, Traffic() as counted:
+    alone = make_bundle(case._replace(trials=1), torch.device("cpu"), phase=1)
+    with closing(alone) as bundle, Traffic() as counted:
         samples = bundle_phase(bundle)
     return counted.bytes / samples
 
@@ -170,7 +172,7 @@ def measure(cases: Iterable[Case], device: torch.device, seconds: float) -> floa
         if case.network not in rates:
             loop = ReleasedLoop(case.network.pixels, case.network, str(device))
             alone = per_second(single(case, device), device, seconds)
-            each = operations(Learner(random_data(case.network.pixels), case.network, settings(case), 0))
+            each = operations(Learner(random_data(case.network.pixels), case.network, settings(case, phase=1), 0))
             rates[case.network] = alone, per_second(loop.iterate, device, seconds), each, bytes_a_sample(case)
         alone, released, each, moved = rates[case.network]
         with closing(make_bundle(case, device)) as bundle:
