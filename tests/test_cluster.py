@@ -1,23 +1,20 @@
 """A real Dask cluster on this machine: a scheduler and workers, of which one is killed and one comes later."""
 
 import contextlib
+import json
 import subprocess
 import sys
 import time
 from pathlib import Path
 
 import pytest
+from crash import SETTINGS
 
 from sidm.__main__ import main
 from sidm.cluster import dask_executor
 from sidm.experiments import Results, Study, load_preset
 from sidm.simulation import collect
 from sidm.trajectory import Collection, digest
-
-SETTINGS = {
-    "expert_minutes": 0.5, "novice_minutes_system1": [0.25, 0.5], "pool_minutes_system1": 0.5,
-    "validation_minutes": 0.25, "rollouts": 2, "pixels": 8, "hidden": 16, "max_samples": 30_000, "patience": 30_000,
-}  # fmt: skip
 
 
 def start(*words: str) -> subprocess.Popen:
@@ -31,7 +28,7 @@ def worker(address: str, folder: Path) -> subprocess.Popen:
 
 @pytest.fixture
 def cluster(tmp_path):
-    """The scheduler's address, and its two workers' processes, to which others may be added."""
+    """The scheduler's address, and its process and those of two workers, to which others may be added."""
     file = tmp_path / "scheduler.json"
     scheduler = start("distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard",
                       "--scheduler-file", str(file))  # fmt: skip
@@ -40,47 +37,38 @@ def cluster(tmp_path):
         while not file.exists() or not file.read_text().strip():
             assert scheduler.poll() is None
             time.sleep(0.05)
-        workers = [worker(str_address(file), tmp_path) for _ in range(2)]
-        processes += workers
-        yield str_address(file), workers
-        processes += workers
+        address = json.loads(file.read_text())["address"]
+        processes += (worker(address, tmp_path) for _ in range(2))
+        yield address, processes
     finally:
-        for process in {id(one): one for one in processes}.values():
+        for process in processes:
             process.kill()
             process.wait()
 
 
-def str_address(file: Path) -> str:
-    import json
-
-    return json.loads(file.read_text())["address"]
-
-
 def test_a_cluster_gives_what_this_machine_gives(cluster, tmp_path, capsys):
     """Collected and trained there, with one worker killed at work and another added: the same to the last bit."""
-    address, workers = cluster
+    address, processes = cluster
     changes = [word for name, value in SETTINGS.items() for word in ("--set", f"{name}={value}")]
     common = ["--preset", "smoke", "--system", "system1", "--data", str(tmp_path / "data"), *changes]
     there, here = (["--results", str(tmp_path / name)] for name in ("there", "here"))
     assert main(["collect", *common, *there, "--dask", address]) == 0
     digests = capsys.readouterr().out
 
-    killed = []
+    module = sys.modules["sidm.experiments.run"]  # the package has a function of that name
+    keep, victim = module._keep, processes[1]
 
-    def disturb(*_):
-        if not killed:
-            killed.append(workers[0])
-            workers[0].kill()
-            workers.append(worker(address, tmp_path))
+    def keep_and_disturb(*row):
+        keep(*row)
+        if victim.poll() is None:  # while others are at work
+            victim.kill()
+            victim.wait()
+            processes.append(worker(address, tmp_path))
 
     with pytest.MonkeyPatch.context() as patch:
-        from sidm.experiments import run as _  # noqa: F401
-
-        module = sys.modules["sidm.experiments.run"]
-        keep = module._keep
-        patch.setattr(module, "_keep", lambda *all: (keep(*all), disturb()))
+        patch.setattr(module, "_keep", keep_and_disturb)
         assert main(["run", *common, *there, "--dask", address]) == 0
-    assert killed and workers[0].wait() < 0
+    assert victim.wait() < 0 and len(processes) == 4
     assert main(["run", *common, *here]) == 0
     trials = Study(load_preset("smoke", **SETTINGS), tmp_path / "data", tmp_path / "here").figure3("system1")
     rows = [[row.outcome for row in Results(tmp_path / name).rows(trials)] for name in ("there", "here")]

@@ -97,10 +97,10 @@ def run(
         with progress_bar(len(missing), "trials", "trial", progress) as bar:
             if bundle:
                 _run_bundles(missing, bundle, data, store, bar, device, log)
-                return store
-            pool = contextlib.nullcontext(executor) if executor else local_pool(min(workers, len(missing)))
-            with pool as where:
-                _run_all(missing, where, data, store, bar, device, log)
+            else:
+                pool = contextlib.nullcontext(executor) if executor else local_pool(min(workers, len(missing)))
+                with pool as where:
+                    _run_all(missing, where, data, store, bar, device, log)
     return store
 
 
