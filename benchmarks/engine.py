@@ -28,9 +28,10 @@ ROUNDS = 3
 
 
 def trials(data: Path) -> list[Trial]:
-    """Eight trials of some seconds each, their data made where they lack."""
-    sizes = dict(pixels=32, hidden=64, layers=2, seeds=4, novice_minutes_system1=[2.0])
-    preset = load_preset("smoke", **sizes, max_samples=60_000, patience=60_000, prediction_iterations=50)
+    """Eight trials of some seconds each with the networks of the preset `laptop`, their data made where they lack."""
+    networks = load_preset("laptop").network
+    sizes = dict(pixels=networks.pixels, hidden=networks.hidden, layers=networks.layers, prediction_iterations=100)
+    preset = load_preset("smoke", **sizes, seeds=4, novice_minutes_system1=[2.0], max_samples=15_000, test_interval=25)
     collect_datasets(preset, ["system1"], data, progress=False)
     return Study(preset, data, data / "none").figure3("system1")
 

@@ -94,10 +94,9 @@ def refuse_nonsense(settings: Any) -> None:
 def from_mapping(cls: type[T], values: Mapping[str, Any]) -> T:
     """An instance of a `config` class from a mapping (as read from YAML), nested classes from nested mappings."""
     kinds = typing.get_type_hints(cls)
-    ready = {
-        name: from_mapping(kinds[name], value)
-        if isinstance(value, Mapping) and dataclasses.is_dataclass(kinds.get(name))
-        else value
-        for name, value in values.items()
-    }
+    ready = {}
+    for name, value in values.items():
+        options = kinds.get(name), *typing.get_args(kinds.get(name))  # of `Nested | None` too
+        nested = [kind for kind in options if isinstance(kind, type) and dataclasses.is_dataclass(kind)]
+        ready[name] = from_mapping(nested[0], value) if nested and isinstance(value, Mapping) else value
     return cls(**ready)

@@ -1,8 +1,9 @@
 """Many trials: what is run, kept and shown; PyBullet is imported inside the function that collects data alone."""
 
 from sidm.experiments.datasets import collect_datasets
-from sidm.experiments.grids import FIGURES, METHODS, Study, grid
+from sidm.experiments.grids import FIGURES, Study, grid
 from sidm.experiments.measure import perform, run_trial
+from sidm.experiments.methods import METHODS
 from sidm.experiments.presets import PRESETS, Preset, load_preset
 from sidm.experiments.run import run
 from sidm.experiments.store import Failure, Outcome, Results, Row, StoreError

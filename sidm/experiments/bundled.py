@@ -11,10 +11,13 @@ import torch
 
 from sidm.experiments import provenance
 from sidm.experiments.measure import Library, evaluate, stored_as
+from sidm.experiments.pretrained import folder
 from sidm.experiments.store import Failure, Outcome, Row
 from sidm.experiments.trials import Trial
+from sidm.learning import pretraining
 from sidm.learning.bundle import SHARED, Run, train_bundle
 from sidm.learning.checkpoint import CheckpointError
+from sidm.learning.pretraining import STATE, Start, expert_in_place, start_from
 from sidm.learning.training import Tested, Trained, TrainingError
 from sidm.trajectory import ShardError
 
@@ -23,7 +26,8 @@ def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:
     """The trials that can be trained side by side: of one system, network and kind of training; longest first."""
     groups: dict[tuple, list[Trial]] = {}
     for trial in trials:
-        common = tuple(getattr(trial.training, name) for name in SHARED)
+        trainings = (trial.training, trial.pretraining)
+        common = tuple(tuple(getattr(training, name) for name in SHARED) for training in trainings if training)
         groups.setdefault((trial.system, trial.network, common), []).append(trial)
     return [sorted(group, key=lambda trial: -trial.novice_minutes) for group in groups.values()]
 
@@ -53,22 +57,29 @@ def run_bundle(
         What is stored of a trial: its outcome is that of `measure.perform` but for rounding.
     """
     provenance.source_hash("bundle")  # of the code as it is now, not when the trials are done
-    library, ready, runs = Library(data), [], []
+    library, ready = Library(data), []
     for trial in trials:
         try:
             library.rollouts(trial)  # missing ones are known before hours of work
-            runs.append(Run(library.datasets(trial), trial.training, trial.seed, checkpoint=checkpoint(trial)))
+            library.datasets(trial)
         except ShardError as error:
             hooks.fault(trial, error)
         else:
             ready.append(trial)
+    starts = _starts(ready, seats, data, library, hooks, device)
+    ready = [trial for trial in ready if trial.key in starts]
+    runs = []
+    for trial in ready:
+        run = Run(library.datasets(trial), trial.training, trial.seed, checkpoint=checkpoint(trial))
+        given = starts[trial.key]
+        runs.append(run._replace(start=given.weights) if given else run)
     resumed = [checkpoint(trial).exists() for trial in ready]
     for number, found, seconds in train_bundle(
         runs, trials[0].network, seats, device, lambda number, tested: hooks.progress(ready[number], tested)
     ):
         trial, start = ready[number], time.perf_counter()
         try:
-            outcome = _outcome(trial, found, library, device)
+            outcome = _outcome(trial, found, library, starts[trial.key], device)
         except Exception as error:  # one trial's failure must not lose the others
             hooks.fault(trial, error)
         else:
@@ -77,12 +88,46 @@ def run_bundle(
             yield stored_as(trial, outcome, made)
 
 
+def _starts(
+    trials: Sequence[Trial], seats: int, data: str | Path, library: Library, hooks: Hooks, device: str
+) -> dict[str, Start | None]:
+    """By key, the weights that each trial starts from; made, side by side, where they lack. Without failed ones."""
+    lacking: dict[Path, Trial] = {}
+    for trial in trials:
+        if trial.pretraining is not None and pretraining.read(where := folder(trial, data, "bundle")) is None:
+            lacking[where] = trial
+    runs = [
+        Run(
+            expert_in_place(library.datasets(trial), trial.seed), trial.pretraining, trial.seed,
+            checkpoint=where / STATE,
+        )
+        for where, trial in lacking.items()
+        if trial.pretraining is not None
+    ]  # fmt: skip
+    errors: dict[Path, Exception] = {}
+    for number, found, _ in train_bundle(runs, trials[0].network, seats, device) if runs else ():
+        where = list(lacking)[number]
+        if isinstance(found, Trained):
+            pretraining.keep(where, start_from(found))
+        else:
+            errors[where] = found
+    starts: dict[str, Start | None] = {}
+    for trial in trials:
+        if trial.pretraining is None:
+            starts[trial.key] = None
+        elif (where := folder(trial, data, "bundle")) in errors:
+            hooks.fault(trial, errors[where])
+        else:
+            starts[trial.key] = pretraining.read(where)
+    return starts
+
+
 def _outcome(
-    trial: Trial, found: Trained | TrainingError | CheckpointError, library: Library, device: str
+    trial: Trial, found: Trained | TrainingError | CheckpointError, library: Library, start: Start | None, device: str
 ) -> Outcome | TrainingError:
     if isinstance(found, CheckpointError):
         raise found
     if isinstance(found, TrainingError):
         return found
     found.model.to(device)
-    return evaluate(trial, found, library.motion(trial, "validation"), library.rollouts(trial))
+    return evaluate(trial, found, library.motion(trial, "validation"), library.rollouts(trial), start)

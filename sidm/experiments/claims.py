@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidm.experiments.grids import COMPARED
+from sidm.experiments.methods import COMPARED
 from sidm.experiments.statistics import Interval, greatest_ratio, interval
 from sidm.experiments.store import Row
 from sidm.experiments.tables import Losses, final_position_error, gather

@@ -32,12 +32,14 @@ def _committed(dataset: Dataset, results: str | Path) -> Path:
 def _read(path: Path) -> str:
     """The digest in a file, UNKNOWN when there is none; ConfigError when it is damaged."""
     try:
-        found = read_record(path)["digest"]
+        found = read_record(path).get("digest")
+        if not isinstance(found, str):
+            raise Damaged(f"its digest is {found!r}, not text")
     except FileNotFoundError:
         return UNKNOWN
-    except (Damaged, KeyError) as error:
+    except Damaged as error:
         raise ConfigError(f"{path}: damaged ({error}); restore it, or delete it and collect again") from None
-    return str(found)
+    return found
 
 
 def _note(path: Path, found: str) -> None:

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator
 
-from sidm.experiments.grids import COMPARED
+from sidm.experiments.methods import COMPARED
 from sidm.experiments.statistics import efficiency, falling, summarise
 from sidm.experiments.store import Row
 from sidm.experiments.tables import gather, validation_loss

@@ -1,54 +1,18 @@
-"""The grids of trials: Figure 3, Figure 4 and the ablations of the paper's advice.
-
-A method is a configuration of the one training loop; what tells methods apart stands in METHODS and nowhere else.
-"""
+"""The grids of trials: Figure 3, Figure 4, the ablations of the paper's advice, and the tuning of the methods."""
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 from sidm.config import ConfigError, unknown_name
 from sidm.experiments.datasets import find_digest
-from sidm.experiments.presets import Preset, load_preset
+from sidm.experiments.methods import COMPARED, FIGURE3, METHODS, PRETRAINED, TRIES, change, tried
+from sidm.experiments.presets import MOST_SEEDS, Preset, load_preset
 from sidm.experiments.trials import Trial
 from sidm.learning.settings import Training
 from sidm.systems import SYSTEMS, find_system
 from sidm.trajectory import trajectories_for
-
-
-def change(training: Training, **changes: Any) -> Training:
-    """`training` with some values changed, checked like a new one."""
-    own = {field.name: getattr(training, field.name) for field in dataclasses.fields(training)}  # type: ignore
-    return Training(**(own | changes))
-
-
-def _sidm(preset: Preset, system: str) -> Training:
-    """The paper's method: expert data with probability p_e, and the adversary."""
-    return change(preset.training, p_expert=preset.p_expert(system), regularise=True)
-
-
-def _novice_only(preset: Preset, system: str) -> Training:
-    """The paper's comparison: novice data alone, no regularisation phase (section 4)."""
-    return change(preset.training, p_expert=0.0, regularise=False)
-
-
-def _no_regularisation(preset: Preset, system: str) -> Training:
-    """Shared SIDM without the adversary."""
-    return change(preset.training, p_expert=preset.p_expert(system), regularise=False)
-
-
-#: Name -> the training of a method on a system.
-METHODS: dict[str, Callable[[Preset, str], Training]] = {
-    "sidm": _sidm,
-    "novice_only": _novice_only,
-    "no_regularisation": _no_regularisation,
-}
-
-#: The two methods that Figures 3 and 4 compare.
-COMPARED = ("sidm", "novice_only")
 
 #: Values of p_e in its ablation; None stands for 'proportional to the data'.
 P_EXPERT = (0.0, 0.25, 0.5, 0.75, 0.9, None)
@@ -59,6 +23,9 @@ ITERATIONS = {
     "discriminator_iterations": (5, 20, 100),
     "matching_iterations": (0, 5, 20, 100),
 }
+
+
+TUNING_SEED = MOST_SEEDS  # no figure's: theirs are below
 
 
 class Study:
@@ -105,6 +72,7 @@ class Study:
             policy=preset.policy,
             network=preset.network,
             training=training or METHODS[method](preset, system),
+            pretraining=PRETRAINED[method](preset) if method in PRETRAINED else None,
             **self.digests(system),
         )
 
@@ -120,8 +88,8 @@ class Study:
         ]
 
     def figure3(self, system: str) -> list[Trial]:
-        """Figure 3: both methods at every novice dataset size."""
-        return self.points(system, COMPARED, self.preset.novice_minutes(system))
+        """Figure 3: the paper's two methods and fine-tuning at every novice dataset size."""
+        return self.points(system, FIGURE3, self.preset.novice_minutes(system))
 
     def figure4(self, system: str = "system1") -> list[Trial]:
         """Figure 4: both methods with little and with much novice data; the paper's is of system 1."""
@@ -151,6 +119,15 @@ class Study:
                     trials.setdefault(trial.key, trial)
         return list(trials.values())
 
+    def tuning(self, system: str) -> list[Trial]:
+        """Every try of every method at one middle size, with a seed that no figure has."""
+        trials = []
+        for method, tries in TRIES.items():
+            for number in range(len(tries)):
+                study = Study(tried(self.preset, method, number), self.data, self.results)
+                trials.append(study.trial(system, method, self.preset.tuning_minutes, TUNING_SEED))
+        return trials
+
     def proportional(self, minutes: float) -> float:
         """The p_e that is proportional to the sizes of the data, which the paper advises against."""
         expert, novice = trajectories_for(self.preset.expert_minutes), trajectories_for(minutes)
@@ -163,6 +140,7 @@ FIGURES: dict[str, tuple[str, tuple[str, ...]]] = {
     "4": ("figure4", ("system1",)),
     "p-expert": ("p_expert", tuple(SYSTEMS)),
     "iterations": ("iterations", tuple(SYSTEMS)),
+    "tuning": ("tuning", tuple(SYSTEMS)),
 }
 
 
@@ -179,7 +157,7 @@ def grid(
 
     Args:
         preset: a Preset or the name of one.
-        figure: '3', '4', 'p-expert', 'iterations', or 'all' of them.
+        figure: '3', '4', 'p-expert', 'iterations', 'tuning', or 'all' of them.
         system: only this system's.
         minutes: only these novice dataset sizes.
         seeds: only these seeds.

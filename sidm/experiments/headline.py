@@ -8,7 +8,8 @@ from pathlib import Path
 
 from sidm.experiments.claims import claims_table, markdown
 from sidm.experiments.figures import figure3, figure4
-from sidm.experiments.grids import COMPARED, grid
+from sidm.experiments.grids import grid
+from sidm.experiments.methods import COMPARED
 from sidm.experiments.store import Results, Row
 from sidm.experiments.tables import gather, markdown_table
 from sidm.systems import SYSTEMS

@@ -13,12 +13,14 @@ import torch
 from sidm.experiments import provenance
 from sidm.experiments.datasets import load_dataset
 from sidm.experiments.log import EventLog
+from sidm.experiments.pretrained import start_of
 from sidm.experiments.provenance import Provenance
 from sidm.experiments.store import Failure, Outcome, Row
 from sidm.experiments.trials import Trial
 from sidm.learning.dataset import Datasets, Motion, load_motion, novice_split
 from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
 from sidm.learning.networks import DynamicsModel
+from sidm.learning.pretraining import Start
 from sidm.learning.training import Tested, Trained, TrainingError, train
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain
@@ -96,14 +98,18 @@ def perform(
     with one_thread():
         library = Library(data)
         sets, rollouts = library.datasets(trial), library.rollouts(trial)
+        start = start_of(trial, sets, data, device)
         trained = train(
-            sets, trial.network, trial.training, trial.seed, checkpoint=checkpoint, progress=progress, device=device
-        )
-        return evaluate(trial, trained, sets.validation, rollouts), trained
+            sets, trial.network, trial.training, trial.seed,
+            checkpoint=checkpoint, progress=progress, device=device, start=start and start.weights,
+        )  # fmt: skip
+        return evaluate(trial, trained, sets.validation, rollouts, start), trained
 
 
-def evaluate(trial: Trial, trained: Trained, validation: Motion, rollouts: list[Trajectory]) -> Outcome:
-    """How good a trained model is, where it is."""
+def evaluate(
+    trial: Trial, trained: Trained, validation: Motion, rollouts: list[Trajectory], start: Start | None = None
+) -> Outcome:
+    """How good a trained model is, where it is; `start` is what it was trained from."""
     losses = validation_loss(trained.model, validation)
     predicted, actual = roll_out(trained.model, trial, rollouts)
     position, heading = rollout_errors(predicted, actual)
@@ -121,6 +127,7 @@ def evaluate(trial: Trial, trained: Trained, validation: Motion, rollouts: list[
         curve_training_loss=training,
         iterations=trained.iterations,
         samples=trained.samples,
+        pretraining_samples=start.samples if start else 0,
     )
 
 

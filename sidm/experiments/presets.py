@@ -37,11 +37,13 @@ class Preset:
     seeds: int  # trials a point
     figure4_minutes: tuple[float, ...] = (5.0, 120.0)
     ablation_minutes: tuple[float, ...] = (5.0, 60.0)  # a small and a middle size
+    tuning_minutes: float = 20.0  # a middle size, at which the methods are tuned
     p_expert_system1: float = 0.75  # section 4: the systems are similar
     p_expert_system2: float = 0.5  # section 4: they differ greatly
     policy: str = "ornstein_uhlenbeck"  # that explores, in all but the 25-step test
     network: Network = Network()
     training: Training = Training()
+    tuned: tuple[tuple[str, str, Any], ...] = ()  # method, setting of its training, value instead of `training`'s
 
     def __post_init__(self) -> None:
         """Refuse sizes that the pools do not hold."""
@@ -82,6 +84,10 @@ class Preset:
         """The paper's p_e for a system."""
         return self._of(system, "p_expert")
 
+    def tuned_values(self, method: str) -> dict[str, Any]:
+        """The settings of its training that a method was tuned to; 'pretraining' stands for that on the expert."""
+        return {setting: value for name, setting, value in self.tuned if name == method}
+
     def datasets(self, system: str) -> dict[str, Dataset]:
         """What all trials of a system need: 'novice' (the pool), 'expert', 'validation', 'rollout'."""
         return datasets(
@@ -96,6 +102,8 @@ class Preset:
     def replace(self, **changes: Any) -> Preset:
         """This preset with some values changed: its own, its network's or its training's, all by their plain names.
 
+        A value of the training holds for every method then, also for one that was tuned to another.
+
         Raises:
             ConfigError: an unknown name, with the nearest right one, or a value of the wrong type. `p_expert` and
                 `regularise` are the method's to set and not known here.
@@ -109,6 +117,7 @@ class Preset:
             if group is None:
                 raise unknown_name(name, (n for group in groups for n in group if n not in hidden), "a preset")
             group[name] = value
+        own["tuned"] = tuple(one for one in own["tuned"] if one[1] not in changes)
         return Preset(**(own | {"network": Network(**parts["network"]), "training": Training(**parts["training"])}))
 
 
@@ -143,6 +152,7 @@ PRESETS: dict[str, Preset] = {
             rollouts=4,
             seeds=1,
             figure4_minutes=(0.5, 2),
+            tuning_minutes=2,
             ablation_minutes=(0.5, 2),
             network=Network(pixels=16, layers=1, hidden=32),
             training=Training(
@@ -164,7 +174,7 @@ PRESETS: dict[str, Preset] = {
             rollouts=32,
             seeds=3,
             network=Network(pixels=32, layers=3, hidden=256),
-            training=Training(max_samples=1_000_000, patience=150_000),
+            training=Training(max_samples=1_000_000, patience=200_000),
         ),
         Preset(
             name="released",

@@ -24,10 +24,12 @@ from sidm.config import config
 
 PACKAGE = Path(sidm.__file__).parent
 
+_ALONE = ("sidm.experiments.measure", "sidm.experiments.pretrained")
+
 #: The entry points whose code, with all that they import from the wings before, a result depends on.
 WINGS = {
-    "learning": ("sidm.experiments.measure",),
-    "bundle": ("sidm.experiments.measure", "sidm.experiments.bundled"),  # the same, many at once
+    "learning": _ALONE,
+    "bundle": (*_ALONE, "sidm.experiments.bundled"),  # the same, many at once
     "simulation": ("sidm.simulation.collect",),
 }
 

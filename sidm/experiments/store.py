@@ -39,7 +39,8 @@ class Outcome:
     curve_test_loss: tuple[float, ...]  # (C,) test loss then
     curve_training_loss: tuple[float, ...]  # (C,) novice training loss then
     iterations: int  # of prediction, in all
-    samples: int  # seen by prediction training, in all
+    samples: int  # seen by prediction training, in all; without those of pretraining
+    pretraining_samples: int = 0  # of the expert's, seen by the pretraining that the trial started from
 
 
 @config

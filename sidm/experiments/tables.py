@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidm.experiments.grids import COMPARED, METHODS
+from sidm.experiments.methods import COMPARED, METHODS
 from sidm.experiments.presets import Preset
 from sidm.experiments.store import Results, Row
 from sidm.experiments.trials import Trial

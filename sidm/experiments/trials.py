@@ -70,6 +70,7 @@ class Trial:
     rollout_data: str = UNKNOWN
     network: Network = Network()
     training: Training = Training()
+    pretraining: Training | None = None  # on the expert alone, whose weights the novice starts from; none: fresh ones
 
     def __post_init__(self) -> None:
         """Refuse a trial that cannot be run."""
@@ -82,6 +83,8 @@ class Trial:
             )
         if self.rollouts < 1:
             raise ConfigError(f"Trial.rollouts must be at least 1, not {self.rollouts}")
+        if self.pretraining is not None and (self.pretraining.needs_expert or self.training.needs_expert):
+            raise ConfigError("Trial.pretraining goes with p_expert=0 and regularise=False in both of its trainings")
 
     @property
     def datasets(self) -> dict[str, Dataset]:

@@ -236,6 +236,11 @@ def novice_split(pool_size: int, minutes: float, seed: int) -> tuple[np.ndarray,
         raise ConfigError(
             f"{minutes:g} novice minutes are {count} trajectories, but the pool has {pool_size}; collect a larger pool"
         )
+    return split(pool_size, count, seed)
+
+
+def split(pool_size: int, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """`count` of `pool_size` trajectories in two parts, as `novice_split` gives them."""
     chosen = np.random.default_rng(seed).permutation(pool_size)[:count]
     testing = np.arange(count) % TEST_EVERY == 1
     return chosen[~testing], chosen[testing]

@@ -78,6 +78,7 @@ class Learner:
         seed: int,
         standardisation: Standardisation | None = None,
         device: str | torch.device = "cpu",
+        start: Mapping[str, Tensor] | None = None,
     ):
         if training.needs_expert and datasets.expert is None:
             raise ConfigError("p_expert above 0 and regularise need the expert's data, but datasets.expert is None")
@@ -86,10 +87,13 @@ class Learner:
         if standardisation is None and datasets.expert is not None:
             standardisation = Standardisation.of(datasets.expert)
         self.datasets, self.network, self.training, self.seed = datasets, network, training, seed
+        self.start = start and checksum(torch.cat([tensor.flatten() for tensor in start.values()]).cpu().numpy())
         self.device = torch.device(device)
         self.test = datasets.test.first(training.test_trajectories)
         roles = ROLES if training.needs_expert else ("novice",)
         self.model = DynamicsModel(network, standardisation, seed, roles).to(self.device)
+        if start is not None:
+            self.model.load_state_dict(start)
         self.discriminator = seeded(seed, "discriminator", lambda: Discriminator(network)).to(self.device)
         self.prediction = make_optimiser(self.model, training)
         self.discrimination = make_optimiser(self.discriminator, training)
@@ -241,11 +245,12 @@ class Learner:
         return True
 
     def _identity(self) -> dict:
-        """What makes this run another than the next: configuration, seed, data."""
+        """What makes this run another than the next: configuration, seed, initial weights, data."""
         motions = {"train": self.datasets.train, "test": self.datasets.test, "expert": self.datasets.expert}
         return {
             "network": dataclasses.asdict(self.network) | {"channels": list(self.network.channels)},  # type: ignore
             "training": dataclasses.asdict(self.training),  # type: ignore[call-overload]
             "seed": self.seed,
+            "start": self.start,
             "data": {name: checksum(motion.inputs.numpy()) for name, motion in motions.items() if motion is not None},
         }

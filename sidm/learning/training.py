@@ -5,7 +5,7 @@ The comparison without SIDM is the same loop with p_expert = 0 and regularise = 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -45,8 +45,9 @@ def train(
     checkpoint: Path | None = None,
     progress: Callable[[Tested], None] | None = None,
     device: str | torch.device = "cpu",
+    start: Mapping[str, Tensor] | None = None,
 ) -> Trained:
-    """Train a model from fresh weights: Algorithms 1 and 2 in turn (section 3.2).
+    """Train a model from fresh weights or from `start`: Algorithms 1 and 2 in turn (section 3.2).
 
     Args:
         datasets: the novice's train and test split, and the expert's data unless p_expert is 0 without regularisation.
@@ -57,16 +58,18 @@ def train(
         checkpoint: a folder to go on from, bit for bit on one thread, and to write the state to after each phase.
         progress: called after each test.
         device: where to compute.
+        start: initial weights, such as `pretraining.start_from` gives; fresh ones by default.
 
     Returns:
-        The best model by test loss, and how it came about. A function of the arguments up to `standardisation`.
+        The best model by test loss, and how it came about. A function of the arguments up to `standardisation`, and of
+        `start`.
 
     Raises:
         ConfigError: data that the settings need are not there.
         CheckpointError: the checkpoint is damaged or of another run.
         TrainingError: a test found a loss that is not finite; the message names the iteration.
     """
-    learner = Learner(datasets, network, training, seed, standardisation, device)
+    learner = Learner(datasets, network, training, seed, standardisation, device, start)
     if checkpoint is not None:
         learner.restore(checkpoint)
     with products(training.precision):

@@ -19,7 +19,7 @@ from sidm.experiments.claims import (
     verdict,
 )
 from sidm.experiments.figures import ablated, ablation, efficiency_curves, figure3, figure4, learning_curves
-from sidm.experiments.grids import change
+from sidm.experiments.methods import change
 from sidm.experiments.statistics import Interval
 from sidm.experiments.tables import costs_table, gather, overview, provenance_line
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,15 +24,18 @@ class Run(NamedTuple):
     seed: int
     standardisation: Standardisation | None = None
     checkpoint: Path | None = None  # a folder to go on from and to write to
+    start: Mapping[str, Tensor] | None = None  # initial weights; fresh ones by default
 
 
 class Seat:
     """A trial in the bundle: its learner, where its data stand, what became of it."""
 
     def __init__(self, number: int, run: Run, network: Network, shelf: Shelf):
-        """Run `number` from fresh weights, or from its checkpoint."""
+        """Run `number` from its initial weights, or from its checkpoint."""
         self.number, self.run = number, run
-        self.learner = Learner(run.datasets, network, run.training, run.seed, run.standardisation)
+        self.learner = Learner(
+            run.datasets, network, run.training, run.seed, run.standardisation, start=run.start
+        )
         if run.checkpoint is not None:
             self.learner.restore(run.checkpoint)
         self.places = {role: shelf.places(self.learner.part(role)) for role in self.learner.model.encoders}

@@ -1,0 +1,90 @@
+"""The methods: configurations of the one training loop. What tells them apart stands here, and what they were tuned to.
+
+The preset's numbers are those of its `training`, with the changes of its `tuned` for a method.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+from sidm.experiments.presets import Preset
+from sidm.learning.settings import Training
+
+
+def change(training: Training, **changes: Any) -> Training:
+    """`training` with some values changed, checked like a new one."""
+    own = {field.name: getattr(training, field.name) for field in dataclasses.fields(training)}  # type: ignore
+    return Training(**(own | changes))
+
+
+def _training(preset: Preset, method: str, **changes: Any) -> Training:
+    """The preset's training with what a method was tuned to, and `changes`."""
+    return change(preset.training, **preset.tuned_values(method), **changes)
+
+
+def _sidm(preset: Preset, system: str) -> Training:
+    """The paper's method: expert data with probability p_e, and the adversary."""
+    return _training(preset, "sidm", p_expert=preset.p_expert(system), regularise=True)
+
+
+def _novice_only(preset: Preset, system: str) -> Training:
+    """The paper's comparison: novice data alone, no regularisation phase (section 4)."""
+    return _training(preset, "novice_only", p_expert=0.0, regularise=False)
+
+
+def _no_regularisation(preset: Preset, system: str) -> Training:
+    """Shared SIDM without the adversary."""
+    return _training(preset, "sidm", p_expert=preset.p_expert(system), regularise=False)
+
+
+def _finetuning(preset: Preset, system: str) -> Training:
+    """The novice's data alone, from weights that learnt from the expert's, which the paper argues against."""
+    return _training(preset, "pretrain_finetune", p_expert=0.0, regularise=False)
+
+
+def _pretraining(preset: Preset) -> Training:
+    """The expert's data alone."""
+    return _training(preset, "pretraining", p_expert=0.0, regularise=False)
+
+
+#: Name -> the training of a method on a system.
+METHODS: dict[str, Callable[[Preset, str], Training]] = {
+    "sidm": _sidm,
+    "novice_only": _novice_only,
+    "no_regularisation": _no_regularisation,
+    "pretrain_finetune": _finetuning,
+}
+
+#: Name -> the training on the expert alone that a method's weights come from; the others begin afresh.
+PRETRAINED: dict[str, Callable[[Preset], Training]] = {"pretrain_finetune": _pretraining}
+
+#: The two methods that the paper compares.
+COMPARED = ("sidm", "novice_only")
+
+#: What Figure 3 draws here: what a reviewer asks for first is in it from the start.
+FIGURE3 = (*COMPARED, "pretrain_finetune")
+
+
+def _rate(batch: int, learning_rate: float) -> dict[str, Any]:
+    """A batch and a rate, tests as often in samples as the preset's, the phases of Algorithm 2 with the same batch."""
+    return dict(
+        batch=batch, discriminator_batch=batch, matching_batch=batch,
+        learning_rate=learning_rate, test_interval=200 // batch,
+    )  # fmt: skip
+
+
+_RATES = (_rate(8, 1e-3), _rate(4, 5e-4), _rate(2, 3e-4), _rate(2, 1e-4))
+
+#: Method -> the tries of its tuning, as many for each: changes of the preset. A pretraining takes those of its method.
+TRIES: dict[str, tuple[dict[str, Any], ...]] = {
+    "novice_only": _RATES,
+    "sidm": _RATES,
+    "pretrain_finetune": _RATES,
+}
+
+
+def tried(preset: Preset, method: str, number: int) -> Preset:
+    """The preset of try `number` of a method: untuned but for the try's changes."""
+    return preset.replace(tuned=(), **TRIES[method][number])

@@ -1,0 +1,67 @@
+"""Pretrained weights on disk: those of one system, seed and training serve trials of every novice dataset size."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import hashlib
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+from sidm.experiments.provenance import source_hash
+from sidm.experiments.trials import Trial
+from sidm.learning import pretraining
+from sidm.learning.dataset import Datasets
+from sidm.learning.pretraining import Start, expert_in_place, start_from
+from sidm.learning.training import train
+
+try:
+    import fcntl
+except ImportError:  # Windows: two processes may make the same weights, each the same
+    fcntl = None  # type: ignore[assignment]
+
+
+def folder(trial: Trial, data: str | Path, wing: str = "learning") -> Path:
+    """Where the weights that a trial starts from are kept, apart for each version of the code."""
+    made_from = {
+        "dataset": trial.datasets["expert"].name,
+        "digest": trial.digests["expert"],
+        "network": dataclasses.asdict(trial.network),  # type: ignore[call-overload]
+        "training": dataclasses.asdict(trial.pretraining),  # type: ignore
+        "seed": trial.seed,
+    }
+    key = hashlib.sha256(json.dumps(made_from, sort_keys=True).encode()).hexdigest()[:20]
+    return Path(data) / "pretrained" / f"{key}-{source_hash(wing)}"
+
+
+def start_of(trial: Trial, datasets: Datasets, data: str | Path, device: str = "cpu") -> Start | None:
+    """The weights that a trial starts from, read or, where they lack, made; None for a trial that begins afresh.
+
+    Raises:
+        TrainingError: a loss of the pretraining is not finite.
+        CheckpointError: the kept weights, or an unfinished pretraining's state, are damaged.
+    """
+    if trial.pretraining is None:
+        return None
+    where = folder(trial, data)
+    with _alone(where):
+        found = pretraining.read(where)
+        if found is None:
+            sets, state = expert_in_place(datasets, trial.seed), where / pretraining.STATE
+            found = start_from(
+                train(sets, trial.network, trial.pretraining, trial.seed, checkpoint=state, device=device)
+            )
+            pretraining.keep(where, found)
+        return found
+
+
+@contextlib.contextmanager
+def _alone(where: Path) -> Iterator[None]:
+    """One process of a machine at a time: the others wait instead of making the same."""
+    where.mkdir(parents=True, exist_ok=True)
+    with open(where / "lock", "wb") as lock:
+        if fcntl is not None:
+            with contextlib.suppress(OSError):  # a file system without locks
+                fcntl.flock(lock, fcntl.LOCK_EX)
+        yield

@@ -1,0 +1,54 @@
+"""The expert first: weights that learnt from the expert alone, for a novice to start from.
+
+The expert's trajectories stand in the novice's place of the same training loop: three of four to learn from, one of
+four to stop by.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from torch import Tensor
+
+from sidm.config import ConfigError
+from sidm.learning import checkpoint
+from sidm.learning.dataset import Datasets, split
+from sidm.learning.training import Trained
+
+STATE = "state"  # of an unfinished pretraining, a folder in that of its weights
+
+
+class Start(NamedTuple):
+    """What a pretraining leaves behind."""
+
+    weights: Mapping[str, Tensor]  # of a model that has the novice's parts alone
+    samples: int  # of the expert's, seen by it
+
+
+def expert_in_place(datasets: Datasets, seed: int) -> Datasets:
+    """The same data with the expert's trajectories in the novice's place; ConfigError without the expert's."""
+    expert = datasets.expert
+    if expert is None:
+        raise ConfigError("pretraining needs the expert's data, but datasets.expert is None")
+    train_part, test_part = split(len(expert), len(expert), seed)
+    return datasets._replace(train=expert.part(train_part), test=expert.part(test_part))
+
+
+def start_from(trained: Trained) -> Start:
+    """What a run on `expert_in_place` leaves to a novice."""
+    return Start(checkpoint.module_tensors(trained.model), trained.samples)
+
+
+def keep(folder: Path, start: Start) -> None:
+    """Write it to a folder, and drop the state of the unfinished run there."""
+    checkpoint.write(folder, start.weights, {"samples": start.samples})
+    shutil.rmtree(folder / STATE, ignore_errors=True)
+
+
+def read(folder: Path) -> Start | None:
+    """What `keep` wrote, None where there is nothing; CheckpointError when it is damaged."""
+    found = checkpoint.read(folder)
+    return None if found is None else Start(found[0], found[1]["samples"])
