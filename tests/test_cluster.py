@@ -72,7 +72,7 @@ def test_a_cluster_gives_what_this_machine_gives(cluster, tmp_path, capsys):
     assert main(["run", *common, *here]) == 0
     trials = Study(load_preset("smoke", **SETTINGS), tmp_path / "data", tmp_path / "here").figure3("system1")
     rows = [[row.outcome for row in Results(tmp_path / name).rows(trials)] for name in ("there", "here")]
-    assert rows[0] == rows[1] and len(rows[0]) == 4
+    assert rows[0] == rows[1] and len(rows[0]) == 6
 
     collection = Collection(system="system1", role="novice")
     alone = collect(tmp_path / "alone", collection, 5, workers=1, progress=False)

@@ -117,11 +117,11 @@ def test_collect_train_run_show(tmp_path, capsys):
     assert main(["train", *common, *part, "--minutes", "0.25", "--method", "novice_only"]) == 0
     assert "validation loss" in capsys.readouterr().out
     assert main(["show", *common, *part]) == 0
-    assert capsys.readouterr().out.splitlines()[-1] == "missing: 1"
+    assert capsys.readouterr().out.splitlines()[-1] == "missing: 2"
     assert main(["run", *common, *part, "--workers", "1"]) == 0
-    assert "2 of 2 trials stored" in capsys.readouterr().out
+    assert "3 of 3 trials stored" in capsys.readouterr().out
     trials = Study(load_preset("smoke", **CHANGES), tmp_path / "data", tmp_path / "results").figure3("system1")
-    assert [row.stale for row in Results(tmp_path / "results").rows(trials)] == [False, False]
+    assert [row.stale for row in Results(tmp_path / "results").rows(trials)] == [False] * 3
 
 
 def test_damaged_checkpoint_is_one_line(tmp_path, capsys, monkeypatch):

@@ -93,9 +93,15 @@ def _starts(
 ) -> dict[str, Start | None]:
     """By key, the weights that each trial starts from; made, side by side, where they lack. Without failed ones."""
     lacking: dict[Path, Trial] = {}
+    errors: dict[Path, Exception] = {}
     for trial in trials:
-        if trial.pretraining is not None and pretraining.read(where := folder(trial, data, "bundle")) is None:
-            lacking[where] = trial
+        if trial.pretraining is not None:
+            where = folder(trial, data, "bundle")
+            try:
+                if pretraining.read(where) is None:
+                    lacking[where] = trial
+            except CheckpointError as error:
+                errors[where] = error
     runs = [
         Run(
             expert_in_place(library.datasets(trial), trial.seed), trial.pretraining, trial.seed,
@@ -104,7 +110,6 @@ def _starts(
         for where, trial in lacking.items()
         if trial.pretraining is not None
     ]  # fmt: skip
-    errors: dict[Path, Exception] = {}
     for number, found, _ in train_bundle(runs, trials[0].network, seats, device) if runs else ():
         where = list(lacking)[number]
         if isinstance(found, Trained):

@@ -13,7 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator
 
-from sidm.experiments.methods import COMPARED
+from sidm.experiments.methods import FIGURE3
+from sidm.experiments.savings import efficiency_band
 from sidm.experiments.statistics import efficiency, falling, summarise
 from sidm.experiments.store import Row
 from sidm.experiments.tables import gather, validation_loss
@@ -27,6 +28,7 @@ METHOD_STYLES: dict[str, dict[str, Any]] = {
     "sidm": {"color": "#0072B2", "linestyle": "-", "marker": "o", "label": "with SIDM"},
     "novice_only": {"color": "#D55E00", "linestyle": "--", "marker": "s", "label": "without SIDM"},
     "no_regularisation": {"color": "#009E73", "linestyle": "-.", "marker": "^", "label": "SIDM, no adversary"},
+    "pretrain_finetune": {"color": "#CC79A7", "linestyle": ":", "marker": "D", "label": "expert first, then novice"},
 }
 SIZE_STYLES: tuple[dict[str, Any], ...] = (
     {"color": "#0072B2", "linestyle": "-", "marker": "o"},
@@ -82,7 +84,7 @@ def _finish(axes: Axes, minutes: Iterable[float] = (), legend: bool = True) -> N
 
 
 @_styled
-def figure3(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS), methods: Sequence[str] = COMPARED) -> Figure:
+def figure3(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS), methods: Sequence[str] = FIGURE3) -> Figure:
     """Figure 3: validation loss against novice data; lines are means over seeds, shades minimum to maximum."""
     figure, panels = _panels(len(systems))
     for axes, system in zip(panels, systems, strict=True):
@@ -102,7 +104,7 @@ def figure3(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS), method
 
 @_styled
 def efficiency_curves(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
-    """Data-efficiency ratio against the loss to be reached; triangles mark bounds ('at least', 'at most')."""
+    """Data-efficiency ratio against the loss to be reached, its 95 % interval shaded; triangles mark bounds."""
     figure, panels = _panels(len(systems))
     for axes, system in zip(panels, systems, strict=True):
         axes.set(yscale="log", xlabel="validation loss to reach\n(squared m, m/s and rad/s, summed)", title=system)
@@ -112,6 +114,8 @@ def efficiency_curves(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEM
             sidm, novice = losses.values.mean(0)
             reach = np.concatenate([falling(sidm), falling(novice)])
             found = efficiency(losses.minutes, sidm, novice, np.linspace(reach.min(), reach.max(), 60))
+            band = efficiency_band(losses.minutes, losses.values, found.loss)
+            axes.fill_between(found.loss, *band, color="0.5", alpha=0.2, lw=0)
             for bound, marker, colour, words in EFFICIENCY_MARKS:
                 at = found.bound == bound
                 if at.any():

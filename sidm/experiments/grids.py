@@ -77,13 +77,18 @@ class Study:
         )
 
     def points(
-        self, system: str, methods: Sequence[str], sizes: Iterable[float], training: Training | None = None
+        self,
+        system: str,
+        methods: Sequence[str],
+        sizes: Iterable[float],
+        training: Training | None = None,
+        seeds: int | None = None,
     ) -> list[Trial]:
-        """Trials of every size, seed and method, the methods of a pair beside each other."""
+        """Trials of every size, seed (the preset's number unless given) and method, those of a seed side by side."""
         return [
             self.trial(system, method, minutes, seed, training)
             for minutes in sizes
-            for seed in range(self.preset.seeds)
+            for seed in range(seeds or self.preset.seeds)
             for method in methods
         ]
 
@@ -92,8 +97,8 @@ class Study:
         return self.points(system, FIGURE3, self.preset.novice_minutes(system))
 
     def figure4(self, system: str = "system1") -> list[Trial]:
-        """Figure 4: both methods with little and with much novice data; the paper's is of system 1."""
-        return self.points(system, COMPARED, self.preset.figure4_minutes)
+        """Figure 4: the paper's methods with little and with much novice data; the paper's is of system 1."""
+        return self.points(system, COMPARED, self.preset.figure4_minutes, seeds=self.preset.figure4_seeds)
 
     def p_expert(self, system: str) -> list[Trial]:
         """Ablation of p_e; at 0 the expert's parts are never trained, so that it is `novice_only`."""

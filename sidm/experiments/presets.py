@@ -36,6 +36,7 @@ class Preset:
     rollouts: int  # trajectories of the 25-step test
     seeds: int  # trials a point
     figure4_minutes: tuple[float, ...] = (5.0, 120.0)
+    figure4_seeds: int = 10  # trials a point of Figure 4
     ablation_minutes: tuple[float, ...] = (5.0, 60.0)  # a small and a middle size
     tuning_minutes: float = 20.0  # a middle size, at which the methods are tuned
     p_expert_system1: float = 0.75  # section 4: the systems are similar
@@ -63,8 +64,9 @@ class Preset:
                 raise ConfigError(f"{name} must be from 0 to 1, not {getattr(self, name)}")
         if self.policy not in POLICIES:
             raise unknown_name(self.policy, POLICIES, "the exploration policies")
-        if not 1 <= self.seeds <= MOST_SEEDS:
-            raise ConfigError(f"seeds must be from 1 to {MOST_SEEDS}, not {self.seeds}")
+        for name in ("seeds", "figure4_seeds"):
+            if not 1 <= getattr(self, name) <= MOST_SEEDS:
+                raise ConfigError(f"{name} must be from 1 to {MOST_SEEDS}, not {getattr(self, name)}")
         if self.rollouts < 1:
             raise ConfigError(f"rollouts must be at least 1, not {self.rollouts}")
 
@@ -152,6 +154,7 @@ PRESETS: dict[str, Preset] = {
             rollouts=4,
             seeds=1,
             figure4_minutes=(0.5, 2),
+            figure4_seeds=1,
             tuning_minutes=2,
             ablation_minutes=(0.5, 2),
             network=Network(pixels=16, layers=1, hidden=32),

@@ -27,10 +27,10 @@ def diverging(trial):
 
 
 def test_a_bundle_stores_what_trials_alone_give(study, data, tmp_path):
-    """Both methods and sizes side by side, in two seats; rounding apart."""
+    """All methods and sizes side by side, in two seats; rounding apart."""
     trials = study.figure3("system1")
     store = run(trials, data=data, results=tmp_path, progress=False, bundle=2)
-    assert len(trials) == 4 and store.missing(trials) == [] and store.stale(trials) == []
+    assert len(trials) == 6 and store.missing(trials) == [] and store.stale(trials) == []
     for trial, row in zip(trials, store.rows(trials), strict=True):
         alone = run_trial(trial, data).outcome
         assert row.provenance.bundle == 2 and row.provenance.learning_source == source_hash("bundle")
@@ -42,11 +42,11 @@ def test_a_bundle_stores_what_trials_alone_give(study, data, tmp_path):
 
 
 def test_what_goes_into_one_bundle(study):
-    """One system, one network, one kind of loop; longest first."""
+    """One system, one network, one kind of loop, one kind of pretraining; longest first."""
     trials = study.figure3("system1") + study.figure3("system2")
     other = trials[0].replace(training=dataclasses.replace(trials[0].training, batch=5))
     groups = bundles([*trials, other])
-    assert sorted(map(len, groups)) == [1, 2, 4] and [other] in groups
+    assert sorted(map(len, groups)) == [1, 1, 2, 2, 4] and [other] in groups
     assert [trial.novice_minutes for trial in max(groups, key=len)] == [0.75, 0.75, 0.25, 0.25]
 
 
@@ -139,6 +139,6 @@ def test_the_command_line(tiny, study, data, tmp_path, capsys, monkeypatch):
     assert f"note: {trials[0]}: failed" in capsys.readouterr().out
     store.failure_path(trials[0]).unlink()
     assert main(["run", *common, "--bundle", "4", "--log", str(log)]) == 0
-    assert "4 of 4 trials stored" in capsys.readouterr().out and len(list(log.iterdir())) == 4
+    assert "6 of 6 trials stored" in capsys.readouterr().out and len(list(log.iterdir())) == 6
     with pytest.raises(ConfigError, match="bundle must not be negative"):
         run([], bundle=-1, results=tmp_path)

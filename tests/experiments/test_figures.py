@@ -3,6 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.lines import Line2D
 
 from sidm.experiments import Results, Study
 from sidm.experiments.claims import (
@@ -59,14 +60,15 @@ def test_gather_keeps_what_is_complete(rows, make_row):
 
 
 def test_figure3_draws_the_means(rows):
-    """Both systems on log axes; each line is the mean over seeds; two methods are told apart by more than colour."""
+    """Both systems on log axes; each line is the mean over seeds; methods are told apart by more than colour."""
     figure = figure3(rows)
     left, right = figure.axes
     assert left.get_xscale() == left.get_yscale() == "log" and "(min)" in left.get_xlabel()
-    sidm, novice = left.get_lines()
+    sidm, novice, finetuned = left.get_lines()
     assert sidm.get_ydata() == pytest.approx(1.01 * (4 * sidm.get_xdata()) ** -0.5)
-    assert sidm.get_linestyle() != novice.get_linestyle() and sidm.get_marker() != novice.get_marker()
-    assert len(right.get_lines()) == 2 and len(left.collections) == 2
+    for look in (Line2D.get_linestyle, Line2D.get_marker):
+        assert len({look(line) for line in (sidm, novice, finetuned)}) == 3
+    assert len(right.get_lines()) == 3 and len(left.collections) == 3
     assert not plt.get_fignums()
 
 
@@ -140,7 +142,7 @@ def test_curves_that_meet(study, make_row):
 def test_words_about_rows(rows, study, tmp_path):
     """The line of provenance, the costs and the overview count what is there."""
     line = provenance_line(rows, "python -m sidm run")
-    assert line.startswith("72 trials; ") and "older code" not in line
+    assert line.startswith("108 trials; ") and "older code" not in line
     assert line.endswith("; again: `python -m sidm run`.")
     assert provenance_line([], "cmd") == "No trials stored; `cmd` runs them."
     costs = costs_table(rows)

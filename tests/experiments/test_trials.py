@@ -11,6 +11,7 @@ import yaml
 from sidm.config import ConfigError
 from sidm.experiments import METHODS, PRESETS, UNKNOWN, Study, Trial, grid, load_preset
 from sidm.experiments.datasets import differing
+from sidm.experiments.methods import COMPARED
 from sidm.experiments.presets import POLICIES
 from sidm.storage import write_record
 from sidm.systems import SYSTEMS
@@ -55,7 +56,9 @@ def test_key_feels_every_field():
             other = type(settings)(**(own | {name: changed(own[name], kind)}))
             variants.append(TRIAL.replace(**{part: other}))
     names = {field.name for field in dataclasses.fields(TRIAL)}
-    assert names == {*OTHER, "network", "training"}
+    without = {"training": dataclasses.replace(TRIAL.training, p_expert=0.0, regularise=False)}
+    variants.append(TRIAL.replace(**without, pretraining=without["training"]))
+    assert names == {*OTHER, "network", "training", "pretraining"}
     assert len({trial.key for trial in variants}) == len(variants)
 
 
@@ -80,8 +83,9 @@ def test_datasets_are_disjoint():
 
 def test_presets_are_the_papers():
     """The paper's Figure 3 is 320 trials; the laptop's sizes are those of the table of presets."""
-    assert len(grid("paper")) == len(grid("released")) == 320
-    assert len(grid("laptop")) == 2 * 6 * 2 * 3
+    for name in ("paper", "released"):
+        assert sum(trial.method in COMPARED for trial in grid(name)) == 320
+    assert len(grid("laptop")) == 2 * 6 * 3 * 3  # systems, sizes, methods, seeds
     paper = load_preset("paper").network
     assert (paper.pixels, paper.layers, paper.hidden) == (300, 4, 1024)
 
@@ -124,10 +128,10 @@ def test_grids():
     points = {(t.novice_minutes, t.seed) for t in study.figure3("system1") if t.method == "sidm"}
     assert points == {(t.novice_minutes, t.seed) for t in study.figure3("system1") if t.method == "novice_only"}
     figure3 = {t.key for t in study.figure3("system1")}
-    assert {t.key for t in study.figure4()} <= figure3
+    assert len(study.figure4()) == 2 * 2 * 10 and len({t.key for t in study.figure4()} & figure3) == 2 * 2 * 3
     shared = {t.key for t in study.p_expert("system1")} & figure3
     assert len(shared) == 2 * 2 * 3  # p_e of 0 and of 0.75, two sizes, three seeds
-    assert len(grid("laptop", "3", "system2", minutes=[5, 20], seeds=[1])) == 4
+    assert len(grid("laptop", "3", "system2", minutes=[5, 20], seeds=[1])) == 2 * 3
     assert {t.key for t in grid("laptop", "all")} >= figure3
     with pytest.raises(ConfigError, match="minutes 3 is not in this grid; it has 1, 2, 5, 20, 60, 120"):
         grid("laptop", minutes=[3])
@@ -159,6 +163,13 @@ def test_damaged_digests_are_named(tiny, tmp_path):
     write_record(path, {"digest": "0" * 16})
     path.write_text(path.read_text().replace("00", "01"))
     with pytest.raises(ConfigError, match=r"9\.json: damaged \(its checksum does not match\); restore it"):
+        Study(tiny, tmp_path, tmp_path).digests("system1")
+
+
+def test_a_digest_is_text(tiny, tmp_path):
+    """Another value in its place is no digest."""
+    write_record(tmp_path / "datasets" / f"{tiny.datasets('system1')['expert'].name}.json", {"digest": 7})
+    with pytest.raises(ConfigError, match=r"9\.json: damaged \(its digest is 7, not text\); restore it"):
         Study(tiny, tmp_path, tmp_path).digests("system1")
 
 

@@ -1,0 +1,223 @@
+"""How alike two systems' latent state-actions are: fresh domain classifiers, MMD, a picture.
+
+`python -m sidm.experiments.diagnostics` trains the models anew, at the two sizes of the ablations with and without
+regularisation, and stores what it finds in results/diagnostics; what is stored is not made again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from collections.abc import Iterable, Sequence
+from concurrent.futures import Executor, as_completed
+from pathlib import Path
+
+import numpy as np
+import torch
+from scipy.spatial.distance import cdist
+from sklearn.decomposition import PCA
+from sklearn.linear_model import LogisticRegression
+from sklearn.neural_network import MLPClassifier
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+from torch import Tensor
+
+from sidm.config import ConfigError, config, from_mapping
+from sidm.experiments.grids import Study
+from sidm.experiments.measure import THREADS, perform
+from sidm.experiments.presets import PRESETS, load_preset
+from sidm.experiments.provenance import Provenance, here
+from sidm.experiments.store import StoreError, rounded
+from sidm.experiments.trials import Dataset, Trial
+from sidm.learning.dataset import Motion, load_motion
+from sidm.learning.networks import DynamicsModel
+from sidm.pool import local_pool
+from sidm.progress import progress_bar
+from sidm.storage import Damaged, read_record, write_record
+from sidm.systems import SYSTEMS, find_system
+
+METHODS_COMPARED = ("sidm", "no_regularisation")
+EVERY = 4  # steps; those between are much like their neighbours
+PICTURED = 150  # latents of each system
+MMD_SAMPLES = 1000  # of each system, at most
+
+
+@config
+class Diagnosis:
+    """What the latents of a trained model are like; accuracies are shares of held-out steps, 0.5 by chance."""
+
+    trial: Trial
+    validation_loss: float  # of the model that was trained for it
+    linear_accuracy: float  # of a logistic regression on the latents
+    network_accuracy: float  # of a small network on them
+    raw_accuracy: float  # of a small network on the raw states and actions, before any encoder
+    a_distance: float  # proxy A-distance 2 (1 - 2 e), e the small network's error: 0 alike, 2 wholly apart
+    mmd: float  # squared, unbiased, Gaussian kernel of the median distance; 0 alike
+    novice_picture: tuple[tuple[float, float], ...]  # (PICTURED, 2) principal components of both's latents
+    expert_picture: tuple[tuple[float, float], ...]
+    provenance: Provenance
+
+
+def diagnosed(study: Study, systems: Iterable[str] = tuple(SYSTEMS)) -> list[Trial]:
+    """The trials whose latents are looked at: with and without regularisation, a small and a middle size."""
+    return [
+        trial for system in systems for trial in study.points(system, METHODS_COMPARED, study.preset.ablation_minutes)
+    ]
+
+
+def held_out_expert(trial: Trial) -> Dataset:
+    """The expert's trajectories up to the last that is held out: as many more as validate the novice."""
+    sets = trial.datasets
+    return Dataset(collection=sets["expert"].collection, count=sets["expert"].count + sets["validation"].count)
+
+
+def diagnose(trial: Trial, data: str | Path = "data") -> Diagnosis:
+    """Train a trial's model and look at its latents on data that it has not seen.
+
+    Raises:
+        ConfigError: the trial's method has no expert.
+        ShardError: data are missing; `collect_held_out` makes the expert's.
+    """
+    if not trial.training.needs_expert:
+        raise ConfigError(f"{trial}: its model has no expert whose latents could be compared")
+    outcome, trained = perform(trial, data)
+    more = held_out_expert(trial)
+    terrain, pixels = find_system(trial.system).terrain, trial.network.pixels
+    expert = load_motion(data, more.collection, more.count, terrain, pixels)
+    held_out = expert.part(range(trial.datasets["expert"].count, more.count))
+    novice_set = trial.datasets["validation"]
+    novice = load_motion(data, novice_set.collection, novice_set.count, terrain, pixels)
+    motions = novice, held_out.take(range(len(held_out)))
+    latents = [latents_of(trained.model, role, m) for role, m in zip(("novice", "expert"), motions, strict=True)]
+    raw = [motion.inputs[:, ::EVERY].double().numpy() for motion in motions]
+    pictures = picture(*latents)
+    network = told_apart(latents, _small_network())
+    return Diagnosis(
+        trial=trial,
+        validation_loss=outcome.validation_loss,
+        linear_accuracy=told_apart(latents, LogisticRegression(max_iter=1000)),
+        network_accuracy=network,
+        raw_accuracy=told_apart(raw, _small_network()),
+        a_distance=max(0.0, 2 * (1 - 2 * (1 - network))),
+        mmd=squared_mmd(*latents),
+        novice_picture=pictures[0],
+        expert_picture=pictures[1],
+        provenance=here(0.0, THREADS, False),
+    )
+
+
+def latents_of(model: DynamicsModel, role: str, motion: Motion) -> np.ndarray:
+    """Latent state-actions (N, T / EVERY, 128) of trajectories."""
+    found: list[Tensor] = []
+    with torch.inference_mode():
+        for part in motion.split(32):
+            found.append(model.encoders[role](part.inputs[:, ::EVERY], part.maps[:, ::EVERY]))
+    return torch.cat(found).double().numpy()
+
+
+def _small_network() -> MLPClassifier:
+    return MLPClassifier((64,), early_stopping=True, max_iter=300, random_state=0)
+
+
+def told_apart(features: Sequence[np.ndarray], classifier) -> float:
+    """Share of steps, both systems weighing the same, that a classifier fitted on half of the trajectories tells apart.
+
+    Args:
+        features: (N, T, K) of the novice's trajectories and (M, T, K) of the expert's.
+        classifier: of scikit-learn, unfitted.
+    """
+    halves = [[motion[0::2], motion[1::2]] for motion in features]
+    fitted = make_pipeline(StandardScaler(), classifier)
+    fitted.fit(*_labelled(halves[0][0], halves[1][0]))
+    right = [
+        np.mean(fitted.predict(half[1].reshape(-1, half[1].shape[-1])) == label) for label, half in enumerate(halves)
+    ]
+    return float(np.mean(right))
+
+
+def _labelled(novice: np.ndarray, expert: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    flat = [motion.reshape(-1, motion.shape[-1]) for motion in (novice, expert)]
+    return np.concatenate(flat), np.repeat([0, 1], [len(part) for part in flat])
+
+
+def squared_mmd(novice: np.ndarray, expert: np.ndarray) -> float:
+    """Unbiased squared maximum mean discrepancy of two sets of features (., ., K), in units of their common spread."""
+    x, y = _spread(novice, expert, MMD_SAMPLES)
+    distances = [cdist(one, other, "sqeuclidean") for one, other in ((x, x), (y, y), (x, y))]
+    width = np.median(distances[2])
+    within_x, within_y, across = (np.exp(-distance / width) for distance in distances)
+    n, m = len(x), len(y)
+    within = (within_x.sum() - n) / (n * (n - 1)) + (within_y.sum() - m) / (m * (m - 1))
+    return float(within - 2 * across.mean())
+
+
+def picture(novice: np.ndarray, expert: np.ndarray) -> list[tuple[tuple[float, float], ...]]:
+    """PICTURED latents of each system along the first two principal components of both."""
+    parts = _spread(novice, expert, PICTURED)
+    flat = PCA(2, svd_solver="full").fit(np.concatenate(parts))
+    return [tuple((float(x), float(y)) for x, y in flat.transform(part)) for part in parts]
+
+
+def _spread(novice: np.ndarray, expert: np.ndarray, most: int) -> list[np.ndarray]:
+    """At most `most` features (., K) of each system, standardised together."""
+    both, labels = _labelled(novice, expert)
+    both, draw = StandardScaler().fit_transform(both), np.random.default_rng(0)
+    return [draw.permutation(both[labels == label])[:most] for label in (0, 1)]
+
+
+def path(trial: Trial, results: str | Path = "results") -> Path:
+    """Where a trial's diagnosis is stored, whether it is or not."""
+    return Path(results) / "diagnostics" / f"{trial.key}.json"
+
+
+def write(found: Diagnosis, results: str | Path = "results") -> None:
+    """Store a diagnosis."""
+    write_record(path(found.trial, results), rounded(dataclasses.asdict(found)))  # type: ignore[call-overload]
+
+
+def read(trial: Trial, results: str | Path = "results") -> Diagnosis | None:
+    """The stored diagnosis of a trial, None where there is none; StoreError when it is damaged."""
+    try:
+        found = from_mapping(Diagnosis, read_record(path(trial, results)))
+    except FileNotFoundError:
+        return None
+    except (Damaged, ConfigError, TypeError) as error:
+        raise StoreError(f"{path(trial, results)}: damaged ({error}); delete it and diagnose again") from None
+    return found
+
+
+def run(
+    trials: Sequence[Trial],
+    executor: Executor,
+    data: str | Path = "data",
+    results: str | Path = "results",
+    progress: bool = True,
+) -> None:
+    """Diagnose the trials that are not yet diagnosed, each stored as soon as it is done."""
+    from sidm.simulation import collect
+
+    missing = [trial for trial in trials if read(trial, results) is None]
+    for held_out in {held_out_expert(trial) for trial in missing}:
+        collect(Path(data), held_out.collection, held_out.count, executor=executor, progress=progress)
+    futures = [executor.submit(diagnose, trial, Path(data).absolute()) for trial in missing]
+    with progress_bar(len(missing), "diagnoses", "trial", progress) as bar:
+        for done in as_completed(futures):
+            write(done.result(), results)
+            bar.update()
+
+
+def main() -> None:
+    """Diagnose a preset's trials."""
+    parser = argparse.ArgumentParser(description="Look at the latent spaces of trained models.")
+    parser.add_argument("--preset", choices=PRESETS, default="laptop", help="whose trials (%(default)s)")
+    parser.add_argument("--data", type=Path, default=Path("data"), help="trajectories (%(default)s)")
+    parser.add_argument("--results", type=Path, default=Path("results"), help="the results store (%(default)s)")
+    parser.add_argument("--workers", type=int, default=2, help="processes of one thread each (%(default)s)")
+    given = parser.parse_args()
+    study = Study(load_preset(given.preset), given.data, given.results)
+    with local_pool(given.workers) as pool:
+        run(diagnosed(study), pool, given.data, given.results)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,95 @@
+"""How much novice data a method saves, at each size and for each component of the transition."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from sidm.experiments.statistics import Interval, efficiency, efficiency_at_sizes, interval
+from sidm.experiments.store import Row
+from sidm.experiments.tables import COMPONENTS, gather, validation_loss
+
+
+class Saving(NamedTuple):
+    """Data-efficiency ratio where a method has seen so much of the novice."""
+
+    minutes: float  # of novice data that the method has
+    loss: float  # that it reaches with them, along its isotonic fit
+    ratio: Interval  # of the data that the comparison needs for that loss; NaN where no value follows
+    bound: str  # of the ratio: '=', '>=', '<=' or '?'
+
+
+def savings(
+    rows: Sequence[Row],
+    system: str,
+    method: str = "sidm",
+    against: str = "novice_only",
+    value: Callable[[Row], float] = validation_loss,
+) -> list[Saving]:
+    """At each size that both methods have: how many times a method's data the comparison needs to do as well.
+
+    Args:
+        rows: of Figure 3.
+        system: whose.
+        method: that saves.
+        against: the comparison.
+        value: the loss that is compared.
+    """
+    losses = gather(rows, system, (method, against), value)
+    if not losses.values.size:
+        return []
+    found = efficiency_at_sizes(losses.minutes, *losses.values.mean(0))
+
+    def at(size: int) -> Interval:
+        def ratio(pairs: np.ndarray) -> float:
+            method, comparison = pairs.mean(0)
+            return float(np.log(efficiency_at_sizes(losses.minutes, method, comparison).ratio[size]))
+
+        return Interval(*np.exp(interval(ratio, losses.values)))
+
+    return [
+        Saving(float(minutes), float(found.loss[size]), at(size), str(found.bound[size]))
+        for size, minutes in enumerate(losses.minutes)
+    ]
+
+
+def component_savings(
+    rows: Sequence[Row], system: str, method: str = "sidm", against: str = "novice_only"
+) -> list[tuple[str, list[Saving]]]:
+    """`savings` for the loss of each of the 13 components alone, by the component's name."""
+    def component(number: int) -> Callable[[Row], float]:
+        return lambda row: row.outcome.component_losses[number]
+
+    return [
+        (name, savings(rows, system, method, against, component(number)))
+        for number, (name, _) in enumerate(COMPONENTS)
+    ]
+
+
+def ratio_words(saving: Saving) -> str:
+    """A ratio for a table: '>= 3.2 [1.9, 5.4]', without brackets where there is no interval."""
+    value, low, high = saving.ratio
+    if not np.isfinite(value):
+        return "cannot be told"
+    sign = {"=": "", ">=": "at least ", "<=": "at most "}[saving.bound]
+    brackets = f" [{low:.2g}, {high:.2g}]" if np.isfinite([low, high]).all() else ""
+    return f"{sign}{value:.2g}{brackets}"
+
+
+def efficiency_band(minutes: np.ndarray, pairs: np.ndarray, losses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """95 % interval of the data-efficiency ratio at each of `losses` (L,): low and high ends, NaN where there is none.
+
+    Args:
+        minutes: (M,) sizes, rising.
+        pairs: (S, 2, M) losses, the method's before the comparison's.
+        losses: (L,) to be reached.
+    """
+
+    def ratio(some: np.ndarray, loss: float) -> float:
+        method, comparison = some.mean(0)
+        return float(np.log(efficiency(minutes, method, comparison, np.array([loss])).ratio[0]))
+
+    found = np.exp([interval(lambda some, loss=loss: ratio(some, loss), pairs) for loss in losses])  # type: ignore
+    return found[:, 1], found[:, 2]

@@ -1,0 +1,71 @@
+"""Latents that are alike and apart, and a diagnosis of a tiny trial that is stored."""
+
+import numpy as np
+import pytest
+from sklearn.linear_model import LogisticRegression
+
+from sidm.config import ConfigError
+from sidm.experiments import StoreError, Study, run_trial
+from sidm.experiments import diagnostics as d
+from tests.experiments.conftest import write_motion
+
+
+@pytest.fixture
+def pair():
+    """Features (40, 8, 5) of two systems of one distribution."""
+    return np.random.default_rng(3).normal(size=(2, 40, 8, 5))
+
+
+def test_like_features_are_not_told_apart(pair):
+    assert d.told_apart(pair, LogisticRegression()) == pytest.approx(0.5, abs=0.1)
+    assert d.squared_mmd(*pair) == pytest.approx(0, abs=0.01)
+
+
+def test_features_far_apart_are(pair):
+    apart = pair[0], pair[1] + 6
+    assert d.told_apart(apart, LogisticRegression()) == 1.0
+    assert d.squared_mmd(*apart) > 0.5
+    novice, expert = map(np.array, d.picture(*apart))
+    assert novice.shape == (d.PICTURED, 2) and abs(novice.mean(0) - expert.mean(0))[0] > 1
+
+
+def test_only_whole_trajectories_are_held_out(pair):
+    """A mark of single trajectories, not of systems, does not help the classifier."""
+    marks = np.random.default_rng(4).normal(size=(2, 40, 1, 30)).repeat(8, axis=2)
+    assert d.told_apart(np.concatenate([pair, marks], -1), LogisticRegression()) < 0.7
+
+
+def test_mmd_is_that_of_its_definition(pair):
+    """Sums over pairs, written out."""
+    x, y = pair[:, :6].reshape(2, -1, 5)
+    both = np.concatenate([x, y])
+    x, y = ((one - both.mean(0)) / both.std(0) for one in (x, y))
+    width = np.median([((a - b) ** 2).sum() for a in x for b in y])
+
+    def mean(one, other, same):
+        terms = [np.exp(-((a - b) ** 2).sum() / width) for i, a in enumerate(one) for j, b in enumerate(other)
+                 if not (same and i == j)]  # fmt: skip
+        return np.mean(terms)
+
+    wanted = mean(x, x, True) + mean(y, y, True) - 2 * mean(x, y, False)
+    assert d.squared_mmd(*pair[:, :6]) == pytest.approx(wanted)
+
+
+def test_a_trial_is_diagnosed_and_stored(tiny, data, tmp_path):
+    """On data that its model has not seen; what comes back is what was stored, and damage is named."""
+    trial = d.diagnosed(Study(tiny, data, tmp_path), ["system1"])[0]
+    write_motion(data, d.held_out_expert(trial))
+    found = d.diagnose(trial, data)
+    assert found.validation_loss == run_trial(trial, data).outcome.validation_loss
+    assert 0 <= found.linear_accuracy <= 1 and 0 <= found.a_distance <= 2
+    d.write(found, tmp_path)
+    back = d.read(trial, tmp_path)
+    assert back.trial == trial and back.mmd == pytest.approx(found.mmd, rel=1e-5) and d.read(trial, data) is None
+    d.path(trial, tmp_path).write_text("{}")
+    with pytest.raises(StoreError, match="damaged"):
+        d.read(trial, tmp_path)
+
+
+def test_a_novice_alone_has_nothing_to_compare(tiny, data, tmp_path):
+    with pytest.raises(ConfigError, match="no expert whose latents"):
+        d.diagnose(Study(tiny, data, tmp_path).trial("system1", "novice_only", 0.25), data)

@@ -1,0 +1,75 @@
+"""Pretrained weights: made once for all sizes, alone and in bundles, and made again where they are damaged."""
+
+import pytest
+
+from sidm.config import ConfigError
+from sidm.experiments import Study, pretrained, run, run_trial
+from sidm.experiments.methods import PRETRAINED, TRIES, change
+from sidm.learning.checkpoint import CheckpointError
+
+
+@pytest.fixture
+def trials(tiny, data, tmp_path):
+    """Both sizes of one seed."""
+    return Study(tiny, data, tmp_path).points("system1", ["pretrain_finetune"], tiny.novice_minutes("system1"))
+
+
+def test_the_weights_are_made_once(trials, data):
+    """For both sizes; the outcome says what the expert's samples were."""
+    first = run_trial(trials[0], data).outcome
+    (made,) = {pretrained.folder(trial, data) / "checkpoint.npz" for trial in trials}
+    written = made.stat().st_mtime_ns
+    second = run_trial(trials[1], data).outcome
+    assert made.stat().st_mtime_ns == written and not (made.parent / "state").exists()
+    assert first.pretraining_samples == second.pretraining_samples >= trials[0].pretraining.max_samples
+    assert first == run_trial(trials[0], data).outcome != second
+
+
+def test_a_bundle_pretrains_too(trials, data, tmp_path):
+    store = run(trials, data=data, results=tmp_path, progress=False, bundle=2)
+    for row in store.rows(trials):
+        alone = run_trial(row.trial, data).outcome
+        assert row.outcome.validation_loss == pytest.approx(alone.validation_loss, rel=1e-3)
+        assert row.outcome.pretraining_samples == alone.pretraining_samples
+    assert not store.missing(trials)
+
+
+@pytest.mark.parametrize("bundle", [0, 1])
+def test_damaged_weights_are_named(trials, data, tmp_path, bundle, capsys):
+    trial = trials[0].replace(seed=7)
+    where = pretrained.folder(trial, data, "bundle" if bundle else "learning")
+    where.mkdir(parents=True)
+    (where / "checkpoint.npz").write_bytes(b"no archive")
+    if bundle:
+        assert run([trial], data=data, results=tmp_path, progress=False, bundle=1).missing([trial])
+        assert "the checkpoint is damaged" in capsys.readouterr().err
+    else:
+        with pytest.raises(CheckpointError, match="the checkpoint is damaged"):
+            run_trial(trial, data)
+
+
+def test_only_the_novice_follows_the_expert(trials):
+    """A pretrained novice's trainings draw no expert data beside."""
+    with pytest.raises(ConfigError, match="goes with p_expert=0 and regularise=False"):
+        trials[0].replace(training=change(trials[0].training, p_expert=0.5))
+
+
+def test_every_method_is_tuned_with_the_same_number_of_tries(tiny, tmp_path):
+    """On one seed that no figure has, the expert's part of a method with its tries' values."""
+    trials = Study(tiny.replace(tuning_minutes=0.5), tmp_path, tmp_path).tuning("system1")
+    assert len({len(tries) for tries in TRIES.values()}) == 1 and {t.seed for t in trials} == {1000}
+    assert [t.method for t in trials] == [method for method, tries in TRIES.items() for _ in tries]
+    assert all((t.pretraining is None) == (t.method not in PRETRAINED) for t in trials)
+
+
+def test_what_was_tuned_yields_to_what_is_asked_for(tiny, tmp_path):
+    """A method takes its tuned value; one given by hand holds for all."""
+    def rates(preset):
+        study = Study(preset, tmp_path, tmp_path)
+        trials = [study.trial("system1", method, 0.25) for method in ("sidm", "pretrain_finetune")]
+        parts = trials[0].training, trials[1].training, trials[1].pretraining
+        return [part.learning_rate for part in parts]
+
+    tuned = tiny.replace(tuned=(("sidm", "learning_rate", 1e-4), ("pretraining", "learning_rate", 1e-2)))
+    assert rates(tuned) == [1e-4, 1e-3, 1e-2]
+    assert rates(tuned.replace(learning_rate=0.5)) == [0.5, 0.5, 0.5]
