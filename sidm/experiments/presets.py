@@ -177,7 +177,7 @@ PRESETS: dict[str, Preset] = {
             rollouts=32,
             seeds=3,
             network=Network(pixels=32, layers=3, hidden=256),
-            training=Training(max_samples=1_000_000, patience=200_000),
+            training=Training(max_samples=1_000_000, patience=150_000),
         ),
         Preset(
             name="released",

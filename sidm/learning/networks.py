@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import torch
 from torch import Tensor, nn
 
 from sidm.config import ConfigError, config, refuse_nonsense
 from sidm.learning.dataset import Standardisation
+from sidm.learning.initialisation import scale_columns, scale_last, scale_layers, scale_recurrence
 from sidm.learning.observation import INPUT_SIZE, TARGET_SIZE
 from sidm.learning.seeds import derive
 from sidm.systems import ROLES
@@ -37,6 +38,7 @@ class Network:
     decoder_hidden: int = 64  # the decoder's hidden layer
     discriminator_hidden: int = 1024  # the discriminator's hidden layer (not in the paper; the released code's)
     slope: float = 0.01  # of the leaky ReLU below zero
+    initialisation: Literal["scaled", "pytorch"] = "scaled"  # 'pytorch': its own (released code)
 
     def __post_init__(self) -> None:
         """Refuse sizes that make no network."""
@@ -85,6 +87,9 @@ class Encoder(nn.Module):
             nn.Linear(second * network.map_side**2 + INPUT_SIZE, network.encoder_hidden), nn.LeakyReLU(network.slope),
             nn.Linear(network.encoder_hidden, network.latent), nn.LeakyReLU(network.slope),
         )
+        if network.initialisation == "scaled":
+            scale_layers(self, network.slope)
+            scale_columns(self.dense[0], slice(-INPUT_SIZE, None), network.slope)
         units = standardisation or Standardisation.none()
         self.register_buffer("input_mean", units.input_mean.clone())
         self.register_buffer("input_std", units.input_std.clone())
@@ -115,6 +120,9 @@ class SIDM(nn.Module):
         self.latent = network.latent
         self.lstm = nn.LSTM(network.latent, network.hidden, network.layers, batch_first=True)
         self.output = nn.Sequential(nn.Linear(network.hidden, network.latent_transition), nn.LeakyReLU(network.slope))
+        if network.initialisation == "scaled":
+            scale_recurrence(self.lstm)
+            scale_layers(self.output, network.slope)
 
     def forward(self, latents: Tensor, memory: Memory | None = None) -> tuple[Tensor, Memory]:
         """Latent state transitions (B, T, 64) of latents (B, T, 128), and the memory after the last step.
@@ -136,6 +144,9 @@ class Decoder(nn.Module):
             nn.Linear(network.latent_transition, network.decoder_hidden), nn.LeakyReLU(network.slope),
             nn.Linear(network.decoder_hidden, TARGET_SIZE),
         )
+        if network.initialisation == "scaled":
+            scale_layers(self, network.slope)
+            scale_last(self.dense[-1])
         units = standardisation or Standardisation.none()
         self.register_buffer("target_mean", units.target_mean.clone())
         self.register_buffer("target_std", units.target_std.clone())

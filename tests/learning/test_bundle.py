@@ -107,8 +107,8 @@ def test_encoders_alone_are_low(make_run, small_network):
     low = stack.encode("novice", motion.inputs[None], motion.maps[None])[0]
     exact = stack.encode("novice", motion.inputs[None], motion.maps[None], exact=True)[0]
     assert torch.allclose(exact, learner.model.encoders["novice"](motion.inputs, motion.maps), atol=1e-6)
-    assert torch.allclose(low, encode(learner, "novice", motion), atol=3e-3)
-    assert 1e-4 < (low - exact).abs().max() < 2e-2
+    assert torch.allclose(low, encode(learner, "novice", motion), atol=2e-2)
+    assert 1e-3 < (low - exact).abs().max() < 5e-2
 
 
 def test_a_loss_that_is_not_finite_ends_that_trial_alone(five, small_network):

@@ -54,6 +54,36 @@ def test_the_papers_sizes():
     assert memory[0].shape == (4, 2, 1024)
 
 
+def test_scaled_weights_carry_the_inputs_through():
+    """Numbers and maps both move the latents, and the LSTM's output, ten times as much as with PyTorch's weights."""
+    generator = torch.Generator().manual_seed(0)
+    inputs, maps = torch.randn(2, 8, 16, 11, generator=generator), torch.randn(2, 8, 16, 16, 16, generator=generator)
+
+    def moved(initialisation: str) -> list[float]:
+        network = Network(pixels=16, initialisation=initialisation)
+        model = DynamicsModel(network, seed=0, roles=["novice"])
+        encoder = model.encoders["novice"]
+        with torch.no_grad():
+            base = encoder(inputs[0], maps[0])
+            by_numbers, by_map = encoder(inputs[1], maps[0]), encoder(inputs[0], maps[1])
+            outputs = [model.sidm.lstm(latents)[0][:, -1] for latents in (base, encoder(inputs[1], maps[1]))]
+        pairs = (base, by_numbers), (base, by_map), outputs
+        return [float((a - b).square().mean().sqrt()) for a, b in pairs]
+
+    for scaled, default in zip(moved("scaled"), moved("pytorch"), strict=True):
+        assert scaled > 10 * default
+
+
+def test_the_lstms_gates_have_weights_of_their_own():
+    """Orthogonal from the state, forget gates open, other biases 0."""
+    lstm = SIDM(Network(hidden=32)).lstm
+    for layer in range(lstm.num_layers):
+        for gate in getattr(lstm, f"weight_hh_l{layer}").chunk(4):
+            assert torch.allclose(gate @ gate.T, torch.eye(32), atol=1e-5)
+        biases = getattr(lstm, f"bias_ih_l{layer}") + getattr(lstm, f"bias_hh_l{layer}")
+        assert [float(gate.mean()) for gate in biases.chunk(4)] == [0, 1, 0, 0] and biases.sum() == 32
+
+
 def test_shapes_through_the_whole(small_network, make_motion):
     motion, model = make_motion(3), DynamicsModel(small_network)
     latents = model.encoders["novice"](motion.inputs, motion.maps)

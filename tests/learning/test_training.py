@@ -9,6 +9,7 @@ from torch import nn
 
 from sidm.config import ConfigError
 from sidm.learning import DynamicsModel, Standardisation, Training, TrainingError, train, validation_loss
+from sidm.learning.dataset import Datasets
 from sidm.learning.learner import Learner, make_optimiser, mean_loss
 from sidm.learning.losses import prediction_loss
 from sidm.learning.training import batch_losses, discriminator_iteration, encode, matching_iteration, predict_phase
@@ -234,10 +235,11 @@ def test_global_randomness_does_not_matter(run):
     assert torch.equal(vector(first.model), vector(again.model))
 
 
-def test_learning_lowers_the_validation_loss(run, datasets, small_network):
-    fresh = DynamicsModel(small_network, Standardisation.of(datasets.expert), seed=0)
-    trained = run(max_samples=24 * 300, learning_rate=5e-3, p_expert=0.5)
-    before, after = (float(validation_loss(model, datasets.validation).sum()) for model in (fresh, trained.model))
+def test_learning_lowers_the_validation_loss(run, make_motion, small_network):
+    sets = Datasets(make_motion(60, 1), make_motion(8, 2), make_motion(8, 3), make_motion(60, 4, gain=1.5))
+    fresh = DynamicsModel(small_network, Standardisation.of(sets.expert), seed=0)
+    trained = run(sets=sets, max_samples=24 * 300, learning_rate=5e-3, p_expert=0.5)
+    before, after = (float(validation_loss(model, sets.validation).sum()) for model in (fresh, trained.model))
     assert after < 0.8 * before
 
 

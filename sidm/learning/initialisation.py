@@ -1,0 +1,48 @@
+"""Initial weights that carry the inputs through the layers at their own scale; the paper names none.
+
+With PyTorch's defaults a signal shrinks in every layer, most of all in an LSTM's, and an encoder's few numbers are lost
+beside its map's thousands. The loss then stands still until some hundreds of batches have made the weights grow.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import nn
+
+
+def scale_layers(module: nn.Module, slope: float) -> None:
+    """He's normal weights for the layers before leaky ReLUs of a `slope`, biases of 0: signals keep their variance."""
+    for layer in module.modules():
+        if isinstance(layer, (nn.Linear, nn.Conv2d)):
+            nn.init.kaiming_normal_(layer.weight, a=slope)
+            nn.init.zeros_(layer.get_parameter("bias"))
+
+
+def scale_last(layer: nn.Module) -> None:
+    """Glorot's uniform weights for a dense layer that nothing follows; its biases are left alone."""
+    nn.init.xavier_uniform_(layer.get_parameter("weight"))
+
+
+@torch.no_grad()
+def scale_columns(layer: nn.Module, columns: slice, slope: float) -> None:
+    """He's weights in some columns, as if a dense layer had these inputs alone: the others do not drown them."""
+    part = layer.get_parameter("weight")[:, columns]
+    part.normal_(0.0, math.sqrt(2 / (1 + slope**2) / part.shape[1]))
+
+
+@torch.no_grad()
+def scale_recurrence(lstm: nn.LSTM) -> None:
+    """Glorot's weights from the inputs, orthogonal ones from the state, gate by gate; forget gates open (bias 1)."""
+    for name, parameter in lstm.named_parameters():
+        gates = parameter.chunk(4)  # input, forget, cell, output
+        for gate in gates:
+            if name.startswith("weight_ih"):
+                nn.init.xavier_uniform_(gate)
+            elif name.startswith("weight_hh"):
+                nn.init.orthogonal_(gate)
+            else:
+                nn.init.zeros_(gate)
+        if name.startswith("bias_ih"):
+            nn.init.ones_(gates[1])
