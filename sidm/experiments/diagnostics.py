@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor, as_completed
 from pathlib import Path
@@ -26,7 +27,7 @@ from sidm.config import ConfigError, config, from_mapping
 from sidm.experiments.grids import Study
 from sidm.experiments.measure import THREADS, perform
 from sidm.experiments.presets import PRESETS, load_preset
-from sidm.experiments.provenance import Provenance, here
+from sidm.experiments.provenance import Provenance, here, is_stale
 from sidm.experiments.store import StoreError, rounded
 from sidm.experiments.trials import Dataset, Trial
 from sidm.learning.dataset import Motion, load_motion
@@ -57,6 +58,11 @@ class Diagnosis:
     expert_picture: tuple[tuple[float, float], ...]
     provenance: Provenance
 
+    @property
+    def stale(self) -> bool:
+        """Whether the code has changed since."""
+        return is_stale(self.provenance)
+
 
 def diagnosed(study: Study, systems: Iterable[str] = tuple(SYSTEMS)) -> list[Trial]:
     """The trials whose latents are looked at: with and without regularisation, a small and a middle size."""
@@ -80,6 +86,7 @@ def diagnose(trial: Trial, data: str | Path = "data") -> Diagnosis:
     """
     if not trial.training.needs_expert:
         raise ConfigError(f"{trial}: its model has no expert whose latents could be compared")
+    start = time.perf_counter()
     outcome, trained = perform(trial, data)
     more = held_out_expert(trial)
     terrain, pixels = find_system(trial.system).terrain, trial.network.pixels
@@ -102,7 +109,7 @@ def diagnose(trial: Trial, data: str | Path = "data") -> Diagnosis:
         mmd=squared_mmd(*latents),
         novice_picture=pictures[0],
         expert_picture=pictures[1],
-        provenance=here(0.0, THREADS, False),
+        provenance=here(time.perf_counter() - start, THREADS, False),
     )
 
 
@@ -204,6 +211,18 @@ def run(
         for done in as_completed(futures):
             write(done.result(), results)
             bar.update()
+
+
+def diagnosis_lines(found: Iterable[Diagnosis]) -> list[tuple]:
+    """A line a system, size and method: those, the number of models, and the means of what a diagnosis measures."""
+    groups: dict[tuple[str, float, str], list[Diagnosis]] = {}
+    for one in found:
+        groups.setdefault((one.trial.system, one.trial.novice_minutes, one.trial.method), []).append(one)
+    measures = ("linear_accuracy", "network_accuracy", "raw_accuracy", "a_distance", "mmd", "validation_loss")
+    return [
+        (*key, len(group), *(float(np.mean([getattr(one, name) for one in group])) for name in measures))
+        for key, group in sorted(groups.items())
+    ]
 
 
 def main() -> None:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -19,7 +20,10 @@ from sidm.experiments.statistics import efficiency, falling, summarise
 from sidm.experiments.store import Row
 from sidm.experiments.tables import gather, validation_loss
 from sidm.experiments.trials import Trial
-from sidm.systems import SYSTEMS
+from sidm.systems import ROLES, SYSTEMS
+
+if TYPE_CHECKING:  # scikit-learn need not be there to draw the others
+    from sidm.experiments.diagnostics import Diagnosis
 
 STYLE = Path(__file__).with_name("sidm.mplstyle")
 
@@ -59,10 +63,13 @@ def _styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
     return drawn
 
 
-def _panels(count: int) -> tuple[Figure, list[Axes]]:
-    size = (1 + 4.2 * count, 3.8)
-    figure, axes = plt.subplots(1, count, figsize=size, squeeze=False, layout="constrained")
-    return figure, list(axes[0])
+def _panels(count: int, columns: int = 0) -> tuple[Figure, list[Axes]]:
+    """`count` plots in one row, or in rows of so many `columns`."""
+    columns = columns or count
+    rows = -(-count // columns)
+    size = (1 + 4.2 * columns, 3.8 * rows)
+    figure, axes = plt.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained")
+    return figure, list(axes.flat)
 
 
 def _finish(axes: Axes, minutes: Iterable[float] = (), legend: bool = True) -> None:
@@ -199,6 +206,25 @@ def _legend_entries(panels: Sequence[Axes]) -> tuple[list[Any], list[str]]:
     """Handles and labels of all plots together."""
     pairs = [axes.get_legend_handles_labels() for axes in panels]
     return [h for handles, _ in pairs for h in handles], [label for _, labels in pairs for label in labels]
+
+
+@_styled
+def latent_pictures(found: Sequence[Diagnosis]) -> Figure:
+    """Latents of both systems in the plane of their first two principal components, a plot a diagnosis."""
+    ordered = sorted(found, key=lambda one: (one.trial.system, one.trial.novice_minutes, one.trial.method))
+    figure, panels = _panels(max(len(found), 1), min(max(len(found), 1), 4))
+    for axes, one in itertools.zip_longest(panels, ordered):
+        if one is None:
+            _finish(axes)
+            continue
+        trial = one.trial
+        axes.set(xlabel="first component (-)", ylabel="second component (-)")
+        axes.set_title(f"{trial.system}, {trial.novice_minutes:g} min\n{METHOD_STYLES[trial.method]['label']}")
+        for role, style in zip(ROLES, SIZE_STYLES, strict=False):
+            points = np.array(getattr(one, f"{role}_picture")).T
+            axes.plot(*points, style["marker"], color=style["color"], ms=3, alpha=0.5, label=role)
+        _finish(axes)
+    return figure
 
 
 def ablated(trial: Trial, name: str) -> float:

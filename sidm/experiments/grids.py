@@ -7,9 +7,10 @@ from pathlib import Path
 
 from sidm.config import ConfigError, unknown_name
 from sidm.experiments.datasets import find_digest
-from sidm.experiments.methods import COMPARED, FIGURE3, METHODS, PRETRAINED, TRIES, change, tried
-from sidm.experiments.presets import MOST_SEEDS, Preset, load_preset
+from sidm.experiments.methods import COMPARED, FIGURE3, METHODS, PRETRAINED, change
+from sidm.experiments.presets import Preset, load_preset
 from sidm.experiments.trials import Trial
+from sidm.experiments.tuning import TRIES, TUNING_SEED, tried
 from sidm.learning.settings import Training
 from sidm.systems import SYSTEMS, find_system
 from sidm.trajectory import trajectories_for
@@ -23,9 +24,6 @@ ITERATIONS = {
     "discriminator_iterations": (5, 20, 100),
     "matching_iterations": (0, 5, 20, 100),
 }
-
-
-TUNING_SEED = MOST_SEEDS  # no figure's: theirs are below
 
 
 class Study:

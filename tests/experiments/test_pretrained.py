@@ -4,7 +4,8 @@ import pytest
 
 from sidm.config import ConfigError
 from sidm.experiments import Study, pretrained, run, run_trial
-from sidm.experiments.methods import PRETRAINED, TRIES, change
+from sidm.experiments.methods import PRETRAINED, change
+from sidm.experiments.tuning import TRIES
 from sidm.learning.checkpoint import CheckpointError
 
 
