@@ -112,7 +112,8 @@ def _add_system(parser: argparse.ArgumentParser) -> None:
 
 def _add_grid(parser: argparse.ArgumentParser) -> None:
     _add_system(parser)
-    parser.add_argument("--figure", default="3", help="3, 4, p-expert, iterations or all (%(default)s)")
+    figures = "3, 4, p-expert, iterations, tuning, choices or all"
+    parser.add_argument("--figure", default="3", help=f"{figures} (%(default)s)")
     parser.add_argument("--minutes", type=float, nargs="+", help="only these novice dataset sizes, minutes of motion")
     parser.add_argument("--seeds", type=int, nargs="+", help="only these seeds")
 

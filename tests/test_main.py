@@ -31,7 +31,7 @@ def test_without_pybullet(tmp_path):
     """Experiments work where PyBullet is not installed; collecting says so in one line."""
     hide = "import sys; sys.modules['pybullet'] = None; import sidm.experiments; from sidm.__main__ import main; "
     done = python(hide + "sys.exit(main(sys.argv[1:]))", "show", "--preset", "smoke", "--results", str(tmp_path))
-    assert done.returncode == 0 and done.stdout.splitlines()[-1] == "missing: 8"
+    assert done.returncode == 0 and done.stdout.splitlines()[-1] == "missing: 12"
     done = python(hide + "sys.exit(main(sys.argv[1:]))", "collect", "--preset", "smoke", "--data", str(tmp_path))
     assert done.returncode == 1 and done.stderr.count("\n") == 1 and "PyBullet" in done.stderr
 
@@ -78,11 +78,11 @@ def test_show_counts(tmp_path, capsys):
     """The last line is 'missing: N', over the figure or the part of it that is asked for."""
     common = ["--data", str(tmp_path), "--results", str(tmp_path)]
     for words, count in (
-        (["--preset", "laptop"], 72),
-        (["--preset", "paper"], 320),
-        (["--preset", "laptop", "--figure", "4"], 12),
-        (["--preset", "laptop", "--system", "system2", "--minutes", "5", "20", "--seeds", "0"], 4),
-        (["--preset", "laptop", "--set", "seeds=1"], 24),
+        (["--preset", "laptop"], 108),
+        (["--preset", "paper"], 480),
+        (["--preset", "laptop", "--figure", "4"], 40),
+        (["--preset", "laptop", "--system", "system2", "--minutes", "5", "20", "--seeds", "0"], 6),
+        (["--preset", "laptop", "--set", "seeds=1"], 36),
         (["--preset", "laptop", "--figure", "all"], len(grid("laptop", "all"))),
     ):
         assert main(["show", *words, *common]) == 0

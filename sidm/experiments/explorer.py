@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sidm.config import unknown_name
-from sidm.experiments.figures import CONTROL_STEP, STYLE
+from sidm.experiments.drawing import CONTROL_STEP, STYLE
 from sidm.systems import ROLES, SYSTEMS, Physics, Robot, Terrain
 from sidm.terrain import generate_terrain
 from sidm.trajectory import POSITION, QUATERNION

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-import functools
 import itertools
-from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FormatStrFormatter, LogLocator
 
+from sidm.experiments.drawing import (
+    CONTROL_STEP,
+    EFFICIENCY_MARKS,
+    LOSS_LABEL,
+    METHOD_STYLES,
+    SIZE_STYLES,
+    finish,
+    side_by_side,
+    styled,
+)
 from sidm.experiments.methods import FIGURE3
 from sidm.experiments.savings import efficiency_band
 from sidm.experiments.statistics import efficiency, falling, summarise
@@ -25,75 +31,10 @@ from sidm.systems import ROLES, SYSTEMS
 if TYPE_CHECKING:  # scikit-learn need not be there to draw the others
     from sidm.experiments.diagnostics import Diagnosis
 
-STYLE = Path(__file__).with_name("sidm.mplstyle")
-
-#: How a method is drawn and named, told apart by colour (Okabe and Ito), line and marker.
-METHOD_STYLES: dict[str, dict[str, Any]] = {
-    "sidm": {"color": "#0072B2", "linestyle": "-", "marker": "o", "label": "with SIDM"},
-    "novice_only": {"color": "#D55E00", "linestyle": "--", "marker": "s", "label": "without SIDM"},
-    "no_regularisation": {"color": "#009E73", "linestyle": "-.", "marker": "^", "label": "SIDM, no adversary"},
-    "pretrain_finetune": {"color": "#CC79A7", "linestyle": ":", "marker": "D", "label": "expert first, then novice"},
-}
-SIZE_STYLES: tuple[dict[str, Any], ...] = (
-    {"color": "#0072B2", "linestyle": "-", "marker": "o"},
-    {"color": "#D55E00", "linestyle": "--", "marker": "s"},
-    {"color": "#009E73", "linestyle": "-.", "marker": "^"},
-    {"color": "#CC79A7", "linestyle": ":", "marker": "D"},
-)
-LOSS_LABEL = "validation loss, equation (1)\n(squared m, m/s and rad/s, summed)"
-#: How a data-efficiency ratio is drawn: its bound, marker, colour and words.
-EFFICIENCY_MARKS = (
-    ("=", "o", "#0072B2", "ratio"),
-    (">=", "^", "#D55E00", "at least"),
-    ("<=", "v", "#009E73", "at most"),
-)
-CONTROL_STEP = 0.1  # s
-
-
-def _styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
-    """Draw in the book's style, and leave no figure open behind."""
-
-    @functools.wraps(draw)
-    def drawn(*arguments: Any, **named: Any) -> Figure:
-        with plt.style.context(STYLE):
-            figure = draw(*arguments, **named)
-        plt.close(figure)
-        return figure
-
-    return drawn
-
-
-def _panels(count: int, columns: int = 0) -> tuple[Figure, list[Axes]]:
-    """`count` plots in one row, or in rows of so many `columns`."""
-    columns = columns or count
-    rows = -(-count // columns)
-    size = (1 + 4.2 * columns, 3.8 * rows)
-    figure, axes = plt.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained")
-    return figure, list(axes.flat)
-
-
-def _finish(axes: Axes, minutes: Iterable[float] = (), legend: bool = True) -> None:
-    """A legend where something is drawn, a notice where not; log axes in plain numbers, at the `minutes` if given."""
-    if not axes.has_data():
-        axes.text(0.5, 0.5, "no trials stored", ha="center", va="center", transform=axes.transAxes)
-        return
-    if legend:
-        axes.legend()
-    if axes.get_yscale() == "log":
-        low, high = np.log10(axes.get_ylim())
-        steps = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0) if high - low < 1 else (1.0, 2.0, 5.0) if high - low < 2 else (1.0,)
-        axes.yaxis.set_major_locator(LogLocator(subs=steps))
-        axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
-    ticks = sorted(set(minutes))
-    if ticks:
-        axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-    axes.minorticks_off()
-
-
-@_styled
+@styled
 def figure3(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS), methods: Sequence[str] = FIGURE3) -> Figure:
     """Figure 3: validation loss against novice data; lines are means over seeds, shades minimum to maximum."""
-    figure, panels = _panels(len(systems))
+    figure, panels = side_by_side(len(systems))
     for axes, system in zip(panels, systems, strict=True):
         axes.set(xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL, title=system)
         drawn: set[float] = set()
@@ -105,14 +46,14 @@ def figure3(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS), method
                 shade = {"color": style["color"], "alpha": 0.2, "lw": 0}
                 axes.fill_between(found.minutes, summary.minimum, summary.maximum, **shade)
                 drawn |= set(found.minutes)
-        _finish(axes, drawn)
+        finish(axes, drawn)
     return figure
 
 
-@_styled
+@styled
 def efficiency_curves(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
     """Data-efficiency ratio against the loss to be reached, its 95 % interval shaded; triangles mark bounds."""
-    figure, panels = _panels(len(systems))
+    figure, panels = side_by_side(len(systems))
     for axes, system in zip(panels, systems, strict=True):
         axes.set(yscale="log", xlabel="validation loss to reach\n(squared m, m/s and rad/s, summed)", title=system)
         axes.set_ylabel("data without SIDM / data with SIDM (-)")
@@ -128,7 +69,7 @@ def efficiency_curves(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEM
                 if at.any():
                     axes.plot(found.loss[at], found.ratio[at], marker, color=colour, label=words)
             axes.axhline(1, color="0.5", lw=1, linestyle="-", marker="")
-        _finish(axes)
+        finish(axes)
     return figure
 
 
@@ -146,7 +87,7 @@ def _size_style(method: str, index: int) -> dict[str, Any]:
     return {"color": METHOD_STYLES[method]["color"], "linestyle": line, "marker": ""}
 
 
-@_styled
+@styled
 def figure4(rows: Sequence[Row], seed: int = 0) -> Figure:
     """Figure 4: deviation of the predicted from the actual path over time, and one example seen from above.
 
@@ -154,7 +95,7 @@ def figure4(rows: Sequence[Row], seed: int = 0) -> Figure:
         rows: of one system; lines are means over the trials, shades their standard error.
         seed: whose trials draw the example's paths.
     """
-    figure, (left, right) = _panels(2)
+    figure, (left, right) = side_by_side(2)
     left.set(xlabel="time (s)", ylabel="deviation from the actual position (m)", title="mean and standard error")
     right.set(xlabel="x (m)", ylabel="y (m)", title="one example from above")
     sizes = sorted({row.trial.novice_minutes for row in rows})
@@ -176,15 +117,15 @@ def figure4(rows: Sequence[Row], seed: int = 0) -> Figure:
             *np.array(shown[0].outcome.example_actual).T, color="black", linestyle="-", marker="", label="actual"
         )
         right.set_aspect("equal", adjustable="datalim")
-    _finish(left)
-    _finish(right)
+    finish(left)
+    finish(right)
     return figure
 
 
-@_styled
+@styled
 def learning_curves(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
     """Novice test loss against samples seen, a thin line a trial."""
-    figure, panels = _panels(len(systems))
+    figure, panels = side_by_side(len(systems))
     for axes, system in zip(panels, systems, strict=True):
         axes.set(xscale="log", yscale="log", xlabel="samples seen (control steps)", title=system)
         axes.set_ylabel("novice test loss, equation (1)\n(raw units squared)")
@@ -195,7 +136,7 @@ def learning_curves(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS)
             for number, row in enumerate(group):
                 label = f"{METHOD_STYLES[method]['label']}, {minutes:g} min" if number == 0 else None
                 axes.plot(row.outcome.curve_samples, row.outcome.curve_test_loss, lw=0.9, label=label, **style)
-        _finish(axes, legend=False)
+        finish(axes, legend=False)
     drawn = dict(zip(*reversed(_legend_entries(panels)), strict=True))
     if drawn:
         figure.legend(drawn.values(), drawn.keys(), loc="outside right upper")
@@ -208,14 +149,14 @@ def _legend_entries(panels: Sequence[Axes]) -> tuple[list[Any], list[str]]:
     return [h for handles, _ in pairs for h in handles], [label for _, labels in pairs for label in labels]
 
 
-@_styled
+@styled
 def latent_pictures(found: Sequence[Diagnosis]) -> Figure:
     """Latents of both systems in the plane of their first two principal components, a plot a diagnosis."""
     ordered = sorted(found, key=lambda one: (one.trial.system, one.trial.novice_minutes, one.trial.method))
-    figure, panels = _panels(max(len(found), 1), min(max(len(found), 1), 4))
+    figure, panels = side_by_side(max(len(found), 1), min(max(len(found), 1), 4))
     for axes, one in itertools.zip_longest(panels, ordered):
         if one is None:
-            _finish(axes)
+            finish(axes)
             continue
         trial = one.trial
         axes.set(xlabel="first component (-)", ylabel="second component (-)")
@@ -223,7 +164,7 @@ def latent_pictures(found: Sequence[Diagnosis]) -> Figure:
         for role, style in zip(ROLES, SIZE_STYLES, strict=False):
             points = np.array(getattr(one, f"{role}_picture")).T
             axes.plot(*points, style["marker"], color=style["color"], ms=3, alpha=0.5, label=role)
-        _finish(axes)
+        finish(axes)
     return figure
 
 
@@ -234,7 +175,7 @@ def ablated(trial: Trial, name: str) -> float:
     return float(getattr(trial.training, name))
 
 
-@_styled
+@styled
 def ablation(rows: Sequence[Row], name: str, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
     """Validation loss against a value of the training: mean over seeds with minimum to maximum, a line a size.
 
@@ -243,7 +184,7 @@ def ablation(rows: Sequence[Row], name: str, systems: Sequence[str] = tuple(SYST
         name: 'p_expert', 'prediction_iterations', 'discriminator_iterations' or 'matching_iterations'.
         systems: a plot each.
     """
-    figure, panels = _panels(len(systems))
+    figure, panels = side_by_side(len(systems))
     for axes, system in zip(panels, systems, strict=True):
         unit = "probability" if name == "p_expert" else "a phase"
         axes.set(xlabel=f"{name.replace('_', ' ')} ({unit})", ylabel=LOSS_LABEL, title=system)
@@ -258,5 +199,5 @@ def ablation(rows: Sequence[Row], name: str, systems: Sequence[str] = tuple(SYST
             lowest, highest = (np.array([end(found[v]) for v in values]) for end in (min, max))
             spread = np.clip([means - lowest, highest - means], 0, None)
             axes.errorbar(values, means, spread, capsize=3, label=f"{minutes:g} min", **style)
-        _finish(axes)
+        finish(axes)
     return figure

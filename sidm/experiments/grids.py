@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 from sidm.config import ConfigError, unknown_name
 from sidm.experiments.datasets import find_digest
-from sidm.experiments.methods import COMPARED, FIGURE3, METHODS, PRETRAINED, change
+from sidm.experiments.methods import CHOICES, COMPARED, FIGURE3, METHODS, PRETRAINED, change
 from sidm.experiments.presets import Preset, load_preset
 from sidm.experiments.trials import Trial
 from sidm.experiments.tuning import TRIES, TUNING_SEED, tried
@@ -40,6 +41,14 @@ class Study:
         self.preset = load_preset(preset) if isinstance(preset, str) else preset
         self.data, self.results = Path(data), Path(results)
         self._digests: dict[str, dict[str, str]] = {}
+
+    def of(self, preset: Preset) -> Study:
+        """The same of another preset."""
+        return Study(preset, self.data, self.results)
+
+    def changed(self, **changes: Any) -> Study:
+        """The same of the preset with some values changed."""
+        return self.of(self.preset.replace(**changes))
 
     def digests(self, system: str) -> dict[str, str]:
         """The digests of a system's datasets as Trial names them, UNKNOWN where none is known."""
@@ -127,9 +136,18 @@ class Study:
         trials = []
         for method, tries in TRIES.items():
             for number in range(len(tries)):
-                study = Study(tried(self.preset, method, number), self.data, self.results)
+                study = self.of(tried(self.preset, method, number))
                 trials.append(study.trial(system, method, self.preset.tuning_minutes, TUNING_SEED))
         return trials
+
+    def choices(self, system: str) -> list[Trial]:
+        """Figure 3's methods on a small dataset with one of our choices changed at a time."""
+        sizes = self.preset.ablation_minutes[:1]
+        return [
+            trial
+            for changes, methods in CHOICES.values()
+            for trial in self.changed(**changes).points(system, methods, sizes)
+        ]
 
     def proportional(self, minutes: float) -> float:
         """The p_e that is proportional to the sizes of the data, which the paper advises against."""
@@ -144,6 +162,7 @@ FIGURES: dict[str, tuple[str, tuple[str, ...]]] = {
     "p-expert": ("p_expert", tuple(SYSTEMS)),
     "iterations": ("iterations", tuple(SYSTEMS)),
     "tuning": ("tuning", tuple(SYSTEMS)),
+    "choices": ("choices", tuple(SYSTEMS)),
 }
 
 
@@ -160,7 +179,7 @@ def grid(
 
     Args:
         preset: a Preset or the name of one.
-        figure: '3', '4', 'p-expert', 'iterations', 'tuning', or 'all' of them.
+        figure: '3', '4', 'p-expert', 'iterations', 'tuning', 'choices', or 'all' of them.
         system: only this system's.
         minutes: only these novice dataset sizes.
         seeds: only these seeds.

@@ -1,0 +1,78 @@
+"""What all figures have in common: the style, how methods look, plots side by side."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FormatStrFormatter, LogLocator
+
+STYLE = Path(__file__).with_name("sidm.mplstyle")
+
+#: How a method is drawn and named, told apart by colour (Okabe and Ito), line and marker.
+METHOD_STYLES: dict[str, dict[str, Any]] = {
+    "sidm": {"color": "#0072B2", "linestyle": "-", "marker": "o", "label": "with SIDM"},
+    "novice_only": {"color": "#D55E00", "linestyle": "--", "marker": "s", "label": "without SIDM"},
+    "no_regularisation": {"color": "#009E73", "linestyle": "-.", "marker": "^", "label": "SIDM, no adversary"},
+    "pretrain_finetune": {"color": "#CC79A7", "linestyle": ":", "marker": "D", "label": "expert first, then novice"},
+}
+SIZE_STYLES: tuple[dict[str, Any], ...] = (
+    {"color": "#0072B2", "linestyle": "-", "marker": "o"},
+    {"color": "#D55E00", "linestyle": "--", "marker": "s"},
+    {"color": "#009E73", "linestyle": "-.", "marker": "^"},
+    {"color": "#CC79A7", "linestyle": ":", "marker": "D"},
+)
+LOSS_LABEL = "validation loss, equation (1)\n(squared m, m/s and rad/s, summed)"
+#: How a data-efficiency ratio is drawn: its bound, marker, colour and words.
+EFFICIENCY_MARKS = (
+    ("=", "o", "#0072B2", "ratio"),
+    (">=", "^", "#D55E00", "at least"),
+    ("<=", "v", "#009E73", "at most"),
+)
+CONTROL_STEP = 0.1  # s
+
+
+def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
+    """Draw in the book's style, and leave no figure open behind."""
+
+    @functools.wraps(draw)
+    def drawn(*arguments: Any, **named: Any) -> Figure:
+        with plt.style.context(STYLE):
+            figure = draw(*arguments, **named)
+        plt.close(figure)
+        return figure
+
+    return drawn
+
+
+def side_by_side(count: int, columns: int = 0) -> tuple[Figure, list[Axes]]:
+    """`count` plots in one row, or in rows of so many `columns`."""
+    columns = columns or count
+    rows = -(-count // columns)
+    size = (1 + 4.2 * columns, 3.8 * rows)
+    figure, axes = plt.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained")
+    return figure, list(axes.flat)
+
+
+def finish(axes: Axes, minutes: Iterable[float] = (), legend: bool = True) -> None:
+    """A legend where something is drawn, a notice where not; log axes in plain numbers, at the `minutes` if given."""
+    if not axes.has_data():
+        axes.text(0.5, 0.5, "no trials stored", ha="center", va="center", transform=axes.transAxes)
+        return
+    if legend:
+        axes.legend()
+    if axes.get_yscale() == "log":
+        low, high = np.log10(axes.get_ylim())
+        steps = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0) if high - low < 1 else (1.0, 2.0, 5.0) if high - low < 2 else (1.0,)
+        axes.yaxis.set_major_locator(LogLocator(subs=steps))
+        axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
+    ticks = sorted(set(minutes))
+    if ticks:
+        axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes.minorticks_off()
