@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidm.experiments.methods import COMPARED
 from sidm.experiments.statistics import Interval, greatest_ratio, interval
 from sidm.experiments.store import Row
 from sidm.experiments.tables import Losses, final_position_error, gather
+from sidm.systems import SYSTEMS
 
 REPRODUCED = "Reproduced"
 DIRECTION = "In the same direction"
@@ -57,7 +57,7 @@ def _saving(rows: Sequence[Row], system: str, words: str, paper: float) -> Claim
 
 
 def difference(losses: Losses, size: int) -> Interval:
-    """Mean of the value without SIDM minus that with it, at size number `size`, with its interval."""
+    """Mean of the second method's value minus the first's, at size number `size`, with its interval."""
     return interval(lambda pairs: (pairs[:, 1] - pairs[:, 0]).mean(), losses.values[:, :, size])
 
 
@@ -84,6 +84,18 @@ def _meeting(rows: Sequence[Row], system: str, paper: str) -> Claim:
     return Claim(claim, paper, *_judged(ours, None, losses, UNCLEAR))
 
 
+def _pretraining(rows: Sequence[Row], system: str, minutes: float) -> Claim:
+    """Claim 5: the expert's data alone cannot pretrain the SIDM (section 4)."""
+    claim = f"{system}: expert first, then novice has a larger loss than SIDM, at {minutes:g} min"
+    here = (row for row in rows if row.trial.novice_minutes == minutes)
+    losses = gather(here, system, ("sidm", "pretrain_finetune"))
+    if not losses.values.size:
+        return Claim(claim, "'cannot be pretrained'", "not run", NO_VERDICT)
+    found = difference(losses, 0)
+    ours = f"{found.value:.3g} larger [{found.low:.3g}, {found.high:.3g}]"
+    return Claim(claim, "'cannot be pretrained'", *_judged(ours, found, losses, verdict(found, 0.0)))
+
+
 def _deviation(rows: Sequence[Row], minutes: float) -> Claim:
     """Claim 4: a smaller deviation over 25 steps."""
     claim = f"system1: less deviation after 2.5 s with SIDM, at {minutes:g} min"
@@ -104,19 +116,23 @@ def _judged(ours: str, found: Interval | None, losses: Losses, said: str) -> tup
     return ours, said, found
 
 
-def claims_table(rows: Iterable[Row], figure4_minutes: Sequence[float] = (5.0, 120.0)) -> list[Claim]:
-    """The paper's claims beside what `rows` (of Figures 3 and 4) say.
+def figure3_claims(rows: Sequence[Row], minutes: float = 5.0) -> list[Claim]:
+    """Claims 1 to 3 beside what the `rows` of Figure 3 say; the third looks at a size of novice data, in minutes.
 
     Ratios and differences are of means over seeds, with 95 % intervals over whole seeds.
     """
-    rows = [row for row in rows if row.trial.method in COMPARED]
     return [
         _saving(rows, "system1", "up to 20 x", 20),
         _saving(rows, "system2", "about 5 x", 5),
         _meeting(rows, "system1", "at about 2 h or 5 h"),
         _meeting(rows, "system2", "at about 2 h or 5 h"),
-        *(_deviation(rows, minutes) for minutes in figure4_minutes),
+        *(_pretraining(rows, system, minutes) for system in SYSTEMS),
     ]
+
+
+def figure4_claims(rows: Sequence[Row], sizes: Sequence[float] = (5.0, 120.0)) -> list[Claim]:
+    """Claim 4 beside what the `rows` of Figure 4 say."""
+    return [_deviation(rows, minutes) for minutes in sizes]
 
 
 def markdown(claims: Iterable[Claim]) -> str:

@@ -6,10 +6,11 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from sidm.experiments.claims import claims_table, markdown
+from sidm.experiments.claims import figure3_claims, figure4_claims, markdown
+from sidm.experiments.drawing import METHOD_STYLES
 from sidm.experiments.figures import figure3, figure4
 from sidm.experiments.grids import grid
-from sidm.experiments.methods import COMPARED
+from sidm.experiments.methods import FIGURE3
 from sidm.experiments.store import Results, Row
 from sidm.experiments.tables import gather, markdown_table
 from sidm.systems import SYSTEMS
@@ -19,37 +20,40 @@ BEGIN, END = "<!-- headline: begin (made by `make figures`) -->", "<!-- headline
 
 
 def loss_table(rows: Sequence[Row]) -> str:
-    """Mean validation loss, equation (1), of both methods at every size that both have, as a Markdown table."""
+    """Mean validation loss, equation (1), of Figure 3's methods at every size that all have, as a Markdown table."""
     lines: list[tuple[object, ...]] = []
     for system in SYSTEMS:
-        losses = gather(rows, system, COMPARED)
+        losses = gather(rows, system, FIGURE3)
         for size, minutes in enumerate(losses.minutes if losses.values.size else ()):
             means = losses.values[:, :, size].mean(axis=0)
             lines.append((system, f"{minutes:g} min", *(f"{mean:.3f}" for mean in means), len(losses.values)))
-    return markdown_table(("system", "novice data", "with SIDM", "without SIDM", "seeds"), lines)
+    labels = (METHOD_STYLES[method]["label"] for method in FIGURE3)
+    return markdown_table(("system", "novice data", *labels, "seeds"), lines)
 
 
-def headline(rows: Sequence[Row]) -> str:
-    """The block of the README between its two marks."""
-    table, claims = loss_table(rows).strip(), markdown(claims_table(rows)).strip()
-    return f"{BEGIN}\n{table}\n\n{claims}\n\nFrom {len(rows)} stored trials of the `{PRESET}` preset.\n{END}"
+def headline(rows: Sequence[Row], rows4: Sequence[Row] = ()) -> str:
+    """The block of the README between its two marks, from the rows of Figures 3 and 4."""
+    claims = markdown([*figure3_claims(rows), *figure4_claims(rows4)]).strip()
+    trials = len({row.trial.key for row in (*rows, *rows4)})
+    source = f"From {trials} stored trials of the `{PRESET}` preset."
+    return f"{BEGIN}\n{loss_table(rows).strip()}\n\n{claims}\n\n{source}\n{END}"
 
 
-def refresh(text: str, rows: Sequence[Row]) -> str:
+def refresh(text: str, rows: Sequence[Row], rows4: Sequence[Row] = ()) -> str:
     """A README's text with its headline block made anew from the stored rows."""
     pattern = re.compile(re.escape(BEGIN) + ".*?" + re.escape(END), re.DOTALL)
     if len(pattern.findall(text)) != 1:
         raise ValueError(f"the README must have one block from '{BEGIN}' to '{END}'")
-    return pattern.sub(lambda _: headline(rows), text)
+    return pattern.sub(lambda _: headline(rows, rows4), text)
 
 
 def main(readme: Path = Path("README.md"), figures: Path = Path("_build/figures")) -> None:
     """Refresh the README and draw Figures 3 and 4 into a folder."""
-    rows = Results("results").rows(grid(PRESET, "3"))
-    readme.write_text(refresh(readme.read_text(encoding="utf-8"), rows), encoding="utf-8")
+    rows, rows4 = (Results("results").rows(grid(PRESET, figure)) for figure in ("3", "4"))
+    readme.write_text(refresh(readme.read_text(encoding="utf-8"), rows, rows4), encoding="utf-8")
     figures.mkdir(parents=True, exist_ok=True)
     figure3(rows).savefig(figures / "figure3.png")
-    figure4(Results("results").rows(grid(PRESET, "4"))).savefig(figures / "figure4.png")
+    figure4(rows4).savefig(figures / "figure4.png")
     print(f"{readme} and {figures}/figure3.png, figure4.png are drawn from {len(rows)} stored trials")
 
 

@@ -69,13 +69,10 @@ def component_savings(
 
 
 def ratio_words(saving: Saving) -> str:
-    """A ratio for a table: '>= 3.2 [1.9, 5.4]', without brackets where there is no interval."""
-    value, low, high = saving.ratio
-    if not np.isfinite(value):
+    """A ratio for a table: 'at least 3.2 [1.9, 5.4]', without brackets where there is no interval."""
+    if not np.isfinite(saving.ratio.value):
         return "cannot be told"
-    sign = {"=": "", ">=": "at least ", "<=": "at most "}[saving.bound]
-    brackets = f" [{low:.2g}, {high:.2g}]" if np.isfinite([low, high]).all() else ""
-    return f"{sign}{value:.2g}{brackets}"
+    return {"=": "", ">=": "at least ", "<=": "at most "}[saving.bound] + str(saving.ratio)
 
 
 def efficiency_band(minutes: np.ndarray, pairs: np.ndarray, losses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -26,6 +26,11 @@ class Interval(NamedTuple):
     low: float
     high: float
 
+    def __str__(self) -> str:
+        """The value with two significant digits, its ends in brackets where they are known."""
+        ends = f" [{self.low:.2g}, {self.high:.2g}]" if np.isfinite([self.low, self.high]).all() else ""
+        return f"{self.value:.2g}{ends}"
+
 
 class Summary(NamedTuple):
     """What Figure 3 draws at each size, each (M,)."""

@@ -13,8 +13,9 @@ from sidm.experiments.claims import (
     NOT_SEEN,
     REPRODUCED,
     UNCLEAR,
-    claims_table,
     difference,
+    figure3_claims,
+    figure4_claims,
     markdown,
     meeting_size,
     verdict,
@@ -113,7 +114,8 @@ def test_verdicts_follow_the_rule():
 
 def test_claims_table(rows):
     """On the power law SIDM saves 4 x; the paper's 20 x is not in the interval, nor is its 5 x."""
-    first, second, third, fourth, *deviations = claims_table(rows)
+    first, second, third, fourth, *pretrained = figure3_claims(rows)
+    deviations = figure4_claims(rows)
     assert first.interval.value == pytest.approx(4) and first.verdict == DIRECTION and first.ours == "4 x [4, 4]"
     assert second.verdict == DIRECTION and third.verdict == fourth.verdict == UNCLEAR
     assert third.ours == "not by 120 min"
@@ -121,15 +123,16 @@ def test_claims_table(rows):
     losses = gather(rows, "system1")
     expected = losses.minutes**-0.5 * (1 - 0.5) * 1.01
     assert [difference(losses, k).value for k in range(6)] == pytest.approx(expected)
-    text = markdown(claims_table(rows))
-    assert text.count("\n") == 8 and "nan" not in text
+    assert [c.verdict for c in pretrained] == [DIRECTION, DIRECTION]
+    text = markdown([*figure3_claims(rows), *deviations])
+    assert text.count("\n") == 10 and "nan" not in text
 
 
 def test_claims_without_enough(rows):
     """Nothing run, or one seed: said, and no verdict."""
-    assert {c.ours for c in claims_table([])} == {"not run"}
-    assert {c.verdict for c in claims_table([])} == {NO_VERDICT, UNCLEAR}
-    single = claims_table([r for r in rows if r.trial.seed == 0])
+    nothing = [*figure3_claims([]), *figure4_claims([])]
+    assert {c.ours for c in nothing} == {"not run"} and {c.verdict for c in nothing} == {NO_VERDICT, UNCLEAR}
+    single = figure3_claims([r for r in rows if r.trial.seed == 0])
     assert single[0].ours == "4 x (one seed)" and single[0].verdict == NO_VERDICT
 
 
