@@ -32,6 +32,7 @@ from sidm.experiments.store import StoreError, rounded
 from sidm.experiments.trials import Dataset, Trial
 from sidm.learning.dataset import Motion, load_motion
 from sidm.learning.networks import DynamicsModel
+from sidm.learning.training import Trained
 from sidm.pool import local_pool
 from sidm.progress import progress_bar
 from sidm.storage import Damaged, read_record, write_record
@@ -53,6 +54,7 @@ class Diagnosis:
     network_accuracy: float  # of a small network on them
     raw_accuracy: float  # of a small network on the raw states and actions, before any encoder
     a_distance: float  # proxy A-distance 2 (1 - 2 e), e the small network's error: 0 alike, 2 wholly apart
+    discriminator_accuracy: float | None  # of the training's own, mean over the tests' last quarter; None without one
     mmd: float  # squared, unbiased, Gaussian kernel of the median distance; 0 alike
     novice_picture: tuple[tuple[float, float], ...]  # (PICTURED, 2) principal components of both's latents
     expert_picture: tuple[tuple[float, float], ...]
@@ -82,7 +84,7 @@ def diagnose(trial: Trial, data: str | Path = "data") -> Diagnosis:
 
     Raises:
         ConfigError: the trial's method has no expert.
-        ShardError: data are missing; `collect_held_out` makes the expert's.
+        ShardError: data are missing; `run` collects the expert's that are held out.
     """
     if not trial.training.needs_expert:
         raise ConfigError(f"{trial}: its model has no expert whose latents could be compared")
@@ -105,12 +107,20 @@ def diagnose(trial: Trial, data: str | Path = "data") -> Diagnosis:
         linear_accuracy=told_apart(latents, LogisticRegression(max_iter=1000)),
         network_accuracy=network,
         raw_accuracy=told_apart(raw, _small_network()),
-        a_distance=max(0.0, 2 * (1 - 2 * (1 - network))),
+        a_distance=max(0.0, 2 * (2 * network - 1)),
+        discriminator_accuracy=_last_accuracy(trained),
         mmd=squared_mmd(*latents),
         novice_picture=pictures[0],
         expert_picture=pictures[1],
         provenance=here(time.perf_counter() - start, THREADS, False),
     )
+
+
+def _last_accuracy(trained: Trained) -> float | None:
+    """What share of latents the training's discriminator told apart towards the end."""
+    late = trained.history[-(-3 * len(trained.history) // 4) :]
+    known = [test.discriminator_accuracy for test in late if test.discriminator_accuracy is not None]
+    return float(np.mean(known)) if known else None
 
 
 def latents_of(model: DynamicsModel, role: str, motion: Motion) -> np.ndarray:
@@ -218,11 +228,14 @@ def diagnosis_lines(found: Iterable[Diagnosis]) -> list[tuple]:
     groups: dict[tuple[str, float, str], list[Diagnosis]] = {}
     for one in found:
         groups.setdefault((one.trial.system, one.trial.novice_minutes, one.trial.method), []).append(one)
-    measures = ("linear_accuracy", "network_accuracy", "raw_accuracy", "a_distance", "mmd", "validation_loss")
-    return [
-        (*key, len(group), *(float(np.mean([getattr(one, name) for one in group])) for name in measures))
-        for key, group in sorted(groups.items())
-    ]
+    measures = ("linear_accuracy", "network_accuracy", "raw_accuracy", "a_distance", "mmd", "discriminator_accuracy",
+                "validation_loss")  # fmt: skip
+
+    def mean(group: list[Diagnosis], name: str) -> float | str:
+        values = [getattr(one, name) for one in group]
+        return "-" if None in values else float(np.mean(values))
+
+    return [(*key, len(group), *(mean(group, name) for name in measures)) for key, group in sorted(groups.items())]
 
 
 def main() -> None:

@@ -26,15 +26,17 @@ def _rate(batch: int, learning_rate: float) -> dict[str, Any]:
 
 
 _RATES = (_rate(8, 1e-3), _rate(8, 5e-4), _rate(4, 1e-3), _rate(4, 5e-4))
+_PATIENT = {"patience": 450_000}
 
 #: Method -> its tries: changes of the untuned preset, for all trainings of the method.
 TRIES: dict[str, tuple[dict[str, Any], ...]] = {
-    "novice_only": (*_RATES, _rate(2, 3e-4), {"weight_decay": 0.1}),
-    "sidm": (*_RATES, {"p_expert_system1": 0.5, "p_expert_system2": 0.75}, {"matching_iterations": 5}),
+    "novice_only": (*_RATES, _rate(2, 3e-4), {"weight_decay": 0.1}, _PATIENT),
+    "sidm": (*_RATES, {"p_expert_system1": 0.5, "p_expert_system2": 0.75}, {"matching_iterations": 5}, _PATIENT),
     "pretrain_finetune": (
         *_RATES,
         {"tuned": (("pretrain_finetune", "learning_rate", 3e-4),)},  # of the fine-tuning alone
         {"tuned": (("pretrain_finetune", "learning_rate", 1e-4),)},
+        _PATIENT,
     ),
 }
 

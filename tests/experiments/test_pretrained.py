@@ -4,8 +4,7 @@ import pytest
 
 from sidm.config import ConfigError
 from sidm.experiments import Study, pretrained, run, run_trial
-from sidm.experiments.methods import PRETRAINED, change
-from sidm.experiments.tuning import TRIES
+from sidm.experiments.methods import change
 from sidm.learning.checkpoint import CheckpointError
 
 
@@ -53,14 +52,6 @@ def test_only_the_novice_follows_the_expert(trials):
     """A pretrained novice's trainings draw no expert data beside."""
     with pytest.raises(ConfigError, match="goes with p_expert=0 and regularise=False"):
         trials[0].replace(training=change(trials[0].training, p_expert=0.5))
-
-
-def test_every_method_is_tuned_with_the_same_number_of_tries(tiny, tmp_path):
-    """On one seed that no figure has, the expert's part of a method with its tries' values."""
-    trials = Study(tiny.replace(tuning_minutes=0.5), tmp_path, tmp_path).tuning("system1")
-    assert len({len(tries) for tries in TRIES.values()}) == 1 and {t.seed for t in trials} == {1000}
-    assert [t.method for t in trials] == [method for method, tries in TRIES.items() for _ in tries]
-    assert all((t.pretraining is None) == (t.method not in PRETRAINED) for t in trials)
 
 
 def test_what_was_tuned_yields_to_what_is_asked_for(tiny, tmp_path):

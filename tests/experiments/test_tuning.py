@@ -1,0 +1,44 @@
+"""The tries of the tuning, and that the laptop's methods are what the stored tries say."""
+
+from pathlib import Path
+
+import pytest
+
+from sidm.experiments import Results, Study, load_preset
+from sidm.experiments.methods import METHODS, PRETRAINED
+from sidm.experiments.tuning import TRIES, TUNING_SEED, tried, tries_table
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_every_method_is_tuned_with_the_same_number_of_tries(tiny, tmp_path):
+    """On one seed that no figure has, the expert's part of a method with its tries' values."""
+    trials = Study(tiny.replace(tuning_minutes=0.5), tmp_path, tmp_path).tuning("system1")
+    assert len({len(tries) for tries in TRIES.values()}) == 1 and {t.seed for t in trials} == {TUNING_SEED}
+    assert [t.method for t in trials] == [method for method, tries in TRIES.items() for _ in tries]
+    assert all((t.pretraining is None) == (t.method not in PRETRAINED) for t in trials)
+    assert len({t.key for t in trials}) == len(trials)
+
+
+def test_the_lowest_test_loss_is_marked(tiny, make_row, tmp_path):
+    study, store = Study(tiny.replace(tuning_minutes=0.5), tmp_path, tmp_path), Results(tmp_path)
+    trials = study.tuning("system1")
+    for number, trial in enumerate(trials):
+        store.put(make_row(trial, 1 + (number - 3) ** 2))
+    table = tries_table(trials, store, study.preset)
+    assert [t.chosen for t in table[: len(TRIES["novice_only"])]] == [number == 3 for number in range(7)]
+    assert table[5].changes == "weight_decay=0.1" and "batch=4" in table[3].changes
+
+
+@pytest.mark.parametrize("method", TRIES)
+def test_the_laptop_is_tuned_to_its_best_tries(monkeypatch, method):
+    """By the rule: the lowest test loss on system 1."""
+    monkeypatch.chdir(ROOT)
+    preset, store = load_preset("laptop"), Results("results")
+    trials = [t for t in Study("laptop", "no data", "results").tuning("system1") if t.method == method]
+    losses = [row.outcome.best_test_loss for row in store.rows(trials)]
+    assert len(losses) == len(TRIES[method])
+    best = tried(preset, method, losses.index(min(losses)))
+    assert METHODS[method](preset, "system1") == METHODS[method](best, "system1")
+    if method in PRETRAINED:
+        assert PRETRAINED[method](preset) == PRETRAINED[method](best)
