@@ -92,39 +92,41 @@ def _starts(
     trials: Sequence[Trial], seats: int, data: str | Path, library: Library, hooks: Hooks, device: str
 ) -> dict[str, Start | None]:
     """By key, the weights that each trial starts from; made, side by side, where they lack. Without failed ones."""
-    lacking: dict[Path, Trial] = {}
-    errors: dict[Path, Exception] = {}
-    for trial in trials:
-        if trial.pretraining is not None:
-            where = folder(trial, data, "bundle")
-            try:
-                if pretraining.read(where) is None:
-                    lacking[where] = trial
-            except CheckpointError as error:
-                errors[where] = error
-    runs = [
-        Run(
-            expert_in_place(library.datasets(trial), trial.seed), trial.pretraining, trial.seed,
-            checkpoint=where / STATE,
-        )
-        for where, trial in lacking.items()
-        if trial.pretraining is not None
-    ]  # fmt: skip
-    for number, found, _ in train_bundle(runs, trials[0].network, seats, device) if runs else ():
-        where = list(lacking)[number]
-        if isinstance(found, Trained):
-            pretraining.keep(where, start_from(found))
-        else:
-            errors[where] = found
+    users = {folder(trial, data, "bundle"): trial for trial in trials if trial.pretraining is not None}
+    kept: dict[Path, Start | Exception] = {}  # one for all its users
+    for where in users:
+        try:
+            if (start := pretraining.read(where)) is not None:
+                kept[where] = start
+        except CheckpointError as error:
+            kept[where] = error
+    kept |= _pretrained({where: trial for where, trial in users.items() if where not in kept}, seats, library, device)
     starts: dict[str, Start | None] = {}
     for trial in trials:
-        if trial.pretraining is None:
-            starts[trial.key] = None
-        elif (where := folder(trial, data, "bundle")) in errors:
-            hooks.fault(trial, errors[where])
+        found = kept[folder(trial, data, "bundle")] if trial.pretraining is not None else None
+        if isinstance(found, Exception):
+            hooks.fault(trial, found)
         else:
-            starts[trial.key] = pretraining.read(where)
+            starts[trial.key] = found
     return starts
+
+
+def _pretrained(
+    lacking: dict[Path, Trial], seats: int, library: Library, device: str
+) -> dict[Path, Start | TrainingError | CheckpointError]:
+    """By folder, the weights of its trial's pretraining, made and kept there, or why there are none."""
+    runs = [
+        Run(expert_in_place(library.datasets(one), one.seed), one.pretraining, one.seed, checkpoint=where / STATE)
+        for where, one in lacking.items()
+        if one.pretraining is not None
+    ]
+    folders, made = list(lacking), {}
+    for number, found, _ in train_bundle(runs, lacking[folders[0]].network, seats, device) if runs else ():
+        where = folders[number]
+        made[where] = start_from(found) if isinstance(found, Trained) else found
+        if isinstance(found, Trained):
+            pretraining.keep(where, start_from(found))
+    return made
 
 
 def _outcome(
