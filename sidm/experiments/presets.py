@@ -178,6 +178,11 @@ PRESETS: dict[str, Preset] = {
             seeds=3,
             network=Network(pixels=32, layers=3, hidden=256),
             training=Training(max_samples=1_000_000, patience=150_000),
+            tuned=(  # the best of `tuning.TRIES`
+                ("novice_only", "weight_decay", 0.1),
+                ("sidm", "matching_iterations", 5),
+                ("pretrain_finetune", "learning_rate", 1e-4),
+            ),
         ),
         Preset(
             name="released",
