@@ -1,4 +1,4 @@
-"""The command line: python -m sidm collect | train | run | show | notebook.
+"""The command line: python -m sidm collect | train | run | show | confirm | notebook.
 
 Exit status: 0; 1 when something failed or is still missing; 2 for arguments that cannot be used.
 """
@@ -24,7 +24,7 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
     parser = notebook.Parser(prog="python -m sidm", description=(__doc__ or "").split("\n\n")[1])
     parser.add_argument("--version", action="version", version=__version__)
-    commands = parser.add_subparsers(metavar="collect | train | run | show | notebook", required=True)
+    commands = parser.add_subparsers(metavar="collect | train | run | show | confirm | notebook", required=True)
 
     def command(name: str, work: Callable[[argparse.Namespace], int], help: str) -> argparse.ArgumentParser:
         made = commands.add_parser(name, help=help, description=help)
@@ -40,7 +40,7 @@ def build_parser() -> argparse.ArgumentParser:
     train = command("train", run_train, "Run one trial and store its result; goes on from its checkpoint.")
     _add_preset(train)
     train.add_argument("--system", required=True, choices=SYSTEMS, help="the pair of robots")
-    train.add_argument("--method", default="sidm", help="sidm, novice_only or no_regularisation (%(default)s)")
+    train.add_argument("--method", default="sidm", help="sidm, novice_only, ... (%(default)s)")
     train.add_argument("--minutes", type=float, required=True, help="novice data, minutes of motion")
     train.add_argument(
         "--seed", type=_seed, default=0,
@@ -50,11 +50,7 @@ def build_parser() -> argparse.ArgumentParser:
     run = command("run", run_run, "Run the trials of a figure that are not stored; can be stopped and goes on.")
     _add_preset(run)
     _add_grid(run)
-    run.add_argument(
-        "--workers", type=_positive, default=2, metavar="N",
-        help="processes of one thread each (%(default)s)",
-    )  # fmt: skip
-
+    _add_workers(run)
     run.add_argument(
         "--bundle", type=_positive, default=0, metavar="N",
         help="train N trials side by side on the device, instead of in processes",
@@ -69,6 +65,11 @@ def build_parser() -> argparse.ArgumentParser:
     show = command("show", run_show, "List what is stored, stale (made by older code) and missing.")
     _add_preset(show)
     _add_grid(show)
+
+    confirm = command("confirm", run_confirm, "Run one of each kind of stale trial again; the same again, all are fresh.")
+    _add_preset(confirm)
+    _add_grid(confirm)
+    _add_workers(confirm)
 
     runner = commands.add_parser("notebook", help="Run a notebook with checked parameters.")
     notebook.add_arguments(runner)
@@ -87,6 +88,11 @@ def _add_preset(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--data", default="data", metavar="DIR", help="trajectories and checkpoints (%(default)s)")
     parser.add_argument("--results", default="results", metavar="DIR", help="the results store (%(default)s)")
+
+
+def _add_workers(parser: argparse.ArgumentParser) -> None:
+    words = "processes of one thread each (%(default)s)"
+    parser.add_argument("--workers", type=_positive, default=2, metavar="N", help=words)
 
 
 def _add_dask(parser: argparse.ArgumentParser) -> None:
@@ -249,6 +255,21 @@ def run_show(arguments: argparse.Namespace) -> int:
         print(f"note: the data on this disk are not those of the stored results: {name}")
     print(f"missing: {len(store.missing(trials))}")
     return 0
+
+
+def run_confirm(arguments: argparse.Namespace) -> int:
+    """`confirm`: 1 when a trial came out otherwise."""
+    from sidm.experiments import Results
+    from sidm.experiments.confirm import confirm
+    from sidm.pool import local_pool
+
+    trials = _trials(arguments, _preset(arguments))
+    with local_pool(arguments.workers) as pool:
+        rows, differing = confirm(trials, Results(arguments.results), pool, arguments.data)
+    for trial in differing:
+        print(f"{trial}: comes out otherwise; delete the rows of its kind and run them again")
+    print(f"{rows} rows confirmed")
+    return 1 if differing else 0
 
 
 def main(words: Sequence[str] | None = None) -> int:

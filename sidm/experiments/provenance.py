@@ -51,6 +51,8 @@ class Provenance:
     resumed: bool
     peak_memory: float  # of the process that ran it, MiB
     date: str  # UTC, ISO 8601
+    confirmed_source: str = ""  # hash of later code that would make the same; see `confirm`
+    confirmed_by: str = ""  # 'rerun': it was run again; 'sample': another trial of its kind was
     bundle: int = 0  # how many trials were trained side by side, at most; 0: alone
 
 
@@ -145,5 +147,6 @@ def here(seconds: float, threads: int, resumed: bool, device: str = "cpu", bundl
 
 def is_stale(provenance: Provenance) -> bool:
     """Whether the code has changed since."""
-    then = provenance.learning_source, provenance.simulation_source
-    return then != (source_hash("bundle" if provenance.bundle else "learning"), source_hash("simulation"))
+    today = source_hash("bundle" if provenance.bundle else "learning")
+    known = provenance.learning_source, provenance.confirmed_source
+    return today not in known or provenance.simulation_source != source_hash("simulation")

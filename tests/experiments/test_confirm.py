@@ -1,0 +1,56 @@
+"""Rows of older code that today's code would make again."""
+
+import dataclasses
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from sidm.__main__ import main
+from sidm.experiments import Results, Study, run
+from sidm.experiments.confirm import candidates, confirm
+
+
+@pytest.fixture
+def stored(tiny, data, tmp_path):
+    """Two sizes of two methods, as if older code had made them."""
+    study, store = Study(tiny, data, tmp_path), Results(tmp_path)
+    trials = study.points("system1", ["sidm", "novice_only"], tiny.novice_minutes("system1"))
+    with ThreadPoolExecutor(1) as pool:
+        run(trials, pool, data=data, results=store, progress=False)
+    for row in store.rows(trials):
+        store.put(dataclasses.replace(row, provenance=dataclasses.replace(row.provenance, learning_source="older")))
+    return trials, store
+
+
+def test_a_sample_confirms_its_kind(stored, data):
+    """One of each method is run again; outcomes and what made them stay as they were."""
+    trials, store = stored
+    before = [row.outcome for row in store.rows(trials)]
+    assert len(store.stale(trials)) == 4 and [len(kind) for kind in candidates(trials, store)] == [2, 2]
+    with ThreadPoolExecutor(1) as pool:
+        assert confirm(trials, store, pool, data, progress=False) == (4, [])
+    rows = store.rows(trials)
+    assert not store.stale(trials) and [row.outcome for row in rows] == before
+    assert sorted(row.provenance.confirmed_by for row in rows) == ["rerun", "rerun", "sample", "sample"]
+    assert {row.provenance.learning_source for row in rows} == {"older"} and not candidates(trials, store)
+
+
+def test_what_comes_out_otherwise_stays_stale(stored, tiny, data, capsys, monkeypatch):
+    """With its kind; the command says so, with exit status 1."""
+    trials, store = stored
+    strange = candidates(trials, store)[0][0]
+    outcome = dataclasses.replace(strange.outcome, validation_loss=strange.outcome.validation_loss * 1.001)
+    store.put(dataclasses.replace(strange, outcome=outcome))
+    monkeypatch.setattr("sidm.__main__._preset", lambda _: tiny)
+    words = ["confirm", "--data", str(data), "--results", str(store.folder), "--system", "system1", "--workers", "1"]
+    assert main(words) == 1
+    said = capsys.readouterr().out
+    assert f"{strange.trial}: comes out otherwise" in said and "2 rows confirmed" in said
+    assert {t.method for t in store.stale(trials)} == {strange.trial.method} and len(store.stale(trials)) == 2
+
+
+def test_other_data_are_not_confirmed(stored):
+    trials, store = stored
+    row = store.get(trials[0])
+    store.put(dataclasses.replace(row, provenance=dataclasses.replace(row.provenance, simulation_source="older")))
+    assert row.trial not in [r.trial for kind in candidates(trials, store) for r in kind]
