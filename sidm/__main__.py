@@ -66,7 +66,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_preset(show)
     _add_grid(show)
 
-    confirm = command("confirm", run_confirm, "Run one of each kind of stale trial again; the same again, all are fresh.")
+    confirm = command("confirm", run_confirm, "Run one of each kind of stale trial again; if the same, all are fresh.")
     _add_preset(confirm)
     _add_grid(confirm)
     _add_workers(confirm)
