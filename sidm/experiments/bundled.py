@@ -66,20 +66,26 @@ def run_bundle(
             hooks.fault(trial, error)
         else:
             ready.append(trial)
-    starts = _starts(ready, seats, data, library, hooks, device)
-    ready = [trial for trial in ready if trial.key in starts]
-    runs = []
+    starts, going, runs = _starts(ready, seats, data, library, device), [], []
     for trial in ready:
-        run = Run(library.datasets(trial), trial.training, trial.seed, checkpoint=checkpoint(trial))
         given = starts[trial.key]
-        runs.append(run._replace(start=given.weights) if given else run)
+        if isinstance(given, TrainingError):
+            made = provenance.here(0.0, torch.get_num_threads(), False, device, bundle=seats)
+            yield stored_as(trial, given, made)
+        elif isinstance(given, Exception):
+            hooks.fault(trial, given)
+        else:
+            run = Run(library.datasets(trial), trial.training, trial.seed, checkpoint=checkpoint(trial))
+            runs.append(run._replace(start=given.weights) if given else run)
+            going.append((trial, given))
+    ready = [trial for trial, _ in going]
     resumed = [checkpoint(trial).exists() for trial in ready]
     for number, found, seconds in train_bundle(
         runs, trials[0].network, seats, device, lambda number, tested: hooks.progress(ready[number], tested)
     ):
-        trial, start = ready[number], time.perf_counter()
+        (trial, given), start = going[number], time.perf_counter()
         try:
-            outcome = _outcome(trial, found, library, starts[trial.key], device)
+            outcome = _outcome(trial, found, library, given, device)
         except Exception as error:  # one trial's failure must not lose the others
             hooks.fault(trial, error)
         else:
@@ -89,11 +95,11 @@ def run_bundle(
 
 
 def _starts(
-    trials: Sequence[Trial], seats: int, data: str | Path, library: Library, hooks: Hooks, device: str
-) -> dict[str, Start | None]:
-    """By key, the weights that each trial starts from; made, side by side, where they lack. Without failed ones."""
+    trials: Sequence[Trial], seats: int, data: str | Path, library: Library, device: str
+) -> dict[str, Start | TrainingError | CheckpointError | None]:
+    """By key, the weights that each trial starts from, or why there are none; made, side by side, where they lack."""
     users = {folder(trial, data, "bundle"): trial for trial in trials if trial.pretraining is not None}
-    kept: dict[Path, Start | Exception] = {}  # one for all its users
+    kept: dict[Path, Start | TrainingError | CheckpointError] = {}  # one for all its users
     for where in users:
         try:
             if (start := pretraining.read(where)) is not None:
@@ -101,14 +107,9 @@ def _starts(
         except CheckpointError as error:
             kept[where] = error
     kept |= _pretrained({where: trial for where, trial in users.items() if where not in kept}, seats, library, device)
-    starts: dict[str, Start | None] = {}
-    for trial in trials:
-        found = kept[folder(trial, data, "bundle")] if trial.pretraining is not None else None
-        if isinstance(found, Exception):
-            hooks.fault(trial, found)
-        else:
-            starts[trial.key] = found
-    return starts
+    return {
+        trial.key: kept[folder(trial, data, "bundle")] if trial.pretraining is not None else None for trial in trials
+    }
 
 
 def _pretrained(

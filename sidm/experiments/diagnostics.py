@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import importlib.metadata
 import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor, as_completed
@@ -27,7 +28,7 @@ from sidm.config import ConfigError, config, from_mapping
 from sidm.experiments.grids import Study
 from sidm.experiments.measure import THREADS, perform
 from sidm.experiments.presets import PRESETS, load_preset
-from sidm.experiments.provenance import Provenance, here, is_stale
+from sidm.experiments.provenance import Provenance, here, is_stale, source_hash
 from sidm.experiments.store import StoreError, rounded
 from sidm.experiments.trials import Dataset, Trial
 from sidm.learning.dataset import Motion, load_motion
@@ -58,12 +59,14 @@ class Diagnosis:
     mmd: float  # squared, unbiased, Gaussian kernel of the median distance; 0 alike
     novice_picture: tuple[tuple[float, float], ...]  # (PICTURED, 2) principal components of both's latents
     expert_picture: tuple[tuple[float, float], ...]
+    source: str  # hash of the code that trained the model and looked at it
+    scikit_learn: str  # its version
     provenance: Provenance
 
     @property
     def stale(self) -> bool:
         """Whether the code has changed since."""
-        return is_stale(self.provenance)
+        return is_stale(self.provenance) or self.source != source_hash("diagnosis")
 
 
 def diagnosed(study: Study, systems: Iterable[str] = tuple(SYSTEMS)) -> list[Trial]:
@@ -112,13 +115,15 @@ def diagnose(trial: Trial, data: str | Path = "data") -> Diagnosis:
         mmd=squared_mmd(*latents),
         novice_picture=pictures[0],
         expert_picture=pictures[1],
+        source=source_hash("diagnosis"),
+        scikit_learn=importlib.metadata.version("scikit-learn"),
         provenance=here(time.perf_counter() - start, THREADS, False),
     )
 
 
 def _last_accuracy(trained: Trained) -> float | None:
     """What share of latents the training's discriminator told apart towards the end."""
-    late = trained.history[-(-3 * len(trained.history) // 4) :]
+    late = trained.history[3 * len(trained.history) // 4 :]
     known = [test.discriminator_accuracy for test in late if test.discriminator_accuracy is not None]
     return float(np.mean(known)) if known else None
 

@@ -154,9 +154,12 @@ def latent_pictures(found: Sequence[Diagnosis]) -> Figure:
     """Latents of both systems in the plane of their first two principal components, a plot a diagnosis."""
     ordered = sorted(found, key=lambda one: (one.trial.system, one.trial.novice_minutes, one.trial.method))
     figure, panels = side_by_side(max(len(found), 1), min(max(len(found), 1), 4))
+    if not ordered:
+        finish(panels[0])
+        return figure
     for axes, one in itertools.zip_longest(panels, ordered):
         if one is None:
-            finish(axes)
+            axes.set_axis_off()
             continue
         trial = one.trial
         axes.set(xlabel="first component (-)", ylabel="second component (-)")

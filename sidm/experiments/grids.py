@@ -108,14 +108,13 @@ class Study:
         return self.points(system, COMPARED, self.preset.figure4_minutes, seeds=self.preset.figure4_seeds)
 
     def p_expert(self, system: str) -> list[Trial]:
-        """Ablation of p_e; at 0 the expert's parts are never trained, so that it is `novice_only`."""
+        """Ablation of p_e, all else as for SIDM; at 0 the expert is never seen, in the regularisation neither."""
         trials = []
         for value in P_EXPERT:
             for minutes in self.preset.ablation_minutes:
                 p = self.proportional(minutes) if value is None else value
-                method = "sidm" if p > 0 else "novice_only"
-                training = change(METHODS[method](self.preset, system), p_expert=p)
-                trials += self.points(system, [method], [minutes], training)
+                training = change(METHODS["sidm"](self.preset, system), p_expert=p, regularise=p > 0)
+                trials += self.points(system, ["sidm" if p > 0 else "novice_only"], [minutes], training)
         return trials
 
     def iterations(self, system: str, phase: str | None = None) -> list[Trial]:
@@ -135,8 +134,8 @@ class Study:
         """Every try of every method at one middle size, with a seed that no figure has."""
         trials = []
         for method, tries in TRIES.items():
-            for number in range(len(tries)):
-                study = self.of(tried(self.preset, method, number))
+            for words in tries:
+                study = self.of(tried(self.preset, method, words))
                 trials.append(study.trial(system, method, self.preset.tuning_minutes, TUNING_SEED))
         return trials
 

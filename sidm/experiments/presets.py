@@ -62,6 +62,10 @@ class Preset:
         for name in ("p_expert_system1", "p_expert_system2"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ConfigError(f"{name} must be from 0 to 1, not {getattr(self, name)}")
+        names = {field.name for field in dataclasses.fields(Training)} - {"p_expert", "regularise"}  # type: ignore
+        for _, setting, _ in self.tuned:
+            if setting not in names:
+                raise unknown_name(setting, names, "what a method is tuned in")
         if self.policy not in POLICIES:
             raise unknown_name(self.policy, POLICIES, "the exploration policies")
         for name in ("seeds", "figure4_seeds"):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidm.experiments.statistics import Interval, efficiency, efficiency_at_sizes, interval
+from sidm.experiments.statistics import Interval, efficiency, efficiency_at_sizes, interval, known
 from sidm.experiments.store import Row
 from sidm.experiments.tables import COMPONENTS, gather, validation_loss
 
@@ -17,8 +17,8 @@ class Saving(NamedTuple):
 
     minutes: float  # of novice data that the method has
     loss: float  # that it reaches with them, along its isotonic fit
-    ratio: Interval  # of the data that the comparison needs for that loss; NaN where no value follows
-    bound: str  # of the ratio: '=', '>=', '<=' or '?'
+    ratio: Interval  # of the data that the comparison needs for that loss; no ends where a seed left out makes a bound
+    bound: str  # of the ratio: '=', '>=' or '<='
 
 
 def savings(
@@ -45,9 +45,10 @@ def savings(
     def at(size: int) -> Interval:
         def ratio(pairs: np.ndarray) -> float:
             method, comparison = pairs.mean(0)
-            return float(np.log(efficiency_at_sizes(losses.minutes, method, comparison).ratio[size]))
+            again = efficiency_at_sizes(losses.minutes, method, comparison)
+            return known(again.ratio[size], str(again.bound[size]))
 
-        return Interval(*np.exp(interval(ratio, losses.values)))
+        return Interval(float(found.ratio[size]), *np.exp(interval(ratio, losses.values)[1:]))
 
     return [
         Saving(float(minutes), float(found.loss[size]), at(size), str(found.bound[size]))
@@ -70,8 +71,6 @@ def component_savings(
 
 def ratio_words(saving: Saving) -> str:
     """A ratio for a table: 'at least 3.2 [1.9, 5.4]', without brackets where there is no interval."""
-    if not np.isfinite(saving.ratio.value):
-        return "cannot be told"
     return {"=": "", ">=": "at least ", "<=": "at most "}[saving.bound] + str(saving.ratio)
 
 
@@ -86,7 +85,8 @@ def efficiency_band(minutes: np.ndarray, pairs: np.ndarray, losses: np.ndarray) 
 
     def ratio(some: np.ndarray, loss: float) -> float:
         method, comparison = some.mean(0)
-        return float(np.log(efficiency(minutes, method, comparison, np.array([loss])).ratio[0]))
+        again = efficiency(minutes, method, comparison, np.array([loss]))
+        return known(again.ratio[0], str(again.bound[0]))
 
     found = np.exp([interval(lambda some, loss=loss: ratio(some, loss), pairs) for loss in losses])  # type: ignore
     return found[:, 1], found[:, 2]

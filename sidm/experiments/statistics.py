@@ -155,8 +155,19 @@ def efficiency(minutes: np.ndarray, sidm: np.ndarray, novice_only: np.ndarray, l
 
 
 def efficiency_at_sizes(minutes: np.ndarray, sidm: np.ndarray, novice_only: np.ndarray) -> Efficiency:
-    """`efficiency` at the losses that the fitted SIDM curve has at each size: 'as good as with how much more data?'."""
-    return efficiency(minutes, sidm, novice_only, falling(sidm))
+    """How many times as much data the comparison needs for what the fitted SIDM curve (M,) has at each size.
+
+    The size itself is the divisor, also where the fit is level and a smaller one would do.
+    """
+    minutes, losses, other = np.asarray(minutes, float), falling(sidm), falling(novice_only)
+    needed = [minutes_needed(minutes, other, loss) for loss in losses]
+    ratios = np.array([much for much, _ in needed]) / minutes
+    return Efficiency(losses, ratios, np.array([{"=": "=", ">": ">=", "<=": "<="}[sign] for _, sign in needed]))
+
+
+def known(ratio: float, bound: str) -> float:
+    """Logarithm of a ratio, NaN where it is only a bound: intervals are of values, not of bounds."""
+    return float(np.log(ratio)) if bound == "=" else float("nan")
 
 
 def greatest_ratio(minutes: np.ndarray, pairs: np.ndarray) -> tuple[float, str]:

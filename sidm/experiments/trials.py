@@ -56,7 +56,7 @@ class Trial:
     """One training run: its method, its data (by digest), its network and its seed."""
 
     system: str
-    method: str  # a name of `grids.METHODS`; what it means stands in `training`
+    method: str  # a name of `methods.METHODS`; what it means stands in `training`
     novice_minutes: float  # train and test together
     seed: int  # of the novice subset, the initial weights and the batches; pairs the methods
     pool_minutes: float  # of the novice pool that the subset is drawn from

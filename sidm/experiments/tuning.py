@@ -5,13 +5,11 @@ The try of the lowest test loss on system 1 is what the preset `laptop` has; tho
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from sidm.experiments.methods import METHODS
 from sidm.experiments.presets import MOST_SEEDS, Preset
-from sidm.experiments.store import Results
-from sidm.experiments.tables import differences
+from sidm.experiments.store import Results, Row
 from sidm.experiments.trials import Trial
 
 TUNING_SEED = MOST_SEEDS  # no figure's: theirs are below
@@ -25,25 +23,31 @@ def _rate(batch: int, learning_rate: float) -> dict[str, Any]:
     )  # fmt: skip
 
 
-_RATES = (_rate(8, 1e-3), _rate(8, 5e-4), _rate(4, 1e-3), _rate(4, 5e-4))
-_PATIENT = {"patience": 450_000}
-
-#: Method -> its tries: changes of the untuned preset, for all trainings of the method.
-TRIES: dict[str, tuple[dict[str, Any], ...]] = {
-    "novice_only": (*_RATES, _rate(2, 3e-4), {"weight_decay": 0.1}, _PATIENT),
-    "sidm": (*_RATES, {"p_expert_system1": 0.5, "p_expert_system2": 0.75}, {"matching_iterations": 5}, _PATIENT),
-    "pretrain_finetune": (
-        *_RATES,
-        {"tuned": (("pretrain_finetune", "learning_rate", 3e-4),)},  # of the fine-tuning alone
-        {"tuned": (("pretrain_finetune", "learning_rate", 1e-4),)},
-        _PATIENT,
-    ),
+_ALL: dict[str, dict[str, Any]] = {
+    "batch 8, rate 0.001 (the base)": _rate(8, 1e-3),
+    "batch 8, rate 0.0005": _rate(8, 5e-4),
+    "batch 4, rate 0.001": _rate(4, 1e-3),
+    "batch 4, rate 0.0005": _rate(4, 5e-4),
+    "patience 450,000": {"patience": 450_000},
 }
 
+#: Method -> its tries, in words and as changes of the untuned preset, for all trainings of the method.
+TRIES: dict[str, dict[str, dict[str, Any]]] = {
+    "novice_only": _ALL | {"batch 2, rate 0.0003": _rate(2, 3e-4), "weight decay 0.1": {"weight_decay": 0.1}},
+    "sidm": _ALL | {
+        "the other system's p_e": {"p_expert_system1": 0.5, "p_expert_system2": 0.75},
+        "5 matching iterations": {"matching_iterations": 5},
+    },
+    "pretrain_finetune": _ALL | {
+        "rate 0.0003 of the fine-tuning alone": {"tuned": (("pretrain_finetune", "learning_rate", 3e-4),)},
+        "rate 0.0001 of the fine-tuning alone": {"tuned": (("pretrain_finetune", "learning_rate", 1e-4),)},
+    },
+}  # fmt: skip
 
-def tried(preset: Preset, method: str, number: int) -> Preset:
-    """The preset of try `number` of a method: untuned but for the try's changes."""
-    return preset.replace(**({"tuned": ()} | TRIES[method][number]))
+
+def tried(preset: Preset, method: str, words: str) -> Preset:
+    """The preset of a try of a method: untuned but for the try's changes."""
+    return preset.replace(**({"tuned": ()} | TRIES[method][words]))
 
 
 class Try(NamedTuple):
@@ -51,30 +55,32 @@ class Try(NamedTuple):
 
     system: str
     method: str
-    changes: str  # of the fine-tuning where the method has a pretraining too
+    words: str
     test_loss: float  # smoothed, of the weights that were kept: what the choice goes by
     validation_loss: float
     samples: int  # of prediction, the pretraining's among them
-    chosen: bool  # the lowest test loss of its method and system
+    chosen: bool  # the first of the lowest test loss of its method and system
 
 
-def tries_table(trials: Iterable[Trial], store: Results, preset: Preset) -> list[Try]:
-    """The stored tries among the `trials` of `Study.tuning`."""
-    base = preset.replace(tuned=())
-    found = [row for trial in trials if (row := store.get(trial)) is not None]
-    best: dict[tuple[str, str], float] = {}
-    for row in found:
+def tries_table(trials: Sequence[Trial], store: Results) -> list[Try]:
+    """The stored tries among the `trials` of `Study.tuning` of one system or more."""
+    words = [one for tries in TRIES.values() for one in tries]
+    every = zip(trials, words * (len(trials) // len(words)), strict=True)
+    found = [(row, one) for trial, one in every if (row := store.get(trial)) is not None]
+    best: dict[tuple[str, str], Row] = {}
+    for row, _ in found:
         key = row.trial.system, row.trial.method
-        best[key] = min(best.get(key, float("inf")), row.outcome.best_test_loss)
+        if key not in best or row.outcome.best_test_loss < best[key].outcome.best_test_loss:
+            best[key] = row
     return [
         Try(
             row.trial.system,
             row.trial.method,
-            differences(row.trial.training, METHODS[row.trial.method](base, row.trial.system)) or "as the preset",
+            one,
             row.outcome.best_test_loss,
             row.outcome.validation_loss,
             row.outcome.samples + row.outcome.pretraining_samples,
-            row.outcome.best_test_loss == best[row.trial.system, row.trial.method],
+            row is best[row.trial.system, row.trial.method],
         )
-        for row in found
+        for row, one in found
     ]

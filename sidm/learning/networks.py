@@ -38,7 +38,7 @@ class Network:
     decoder_hidden: int = 64  # the decoder's hidden layer
     discriminator_hidden: int = 1024  # the discriminator's hidden layer (not in the paper; the released code's)
     slope: float = 0.01  # of the leaky ReLU below zero
-    initialisation: Literal["scaled", "pytorch"] = "scaled"  # 'pytorch': its own (released code)
+    initialisation: Literal["scaled", "pytorch"] = "scaled"  # of weights; 'pytorch': its own
 
     def __post_init__(self) -> None:
         """Refuse sizes that make no network."""

@@ -1,4 +1,4 @@
-"""Pretrained weights: made once for all sizes, alone and in bundles, and made again where they are damaged."""
+"""Pretrained weights: made once for all sizes, alone and in bundles, and named where they are damaged."""
 
 import pytest
 
