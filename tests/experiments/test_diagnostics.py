@@ -1,13 +1,20 @@
 """Latents that are alike and apart, and a diagnosis of a tiny trial that is stored."""
 
+import dataclasses
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+import torch
 from sklearn.linear_model import LogisticRegression
 
 from sidm.config import ConfigError
 from sidm.experiments import StoreError, Study, run_trial
 from sidm.experiments import diagnostics as d
 from sidm.experiments.figures import latent_pictures
+from sidm.experiments.measure import Library
 from tests.experiments.conftest import write_motion
 
 
@@ -58,7 +65,9 @@ def test_a_trial_is_diagnosed_and_stored(tiny, data, tmp_path):
     write_motion(data, d.held_out_expert(trial))
     found = d.diagnose(trial, data)
     assert found.validation_loss == run_trial(trial, data).outcome.validation_loss
-    assert 0 <= found.linear_accuracy <= 1 and 0 <= found.a_distance <= 2
+    assert found.a_distance == pytest.approx(max(0, 4 * found.network_accuracy - 2))
+    assert 0 <= found.discriminator_accuracy <= 1 and not found.stale
+    assert dataclasses.replace(found, source="older").stale
     d.write(found, tmp_path)
     back = d.read(trial, tmp_path)
     assert back.trial == trial and back.mmd == pytest.approx(found.mmd, rel=1e-5) and d.read(trial, data) is None
@@ -68,6 +77,36 @@ def test_a_trial_is_diagnosed_and_stored(tiny, data, tmp_path):
     d.path(trial, tmp_path).write_text("{}")
     with pytest.raises(StoreError, match="damaged"):
         d.read(trial, tmp_path)
+
+
+def test_what_is_held_out_was_not_learnt_from(tiny, data, tmp_path, monkeypatch):
+    """The latents are those of the expert's trajectories after the trial's, and of the validation set."""
+    trial = d.diagnosed(Study(tiny, data, tmp_path), ["system1"])[1]
+    write_motion(data, d.held_out_expert(trial))
+    seen, true = {}, d.latents_of
+
+    def latents_of(model, role, motion):
+        seen[role] = motion
+        return true(model, role, motion)
+
+    monkeypatch.setattr(d, "latents_of", latents_of)
+    d.diagnose(trial, data)
+    library = Library(data)
+    learnt = library.motion(trial, "expert").inputs
+    assert len(seen["expert"]) == trial.datasets["validation"].count
+    assert not any(torch.equal(one, other) for one in seen["expert"].inputs for other in learnt)
+    assert torch.equal(seen["novice"].inputs, library.motion(trial, "validation").inputs)
+
+
+def test_what_is_diagnosed_is_not_diagnosed_again(tiny, data, tmp_path, monkeypatch):
+    trials = d.diagnosed(Study(tiny, data, tmp_path), ["system1"])
+    write_motion(data, d.held_out_expert(trials[0]))
+    monkeypatch.setitem(sys.modules, "sidm.simulation", SimpleNamespace(collect=lambda *_, **__: None))
+    with ThreadPoolExecutor(1) as pool:
+        d.run(trials, pool, data, tmp_path, progress=False)
+        assert all(d.read(trial, tmp_path) for trial in trials)
+        monkeypatch.setattr(d, "diagnose", None)
+        d.run(trials, pool, data, tmp_path, progress=False)
 
 
 def test_a_novice_alone_has_nothing_to_compare(tiny, data, tmp_path):

@@ -1,9 +1,11 @@
 """Pretrained weights: made once for all sizes, alone and in bundles, and named where they are damaged."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import pytest
 
 from sidm.config import ConfigError
-from sidm.experiments import Study, pretrained, run, run_trial
+from sidm.experiments import METHODS, PRESETS, Study, load_preset, pretrained, run, run_trial
 from sidm.experiments.methods import change
 from sidm.learning.checkpoint import CheckpointError
 
@@ -65,3 +67,23 @@ def test_what_was_tuned_yields_to_what_is_asked_for(tiny, tmp_path):
     tuned = tiny.replace(tuned=(("sidm", "learning_rate", 1e-4), ("pretraining", "learning_rate", 1e-2)))
     assert rates(tuned) == [1e-4, 1e-3, 1e-2]
     assert rates(tuned.replace(learning_rate=0.5)) == [0.5, 0.5, 0.5]
+
+
+@pytest.mark.parametrize("bundle", [0, 1])
+def test_a_pretraining_that_fails_is_kept(trials, data, tmp_path, bundle):
+    """With its iteration, as any training; the trials of other weights go on."""
+    bad = trials[0].replace(seed=5, pretraining=change(trials[0].pretraining, learning_rate=1e11))
+    with ThreadPoolExecutor(1) as pool:
+        where = dict(bundle=1) if bundle else dict(executor=pool)
+        store = run([bad, trials[1]], data=data, results=tmp_path, progress=False, **where)
+    assert store.missing([bad, trials[1]]) == [bad]
+    (failure,) = store.failures([bad])
+    assert failure.loss in ("nan", "inf") and failure.iteration > 0
+
+
+def test_what_is_tuned_has_a_name():
+    """Of a setting and of a method."""
+    with pytest.raises(ConfigError, match="did you mean 'weight_decay'"):
+        load_preset("laptop", tuned=[["sidm", "weight_decai", 0.1]])
+    for preset in PRESETS.values():
+        assert {method for method, _, _ in preset.tuned} <= {*METHODS, "pretraining"}
