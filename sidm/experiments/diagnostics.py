@@ -15,24 +15,17 @@ from concurrent.futures import Executor, as_completed
 from pathlib import Path
 
 import numpy as np
-import torch
-from scipy.spatial.distance import cdist
-from sklearn.decomposition import PCA
 from sklearn.linear_model import LogisticRegression
-from sklearn.neural_network import MLPClassifier
-from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
-from torch import Tensor
 
 from sidm.config import ConfigError, config, from_mapping
 from sidm.experiments.grids import Study
+from sidm.experiments.latents import EVERY, crossed_loss, latents_of, picture, small_network, squared_mmd, told_apart
 from sidm.experiments.measure import THREADS, perform
 from sidm.experiments.presets import PRESETS, load_preset
 from sidm.experiments.provenance import Provenance, here, is_stale, source_hash
 from sidm.experiments.store import StoreError, rounded
 from sidm.experiments.trials import Dataset, Trial
-from sidm.learning.dataset import Motion, load_motion
-from sidm.learning.networks import DynamicsModel
+from sidm.learning.dataset import load_motion
 from sidm.learning.training import Trained
 from sidm.pool import local_pool
 from sidm.progress import progress_bar
@@ -40,9 +33,6 @@ from sidm.storage import Damaged, read_record, write_record
 from sidm.systems import SYSTEMS, find_system
 
 METHODS_COMPARED = ("sidm", "no_regularisation")
-EVERY = 4  # steps; those between are much like their neighbours
-PICTURED = 150  # latents of each system
-MMD_SAMPLES = 1000  # of each system, at most
 
 
 @config
@@ -51,6 +41,9 @@ class Diagnosis:
 
     trial: Trial
     validation_loss: float  # of the model that was trained for it
+    expert_encoder_loss: float  # of the novice's validation set through the expert's encoder and the novice's decoder
+    expert_decoder_loss: float  # through the novice's encoder and the expert's decoder
+    expert_path_loss: float  # through both of the expert's
     linear_accuracy: float  # of a logistic regression on the latents
     network_accuracy: float  # of a small network on them
     raw_accuracy: float  # of a small network on the raw states and actions, before any encoder
@@ -103,13 +96,16 @@ def diagnose(trial: Trial, data: str | Path = "data") -> Diagnosis:
     latents = [latents_of(trained.model, role, m) for role, m in zip(("novice", "expert"), motions, strict=True)]
     raw = [motion.inputs[:, ::EVERY].double().numpy() for motion in motions]
     pictures = picture(*latents)
-    network = told_apart(latents, _small_network())
+    network = told_apart(latents, small_network())
     return Diagnosis(
         trial=trial,
         validation_loss=outcome.validation_loss,
+        expert_encoder_loss=crossed_loss(trained.model, novice, "expert", "novice"),
+        expert_decoder_loss=crossed_loss(trained.model, novice, "novice", "expert"),
+        expert_path_loss=crossed_loss(trained.model, novice, "expert", "expert"),
         linear_accuracy=told_apart(latents, LogisticRegression(max_iter=1000)),
         network_accuracy=network,
-        raw_accuracy=told_apart(raw, _small_network()),
+        raw_accuracy=told_apart(raw, small_network()),
         a_distance=max(0.0, 2 * (2 * network - 1)),
         discriminator_accuracy=_last_accuracy(trained),
         mmd=squared_mmd(*latents),
@@ -126,65 +122,6 @@ def _last_accuracy(trained: Trained) -> float | None:
     late = trained.history[3 * len(trained.history) // 4 :]
     known = [test.discriminator_accuracy for test in late if test.discriminator_accuracy is not None]
     return float(np.mean(known)) if known else None
-
-
-def latents_of(model: DynamicsModel, role: str, motion: Motion) -> np.ndarray:
-    """Latent state-actions (N, T / EVERY, 128) of trajectories."""
-    found: list[Tensor] = []
-    with torch.inference_mode():
-        for part in motion.split(32):
-            found.append(model.encoders[role](part.inputs[:, ::EVERY], part.maps[:, ::EVERY]))
-    return torch.cat(found).double().numpy()
-
-
-def _small_network() -> MLPClassifier:
-    return MLPClassifier((64,), early_stopping=True, max_iter=300, random_state=0)
-
-
-def told_apart(features: Sequence[np.ndarray], classifier) -> float:
-    """Share of steps, both systems weighing the same, that a classifier fitted on half of the trajectories tells apart.
-
-    Args:
-        features: (N, T, K) of the novice's trajectories and (M, T, K) of the expert's.
-        classifier: of scikit-learn, unfitted.
-    """
-    halves = [[motion[0::2], motion[1::2]] for motion in features]
-    fitted = make_pipeline(StandardScaler(), classifier)
-    fitted.fit(*_labelled(halves[0][0], halves[1][0]))
-    right = [
-        np.mean(fitted.predict(half[1].reshape(-1, half[1].shape[-1])) == label) for label, half in enumerate(halves)
-    ]
-    return float(np.mean(right))
-
-
-def _labelled(novice: np.ndarray, expert: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    flat = [motion.reshape(-1, motion.shape[-1]) for motion in (novice, expert)]
-    return np.concatenate(flat), np.repeat([0, 1], [len(part) for part in flat])
-
-
-def squared_mmd(novice: np.ndarray, expert: np.ndarray) -> float:
-    """Unbiased squared maximum mean discrepancy of two sets of features (., ., K), in units of their common spread."""
-    x, y = _spread(novice, expert, MMD_SAMPLES)
-    distances = [cdist(one, other, "sqeuclidean") for one, other in ((x, x), (y, y), (x, y))]
-    width = np.median(distances[2])
-    within_x, within_y, across = (np.exp(-distance / width) for distance in distances)
-    n, m = len(x), len(y)
-    within = (within_x.sum() - n) / (n * (n - 1)) + (within_y.sum() - m) / (m * (m - 1))
-    return float(within - 2 * across.mean())
-
-
-def picture(novice: np.ndarray, expert: np.ndarray) -> list[tuple[tuple[float, float], ...]]:
-    """PICTURED latents of each system along the first two principal components of both."""
-    parts = _spread(novice, expert, PICTURED)
-    flat = PCA(2, svd_solver="full").fit(np.concatenate(parts))
-    return [tuple((float(x), float(y)) for x, y in flat.transform(part)) for part in parts]
-
-
-def _spread(novice: np.ndarray, expert: np.ndarray, most: int) -> list[np.ndarray]:
-    """At most `most` features (., K) of each system, standardised together."""
-    both, labels = _labelled(novice, expert)
-    both, draw = StandardScaler().fit_transform(both), np.random.default_rng(0)
-    return [draw.permutation(both[labels == label])[:most] for label in (0, 1)]
 
 
 def path(trial: Trial, results: str | Path = "results") -> Path:
@@ -228,13 +165,15 @@ def run(
             bar.update()
 
 
-def diagnosis_lines(found: Iterable[Diagnosis]) -> list[tuple]:
-    """A line a system, size and method: those, the number of models, and the means of what a diagnosis measures."""
+ALIKE = ("linear_accuracy", "network_accuracy", "raw_accuracy", "a_distance", "mmd", "discriminator_accuracy")
+CROSSED = ("validation_loss", "expert_encoder_loss", "expert_decoder_loss", "expert_path_loss")
+
+
+def diagnosis_lines(found: Iterable[Diagnosis], measures: Sequence[str] = ALIKE) -> list[tuple]:
+    """A line a system, size and method: those, the number of models, and the means of some measures of a Diagnosis."""
     groups: dict[tuple[str, float, str], list[Diagnosis]] = {}
     for one in found:
         groups.setdefault((one.trial.system, one.trial.novice_minutes, one.trial.method), []).append(one)
-    measures = ("linear_accuracy", "network_accuracy", "raw_accuracy", "a_distance", "mmd", "discriminator_accuracy",
-                "validation_loss")  # fmt: skip
 
     def mean(group: list[Diagnosis], name: str) -> float | str:
         values = [getattr(one, name) for one in group]

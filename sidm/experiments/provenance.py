@@ -30,7 +30,7 @@ _ALONE = ("sidm.experiments.measure", "sidm.experiments.pretrained")
 WINGS = {
     "learning": _ALONE,
     "bundle": (*_ALONE, "sidm.experiments.bundled"),  # the same, many at once
-    "diagnosis": (*_ALONE, "sidm.experiments.diagnostics"),
+    "diagnosis": (*_ALONE, "sidm.experiments.diagnostics", "sidm.experiments.latents"),
     "simulation": ("sidm.simulation.collect",),
 }
 

@@ -11,11 +11,18 @@ import torch
 from sklearn.linear_model import LogisticRegression
 
 from sidm.config import ConfigError
-from sidm.experiments import StoreError, Study, run_trial
+from sidm.experiments import StoreError, Study, latents, run_trial
 from sidm.experiments import diagnostics as d
 from sidm.experiments.figures import latent_pictures
 from sidm.experiments.measure import Library
+from sidm.learning import DynamicsModel, validation_loss
+from sidm.systems import ROLES
 from tests.experiments.conftest import write_motion
+
+
+@pytest.fixture
+def make_model(small_network):
+    return lambda: DynamicsModel(small_network)
 
 
 @pytest.fixture
@@ -25,22 +32,22 @@ def pair():
 
 
 def test_like_features_are_not_told_apart(pair):
-    assert d.told_apart(pair, LogisticRegression()) == pytest.approx(0.5, abs=0.1)
-    assert d.squared_mmd(*pair) == pytest.approx(0, abs=0.01)
+    assert latents.told_apart(pair, LogisticRegression()) == pytest.approx(0.5, abs=0.1)
+    assert latents.squared_mmd(*pair) == pytest.approx(0, abs=0.01)
 
 
 def test_features_far_apart_are(pair):
     apart = pair[0], pair[1] + 6
-    assert d.told_apart(apart, LogisticRegression()) == 1.0
-    assert d.squared_mmd(*apart) > 0.5
-    novice, expert = map(np.array, d.picture(*apart))
-    assert novice.shape == (d.PICTURED, 2) and abs(novice.mean(0) - expert.mean(0))[0] > 1
+    assert latents.told_apart(apart, LogisticRegression()) == 1.0
+    assert latents.squared_mmd(*apart) > 0.5
+    novice, expert = map(np.array, latents.picture(*apart))
+    assert novice.shape == (latents.PICTURED, 2) and abs(novice.mean(0) - expert.mean(0))[0] > 1
 
 
 def test_only_whole_trajectories_are_held_out(pair):
     """A mark of single trajectories, not of systems, does not help the classifier."""
     marks = np.random.default_rng(4).normal(size=(2, 40, 1, 30)).repeat(8, axis=2)
-    assert d.told_apart(np.concatenate([pair, marks], -1), LogisticRegression()) < 0.7
+    assert latents.told_apart(np.concatenate([pair, marks], -1), LogisticRegression()) < 0.7
 
 
 def test_mmd_is_that_of_its_definition(pair):
@@ -56,7 +63,7 @@ def test_mmd_is_that_of_its_definition(pair):
         return np.mean(terms)
 
     wanted = mean(x, x, True) + mean(y, y, True) - 2 * mean(x, y, False)
-    assert d.squared_mmd(*pair[:, :6]) == pytest.approx(wanted)
+    assert latents.squared_mmd(*pair[:, :6]) == pytest.approx(wanted)
 
 
 def test_a_trial_is_diagnosed_and_stored(tiny, data, tmp_path):
@@ -72,11 +79,22 @@ def test_a_trial_is_diagnosed_and_stored(tiny, data, tmp_path):
     back = d.read(trial, tmp_path)
     assert back.trial == trial and back.mmd == pytest.approx(found.mmd, rel=1e-5) and d.read(trial, data) is None
     (line,) = d.diagnosis_lines([found])
-    assert line[:4] == ("system1", 0.25, "sidm", 1) and line[-1] == found.validation_loss
+    assert line[:5] == ("system1", 0.25, "sidm", 1, found.linear_accuracy)
+    (line,) = d.diagnosis_lines([found], d.CROSSED)
+    assert line[4:] == tuple(getattr(found, name) for name in d.CROSSED)
     assert len(latent_pictures([found, found]).axes) == 2 and latent_pictures([]).axes[0].texts
     d.path(trial, tmp_path).write_text("{}")
     with pytest.raises(StoreError, match="damaged"):
         d.read(trial, tmp_path)
+
+
+def test_one_systems_parts_are_crossed_with_the_others(make_model, make_motion):
+    """The novice's own give its loss; other parts give others."""
+    model, motion = make_model(), make_motion(3)
+    losses = {(e, g): latents.crossed_loss(model, motion, e, g) for e in ROLES for g in ROLES}
+    for role in ROLES:
+        assert losses[role, role] == pytest.approx(float(validation_loss(model, motion, role).sum()), rel=1e-5)
+    assert len(set(losses.values())) == 4
 
 
 def test_what_is_held_out_was_not_learnt_from(tiny, data, tmp_path, monkeypatch):
