@@ -115,6 +115,7 @@ class Preset:
                 `regularise` are the method's to set and not known here.
         """
         own = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}  # type: ignore[arg-type]
+        own["tuned"] = tuple(one for one in self.tuned if one[1] not in changes)
         parts = {"network": dict(_values(self.network)), "training": dict(_values(self.training))}
         groups = [own, *parts.values()]
         hidden = {"name", "p_expert", "regularise", *parts}
@@ -123,7 +124,6 @@ class Preset:
             if group is None:
                 raise unknown_name(name, (n for group in groups for n in group if n not in hidden), "a preset")
             group[name] = value
-        own["tuned"] = tuple(one for one in own["tuned"] if one[1] not in changes)
         return Preset(**(own | {"network": Network(**parts["network"]), "training": Training(**parts["training"])}))
 
 
