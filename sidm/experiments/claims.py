@@ -93,7 +93,7 @@ def _pretraining(rows: Sequence[Row], system: str, minutes: float) -> Claim:
     if not losses.values.size:
         return Claim(claim, "'cannot be pretrained'", "not run", NO_VERDICT)
     found = difference(losses, 0)
-    ours = f"{found.value:.3g} larger [{found.low:.3g}, {found.high:.3g}]"
+    ours = f"by {found.value:.3g} [{found.low:.3g}, {found.high:.3g}]"
     return Claim(claim, "'cannot be pretrained'", *_judged(ours, found, losses, verdict(found, 0.0)))
 
 
