@@ -27,9 +27,9 @@ class Interval(NamedTuple):
     high: float
 
     def __str__(self) -> str:
-        """The value with two significant digits, its ends in brackets where they are known."""
-        ends = f" [{self.low:.2g}, {self.high:.2g}]" if np.isfinite([self.low, self.high]).all() else ""
-        return f"{self.value:.2g}{ends}"
+        """The value with two significant digits, its ends in brackets where they are known; no powers of ten."""
+        value, low, high = (f"{float(f'{number:.2g}'):g}" for number in self)
+        return f"{value} [{low}, {high}]" if np.isfinite([self.low, self.high]).all() else value
 
 
 class Summary(NamedTuple):

@@ -68,6 +68,7 @@ def test_each_component_has_its_own(rows):
 def test_words_for_a_table():
     assert ratio_words(Saving(1.0, 0.5, Interval(4.0, 3.0, 5.04), "=")) == "4 [3, 5]"
     assert ratio_words(Saving(1.0, 0.5, Interval(4.0, np.nan, np.nan), ">=")) == "at least 4"
+    assert str(Interval(53.2, 0.0951, 372.0)) == "53 [0.095, 370]"
 
 
 def test_the_band_holds_the_curve(rows):
