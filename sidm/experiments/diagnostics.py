@@ -20,7 +20,7 @@ from sklearn.linear_model import LogisticRegression
 from sidm.config import ConfigError, config, from_mapping
 from sidm.experiments.grids import Study
 from sidm.experiments.latents import EVERY, crossed_loss, latents_of, picture, small_network, squared_mmd, told_apart
-from sidm.experiments.measure import THREADS, perform
+from sidm.experiments.measure import THREADS, Library, perform
 from sidm.experiments.presets import PRESETS, load_preset
 from sidm.experiments.provenance import Provenance, here, is_stale, source_hash
 from sidm.experiments.store import StoreError, rounded
@@ -30,7 +30,7 @@ from sidm.learning.training import Trained
 from sidm.pool import local_pool
 from sidm.progress import progress_bar
 from sidm.storage import Damaged, read_record, write_record
-from sidm.systems import SYSTEMS, find_system
+from sidm.systems import ROLES, SYSTEMS, find_system
 
 METHODS_COMPARED = ("sidm", "no_regularisation")
 
@@ -90,10 +90,9 @@ def diagnose(trial: Trial, data: str | Path = "data") -> Diagnosis:
     terrain, pixels = find_system(trial.system).terrain, trial.network.pixels
     expert = load_motion(data, more.collection, more.count, terrain, pixels)
     held_out = expert.part(range(trial.datasets["expert"].count, more.count))
-    novice_set = trial.datasets["validation"]
-    novice = load_motion(data, novice_set.collection, novice_set.count, terrain, pixels)
+    novice = Library(data).motion(trial, "validation")
     motions = novice, held_out.take(range(len(held_out)))
-    latents = [latents_of(trained.model, role, m) for role, m in zip(("novice", "expert"), motions, strict=True)]
+    latents = [latents_of(trained.model, role, m) for role, m in zip(ROLES, motions, strict=True)]
     raw = [motion.inputs[:, ::EVERY].double().numpy() for motion in motions]
     pictures = picture(*latents)
     network = told_apart(latents, small_network())
