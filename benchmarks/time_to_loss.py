@@ -21,8 +21,10 @@ from released import ReleasedLoop
 
 from sidm.experiments import Study, Trial, load_preset
 from sidm.experiments.measure import Library
-from sidm.learning.learner import Learner, mean_loss
-from sidm.learning.training import predict_phase, regularise_phase
+from sidm.learning.evaluation import mean_loss
+from sidm.learning.learner import Learner
+from sidm.learning.regularisation import regularise_phase
+from sidm.learning.training import predict_phase
 
 REFERENCE = dict(
     batch=2, discriminator_batch=2, matching_batch=2, learning_rate=1e-4, decay="l2", system_draw="iteration",

@@ -28,8 +28,9 @@ RANK = {wing: rank for rank, wings in enumerate(RANKS) for wing in wings}
 
 #: Inside `learning`, first to last.
 LEARNING = [
-    "seeds", "settings", "precision", "observation", "dataset", "losses", "initialisation", "networks", "stopping",
-    "checkpoint", "learner", "training", "pretraining", "evaluation", "bundle",
+    "seeds", "settings", "precision", "observation", "dataset", "mirror", "losses", "initialisation", "networks",
+    "model", "evaluation", "weights", "stopping", "checkpoint", "learner", "regularisation", "training", "pretraining",
+    "residual", "bundle",
 ]  # fmt: skip
 
 PYBULLET = {"pybullet", "pybullet_data", "pybullet_utils"}

@@ -8,7 +8,7 @@ import time
 import pytest
 
 from sidm.__main__ import main
-from sidm.experiments import Results, Study, grid, load_preset
+from sidm.experiments import FIGURES, Results, Study, grid, load_preset
 from sidm.trajectory import read_shard
 
 CHANGES = {
@@ -45,6 +45,13 @@ def test_help_shows_defaults_and_units(capsys):
         main(["train", "--help"])
     said = capsys.readouterr().out
     assert "minutes of motion" in said and "(laptop)" in said and "(data)" in said
+
+
+def test_help_names_every_figure(capsys):
+    with pytest.raises(SystemExit):
+        main(["run", "--help"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"{', '.join(FIGURES)} or all" in said
 
 
 @pytest.mark.parametrize(

@@ -1,15 +1,18 @@
 """Many trials: what is run, kept and shown; PyBullet is imported inside the function that collects data alone."""
 
+from sidm.experiments import ablations
 from sidm.experiments.datasets import collect_datasets
-from sidm.experiments.grids import FIGURES, Study, grid
+from sidm.experiments.grids import FIGURES, grid
 from sidm.experiments.measure import perform, run_trial
 from sidm.experiments.methods import METHODS
 from sidm.experiments.presets import PRESETS, Preset, load_preset
 from sidm.experiments.run import run
 from sidm.experiments.store import Failure, Outcome, Results, Row, StoreError
+from sidm.experiments.study import Study
 from sidm.experiments.trials import UNKNOWN, Dataset, Trial
 
 __all__ = [
     "FIGURES", "METHODS", "PRESETS", "UNKNOWN", "Dataset", "Failure", "Outcome", "Preset", "Results", "Row",
-    "StoreError", "Study", "Trial", "collect_datasets", "grid", "load_preset", "perform", "run", "run_trial",
+    "StoreError", "Study", "Trial", "ablations", "collect_datasets", "grid", "load_preset", "perform", "run",
+    "run_trial",
 ]  # fmt: skip

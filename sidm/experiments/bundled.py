@@ -9,23 +9,33 @@ from typing import NamedTuple
 
 import torch
 
+from sidm.config import ConfigError
 from sidm.experiments import provenance
 from sidm.experiments.measure import Library, evaluate, stored_as
 from sidm.experiments.pretrained import folder
 from sidm.experiments.store import Failure, Outcome, Row
 from sidm.experiments.trials import Trial
 from sidm.learning import pretraining
-from sidm.learning.bundle import SHARED, Run, train_bundle
+from sidm.learning.bundle import ONLY, SHARED, Run, train_bundle
 from sidm.learning.checkpoint import CheckpointError
 from sidm.learning.pretraining import STATE, Start, expert_in_place, start_from
 from sidm.learning.training import Tested, Trained, TrainingError
 from sidm.trajectory import ShardError
 
 
+def fits(trial: Trial) -> bool:
+    """Whether a bundle can train it: the methods of Figures 3 and 4 and their ablations."""
+    trainings = [training for training in (trial.training, trial.pretraining) if training is not None]
+    plain = all(getattr(training, name) == only for training in trainings for name, only in ONLY.items())
+    return plain and trial.network.own == "all" and not trial.residual and trial.training.max_samples > 0
+
+
 def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:
     """The trials that can be trained side by side: of one system, network and kind of training; longest first."""
     groups: dict[tuple, list[Trial]] = {}
     for trial in trials:
+        if not fits(trial):
+            raise ConfigError(f"{trial}: this method cannot be trained in a bundle; run it without --bundle")
         trainings = (trial.training, trial.pretraining)
         common = tuple(tuple(getattr(training, name) for name in SHARED) for training in trainings if training)
         groups.setdefault((trial.system, trial.network, common), []).append(trial)

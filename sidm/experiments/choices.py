@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sidm.experiments.grids import Study
 from sidm.experiments.methods import CHOICES
 from sidm.experiments.statistics import Interval, interval
 from sidm.experiments.store import Results
+from sidm.experiments.study import Study
 
 
 class Worth(NamedTuple):

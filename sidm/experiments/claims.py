@@ -62,15 +62,15 @@ def difference(losses: Losses, size: int) -> Interval:
     return interval(lambda pairs: (pairs[:, 1] - pairs[:, 0]).mean(), losses.values[:, :, size])
 
 
-def meeting_size(losses: Losses) -> float | None:
-    """The smallest size, in minutes, from which on the interval of the difference holds zero; None: not yet met."""
-    met = None
-    for size in reversed(range(len(losses.minutes))):
+def meeting(losses: Losses) -> str:
+    """From which size on the difference keeps to one side of zero, or about it: the last run of sizes, in words."""
+    sides = []
+    for size in range(len(losses.minutes)):
         found = difference(losses, size)
-        if not found.low <= 0 <= found.high:
-            break
-        met = float(losses.minutes[size])
-    return met
+        sides.append(1 if found.low > 0 else -1 if found.high < 0 else 0)
+    start = max((size for size, side in enumerate(sides) if side != sides[-1]), default=-1) + 1
+    here, end = f"from {losses.minutes[start]:g} min", f"by {losses.minutes[-1]:g} min"
+    return {0: here, 1: f"not {end}", -1: f"crossed: worse with SIDM {here}"}[sides[-1]]
 
 
 def _meeting(rows: Sequence[Row], system: str, paper: str) -> Claim:
@@ -80,9 +80,7 @@ def _meeting(rows: Sequence[Row], system: str, paper: str) -> Claim:
         return Claim(claim, paper, "not run", UNCLEAR)
     if len(losses.values) < FEWEST_SEEDS:
         return Claim(claim, paper, "too few seeds", UNCLEAR)
-    met = meeting_size(losses)
-    ours = f"not by {losses.minutes[-1]:g} min" if met is None else f"from {met:g} min"
-    return Claim(claim, paper, *_judged(ours, None, losses, UNCLEAR))
+    return Claim(claim, paper, *_judged(meeting(losses), None, losses, UNCLEAR))
 
 
 def _pretraining(rows: Sequence[Row], system: str, minutes: float) -> Claim:

@@ -1,16 +1,18 @@
 """Stored rows that older code made and that today's code would make again: confirmed by a sample instead of hours.
 
-Of every kind of stale trial (all equal but for size and seed) the quickest is run again. Where it comes out as it is
-stored, to the last stored digit, all rows of its kind count as made by today's code, and say so.
+Of every kind of stale trial the quickest is run again. The trials of a kind go the same ways through the code: they are
+equal but for size, seed, and how large the numbers are that are not zero. Where the quickest comes out as it is stored,
+to the last stored digit, all rows of its kind count as made by today's code, and say so.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Iterable
 from concurrent.futures import Executor, as_completed
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from sidm.experiments.measure import run_trial
 from sidm.experiments.provenance import source_hash
@@ -32,9 +34,19 @@ def candidates(trials: Iterable[Trial], store: Results) -> list[list[Row]]:
     for row in store.rows(trials):
         made = row.provenance
         if row.stale and not made.bundle and made.simulation_source == source_hash("simulation"):
-            kind = row.trial.replace(novice_minutes=row.trial.pool_minutes, seed=0).key, made.learning_source
-            kinds.setdefault(kind, []).append(row)
+            kinds.setdefault((kind(row.trial), made.learning_source), []).append(row)
     return [sorted(rows, key=lambda row: row.provenance.seconds) for rows in kinds.values()]
+
+
+def kind(trial: Trial) -> str:
+    """What a trial has in common with those of its kind."""
+
+    def choices(values: Any) -> Any:
+        if isinstance(values, dict):
+            return {name: choices(value) for name, value in values.items()}
+        return values if isinstance(values, str | bool | None) else bool(values)
+
+    return json.dumps(choices(trial.replace(seed=0).to_json()), sort_keys=True)
 
 
 def same(row: Row, again: Row) -> bool:
@@ -56,20 +68,20 @@ def confirm(
         progress: whether to show a bar.
     """
     kinds = candidates(trials, store)
-    futures = {executor.submit(run_trial, kind[0].trial, Path(data).absolute()): kind for kind in kinds}
+    futures = {executor.submit(run_trial, alike[0].trial, Path(data).absolute()): alike for alike in kinds}
     rows, differing = 0, []
     with progress_bar(len(kinds), "kinds", "trial", progress) as bar:
         for done in as_completed(futures):
-            kind, again = futures[done], done.result()
-            if isinstance(again, Row) and same(kind[0], again):
-                for number, row in enumerate(kind):
+            alike, again = futures[done], done.result()
+            if isinstance(again, Row) and same(alike[0], again):
+                for number, row in enumerate(alike):
                     how = "sample" if number else "rerun"
                     made = dataclasses.replace(
                         row.provenance, confirmed_source=again.provenance.learning_source, confirmed_by=how
                     )
                     store.put(dataclasses.replace(row, provenance=made))
-                rows += len(kind)
+                rows += len(alike)
             else:
-                differing.append(kind[0].trial)
+                differing.append(alike[0].trial)
             bar.update()
     return Confirmed(rows, differing)

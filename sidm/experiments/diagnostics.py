@@ -1,6 +1,6 @@
 """How alike two systems' latent state-actions are: fresh domain classifiers, MMD, a picture.
 
-`python -m sidm.experiments.diagnostics` trains the models anew, at the two sizes of the ablations with and without
+`python -m sidm.experiments.diagnostics` trains the models anew, at the two sizes of the baselines with and without
 regularisation, and stores what it finds in results/diagnostics; what is stored is not made again.
 """
 
@@ -18,12 +18,12 @@ import numpy as np
 from sklearn.linear_model import LogisticRegression
 
 from sidm.config import ConfigError, config, from_mapping
-from sidm.experiments.grids import Study
 from sidm.experiments.latents import EVERY, crossed_loss, latents_of, picture, small_network, squared_mmd, told_apart
 from sidm.experiments.measure import THREADS, Library, perform
 from sidm.experiments.presets import PRESETS, load_preset
 from sidm.experiments.provenance import Provenance, here, is_stale, source_hash
 from sidm.experiments.store import StoreError, rounded
+from sidm.experiments.study import Study
 from sidm.experiments.trials import Dataset, Trial
 from sidm.learning.dataset import load_motion
 from sidm.learning.training import Trained
@@ -65,7 +65,7 @@ class Diagnosis:
 def diagnosed(study: Study, systems: Iterable[str] = tuple(SYSTEMS)) -> list[Trial]:
     """The trials whose latents are looked at: with and without regularisation, a small and a middle size."""
     return [
-        trial for system in systems for trial in study.points(system, METHODS_COMPARED, study.preset.ablation_minutes)
+        trial for system in systems for trial in study.points(system, METHODS_COMPARED, study.preset.baseline_minutes)
     ]
 
 

@@ -13,14 +13,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator
 
+from sidm.experiments.methods import METHODS
+
 STYLE = Path(__file__).with_name("sidm.mplstyle")
+
+_LOOKS: dict[str, dict[str, Any]] = {
+    "sidm": {"color": "#0072B2", "linestyle": "-", "marker": "o"},
+    "novice_only": {"color": "#D55E00", "linestyle": "--", "marker": "s"},
+    "no_regularisation": {"color": "#009E73", "linestyle": "-.", "marker": "^"},
+    "pretrain_finetune": {"color": "#CC79A7", "linestyle": ":", "marker": "D"},
+}
+_PLAIN = {"color": "#555555", "linestyle": "-", "marker": "."}  # of methods that no curve shows
 
 #: How a method is drawn and named, told apart by colour (Okabe and Ito), line and marker.
 METHOD_STYLES: dict[str, dict[str, Any]] = {
-    "sidm": {"color": "#0072B2", "linestyle": "-", "marker": "o", "label": "with SIDM"},
-    "novice_only": {"color": "#D55E00", "linestyle": "--", "marker": "s", "label": "without SIDM"},
-    "no_regularisation": {"color": "#009E73", "linestyle": "-.", "marker": "^", "label": "SIDM, no adversary"},
-    "pretrain_finetune": {"color": "#CC79A7", "linestyle": ":", "marker": "D", "label": "expert first, then novice"},
+    name: _LOOKS.get(name, _PLAIN) | {"label": method.label} for name, method in METHODS.items()
 }
 SIZE_STYLES: tuple[dict[str, Any], ...] = (
     {"color": "#0072B2", "linestyle": "-", "marker": "o"},

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from sidm.experiments.baselines import Neighbour
 from sidm.experiments.drawing import (
     CONTROL_STEP,
     EFFICIENCY_MARKS,
@@ -20,7 +21,7 @@ from sidm.experiments.drawing import (
     side_by_side,
     styled,
 )
-from sidm.experiments.methods import FIGURE3
+from sidm.experiments.methods import FIGURE3, METHODS
 from sidm.experiments.savings import efficiency_band
 from sidm.experiments.statistics import efficiency, falling, summarise
 from sidm.experiments.store import Row
@@ -171,36 +172,68 @@ def latent_pictures(found: Sequence[Diagnosis]) -> Figure:
     return figure
 
 
+#: What the values of an ablation count; those of the phases are iterations a phase.
+_COUNTED = {"p_expert": "probability", "pixels": "a side of the map", "patience": "samples"}
+
+
 def ablated(trial: Trial, name: str) -> float:
-    """The value of a trial in the ablation of `name`, a field of Training; without regularisation, 0 matching."""
+    """A trial's value in the ablation of `name`, of its training or network; without regularisation, 0 matching."""
     if name == "matching_iterations" and not trial.training.regularise:
         return 0.0
-    return float(getattr(trial.training, name))
+    return float(getattr(trial.network if name == "pixels" else trial.training, name))
 
 
 @styled
-def ablation(rows: Sequence[Row], name: str, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
-    """Validation loss against a value of the training: mean over seeds with minimum to maximum, a line a size.
+def ablation(
+    rows: Sequence[Row], name: str, systems: Sequence[str] = tuple(SYSTEMS), by_method: bool = False
+) -> Figure:
+    """Validation loss against an ablated value: mean over seeds with minimum to maximum.
 
     Args:
         rows: the ablation's.
-        name: 'p_expert', 'prediction_iterations', 'discriminator_iterations' or 'matching_iterations'.
+        name: of the value, as `ablated` takes it.
         systems: a plot each.
+        by_method: whether each method has a line for each size; else all of a size are one line.
     """
     figure, panels = side_by_side(len(systems))
     for axes, system in zip(panels, systems, strict=True):
-        unit = "probability" if name == "p_expert" else "a phase"
+        unit = _COUNTED.get(name, "a phase")
         axes.set(xlabel=f"{name.replace('_', ' ')} ({unit})", ylabel=LOSS_LABEL, title=system)
-        here = [row for row in rows if row.trial.system == system]
-        for minutes, style in zip(sorted({row.trial.novice_minutes for row in here}), SIZE_STYLES, strict=False):
-            found: dict[float, list[float]] = {}
-            for row in here:
-                if row.trial.novice_minutes == minutes:
-                    found.setdefault(ablated(row.trial, name), []).append(validation_loss(row))
+        lines: dict[tuple[float, str], dict[float, list[float]]] = {}
+        for row in rows:
+            if row.trial.system == system:
+                line = row.trial.novice_minutes, METHOD_STYLES[row.trial.method]["label"] if by_method else ""
+                lines.setdefault(line, {}).setdefault(ablated(row.trial, name), []).append(validation_loss(row))
+        for (minutes, label), style in zip(sorted(lines), SIZE_STYLES, strict=False):
+            found = lines[minutes, label]
             values = sorted(found)
             means = np.array([np.mean(found[v]) for v in values])
             lowest, highest = (np.array([end(found[v]) for v in values]) for end in (min, max))
             spread = np.clip([means - lowest, highest - means], 0, None)
-            axes.errorbar(values, means, spread, capsize=3, label=f"{minutes:g} min", **style)
+            words = f"{label}, {minutes:g} min" if label else f"{minutes:g} min"
+            axes.errorbar(values, means, spread, capsize=3, label=words, **style)
+        finish(axes)
+    return figure
+
+
+@styled
+def neighbours_figure(found: Sequence[Neighbour], systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
+    """Validation loss of each method, mean with minimum to maximum: a plot a system, a colour a size."""
+    figure, panels = side_by_side(len(systems))
+    methods = [name for name in METHODS if any(one.method == name for one in found)]
+    sizes = sorted({one.minutes for one in found})
+    figure.set_size_inches(figure.get_size_inches()[0], 1.2 + 0.34 * max(len(methods), 5))
+    for axes, system in zip(panels, systems, strict=True):
+        for number, minutes in enumerate(sizes):
+            here = [one for one in found if (one.system, one.minutes) == (system, minutes)]
+            if here:
+                means = np.array([one.loss for one in here])
+                ends = np.array([(one.loss - one.lowest, one.highest - one.loss) for one in here]).T.clip(0)
+                height = [methods.index(one.method) + 0.16 * (number - (len(sizes) - 1) / 2) for one in here]
+                style = SIZE_STYLES[number % len(SIZE_STYLES)] | {"linestyle": ""}
+                axes.errorbar(means, height, xerr=ends, capsize=2, label=f"{minutes:g} min", **style)
+        axes.set(xlabel=LOSS_LABEL.replace("\n", " "), title=system)
+        axes.set_yticks(range(len(methods)), [METHOD_STYLES[name]["label"] for name in methods])
+        axes.invert_yaxis()
         finish(axes)
     return figure

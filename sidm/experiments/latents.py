@@ -14,9 +14,9 @@ from sklearn.preprocessing import StandardScaler
 from torch import Tensor
 
 from sidm.learning.dataset import Motion
-from sidm.learning.learner import EVALUATION_BATCH
+from sidm.learning.evaluation import EVALUATION_BATCH
 from sidm.learning.losses import prediction_loss
-from sidm.learning.networks import DynamicsModel
+from sidm.learning.model import DynamicsModel
 
 EVERY = 4  # steps; those between are much like their neighbours
 PICTURED = 150  # latents of each system

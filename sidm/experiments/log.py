@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sidm.learning.learner import Tested
+from sidm.learning.stopping import Tested
 
 if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter

@@ -6,6 +6,7 @@ import contextlib
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -17,10 +18,11 @@ from sidm.experiments.pretrained import start_of
 from sidm.experiments.provenance import Provenance
 from sidm.experiments.store import Failure, Outcome, Row
 from sidm.experiments.trials import Trial
-from sidm.learning.dataset import Datasets, Motion, load_motion, novice_split
+from sidm.learning.dataset import Datasets, Motion, Standardisation, load_motion, novice_split
 from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
-from sidm.learning.networks import DynamicsModel
+from sidm.learning.model import DynamicsModel
 from sidm.learning.pretraining import Start
+from sidm.learning.residual import Corrected, left_over, units
 from sidm.learning.training import Tested, Trained, TrainingError, train
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain
@@ -99,11 +101,22 @@ def perform(
         library = Library(data)
         sets, rollouts = library.datasets(trial), library.rollouts(trial)
         start = start_of(trial, sets, data, device)
-        trained = train(
-            sets, trial.network, trial.training, trial.seed,
-            checkpoint=checkpoint, progress=progress, device=device, start=start and start.weights,
-        )  # fmt: skip
+        trained = _train(trial, sets, start, checkpoint=checkpoint, progress=progress, device=device)
         return evaluate(trial, trained, sets.validation, rollouts, start), trained
+
+
+def _train(trial: Trial, sets: Datasets, start: Start | None, **how: Any) -> Trained:
+    """`train` a trial's model from what it starts from, or as a correction of it."""
+    if start is None or not trial.residual:
+        return train(sets, trial.network, trial.training, trial.seed, start=start and start.weights, **how)
+    assert sets.expert is not None
+    base = DynamicsModel(trial.network, Standardisation.of(sets.expert), roles=["novice"])
+    base.start(start.weights)
+    sets = left_over(sets, base.to(how["device"]).eval().requires_grad_(False))
+    trained = train(
+        sets, trial.network, trial.training, trial.seed, standardisation=units(sets), **how
+    )
+    return trained._replace(model=Corrected(base, trained.model))
 
 
 def evaluate(

@@ -1,13 +1,13 @@
 """The methods: configurations of the one training loop. What tells them apart stands here, and what they were tuned to.
 
-The preset's numbers are those of its `training`, with the changes of its `tuned` for a method.
+The preset's numbers are those of its `training`, with the changes of its `tuned` for a method. The method `all_data`,
+training without SIDM on all novice data, is `novice_only` at the largest size.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 from sidm.experiments.presets import Preset
 from sidm.learning.settings import Training
@@ -19,52 +19,67 @@ def change(training: Training, **changes: Any) -> Training:
     return Training(**(own | changes))
 
 
-def _training(preset: Preset, method: str, **changes: Any) -> Training:
-    """The preset's training with what a method was tuned to, and `changes`."""
-    return change(preset.training, **preset.tuned_values(method), **changes)
+class Method(NamedTuple):
+    """A configuration of the one training loop."""
+
+    label: str  # for figures and tables
+    tuned_as: str  # whose tuned settings it has
+    expert: bool = False  # whether it learns from the expert's data too, with the preset's p_e
+    regularise: bool = False  # whether the latents are made alike
+    pretrained: bool = False  # whether it starts from weights that learnt from the expert alone
+    residual: bool = False  # whether it learns to correct them instead
+    own: Literal["all", "biases", "flag", "none"] = "all"  # what each system has of encoder and decoder for itself
+    changes: tuple[tuple[str, Any], ...] = ()  # of its training
+    all_changes: tuple[tuple[str, Any], ...] = ()  # of its training, and of its pretraining
+
+    def training(self, preset: Preset, system: str) -> Training:
+        """Its training on a system's novice: the preset's, with what it was tuned to and what it changes."""
+        values = preset.tuned_values(self.tuned_as) | dict(self.all_changes) | dict(self.changes)
+        p_expert = preset.p_expert(system) if self.expert else 0.0
+        return change(preset.training, **(dict(p_expert=p_expert, regularise=self.regularise) | values))
+
+    def pretraining(self, preset: Preset) -> Training | None:
+        """Its training on the expert alone; None for a method that begins afresh."""
+        if not self.pretrained:
+            return None
+        values = preset.tuned_values("pretraining") | dict(self.all_changes)
+        return change(preset.training, **values, p_expert=0.0, regularise=False)
 
 
-def _sidm(preset: Preset, system: str) -> Training:
-    """The paper's method: expert data with probability p_e, and the adversary."""
-    return _training(preset, "sidm", p_expert=preset.p_expert(system), regularise=True)
-
-
-def _novice_only(preset: Preset, system: str) -> Training:
-    """The paper's comparison: novice data alone, no regularisation phase (section 4)."""
-    return _training(preset, "novice_only", p_expert=0.0, regularise=False)
-
-
-def _no_regularisation(preset: Preset, system: str) -> Training:
-    """Shared SIDM without the adversary."""
-    return _training(preset, "sidm", p_expert=preset.p_expert(system), regularise=False)
-
-
-def _finetuning(preset: Preset, system: str) -> Training:
-    """The novice's data alone, from weights that learnt from the expert's, which the paper argues against."""
-    return _training(preset, "pretrain_finetune", p_expert=0.0, regularise=False)
-
-
-def _pretraining(preset: Preset) -> Training:
-    """The expert's data alone."""
-    return _training(preset, "pretraining", p_expert=0.0, regularise=False)
-
-
-#: Name -> the training of a method on a system.
-METHODS: dict[str, Callable[[Preset, str], Training]] = {
-    "sidm": _sidm,
-    "novice_only": _novice_only,
-    "no_regularisation": _no_regularisation,
-    "pretrain_finetune": _finetuning,
-}
-
-#: Name -> the training on the expert alone that a method's weights come from; the others begin afresh.
-PRETRAINED: dict[str, Callable[[Preset], Training]] = {"pretrain_finetune": _pretraining}
+#: The methods by name.
+METHODS: dict[str, Method] = {
+    # The paper's method, and its comparison on novice data alone (section 4).
+    "sidm": Method("with SIDM", "sidm", expert=True, regularise=True),
+    "novice_only": Method("without SIDM", "novice_only"),
+    # What section 4 argues against.
+    "pretrain_finetune": Method("expert first, then novice", "pretrain_finetune", pretrained=True),
+    "finetune_parts": Method(
+        "expert first, then encoder and decoder", "pretrain_finetune", pretrained=True, changes=(("frozen", "sidm"),)
+    ),
+    "expert_only": Method(
+        "expert alone", "pretrain_finetune", pretrained=True, changes=(("max_samples", 0),)
+    ),
+    "residual": Method("expert's model and a correction", "novice_only", pretrained=True, residual=True),
+    # The SIDM without its adversary, and with others.
+    "no_regularisation": Method("SIDM, no adversary", "sidm", expert=True),
+    "mmd": Method("SIDM, MMD", "sidm", expert=True, regularise=True, changes=(("matching", "mmd"),)),
+    "coral": Method("SIDM, CORAL", "sidm", expert=True, regularise=True, changes=(("matching", "coral"),)),
+    "gradient_reversal": Method(
+        "SIDM, gradient reversal", "sidm", expert=True, regularise=True, changes=(("matching", "reversal"),)
+    ),
+    # One network for both systems.
+    "pooled": Method("one network", "sidm", expert=True, own="none"),
+    "pooled_flag": Method("one network, told the system", "sidm", expert=True, own="flag"),
+}  # fmt: skip
 
 #: The two methods that the paper compares.
 COMPARED = ("sidm", "novice_only")
 
 #: What Figure 3 draws here: what a reviewer asks for first is in it from the start.
 FIGURE3 = (*COMPARED, "pretrain_finetune")
+
+#: The other methods that SIDM is put among.
+BASELINES = tuple(name for name in METHODS if name not in FIGURE3)
 
 #: Another choice than ours or the paper's, most of them the released code's -> changes of the preset, methods touched.
 CHOICES: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {

@@ -37,7 +37,9 @@ class Preset:
     seeds: int  # trials a point
     figure4_minutes: tuple[float, ...] = (5.0, 120.0)
     figure4_seeds: int = 10  # trials a point of Figure 4
-    ablation_minutes: tuple[float, ...] = (5.0, 60.0)  # a small and a middle size
+    baseline_minutes: tuple[float, ...] = (5.0, 20.0)  # a small and a middle size: of the baselines and the diagnostics
+    ablation_minutes: tuple[float, ...] = (5.0,)
+    ablation_seeds: int = 2  # trials a point of the ablations
     tuning_minutes: float = 20.0  # a middle size, at which the methods are tuned
     p_expert_system1: float = 0.75  # section 4: the systems are similar
     p_expert_system2: float = 0.5  # section 4: they differ greatly
@@ -56,7 +58,8 @@ class Preset:
         for name in ("expert_minutes", "validation_minutes", "pool_minutes_system1", "pool_minutes_system2"):
             if not 0 < getattr(self, name) < float("inf"):
                 raise ConfigError(f"{name} must be positive and finite, not {getattr(self, name)}")
-        for name in ("novice_minutes_system1", "novice_minutes_system2", "figure4_minutes", "ablation_minutes"):
+        for name in ("novice_minutes_system1", "novice_minutes_system2", "figure4_minutes", "baseline_minutes",
+                     "ablation_minutes"):  # fmt: skip
             if not all(minutes > 0 for minutes in getattr(self, name)):
                 raise ConfigError(f"{name} must be positive, not {getattr(self, name)}")
         for name in ("p_expert_system1", "p_expert_system2"):
@@ -68,7 +71,7 @@ class Preset:
                 raise unknown_name(setting, names, "what a method is tuned in")
         if self.policy not in POLICIES:
             raise unknown_name(self.policy, POLICIES, "the exploration policies")
-        for name in ("seeds", "figure4_seeds"):
+        for name in ("seeds", "figure4_seeds", "ablation_seeds"):
             if not 1 <= getattr(self, name) <= MOST_SEEDS:
                 raise ConfigError(f"{name} must be from 1 to {MOST_SEEDS}, not {getattr(self, name)}")
         if self.rollouts < 1:
@@ -160,7 +163,9 @@ PRESETS: dict[str, Preset] = {
             figure4_minutes=(0.5, 2),
             figure4_seeds=1,
             tuning_minutes=2,
-            ablation_minutes=(0.5, 2),
+            baseline_minutes=(0.5, 2),
+            ablation_minutes=(0.5,),
+            ablation_seeds=1,
             network=Network(pixels=16, layers=1, hidden=32),
             training=Training(
                 prediction_iterations=10,

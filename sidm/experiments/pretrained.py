@@ -13,6 +13,7 @@ from sidm.experiments.provenance import source_hash
 from sidm.experiments.trials import Trial
 from sidm.learning import pretraining
 from sidm.learning.dataset import Datasets
+from sidm.learning.networks import Network
 from sidm.learning.pretraining import Start, expert_in_place, start_from
 from sidm.learning.training import train
 
@@ -27,12 +28,17 @@ def folder(trial: Trial, data: str | Path, wing: str = "learning") -> Path:
     made_from = {
         "dataset": trial.datasets["expert"].name,
         "digest": trial.digests["expert"],
-        "network": dataclasses.asdict(trial.network),  # type: ignore[call-overload]
+        "network": dataclasses.asdict(network_of(trial)),  # type: ignore[call-overload]
         "training": dataclasses.asdict(trial.pretraining),  # type: ignore
         "seed": trial.seed,
     }
     key = hashlib.sha256(json.dumps(made_from, sort_keys=True).encode()).hexdigest()[:20]
     return Path(data) / "pretrained" / f"{key}-{source_hash(wing)}"
+
+
+def network_of(trial: Trial) -> Network:
+    """That of a trial's pretraining, in which one system is alone and shares nothing."""
+    return dataclasses.replace(trial.network, own="all")  # type: ignore[type-var]
 
 
 def start_of(trial: Trial, datasets: Datasets, data: str | Path, device: str = "cpu") -> Start | None:
@@ -50,7 +56,7 @@ def start_of(trial: Trial, datasets: Datasets, data: str | Path, device: str = "
         if found is None:
             sets, state = expert_in_place(datasets, trial.seed), where / pretraining.STATE
             found = start_from(
-                train(sets, trial.network, trial.pretraining, trial.seed, checkpoint=state, device=device)
+                train(sets, network_of(trial), trial.pretraining, trial.seed, checkpoint=state, device=device)
             )
             pretraining.keep(where, found)
         return found

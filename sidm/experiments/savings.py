@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidm.experiments.statistics import Interval, efficiency, efficiency_at_sizes, interval, known
+from sidm.experiments.statistics import Efficiency, Interval, efficiency, efficiency_at_sizes, interval, known
 from sidm.experiments.store import Row
 from sidm.experiments.tables import COMPONENTS, gather, validation_loss
 
@@ -28,31 +28,36 @@ def savings(
     against: str = "novice_only",
     value: Callable[[Row], float] = validation_loss,
 ) -> list[Saving]:
-    """At each size that both methods have: how many times a method's data the comparison needs to do as well.
+    """At each size of a method: how many times its data the comparison, on its own sizes, needs to do as well.
 
     Args:
-        rows: of Figure 3.
+        rows: of Figure 3, or of the variants; seeds that lack one of a method's sizes are left out.
         system: whose.
         method: that saves.
         against: the comparison.
         value: the loss that is compared.
     """
-    losses = gather(rows, system, (method, against), value)
-    if not losses.values.size:
+    own, other = (gather(rows, system, (name,), value) for name in (method, against))
+    seeds = np.intersect1d(own.seeds, other.seeds)
+    if not seeds.size:
         return []
-    found = efficiency_at_sizes(losses.minutes, *losses.values.mean(0))
+    both = np.hstack([side.values[np.isin(side.seeds, seeds), 0] for side in (own, other)])  # (S, M + N)
+
+    def at_sizes(some: np.ndarray) -> Efficiency:
+        mean = some.mean(0)
+        return efficiency_at_sizes(own.minutes, mean[: len(own.minutes)], mean[len(own.minutes) :], other.minutes)
 
     def at(size: int) -> Interval:
-        def ratio(pairs: np.ndarray) -> float:
-            method, comparison = pairs.mean(0)
-            again = efficiency_at_sizes(losses.minutes, method, comparison)
+        def ratio(some: np.ndarray) -> float:
+            again = at_sizes(some)
             return known(again.ratio[size], str(again.bound[size]))
 
-        return Interval(float(found.ratio[size]), *np.exp(interval(ratio, losses.values)[1:]))
+        return Interval(float(found.ratio[size]), *np.exp(interval(ratio, both)[1:]))
 
+    found = at_sizes(both)
     return [
         Saving(float(minutes), float(found.loss[size]), at(size), str(found.bound[size]))
-        for size, minutes in enumerate(losses.minutes)
+        for size, minutes in enumerate(own.minutes)
     ]
 
 

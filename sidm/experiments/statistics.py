@@ -154,13 +154,17 @@ def efficiency(minutes: np.ndarray, sidm: np.ndarray, novice_only: np.ndarray, l
     return Efficiency(np.asarray(losses, float), np.array(ratios), np.array(bounds))
 
 
-def efficiency_at_sizes(minutes: np.ndarray, sidm: np.ndarray, novice_only: np.ndarray) -> Efficiency:
+def efficiency_at_sizes(
+    minutes: np.ndarray, sidm: np.ndarray, novice_only: np.ndarray, novice_only_minutes: np.ndarray | None = None
+) -> Efficiency:
     """How many times as much data the comparison needs for what the fitted SIDM curve (M,) has at each size.
 
-    The size itself is the divisor, also where the fit is level and a smaller one would do.
+    The size itself is the divisor, also where the fit is level and a smaller one would do. The comparison's curve has
+    the same sizes unless its own (N,) are given.
     """
     minutes, losses, other = np.asarray(minutes, float), falling(sidm), falling(novice_only)
-    needed = [minutes_needed(minutes, other, loss) for loss in losses]
+    known_at = minutes if novice_only_minutes is None else np.asarray(novice_only_minutes, float)
+    needed = [minutes_needed(known_at, other, loss) for loss in losses]
     ratios = np.array([much for much, _ in needed]) / minutes
     return Efficiency(losses, ratios, np.array([{"=": "=", ">": ">=", "<=": "<="}[sign] for _, sign in needed]))
 

@@ -20,6 +20,7 @@ class Losses(NamedTuple):
 
     minutes: np.ndarray  # (M,) rising
     values: np.ndarray  # (S, K, M)
+    seeds: np.ndarray  # (S,)
 
 
 def validation_loss(row: Row) -> float:
@@ -57,7 +58,8 @@ def gather(
     every = sorted({seed for seed, _, _ in cells})
     seeds = [seed for seed in every if all((seed, m, size) in cells for m in methods for size in sizes)]
     values = [[[cells[seed, m, size] for size in sizes] for m in methods] for seed in seeds]
-    return Losses(np.array(sizes, float), np.array(values, float).reshape(len(seeds), len(methods), len(sizes)))
+    array = np.array(values, float).reshape(len(seeds), len(methods), len(sizes))
+    return Losses(np.array(sizes, float), array, np.array(seeds, int))
 
 
 def provenance_line(rows: Sequence[Row], command: str = "") -> str:
@@ -121,7 +123,7 @@ def overview(store: Results, trials: Iterable[Trial], preset: Preset) -> list[st
         if rows:
             loss = np.mean([validation_loss(row) for row in rows])
             words += f"  stale {sum(row.stale for row in rows)}  loss {loss:.4g}"
-        variant = differences(training, METHODS[method](preset, system))
+        variant = differences(training, METHODS[method].training(preset, system))
         lines.append(words + (f"  ({variant})" if variant else ""))
     return lines
 

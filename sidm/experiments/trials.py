@@ -71,6 +71,7 @@ class Trial:
     network: Network = Network()
     training: Training = Training()
     pretraining: Training | None = None  # on the expert alone, whose weights the novice starts from; none: fresh ones
+    residual: bool = False  # the pretrained model stays as it is; what is learnt, from fresh weights, corrects it
 
     def __post_init__(self) -> None:
         """Refuse a trial that cannot be run."""
@@ -83,8 +84,10 @@ class Trial:
             )
         if self.rollouts < 1:
             raise ConfigError(f"Trial.rollouts must be at least 1, not {self.rollouts}")
-        if self.pretraining is not None and (self.pretraining.needs_expert or self.training.needs_expert):
-            raise ConfigError("Trial.pretraining goes with p_expert=0 and regularise=False in both of its trainings")
+        if self.pretraining is not None and self.pretraining.needs_expert:
+            raise ConfigError("Trial.pretraining has the expert in the novice's place: p_expert=0 and regularise=False")
+        if self.residual and (self.pretraining is None or self.training.needs_expert):
+            raise ConfigError("Trial.residual goes with a pretraining, and with p_expert=0 and regularise=False")
 
     @property
     def datasets(self) -> dict[str, Dataset]:

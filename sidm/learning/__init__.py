@@ -3,13 +3,13 @@
 from sidm.learning.checkpoint import CheckpointError
 from sidm.learning.dataset import Datasets, Motion, Standardisation, load_motion, novice_split, prepare
 from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
+from sidm.learning.model import DynamicsModel
 from sidm.learning.networks import (
     PAPER_NETWORK,
     RELEASED_NETWORK,
     SIDM,
     Decoder,
     Discriminator,
-    DynamicsModel,
     Encoder,
     Network,
     parameter_count,

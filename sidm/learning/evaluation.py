@@ -7,12 +7,23 @@ import torch
 from torch import Tensor
 
 from sidm import rotations
-from sidm.learning.dataset import Motion
-from sidm.learning.learner import EVALUATION_BATCH
-from sidm.learning.losses import component_losses
-from sidm.learning.networks import DynamicsModel
+from sidm.learning.dataset import Motion, Part
+from sidm.learning.losses import component_losses, prediction_loss
+from sidm.learning.model import DynamicsModel
 from sidm.learning.observation import TARGET_SIZE, encode_inputs, integrate, robot_centred_map
 from sidm.trajectory import ACTION_SIZE, POSITION, QUATERNION, STATE_SIZE
+
+EVALUATION_BATCH = 32  # trajectories at a time where no gradient is needed
+
+
+def mean_loss(model: DynamicsModel, motion: Motion | Part, role: str = "novice") -> float:
+    """Equation (1) averaged over the steps of `motion`."""
+    total = 0.0
+    with torch.inference_mode():
+        for part in motion.split(EVALUATION_BATCH):
+            part = part.to(model.device)
+            total += float(prediction_loss(model(role, part.inputs, part.maps)[0], part.targets).double().sum())
+    return total / motion.targets[..., 0].numel()
 
 
 def validation_loss(model: DynamicsModel, motion: Motion, role: str = "novice") -> Tensor:

@@ -6,7 +6,6 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -14,57 +13,19 @@ from torch import Tensor
 from sidm.config import ConfigError
 from sidm.learning import checkpoint
 from sidm.learning.dataset import Datasets, Motion, Part, Standardisation
-from sidm.learning.losses import prediction_loss
-from sidm.learning.networks import Discriminator, DynamicsModel, Network, seeded
+from sidm.learning.evaluation import mean_loss
+from sidm.learning.mirror import mirrored
+from sidm.learning.model import DynamicsModel
+from sidm.learning.networks import Discriminator, Network, seeded
 from sidm.learning.seeds import generator
 from sidm.learning.settings import Training
-from sidm.learning.stopping import Stopper
+from sidm.learning.stopping import Stopper, Tested, TrainingError
+from sidm.learning.weights import Follower, make_optimiser
 from sidm.systems import ROLES
 from sidm.trajectory import checksum
 
-EVALUATION_BATCH = 32  # trajectories at a time where no gradient is needed
-
 #: What is drawn at random, each from a generator of its own, so that one seed gives all methods the same novice draws.
-PURPOSES = ("system", "novice", "expert", "discriminator novice", "discriminator expert", "matching")
-
-
-class TrainingError(RuntimeError):
-    """A run that came to nothing because a loss is not finite; the message is one line."""
-
-    def __init__(self, what: str, loss: float, iteration: int):
-        super().__init__(what, loss, iteration)
-        self.what, self.loss, self.iteration = what, loss, iteration
-
-    def __str__(self) -> str:
-        return (
-            f"the {self.what} loss is {self.loss} after {self.iteration} iterations; "
-            "lower the learning rate or look at the data"
-        )
-
-
-class Tested(NamedTuple):
-    """A point of the learning curve."""
-
-    samples: int  # control steps of the prediction phases so far
-    training_loss: float  # equation (1) on the novice's samples since the test before; on all samples if it had none
-    test_loss: float  # equation (1) on the novice's test split, not smoothed
-    discriminator_accuracy: float | None  # share of latents told apart in the last discriminator phase; None without
-
-
-def mean_loss(model: DynamicsModel, motion: Motion | Part, role: str = "novice") -> float:
-    """Equation (1) averaged over the steps of `motion`."""
-    total = 0.0
-    with torch.inference_mode():
-        for part in motion.split(EVALUATION_BATCH):
-            part = part.to(model.device)
-            total += float(prediction_loss(model(role, part.inputs, part.maps)[0], part.targets).double().sum())
-    return total / motion.targets[..., 0].numel()
-
-
-def make_optimiser(module: torch.nn.Module, training: Training) -> torch.optim.Optimizer:
-    """Adam with decoupled weight decay (section 4), or with the released code's L2 penalty."""
-    adam = torch.optim.AdamW if training.decay == "decoupled" else torch.optim.Adam
-    return adam(module.parameters(), lr=training.learning_rate, weight_decay=training.weight_decay, fused=True)
+PURPOSES = ("system", "novice", "expert", "discriminator novice", "discriminator expert", "matching", "mirror")
 
 
 class Learner:
@@ -93,9 +54,11 @@ class Learner:
         roles = ROLES if training.needs_expert else ("novice",)
         self.model = DynamicsModel(network, standardisation, seed, roles).to(self.device)
         if start is not None:
-            self.model.load_state_dict(start)
+            self.model.start(start)
+        self.model.sidm.requires_grad_(training.frozen != "sidm")
         self.discriminator = seeded(seed, "discriminator", lambda: Discriminator(network)).to(self.device)
         self.prediction = make_optimiser(self.model, training)
+        self.follower = Follower(self.model, training)
         self.discrimination = make_optimiser(self.discriminator, training)
         own = training.matching_optimiser == "own"
         self.matching = make_optimiser(self.model.encoders["novice"], training) if own else self.prediction
@@ -128,7 +91,14 @@ class Learner:
 
     def draw(self, role: str, count: int, purpose: str) -> Motion:
         """`count` random training trajectories of a system, on the device."""
-        return self.part(role).take(self.draw_indices(role, count, purpose)).to(self.device)
+        return self.take(role, self.draw_indices(role, count, purpose))
+
+    def take(self, role: str, which: Tensor) -> Motion:
+        """Training trajectories of a system on the device, every second one at random mirrored if `mirror` is set."""
+        motion = self.part(role).take(which)
+        if self.training.mirror:
+            motion = mirrored(motion, torch.rand(len(which), generator=self.generators["mirror"]) < 0.5)
+        return motion.to(self.device)
 
     def draw_batch_indices(self) -> dict[str, Tensor]:
         """Which b_pred trajectories make a batch, by system: each the expert's with probability p_e (Algorithm 1).
@@ -150,7 +120,14 @@ class Learner:
 
     def draw_batch(self) -> dict[str, Motion]:
         """The trajectories of a batch by system, on the device."""
-        return {role: self.part(role).take(which).to(self.device) for role, which in self.draw_batch_indices().items()}
+        return {role: self.take(role, which) for role, which in self.draw_batch_indices().items()}
+
+    def update(self) -> None:
+        """A step of prediction along the gradients, and what follows it."""
+        self.prediction.step()
+        if self.training.regularise and self.training.matching == "reversal":
+            self.discrimination.step()
+        self.follower.follow()
 
     def note(self, losses: dict[str, Tensor]) -> None:
         """Count an iteration of prediction with per-sample `losses` (b, T) by system."""
@@ -171,8 +148,9 @@ class Learner:
 
     def take_test(self) -> Tested:
         """Measure the test loss; keep the weights if its smoothed value is the lowest so far."""
-        if self.judge(mean_loss(self.model, self.test)):
-            self.best = self.weights()
+        with self.follower.averaged():
+            if self.judge(mean_loss(self.model, self.test)):
+                self.best = self.weights()
         return self.history[-1]
 
     def judge(self, test_loss: float) -> bool:
@@ -201,6 +179,8 @@ class Learner:
             "discrimination": checkpoint.optimiser_tensors(self.discrimination),
             "generators": {purpose: g.get_state() for purpose, g in self.generators.items()},
         }
+        if self.follower.average:
+            groups["average"] = self.follower.tensors()
         if self.matching is not self.prediction:
             groups["matching"] = checkpoint.optimiser_tensors(self.matching)
         tensors = {name: t for group, part in groups.items() for name, t in checkpoint.prefixed(group, part).items()}
@@ -236,6 +216,7 @@ class Learner:
         checkpoint.load_optimiser(self.discrimination, checkpoint.under("discrimination", tensors))
         if self.matching is not self.prediction:
             checkpoint.load_optimiser(self.matching, checkpoint.under("matching", tensors))
+        self.follower.restore(checkpoint.under("average", tensors), values["iteration"])
         for purpose, state in checkpoint.under("generators", tensors).items():
             self.generators[purpose].set_state(state)
         self.stopper = Stopper(**values["stopper"])

@@ -1,4 +1,4 @@
-"""Encoders, system invariant dynamics model (SIDM), decoders and discriminator (sections 3 and 4 of the paper).
+"""Encoders, system invariant dynamics model (SIDM), decoders and discriminator (section 4 of the paper).
 
 B trajectories, T steps, P map pixels a side.
 """
@@ -6,7 +6,7 @@ B trajectories, T steps, P map pixels a side.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Literal, TypeVar
 
 import torch
@@ -17,7 +17,6 @@ from sidm.learning.dataset import Standardisation
 from sidm.learning.initialisation import scale_columns, scale_last, scale_layers, scale_recurrence
 from sidm.learning.observation import INPUT_SIZE, TARGET_SIZE
 from sidm.learning.seeds import derive
-from sidm.systems import ROLES
 
 M = TypeVar("M", bound=nn.Module)
 Memory = tuple[Tensor, Tensor]  # the LSTM's hidden and cell state, each (layers, B, hidden)
@@ -39,6 +38,8 @@ class Network:
     discriminator_hidden: int = 1024  # the discriminator's hidden layer (not in the paper; the released code's)
     slope: float = 0.01  # of the leaky ReLU below zero
     initialisation: Literal["scaled", "pytorch"] = "scaled"  # of weights; 'pytorch': its own
+    own: Literal["all", "biases", "flag", "none"] = "all"  # what each system has of encoder and decoder for itself, the
+    # rest being common to both; 'flag': a first bias of the encoder alone, as if the system were one of its inputs
 
     def __post_init__(self) -> None:
         """Refuse sizes that make no network."""
@@ -176,62 +177,6 @@ class Discriminator(nn.Module):
     def forward(self, latents: Tensor) -> Tensor:
         """Probabilities (...) in (0, 1) of latents (..., 128)."""
         return torch.sigmoid(self.logits(latents))
-
-
-class DynamicsModel(nn.Module):
-    """Figure 1: an encoder and a decoder for each system around one SIDM.
-
-    Args:
-        network: the sizes.
-        standardisation: units of inputs and outputs; none by default.
-        seed: of the initial weights; each part has its own, so that parts are equal whatever else the model has.
-        roles: the systems, 'novice' and 'expert' or one of them.
-    """
-
-    def __init__(
-        self,
-        network: Network,
-        standardisation: Standardisation | None = None,
-        seed: int = 0,
-        roles: Iterable[str] = ROLES,
-    ):
-        super().__init__()
-        roles = tuple(roles)
-        self.encoders = nn.ModuleDict(
-            {role: seeded(seed, f"{role} encoder", lambda: Encoder(network, standardisation)) for role in roles}
-        )
-        self.sidm = seeded(seed, "sidm", lambda: SIDM(network))
-        self.decoders = nn.ModuleDict(
-            {role: seeded(seed, f"{role} decoder", lambda: Decoder(network, standardisation)) for role in roles}
-        )
-
-    def forward(
-        self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None
-    ) -> tuple[Tensor, Memory]:
-        """Predictions of one system.
-
-        Args:
-            role: 'novice' or 'expert'.
-            inputs: (B, T, 11), raw units.
-            maps: (B, T, P, P), m.
-            memory: of the SIDM after the step before; None where the trajectories begin.
-
-        Returns:
-            State transitions y' (B, T, 13) in raw units, and the memory after the last step.
-
-        Raises:
-            ConfigError: a system that the model does not have.
-            ValueError: wrong shapes.
-        """
-        if role not in self.encoders:
-            raise ConfigError(f"this model has {', '.join(self.encoders)}, not {role!r}")
-        transitions, memory = self.sidm(self.encoders[role](inputs, maps), memory)
-        return self.decoders[role](transitions), memory
-
-    @property
-    def device(self) -> torch.device:
-        """Where the weights are."""
-        return next(self.parameters()).device
 
 
 def seeded(seed: int, part: str, build: Callable[[], M]) -> M:

@@ -29,28 +29,37 @@ class Training:
     test_trajectories: int = 64  # of the test split, at most, in a test: the first ones
     smoothing: float = 0.5  # weight of the past in the smoothed test loss, [0, 1)
     patience: int = 200_000  # samples without a new minimum of the smoothed test loss before training ends
-    max_samples: int = 1_500_000  # of the prediction phases, novice and expert together
+    max_samples: int = 1_500_000  # of the prediction phases, novice and expert together; 0: the start as it is
     system_draw: Literal["trajectory", "iteration"] = "trajectory"  # 'iteration': one system a batch (released code)
     decay: Literal["decoupled", "l2"] = "decoupled"  # 'l2': in the gradient (released code)
     matching_optimiser: Literal["own", "shared"] = "own"  # 'shared': the prediction optimiser's moments (released code)
     stopping: Literal["test_loss", "released"] = "test_loss"  # the rules of `stopping.Stopper`
     reduction: Literal["sum", "mean"] = "sum"  # over the 13 components of the loss that is minimised ('mean': released)
+    matching: Literal["adversary", "mmd", "coral", "reversal"] = "adversary"  # what makes the latents alike: the
+    # paper's Algorithm 2, the same by the maximum mean discrepancy or by moments, or gradient reversal in Algorithm 1
+    reversal_weight: float = 0.1  # of the discriminator's loss in the encoders' gradient, with matching='reversal'
+    frozen: Literal["nothing", "sidm"] = "nothing"  # 'sidm': encoders and decoders alone learn
+    tether: float = 0.0  # share of the way back to their start that weights are pulled, a unit of learning rate
+    averaging: float = 0.0  # weight of the past in the average of the weights that is tested and kept; 0: no average
+    mirror: bool = False  # whether trajectories are learnt from left to right exchanged, every second one
     precision: Literal["float32", "tf32", "bfloat16"] = "float32"  # 'tf32': of all products, on a GPU; 'bfloat16': of
     # the encoders' arithmetic but for the tests'
 
     def __post_init__(self) -> None:
         """Refuse values that no run can have."""
         refuse_nonsense(self)
-        for name in ("p_expert", "smoothing"):
+        for name in ("p_expert", "smoothing", "averaging"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ConfigError(f"Training.{name} must be from 0 to 1, not {getattr(self, name)}")
-        if self.smoothing == 1:
-            raise ConfigError("Training.smoothing must be below 1; 1 would never take in a test")
+        for name, what in (("smoothing", "a test"), ("averaging", "an update")):
+            if getattr(self, name) == 1:
+                raise ConfigError(f"Training.{name} must be below 1; 1 would never take in {what}")
         for name in ("batch", "discriminator_batch", "matching_batch", "prediction_iterations", "test_interval",
-                     "test_trajectories", "patience", "max_samples"):  # fmt: skip
+                     "test_trajectories", "patience"):  # fmt: skip
             if getattr(self, name) < 1:
                 raise ConfigError(f"Training.{name} must be at least 1, not {getattr(self, name)}")
-        for name in ("discriminator_iterations", "matching_iterations", "weight_decay"):
+        for name in ("discriminator_iterations", "matching_iterations", "weight_decay", "reversal_weight", "tether",
+                     "max_samples"):  # fmt: skip
             if getattr(self, name) < 0:
                 raise ConfigError(f"Training.{name} must not be negative, not {getattr(self, name)}")
         if not self.learning_rate > 0:

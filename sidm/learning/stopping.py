@@ -1,13 +1,36 @@
-"""When to stop: the smoothed test loss no longer falls (section 4)."""
+"""The learning curve, and when to stop: the smoothed test loss no longer falls (section 4)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 RELEASED_SMOOTHING = 0.9  # of the test and the training loss, a test
 RELEASED_PATIENCE = 25_000  # prediction iterations
 RELEASED_RATIO = 0.8  # of training loss to test loss, below which the model counts as overfit
+
+
+class TrainingError(RuntimeError):
+    """A run that came to nothing because a loss is not finite; the message is one line."""
+
+    def __init__(self, what: str, loss: float, iteration: int):
+        super().__init__(what, loss, iteration)
+        self.what, self.loss, self.iteration = what, loss, iteration
+
+    def __str__(self) -> str:
+        return (
+            f"the {self.what} loss is {self.loss} after {self.iteration} iterations; "
+            "lower the learning rate or look at the data"
+        )
+
+
+class Tested(NamedTuple):
+    """A point of the learning curve."""
+
+    samples: int  # control steps of the prediction phases so far
+    training_loss: float  # equation (1) on the novice's samples since the test before; on all samples if it had none
+    test_loss: float  # equation (1) on the novice's test split, not smoothed
+    discriminator_accuracy: float | None  # share of latents told apart in the last discriminator phase; None without
 
 
 @dataclass

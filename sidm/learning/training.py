@@ -13,12 +13,15 @@ import torch
 from torch import Tensor
 
 from sidm.learning.dataset import Datasets, Motion, Standardisation
-from sidm.learning.learner import Learner, Tested, TrainingError
-from sidm.learning.losses import expected_discriminator_loss, expected_matching_loss, prediction_loss
-from sidm.learning.networks import DynamicsModel, Network
+from sidm.learning.learner import Learner
+from sidm.learning.losses import prediction_loss
+from sidm.learning.model import DynamicsModel
+from sidm.learning.networks import Network
 from sidm.learning.observation import TARGET_SIZE
 from sidm.learning.precision import products
+from sidm.learning.regularisation import encode, regularise_phase, reversed_loss
 from sidm.learning.settings import Training
+from sidm.learning.stopping import Tested, TrainingError
 
 __all__ = ["Tested", "Trained", "Training", "TrainingError", "result", "train"]
 
@@ -75,7 +78,7 @@ def train(
     with products(training.precision):
         while not learner.finished:
             predict_phase(learner, progress)
-            if training.regularise and not learner.finished:
+            if training.regularise and training.matching != "reversal" and not learner.finished:
                 regularise_phase(learner)
             if checkpoint is not None:
                 learner.save(checkpoint)
@@ -87,12 +90,19 @@ def train(
 def predict_phase(learner: Learner, progress: Callable[[Tested], None] | None = None) -> None:
     """Algorithm 1: the parts of the systems drawn, and the SIDM, learn to predict."""
     training = learner.training
+    adversarial = training.regularise and training.matching == "reversal"
     for _ in range(training.prediction_iterations):
-        losses = batch_losses(learner, learner.draw_batch())
+        batch = learner.draw_batch()
+        latents = encode_batch(learner, batch)
+        losses = batch_losses(learner, batch, latents)
         loss = torch.cat(list(losses.values())).mean()  # over the whole batch, whatever the system
+        aim = loss / TARGET_SIZE if training.reduction == "mean" else loss
         learner.prediction.zero_grad()
-        (loss / TARGET_SIZE if training.reduction == "mean" else loss).backward()
-        learner.prediction.step()
+        if adversarial:
+            learner.discrimination.zero_grad()
+            aim = aim + reversed_loss(learner, latents)
+        aim.backward()
+        learner.update()
         learner.note(losses)
         if learner.iteration % training.test_interval == 0:
             _test(learner, progress)
@@ -100,50 +110,15 @@ def predict_phase(learner: Learner, progress: Callable[[Tested], None] | None = 
             return
 
 
-def regularise_phase(learner: Learner) -> None:
-    """Algorithm 2: the discriminator learns to tell the systems' latents apart, then E_n learns to deceive it."""
-    for _ in range(learner.training.discriminator_iterations):
-        discriminator_iteration(learner)
-    for _ in range(learner.training.matching_iterations):
-        matching_iteration(learner)
+def encode_batch(learner: Learner, batch: dict[str, Motion]) -> dict[str, Tensor]:
+    """Latent state-actions (b, T, 128) of a batch by system."""
+    return {role: encode(learner, role, motion) for role, motion in batch.items()}
 
 
-def discriminator_iteration(learner: Learner) -> None:
-    """One update of A alone, equation (2)."""
-    count = learner.training.discriminator_batch
-    expert = learner.draw("expert", count, "discriminator expert")
-    novice = learner.draw("novice", count, "discriminator novice")
-    with torch.no_grad():
-        expert_latents, novice_latents = encode(learner, "expert", expert), encode(learner, "novice", novice)
-    expert_logits, novice_logits = map(learner.discriminator.logits, (expert_latents, novice_latents))
-    learner.discrimination.zero_grad()
-    expected_discriminator_loss(expert_logits, novice_logits).backward()
-    learner.discrimination.step()
-    right = torch.cat([expert_logits > 0, novice_logits < 0])
-    learner.accuracy = float(right.float().mean())
-
-
-def matching_iteration(learner: Learner) -> None:
-    """One update of E_n alone, equation (4)."""
-    encoder = learner.model.encoders["novice"]
-    novice = learner.draw("novice", learner.training.matching_batch, "matching")
-    loss = expected_matching_loss(learner.discriminator.logits(encode(learner, "novice", novice)))
-    learner.prediction.zero_grad()  # drops the gradients of all parts; those without one are not stepped
-    loss.backward(inputs=list(encoder.parameters()))
-    learner.matching.step()
-
-
-def encode(learner: Learner, role: str, motion: Motion) -> Tensor:
-    """Latent state-actions (b, T, 128), float32, computed in the training's precision."""
-    low = learner.training.precision == "bfloat16"
-    with torch.autocast(learner.device.type, torch.bfloat16, enabled=low):
-        return learner.model.encoders[role](motion.inputs, motion.maps)
-
-
-def batch_losses(learner: Learner, batch: dict[str, Motion]) -> dict[str, Tensor]:
-    """Equation (1) for each sample of a batch by system, (b, T) each; the SIDM sees the whole batch at once."""
+def batch_losses(learner: Learner, batch: dict[str, Motion], latents: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Equation (1) for each sample of a batch and its latents by system, (b, T) each; the SIDM sees all at once."""
     model = learner.model
-    transitions, _ = model.sidm(torch.cat([encode(learner, role, motion) for role, motion in batch.items()]))
+    transitions, _ = model.sidm(torch.cat(list(latents.values())))
     parts = transitions.split([len(motion) for motion in batch.values()])
     return {
         role: prediction_loss(model.decoders[role](part), motion.targets)

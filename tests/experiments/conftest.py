@@ -21,6 +21,7 @@ TINY = dict(
     validation_minutes=0.25,
     rollouts=2,
     figure4_minutes=[0.25, 0.75],
+    baseline_minutes=[0.25],
     ablation_minutes=[0.25],
     pixels=8,
     hidden=8,

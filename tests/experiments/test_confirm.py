@@ -7,7 +7,8 @@ import pytest
 
 from sidm.__main__ import main
 from sidm.experiments import Results, Study, run
-from sidm.experiments.confirm import candidates, confirm
+from sidm.experiments.confirm import candidates, confirm, kind
+from sidm.experiments.methods import change
 
 
 @pytest.fixture
@@ -33,6 +34,19 @@ def test_a_sample_confirms_its_kind(stored, data):
     assert not store.stale(trials) and [row.outcome for row in rows] == before
     assert sorted(row.provenance.confirmed_by for row in rows) == ["rerun", "rerun", "sample", "sample"]
     assert {row.provenance.learning_source for row in rows} == {"older"} and not candidates(trials, store)
+
+
+def test_a_kind_takes_the_same_ways_through_the_code(stored):
+    """Rates and batches may differ; what is chosen, and what is switched on by a number, may not."""
+    trial = stored[0][0]
+    for same in (dict(learning_rate=0.5), dict(batch=3), dict(patience=7)):
+        assert kind(trial.replace(training=change(trial.training, **same), seed=4)) == kind(trial)
+    others = [trial.replace(system="system2"), trial.replace(method="mmd")]
+    others += [
+        trial.replace(training=change(trial.training, **other))
+        for other in (dict(weight_decay=0.0), dict(decay="l2"), dict(averaging=0.9), dict(mirror=True))
+    ]
+    assert len({kind(one) for one in (trial, *others)}) == 7
 
 
 def test_what_comes_out_otherwise_stays_stale(stored, tiny, data, capsys, monkeypatch):

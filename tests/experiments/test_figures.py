@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from matplotlib.lines import Line2D
 
-from sidm.experiments import Results, Study
+from sidm.experiments import Results, Study, ablations
 from sidm.experiments.claims import (
     CONTRARY,
     DIRECTION,
@@ -17,7 +17,7 @@ from sidm.experiments.claims import (
     figure3_claims,
     figure4_claims,
     markdown,
-    meeting_size,
+    meeting,
     verdict,
 )
 from sidm.experiments.figures import ablated, ablation, efficiency_curves, figure3, figure4, learning_curves
@@ -95,11 +95,15 @@ def test_other_figures(rows, study, make_row):
     exact = next(line for line in left.get_lines() if line.get_label() == "ratio")
     assert exact.get_ydata() == pytest.approx(4)
     assert learning_curves(rows[:4]).axes[0].get_lines()
-    some = [make_row(t, 1 + t.training.p_expert) for t in study.p_expert("system1")]
+    some = [make_row(t, 1 + t.training.p_expert) for t in ablations.p_expert(study, "system1")]
     line = ablation(some, "p_expert", ["system1"]).axes[0].get_lines()[0]
     assert line.get_ydata() == pytest.approx(1 + line.get_xdata()) and len(line.get_xdata()) == 6
-    matching = study.iterations("system1", "matching_iterations")
+    matching = ablations.iterations(study, "system1", "matching_iterations")
     assert sorted({ablated(t, "matching_iterations") for t in matching}) == [0, 5, 20, 100]
+    some = [make_row(t, t.network.pixels / (1 + (t.method == "sidm"))) for t in ablations.pixels(study, "system1")]
+    lines = ablation(some, "pixels", ["system1"], by_method=True).axes[0].get_lines()
+    means = [line.get_ydata().tolist() for line in lines if line.get_linestyle() != "None"]  # the others are caps
+    assert means == [[8, 16, 32], [16, 32, 64]]
 
 
 def test_verdicts_follow_the_rule():
@@ -137,9 +141,17 @@ def test_claims_without_enough(rows):
 
 
 def test_curves_that_meet(study, make_row):
-    """From the size on at which they are the same."""
-    same = [make_row(t, power_law(t) if t.novice_minutes < 20 else 0.1) for t in study.figure3("system1")]
-    assert meeting_size(gather(same, "system1")) == 20
+    """From the size on at which they are the same; where they cross, that is said."""
+
+    def curves(late):
+        rows = [make_row(t, power_law(t) if t.novice_minutes < 20 else late(t)) for t in study.figure3("system1")]
+        return meeting(gather(rows, "system1"))
+
+    assert curves(lambda t: 0.1) == "from 20 min"
+    assert curves(lambda t: 0.1 + 0.1 * (t.method == "sidm") * (t.novice_minutes > 20)) == (
+        "crossed: worse with SIDM from 60 min"
+    )
+    assert curves(power_law) == "not by 120 min"
 
 
 def test_words_about_rows(rows, study, tmp_path):
@@ -153,6 +165,6 @@ def test_words_about_rows(rows, study, tmp_path):
     assert costs[0].mean_minutes == pytest.approx(0.2)
     store = Results(tmp_path)
     store.put(rows[0])
-    lines = overview(store, study.p_expert("system1"), study.preset)
-    assert any("(p_expert=0.25)" in text for text in lines) and all("of 3" in text for text in lines)
+    lines = overview(store, ablations.p_expert(study, "system1"), study.preset)
+    assert any("(p_expert=0.25)" in text for text in lines) and all("of 2" in text for text in lines)
     assert "stored 1 of 3  stale 0  loss 0.5" in overview(store, study.figure3("system1"), study.preset)[0]

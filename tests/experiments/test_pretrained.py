@@ -50,10 +50,15 @@ def test_damaged_weights_are_named(trials, data, tmp_path, bundle, capsys):
             run_trial(trial, data)
 
 
-def test_only_the_novice_follows_the_expert(trials):
-    """A pretrained novice's trainings draw no expert data beside."""
-    with pytest.raises(ConfigError, match="goes with p_expert=0 and regularise=False"):
-        trials[0].replace(training=change(trials[0].training, p_expert=0.5))
+def test_a_pretraining_has_the_expert_alone(trials):
+    """It stands in the novice's place; and what corrects a frozen model sees no expert beside."""
+    both = change(trials[0].training, p_expert=0.5)
+    with pytest.raises(ConfigError, match="pretraining has the expert in the novice's place"):
+        trials[0].replace(pretraining=both)
+    for changes in ({"training": both}, {"pretraining": None}):
+        with pytest.raises(ConfigError, match="residual goes with a pretraining"):
+            trials[0].replace(residual=True, **changes)
+    assert trials[0].replace(training=both).training.needs_expert
 
 
 def test_what_was_tuned_yields_to_what_is_asked_for(tiny, tmp_path):

@@ -42,6 +42,16 @@ def test_a_known_ratio_comes_out_at_each_size(rows):
     assert savings([], "system1") == savings(rows, "system2") == []
 
 
+def test_the_comparison_may_have_other_sizes(rows, trials, make_row):
+    """A method of small sizes is held against the whole curve of another."""
+    small = [row for row in rows if row.trial.method != "sidm" or row.trial.novice_minutes < 10]
+    found, whole = savings(small, "system1"), savings(rows, "system1")
+    assert [one.minutes for one in found] == [1, 2, 5]
+    assert [one.ratio.value for one in found] == pytest.approx([one.ratio.value for one in whole[:3]])
+    few = [row for row in small if (row.trial.method, row.trial.seed) != ("novice_only", 2)]
+    assert savings(few, "system1")[0].ratio.value == pytest.approx(4 * 1.025**-2, rel=0.01)  # of seeds 0 and 1
+
+
 def test_a_level_curve_saves_nothing_at_its_right_end(make_row, trials):
     """20 minutes that do no better than 5 are compared with what the other needs for that, not with 5 minutes."""
     sidm = dict(zip((1, 2, 5, 20, 60, 120), (0.5, 0.4, 0.3, 0.3, 0.2, 0.19), strict=True))

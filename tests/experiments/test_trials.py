@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from sidm.config import ConfigError
-from sidm.experiments import METHODS, PRESETS, UNKNOWN, Study, Trial, grid, load_preset
+from sidm.experiments import METHODS, PRESETS, UNKNOWN, Study, Trial, ablations, grid, load_preset
 from sidm.experiments.datasets import differing
 from sidm.experiments.methods import COMPARED
 from sidm.experiments.presets import POLICIES
@@ -36,7 +36,7 @@ def changed(value, kind):
         return next(choice for choice in get_args(kind) if choice != value)
     if isinstance(value, tuple):
         return tuple(item + 1 for item in value)
-    return value + 1 if isinstance(value, int) else value / 2
+    return value + 1 if isinstance(value, int) else value / 2 or 0.5
 
 
 def test_key_survives_json():
@@ -57,8 +57,9 @@ def test_key_feels_every_field():
             variants.append(TRIAL.replace(**{part: other}))
     names = {field.name for field in dataclasses.fields(TRIAL)}
     without = {"training": dataclasses.replace(TRIAL.training, p_expert=0.0, regularise=False)}
-    variants.append(TRIAL.replace(**without, pretraining=without["training"]))
-    assert names == {*OTHER, "network", "training", "pretraining"}
+    for residual in (False, True):
+        variants.append(TRIAL.replace(**without, pretraining=without["training"], residual=residual))
+    assert names == {*OTHER, "network", "training", "pretraining", "residual"}
     assert len({trial.key for trial in variants}) == len(variants)
 
 
@@ -108,7 +109,7 @@ def test_preset_changes_reach_network_and_training():
     """A preset's flat names lead to its parts, which have no name in common."""
     changed = load_preset("laptop", pixels=64, max_samples=1000, seeds=5, p_expert_system2=0.25)
     assert (changed.network.pixels, changed.training.max_samples, changed.seeds) == (64, 1000, 5)
-    assert METHODS["sidm"](changed, "system2").p_expert == 0.25
+    assert METHODS["sidm"].training(changed, "system2").p_expert == 0.25
     names = [f.name for part in (changed, changed.network, changed.training) for f in dataclasses.fields(part)]
     assert len(names) == len(set(names))
 
@@ -129,8 +130,13 @@ def test_grids():
     assert points == {(t.novice_minutes, t.seed) for t in study.figure3("system1") if t.method == "novice_only"}
     figure3 = {t.key for t in study.figure3("system1")}
     assert len(study.figure4()) == 2 * 2 * 10 and len({t.key for t in study.figure4()} & figure3) == 2 * 2 * 3
-    shared = {t.key for t in study.p_expert("system1")} & figure3
-    assert len(shared) == 2 * 3  # p_e of 0.75, two sizes, three seeds
+    assert len({t.key for t in ablations.p_expert(study, "system1")} & figure3) == 2  # p_e of 0.75, two seeds
+    assert len({t.key for t in ablations.phases(study, "system1")} & figure3) == 2  # 100, 20 and 5 iterations
+    for name in (ablations.pixels, ablations.patience):
+        assert len({t.key for t in name(study, "system1")} & figure3) == 2 * 2  # both methods
+    neighbours = study.baselines("system1")
+    assert len({t.key for t in neighbours} & figure3) == 3 * 2 * 3 + 3  # three methods, two sizes, and all data
+    assert {t.method for t in neighbours} == set(METHODS)
     assert len(grid("laptop", "3", "system2", minutes=[5, 20], seeds=[1])) == 2 * 3
     assert {t.key for t in grid("laptop", "all")} >= figure3
     with pytest.raises(ConfigError, match="minutes 3 is not in this grid; it has 1, 2, 5, 20, 60, 120"):

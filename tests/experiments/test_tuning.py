@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from sidm.experiments import Results, Study, load_preset
-from sidm.experiments.methods import METHODS, PRETRAINED
+from sidm.experiments.methods import METHODS
 from sidm.experiments.tuning import TRIES, TUNING_SEED, tried, tries_table
 
 ROOT = Path(__file__).parents[2]
@@ -17,7 +17,7 @@ def test_every_method_is_tuned_with_the_same_number_of_tries(tiny, tmp_path):
     trials = Study(tiny.replace(tuning_minutes=0.5), tmp_path, tmp_path).tuning("system1")
     assert len({len(tries) for tries in TRIES.values()}) == 1 and {t.seed for t in trials} == {TUNING_SEED}
     assert [t.method for t in trials] == [method for method, tries in TRIES.items() for _ in tries]
-    assert all((t.pretraining is None) == (t.method not in PRETRAINED) for t in trials)
+    assert all((t.pretraining is None) == (not METHODS[t.method].pretrained) for t in trials)
     assert len({t.key for t in trials}) == len(trials)
 
 
@@ -43,6 +43,6 @@ def test_the_laptop_is_tuned_to_its_best_tries(monkeypatch, method):
     losses = [row.outcome.best_test_loss for row in store.rows(trials)]
     assert len(losses) == len(TRIES[method])
     best = tried(preset, method, list(TRIES[method])[losses.index(min(losses))])
-    assert METHODS[method](preset, "system1") == METHODS[method](best, "system1")
-    if method in PRETRAINED:
-        assert PRETRAINED[method](preset) == PRETRAINED[method](best)
+    assert METHODS[method].training(preset, "system1") == METHODS[method].training(best, "system1")
+    if METHODS[method].pretrained:
+        assert METHODS[method].pretraining(preset) == METHODS[method].pretraining(best)

@@ -15,7 +15,7 @@ from sidm.learning import (
     rollout_errors,
     validation_loss,
 )
-from sidm.learning.learner import EVALUATION_BATCH, mean_loss
+from sidm.learning.evaluation import EVALUATION_BATCH, mean_loss
 
 
 @pytest.fixture

@@ -6,9 +6,13 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from sidm.learning.learner import Learner
-from sidm.learning.training import batch_losses, predict_phase
+from sidm.learning.training import batch_losses, encode_batch, predict_phase
 
 ITERATIONS = 12
+
+
+def losses_of(learner: Learner, batch) -> dict[str, Tensor]:
+    return batch_losses(learner, batch, encode_batch(learner, batch))
 
 
 def encoded(weights: dict[str, Tensor], role: str, inputs: Tensor, maps: Tensor) -> Tensor:
@@ -89,6 +93,6 @@ def test_training_is_the_plain_one(make_learner):
     for _ in range(ITERATIONS):
         probe.model.load_state_dict(ours.model.state_dict())
         with torch.no_grad():
-            before = torch.cat([part.flatten() for part in batch_losses(probe, probe.draw_batch()).values()]).mean()
+            before = torch.cat([part.flatten() for part in losses_of(probe, probe.draw_batch()).values()]).mean()
         predict_phase(ours)
         assert float(before) == pytest.approx(plain.iterate(), rel=1e-4)

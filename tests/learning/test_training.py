@@ -10,11 +10,18 @@ from torch import nn
 from sidm.config import ConfigError
 from sidm.learning import DynamicsModel, Standardisation, Training, TrainingError, train, validation_loss
 from sidm.learning.dataset import Datasets
-from sidm.learning.learner import Learner, make_optimiser, mean_loss
+from sidm.learning.evaluation import mean_loss
+from sidm.learning.learner import Learner
 from sidm.learning.losses import prediction_loss
-from sidm.learning.training import batch_losses, discriminator_iteration, encode, matching_iteration, predict_phase
+from sidm.learning.regularisation import discriminator_iteration, encode, matching_iteration
+from sidm.learning.training import batch_losses, encode_batch, predict_phase
+from sidm.learning.weights import make_optimiser
 
 PARTS = ("encoders.novice", "encoders.expert", "sidm", "decoders.novice", "decoders.expert")
+
+
+def losses_of(learner: Learner, batch) -> dict[str, torch.Tensor]:
+    return batch_losses(learner, batch, encode_batch(learner, batch))
 
 
 def vector(module: nn.Module) -> torch.Tensor:
@@ -91,7 +98,7 @@ def test_batch_loss_is_that_of_each_system_alone(make_learner):
     learner = make_learner(p_expert=0.5, batch=8)
     batch = learner.draw_batch()
     assert set(batch) == {"novice", "expert"} and sum(map(len, batch.values())) == 8
-    for role, losses in batch_losses(learner, batch).items():
+    for role, losses in losses_of(learner, batch).items():
         motion = batch[role]
         predicted, _ = learner.model(role, motion.inputs, motion.maps)
         assert torch.allclose(losses, prediction_loss(predicted, motion.targets), rtol=1e-4)
@@ -101,7 +108,7 @@ def test_one_step_is_adam_on_the_batch_mean(make_learner):
     """Algorithm 1's update from its formulas: the first step of Adam with decoupled decay."""
     learner, twin = make_learner(prediction_iterations=1, p_expert=0.5), make_learner(p_expert=0.5)
     start = vector(twin.model)
-    loss = torch.cat([part.flatten() for part in batch_losses(twin, twin.draw_batch()).values()]).mean()
+    loss = torch.cat([part.flatten() for part in losses_of(twin, twin.draw_batch()).values()]).mean()
     gradient = torch.cat([g.reshape(-1) for g in torch.autograd.grad(loss, list(twin.model.parameters()))])
     predict_phase(learner)
     expected = start * (1 - 1e-3 * 1e-5) - 1e-3 * gradient / (gradient.abs() + 1e-8)
@@ -178,7 +185,7 @@ def test_bfloat16_rounds_the_encoders_alone_and_moves_the_loss_little(make_learn
         one, other = encode(exact, role, motion), encode(rounded, role, motion)
         assert one.dtype == other.dtype == torch.float32
         assert 0 < (one - other).abs().max() < 0.02 * one.abs().max()
-    pairs = zip(batch_losses(exact, batch).values(), batch_losses(rounded, batch).values(), strict=True)
+    pairs = zip(losses_of(exact, batch).values(), losses_of(rounded, batch).values(), strict=True)
     assert all(torch.allclose(one.mean(), other.mean(), rtol=0.01) for one, other in pairs)
     for phase in (predict_phase, discriminator_iteration, matching_iteration):
         phase(rounded)

@@ -1,6 +1,6 @@
 """M trials at once on one device: what fills a GPU that a single training leaves idle."""
 
 from sidm.learning.bundle.seat import Run
-from sidm.learning.bundle.training import SHARED, Ended, train_bundle
+from sidm.learning.bundle.training import ONLY, SHARED, Ended, train_bundle
 
-__all__ = ["SHARED", "Ended", "Run", "train_bundle"]
+__all__ = ["ONLY", "SHARED", "Ended", "Run", "train_bundle"]

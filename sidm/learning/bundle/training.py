@@ -14,9 +14,9 @@ from sidm.learning.bundle.bundle import Bundle
 from sidm.learning.bundle.seat import Run, Seat
 from sidm.learning.bundle.shelf import Shelf
 from sidm.learning.checkpoint import CheckpointError
-from sidm.learning.learner import Tested, TrainingError
 from sidm.learning.networks import Network
 from sidm.learning.precision import products
+from sidm.learning.stopping import Tested, TrainingError
 from sidm.learning.training import Trained, result
 from sidm.systems import ROLES
 
@@ -25,6 +25,9 @@ SHARED = (
     "batch", "discriminator_batch", "matching_batch", "prediction_iterations", "discriminator_iterations",
     "matching_iterations", "test_interval", "decay", "matching_optimiser", "reduction", "precision",
 )  # fmt: skip
+
+#: What a bundle cannot vary: the settings' only values in it.
+ONLY = {"matching": "adversary", "frozen": "nothing", "tether": 0.0, "averaging": 0.0, "mirror": False}
 
 SAVE_INTERVAL = 600.0  # s between two writings of all checkpoints
 SHRINK = 8  # the bundle is made smaller when one of so many seats is empty and no trial waits
@@ -103,7 +106,11 @@ def _train(
 
 
 def check_shared(runs: Sequence[Run]) -> None:
-    """ConfigError naming the first setting in which the trials of a bundle may not differ."""
+    """ConfigError naming the first setting that a bundle cannot vary, or in which its trials may not differ."""
+    for name, only in ONLY.items():
+        for run in runs:
+            if (value := getattr(run.training, name)) != only:
+                raise ConfigError(f"Training.{name}={value!r} cannot be trained in a bundle; train it alone")
     for name in SHARED:
         values = sorted({str(getattr(run.training, name)) for run in runs})
         if len(values) > 1:

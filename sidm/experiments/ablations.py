@@ -1,0 +1,89 @@
+"""Ablations of the paper's advice: one value of SIDM's training changed at a time, on a small novice dataset."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from sidm.experiments.methods import COMPARED, METHODS, change
+from sidm.experiments.presets import Preset
+from sidm.experiments.study import Study
+from sidm.experiments.trials import Trial
+from sidm.trajectory import trajectories_for
+
+#: Values of p_e; None stands for 'proportional to the data'.
+P_EXPERT = (0.0, 0.25, 0.5, 0.75, 0.9, None)
+
+#: Iterations a phase, by the name of the phase.
+ITERATIONS = {
+    "prediction_iterations": (20, 100, 500),
+    "discriminator_iterations": (5, 20, 100),
+    "matching_iterations": (0, 5, 20, 100),
+}
+
+#: Pixels a side of the height map; the paper has 300, the released code 64.
+PIXELS = (16, 32, 64)
+
+#: Samples without a new minimum of the test loss before training ends.
+PATIENCE = (50_000, 150_000, 450_000)
+
+
+def proportional(preset: Preset, minutes: float) -> float:
+    """The p_e that is proportional to the sizes of the data, which the paper advises against."""
+    expert, novice = trajectories_for(preset.expert_minutes), trajectories_for(minutes)
+    return round(expert / (expert + novice), 6)
+
+
+def p_expert(
+    study: Study, system: str, values: Iterable[float | None] = P_EXPERT, sizes: Sequence[float] = ()
+) -> list[Trial]:
+    """Ablation of p_e; at 0 the expert is never seen, in the regularisation neither."""
+    trials = []
+    for minutes in sizes or study.preset.ablation_minutes:
+        for value in values:
+            p = proportional(study.preset, minutes) if value is None else value
+            training = change(METHODS["sidm"].training(study.preset, system), p_expert=p, regularise=p > 0)
+            method = "sidm" if p > 0 else "novice_only"
+            trials += study.points(system, [method], [minutes], training, study.preset.ablation_seeds)
+    return trials
+
+
+def iterations(
+    study: Study, system: str, phase: str, values: Iterable[int] | None = None, sizes: Sequence[float] = ()
+) -> list[Trial]:
+    """Ablation of the iterations of one phase; 0 of matching leave out the regularisation."""
+    trials = []
+    for value in ITERATIONS[phase] if values is None else values:
+        method = "sidm" if value > 0 else "no_regularisation"
+        training = METHODS[method].training(study.preset, system)
+        if value > 0:
+            training = change(training, **{phase: value})
+        sizes = sizes or study.preset.ablation_minutes
+        trials += study.points(system, [method], sizes, training, study.preset.ablation_seeds)
+    return trials
+
+
+def setting(
+    study: Study, system: str, name: str, values: Iterable[int], sizes: Sequence[float] = ()
+) -> list[Trial]:
+    """Ablation of a setting that both of the paper's methods have, of their training or their network."""
+    sizes = sizes or study.preset.ablation_minutes
+    return [
+        trial
+        for value in values
+        for trial in study.changed(**{name: value}).points(system, COMPARED, sizes, seeds=study.preset.ablation_seeds)
+    ]
+
+
+def phases(study: Study, system: str) -> list[Trial]:
+    """The ablations of all three phases."""
+    return [trial for phase in ITERATIONS for trial in iterations(study, system, phase)]
+
+
+def pixels(study: Study, system: str) -> list[Trial]:
+    """The ablation of the map's resolution."""
+    return setting(study, system, "pixels", PIXELS)
+
+
+def patience(study: Study, system: str) -> list[Trial]:
+    """The ablation of the patience."""
+    return setting(study, system, "patience", PATIENCE)

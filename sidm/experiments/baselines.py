@@ -1,0 +1,65 @@
+"""The method among its neighbours: what each reaches on the same novice data, and what it costs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from sidm.experiments.methods import METHODS
+from sidm.experiments.statistics import Interval, interval
+from sidm.experiments.store import Row
+
+
+class Neighbour(NamedTuple):
+    """A method on one system and size."""
+
+    system: str
+    minutes: float  # of novice data
+    method: str
+    seeds: int
+    loss: float  # mean validation loss
+    lowest: float
+    highest: float
+    differences: tuple[Interval, ...]  # from each comparison, paired by seed: below zero where the method is better
+    samples: float  # mean, of prediction and pretraining
+    compute_minutes: float  # mean, of a trial
+
+
+def neighbours(rows: Iterable[Row], against: Sequence[str] = ("sidm", "novice_only")) -> list[Neighbour]:
+    """A line a system, size and method, in the order of METHODS.
+
+    Args:
+        rows: at most one a system, size, method and seed.
+        against: methods that the others are compared with; the difference is NaN where no seed has both.
+    """
+    groups: dict[tuple[str, float, str], dict[int, Row]] = {}
+    for row in rows:
+        t = row.trial
+        group = groups.setdefault((t.system, t.novice_minutes, t.method), {})
+        if group.setdefault(t.seed, row).trial != t:
+            raise ValueError(f"two different trials of {t}; give the rows of one grid at a time")
+    order = list(METHODS)
+    found = []
+    for (system, minutes, method), group in sorted(groups.items(), key=lambda i: (*i[0][:2], order.index(i[0][2]))):
+        losses = [row.outcome.validation_loss for row in group.values()]
+        samples = [row.outcome.samples + row.outcome.pretraining_samples for row in group.values()]
+        differences = tuple(_difference(group, groups.get((system, minutes, other), {})) for other in against)
+        mean, lowest, highest = float(np.mean(losses)), min(losses), max(losses)
+        cost = float(np.mean([row.provenance.seconds for row in group.values()])) / 60
+        found.append(
+            Neighbour(
+                system, minutes, method, len(group), mean, lowest, highest, differences, float(np.mean(samples)), cost
+            )
+        )
+    return found
+
+
+def _difference(group: dict[int, Row], other: dict[int, Row]) -> Interval:
+    """Of the mean losses of the seeds that both have."""
+    seeds = sorted(group.keys() & other.keys())
+    if not seeds:
+        return Interval(np.nan, np.nan, np.nan)
+    pairs = np.array([[side[seed].outcome.validation_loss for side in (group, other)] for seed in seeds])
+    return interval(lambda some: float((some[:, 0] - some[:, 1]).mean()), pairs)

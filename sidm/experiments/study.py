@@ -1,0 +1,128 @@
+"""A study: a preset's trials. Figures 3 and 4, the tuning of the methods, their neighbours, what choices are worth."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from sidm.config import unknown_name
+from sidm.experiments.datasets import find_digest
+from sidm.experiments.methods import BASELINES, CHOICES, COMPARED, FIGURE3, METHODS
+from sidm.experiments.presets import Preset, load_preset
+from sidm.experiments.trials import Trial
+from sidm.experiments.tuning import TRIES, TUNING_SEED, tried
+from sidm.learning.settings import Training
+from sidm.systems import find_system
+
+
+class Study:
+    """Makes the trials of a preset, looking up the digests of its datasets once.
+
+    Args:
+        preset: a Preset or the name of one.
+        data: the folder of the shards.
+        results: the folder of the results.
+    """
+
+    def __init__(self, preset: Preset | str, data: str | Path = "data", results: str | Path = "results") -> None:
+        """Look the preset up and keep the folders."""
+        self.preset = load_preset(preset) if isinstance(preset, str) else preset
+        self.data, self.results = Path(data), Path(results)
+        self._digests: dict[str, dict[str, str]] = {}
+
+    def of(self, preset: Preset) -> Study:
+        """The same of another preset."""
+        return Study(preset, self.data, self.results)
+
+    def changed(self, **changes: Any) -> Study:
+        """The same of the preset with some values changed."""
+        return self.of(self.preset.replace(**changes))
+
+    def digests(self, system: str) -> dict[str, str]:
+        """The digests of a system's datasets as Trial names them, UNKNOWN where none is known."""
+        if system not in self._digests:
+            needed = self.preset.datasets(system)
+            self._digests[system] = {f"{k}_data": find_digest(d, self.data, self.results) for k, d in needed.items()}
+        return self._digests[system]
+
+    def trial(self, system: str, method: str, minutes: float, seed: int = 0, training: Training | None = None) -> Trial:
+        """One trial of the preset's sizes; `training` replaces the method's own.
+
+        Raises:
+            ConfigError: an unknown system or method, or more minutes than the pool holds.
+        """
+        find_system(system)
+        if method not in METHODS:
+            raise unknown_name(method, METHODS, "the methods")
+        preset, one = self.preset, METHODS[method]
+        return Trial(
+            system=system,
+            method=method,
+            novice_minutes=minutes,
+            seed=seed,
+            pool_minutes=preset.pool_minutes(system),
+            expert_minutes=preset.expert_minutes,
+            validation_minutes=preset.validation_minutes,
+            rollouts=preset.rollouts,
+            policy=preset.policy,
+            network=dataclasses.replace(preset.network, own=one.own),  # type: ignore
+            training=training or one.training(preset, system),
+            pretraining=one.pretraining(preset),
+            residual=one.residual,
+            **self.digests(system),
+        )
+
+    def points(
+        self,
+        system: str,
+        methods: Sequence[str],
+        sizes: Iterable[float],
+        training: Training | None = None,
+        seeds: int | None = None,
+    ) -> list[Trial]:
+        """Trials of every size, seed (the preset's number unless given) and method, those of a seed side by side."""
+        return [
+            self.trial(system, method, minutes, seed, training)
+            for minutes in sizes
+            for seed in range(seeds or self.preset.seeds)
+            for method in methods
+        ]
+
+    def figure3(self, system: str) -> list[Trial]:
+        """Figure 3: the paper's two methods and fine-tuning at every novice dataset size."""
+        return self.points(system, FIGURE3, self.preset.novice_minutes(system))
+
+    def figure4(self, system: str = "system1") -> list[Trial]:
+        """Figure 4: the paper's methods with little and with much novice data; the paper's is of system 1."""
+        return self.points(system, COMPARED, self.preset.figure4_minutes, seeds=self.preset.figure4_seeds)
+
+    def tuning(self, system: str) -> list[Trial]:
+        """Every try of every method at one middle size, with a seed that no figure has."""
+        trials = []
+        for method, tries in TRIES.items():
+            for words in tries:
+                study = self.of(tried(self.preset, method, words))
+                trials.append(study.trial(system, method, self.preset.tuning_minutes, TUNING_SEED))
+        return trials
+
+    def baselines(self, system: str) -> list[Trial]:
+        """Figure 3's methods and their neighbours on a small and a middle dataset; the expert alone has no size."""
+        sizes = self.preset.baseline_minutes
+        named = [one for one in (*FIGURE3, *BASELINES) if one != "expert_only"]
+        largest = max(self.preset.novice_minutes(system))  # 'all_data'
+        return [
+            *self.points(system, named, sizes),
+            *self.points(system, ["expert_only"], sizes[:1]),
+            *self.points(system, ["novice_only"], [largest]),
+        ]
+
+    def choices(self, system: str) -> list[Trial]:
+        """Figure 3's methods on a small dataset with one of our choices changed at a time."""
+        sizes = self.preset.ablation_minutes[:1]
+        return [
+            trial
+            for changes, methods in CHOICES.values()
+            for trial in self.changed(**changes).points(system, methods, sizes)
+        ]

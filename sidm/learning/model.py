@@ -1,0 +1,92 @@
+"""The whole of Figure 1: encoders, one system invariant dynamics model, decoders; and what the systems may share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+
+import torch
+from torch import Tensor, nn
+
+from sidm.config import ConfigError
+from sidm.learning.dataset import Standardisation
+from sidm.learning.networks import SIDM, Decoder, Encoder, Memory, Network, seeded
+from sidm.systems import ROLES
+
+Own = Callable[[str], bool]  # whether each system has the parameter of that name for itself
+
+OWN_OF_DECODER: dict[str, Own] = {
+    "none": lambda name: False, "flag": lambda name: False, "biases": lambda name: name.endswith("bias")
+}  # fmt: skip
+OWN_OF_ENCODER: dict[str, Own] = OWN_OF_DECODER | {"flag": lambda name: name == "dense.0.bias"}
+
+
+class DynamicsModel(nn.Module):
+    """Figure 1: an encoder and a decoder for each system around one SIDM.
+
+    Args:
+        network: the sizes.
+        standardisation: units of inputs and outputs; none by default.
+        seed: of the initial weights; each part has its own, so that parts are equal whatever else the model has.
+        roles: the systems, 'novice' and 'expert' or one of them.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        standardisation: Standardisation | None = None,
+        seed: int = 0,
+        roles: Iterable[str] = ROLES,
+    ):
+        super().__init__()
+        roles = tuple(roles)
+        self.encoders = nn.ModuleDict(
+            {role: seeded(seed, f"{role} encoder", lambda: Encoder(network, standardisation)) for role in roles}
+        )
+        self.sidm = seeded(seed, "sidm", lambda: SIDM(network))
+        self.decoders = nn.ModuleDict(
+            {role: seeded(seed, f"{role} decoder", lambda: Decoder(network, standardisation)) for role in roles}
+        )
+        if len(roles) > 1 and network.own != "all":
+            for parts, own in ((self.encoders, OWN_OF_ENCODER), (self.decoders, OWN_OF_DECODER)):
+                share(parts["expert"], parts["novice"], own[network.own])
+
+    def forward(
+        self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None
+    ) -> tuple[Tensor, Memory]:
+        """Predictions of one system.
+
+        Args:
+            role: 'novice' or 'expert'.
+            inputs: (B, T, 11), raw units.
+            maps: (B, T, P, P), m.
+            memory: of the SIDM after the step before; None where the trajectories begin.
+
+        Returns:
+            State transitions y' (B, T, 13) in raw units, and the memory after the last step.
+
+        Raises:
+            ConfigError: a system that the model does not have.
+            ValueError: wrong shapes.
+        """
+        if role not in self.encoders:
+            raise ConfigError(f"this model has {', '.join(self.encoders)}, not {role!r}")
+        transitions, memory = self.sidm(self.encoders[role](inputs, maps), memory)
+        return self.decoders[role](transitions), memory
+
+    def start(self, weights: Mapping[str, Tensor]) -> None:
+        """Take over weights; from those of a model that has the novice's parts alone, the expert's become copies."""
+        names = self.state_dict()
+        self.load_state_dict({n: weights[n if n in weights else n.replace(".expert.", ".novice.")] for n in names})
+
+    @property
+    def device(self) -> torch.device:
+        """Where the weights are."""
+        return next(self.parameters()).device
+
+
+def share(part: nn.Module, other: nn.Module, own: Own) -> None:
+    """Let `part` learn with the parameters of its like, `other`, but for those that are its `own`."""
+    for name, parameter in other.named_parameters():
+        if not own(name):
+            layer, _, leaf = name.rpartition(".")
+            setattr(part.get_submodule(layer), leaf, parameter)

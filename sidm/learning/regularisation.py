@@ -1,0 +1,92 @@
+"""Algorithm 2: the novice's encoder learns to give latents like the expert's, by the paper's adversary or otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+
+from sidm.learning.dataset import Motion
+from sidm.learning.learner import Learner
+from sidm.learning.losses import coral, expected_discriminator_loss, expected_matching_loss, squared_mmd
+
+
+def regularise_phase(learner: Learner) -> None:
+    """Algorithm 2: the discriminator learns to tell the systems' latents apart, then E_n learns to deceive it."""
+    training = learner.training
+    if training.matching == "adversary":
+        for _ in range(training.discriminator_iterations):
+            discriminator_iteration(learner)
+    for _ in range(training.matching_iterations):
+        matching_iteration(learner) if training.matching == "adversary" else distance_iteration(learner)
+
+
+def discriminator_iteration(learner: Learner) -> None:
+    """One update of A alone, equation (2)."""
+    count = learner.training.discriminator_batch
+    expert = learner.draw("expert", count, "discriminator expert")
+    novice = learner.draw("novice", count, "discriminator novice")
+    with torch.no_grad():
+        expert_latents, novice_latents = encode(learner, "expert", expert), encode(learner, "novice", novice)
+    learner.discrimination.zero_grad()
+    expected_discriminator_loss(*judged(learner, expert_latents, novice_latents)).backward()
+    learner.discrimination.step()
+
+
+def judged(learner: Learner, expert_latents: Tensor, novice_latents: Tensor) -> tuple[Tensor, Tensor]:
+    """The logits that A gives latents (b, T, 128) of the expert and of the novice; notes how many it tells apart."""
+    expert_logits, novice_logits = map(learner.discriminator.logits, (expert_latents, novice_latents))
+    right = torch.cat([expert_logits.flatten() > 0, novice_logits.flatten() < 0])
+    learner.accuracy = float(right.float().mean())
+    return expert_logits, novice_logits
+
+
+def matching_iteration(learner: Learner) -> None:
+    """One update of E_n alone, equation (4)."""
+    novice = learner.draw("novice", learner.training.matching_batch, "matching")
+    update_encoder(learner, expected_matching_loss(learner.discriminator.logits(encode(learner, "novice", novice))))
+
+
+def update_encoder(learner: Learner, loss: Tensor) -> None:
+    """One step of E_n alone down the gradient of `loss`."""
+    learner.prediction.zero_grad()  # drops the gradients of all parts; those without one are not stepped
+    loss.backward(inputs=list(learner.model.encoders["novice"].parameters()))
+    learner.matching.step()
+
+
+#: Distances between the distributions of latents (N, K) and (M, K), by the setting that chooses them.
+DISTANCES: dict[str, Callable[[Tensor, Tensor], Tensor]] = {"mmd": squared_mmd, "coral": coral}
+
+
+def distance_iteration(learner: Learner) -> None:
+    """One update of E_n alone by a distance between its latents and those of E_e, in place of equation (4)."""
+    count = learner.training.matching_batch
+    with torch.no_grad():
+        expert = encode(learner, "expert", learner.draw("expert", count, "discriminator expert"))
+    novice = encode(learner, "novice", learner.draw("novice", count, "matching"))
+    distance = DISTANCES[learner.training.matching]
+    update_encoder(learner, distance(expert.flatten(0, 1), novice.flatten(0, 1)))
+
+
+def reversed_loss(learner: Learner, latents: dict[str, Tensor]) -> Tensor:
+    """Equation (2) for A, while the encoders feel its gradient reversed (Ganin and Lempitsky, 2015).
+
+    Args:
+        learner: with `reversal_weight`, of the reversed gradient.
+        latents: (b, T, 128) of a batch, by system; of only one system there is nothing to tell apart.
+    """
+    if len(latents) < 2:
+        return next(iter(latents.values())).new_zeros(())
+    weight = learner.training.reversal_weight
+    # The value is the latents', the derivative by them is -weight.
+    expert, novice = ((1 + weight) * latents[role].detach() - weight * latents[role] for role in ("expert", "novice"))
+    expert_logits, novice_logits = judged(learner, expert, novice)
+    return expected_matching_loss(expert_logits) + expected_matching_loss(-novice_logits)  # of unequal numbers
+
+
+def encode(learner: Learner, role: str, motion: Motion) -> Tensor:
+    """Latent state-actions (b, T, 128), float32, computed in the training's precision."""
+    low = learner.training.precision == "bfloat16"
+    with torch.autocast(learner.device.type, torch.bfloat16, enabled=low):
+        return learner.model.encoders[role](motion.inputs, motion.maps)

@@ -1,0 +1,54 @@
+"""A frozen model and a learned correction: the novice learns what the expert's model gets wrong."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from sidm.config import ConfigError
+from sidm.learning.dataset import Datasets, Motion, Part, Standardisation
+from sidm.learning.evaluation import EVALUATION_BATCH
+from sidm.learning.model import DynamicsModel
+
+
+class Corrected(DynamicsModel):
+    """Predicts the sum of what two models predict, both with the novice's parts alone."""
+
+    def __init__(self, base: DynamicsModel, correction: DynamicsModel):
+        nn.Module.__init__(self)
+        self.base, self.correction = base, correction
+
+    def forward(self, role: str, inputs: Tensor, maps: Tensor, memory=None):
+        """As DynamicsModel; the memory is that of both."""
+        first, second = memory or (None, None)
+        predicted, first = self.base(role, inputs, maps, first)
+        missing, second = self.correction(role, inputs, maps, second)
+        return predicted + missing, (first, second)
+
+
+def left_over(datasets: Datasets, base: DynamicsModel) -> Datasets:
+    """The novice's data to learn from, with what `base` leaves unexplained of each transition for a target."""
+    return datasets._replace(train=_unexplained(datasets.train, base), test=_unexplained(datasets.test, base))
+
+
+def _unexplained(motion: Motion | Part, base: DynamicsModel) -> Motion:
+    whole = motion.take(range(len(motion)))
+    with torch.inference_mode():
+        predicted = [
+            base("novice", part.inputs.to(base.device), part.maps.to(base.device))[0].cpu()
+            for part in whole.split(EVALUATION_BATCH)
+        ]
+    return Motion(whole.inputs, whole.targets - torch.cat(predicted), whole.maps)
+
+
+def units(datasets: Datasets) -> Standardisation:
+    """Of a correction: inputs as for every method, targets by their own spread about zero, near which it begins.
+
+    Args:
+        datasets: as `left_over` gives them, with the expert's.
+    """
+    if datasets.expert is None:
+        raise ConfigError("a correction needs the expert's data, but datasets.expert is None")
+    inputs = Standardisation.of(datasets.expert)
+    spread = datasets.train.targets.square().mean((0, 1)).sqrt()
+    return inputs._replace(target_mean=torch.zeros_like(spread), target_std=spread)

@@ -1,0 +1,58 @@
+"""Every method is a configuration of the one loop, runs through, and begins as its neighbours do."""
+
+import math
+
+import pytest
+
+from sidm.config import ConfigError
+from sidm.experiments import METHODS, Study, run_trial
+from sidm.experiments.bundled import bundles, fits
+from sidm.experiments.measure import perform
+from sidm.experiments.methods import FIGURE3
+from sidm.learning import DynamicsModel
+from sidm.learning.residual import Corrected
+
+
+@pytest.fixture
+def trial(tiny, data, tmp_path):
+    """Makes a trial of system 1: trial(method)."""
+    return lambda method: Study(tiny, data, tmp_path).trial("system1", method, 0.75)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_runs(trial, data, method):
+    """From its data to its outcome, rollouts included."""
+    one = trial(method)
+    outcome = run_trial(one, data).outcome
+    assert math.isfinite(outcome.validation_loss) and len(outcome.position_error) == 25
+    assert (outcome.pretraining_samples > 0) == METHODS[method].pretrained
+    assert (outcome.samples == 0) == (method == "expert_only")
+
+
+def test_no_two_methods_are_the_same_trial(trial):
+    keys = {trial(method).replace(method="one").key for method in METHODS}
+    assert len(keys) == len(METHODS)
+
+
+def test_the_experts_model_is_judged_as_it_is(trial, data):
+    """Neither the novice's data nor its seed's draws touch it."""
+    trained, other = (perform(one, data)[0] for one in (trial("expert_only"), trial("pretrain_finetune")))
+    assert trained.iterations == 0 and trained.curve_samples == (0,)
+    assert trained.pretraining_samples == other.pretraining_samples
+    assert trained.validation_loss != other.validation_loss
+
+
+def test_a_residual_keeps_the_experts_model(trial, data):
+    model, expert = (perform(trial(method), data)[1].model for method in ("residual", "expert_only"))
+    assert isinstance(model, Corrected) and type(expert) is DynamicsModel
+    base, correction = model.base.state_dict(), model.correction.state_dict()
+    assert all((tensor == base[name]).all() for name, tensor in expert.state_dict().items())
+    assert any((tensor != base[name]).any() for name, tensor in correction.items())
+
+
+def test_bundles_take_the_methods_of_figure_3_and_refuse_the_others(trial):
+    assert all(fits(trial(method)) for method in FIGURE3)
+    for method in ("pooled", "mmd", "residual", "expert_only", "finetune_parts"):
+        assert not fits(trial(method))
+        with pytest.raises(ConfigError, match=f"{method} .*run it without --bundle"):
+            bundles([trial(method)])

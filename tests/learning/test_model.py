@@ -1,0 +1,79 @@
+"""What the two systems may have in common, and how both begin as copies of one."""
+
+import dataclasses
+
+import pytest
+import torch
+
+from sidm.learning import DynamicsModel, Network, parameter_count
+from sidm.learning.learner import Learner
+from sidm.learning.training import predict_phase
+
+
+@pytest.fixture
+def make_model(small_network):
+    def make(own, **given) -> DynamicsModel:
+        return DynamicsModel(dataclasses.replace(small_network, own=own), **given)
+
+    return make
+
+
+@pytest.mark.parametrize(("own", "differing"), [
+    ("none", set()),
+    ("flag", {"encoders.dense.0.bias"}),
+    ("biases", {f"encoders.{n}.bias" for n in ("convolutions.0", "convolutions.2", "dense.0", "dense.2")}
+     | {f"decoders.{n}.bias" for n in ("dense.0", "dense.2")}),
+])  # fmt: skip
+def test_each_system_learns_what_is_its_own_and_both_the_rest(make_learner, datasets, small_network, small_training,
+                                                              own, differing):  # fmt: skip
+    network = dataclasses.replace(small_network, own=own)
+    learner = Learner(datasets, network, dataclasses.replace(small_training, p_expert=0.5), 0)
+    one = DynamicsModel(network, roles=["novice"])
+    extra = sum(size_of(one, name) for name in differing)
+    assert parameter_count(learner.model) == parameter_count(one) + extra
+    predict_phase(learner)
+    weights = dict(learner.model.state_dict())
+    found = set()
+    for name, tensor in weights.items():
+        if ".novice." in name and not torch.equal(tensor, weights[name.replace(".novice.", ".expert.")]):
+            found.add(name.replace(".novice", ""))
+    assert found == differing
+
+
+def size_of(model: DynamicsModel, name: str) -> int:
+    kind, _, rest = name.partition(".")
+    return dict(model.named_parameters())[f"{kind}.novice.{rest}"].numel()
+
+
+def test_the_paper_shares_the_sidm_alone(make_model):
+    both, one = make_model("all"), make_model("all", roles=["novice"])
+    shared = parameter_count(both.sidm)
+    assert parameter_count(both) - shared == 2 * (parameter_count(one) - shared)
+
+
+@pytest.mark.parametrize("own", ["all", "biases", "flag", "none"])
+def test_both_systems_begin_as_copies(make_model, make_motion, own):
+    start = make_model("all", seed=7, roles=["novice"])
+    model, motion = make_model(own), make_motion(2)
+    model.start(start.state_dict())
+    expected = start("novice", motion.inputs, motion.maps)[0]
+    for role in ("novice", "expert"):
+        assert torch.equal(model(role, motion.inputs, motion.maps)[0], expected)
+
+
+def test_a_model_with_shared_parts_starts_from_its_own_weights(make_model):
+    first, second = make_model("biases", seed=1), make_model("biases", seed=2)
+    second.start(first.state_dict())
+    assert all(torch.equal(one, second.state_dict()[name]) for name, one in first.state_dict().items())
+
+
+def test_shared_parts_have_the_novices_initial_weights(make_model):
+    """So that a method that shares begins as one that does not."""
+    shared, apart = make_model("none").state_dict(), make_model("all").state_dict()
+    for name in shared:
+        assert torch.equal(shared[name], apart[name.replace(".expert.", ".novice.")])
+
+
+def test_what_is_shared_has_a_name():
+    with pytest.raises(Exception, match="own"):
+        Network(own="some")

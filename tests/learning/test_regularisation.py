@@ -1,0 +1,104 @@
+"""What stands in for the paper's adversary: distances between distributions, gradient reversal."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+
+from sidm.learning.losses import coral, discriminator_loss, squared_mmd
+from sidm.learning.regularisation import DISTANCES, distance_iteration, encode, regularise_phase, reversed_loss
+from sidm.learning.training import encode_batch, predict_phase, train
+
+
+def test_distances_grow_with_the_shift(generator):
+    first, second = torch.randn(2, 300, 5, generator=generator)
+    for distance in DISTANCES.values():
+        found = [float(distance(first, second + shift)) for shift in (0.0, 0.5, 2.0)]
+        assert found == sorted(found) and found[2] > 5 * found[0]
+        assert float(distance(first, first)) == pytest.approx(0.0, abs=1e-6)
+        assert float(distance(first, second)) == pytest.approx(float(distance(second, first)), rel=1e-4)
+
+
+def test_mmd_is_its_double_sum(generator):
+    first, second = torch.randn(4, 3, generator=generator), torch.randn(5, 3, generator=generator) + 1
+    both = torch.cat([first, second]).double().numpy()
+    squares = ((both[:, None] - both[None]) ** 2).sum(-1)
+    unit = np.sort(squares.ravel())[(squares.size - 1) // 2]
+    signs = np.array([1 / 4] * 4 + [-1 / 5] * 5)
+    total = sum(signs @ np.exp(-squares / (width * unit)) @ signs for width in (0.5, 1, 2)) / 3
+    assert float(squared_mmd(first, second)) == pytest.approx(total, rel=1e-4)
+
+
+def test_coral_sees_covariance_and_mean(generator):
+    first = torch.randn(2000, 3, generator=generator)
+    assert float(coral(first, 2 * first)) == pytest.approx(float(9 * torch.cov(first.T).square().mean()), rel=0.05)
+    assert float(coral(first, first + 2)) == pytest.approx(4.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("matching", sorted(DISTANCES))
+def test_a_distance_changes_the_novices_encoder_alone_and_shrinks(make_learner, matching):
+    learner = make_learner(matching=matching, matching_batch=6, learning_rate=3e-3)
+    before = learner.weights()
+
+    def distance() -> float:
+        sides = [learner.datasets.expert, learner.datasets.train]
+        with torch.no_grad():
+            latents = [encode(learner, r, m).flatten(0, 1) for r, m in zip(("expert", "novice"), sides, strict=True)]
+        return float(DISTANCES[matching](*latents))
+
+    first = distance()
+    for _ in range(60):
+        distance_iteration(learner)
+    changed = {name for name, tensor in learner.weights().items() if not torch.equal(tensor, before[name])}
+    assert changed and all(name.startswith("encoders.novice.") for name in changed)
+    assert distance() < 0.6 * first
+
+
+def test_a_distance_needs_no_discriminator(make_learner):
+    learner = make_learner(matching="mmd")
+    before = [p.clone() for p in learner.discriminator.parameters()]
+    regularise_phase(learner)
+    assert all(torch.equal(one, p) for one, p in zip(before, learner.discriminator.parameters(), strict=True))
+    assert learner.accuracy is None
+
+
+def test_the_encoders_feel_the_discriminators_gradient_reversed(make_learner):
+    learner = make_learner(matching="reversal", reversal_weight=0.3, p_expert=0.5, batch=8)
+    latents = encode_batch(learner, learner.draw_batch())
+    plain = {role: one.detach().clone().requires_grad_() for role, one in latents.items()}
+    turned = {role: one.detach().clone().requires_grad_() for role, one in latents.items()}
+    logits = {role: learner.discriminator.logits(one) for role, one in plain.items()}
+    count = min(map(len, plain.values()))
+    loss = reversed_loss(learner, turned)
+    loss.backward()
+    of_discriminator = [p.grad.clone() for p in learner.discriminator.parameters()]
+    learner.discriminator.zero_grad()
+    torch.nn.functional.softplus(-logits["expert"]).mean().backward(retain_graph=True)
+    torch.nn.functional.softplus(logits["novice"]).mean().backward()
+    for role in plain:
+        assert torch.allclose(turned[role].grad, -0.3 * plain[role].grad, atol=1e-7)
+    for one, parameter in zip(of_discriminator, learner.discriminator.parameters(), strict=True):
+        assert torch.allclose(one, parameter.grad, atol=1e-7)
+    if len(plain["expert"]) == len(plain["novice"]) == count:
+        assert float(loss) == pytest.approx(float(discriminator_loss(logits["expert"], logits["novice"]).mean()))
+
+
+def test_reversal_teaches_the_discriminator_within_algorithm_1(make_learner):
+    learner = make_learner(matching="reversal", p_expert=0.5)
+    before = [p.clone() for p in learner.discriminator.parameters()]
+    predict_phase(learner)
+    assert any(not torch.equal(one, p) for one, p in zip(before, learner.discriminator.parameters(), strict=True))
+    assert 0 <= learner.accuracy <= 1
+
+
+def test_a_batch_of_one_system_has_nothing_to_tell_apart(make_learner):
+    learner = make_learner(matching="reversal", p_expert=1.0)
+    assert float(reversed_loss(learner, encode_batch(learner, learner.draw_batch()))) == 0.0
+
+
+@pytest.mark.parametrize("matching", ["adversary", "reversal", *sorted(DISTANCES)])
+def test_every_way_of_matching_trains(datasets, small_network, small_training, matching):
+    training = dataclasses.replace(small_training, matching=matching, p_expert=0.5)
+    trained = train(datasets, small_network, training, 0)
+    assert trained.samples >= training.max_samples and np.isfinite(trained.best_test_loss)
