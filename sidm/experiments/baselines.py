@@ -22,7 +22,8 @@ class Neighbour(NamedTuple):
     loss: float  # mean validation loss
     lowest: float
     highest: float
-    differences: tuple[Interval, ...]  # from each comparison, paired by seed: below zero where the method is better
+    differences: tuple[Interval | None, ...]  # from each comparison, paired by seed, below zero where the method is
+    # better; none from itself, nor where no seed has both
     samples: float  # mean, of prediction and pretraining
     compute_minutes: float  # mean, of a trial
 
@@ -32,7 +33,7 @@ def neighbours(rows: Iterable[Row], against: Sequence[str] = ("sidm", "novice_on
 
     Args:
         rows: at most one a system, size, method and seed.
-        against: methods that the others are compared with; the difference is NaN where no seed has both.
+        against: methods that the others are compared with.
     """
     groups: dict[tuple[str, float, str], dict[int, Row]] = {}
     for row in rows:
@@ -45,7 +46,10 @@ def neighbours(rows: Iterable[Row], against: Sequence[str] = ("sidm", "novice_on
     for (system, minutes, method), group in sorted(groups.items(), key=lambda i: (*i[0][:2], order.index(i[0][2]))):
         losses = [row.outcome.validation_loss for row in group.values()]
         samples = [row.outcome.samples + row.outcome.pretraining_samples for row in group.values()]
-        differences = tuple(_difference(group, groups.get((system, minutes, other), {})) for other in against)
+        differences = tuple(
+            None if other == method else _difference(group, groups.get((system, minutes, other), {}))
+            for other in against
+        )
         mean, lowest, highest = float(np.mean(losses)), min(losses), max(losses)
         cost = float(np.mean([row.provenance.seconds for row in group.values()])) / 60
         found.append(
@@ -56,10 +60,10 @@ def neighbours(rows: Iterable[Row], against: Sequence[str] = ("sidm", "novice_on
     return found
 
 
-def _difference(group: dict[int, Row], other: dict[int, Row]) -> Interval:
+def _difference(group: dict[int, Row], other: dict[int, Row]) -> Interval | None:
     """Of the mean losses of the seeds that both have."""
     seeds = sorted(group.keys() & other.keys())
     if not seeds:
-        return Interval(np.nan, np.nan, np.nan)
+        return None
     pairs = np.array([[side[seed].outcome.validation_loss for side in (group, other)] for seed in seeds])
     return interval(lambda some: float((some[:, 0] - some[:, 1]).mean()), pairs)

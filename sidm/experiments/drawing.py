@@ -23,6 +23,13 @@ _LOOKS: dict[str, dict[str, Any]] = {
     "no_regularisation": {"color": "#009E73", "linestyle": "-.", "marker": "^"},
     "pretrain_finetune": {"color": "#CC79A7", "linestyle": ":", "marker": "D"},
 }
+_LOOKS |= {  # of what might do better
+    "mirrored": {"color": "#009E73", "linestyle": "-", "marker": "*"},
+    "tethered": {"color": "#000000", "linestyle": (0, (1, 1)), "marker": "v"},
+    "adapters": {"color": "#8C6D00", "linestyle": "-.", "marker": "P"},
+    "copies": {"color": "#E69F00", "linestyle": "-", "marker": "^"},
+    "copies_no_regularisation": {"color": "#56B4E9", "linestyle": "--", "marker": "<"},
+}
 _PLAIN = {"color": "#555555", "linestyle": "-", "marker": "."}  # of methods that no curve shows
 
 #: How a method is drawn and named, told apart by colour (Okabe and Ito), line and marker.

@@ -19,6 +19,7 @@ FIGURES: dict[str, tuple[Callable[[Study, str], list[Trial]], tuple[str, ...]]] 
     "tuning": (Study.tuning, tuple(SYSTEMS)),
     "choices": (Study.choices, tuple(SYSTEMS)),
     "baselines": (Study.baselines, tuple(SYSTEMS)),
+    "variants": (Study.variants, tuple(SYSTEMS)),
     "p-expert": (ablations.p_expert, tuple(SYSTEMS)),
     "iterations": (ablations.phases, tuple(SYSTEMS)),
     "pixels": (ablations.pixels, tuple(SYSTEMS)),

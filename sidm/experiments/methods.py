@@ -70,6 +70,23 @@ METHODS: dict[str, Method] = {
     # One network for both systems.
     "pooled": Method("one network", "sidm", expert=True, own="none"),
     "pooled_flag": Method("one network, told the system", "sidm", expert=True, own="flag"),
+    # Beyond the paper: the expert first, and then...
+    "copies": Method("SIDM from copies", "pretrain_finetune", expert=True, regularise=True, pretrained=True),
+    "copies_no_regularisation": Method(
+        "SIDM from copies, no adversary", "pretrain_finetune", expert=True, pretrained=True
+    ),
+    "adapters": Method(
+        "one network, biases apart", "pretrain_finetune", expert=True, pretrained=True, own="biases"
+    ),
+    "tethered": Method(
+        "expert first, then tethered", "pretrain_finetune", pretrained=True, changes=(("tether", 100.0),)
+    ),
+    "mirrored": Method(
+        "expert first, both mirrored", "pretrain_finetune", pretrained=True, all_changes=(("mirror", True),)
+    ),
+    # What mirror images do for the paper's methods.
+    "sidm_mirrored": Method("with SIDM, mirrored", "sidm", expert=True, regularise=True, changes=(("mirror", True),)),
+    "novice_only_mirrored": Method("without SIDM, mirrored", "novice_only", changes=(("mirror", True),)),
 }  # fmt: skip
 
 #: The two methods that the paper compares.
@@ -78,8 +95,14 @@ COMPARED = ("sidm", "novice_only")
 #: What Figure 3 draws here: what a reviewer asks for first is in it from the start.
 FIGURE3 = (*COMPARED, "pretrain_finetune")
 
+#: What might need less novice data than the paper's method and its strongest neighbour.
+VARIANTS = ("copies", "copies_no_regularisation", "adapters", "tethered", "mirrored")
+
+#: The paper's methods with mirror images, to stand beside.
+MIRRORED = ("sidm_mirrored", "novice_only_mirrored")
+
 #: The other methods that SIDM is put among.
-BASELINES = tuple(name for name in METHODS if name not in FIGURE3)
+BASELINES = tuple(name for name in METHODS if name not in (*FIGURE3, *VARIANTS, *MIRRORED))
 
 #: Another choice than ours or the paper's, most of them the released code's -> changes of the preset, methods touched.
 CHOICES: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {

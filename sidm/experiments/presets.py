@@ -38,6 +38,7 @@ class Preset:
     figure4_minutes: tuple[float, ...] = (5.0, 120.0)
     figure4_seeds: int = 10  # trials a point of Figure 4
     baseline_minutes: tuple[float, ...] = (5.0, 20.0)  # a small and a middle size: of the baselines and the diagnostics
+    variant_minutes: tuple[float, ...] = (1.0, 2.0, 5.0, 10.0)
     ablation_minutes: tuple[float, ...] = (5.0,)
     ablation_seeds: int = 2  # trials a point of the ablations
     tuning_minutes: float = 20.0  # a middle size, at which the methods are tuned
@@ -59,7 +60,7 @@ class Preset:
             if not 0 < getattr(self, name) < float("inf"):
                 raise ConfigError(f"{name} must be positive and finite, not {getattr(self, name)}")
         for name in ("novice_minutes_system1", "novice_minutes_system2", "figure4_minutes", "baseline_minutes",
-                     "ablation_minutes"):  # fmt: skip
+                     "variant_minutes", "ablation_minutes"):  # fmt: skip
             if not all(minutes > 0 for minutes in getattr(self, name)):
                 raise ConfigError(f"{name} must be positive, not {getattr(self, name)}")
         for name in ("p_expert_system1", "p_expert_system2"):
@@ -164,6 +165,7 @@ PRESETS: dict[str, Preset] = {
             figure4_seeds=1,
             tuning_minutes=2,
             baseline_minutes=(0.5, 2),
+            variant_minutes=(0.5, 2),
             ablation_minutes=(0.5,),
             ablation_seeds=1,
             network=Network(pixels=16, layers=1, hidden=32),

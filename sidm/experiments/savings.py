@@ -74,6 +74,37 @@ def component_savings(
     ]
 
 
+class Rival(NamedTuple):
+    """A method on one system and size, and how much data two others need to do as well."""
+
+    system: str
+    method: str
+    saving: dict[str, Saving]  # by the name of the other
+
+
+def rivals(
+    rows: Sequence[Row], system: str, methods: Sequence[str], against: Sequence[str] = ("sidm", "pretrain_finetune")
+) -> list[Rival]:
+    """A line a method and size, for the methods that have rows."""
+    found = []
+    for method in methods:
+        columns = {other: savings(rows, system, method, other) for other in against}
+        for size in zip(*columns.values(), strict=True):
+            found.append(Rival(system, method, dict(zip(columns, size, strict=True))))
+    return found
+
+
+def at_least(saving: Saving) -> float:
+    """What a ratio surely is: the low end of its interval, or the bound where the comparison never does as well."""
+    return saving.ratio.value if saving.bound == ">=" else saving.ratio.low
+
+
+def surely(found: Sequence[Rival], method: str) -> float:
+    """The smallest of what a method's ratios surely are, over systems, sizes and others; NaN where one is not known."""
+    ratios = [at_least(saving) for line in found if line.method == method for saving in line.saving.values()]
+    return float(np.min(ratios)) if ratios else float("nan")
+
+
 def ratio_words(saving: Saving) -> str:
     """A ratio for a table: 'at least 3.2 [1.9, 5.4]', without brackets where there is no interval."""
     return {"=": "", ">=": "at least ", "<=": "at most "}[saving.bound] + str(saving.ratio)

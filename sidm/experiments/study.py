@@ -9,7 +9,7 @@ from typing import Any
 
 from sidm.config import unknown_name
 from sidm.experiments.datasets import find_digest
-from sidm.experiments.methods import BASELINES, CHOICES, COMPARED, FIGURE3, METHODS
+from sidm.experiments.methods import BASELINES, CHOICES, COMPARED, FIGURE3, METHODS, MIRRORED, VARIANTS
 from sidm.experiments.presets import Preset, load_preset
 from sidm.experiments.trials import Trial
 from sidm.experiments.tuning import TRIES, TUNING_SEED, tried
@@ -117,6 +117,13 @@ class Study:
             *self.points(system, ["expert_only"], sizes[:1]),
             *self.points(system, ["novice_only"], [largest]),
         ]
+
+    def variants(self, system: str) -> list[Trial]:
+        """What might do better, on small datasets, beside the methods that it is to beat; those on Figure 3's too."""
+        beaten = ("sidm", "pretrain_finetune")
+        trials = self.points(system, (*beaten, *VARIANTS, *MIRRORED), self.preset.variant_minutes)
+        trials += self.points(system, beaten, self.preset.novice_minutes(system))
+        return list({trial.key: trial for trial in trials}.values())
 
     def choices(self, system: str) -> list[Trial]:
         """Figure 3's methods on a small dataset with one of our choices changed at a time."""

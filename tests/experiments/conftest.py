@@ -22,6 +22,7 @@ TINY = dict(
     rollouts=2,
     figure4_minutes=[0.25, 0.75],
     baseline_minutes=[0.25],
+    variant_minutes=[0.25],
     ablation_minutes=[0.25],
     pixels=8,
     hidden=8,

@@ -6,6 +6,7 @@ import pytest
 from sidm.experiments import METHODS, Study, load_preset
 from sidm.experiments.baselines import neighbours
 from sidm.experiments.figures import neighbours_figure
+from sidm.experiments.methods import BASELINES, MIRRORED, VARIANTS
 
 STUDY = Study(load_preset("laptop"))
 
@@ -23,15 +24,16 @@ def rows(make_row):
 def test_a_line_a_method_and_size(rows):
     """Differences are of the same seeds, so that what a seed adds to all is no noise."""
     found = {(one.method, one.minutes): one for one in neighbours(rows)}
-    assert len(found) == (len(METHODS) - 1) * 2 + 1 + 1  # the expert alone once, and all data
+    assert len(found) == (3 + len(BASELINES) - 1) * 2 + 1 + 1  # the expert alone once, and all data
     order = list(METHODS)
     for (method, _), one in found.items():
         assert one.loss == pytest.approx(0.1 * (1 + order.index(method)) + 0.01)
         assert (one.lowest, one.highest) == pytest.approx((one.loss - 0.01, one.loss + 0.01))
-        if one.minutes in (5, 20):
-            assert one.differences[0] == pytest.approx([0.1 * order.index(method)] * 3)
-            assert one.differences[1] == pytest.approx([0.1 * (order.index(method) - 1)] * 3)
-    assert np.isnan(found["novice_only", 120].differences[0].value)
+        for number, other in enumerate(("sidm", "novice_only")):
+            if method == other or one.minutes == 120:
+                assert one.differences[number] is None
+            else:
+                assert one.differences[number] == pytest.approx([0.1 * (order.index(method) - number)] * 3)
 
 
 def test_only_common_seeds_are_compared(rows):
@@ -56,7 +58,9 @@ def test_rows_of_two_grids_are_refused(rows, make_row):
 
 def test_the_figure_has_every_method(rows):
     left, right = neighbours_figure(neighbours(rows)).axes
-    assert [text.get_text() for text in left.get_yticklabels()] == [method.label for method in METHODS.values()]
+    others = (*VARIANTS, *MIRRORED)
+    labels = [method.label for name, method in METHODS.items() if name not in others]
+    assert [text.get_text() for text in left.get_yticklabels()] == labels
     points = left.get_lines()[0]
-    assert sorted(points.get_xdata()) == pytest.approx(sorted(0.11 + 0.1 * k for k in range(len(METHODS))))
+    assert sorted(points.get_xdata()) == pytest.approx(sorted(0.11 + 0.1 * k for k in range(3 + len(BASELINES))))
     assert right.texts[0].get_text() == "no trials stored"

@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from sidm.experiments import Study
-from sidm.experiments.savings import Saving, component_savings, efficiency_band, ratio_words, savings
+from sidm.experiments.savings import (
+    Saving,
+    at_least,
+    component_savings,
+    efficiency_band,
+    ratio_words,
+    rivals,
+    savings,
+    surely,
+)
 from sidm.experiments.statistics import Interval
 from sidm.experiments.tables import COMPONENTS, gather
 
@@ -85,3 +94,29 @@ def test_the_band_holds_the_curve(rows):
     losses = gather(rows, "system1")
     low, high = efficiency_band(losses.minutes, losses.values, np.array([0.3, 0.2, 0.05]))
     assert np.all(low[:2] < 4) and np.all(high[:2] > 4) and np.isnan(low[2])
+
+
+def test_rivals_are_held_against_both(rows, make_row, tmp_path):
+    """A method of 16 times the data in effect needs a quarter of SIDM's, half of the pretrained one's."""
+    study = Study("laptop", tmp_path, tmp_path)
+    mine = [t for t in study.variants("system1") if t.method in ("mirrored", "tethered")]
+    power = {"mirrored": 16.0, "tethered": 8.0}
+    beaten = [row for row in rows if row.trial.method != "novice_only"]
+    found = rivals(
+        [*beaten, *(make_row(t, (power[t.method] * t.novice_minutes) ** -0.5) for t in mine)], "system1",
+        ["mirrored", "tethered", "adapters"],
+    )  # fmt: skip
+    assert [(one.method, one.saving["sidm"].minutes) for one in found] == [
+        (method, minutes) for method in ("mirrored", "tethered") for minutes in (1, 2, 5, 10)
+    ]
+    for one in found[:4]:
+        assert one.saving["pretrain_finetune"].ratio.value == pytest.approx(2, rel=0.01)
+        assert one.saving["sidm"].ratio.value == pytest.approx(4, rel=0.05)
+    assert surely(found, "mirrored") == pytest.approx(2, rel=0.01)
+    assert surely(found, "tethered") == pytest.approx(1, rel=0.01) and np.isnan(surely(found, "adapters"))
+
+
+def test_what_a_ratio_surely_is():
+    assert at_least(Saving(1.0, 0.5, Interval(4.0, 3.0, 5.0), "=")) == 3.0
+    assert at_least(Saving(1.0, 0.5, Interval(4.0, np.nan, np.nan), ">=")) == 4.0
+    assert np.isnan(at_least(Saving(1.0, 0.5, Interval(0.5, np.nan, np.nan), "<=")))

@@ -11,7 +11,7 @@ import yaml
 from sidm.config import ConfigError
 from sidm.experiments import METHODS, PRESETS, UNKNOWN, Study, Trial, ablations, grid, load_preset
 from sidm.experiments.datasets import differing
-from sidm.experiments.methods import COMPARED
+from sidm.experiments.methods import COMPARED, MIRRORED, VARIANTS
 from sidm.experiments.presets import POLICIES
 from sidm.storage import write_record
 from sidm.systems import SYSTEMS
@@ -136,7 +136,9 @@ def test_grids():
         assert len({t.key for t in name(study, "system1")} & figure3) == 2 * 2  # both methods
     neighbours = study.baselines("system1")
     assert len({t.key for t in neighbours} & figure3) == 3 * 2 * 3 + 3  # three methods, two sizes, and all data
-    assert {t.method for t in neighbours} == set(METHODS)
+    assert {t.method for t in neighbours} == set(METHODS) - {*VARIANTS, *MIRRORED}
+    variants = study.variants("system1")
+    assert len(variants) == len({t.key for t in variants}) == 9 * 4 * 3 + 2 * 3 * 3  # two at 20, 60, 120, too
     assert len(grid("laptop", "3", "system2", minutes=[5, 20], seeds=[1])) == 2 * 3
     assert {t.key for t in grid("laptop", "all")} >= figure3
     with pytest.raises(ConfigError, match="minutes 3 is not in this grid; it has 1, 2, 5, 20, 60, 120"):

@@ -1,0 +1,71 @@
+"""Each suspect beside SIDM as it is: paired ratios, verdicts by rule, what was learnt by heart."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from sidm.experiments import Results, Study, load_preset
+from sidm.experiments.claims import NO_VERDICT
+from sidm.experiments.suspects import BETTER, CROSSED, NO_DIFFERENCE, WORSE, grid, judged, learnt, suspects
+
+STUDY = Study(load_preset("laptop"))
+
+
+def test_verdicts_follow_the_interval():
+    sidm = np.array([1.0, 1.1, 1.2])
+    for factor, said in ((0.5, BETTER), (2.0, WORSE), (1.0, NO_DIFFERENCE)):
+        one = judged("system1", 5.0, "", np.stack([sidm, factor * sidm], axis=1))
+        assert one.verdict == said and one.ratio == pytest.approx([factor] * 3)
+    noisy = judged("system1", 5.0, "", np.stack([sidm, [2.0, 0.5, 1.0]], axis=1))
+    assert noisy.verdict == NO_DIFFERENCE and noisy.ratio.low < 1 < noisy.ratio.high
+    assert judged("system1", 5.0, "", np.array([[1.0, 0.5], [1.0, 0.6]])).verdict == NO_VERDICT
+
+
+def test_every_suspect_is_another_trial_than_sidms():
+    base = {t.key for t in STUDY.points("system1", ["sidm"], [5, 20])}
+    words = [words for words, _ in grid(STUDY, "system1")]
+    assert len(set(words)) == len(words) > 20
+    for words, trials in grid(STUDY, "system1"):
+        assert trials and not base & {t.key for t in trials}, words
+
+
+def test_only_what_is_stored_has_a_line(make_row, tmp_path):
+    """Seeds pair: what a seed adds to both is no noise; a seed that one side lacks is left out."""
+    store = Results(tmp_path)
+    for trial in STUDY.points("system1", ["sidm", "pooled"], [5]):
+        if (trial.method, trial.seed) != ("pooled", 2):
+            store.put(make_row(trial, (1 + trial.seed) * (0.5 if trial.method == "pooled" else 1)))
+    (one,) = suspects(STUDY, store)
+    assert (one.system, one.minutes, one.seeds, one.verdict) == ("system1", 5, 2, NO_VERDICT)
+    assert one.ratio.value == pytest.approx(0.5) and one.instead == "one encoder and decoder for both systems"
+
+
+def test_parts_of_the_experts_are_suspects_too(make_row, tmp_path):
+    @dataclasses.dataclass
+    class Found:
+        trial: object
+        validation_loss: float = 2.0
+        expert_encoder_loss: float = 1.0
+        expert_decoder_loss: float = 4.0
+        expert_path_loss: float = 2.0
+
+    found = [Found(t) for t in STUDY.points("system2", ["sidm", "no_regularisation"], [20])]
+    lines = suspects(STUDY, Results(tmp_path), found, ["system2"])
+    assert [one.instead for one in lines] == [CROSSED[name] for name in (
+        "expert_encoder_loss", "expert_path_loss", "expert_decoder_loss"
+    )]  # fmt: skip
+    assert [one.ratio.value for one in lines] == pytest.approx([0.5, 1.0, 2.0])
+    assert {one.seeds for one in lines} == {3}
+
+
+def test_what_was_learnt_by_heart(make_row):
+    """The training loss is that at the lowest test loss."""
+    rows = []
+    for trial in STUDY.points("system1", ["novice_only", "sidm"], [5]):
+        row = make_row(trial, 3.0)
+        curve = dict(curve_samples=(1, 2, 3), curve_test_loss=(3.0, 2.0, 2.5), curve_training_loss=(3.0, 1.0, 0.1))
+        rows.append(dataclasses.replace(row, outcome=dataclasses.replace(row.outcome, **curve)))
+    lines = learnt(rows)
+    assert [one.method for one in lines] == ["sidm", "novice_only"]
+    assert {(one.minutes, one.training, one.validation) for one in lines} == {(5, 1.0, 3.0)}
