@@ -69,6 +69,7 @@ def build_parser() -> argparse.ArgumentParser:
     confirm = command("confirm", run_confirm, "Run one of each kind of stale trial again; if the same, all are fresh.")
     _add_preset(confirm)
     _add_grid(confirm)
+    confirm.add_argument("--diagnoses", action="store_true", help="the stored diagnoses of these trials instead")
     _add_workers(confirm)
 
     runner = commands.add_parser("notebook", help="Run a notebook with checked parameters.")
@@ -239,7 +240,7 @@ def run_run(arguments: argparse.Namespace) -> int:
 
 def run_show(arguments: argparse.Namespace) -> int:
     """`show`: a line a point, then 'missing: N'."""
-    from sidm.experiments import Results
+    from sidm.experiments import Results, Study
     from sidm.experiments.datasets import differing
     from sidm.experiments.tables import overview
 
@@ -247,7 +248,7 @@ def run_show(arguments: argparse.Namespace) -> int:
     trials = _trials(arguments, preset)
     store = Results(arguments.results)
     print(f"preset {arguments.preset}, figure {arguments.figure}: {len(trials)} trials")
-    for line in overview(store, trials, preset):
+    for line in overview(store, trials, Study(preset, arguments.data, arguments.results)):
         print(line)
     for failure in store.failures(trials):
         print(f"note: {failure}")
@@ -260,15 +261,18 @@ def run_show(arguments: argparse.Namespace) -> int:
 def run_confirm(arguments: argparse.Namespace) -> int:
     """`confirm`: 1 when a trial came out otherwise."""
     from sidm.experiments import Results
-    from sidm.experiments.confirm import confirm
+    from sidm.experiments.confirm import confirm, confirm_diagnoses
     from sidm.pool import local_pool
 
     trials = _trials(arguments, _preset(arguments))
     with local_pool(arguments.workers) as pool:
-        rows, differing = confirm(trials, Results(arguments.results), pool, arguments.data)
+        if arguments.diagnoses:
+            count, differing = confirm_diagnoses(trials, arguments.results, pool, arguments.data)
+        else:
+            count, differing = confirm(trials, Results(arguments.results), pool, arguments.data)
     for trial in differing:
-        print(f"{trial}: comes out otherwise; delete the rows of its kind and run them again")
-    print(f"{rows} rows confirmed")
+        print(f"{trial}: comes out otherwise; delete the results of its kind and make them again")
+    print(f"{count} {'diagnoses' if arguments.diagnoses else 'rows'} confirmed")
     return 1 if differing else 0
 
 

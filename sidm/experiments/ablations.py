@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from sidm.config import ConfigError
 from sidm.experiments.methods import COMPARED, METHODS, change
 from sidm.experiments.presets import Preset
 from sidm.experiments.study import Study
@@ -53,6 +54,8 @@ def iterations(
     """Ablation of the iterations of one phase; 0 of matching leave out the regularisation."""
     trials = []
     for value in ITERATIONS[phase] if values is None else values:
+        if value == 0 and phase != "matching_iterations":
+            raise ConfigError(f"{phase} must be at least 1; without an adversary there are 0 matching_iterations")
         method = "sidm" if value > 0 else "no_regularisation"
         training = METHODS[method].training(study.preset, system)
         if value > 0:

@@ -24,7 +24,7 @@ from sidm.trajectory import ShardError
 
 
 def fits(trial: Trial) -> bool:
-    """Whether a bundle can train it: the methods of Figures 3 and 4 and their ablations."""
+    """Whether a bundle can train it: parts of their own, the paper's adversary or none, and no aids."""
     trainings = [training for training in (trial.training, trial.pretraining) if training is not None]
     plain = all(getattr(training, name) == only for training in trainings for name, only in ONLY.items())
     return plain and trial.network.own == "all" and not trial.residual and trial.training.max_samples > 0
@@ -35,7 +35,7 @@ def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:
     groups: dict[tuple, list[Trial]] = {}
     for trial in trials:
         if not fits(trial):
-            raise ConfigError(f"{trial}: this method cannot be trained in a bundle; run it without --bundle")
+            raise ConfigError(f"{trial}: this method cannot be trained in a bundle; train it alone")
         trainings = (trial.training, trial.pretraining)
         common = tuple(tuple(getattr(training, name) for name in SHARED) for training in trainings if training)
         groups.setdefault((trial.system, trial.network, common), []).append(trial)

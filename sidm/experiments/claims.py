@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidm.experiments.statistics import Interval, greatest_ratio, interval, known
+from sidm.experiments.statistics import FEWEST_SEEDS, Interval, greatest_ratio, interval, known
 from sidm.experiments.store import Row
 from sidm.experiments.tables import Losses, final_position_error, gather
 from sidm.systems import SYSTEMS
@@ -17,7 +17,6 @@ DIRECTION = "In the same direction"
 NOT_SEEN = "Not seen"
 CONTRARY = "Contrary"
 UNCLEAR = "Unclear in the paper"
-FEWEST_SEEDS = 3  # two leave an interval of 13 standard errors to either side
 NO_VERDICT = "No verdict"  # not run, one seed, or sizes from which no figure follows
 
 

@@ -1,22 +1,22 @@
 """Stored rows that older code made and that today's code would make again: confirmed by a sample instead of hours.
 
-Of every kind of stale trial the quickest is run again. The trials of a kind go the same ways through the code: they are
-equal but for size, seed, and how large the numbers are that are not zero. Where the quickest comes out as it is stored,
-to the last stored digit, all rows of its kind count as made by today's code, and say so.
+Of every kind of stale trial the quickest is run again. The trials of a kind are equal but for size, seed, and how large
+those numbers of their trainings are that are not zero. Where the quickest comes out as it is stored, to the last stored
+digit, all rows of its kind count as made by today's code, and say so.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from concurrent.futures import Executor, as_completed
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from sidm.experiments.measure import run_trial
-from sidm.experiments.provenance import source_hash
-from sidm.experiments.store import Results, Row, rounded
+from sidm.experiments.provenance import Provenance, source_hash
+from sidm.experiments.store import Failure, Results, Row, rounded
 from sidm.experiments.trials import Trial
 from sidm.progress import progress_bar
 
@@ -39,18 +39,23 @@ def candidates(trials: Iterable[Trial], store: Results) -> list[list[Row]]:
 
 
 def kind(trial: Trial) -> str:
-    """What a trial has in common with those of its kind."""
+    """What a trial has in common with those of its kind: all but size, seed, and numbers of its trainings."""
 
-    def choices(values: Any) -> Any:
-        if isinstance(values, dict):
-            return {name: choices(value) for name, value in values.items()}
-        return values if isinstance(values, str | bool | None) else bool(values)
+    def ways(training: dict[str, Any] | None) -> dict[str, Any] | None:
+        if training is None:
+            return None
+        known = {name: value if isinstance(value, str | bool) else bool(value) for name, value in training.items()}
+        p = training["p_expert"]
+        return known | {"p_expert": p if p in (0, 1) else "between"}
 
-    return json.dumps(choices(trial.replace(seed=0).to_json()), sort_keys=True)
+    values = trial.replace(seed=0, novice_minutes=trial.pool_minutes).to_json()
+    return json.dumps(values | {name: ways(values[name]) for name in ("training", "pretraining")}, sort_keys=True)
 
 
-def same(row: Row, again: Row) -> bool:
+def same(row: Row, again: Row | Failure) -> bool:
     """Whether two rows have the same outcome to the digits that are stored."""
+    if isinstance(again, Failure):
+        return False
     stored, found = (rounded(dataclasses.asdict(one.outcome)) for one in (row, again))  # type: ignore[call-overload]
     return stored == found
 
@@ -67,21 +72,66 @@ def confirm(
         data: the folder of the shards.
         progress: whether to show a bar.
     """
-    kinds = candidates(trials, store)
-    futures = {executor.submit(run_trial, alike[0].trial, Path(data).absolute()): alike for alike in kinds}
-    rows, differing = 0, []
+
+    def mark(row: Row, again: Row, how: str) -> None:
+        store.put(dataclasses.replace(row, provenance=_confirmed(row, again, how)))
+
+    return _confirm(candidates(trials, store), executor, data, run_trial, same, mark, progress)
+
+
+def confirm_diagnoses(
+    trials: Iterable[Trial], results: Path, executor: Executor, data: str | Path = "data", progress: bool = True
+) -> Confirmed:
+    """The same for the stored diagnoses of `trials` under `results`."""
+    from sidm.experiments import diagnostics
+
+    kinds: dict[str, list[diagnostics.Diagnosis]] = {}
+    for found in (diagnostics.read(trial, results) for trial in trials):
+        if found is not None and found.stale:
+            kinds.setdefault(kind(found.trial), []).append(found)
+
+    def alike(one: diagnostics.Diagnosis, again: diagnostics.Diagnosis) -> bool:
+        plain = (dataclasses.asdict(each) for each in (one, again))  # type: ignore[call-overload]
+        stored, found = ({k: rounded(v) for k, v in each.items() if k not in _MADE} for each in plain)
+        return stored == found
+
+    def mark(one: diagnostics.Diagnosis, again: diagnostics.Diagnosis, how: str) -> None:
+        marked = dataclasses.replace(one, source=again.source, provenance=_confirmed(one, again, how))
+        diagnostics.write(marked, results)
+
+    quickest = [sorted(group, key=lambda one: one.provenance.seconds) for group in kinds.values()]
+    return _confirm(quickest, executor, data, diagnostics.diagnose, alike, mark, progress)
+
+
+_MADE = ("source", "scikit_learn", "provenance")  # what made a diagnosis, and is no part of what was found
+
+
+def _confirm(
+    kinds: list[list[Any]],
+    executor: Executor,
+    data: str | Path,
+    make: Callable[[Trial, Path], Any],
+    alike: Callable[[Any, Any], bool],
+    mark: Callable[[Any, Any, str], None],
+    progress: bool,
+) -> Confirmed:
+    """Make the first of each kind again; where it is `alike`, `mark` all of the kind."""
+    futures = {executor.submit(make, group[0].trial, Path(data).absolute()): group for group in kinds}
+    count, differing = 0, []
     with progress_bar(len(kinds), "kinds", "trial", progress) as bar:
         for done in as_completed(futures):
-            alike, again = futures[done], done.result()
-            if isinstance(again, Row) and same(alike[0], again):
-                for number, row in enumerate(alike):
-                    how = "sample" if number else "rerun"
-                    made = dataclasses.replace(
-                        row.provenance, confirmed_source=again.provenance.learning_source, confirmed_by=how
-                    )
-                    store.put(dataclasses.replace(row, provenance=made))
-                rows += len(alike)
+            group, again = futures[done], done.result()
+            if alike(group[0], again):
+                for number, one in enumerate(group):
+                    mark(one, again, "sample" if number else "rerun")
+                count += len(group)
             else:
-                differing.append(alike[0].trial)
+                differing.append(group[0].trial)
             bar.update()
-    return Confirmed(rows, differing)
+    return Confirmed(count, differing)
+
+
+def _confirmed(one: Any, again: Any, how: str) -> Provenance:
+    """The provenance of a result that later code makes again."""
+    made = again.provenance.learning_source
+    return dataclasses.replace(one.provenance, confirmed_source=made, confirmed_by=how)

@@ -26,6 +26,7 @@ from sidm.experiments.store import StoreError, rounded
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Dataset, Trial
 from sidm.learning.dataset import load_motion
+from sidm.learning.model import DynamicsModel
 from sidm.learning.training import Trained
 from sidm.pool import local_pool
 from sidm.progress import progress_bar
@@ -86,6 +87,7 @@ def diagnose(trial: Trial, data: str | Path = "data") -> Diagnosis:
         raise ConfigError(f"{trial}: its model has no expert whose latents could be compared")
     start = time.perf_counter()
     outcome, trained = perform(trial, data)
+    assert isinstance(trained.model, DynamicsModel)  # it has an expert, so it corrects none
     more = held_out_expert(trial)
     terrain, pixels = find_system(trial.system).terrain, trial.network.pixels
     expert = load_motion(data, more.collection, more.count, terrain, pixels)

@@ -25,6 +25,7 @@ _LOOKS: dict[str, dict[str, Any]] = {
 }
 _LOOKS |= {  # of what might do better
     "mirrored": {"color": "#009E73", "linestyle": "-", "marker": "*"},
+    "averaged": {"color": "#7F3FBF", "linestyle": (0, (5, 1)), "marker": "X"},
     "tethered": {"color": "#000000", "linestyle": (0, (1, 1)), "marker": "v"},
     "adapters": {"color": "#8C6D00", "linestyle": "-.", "marker": "P"},
     "copies": {"color": "#E69F00", "linestyle": "-", "marker": "^"},

@@ -204,7 +204,8 @@ def ablation(
             if row.trial.system == system:
                 line = row.trial.novice_minutes, METHOD_STYLES[row.trial.method]["label"] if by_method else ""
                 lines.setdefault(line, {}).setdefault(ablated(row.trial, name), []).append(validation_loss(row))
-        for (minutes, label), style in zip(sorted(lines), SIZE_STYLES, strict=False):
+        for number, (minutes, label) in enumerate(sorted(lines)):
+            style = SIZE_STYLES[number % len(SIZE_STYLES)]
             found = lines[minutes, label]
             values = sorted(found)
             means = np.array([np.mean(found[v]) for v in values])
@@ -232,8 +233,8 @@ def neighbours_figure(found: Sequence[Neighbour], systems: Sequence[str] = tuple
                 height = [methods.index(one.method) + 0.16 * (number - (len(sizes) - 1) / 2) for one in here]
                 style = SIZE_STYLES[number % len(SIZE_STYLES)] | {"linestyle": ""}
                 axes.errorbar(means, height, xerr=ends, capsize=2, label=f"{minutes:g} min", **style)
-        axes.set(xlabel=LOSS_LABEL.replace("\n", " "), title=system)
-        axes.set_yticks(range(len(methods)), [METHOD_STYLES[name]["label"] for name in methods])
-        axes.invert_yaxis()
+        axes.set(xlabel="validation loss, equation (1)", title=system, ylim=(len(methods) - 0.5, -0.5))
+        labels = [METHOD_STYLES[name]["label"] for name in methods] if axes is panels[0] else []
+        axes.set_yticks(range(len(methods)), labels or [""] * len(methods))
         finish(axes)
     return figure

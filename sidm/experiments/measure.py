@@ -20,7 +20,7 @@ from sidm.experiments.store import Failure, Outcome, Row
 from sidm.experiments.trials import Trial
 from sidm.learning.dataset import Datasets, Motion, Standardisation, load_motion, novice_split
 from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
-from sidm.learning.model import DynamicsModel
+from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.pretraining import Start
 from sidm.learning.residual import Corrected, left_over, units
 from sidm.learning.training import Tested, Trained, TrainingError, train
@@ -171,7 +171,7 @@ def stored_as(trial: Trial, found: Outcome | TrainingError, made: Provenance) ->
     return Row(trial=trial, outcome=found, provenance=made)
 
 
-def roll_out(model: DynamicsModel, trial: Trial, trajectories: list[Trajectory]) -> tuple[torch.Tensor, torch.Tensor]:
+def roll_out(model: Predictor, trial: Trial, trajectories: list[Trajectory]) -> tuple[torch.Tensor, torch.Tensor]:
     """Predicted and actual states, each (B, K + 1, 13), of trajectories under their own actions; K = ROLLOUT_STEPS."""
     terrain = find_system(trial.system).terrain
     heights = torch.tensor(np.stack([generate_terrain(terrain, t.terrain_seed) for t in trajectories]))

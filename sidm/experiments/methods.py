@@ -71,15 +71,18 @@ METHODS: dict[str, Method] = {
     "pooled": Method("one network", "sidm", expert=True, own="none"),
     "pooled_flag": Method("one network, told the system", "sidm", expert=True, own="flag"),
     # Beyond the paper: the expert first, and then...
-    "copies": Method("SIDM from copies", "pretrain_finetune", expert=True, regularise=True, pretrained=True),
+    "copies": Method("SIDM from copies", "copies", expert=True, regularise=True, pretrained=True),
     "copies_no_regularisation": Method(
-        "SIDM from copies, no adversary", "pretrain_finetune", expert=True, pretrained=True
+        "SIDM from copies, no adversary", "copies", expert=True, pretrained=True
     ),
     "adapters": Method(
         "one network, biases apart", "pretrain_finetune", expert=True, pretrained=True, own="biases"
     ),
     "tethered": Method(
         "expert first, then tethered", "pretrain_finetune", pretrained=True, changes=(("tether", 100.0),)
+    ),
+    "averaged": Method(
+        "expert first, both averaged", "pretrain_finetune", pretrained=True, all_changes=(("averaging", 0.99),)
     ),
     "mirrored": Method(
         "expert first, both mirrored", "pretrain_finetune", pretrained=True, all_changes=(("mirror", True),)
@@ -96,7 +99,7 @@ COMPARED = ("sidm", "novice_only")
 FIGURE3 = (*COMPARED, "pretrain_finetune")
 
 #: What might need less novice data than the paper's method and its strongest neighbour.
-VARIANTS = ("copies", "copies_no_regularisation", "adapters", "tethered", "mirrored")
+VARIANTS = ("copies", "copies_no_regularisation", "adapters", "tethered", "averaged", "mirrored")
 
 #: The paper's methods with mirror images, to stand beside.
 MIRRORED = ("sidm_mirrored", "novice_only_mirrored")

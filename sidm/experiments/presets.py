@@ -39,8 +39,8 @@ class Preset:
     figure4_seeds: int = 10  # trials a point of Figure 4
     baseline_minutes: tuple[float, ...] = (5.0, 20.0)  # a small and a middle size: of the baselines and the diagnostics
     variant_minutes: tuple[float, ...] = (1.0, 2.0, 5.0, 10.0)
-    ablation_minutes: tuple[float, ...] = (5.0,)
-    ablation_seeds: int = 2  # trials a point of the ablations
+    ablation_minutes: tuple[float, ...] = (5.0, 20.0)  # a small and a middle size
+    ablation_seeds: int = 10  # trials a point of the ablations
     tuning_minutes: float = 20.0  # a middle size, at which the methods are tuned
     p_expert_system1: float = 0.75  # section 4: the systems are similar
     p_expert_system2: float = 0.5  # section 4: they differ greatly
@@ -187,12 +187,16 @@ PRESETS: dict[str, Preset] = {
             validation_minutes=20,
             rollouts=32,
             seeds=3,
+            ablation_minutes=(5.0,),
+            ablation_seeds=2,
             network=Network(pixels=32, layers=3, hidden=256),
             training=Training(max_samples=1_000_000, patience=150_000),
             tuned=(  # the best of `tuning.TRIES`
                 ("novice_only", "weight_decay", 0.1),
                 ("sidm", "matching_iterations", 5),
                 ("pretrain_finetune", "learning_rate", 1e-4),
+                ("copies", "learning_rate", 1e-4),  # as that of fine-tuning, which it goes on like
+                ("copies", "matching_iterations", 5),  # as SIDM's
             ),
         ),
         Preset(

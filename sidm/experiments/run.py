@@ -16,7 +16,7 @@ from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 from sidm.config import ConfigError
-from sidm.experiments.bundled import Hooks, bundles, run_bundle
+from sidm.experiments.bundled import Hooks, bundles, fits, run_bundle
 from sidm.experiments.datasets import note_datasets
 from sidm.experiments.log import EventLog
 from sidm.experiments.measure import run_trial
@@ -70,6 +70,7 @@ def run(
         progress: whether to show a bar with the time left.
         device: where the workers compute, 'cpu' or 'cuda'.
         bundle: how many trials are trained side by side in this process, instead of in workers; what a GPU is for.
+            Those that no bundle can train follow in workers.
         log: a folder for TensorBoard's event files.
 
     Returns:
@@ -95,12 +96,14 @@ def run(
         note_datasets(missing, store.folder)
         data = Path(data).absolute()
         with progress_bar(len(missing), "trials", "trial", progress) as bar:
-            if bundle:
-                _run_bundles(missing, bundle, data, store, bar, device, log)
-            else:
-                pool = contextlib.nullcontext(executor) if executor else local_pool(min(workers, len(missing)))
+            together = [trial for trial in missing if bundle and fits(trial)]
+            alone = [trial for trial in missing if trial not in together]
+            if together:
+                _run_bundles(together, bundle, data, store, bar, device, log)
+            if alone:
+                pool = contextlib.nullcontext(executor) if executor else local_pool(min(workers, len(alone)))
                 with pool as where:
-                    _run_all(missing, where, data, store, bar, device, log)
+                    _run_all(alone, where, data, store, bar, device, log)
     return store
 
 

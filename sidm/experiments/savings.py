@@ -7,7 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidm.experiments.statistics import Efficiency, Interval, efficiency, efficiency_at_sizes, interval, known
+from sidm.experiments.statistics import (
+    FEWEST_SEEDS,
+    Efficiency,
+    Interval,
+    efficiency,
+    efficiency_at_sizes,
+    interval,
+    known,
+    least,
+)
 from sidm.experiments.store import Row
 from sidm.experiments.tables import COMPONENTS, gather, validation_loss
 
@@ -19,6 +28,7 @@ class Saving(NamedTuple):
     loss: float  # that it reaches with them, along its isotonic fit
     ratio: Interval  # of the data that the comparison needs for that loss; no ends where a seed left out makes a bound
     bound: str  # of the ratio: '=', '>=' or '<='
+    low: float = float("nan")  # of the ratio, surely: the interval's low end, bounds counted as values; NaN: few seeds
 
 
 def savings(
@@ -39,7 +49,7 @@ def savings(
     """
     own, other = (gather(rows, system, (name,), value) for name in (method, against))
     seeds = np.intersect1d(own.seeds, other.seeds)
-    if not seeds.size:
+    if not (seeds.size and own.minutes.size and other.minutes.size):
         return []
     both = np.hstack([side.values[np.isin(side.seeds, seeds), 0] for side in (own, other)])  # (S, M + N)
 
@@ -47,18 +57,22 @@ def savings(
         mean = some.mean(0)
         return efficiency_at_sizes(own.minutes, mean[: len(own.minutes)], mean[len(own.minutes) :], other.minutes)
 
-    def at(size: int) -> Interval:
+    def at(size: int, read: Callable[[float, str], float]) -> Interval:
         def ratio(some: np.ndarray) -> float:
             again = at_sizes(some)
-            return known(again.ratio[size], str(again.bound[size]))
+            return read(again.ratio[size], str(again.bound[size]))
 
         return Interval(float(found.ratio[size]), *np.exp(interval(ratio, both)[1:]))
 
     found = at_sizes(both)
+    enough = len(seeds) >= FEWEST_SEEDS
     return [
-        Saving(float(minutes), float(found.loss[size]), at(size), str(found.bound[size]))
+        Saving(
+            float(minutes), float(found.loss[size]), at(size, known), str(found.bound[size]),
+            at(size, least).low if enough else float("nan"),
+        )
         for size, minutes in enumerate(own.minutes)
-    ]
+    ]  # fmt: skip
 
 
 def component_savings(
@@ -89,20 +103,26 @@ def rivals(
     found = []
     for method in methods:
         columns = {other: savings(rows, system, method, other) for other in against}
-        for size in zip(*columns.values(), strict=True):
-            found.append(Rival(system, method, dict(zip(columns, size, strict=True))))
+        if all(columns.values()):
+            for size in zip(*columns.values(), strict=True):
+                found.append(Rival(system, method, dict(zip(columns, size, strict=True))))
     return found
 
 
-def at_least(saving: Saving) -> float:
-    """What a ratio surely is: the low end of its interval, or the bound where the comparison never does as well."""
-    return saving.ratio.value if saving.bound == ">=" else saving.ratio.low
+def surely(found: Sequence[Rival], method: str, points: int) -> float:
+    """The smallest of the low ends of a method's ratios, over systems, sizes and others.
 
+    Args:
+        found: lines of several methods and systems.
+        method: whose.
+        points: how many systems and sizes it has to have.
 
-def surely(found: Sequence[Rival], method: str) -> float:
-    """The smallest of what a method's ratios surely are, over systems, sizes and others; NaN where one is not known."""
-    ratios = [at_least(saving) for line in found if line.method == method for saving in line.saving.values()]
-    return float(np.min(ratios)) if ratios else float("nan")
+    Returns:
+        NaN where a point is missing or a ratio has no low end.
+    """
+    lows = [saving.low for line in found if line.method == method for saving in line.saving.values()]
+    complete = sum(line.method == method for line in found) == points
+    return float(np.min(lows)) if lows and complete else float("nan")
 
 
 def ratio_words(saving: Saving) -> str:

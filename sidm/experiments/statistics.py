@@ -16,6 +16,7 @@ from scipy.stats import trim_mean
 
 RESAMPLES = 2000
 CONFIDENCE = 0.95
+FEWEST_SEEDS = 3  # for a verdict; two leave an interval of 13 standard errors to either side
 MANY_SEEDS = 20  # from here on resampling seeds tells enough
 
 
@@ -172,6 +173,11 @@ def efficiency_at_sizes(
 def known(ratio: float, bound: str) -> float:
     """Logarithm of a ratio, NaN where it is only a bound: intervals are of values, not of bounds."""
     return float(np.log(ratio)) if bound == "=" else float("nan")
+
+
+def least(ratio: float, bound: str) -> float:
+    """Logarithm of what a ratio is at least, NaN where it is only bounded from above."""
+    return float(np.log(ratio)) if bound in ("=", ">=") else float("nan")
 
 
 def greatest_ratio(minutes: np.ndarray, pairs: np.ndarray) -> tuple[float, str]:

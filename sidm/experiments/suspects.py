@@ -1,8 +1,10 @@
-"""What might hold the SIDM back: each suspect changed or taken away by itself, and what that does to the loss."""
+"""What might hold the SIDM back: each suspect changed or taken away, and what that does to the loss."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import accumulate
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -28,7 +30,7 @@ REPLACED = {
     "coral": "CORAL instead of the adversary",
     "gradient_reversal": "gradient reversal instead of the adversary",
     "pooled": "one encoder and decoder for both systems",
-    "pooled_flag": "the same, told the system",
+    "pooled_flag": "one encoder and decoder, told the system",
     "pretrain_finetune": "the expert first, then the novice",
 }
 
@@ -88,7 +90,7 @@ def grid(study: Study, system: str) -> Iterator[tuple[str, list[Trial]]]:
 def suspects(
     study: Study, store: Results, diagnoses: Iterable[Diagnosis] = (), systems: Sequence[str] = tuple(SYSTEMS)
 ) -> list[Suspect]:
-    """A line a system, size and suspect of which results are stored, the most telling first.
+    """A line a system, size and suspect of which results are stored, the lowest ratio of each size first.
 
     Args:
         study: whose trials.
@@ -117,26 +119,36 @@ def suspects(
 
 
 class Learnt(NamedTuple):
-    """What a method has learnt, and what of it only by heart."""
+    """What a method has learnt, and what of it may be only by heart."""
 
     system: str
     method: str
     minutes: float  # of novice data
-    training: float  # mean loss on the novice's samples while the lowest test loss was reached
+    training: float  # mean loss on the novice's samples about when the lowest test loss was reached
     validation: float  # and on motion that no training saw
 
 
 def learnt(rows: Iterable[Row]) -> list[Learnt]:
-    """A line a system, method and size; the training loss is that of the learning curve's summary."""
+    """A line a system, method and size.
+
+    Which weights were kept is told from the smoothed test losses of the learning curve's summary, and the training loss
+    is the mean of that point and its neighbours: about that of the weights kept.
+    """
     groups: dict[tuple[str, str, float], list[tuple[float, float]]] = {}
     for row in rows:
         outcome = row.outcome
-        best = int(np.argmin(outcome.curve_test_loss))
+        smooth = list(accumulate(outcome.curve_test_loss, functools.partial(_blend, row.trial.training.smoothing)))
+        best = int(np.argmin(smooth))
+        training = float(np.mean(outcome.curve_training_loss[max(best - 1, 0) : best + 2]))
         key = row.trial.system, row.trial.method, row.trial.novice_minutes
-        groups.setdefault(key, []).append((outcome.curve_training_loss[best], outcome.validation_loss))
+        groups.setdefault(key, []).append((training, outcome.validation_loss))
     order = list(METHODS)
     keys = sorted(groups, key=lambda key: (key[0], order.index(key[1]), key[2]))
     return [Learnt(*key, *np.mean(groups[key], axis=0).tolist()) for key in keys]
+
+
+def _blend(weight: float, past: float, now: float) -> float:
+    return weight * past + (1 - weight) * now
 
 
 def _by_point(trials: Iterable[Trial], store: Results) -> dict[tuple[float, int], float]:

@@ -8,11 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidm.experiments.methods import COMPARED, METHODS
-from sidm.experiments.presets import Preset
+from sidm.experiments.methods import COMPARED
 from sidm.experiments.store import Results, Row
+from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
-from sidm.learning.settings import Training
 
 
 class Losses(NamedTuple):
@@ -105,25 +104,30 @@ def costs_table(rows: Sequence[Row]) -> list[Cost]:
     return table
 
 
-def differences(training: Training, base: Training) -> str:
-    """What tells a training from another, as 'p_expert=0.25'; empty when nothing does."""
-    names = (field.name for field in dataclasses.fields(training))  # type: ignore[arg-type]
-    return ", ".join(f"{n}={getattr(training, n)}" for n in names if getattr(training, n) != getattr(base, n))
+def differences(trial: Trial, base: Trial) -> str:
+    """What tells a trial's network and trainings from another's, as 'p_expert=0.25'; empty when nothing does."""
+    words = []
+    for part in ("network", "training", "pretraining"):
+        one, other = getattr(trial, part), getattr(base, part)
+        if one is not None and other is not None:
+            names = [field.name for field in dataclasses.fields(one)]
+            words += [f"{n}={getattr(one, n)}" for n in names if getattr(one, n) != getattr(other, n)]
+    return ", ".join(dict.fromkeys(words))
 
 
-def overview(store: Results, trials: Iterable[Trial], preset: Preset) -> list[str]:
-    """A line a system, method, size and training: how many of the preset's trials are stored and stale, mean loss."""
-    points: dict[tuple[str, str, float, Training], list[Trial]] = {}
+def overview(store: Results, trials: Iterable[Trial], study: Study) -> list[str]:
+    """A line a system, method, size and configuration: how many of a study's trials are stored and stale, mean loss."""
+    points: dict[Trial, list[Trial]] = {}
     for trial in trials:
-        points.setdefault((trial.system, trial.method, trial.novice_minutes, trial.training), []).append(trial)
+        points.setdefault(trial.replace(seed=0), []).append(trial)
     lines = []
-    for (system, method, minutes, training), group in points.items():
+    for first, group in points.items():
         rows = store.rows(group)
-        words = f"{system}  {method:<18}{minutes:>6g} min  stored {len(rows)} of {len(group)}"
+        words = f"{first.system}  {first.method:<18}{first.novice_minutes:>6g} min  stored {len(rows)} of {len(group)}"
         if rows:
             loss = np.mean([validation_loss(row) for row in rows])
             words += f"  stale {sum(row.stale for row in rows)}  loss {loss:.4g}"
-        variant = differences(training, METHODS[method].training(preset, system))
+        variant = differences(first, study.trial(first.system, first.method, first.novice_minutes))
         lines.append(words + (f"  ({variant})" if variant else ""))
     return lines
 

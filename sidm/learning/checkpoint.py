@@ -6,7 +6,7 @@ An array's name is its path in the state: 'model/sidm.lstm.weight_ih_l0', 'optim
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from sidm.storage import read_arrays, write_arrays
+from sidm.trajectory import checksum
 
 FILE = "checkpoint.npz"
 TEXT = "json"  # the name of the array that holds the text
@@ -56,6 +57,11 @@ def under(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
 def prefixed(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
     """The same tensors with `prefix` and a slash before their names."""
     return {f"{prefix}/{name}": tensor for name, tensor in tensors.items()}
+
+
+def digest(tensors: Iterable[Tensor]) -> str:
+    """A checksum of tensors of one type, one after the other."""
+    return checksum(torch.cat([tensor.flatten() for tensor in tensors]).cpu().numpy())
 
 
 def module_tensors(module: nn.Module) -> dict[str, Tensor]:

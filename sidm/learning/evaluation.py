@@ -9,14 +9,14 @@ from torch import Tensor
 from sidm import rotations
 from sidm.learning.dataset import Motion, Part
 from sidm.learning.losses import component_losses, prediction_loss
-from sidm.learning.model import DynamicsModel
+from sidm.learning.model import Predictor
 from sidm.learning.observation import TARGET_SIZE, encode_inputs, integrate, robot_centred_map
 from sidm.trajectory import ACTION_SIZE, POSITION, QUATERNION, STATE_SIZE
 
 EVALUATION_BATCH = 32  # trajectories at a time where no gradient is needed
 
 
-def mean_loss(model: DynamicsModel, motion: Motion | Part, role: str = "novice") -> float:
+def mean_loss(model: Predictor, motion: Motion | Part, role: str = "novice") -> float:
     """Equation (1) averaged over the steps of `motion`."""
     total = 0.0
     with torch.inference_mode():
@@ -26,7 +26,7 @@ def mean_loss(model: DynamicsModel, motion: Motion | Part, role: str = "novice")
     return total / motion.targets[..., 0].numel()
 
 
-def validation_loss(model: DynamicsModel, motion: Motion, role: str = "novice") -> Tensor:
+def validation_loss(model: Predictor, motion: Motion, role: str = "novice") -> Tensor:
     """Mean over all steps of `motion` of each term of equation (1): (13,) float64, raw units; their sum is the loss."""
     total = torch.zeros(TARGET_SIZE, dtype=torch.float64)
     with torch.inference_mode():
@@ -38,7 +38,7 @@ def validation_loss(model: DynamicsModel, motion: Motion, role: str = "novice") 
 
 
 def rollout(
-    model: DynamicsModel,
+    model: Predictor,
     heights: Tensor | np.ndarray,
     state: Tensor,
     actions: Tensor,

@@ -22,10 +22,10 @@ from sidm.learning.settings import Training
 from sidm.learning.stopping import Stopper, Tested, TrainingError
 from sidm.learning.weights import Follower, make_optimiser
 from sidm.systems import ROLES
-from sidm.trajectory import checksum
 
 #: What is drawn at random, each from a generator of its own, so that one seed gives all methods the same novice draws.
-PURPOSES = ("system", "novice", "expert", "discriminator novice", "discriminator expert", "matching", "mirror")
+PURPOSES = ("system", "novice", "expert", "discriminator novice", "discriminator expert", "matching")
+MIRRORING = {purpose: f"{purpose} mirrored" for purpose in PURPOSES[1:]}  # what is drawn beside, for its mirror images
 
 
 class Learner:
@@ -41,14 +41,17 @@ class Learner:
         device: str | torch.device = "cpu",
         start: Mapping[str, Tensor] | None = None,
     ):
+        if training.regularise and network.own == "none":
+            raise ConfigError("Network.own='none' leaves one encoder, with nothing to match: regularise=False")
         if training.needs_expert and datasets.expert is None:
             raise ConfigError("p_expert above 0 and regularise need the expert's data, but datasets.expert is None")
-        if standardisation is None and datasets.expert is None:
-            raise ConfigError("without the expert's data pass `standardisation`, the same for every method compared")
-        if standardisation is None and datasets.expert is not None:
+        if standardisation is None:
+            if datasets.expert is None:
+                raise ConfigError("without the expert's data pass `standardisation`, the same for all methods compared")
             standardisation = Standardisation.of(datasets.expert)
         self.datasets, self.network, self.training, self.seed = datasets, network, training, seed
-        self.start = start and checksum(torch.cat([tensor.flatten() for tensor in start.values()]).cpu().numpy())
+        self.units = checkpoint.digest(standardisation)
+        self.start = start and checkpoint.digest(start.values())
         self.device = torch.device(device)
         self.test = datasets.test.first(training.test_trajectories)
         roles = ROLES if training.needs_expert else ("novice",)
@@ -62,7 +65,7 @@ class Learner:
         self.discrimination = make_optimiser(self.discriminator, training)
         own = training.matching_optimiser == "own"
         self.matching = make_optimiser(self.model.encoders["novice"], training) if own else self.prediction
-        self.generators = {purpose: generator(seed, purpose) for purpose in PURPOSES}
+        self.generators = {purpose: generator(seed, purpose) for purpose in (*PURPOSES, *MIRRORING.values())}
         self.stopper = Stopper(training.stopping, training.smoothing, training.patience, training.max_samples)
         self.best = self.weights()
         self.history: list[Tested] = []
@@ -86,19 +89,33 @@ class Learner:
         return motion
 
     def draw_indices(self, role: str, count: int, purpose: str) -> Tensor:
-        """(count,) int64: which of a system's trajectories to learn from, drawn with replacement."""
-        return torch.randint(len(self.part(role)), (count,), generator=self.generators[purpose])
+        """(count,) int64: which of a system's trajectories to learn from, drawn with replacement.
+
+        With `mirror` the trajectories' mirror images stand behind them: every second one at random is drawn there.
+        """
+        drawn = torch.randint(len(self.part(role)), (count,), generator=self.generators[purpose])
+        if self.training.mirror:
+            turned = torch.rand(count, generator=self.generators[MIRRORING[purpose]]) < 0.5
+            drawn = drawn + len(self.part(role)) * turned
+        return drawn
 
     def draw(self, role: str, count: int, purpose: str) -> Motion:
         """`count` random training trajectories of a system, on the device."""
         return self.take(role, self.draw_indices(role, count, purpose))
 
     def take(self, role: str, which: Tensor) -> Motion:
-        """Training trajectories of a system on the device, every second one at random mirrored if `mirror` is set."""
-        motion = self.part(role).take(which)
+        """Training trajectories of a system, or their mirror images, on the device."""
+        count = len(self.part(role))
+        motion = self.part(role).take(which % count)
         if self.training.mirror:
-            motion = mirrored(motion, torch.rand(len(which), generator=self.generators["mirror"]) < 0.5)
+            motion = mirrored(motion, which >= count)
         return motion.to(self.device)
+
+    def encode(self, role: str, motion: Motion) -> Tensor:
+        """Latent state-actions (b, T, 128), float32, computed in the training's precision."""
+        low = self.training.precision == "bfloat16"
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=low):
+            return self.model.encoders[role](motion.inputs, motion.maps)
 
     def draw_batch_indices(self) -> dict[str, Tensor]:
         """Which b_pred trajectories make a batch, by system: each the expert's with probability p_e (Algorithm 1).
@@ -125,7 +142,7 @@ class Learner:
     def update(self) -> None:
         """A step of prediction along the gradients, and what follows it."""
         self.prediction.step()
-        if self.training.regularise and self.training.matching == "reversal":
+        if self.training.reverses:
             self.discrimination.step()
         self.follower.follow()
 
@@ -226,12 +243,13 @@ class Learner:
         return True
 
     def _identity(self) -> dict:
-        """What makes this run another than the next: configuration, seed, initial weights, data."""
+        """What makes this run another than the next: configuration, seed, units, initial weights, data."""
         motions = {"train": self.datasets.train, "test": self.datasets.test, "expert": self.datasets.expert}
         return {
             "network": dataclasses.asdict(self.network) | {"channels": list(self.network.channels)},  # type: ignore
             "training": dataclasses.asdict(self.training),  # type: ignore[call-overload]
             "seed": self.seed,
+            "units": self.units,
             "start": self.start,
-            "data": {name: checksum(motion.inputs.numpy()) for name, motion in motions.items() if motion is not None},
+            "data": {k: checkpoint.digest((m.inputs, m.targets)) for k, m in motions.items() if m is not None},
         }

@@ -54,7 +54,7 @@ def expected_matching_loss(novice_logits: Tensor) -> Tensor:
     return matching_loss(novice_logits).mean()
 
 
-def squared_mmd(first: Tensor, second: Tensor) -> Tensor:
+def mmd(first: Tensor, second: Tensor) -> Tensor:
     """Squared maximum mean discrepancy (Gretton et al., 2012) of samples (N, K) and (M, K): a scalar, 0 for equal ones.
 
     The kernel is the mean of three Gaussian ones, as wide as half, once and twice the median squared distance.

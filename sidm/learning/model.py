@@ -20,7 +20,16 @@ OWN_OF_DECODER: dict[str, Own] = {
 OWN_OF_ENCODER: dict[str, Own] = OWN_OF_DECODER | {"flag": lambda name: name == "dense.0.bias"}
 
 
-class DynamicsModel(nn.Module):
+class Predictor(nn.Module):
+    """What predicts the transitions of one system or more: called as DynamicsModel is."""
+
+    @property
+    def device(self) -> torch.device:
+        """Where the weights are."""
+        return next(self.parameters()).device
+
+
+class DynamicsModel(Predictor):
     """Figure 1: an encoder and a decoder for each system around one SIDM.
 
     Args:
@@ -77,11 +86,6 @@ class DynamicsModel(nn.Module):
         """Take over weights; from those of a model that has the novice's parts alone, the expert's become copies."""
         names = self.state_dict()
         self.load_state_dict({n: weights[n if n in weights else n.replace(".expert.", ".novice.")] for n in names})
-
-    @property
-    def device(self) -> torch.device:
-        """Where the weights are."""
-        return next(self.parameters()).device
 
 
 def share(part: nn.Module, other: nn.Module, own: Own) -> None:

@@ -39,7 +39,7 @@ class Network:
     slope: float = 0.01  # of the leaky ReLU below zero
     initialisation: Literal["scaled", "pytorch"] = "scaled"  # of weights; 'pytorch': its own
     own: Literal["all", "biases", "flag", "none"] = "all"  # what each system has of encoder and decoder for itself, the
-    # rest being common to both; 'flag': a first bias of the encoder alone, as if the system were one of its inputs
+    # rest being common to both; 'flag': the bias of the encoder's first dense layer, as if the system were an input
 
     def __post_init__(self) -> None:
         """Refuse sizes that make no network."""

@@ -7,9 +7,8 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from sidm.learning.dataset import Motion
 from sidm.learning.learner import Learner
-from sidm.learning.losses import coral, expected_discriminator_loss, expected_matching_loss, squared_mmd
+from sidm.learning.losses import coral, expected_discriminator_loss, expected_matching_loss, mmd
 
 
 def regularise_phase(learner: Learner) -> None:
@@ -28,7 +27,7 @@ def discriminator_iteration(learner: Learner) -> None:
     expert = learner.draw("expert", count, "discriminator expert")
     novice = learner.draw("novice", count, "discriminator novice")
     with torch.no_grad():
-        expert_latents, novice_latents = encode(learner, "expert", expert), encode(learner, "novice", novice)
+        expert_latents, novice_latents = learner.encode("expert", expert), learner.encode("novice", novice)
     learner.discrimination.zero_grad()
     expected_discriminator_loss(*judged(learner, expert_latents, novice_latents)).backward()
     learner.discrimination.step()
@@ -45,7 +44,7 @@ def judged(learner: Learner, expert_latents: Tensor, novice_latents: Tensor) -> 
 def matching_iteration(learner: Learner) -> None:
     """One update of E_n alone, equation (4)."""
     novice = learner.draw("novice", learner.training.matching_batch, "matching")
-    update_encoder(learner, expected_matching_loss(learner.discriminator.logits(encode(learner, "novice", novice))))
+    update_encoder(learner, expected_matching_loss(learner.discriminator.logits(learner.encode("novice", novice))))
 
 
 def update_encoder(learner: Learner, loss: Tensor) -> None:
@@ -56,15 +55,15 @@ def update_encoder(learner: Learner, loss: Tensor) -> None:
 
 
 #: Distances between the distributions of latents (N, K) and (M, K), by the setting that chooses them.
-DISTANCES: dict[str, Callable[[Tensor, Tensor], Tensor]] = {"mmd": squared_mmd, "coral": coral}
+DISTANCES: dict[str, Callable[[Tensor, Tensor], Tensor]] = {"mmd": mmd, "coral": coral}
 
 
 def distance_iteration(learner: Learner) -> None:
     """One update of E_n alone by a distance between its latents and those of E_e, in place of equation (4)."""
     count = learner.training.matching_batch
     with torch.no_grad():
-        expert = encode(learner, "expert", learner.draw("expert", count, "discriminator expert"))
-    novice = encode(learner, "novice", learner.draw("novice", count, "matching"))
+        expert = learner.encode("expert", learner.draw("expert", count, "discriminator expert"))
+    novice = learner.encode("novice", learner.draw("novice", count, "matching"))
     distance = DISTANCES[learner.training.matching]
     update_encoder(learner, distance(expert.flatten(0, 1), novice.flatten(0, 1)))
 
@@ -83,10 +82,3 @@ def reversed_loss(learner: Learner, latents: dict[str, Tensor]) -> Tensor:
     expert, novice = ((1 + weight) * latents[role].detach() - weight * latents[role] for role in ("expert", "novice"))
     expert_logits, novice_logits = judged(learner, expert, novice)
     return expected_matching_loss(expert_logits) + expected_matching_loss(-novice_logits)  # of unequal numbers
-
-
-def encode(learner: Learner, role: str, motion: Motion) -> Tensor:
-    """Latent state-actions (b, T, 128), float32, computed in the training's precision."""
-    low = learner.training.precision == "bfloat16"
-    with torch.autocast(learner.device.type, torch.bfloat16, enabled=low):
-        return learner.model.encoders[role](motion.inputs, motion.maps)

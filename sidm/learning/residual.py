@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from sidm.config import ConfigError
 from sidm.learning.dataset import Datasets, Motion, Part, Standardisation
 from sidm.learning.evaluation import EVALUATION_BATCH
-from sidm.learning.model import DynamicsModel
+from sidm.learning.model import DynamicsModel, Predictor
 
 
-class Corrected(DynamicsModel):
+class Corrected(Predictor):
     """Predicts the sum of what two models predict, both with the novice's parts alone."""
 
-    def __init__(self, base: DynamicsModel, correction: DynamicsModel):
-        nn.Module.__init__(self)
+    def __init__(self, base: DynamicsModel, correction: Predictor):
+        super().__init__()
         self.base, self.correction = base, correction
 
     def forward(self, role: str, inputs: Tensor, maps: Tensor, memory=None):
@@ -42,13 +42,8 @@ def _unexplained(motion: Motion | Part, base: DynamicsModel) -> Motion:
 
 
 def units(datasets: Datasets) -> Standardisation:
-    """Of a correction: inputs as for every method, targets by their own spread about zero, near which it begins.
-
-    Args:
-        datasets: as `left_over` gives them, with the expert's.
-    """
+    """Of a correction: the expert's as for every method, but about zero, where a correction begins."""
     if datasets.expert is None:
         raise ConfigError("a correction needs the expert's data, but datasets.expert is None")
-    inputs = Standardisation.of(datasets.expert)
-    spread = datasets.train.targets.square().mean((0, 1)).sqrt()
-    return inputs._replace(target_mean=torch.zeros_like(spread), target_std=spread)
+    found = Standardisation.of(datasets.expert)
+    return found._replace(target_mean=torch.zeros_like(found.target_mean))

@@ -41,7 +41,7 @@ class Training:
     frozen: Literal["nothing", "sidm"] = "nothing"  # 'sidm': encoders and decoders alone learn
     tether: float = 0.0  # share of the way back to their start that weights are pulled, a unit of learning rate
     averaging: float = 0.0  # weight of the past in the average of the weights that is tested and kept; 0: no average
-    mirror: bool = False  # whether trajectories are learnt from left to right exchanged, every second one
+    mirror: bool = False  # whether left and right of trajectories are exchanged, of each drawn with probability 0.5
     precision: Literal["float32", "tf32", "bfloat16"] = "float32"  # 'tf32': of all products, on a GPU; 'bfloat16': of
     # the encoders' arithmetic but for the tests'
 
@@ -64,6 +64,17 @@ class Training:
                 raise ConfigError(f"Training.{name} must not be negative, not {getattr(self, name)}")
         if not self.learning_rate > 0:
             raise ConfigError(f"Training.learning_rate must be positive, not {self.learning_rate}")
+        if self.tether * self.learning_rate > 1:
+            raise ConfigError(
+                f"Training.tether must be at most 1 / learning_rate ({1 / self.learning_rate:g}), not {self.tether}"
+            )
+        if self.reverses and self.system_draw == "iteration":
+            raise ConfigError("Training.matching='reversal' needs batches of both systems: system_draw='trajectory'")
+
+    @property
+    def reverses(self) -> bool:
+        """Whether the adversary works within Algorithm 1, by gradient reversal, in place of Algorithm 2."""
+        return self.regularise and self.matching == "reversal"
 
     @property
     def needs_expert(self) -> bool:

@@ -15,11 +15,11 @@ from torch import Tensor
 from sidm.learning.dataset import Datasets, Motion, Standardisation
 from sidm.learning.learner import Learner
 from sidm.learning.losses import prediction_loss
-from sidm.learning.model import DynamicsModel
+from sidm.learning.model import Predictor
 from sidm.learning.networks import Network
 from sidm.learning.observation import TARGET_SIZE
 from sidm.learning.precision import products
-from sidm.learning.regularisation import encode, regularise_phase, reversed_loss
+from sidm.learning.regularisation import regularise_phase, reversed_loss
 from sidm.learning.settings import Training
 from sidm.learning.stopping import Tested, TrainingError
 
@@ -29,7 +29,7 @@ __all__ = ["Tested", "Trained", "Training", "TrainingError", "result", "train"]
 class Trained(NamedTuple):
     """What a run gives."""
 
-    model: DynamicsModel  # with the weights of the lowest smoothed test loss
+    model: Predictor  # with the weights of the lowest smoothed test loss
     history: list[Tested]  # the learning curve, one entry a test
     samples: int  # control steps of the prediction phases
     iterations: int  # of the prediction phases
@@ -78,7 +78,7 @@ def train(
     with products(training.precision):
         while not learner.finished:
             predict_phase(learner, progress)
-            if training.regularise and training.matching != "reversal" and not learner.finished:
+            if training.regularise and not training.reverses and not learner.finished:
                 regularise_phase(learner)
             if checkpoint is not None:
                 learner.save(checkpoint)
@@ -90,7 +90,6 @@ def train(
 def predict_phase(learner: Learner, progress: Callable[[Tested], None] | None = None) -> None:
     """Algorithm 1: the parts of the systems drawn, and the SIDM, learn to predict."""
     training = learner.training
-    adversarial = training.regularise and training.matching == "reversal"
     for _ in range(training.prediction_iterations):
         batch = learner.draw_batch()
         latents = encode_batch(learner, batch)
@@ -98,7 +97,7 @@ def predict_phase(learner: Learner, progress: Callable[[Tested], None] | None = 
         loss = torch.cat(list(losses.values())).mean()  # over the whole batch, whatever the system
         aim = loss / TARGET_SIZE if training.reduction == "mean" else loss
         learner.prediction.zero_grad()
-        if adversarial:
+        if training.reverses:
             learner.discrimination.zero_grad()
             aim = aim + reversed_loss(learner, latents)
         aim.backward()
@@ -112,7 +111,7 @@ def predict_phase(learner: Learner, progress: Callable[[Tested], None] | None = 
 
 def encode_batch(learner: Learner, batch: dict[str, Motion]) -> dict[str, Tensor]:
     """Latent state-actions (b, T, 128) of a batch by system."""
-    return {role: encode(learner, role, motion) for role, motion in batch.items()}
+    return {role: learner.encode(role, motion) for role, motion in batch.items()}
 
 
 def batch_losses(learner: Learner, batch: dict[str, Motion], latents: dict[str, Tensor]) -> dict[str, Tensor]:

@@ -13,6 +13,7 @@ from sklearn.linear_model import LogisticRegression
 from sidm.config import ConfigError
 from sidm.experiments import StoreError, Study, latents, run_trial
 from sidm.experiments import diagnostics as d
+from sidm.experiments.confirm import confirm_diagnoses
 from sidm.experiments.figures import latent_pictures
 from sidm.experiments.measure import Library
 from sidm.learning import DynamicsModel, validation_loss
@@ -95,6 +96,23 @@ def test_one_systems_parts_are_crossed_with_the_others(make_model, make_motion):
     for role in ROLES:
         assert losses[role, role] == pytest.approx(float(validation_loss(model, motion, role).sum()), rel=1e-5)
     assert len(set(losses.values())) == 4
+
+
+def test_a_sample_confirms_what_older_code_found(tiny, data, tmp_path):
+    """Of each method one is diagnosed again; what comes out otherwise stays stale with its kind."""
+    trials = d.diagnosed(Study(tiny, data, tmp_path), ["system1"])
+    write_motion(data, d.held_out_expert(trials[0]))
+    for trial in trials:
+        found = d.diagnose(trial, data)
+        made = dataclasses.replace(found.provenance, learning_source="older")
+        wrong = 0.5 if trial.method == "no_regularisation" else 0.0
+        loss = found.expert_path_loss + wrong
+        d.write(dataclasses.replace(found, source="older", provenance=made, expert_path_loss=loss), tmp_path)
+    with ThreadPoolExecutor(1) as pool:
+        confirmed, differing = confirm_diagnoses(trials, tmp_path, pool, data, progress=False)
+    assert confirmed == 1 and [trial.method for trial in differing] == ["no_regularisation"]
+    assert {t.method: d.read(t, tmp_path).stale for t in trials} == {"sidm": False, "no_regularisation": True}
+    assert d.read(trials[0], tmp_path).provenance.confirmed_by == "rerun"
 
 
 def test_what_is_held_out_was_not_learnt_from(tiny, data, tmp_path, monkeypatch):

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from sidm.config import ConfigError
-from sidm.experiments import METHODS, Study, run_trial
+from sidm.experiments import METHODS, Study, run, run_trial
 from sidm.experiments.bundled import bundles, fits
 from sidm.experiments.measure import perform
 from sidm.experiments.methods import FIGURE3
@@ -35,8 +35,10 @@ def test_no_two_methods_are_the_same_trial(trial):
 
 
 def test_the_experts_model_is_judged_as_it_is(trial, data):
-    """Neither the novice's data nor its seed's draws touch it."""
+    """The novice's data do not touch it."""
     trained, other = (perform(one, data)[0] for one in (trial("expert_only"), trial("pretrain_finetune")))
+    less = perform(trial("expert_only").replace(novice_minutes=0.25), data)[0]
+    assert less.validation_loss == trained.validation_loss
     assert trained.iterations == 0 and trained.curve_samples == (0,)
     assert trained.pretraining_samples == other.pretraining_samples
     assert trained.validation_loss != other.validation_loss
@@ -54,5 +56,11 @@ def test_bundles_take_the_methods_of_figure_3_and_refuse_the_others(trial):
     assert all(fits(trial(method)) for method in FIGURE3)
     for method in ("pooled", "mmd", "residual", "expert_only", "finetune_parts"):
         assert not fits(trial(method))
-        with pytest.raises(ConfigError, match=f"{method} .*run it without --bundle"):
+        with pytest.raises(ConfigError, match=f"{method} .*train it alone"):
             bundles([trial(method)])
+
+
+def test_what_no_bundle_can_train_is_run_alone(trial, data, tmp_path):
+    """Beside the others, so that a whole grid can be asked for."""
+    store = run([trial("sidm"), trial("pooled")], data=data, results=tmp_path, progress=False, bundle=2)
+    assert [row.provenance.bundle for row in store.rows([trial("sidm"), trial("pooled")])] == [2, 0]

@@ -8,7 +8,6 @@ import pytest
 from sidm.experiments import Study
 from sidm.experiments.savings import (
     Saving,
-    at_least,
     component_savings,
     efficiency_band,
     ratio_words,
@@ -112,11 +111,28 @@ def test_rivals_are_held_against_both(rows, make_row, tmp_path):
     for one in found[:4]:
         assert one.saving["pretrain_finetune"].ratio.value == pytest.approx(2, rel=0.01)
         assert one.saving["sidm"].ratio.value == pytest.approx(4, rel=0.05)
-    assert surely(found, "mirrored") == pytest.approx(2, rel=0.01)
-    assert surely(found, "tethered") == pytest.approx(1, rel=0.01) and np.isnan(surely(found, "adapters"))
+    assert surely(found, "mirrored", 4) == pytest.approx(2, rel=0.01)
+    assert surely(found, "tethered", 4) == pytest.approx(1, rel=0.01)
+    assert np.isnan(surely(found, "adapters", 0)) and np.isnan(surely(found, "mirrored", 8))  # nothing; one system
 
 
-def test_what_a_ratio_surely_is():
-    assert at_least(Saving(1.0, 0.5, Interval(4.0, 3.0, 5.0), "=")) == 3.0
-    assert at_least(Saving(1.0, 0.5, Interval(4.0, np.nan, np.nan), ">=")) == 4.0
-    assert np.isnan(at_least(Saving(1.0, 0.5, Interval(0.5, np.nan, np.nan), "<=")))
+def test_what_a_ratio_surely_is(make_row, trials):
+    """The interval's low end; of a bound, that of the bounds; nothing from two seeds."""
+
+    def late(trial):  # never as good as SIDM with 1 minute
+        return 2.0 if trial.method == "novice_only" else 1.0 / trial.novice_minutes
+
+    rows = [make_row(trial, late(trial)) for trial in trials]
+    first = savings(rows, "system1")[0]
+    assert (first.bound, first.ratio.value) == (">=", 120) and not np.isfinite(first.ratio.low)
+    assert first.low == pytest.approx(120)
+    assert np.isnan(savings([row for row in rows if row.trial.seed < 2], "system1")[0].low)
+    good = [make_row(trial, 1.0 if trial.method == "novice_only" else 2.0) for trial in trials]
+    assert np.isnan(savings(good, "system1")[0].low)  # at most so much
+
+
+def test_a_comparison_that_was_not_run_saves_nothing(rows):
+    alone = [row for row in rows if row.trial.method == "sidm"]
+    assert savings(alone, "system1") == rivals(alone, "system1", ["sidm"], ["novice_only", "sidm"]) == []
+    one = [row for row in rows if row.trial.seed == 0 or row.trial.method != "novice_only"]
+    assert rivals(one, "system1", ["sidm"], ["novice_only", "pretrain_finetune"])

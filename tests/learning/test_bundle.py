@@ -14,7 +14,6 @@ from sidm.learning.bundle.shelf import Shelf
 from sidm.learning.bundle.stack import Stack
 from sidm.learning.learner import Learner
 from sidm.learning.precision import products
-from sidm.learning.training import encode
 
 ROUNDING = 1e-4  # relative, of losses: sums run in another order
 
@@ -107,7 +106,7 @@ def test_encoders_alone_are_low(make_run, small_network):
     low = stack.encode("novice", motion.inputs[None], motion.maps[None])[0]
     exact = stack.encode("novice", motion.inputs[None], motion.maps[None], exact=True)[0]
     assert torch.allclose(exact, learner.model.encoders["novice"](motion.inputs, motion.maps), atol=1e-6)
-    assert torch.allclose(low, encode(learner, "novice", motion), atol=2e-2)
+    assert torch.allclose(low, learner.encode("novice", motion), atol=2e-2)
     assert 1e-3 < (low - exact).abs().max() < 5e-2
 
 
@@ -244,3 +243,21 @@ def test_stacked_adam_is_adam_of_each(decoupled):
     taken = ours.get(0)
     assert taken["w/step"] == adams[0].state[single[0]]["step"]
     assert torch.allclose(taken["w/exp_avg_sq"], adams[0].state[single[0]]["exp_avg_sq"], rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (dict(matching="mmd"), "Training.matching='mmd' cannot be trained in a bundle"),
+        (dict(mirror=True), "Training.mirror=True cannot"), (dict(tether=1.0), "Training.tether=1.0 cannot"),
+        (dict(averaging=0.5), "Training.averaging=0.5 cannot"), (dict(frozen="sidm"), "Training.frozen='sidm' cannot"),
+    ],
+)  # fmt: skip
+def test_what_a_bundle_cannot_do_is_refused(make_run, small_network, changes, said):
+    with pytest.raises(ConfigError, match=said):
+        list(train_bundle([make_run(**changes)], small_network, 1))
+
+
+def test_shared_parts_are_refused(make_run, small_network):
+    with pytest.raises(ConfigError, match="Network.own='biases' cannot be trained in a bundle"):
+        list(train_bundle([make_run()], dataclasses.replace(small_network, own="biases"), 1))

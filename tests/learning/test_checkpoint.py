@@ -40,7 +40,11 @@ def same(first, second):
 
 @pytest.mark.parametrize(
     "changes",
-    [{}, {"p_expert": 0.0, "regularise": False}, {"matching_optimiser": "shared", "decay": "l2"}],
+    [
+        {}, {"p_expert": 0.0, "regularise": False}, {"matching_optimiser": "shared", "decay": "l2"},
+        {"matching": "reversal"}, {"matching": "mmd", "frozen": "sidm"},
+        {"mirror": True, "averaging": 0.9, "tether": 10.0},
+    ],
 )
 @pytest.mark.parametrize("kill_at", [8 * 24, 20 * 24])
 def test_a_killed_run_goes_on_bit_for_bit(start, tmp_path, changes, kill_at):

@@ -54,11 +54,20 @@ def test_tables_have_a_sign_for_each_number(make_motion):
     assert (len(INPUT_SIGNS), len(TARGET_SIGNS)) == (motion.inputs.shape[-1], motion.targets.shape[-1])
 
 
+def test_seeds_pair_mirror_images_too(make_learner):
+    """What is the novice's in two batches is turned in both or in neither, whatever else is drawn."""
+    one, other = (make_learner(p_expert=p, mirror=True, regularise=False, batch=8) for p in (0.0, 0.5))
+    for _ in range(5):
+        alone, both = (learner.draw_batch_indices()["novice"].tolist() for learner in (one, other))
+        assert 0 < len(both) < 8 and all(place in alone for place in both)
+        assert len(set(alone) - set(range(6))) > 0  # of six trajectories, images stand from 6 on
+
+
 def test_training_draws_mirror_images_and_the_same_trajectories(make_learner):
     plain, turned = make_learner(p_expert=0.0), make_learner(p_expert=0.0, mirror=True)
     same = 0
     for _ in range(10):
         one, other = plain.draw("novice", 8, "novice"), turned.draw("novice", 8, "novice")
         assert torch.equal(one.inputs[..., 0], other.inputs[..., 0])  # up along x has no sign to change
-        same += int((one.inputs == other.inputs).all((1, 2)).sum())
+        same += int((one.inputs == other.inputs).all(2).all(1).sum())
     assert 20 < same < 60  # of 80

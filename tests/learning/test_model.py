@@ -5,6 +5,7 @@ import dataclasses
 import pytest
 import torch
 
+from sidm.config import ConfigError
 from sidm.learning import DynamicsModel, Network, parameter_count
 from sidm.learning.learner import Learner
 from sidm.learning.training import predict_phase
@@ -27,7 +28,8 @@ def make_model(small_network):
 def test_each_system_learns_what_is_its_own_and_both_the_rest(make_learner, datasets, small_network, small_training,
                                                               own, differing):  # fmt: skip
     network = dataclasses.replace(small_network, own=own)
-    learner = Learner(datasets, network, dataclasses.replace(small_training, p_expert=0.5), 0)
+    training = dataclasses.replace(small_training, p_expert=0.5, regularise=False)
+    learner = Learner(datasets, network, training, 0)
     one = DynamicsModel(network, roles=["novice"])
     extra = sum(size_of(one, name) for name in differing)
     assert parameter_count(learner.model) == parameter_count(one) + extra
@@ -75,5 +77,10 @@ def test_shared_parts_have_the_novices_initial_weights(make_model):
 
 
 def test_what_is_shared_has_a_name():
-    with pytest.raises(Exception, match="own"):
+    with pytest.raises(ConfigError, match="Network.own"):
         Network(own="some")
+
+
+def test_one_encoder_has_nothing_to_match(datasets, small_network, small_training):
+    with pytest.raises(ConfigError, match="nothing to match"):
+        Learner(datasets, dataclasses.replace(small_network, own="none"), small_training, 0)

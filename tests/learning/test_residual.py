@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from sidm.config import ConfigError
-from sidm.learning import DynamicsModel, Training, train, validation_loss
+from sidm.learning import CheckpointError, DynamicsModel, Standardisation, Training, train, validation_loss
 from sidm.learning.evaluation import mean_loss, rollout
 from sidm.learning.pretraining import expert_in_place
 from sidm.learning.residual import Corrected, left_over, units
@@ -52,10 +52,18 @@ def test_both_memories_are_carried_along(datasets, base, small_network):
     assert rollout(both, heights, state, torch.zeros(4, 2), 8).shape == (5, 13)
 
 
-def test_a_correction_has_the_experts_inputs_and_its_own_targets(datasets, base):
+def test_a_checkpoint_is_of_one_base(datasets, base, small_network, tmp_path):
+    """What another model leaves over is another run's target."""
+    sets, others = (left_over(datasets, model) for model in (base, DynamicsModel(small_network, roles=["novice"])))
+    train(sets, small_network, ALONE, 0, standardisation=units(sets), checkpoint=tmp_path)
+    with pytest.raises(CheckpointError, match="of another run"):
+        train(others, small_network, ALONE, 0, standardisation=units(others), checkpoint=tmp_path)
+
+
+def test_a_correction_works_in_the_experts_units_about_zero(datasets, base):
     sets = left_over(datasets, base)
     found = units(sets)
     assert torch.equal(found.target_mean, torch.zeros(13))
-    assert torch.allclose(found.target_std**2, sets.train.targets.square().mean((0, 1)))
+    assert torch.equal(found.target_std, Standardisation.of(datasets.expert).target_std)
     with pytest.raises(ConfigError, match="needs the expert's data"):
         units(sets._replace(expert=None))

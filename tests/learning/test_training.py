@@ -13,7 +13,7 @@ from sidm.learning.dataset import Datasets
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.learner import Learner
 from sidm.learning.losses import prediction_loss
-from sidm.learning.regularisation import discriminator_iteration, encode, matching_iteration
+from sidm.learning.regularisation import discriminator_iteration, matching_iteration
 from sidm.learning.training import batch_losses, encode_batch, predict_phase
 from sidm.learning.weights import make_optimiser
 
@@ -182,7 +182,7 @@ def test_bfloat16_rounds_the_encoders_alone_and_moves_the_loss_little(make_learn
     exact, rounded = (make_learner(prediction_iterations=1, precision=name) for name in ("float32", "bfloat16"))
     batch = exact.draw_batch()
     for role, motion in batch.items():
-        one, other = encode(exact, role, motion), encode(rounded, role, motion)
+        one, other = exact.encode(role, motion), rounded.encode(role, motion)
         assert one.dtype == other.dtype == torch.float32
         assert 0 < (one - other).abs().max() < 0.02 * one.abs().max()
     pairs = zip(losses_of(exact, batch).values(), losses_of(rounded, batch).values(), strict=True)

@@ -65,7 +65,7 @@ def train_bundle(
     Raises:
         ConfigError: settings in which the trials of a bundle may not differ, or data of unlike shapes.
     """
-    check_shared(runs)
+    check_shared(runs, network)
     if not runs:
         return
     training, needs_expert = runs[0].training, any(run.training.needs_expert for run in runs)
@@ -105,8 +105,10 @@ def _train(
         bundle.close()
 
 
-def check_shared(runs: Sequence[Run]) -> None:
+def check_shared(runs: Sequence[Run], network: Network) -> None:
     """ConfigError naming the first setting that a bundle cannot vary, or in which its trials may not differ."""
+    if network.own != "all":
+        raise ConfigError(f"Network.own={network.own!r} cannot be trained in a bundle; train it alone")
     for name, only in ONLY.items():
         for run in runs:
             if (value := getattr(run.training, name)) != only:
