@@ -75,6 +75,8 @@ def reader(folder: Path, pattern: str, read: Callable[[Path], object]) -> Iterat
             for path in folder.rglob(pattern):
                 try:
                     read(path)
+                except FileNotFoundError:
+                    pass  # the folder was emptied for another run
                 except Damaged as error:
                     wrong.append(f"{path}: {error}")
 

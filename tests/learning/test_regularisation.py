@@ -81,7 +81,7 @@ def test_the_encoders_feel_the_discriminators_gradient_reversed(make_learner):
         assert torch.allclose(one, parameter.grad, atol=1e-7)
     softplus = torch.nn.functional.softplus
     expected = softplus(-logits["expert"]).mean() + softplus(logits["novice"]).mean()
-    assert float(loss) == pytest.approx(float(expected))
+    assert loss.item() == pytest.approx(expected.item())
 
 
 def test_reversal_teaches_the_discriminator_within_algorithm_1(make_learner):
