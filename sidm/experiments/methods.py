@@ -62,6 +62,10 @@ METHODS: dict[str, Method] = {
     "residual": Method("expert's model and a correction", "novice_only", pretrained=True, residual=True),
     # The SIDM without its adversary, and with others.
     "no_regularisation": Method("SIDM, no adversary", "sidm", expert=True),
+    "strong_matching": Method(
+        "SIDM, stronger matching", "sidm", expert=True, regularise=True,
+        changes=(("discriminator_iterations", 5), ("matching_iterations", 100)),
+    ),
     "mmd": Method("SIDM, MMD", "sidm", expert=True, regularise=True, changes=(("matching", "mmd"),)),
     "coral": Method("SIDM, CORAL", "sidm", expert=True, regularise=True, changes=(("matching", "coral"),)),
     "gradient_reversal": Method(

@@ -26,6 +26,7 @@ BETTER, WORSE, NO_DIFFERENCE = "better so", "worse so", "no difference seen"
 #: Other ways to make one model of two systems, and what each takes away.
 REPLACED = {
     "no_regularisation": "no adversary",
+    "strong_matching": "5 discriminator, 100 matching iterations",
     "mmd": "MMD instead of the adversary",
     "coral": "CORAL instead of the adversary",
     "gradient_reversal": "gradient reversal instead of the adversary",
