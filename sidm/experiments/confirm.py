@@ -12,7 +12,7 @@ import json
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor, as_completed
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from sidm.experiments.measure import run_trial
 from sidm.experiments.provenance import Provenance, source_hash
@@ -20,22 +20,33 @@ from sidm.experiments.store import Failure, Results, Row, rounded
 from sidm.experiments.trials import Trial
 from sidm.progress import progress_bar
 
+if TYPE_CHECKING:  # scikit-learn need not be there to confirm rows
+    from sidm.experiments.diagnostics import Diagnosis
+
+
+Made = TypeVar("Made", Row, "Diagnosis")
+
 
 class Confirmed(NamedTuple):
     """What came of it."""
 
-    rows: int  # that now count as today's
+    confirmed: int  # rows or diagnoses that now count as today's
     differing: list[Trial]  # that were run again and came out otherwise; they and their kinds stay stale
 
 
 def candidates(trials: Iterable[Trial], store: Results) -> list[list[Row]]:
     """Stale rows by kind, the quickest first: not of bundles, and made from data that today's code would make."""
-    kinds: dict[tuple, list[Row]] = {}
-    for row in store.rows(trials):
-        made = row.provenance
-        if row.stale and not made.bundle and made.simulation_source == source_hash("simulation"):
-            kinds.setdefault((kind(row.trial), made.learning_source), []).append(row)
-    return [sorted(rows, key=lambda row: row.provenance.seconds) for rows in kinds.values()]
+    return _by_kind(store.rows(trials))
+
+
+def _by_kind(found: Iterable[Made]) -> list[list[Made]]:
+    """As `candidates`, of rows or diagnoses; those of different older code are different kinds."""
+    kinds: dict[tuple, list[Made]] = {}
+    for one in found:
+        made = one.provenance
+        if one.stale and not made.bundle and made.simulation_source == source_hash("simulation"):
+            kinds.setdefault((kind(one.trial), made.learning_source), []).append(one)
+    return [sorted(group, key=lambda one: one.provenance.seconds) for group in kinds.values()]
 
 
 def kind(trial: Trial) -> str:
@@ -85,11 +96,6 @@ def confirm_diagnoses(
     """The same for the stored diagnoses of `trials` under `results`."""
     from sidm.experiments import diagnostics
 
-    kinds: dict[str, list[diagnostics.Diagnosis]] = {}
-    for found in (diagnostics.read(trial, results) for trial in trials):
-        if found is not None and found.stale:
-            kinds.setdefault(kind(found.trial), []).append(found)
-
     def alike(one: diagnostics.Diagnosis, again: diagnostics.Diagnosis) -> bool:
         plain = (dataclasses.asdict(each) for each in (one, again))  # type: ignore[call-overload]
         stored, found = ({k: rounded(v) for k, v in each.items() if k not in _MADE} for each in plain)
@@ -99,8 +105,8 @@ def confirm_diagnoses(
         marked = dataclasses.replace(one, source=again.source, provenance=_confirmed(one, again, how))
         diagnostics.write(marked, results)
 
-    quickest = [sorted(group, key=lambda one: one.provenance.seconds) for group in kinds.values()]
-    return _confirm(quickest, executor, data, diagnostics.diagnose, alike, mark, progress)
+    stored = [found for found in (diagnostics.read(trial, results) for trial in trials) if found is not None]
+    return _confirm(_by_kind(stored), executor, data, diagnostics.diagnose, alike, mark, progress)
 
 
 _MADE = ("source", "scikit_learn", "provenance")  # what made a diagnosis, and is no part of what was found

@@ -51,7 +51,7 @@ METHODS: dict[str, Method] = {
     # The paper's method, and its comparison on novice data alone (section 4).
     "sidm": Method("with SIDM", "sidm", expert=True, regularise=True),
     "novice_only": Method("without SIDM", "novice_only"),
-    # What section 4 argues against.
+    # The expert first; section 4 says that the SIDM cannot be pretrained so.
     "pretrain_finetune": Method("expert first, then novice", "pretrain_finetune", pretrained=True),
     "finetune_parts": Method(
         "expert first, then encoder and decoder", "pretrain_finetune", pretrained=True, changes=(("frozen", "sidm"),)

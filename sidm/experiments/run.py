@@ -97,7 +97,7 @@ def run(
         data = Path(data).absolute()
         with progress_bar(len(missing), "trials", "trial", progress) as bar:
             together = [trial for trial in missing if bundle and fits(trial)]
-            alone = [trial for trial in missing if trial not in together]
+            alone = [trial for trial in missing if not (bundle and fits(trial))]
             if together:
                 _run_bundles(together, bundle, data, store, bar, device, log)
             if alone:
