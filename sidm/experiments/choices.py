@@ -1,17 +1,18 @@
 """What choices are worth that the paper leaves open, or that the released code makes otherwise.
 
-Figure 3's methods are trained with one choice changed at a time, on the small size of the ablations, as each was tuned.
+Figure 3's methods are trained with one choice changed at a time, on the small size of the ablations, as each was tuned;
+the initial weights, which bear most on the comparison, at every size.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from sidm.experiments.methods import CHOICES
-from sidm.experiments.statistics import Interval, interval
+from sidm.experiments.methods import CHOICES, COMPARED, PYTORCH_WEIGHTS
+from sidm.experiments.statistics import Interval, ratio_of_means
 from sidm.experiments.store import Results
 from sidm.experiments.study import Study
 
@@ -22,6 +23,7 @@ class Worth(NamedTuple):
     system: str
     choice: str
     method: str
+    minutes: float  # of novice data
     seeds: int
     chosen: float  # mean validation loss as chosen
     changed: float  # and as changed
@@ -29,29 +31,32 @@ class Worth(NamedTuple):
 
 
 def worth(study: Study, systems: Iterable[str], store: Results) -> list[Worth]:
-    """A line a system, choice and method of which both sides are stored."""
-    found = []
-    for system in systems:
-        for choice, (changes, methods) in CHOICES.items():
-            for method in methods:
-                pairs = _pairs(study, system, method, changes, store)
-                if len(pairs):
-                    chosen, changed = pairs.mean(0).tolist()
-                    ratio = Interval(*np.exp(interval(_log_ratio, pairs)))
-                    found.append(Worth(system, choice, method, len(pairs), chosen, changed, ratio))
-    return found
+    """A line a system, choice and method of which both sides are stored, on the small size."""
+    size = study.preset.ablation_minutes[0]
+    points = [(c, method, size) for c, (_, methods) in CHOICES.items() for method in methods]
+    return [one for system in systems for point in points for one in _worth(study, store, system, *point)]
 
 
-def _log_ratio(pairs: np.ndarray) -> float:
-    """Logarithm of mean changed by mean chosen of losses (S, 2)."""
-    chosen, changed = pairs.mean(0)
-    return float(np.log(changed / chosen))
+def worth_of_weights(study: Study, systems: Iterable[str], store: Results) -> list[Worth]:
+    """The same of the initial weights and the paper's methods, a line a size."""
+    return [
+        one
+        for system in systems
+        for method in COMPARED
+        for minutes in study.preset.novice_minutes(system)
+        for one in _worth(study, store, system, PYTORCH_WEIGHTS, method, minutes)
+    ]
 
 
-def _pairs(study: Study, system: str, method: str, changes: dict[str, Any], store: Results) -> np.ndarray:
-    """Validation losses (S, 2) as chosen and as changed, of the seeds that have both."""
+def _worth(study: Study, store: Results, system: str, choice: str, method: str, minutes: float) -> list[Worth]:
+    """One line, of the seeds that have both sides; none where no seed has."""
     losses = []
-    for one in (study, study.changed(**changes)):
-        rows = store.rows(one.points(system, [method], study.preset.ablation_minutes[:1]))
+    for one in (study, study.changed(**CHOICES[choice][0])):
+        rows = store.rows(one.points(system, [method], [minutes]))
         losses.append({row.trial.seed: row.outcome.validation_loss for row in rows})
-    return np.array([[side[seed] for side in losses] for seed in sorted(losses[0].keys() & losses[1].keys())])
+    seeds = sorted(losses[0].keys() & losses[1].keys())
+    if not seeds:
+        return []
+    pairs = np.array([[side[seed] for side in losses] for seed in seeds])  # (S, 2)
+    chosen, changed = pairs.mean(0).tolist()
+    return [Worth(system, choice, method, minutes, len(pairs), chosen, changed, ratio_of_means(pairs))]

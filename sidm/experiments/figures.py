@@ -21,7 +21,7 @@ from sidm.experiments.drawing import (
     side_by_side,
     styled,
 )
-from sidm.experiments.methods import FIGURE3, METHODS
+from sidm.experiments.methods import COMPARED, FIGURE3, METHODS
 from sidm.experiments.savings import efficiency_band
 from sidm.experiments.statistics import efficiency, falling, summarise
 from sidm.experiments.store import Row
@@ -37,16 +37,33 @@ def figure3(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS), method
     """Figure 3: validation loss against novice data; lines are means over seeds, shades minimum to maximum."""
     figure, panels = side_by_side(len(systems))
     for axes, system in zip(panels, systems, strict=True):
-        axes.set(xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL, title=system)
-        drawn: set[float] = set()
-        for method in methods:
-            found = gather([row for row in rows if row.trial.method == method], system, [method])
-            if found.values.size:
-                summary, style = summarise(found.values[:, 0]), METHOD_STYLES[method]
-                axes.plot(found.minutes, summary.mean, **style)
-                shade = {"color": style["color"], "alpha": 0.2, "lw": 0}
-                axes.fill_between(found.minutes, summary.minimum, summary.maximum, **shade)
-                drawn |= set(found.minutes)
+        finish(axes, _curves(axes, rows, system, methods))
+    return figure
+
+
+def _curves(axes: Axes, rows: Sequence[Row], system: str, methods: Sequence[str], **other: Any) -> set[float]:
+    """Figure 3's curves of some methods, and the sizes that they have; `other` words after the labels, other styles."""
+    axes.set(xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL, title=system)
+    drawn: set[float] = set()
+    words = other.pop("words", "")
+    for method in methods:
+        found = gather([row for row in rows if row.trial.method == method], system, [method])
+        if found.values.size:
+            summary, style = summarise(found.values[:, 0]), METHOD_STYLES[method] | other
+            axes.plot(found.minutes, summary.mean, **style | {"label": style["label"] + words})
+            shade = {"color": style["color"], "alpha": 0.2, "lw": 0}
+            axes.fill_between(found.minutes, summary.minimum, summary.maximum, **shade)
+            drawn |= set(found.minutes)
+    return drawn
+
+
+@styled
+def initial_weights(rows: Sequence[Row], pytorch: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
+    """Figure 3's curves of the paper's methods, beside those from PyTorch's initial weights with hollow marks."""
+    figure, panels = side_by_side(len(systems))
+    for axes, system in zip(panels, systems, strict=True):
+        drawn = _curves(axes, rows, system, COMPARED)
+        drawn |= _curves(axes, pytorch, system, COMPARED, words=", PyTorch's weights", mfc="white", linewidth=1)
         finish(axes, drawn)
     return figure
 

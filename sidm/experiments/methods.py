@@ -111,9 +111,12 @@ MIRRORED = ("sidm_mirrored", "novice_only_mirrored")
 #: The other methods that SIDM is put among.
 BASELINES = tuple(name for name in METHODS if name not in (*FIGURE3, *VARIANTS, *MIRRORED))
 
+#: The choice that bears most on the comparison, see its chapter.
+PYTORCH_WEIGHTS = "PyTorch's initial weights"
+
 #: Another choice than ours or the paper's, most of them the released code's -> changes of the preset, methods touched.
 CHOICES: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
-    "PyTorch's initial weights": ({"initialisation": "pytorch"}, FIGURE3),
+    PYTORCH_WEIGHTS: ({"initialisation": "pytorch"}, FIGURE3),
     "loss averaged over components": ({"reduction": "mean"}, FIGURE3),
     "weight decay of 0.00001 in the gradient (L2)": ({"decay": "l2", "weight_decay": 1e-5}, FIGURE3),
     "patience of 450,000 samples": ({"patience": 450_000}, FIGURE3),

@@ -28,8 +28,12 @@ class Interval(NamedTuple):
     high: float
 
     def __str__(self) -> str:
-        """The value with two significant digits, its ends in brackets where they are known; no powers of ten."""
-        value, low, high = (f"{float(f'{number:.2g}'):g}" for number in self)
+        """With two significant digits."""
+        return self.words(2)
+
+    def words(self, digits: int) -> str:
+        """The value with so many significant digits, its ends in brackets where they are known; no powers of ten."""
+        value, low, high = (f"{float(f'{number:.{digits}g}'):g}" for number in self)
         return f"{value} [{low}, {high}]" if np.isfinite([self.low, self.high]).all() else value
 
 
@@ -110,6 +114,16 @@ def leave_one_out(
 def interval(statistic: Callable[[np.ndarray], float], samples: np.ndarray) -> Interval:
     """`leave_one_out` with fewer than MANY_SEEDS seeds, else `bootstrap`."""
     return (leave_one_out if len(samples) < MANY_SEEDS else bootstrap)(statistic, samples)
+
+
+def ratio_of_means(pairs: np.ndarray) -> Interval:
+    """Mean of the second of losses (S, 2) by the mean of the first, paired by seed."""
+
+    def log_ratio(some: np.ndarray) -> float:
+        first, second = some.mean(0)
+        return float(np.log(second / first))
+
+    return Interval(*np.exp(interval(log_ratio, pairs)))
 
 
 def falling(losses: np.ndarray) -> np.ndarray:

@@ -9,7 +9,16 @@ from typing import Any
 
 from sidm.config import unknown_name
 from sidm.experiments.datasets import find_digest
-from sidm.experiments.methods import BASELINES, CHOICES, COMPARED, FIGURE3, METHODS, MIRRORED, VARIANTS
+from sidm.experiments.methods import (
+    BASELINES,
+    CHOICES,
+    COMPARED,
+    FIGURE3,
+    METHODS,
+    MIRRORED,
+    PYTORCH_WEIGHTS,
+    VARIANTS,
+)
 from sidm.experiments.presets import Preset, load_preset
 from sidm.experiments.trials import Trial
 from sidm.experiments.tuning import TRIES, TUNING_SEED, tried
@@ -124,6 +133,14 @@ class Study:
         trials = self.points(system, (*beaten, *VARIANTS, *MIRRORED), self.preset.variant_minutes)
         trials += self.points(system, beaten, self.preset.novice_minutes(system))
         return list({trial.key: trial for trial in trials}.values())
+
+    def pytorch_weights(self) -> Study:
+        """The same from PyTorch's initial weights."""
+        return self.changed(**CHOICES[PYTORCH_WEIGHTS][0])
+
+    def initial_weights(self, system: str) -> list[Trial]:
+        """Figure 3 of the paper's methods from PyTorch's initial weights."""
+        return self.pytorch_weights().points(system, COMPARED, self.preset.novice_minutes(system))
 
     def choices(self, system: str) -> list[Trial]:
         """Figure 3's methods on a small dataset with one of our choices changed at a time."""

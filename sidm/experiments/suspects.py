@@ -12,7 +12,7 @@ import numpy as np
 from sidm.experiments import ablations
 from sidm.experiments.claims import FEWEST_SEEDS, NO_VERDICT
 from sidm.experiments.methods import CHOICES, METHODS
-from sidm.experiments.statistics import Interval, interval
+from sidm.experiments.statistics import Interval, ratio_of_means
 from sidm.experiments.store import Results, Row
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
@@ -58,7 +58,7 @@ class Suspect(NamedTuple):
 
 def judged(system: str, minutes: float, instead: str, pairs: np.ndarray) -> Suspect:
     """A line from losses (S, 2), SIDM's before the changed one's."""
-    found = Interval(*np.exp(interval(lambda some: float(np.log(some[:, 1].mean() / some[:, 0].mean())), pairs)))
+    found = ratio_of_means(pairs)
     said = BETTER if found.high < 1 else WORSE if found.low > 1 else NO_DIFFERENCE
     if len(pairs) < FEWEST_SEEDS:
         said = NO_VERDICT

@@ -20,7 +20,15 @@ from sidm.experiments.claims import (
     meeting,
     verdict,
 )
-from sidm.experiments.figures import ablated, ablation, efficiency_curves, figure3, figure4, learning_curves
+from sidm.experiments.figures import (
+    ablated,
+    ablation,
+    efficiency_curves,
+    figure3,
+    figure4,
+    initial_weights,
+    learning_curves,
+)
 from sidm.experiments.methods import change
 from sidm.experiments.statistics import Interval
 from sidm.experiments.tables import costs_table, gather, overview, provenance_line
@@ -71,6 +79,19 @@ def test_figure3_draws_the_means(rows):
         assert len({look(line) for line in (sidm, novice, finetuned)}) == 3
     assert len(right.get_lines()) == 3 and len(left.collections) == 3
     assert not plt.get_fignums()
+
+
+def test_initial_weights_stand_beside_ours(rows, study, make_row):
+    """Each of the paper's methods twice, told apart by hollow marks and by words."""
+    trials = [t for system in ("system1", "system2") for t in study.initial_weights(system)]
+    pytorch = [make_row(t, 2 * power_law(t)) for t in trials]
+    for axes in initial_weights(rows, pytorch).axes:
+        labels = [line.get_label() for line in axes.get_lines()]
+        assert labels[2:] == [f"{label}, PyTorch's weights" for label in labels[:2]]
+        hollow = [line.get_markerfacecolor() == "white" for line in axes.get_lines()]
+        assert hollow == [False, False, True, True]
+        ours, theirs = axes.get_lines()[0], axes.get_lines()[2]
+        assert theirs.get_ydata() == pytest.approx(2 * ours.get_ydata())
 
 
 def test_empty_figures_say_so():
