@@ -9,7 +9,7 @@ RENDER := $(BIN)/jupyter-book build --warningiserror --keep-going
 # Trials run side by side, one thread each: a second thread to each only makes them wait for one another.
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help setup book page notebooks figures test lint bench crash clean
+.PHONY: help setup book page notebooks figures explore test lint bench crash clean
 .DELETE_ON_ERROR:
 
 help:
@@ -17,6 +17,7 @@ help:
 	@echo 'make page NAME=05-figure3 [PARAMS=...]           run one copy again and render what changed'
 	@echo 'make notebooks                                   refresh the outputs in notebooks/ themselves'
 	@echo "make figures                                     Figures 3 and 4 into _build/figures, and README.md's numbers"
+	@echo 'make explore                                     the suspension explorer as an app in your browser'
 	@echo 'make test [JOBS=2]                               package, notebooks and book'
 	@echo 'make lint                                        style and types'
 	@echo 'make bench                                       the scripts of benchmarks/'
@@ -39,6 +40,7 @@ book: $(STAMP)
 	rm -rf _build/book
 	mkdir -p _build/book
 	cp -R _config.yml _toc.yml CHANGELOG.md CONTRIBUTING.md book sidm params _build/book/
+	mkdir -p _build/book/results && cp -R results/explorer _build/book/results/
 	$(BIN)/python -m sidm notebook all _build/book/notebooks $(if $(PARAMS),-f $(PARAMS))
 	$(RENDER) --path-output . _build/book
 
@@ -52,6 +54,9 @@ figures: $(STAMP)
 
 notebooks: $(STAMP)
 	$(BIN)/python -m sidm notebook all --in-place
+
+explore: $(STAMP)
+	$(BIN)/voila notebooks/16-explorer.ipynb $(VOILA)
 
 # One call of pytest, so that one exit status and one closing line speak for all: the unit tests; each notebook with
 # params/smoke.yaml, and a book built with warnings as errors, which are tests themselves (tests/book); and nbval over the

@@ -38,6 +38,11 @@ class Parameter(NamedTuple):
     default: str  # as written
     help: str
 
+    @property
+    def kind_words(self) -> str:
+        """The type as it is written."""
+        return str(self.kind).replace("typing.", "") if typing.get_args(self.kind) else self.kind.__name__
+
 
 def project_root(start: Path | None = None) -> Path:
     """The folder of `notebooks/` and `sidm/`: the nearest above `start` (the working folder), else the package's."""

@@ -1,15 +1,12 @@
-"""The rendered pages: as files (all there, self-contained, linked right) and in a browser with the network cut."""
+"""The rendered pages as files: all there, self-contained, linked right."""
 
 import functools
-import os
-import shutil
 from pathlib import Path
 from urllib.parse import unquote, urldefrag
 
 import pytest
 from pages import ABROAD, STYLE_ADDRESS, Page, contents
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 EQUATIONS = {  # the paper's number -> the label, and the function that computes it
     1: ("prediction-loss", "sidm.learning.losses.prediction_loss"),
     2: ("discriminator-objective", "sidm.learning.losses.expected_discriminator_loss"),
@@ -80,45 +77,10 @@ def test_equations_carry_the_papers_numbers(book):
 
 def test_equations_link_to_what_computes_them(book):
     links = {address for _, address in read(book / "book" / "paper.html").links}
-    assert {name for _, name in EQUATIONS.values() if f"api.html#{name}" not in links} == set()
+    assert {name for _, name in EQUATIONS.values() if f"api-learning.html#{name}" not in links} == set()
 
 
 def test_no_page_shows_a_traceback_or_an_empty_widget(book, pages):
     assert [str(page.path) for page in pages if "traceback" in page.classes] == []
     widgets = [page.path for page in pages if "jupyter.widget-view+json" in page.path.read_text(encoding="utf-8")]
     assert widgets == []
-
-
-@pytest.fixture(scope="session")
-def context():
-    """A browser without a network."""
-    path = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if path is None and not os.environ.get("CI"):
-        pytest.skip("no Chromium found; install Debian's package 'chromium' to test the pages")
-    assert path is not None, "no Chromium found, and under CI the tests of the pages may not be skipped"
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=path, args=["--host-resolver-rules=MAP * ~NOTFOUND"])
-        yield browser.new_context(offline=True, viewport={"width": 1280, "height": 900})
-        browser.close()
-
-
-@pytest.mark.parametrize("name", contents())
-def test_a_page_is_whole_without_a_network(book, context, name):
-    page, problems = context.new_page(), []
-    page.on("requestfailed", lambda request: problems.append(f"failed: {request.url}"))
-    page.on("request", lambda r: None if r.url.startswith(("file:", "data:", "blob:")) else problems.append(r.url))
-    page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
-    page.on("pageerror", lambda error: problems.append(str(error)))
-    page.goto((book / f"{name}.html").as_uri(), wait_until="load")
-    formulas = page.locator(".math:not(.math .math)").count()
-    if formulas:
-        page.evaluate("() => MathJax.startup.promise")
-        assert page.locator(".math mjx-container").count() >= formulas, "equations that are not drawn"
-        assert page.locator("mjx-merror, [data-mjx-error]").count() == 0, "equations that MathJax cannot read"
-        fonts = page.evaluate("async () => [...await document.fonts.ready].map(font => font.status)")
-        assert "loaded" in fonts and "error" not in fonts, "the fonts of the equations did not load"
-    pictures = page.evaluate("() => [...document.images].filter(i => !i.complete || !i.naturalWidth).map(i => i.src)")
-    page.close()
-    assert problems == [] and pictures == []

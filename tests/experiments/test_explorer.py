@@ -1,13 +1,30 @@
 """The suspension explorer."""
 
+import base64
+import zlib
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from sidm.config import ConfigError
-from sidm.experiments.explorer import ROBOTS, explorer, find_robot, ride, rides_figure, tilt
+from sidm.experiments.explorer import (
+    ROBOTS,
+    Ride,
+    explorer,
+    find_robot,
+    grid,
+    page,
+    ride,
+    rides_figure,
+    tilt,
+    with_picture,
+)
+from sidm.experiments.provenance import source_hash
 from sidm.systems import Terrain
 
+ROOT = Path(__file__).parents[2]
 GROUND = Terrain(cell_height_scale=0.35)
 
 
@@ -38,18 +55,80 @@ def test_tilt_is_that_of_the_euler_angles(pitch, roll):
 
 
 def test_the_figure_draws_what_was_ridden(rides):
-    height, _, travel, path = rides_figure(rides).axes
+    figure = rides_figure(rides)
+    height, _, travel, path = figure.axes
     assert np.allclose(height.lines[0].get_ydata(), rides["system1 novice"].states[:, 2])
     assert np.allclose(travel.lines[0].get_ydata(), 1e3 * rides["system1 novice"].struts[:, 2])
-    assert [line.get_label() for line in path.lines] == list(rides)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == list(rides) and len(path.lines) == 2
 
 
 def test_a_slider_draws_anew():
-    box = explorer(steps=3)
-    *knobs, screen = box.children
+    box, screen = explorer(steps=3).children
+    knobs = box.children
     before = screen.value
     next(knob for knob in knobs if knob.description.startswith("spring")).value = 100.0
     assert before[:4] == screen.value[:4] == b"\x89PNG" and before != screen.value
+
+
+def test_choosing_a_robot_moves_the_sliders_to_its_springs():
+    box, screen = explorer(steps=3).children
+    robot, spring = (next(k for k in box.children if k.description.startswith(word)) for word in ("your", "spring"))
+    before = screen.value
+    robot.value = "system2 expert"
+    assert spring.value == pytest.approx(75.0) and screen.value != before
+
+
+def test_a_picture_stands_in_for_the_sliders():
+    box = explorer(steps=3)
+    shown = with_picture(box)
+    assert base64.b64decode(shown["image/png"]) == box.children[-1].value
+    assert "application/vnd.jupyter.widget-view+json" in shown
+
+
+@pytest.fixture(scope="module")
+def stored():
+    return grid.read(ROOT / grid.FOLDER)
+
+
+def test_the_stored_rides_are_of_todays_physics(stored):
+    assert stored.source == source_hash("simulation"), "make them anew: python -m sidm.experiments.explorer.grid"
+
+
+def test_a_stored_ride_is_what_is_simulated(stored):
+    """Its first second: later, what a processor rounds otherwise may have grown."""
+    at = (1, 2, 3)
+    robot = grid.BODY.replace(**{knob.name: knob.values[i] for knob, i in zip(grid.SET_UP, at, strict=True)})
+    again = grid.simulate((robot, True), throttles=[0.5])
+    roughness, throttle = (list(knob.values) for knob in grid.DRIVE)
+    kept = stored.rides[at][0][:, throttle.index(0.5)]
+    assert again.shape == (len(roughness), 1, grid.STEPS + 1, len(grid.CHANNELS))
+    assert np.abs(again[:, 0, :11].astype(int) - kept[:, :11]).max() <= 20
+
+
+def test_stored_numbers_end_where_the_ground_does():
+    """Whole numbers of each channel, none after a robot has left."""
+    states = np.zeros((5, 13))
+    states[:, 6] = 1  # upright
+    states[:, 0] = [0.0, 1.2344, 14.6, 3.0, 2.0]
+    one = Ride(grid.BODY, np.zeros((300, 300)), states, np.full((5, 4), -0.01234))
+    numbers = grid.whole_numbers(one)
+    assert numbers[:2].tolist() == [[0, 0, 0, 0, 0, *[-1234] * 4], [1234, 0, 0, 0, 0, *[-1234] * 4]]
+    assert (numbers[2:] == grid.GONE).all()
+
+
+def test_the_page_unpacks_what_was_packed(stored):
+    """As explorer.js does: changes along time, of 16 bits, added up."""
+    contents = page.contents(stored)
+    changes = np.frombuffer(zlib.decompress(base64.b64decode(contents["rides"])), "<i2").reshape(stored.rides.shape)
+    assert np.array_equal(np.cumsum(changes, axis=-2, dtype=np.int16), stored.rides)
+    for robot, chosen in zip(ROBOTS.values(), contents["robots"], strict=True):
+        shown = {knob["name"]: knob["shown"][chosen["knobs"][knob["name"]]] for knob in contents["knobs"][:3]}
+        assert shown == {"spring": robot.spring, "damping": robot.damping, "travel_lower": -1e3 * robot.travel_lower}
+
+
+def test_the_page_keeps_within_its_size(stored, tmp_path):
+    page.write(tmp_path, stored)
+    assert sum(path.stat().st_size for path in tmp_path.iterdir()) < 5e6
 
 
 def test_a_mistyped_robot_is_named_with_the_nearest():

@@ -1,11 +1,15 @@
 """Figures, tables and claims from made-up rows whose answers are known."""
 
+import io
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.lines import Line2D
+from PIL import Image
 
 from sidm.experiments import Results, Study, ablations
+from sidm.experiments.animation import rollout_film
 from sidm.experiments.claims import (
     CONTRARY,
     DIRECTION,
@@ -189,3 +193,17 @@ def test_words_about_rows(rows, study, tmp_path):
     lines = overview(store, ablations.p_expert(study, "system1"), study)
     assert any("(p_expert=0.25)" in text for text in lines) and all("of 2" in text for text in lines)
     assert "stored 1 of 3  stale 0  loss 0.5" in overview(store, study.figure3("system1"), study)[0]
+
+
+def test_the_film_shows_every_step_in_real_time(rows):
+    """26 pictures of 0.1 s, the last one held; they differ."""
+    film = Image.open(io.BytesIO(rollout_film(rows, np.zeros((300, 300)))))
+    assert film.n_frames == 26
+    times, frames = [], []
+    for number in range(film.n_frames):
+        film.seek(number)
+        times.append(film.info["duration"])
+        frames.append(film.convert("RGB").tobytes())
+    assert set(times[:-1]) == {100} and times[-1] > 1000 and len(set(frames)) == 26
+    with pytest.raises(ValueError, match="no trial of seed 9"):
+        rollout_film(rows, np.zeros((300, 300)), seed=9)

@@ -1,0 +1,86 @@
+"""Figure 4's example in motion: the robot's path and the predicted ones grow together, step by step."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from PIL import Image
+
+from sidm.experiments.drawing import CONTROL_STEP, METHOD_STYLES, STYLE
+from sidm.experiments.store import Row
+from sidm.systems import Terrain
+
+MARGIN = 0.7  # m of ground shown around the paths
+HELD = 1.5  # s that the last picture stays
+LINES = ("-", "--", ":")  # by size of the novice data
+
+
+def rollout_film(rows: Sequence[Row], heights: np.ndarray, seed: int = 0) -> bytes:
+    """An animated GIF in real time, seen from above.
+
+    Args:
+        rows: of one system, the example's trials among them.
+        heights: (H, W), m, the ground of the example, higher drawn darker.
+        seed: whose trials predict.
+
+    Raises:
+        ValueError: no row has that seed.
+    """
+    shown = sorted((row for row in rows if row.trial.seed == seed), key=lambda row: row.trial.novice_minutes)
+    if not shown:
+        raise ValueError(f"no trial of seed {seed} is stored")
+    sizes = sorted({row.trial.novice_minutes for row in shown})
+    paths = [np.array(shown[0].outcome.example_actual)] + [np.array(row.outcome.example_predicted) for row in shown]
+    looks = [{"color": "black", "label": "the robot", "linewidth": 2.5}]
+    for row in shown:
+        style = METHOD_STYLES[row.trial.method]
+        label = f"{style['label']}, {row.trial.novice_minutes:g} min"
+        line = LINES[sizes.index(row.trial.novice_minutes) % len(LINES)]
+        looks.append({"color": style["color"], "label": label, "linestyle": line})
+    return _gif(_frames(paths, looks, heights))
+
+
+def _frames(paths: list[np.ndarray], looks: list[dict], heights: np.ndarray) -> list[Image.Image]:
+    """A picture a step of paths (K + 1, 2) with their looks."""
+    every = np.concatenate(paths)
+    reach = float(np.ptp(every, axis=0).max()) / 2 + MARGIN
+    (left, low), (right, high) = (every.max(0) + every.min(0)) / 2 + np.array([[-reach], [reach]])
+    spacing = Terrain(cell_height_scale=0.0).spacing
+    half = (len(heights) - 1) * spacing / 2
+    columns, rows = (((np.array(ends) + half) / spacing).round().astype(int) for ends in ((left, right), (low, high)))
+    seen = heights[max(rows[0], 0) : rows[1] + 1, max(columns[0], 0) : columns[1] + 1]
+    frames = []
+    with plt.style.context(STYLE):
+        figure, axes = plt.subplots(figsize=(6.8, 4.2))
+        axes.imshow(
+            heights, origin="lower", extent=(-half, half, -half, half), cmap="Greys", alpha=0.6,
+            vmin=seen.min(), vmax=seen.min() + 1.5 * max(float(np.ptp(seen)), 0.05),
+        )  # fmt: skip
+        axes.set(xlim=(left, right), ylim=(low, high), xlabel="x (m)", ylabel="y (m)")
+        axes.grid(False)
+        lines = [axes.plot([], [], marker="", **look)[0] for look in looks]
+        heads = [axes.plot([], [], "o", color=look["color"])[0] for look in looks]
+        figure.legend(loc="outside right upper")
+        canvas = FigureCanvasAgg(figure)
+        for step in range(len(paths[0])):
+            for path, line, head in zip(paths, lines, heads, strict=True):
+                line.set_data(*path[: step + 1].T)
+                head.set_data(*path[step : step + 1].T)
+            axes.set_title(f"{CONTROL_STEP * step:.1f} s")
+            canvas.draw()
+            frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
+        plt.close(figure)
+    return frames
+
+
+def _gif(frames: list[Image.Image]) -> bytes:
+    """Frames that follow each other as the control steps do, again and again."""
+    small = [frame.quantize(128, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE) for frame in frames]
+    times = [round(1000 * CONTROL_STEP)] * (len(small) - 1) + [round(1000 * HELD)]
+    file = io.BytesIO()
+    small[0].save(file, "gif", save_all=True, append_images=small[1:], duration=times, loop=0)
+    return file.getvalue()

@@ -1,0 +1,75 @@
+"""Rides as pictures: height, tilt, strut travel between its stops, and the path over the ground."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from sidm.experiments.drawing import CONTROL_STEP, STYLE
+from sidm.experiments.explorer.rides import Ride, tilt
+from sidm.systems import Terrain
+from sidm.trajectory import POSITION
+
+#: Of the first and the second robot.
+LINES = ({"color": "#0072B2", "linestyle": "-"}, {"color": "#D55E00", "linestyle": "--"})
+PALER = 0.45  # opacity of the second line of a robot in a plot
+GROUND_COLOURS = "Greys"
+MARGIN = 1.0  # m of ground shown around the paths
+# Laid out by hand, which a slider's picture waits for half as long.
+ROOM = {"left": 0.105, "right": 0.99, "bottom": 0.09, "top": 0.94, "wspace": 0.19, "hspace": 0.22}
+SHAPE = 1.53  # width of a plot by its height
+
+
+def rides_figure(rides: Mapping[str, Ride]) -> Figure:
+    """Height, tilt, front strut travel with its stops, and path of up to two rides over the ground of the first."""
+    with plt.style.context(STYLE):
+        figure, axes = plt.subplots(2, 2, figsize=(9.6, 6.6), layout="none", gridspec_kw=ROOM)
+        (height, angles), (travel, path) = axes
+        for (name, one), line in zip(rides.items(), LINES, strict=False):
+            time = CONTROL_STEP * np.arange(len(one.states))
+            position = one.states[:, POSITION]
+            line = line | {"marker": ""}
+            height.plot(time, position[:, 2], label=name, **line)
+            for angle, alpha in zip(tilt(one.states), (1.0, PALER), strict=True):
+                angles.plot(time, angle, alpha=alpha, **line)
+            for strut, alpha in ((2, 1.0), (3, PALER)):
+                travel.plot(time, 1e3 * one.struts[:, strut], alpha=alpha, **line)
+            for stop in (one.robot.travel_lower, one.robot.travel_upper):
+                travel.axhline(1e3 * stop, lw=0.8, color=line["color"], linestyle=":", marker="")
+            path.plot(position[:, 0], position[:, 1], **line)
+        _lay_ground(path, list(rides.values()))
+        height.set(xlabel="time (s)", ylabel="height of the body (m)")
+        angles.set(xlabel="time (s)", ylabel="tilt (degrees): pitch, roll paler")
+        travel.set(xlabel="time (s)", ylabel="front strut travel (mm):\nright, left paler, stops dotted")
+        path.set(xlabel="x (m)", ylabel="y (m)")
+        figure.legend(loc="upper center", ncols=len(LINES))
+    plt.close(figure)
+    return figure
+
+
+def _lay_ground(path: Axes, rides: Sequence[Ride]) -> None:
+    """The first ride's ground under the paths, higher darker, as far as they go."""
+    heights = rides[0].heights
+    half = (len(heights) - 1) * Terrain(cell_height_scale=0.0).spacing / 2
+    darkest = 2 * max(float(heights.max()), 0.1)  # pale enough for the lines over it
+    path.imshow(
+        heights, origin="lower", extent=(-half, half, -half, half), cmap=GROUND_COLOURS, alpha=0.6, vmin=0, vmax=darkest
+    )
+    gone = np.concatenate([one.states[:, :2] for one in rides])
+    middle, size = (gone.max(0) + gone.min(0)) / 2, np.ptp(gone, axis=0) + 2 * MARGIN
+    reach = max(size[0], SHAPE * size[1]) / 2 * np.array([1, 1 / SHAPE])
+    (left, low), (right, high) = middle - reach, middle + reach
+    path.set(xlim=(left, right), ylim=(low, high), aspect="equal")
+    path.grid(False)
+
+
+def picture(figure: Figure) -> bytes:
+    """A figure as PNG."""
+    file = io.BytesIO()
+    figure.savefig(file, format="png", dpi=100)
+    return file.getvalue()

@@ -1,0 +1,110 @@
+"""The rendered pages in a browser with the network cut: light and dark, on a desk and on a phone."""
+
+import os
+import shutil
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from pages import contents
+from playwright.sync_api import sync_playwright
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+DESK, PHONE = {"width": 1280, "height": 900}, {"width": 375, "height": 800}
+SCHEMES = ("light", "dark")
+EXPLORER = "book/explorer"
+
+
+@pytest.fixture(scope="session")
+def context():
+    """A browser without a network."""
+    path = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if path is None and not os.environ.get("CI"):
+        pytest.skip("no Chromium found; install Debian's package 'chromium' to test the pages")
+    assert path is not None, "no Chromium found, and under CI the tests of the pages may not be skipped"
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=path, args=["--host-resolver-rules=MAP * ~NOTFOUND"])
+        yield browser.new_context(offline=True, viewport=DESK)
+        browser.close()
+
+
+@pytest.fixture
+def visit(book, context):
+    """Opens a page of the book; nothing may go wrong with it until the end of the test."""
+    page, problems = context.new_page(), []
+    page.on("requestfailed", lambda request: problems.append(f"failed: {request.url}"))
+    page.on("request", lambda r: None if r.url.startswith(("file:", "data:", "blob:")) else problems.append(r.url))
+    page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
+    page.on("pageerror", lambda error: problems.append(str(error)))
+
+    def open_page(name):
+        page.goto((book / f"{name}.html").as_uri(), wait_until="load")
+        if name == EXPLORER:
+            page.wait_for_selector("#explorer[data-shown]")
+        return page
+
+    yield open_page
+    page.close()
+    assert problems == []
+
+
+@pytest.mark.parametrize("name", contents())
+def test_a_page_is_whole_without_a_network(visit, name):
+    page = visit(name)
+    formulas = page.locator(".math:not(.math .math)").count()
+    if formulas:
+        page.evaluate("() => MathJax.startup.promise")
+        assert page.locator(".math mjx-container").count() >= formulas, "equations that are not drawn"
+        assert page.locator("mjx-merror, [data-mjx-error]").count() == 0, "equations that MathJax cannot read"
+        fonts = page.evaluate("async () => [...await document.fonts.ready].map(font => font.status)")
+        assert "loaded" in fonts and "error" not in fonts, "the fonts of the equations did not load"
+    for size in (DESK, PHONE):
+        page.set_viewport_size(size)
+        missing = "() => [...document.images].filter(i => !i.complete || !i.naturalWidth).map(i => i.src)"
+        assert page.evaluate(missing) == []
+        width = page.evaluate("() => document.scrollingElement.scrollWidth")
+        assert width <= size["width"], f"wider than a window of {size['width']} pixels"
+
+
+@pytest.mark.parametrize("name", contents())
+def test_a_page_has_no_serious_barriers(visit, name):
+    """By axe-core's rules, in light and in dark."""
+    page, found = visit(name), []
+    for scheme in SCHEMES:
+        page.emulate_media(color_scheme=scheme)
+        page.wait_for_function(f"() => document.documentElement.dataset.theme === '{scheme}'")
+        for rule in Axe().run(page, options={"preload": False}).response["violations"]:
+            if rule["impact"] in ("serious", "critical"):
+                found += [f"{scheme}: {rule['help']}: {node['html'][:200]}" for node in rule["nodes"]]
+    assert found == []
+
+
+def pictures(page) -> list[str]:
+    """What the explorer's charts show now."""
+    return page.eval_on_selector_all("#explorer canvas", "all => all.map(canvas => canvas.toDataURL())")
+
+
+@pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
+def test_every_slider_changes_the_pictures(visit, size):
+    """By the keyboard alone."""
+    page = visit(EXPLORER)
+    page.set_viewport_size(size)
+    page.locator("#explorer-brakes").press("Space")  # free struts: damping, too, is seen
+    sliders = page.locator("#explorer input[type=range]")
+    assert sliders.count() >= 4
+    for number in range(sliders.count()):
+        slider = sliders.nth(number)
+        before, words = pictures(page), slider.get_attribute("aria-valuetext")
+        shown = page.get_attribute("#explorer", "data-shown")
+        slider.press("ArrowLeft")
+        page.wait_for_function(f"() => document.getElementById('explorer').dataset.shown !== '{shown}'")
+        assert slider.get_attribute("aria-valuetext") != words
+        assert all(one != other for one, other in zip(before, pictures(page), strict=True)), slider.get_attribute("id")
+
+
+def test_choosing_a_robot_sets_the_sliders_and_draws_both(visit):
+    page = visit(EXPLORER)
+    before = pictures(page)
+    page.select_option("#explorer-robot", label="system2 expert")
+    page.wait_for_function("() => document.getElementById('explorer').dataset.shown.endsWith('-3')")
+    assert page.locator("#explorer-spring").get_attribute("aria-valuetext") == "75 N/m"
+    assert "system2 expert" in page.locator("#explorer table").inner_text() and pictures(page) != before
