@@ -9,7 +9,7 @@ RENDER := $(BIN)/jupyter-book build --warningiserror --keep-going
 # Trials run side by side, one thread each: a second thread to each only makes them wait for one another.
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help setup book page notebooks figures explore test lint bench crash clean
+.PHONY: help setup book page notebooks figures explore pdf test lint bench crash clean
 .DELETE_ON_ERROR:
 
 help:
@@ -18,6 +18,7 @@ help:
 	@echo 'make notebooks                                   refresh the outputs in notebooks/ themselves'
 	@echo "make figures                                     Figures 3 and 4 into _build/figures, and README.md's numbers"
 	@echo 'make explore                                     the suspension explorer as an app in your browser'
+	@echo 'make pdf                                         the rendered book as one PDF: _build/sidm-companion.pdf'
 	@echo 'make test [JOBS=2]                               package, notebooks and book'
 	@echo 'make lint                                        style and types'
 	@echo 'make bench                                       the scripts of benchmarks/'
@@ -54,6 +55,10 @@ figures: $(STAMP)
 
 notebooks: $(STAMP)
 	$(BIN)/python -m sidm notebook all --in-place
+
+pdf: $(STAMP)
+	@test -f _build/html/index.html || $(MAKE) book
+	$(BIN)/python book/pdf.py _build/html _build/sidm-companion.pdf
 
 explore: $(STAMP)
 	$(BIN)/voila notebooks/16-explorer.ipynb $(VOILA)

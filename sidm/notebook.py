@@ -301,9 +301,9 @@ def _given(path: Path, pairs: Iterable[tuple[str, str]]) -> dict[str, Any]:
 
 
 def _show(path: Path) -> None:
-    print(path)
+    print(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
     for name, parameter in inspect(path).items():
-        print(f"  {name} = {parameter.default}  # {parameter.help}")
+        print(f"  {name}: {parameter.kind_words} = {parameter.default}  # {parameter.help}")
 
 
 def notebook_command(words: Iterable[str] | None = None) -> int:

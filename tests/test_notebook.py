@@ -178,7 +178,7 @@ def test_arguments_that_cannot_be_used_are_status_2_and_nothing_runs(project, ca
 
 def test_parameters_are_listed(project, capsys):
     assert notebook.notebook_command(["all", "--list"]) == 0
-    assert "  minutes = 5.0  # of novice data, min" in capsys.readouterr().out.splitlines()
+    assert "  minutes: float = 5.0  # of novice data, min" in capsys.readouterr().out.splitlines()
 
 
 def test_refreshing_twice_changes_nothing(first):

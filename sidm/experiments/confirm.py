@@ -76,6 +76,8 @@ def confirm(
 ) -> Confirmed:
     """Run one of each kind of stale row again, and mark the kinds that come out the same.
 
+    Rows that lie under the keys of older code move to today's first.
+
     Args:
         trials: whose rows are looked at.
         store: where they are.
@@ -87,6 +89,7 @@ def confirm(
     def mark(row: Row, again: Row, how: str) -> None:
         store.put(dataclasses.replace(row, provenance=_confirmed(row, again, how)))
 
+    store.rekey()
     return _confirm(candidates(trials, store), executor, data, run_trial, same, mark, progress)
 
 

@@ -1,5 +1,7 @@
-"""The book, built once for all tests of its pages."""
+"""The book, built once for all tests of its pages, and a copy of the project for what runs."""
 
+import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -18,3 +20,18 @@ def book(tmp_path_factory) -> Path:
     problems = [line for line in (done.stdout + done.stderr).splitlines() if "WARNING" in line or "ERROR" in line]
     assert done.returncode == 0, "\n".join(problems) or done.stdout[-2000:] + done.stderr[-2000:]
     return output / "_build" / "html"
+
+
+@pytest.fixture(scope="session")
+def project(tmp_path_factory) -> Path:
+    """A copy of what the notebooks work with, shared by all workers: data are collected and trials run in it once."""
+    base = tmp_path_factory.getbasetemp()
+    shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "project"
+    own = tmp_path_factory.mktemp("copy") / "project"
+    for name in ("sidm", "notebooks", "params", "results"):
+        shutil.copytree(ROOT / name, own / name, ignore=shutil.ignore_patterns("__pycache__"))
+    try:
+        own.rename(shared)
+    except OSError:  # another worker was first
+        shutil.rmtree(own)
+    return shared

@@ -1,10 +1,7 @@
 """Every notebook from beginning to end with the smoke preset, in a scratch copy of the project."""
 
-import os
-import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import nbformat
 import pytest
@@ -13,21 +10,6 @@ from pages import ROOT
 from sidm.notebook import inspect, notebooks
 
 NOTEBOOKS = [pytest.param(path, id=path.stem) for path in notebooks(ROOT)]
-
-
-@pytest.fixture(scope="session")
-def project(tmp_path_factory) -> Path:
-    """A copy of what the notebooks work with, shared by all workers: data are collected and trials run in it once."""
-    base = tmp_path_factory.getbasetemp()
-    shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "project"
-    own = tmp_path_factory.mktemp("copy") / "project"
-    for name in ("sidm", "notebooks", "params", "results"):
-        shutil.copytree(ROOT / name, own / name, ignore=shutil.ignore_patterns("__pycache__"))
-    try:
-        own.rename(shared)
-    except OSError:  # another worker was first
-        shutil.rmtree(own)
-    return shared
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS)

@@ -1,0 +1,111 @@
+"""The rendered book as one PDF: Chromium prints its pages, pypdf binds them.
+
+Usage: python book/pdf.py _build/html _build/sidm-companion.pdf
+"""
+
+from __future__ import annotations
+
+import io
+import shutil
+import sys
+from pathlib import Path
+from urllib.parse import unquote, urldefrag, urlparse
+
+import yaml
+from playwright.sync_api import Browser, sync_playwright
+from pypdf import PdfReader, PdfWriter
+from pypdf.generic import ArrayObject, DictionaryObject, NameObject
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+SHEET = {"format": "A4", "print_background": True}
+MARGIN = {"top": "16mm", "bottom": "18mm", "left": "15mm", "right": "15mm"}
+SCALE = 0.72  # of a page that is made for screens
+CONTENTS = Path(__file__).parents[1] / "_toc.yml"
+
+
+def chapters() -> list[tuple[str, list[str]]]:
+    """The book's parts, each with its pages in reading order."""
+    toc = yaml.safe_load(CONTENTS.read_text(encoding="utf-8"))
+    parts = [(part["caption"], [chapter["file"] for chapter in part["chapters"]]) for part in toc["parts"]]
+    return [("Start", [toc["root"]]), *parts]
+
+
+def print_page(browser: Browser, path: Path) -> PdfReader:
+    """One page as it is printed, once its equations and charts are drawn."""
+    page = browser.new_page()
+    page.emulate_media(media="print", color_scheme="light")
+    page.goto(path.resolve().as_uri(), wait_until="load")
+    page.evaluate("() => window.MathJax?.startup?.promise")
+    if page.locator("#explorer").count():
+        page.wait_for_selector("#explorer[data-shown]")
+    printed = page.pdf(**SHEET, margin=MARGIN, scale=SCALE)
+    page.close()
+    return PdfReader(io.BytesIO(printed))
+
+
+def numbers(browser: Browser, count: int) -> PdfReader:
+    """Sheets that hold nothing but their number."""
+    place = "position:absolute;bottom:9mm;width:100%;text-align:center;font:9pt sans-serif;color:#444"
+    sheets = "".join(
+        f'<div style="position:relative;height:296mm;break-after:page"><p style="{place}">{n}</p></div>'
+        for n in range(1, count + 1)
+    )
+    page = browser.new_page()
+    page.set_content(f'<body style="margin:0">{sheets}</body>')
+    printed = page.pdf(**SHEET)
+    page.close()
+    return PdfReader(io.BytesIO(printed))
+
+
+def bind_links(writer: PdfWriter, html: Path, starts: dict[str, int]) -> None:
+    """Links between pages of the book go to their first sheet; other links to files of this machine go away."""
+    for sheet in writer.pages:
+        kept = []
+        for reference in sheet.get("/Annots", []):
+            annotation = reference.get_object()
+            address = annotation.get("/A", {}).get("/URI", "")
+            if str(address).startswith("file:"):
+                target = Path(unquote(urlparse(urldefrag(str(address))[0]).path))
+                name = str(target.relative_to(html).with_suffix("")) if target.is_relative_to(html) else ""
+                if name not in starts:
+                    continue
+                there = ArrayObject([writer.pages[starts[name]].indirect_reference, NameObject("/Fit")])
+                annotation[NameObject("/A")] = DictionaryObject(
+                    {NameObject("/S"): NameObject("/GoTo"), NameObject("/D"): there}
+                )
+            kept.append(reference)
+        if "/Annots" in sheet:
+            sheet[NameObject("/Annots")] = ArrayObject(kept)
+
+
+def make_pdf(html: Path, parts: list[tuple[str, list[str]]], output: Path) -> int:
+    """Print and bind pages of the rendered book in `html`; how many sheets there are."""
+    html, writer, starts = html.resolve(), PdfWriter(), {}
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
+        raise SystemExit("make pdf needs Chromium: install it, for example Debian's package 'chromium'")
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=found)
+        for caption, names in parts:
+            part = None
+            for name in names:
+                printed = print_page(browser, html / f"{name}.html")
+                starts[name] = len(writer.pages)
+                writer.append(printed, import_outline=False)
+                part = part or writer.add_outline_item(title=caption, page_number=starts[name])
+                title = str((printed.metadata or {}).get("/Title", name)).split(" — ")[0]
+                writer.add_outline_item(title=title, page_number=starts[name], parent=part)
+        bind_links(writer, html, starts)
+        for sheet, number in zip(writer.pages, numbers(browser, len(writer.pages)).pages, strict=False):
+            sheet.merge_page(number)
+        browser.close()
+    writer.add_metadata({"/Title": "System invariant dynamics models: a companion"})
+    output.parent.mkdir(parents=True, exist_ok=True)
+    writer.write(output)
+    return len(writer.pages)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 3:
+        raise SystemExit(__doc__)
+    print(f"{sys.argv[2]}: {make_pdf(Path(sys.argv[1]), chapters(), Path(sys.argv[2]))} pages")

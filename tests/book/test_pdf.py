@@ -1,0 +1,56 @@
+"""The book as a PDF: what is bound, and where its links go."""
+
+import os
+import re
+import shutil
+import sys
+
+import pytest
+from pages import ROOT, contents
+from pypdf import PdfReader
+
+sys.path.insert(0, str(ROOT / "book"))
+import pdf  # noqa: E402
+
+PARTS = [("Start", ["book/intro"]), ("The paper", ["book/paper", "notebooks/03-method"])]
+
+
+@pytest.fixture(scope="module")
+def bound(book, tmp_path_factory) -> PdfReader:
+    """A start page and two chapters that link to each other."""
+    if not any(map(shutil.which, pdf.BROWSERS)) and not os.environ.get("CI"):
+        pytest.skip("no Chromium found; install Debian's package 'chromium' to test the PDF")
+    path = tmp_path_factory.mktemp("pdf") / "book.pdf"
+    assert pdf.make_pdf(book, PARTS, path) == len(PdfReader(path).pages)
+    return PdfReader(path)
+
+
+def test_the_pdf_has_every_chapter_of_the_book():
+    assert [name for _, names in pdf.chapters() for name in names] == contents()
+
+
+def test_its_outline_has_parts_and_chapters_where_they_begin(bound):
+    parts = [item for item in bound.outline if not isinstance(item, list)]
+    chapters = [item for items in bound.outline if isinstance(items, list) for item in items]
+    assert [item.title for item in parts] == ["Start", "The paper"] and len(chapters) == 3
+    for item in chapters:
+        first = bound.pages[bound.get_destination_page_number(item)].extract_text()
+        assert re.sub(r"\s+", " ", item.title) in re.sub(r"\s+", " ", first)
+
+
+def test_its_sheets_are_numbered(bound):
+    for number, sheet in enumerate(bound.pages, 1):
+        assert sheet.extract_text().rstrip().endswith(str(number))
+
+
+def test_its_links_stay_in_the_book_or_lead_to_the_web(bound):
+    actions = [note.get_object().get("/A", {}) for sheet in bound.pages for note in sheet.get("/Annots", [])]
+    addresses = [str(action["/URI"]) for action in actions if "/URI" in action]
+    assert all(address.startswith("http") for address in addresses)
+    sheets = [sheet.indirect_reference for sheet in bound.pages]
+    inside = [action["/D"][0] for action in actions if action.get("/S") == "/GoTo" and isinstance(action["/D"], list)]
+    assert inside and all(target in sheets for target in inside)
+
+
+def test_its_figures_are_in_it(bound):
+    assert sum(len(sheet.images) for sheet in bound.pages) > 0
