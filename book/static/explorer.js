@@ -46,6 +46,7 @@
     const robot = element("select", { id: "explorer-robot" });
     data.robots.forEach((one, i) => robot.append(element("option", { value: i }, one.name)));
     const brakes = element("input", { id: "explorer-brakes", type: "checkbox", checked: "" });
+    robot.value = 1; // another than the sliders start at: two lines to compare
     form.append(
       element("div", { class: "explorer-choice" }, element("label", { for: robot.id }, "the paper's robot"), robot),
     );
