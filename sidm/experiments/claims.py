@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from html import escape
 from typing import NamedTuple
 
 import numpy as np
 
 from sidm.experiments.statistics import FEWEST_SEEDS, Interval, greatest_ratio, interval, known
 from sidm.experiments.store import Row
-from sidm.experiments.tables import Losses, final_position_error, gather
+from sidm.experiments.tables import Losses, final_position_error, gather, markdown_table
 from sidm.systems import SYSTEMS
 
 REPRODUCED = "Reproduced"
@@ -133,7 +134,16 @@ def figure4_claims(rows: Sequence[Row], sizes: Sequence[float] = (5.0, 120.0)) -
     return [_deviation(rows, minutes) for minutes in sizes]
 
 
+HEAD = ("Claim", "The paper's figure", "Ours [95 % interval]", "Verdict")
+
+
 def markdown(claims: Iterable[Claim]) -> str:
     """The table of claims for a page."""
-    head = "| Claim | The paper's figure | Ours [95 % interval] | Verdict |\n| --- | --- | --- | --- |\n"
-    return head + "".join(f"| {c.claim} | {c.paper} | {c.ours} | {c.verdict} |\n" for c in claims)
+    return markdown_table(HEAD, (claim[:4] for claim in claims))
+
+
+def html(claims: Iterable[Claim]) -> str:
+    """The same in HTML, for a page that takes it over from another."""
+    rows = [("th", HEAD), *(("td", claim[:4]) for claim in claims)]
+    cells = ("".join(f"<{tag}>{escape(str(cell))}</{tag}>" for cell in row) for tag, row in rows)
+    return f'<table class="table">{"".join(f"<tr>{row}</tr>" for row in cells)}</table>'
