@@ -96,7 +96,7 @@ def make_pdf(html: Path, parts: list[tuple[str, list[str]]], output: Path) -> in
                 title = str((printed.metadata or {}).get("/Title", name)).split(" — ")[0]
                 writer.add_outline_item(title=title, page_number=starts[name], parent=part)
         bind_links(writer, html, starts)
-        for sheet, number in zip(writer.pages, numbers(browser, len(writer.pages)).pages, strict=False):
+        for sheet, number in zip(writer.pages, numbers(browser, len(writer.pages)).pages, strict=True):
             sheet.merge_page(number)
         browser.close()
     writer.add_metadata({"/Title": "System invariant dynamics models: a companion"})

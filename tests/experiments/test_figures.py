@@ -1,6 +1,7 @@
 """Figures, tables and claims from made-up rows whose answers are known."""
 
 import io
+from html import escape
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -20,6 +21,7 @@ from sidm.experiments.claims import (
     difference,
     figure3_claims,
     figure4_claims,
+    html,
     markdown,
     meeting,
     verdict,
@@ -193,6 +195,14 @@ def test_words_about_rows(rows, study, tmp_path):
     lines = overview(store, ablations.p_expert(study, "system1"), study)
     assert any("(p_expert=0.25)" in text for text in lines) and all("of 2" in text for text in lines)
     assert "stored 1 of 3  stale 0  loss 0.5" in overview(store, study.figure3("system1"), study)[0]
+
+
+def test_the_claims_in_html_are_those_of_the_table(rows):
+    claims = figure3_claims(rows)
+    words = [line.split(" | ") for line in markdown(claims).replace("| ", "", 1).splitlines()]
+    page = html(claims)
+    assert page.count("<tr>") == 1 + len(claims) == len(words) - 1
+    assert all(escape(claim.ours) in page and escape(claim.claim) in page for claim in claims)
 
 
 def test_the_film_shows_every_step_in_real_time(rows):
