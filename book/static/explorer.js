@@ -121,9 +121,12 @@
     const grounds = data.grounds.map(pieces);
     const views = {};
     const controls = buildControls(form, () => update());
-    for (const [name, spec] of Object.entries(data.charts)) {
+    const places = Object.entries(data.charts).map(([name, spec]) => {
       const panel = element("div", { class: "explorer-chart", role: "img", "aria-label": spec.description });
-      panels.append(panel);
+      panels.append(panel); // all of them, before any measures its width
+      return [name, spec, panel];
+    });
+    for (const [name, spec, panel] of places) {
       views[name] = (await vegaEmbed(panel, spec, { actions: false, renderer: "canvas", logLevel: 1 /* errors */ })).view;
     }
 
