@@ -32,7 +32,7 @@ def chapters() -> list[tuple[str, list[str]]]:
 
 def print_page(browser: Browser, path: Path) -> PdfReader:
     """One page as it is printed, once its equations and charts are drawn."""
-    page = browser.new_page(viewport={"width": 945, "height": 1200})  # a sheet's text at SCALE: charts fit
+    page = browser.new_page(viewport={"width": 860, "height": 1200})  # less than a sheet takes at SCALE: charts fit
     page.emulate_media(media="print", color_scheme="light")
     page.goto(path.resolve().as_uri(), wait_until="load")
     page.evaluate("() => window.MathJax?.startup?.promise")

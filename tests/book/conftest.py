@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from pages import ROOT
+from pages import BROWSERS, DESK, ROOT
+from playwright.sync_api import sync_playwright
 
 
 @pytest.fixture(scope="session")
@@ -35,3 +36,16 @@ def project(tmp_path_factory) -> Path:
     except OSError:  # another worker was first
         shutil.rmtree(own)
     return shared
+
+
+@pytest.fixture(scope="session")
+def context():
+    """A browser without a network."""
+    path = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if path is None and not os.environ.get("CI"):
+        pytest.skip("no Chromium found; install Debian's package 'chromium' to test the pages")
+    assert path is not None, "no Chromium found, and under CI the tests of the pages may not be skipped"
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=path, args=["--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"])
+        yield browser.new_context(offline=True, viewport=DESK)
+        browser.close()

@@ -7,6 +7,8 @@ from pathlib import Path
 import yaml
 
 ROOT = Path(__file__).parents[2]
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+DESK = {"width": 1280, "height": 900}  # a window's size
 
 LOADED = {  # tag -> attributes whose addresses a browser fetches by itself
     "script": ("src",), "img": ("src", "srcset"), "source": ("src", "srcset"), "video": ("src", "poster"),

@@ -1,29 +1,11 @@
 """The rendered pages in a browser with the network cut: light and dark, on a desk and on a phone."""
 
-import os
-import shutil
-
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from pages import contents
-from playwright.sync_api import sync_playwright
+from pages import DESK, contents
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-DESK, PHONE = {"width": 1280, "height": 900}, {"width": 375, "height": 800}
+PHONE = {"width": 375, "height": 800}
 EXPLORER = "book/explorer"
-
-
-@pytest.fixture(scope="session")
-def context():
-    """A browser without a network."""
-    path = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if path is None and not os.environ.get("CI"):
-        pytest.skip("no Chromium found; install Debian's package 'chromium' to test the pages")
-    assert path is not None, "no Chromium found, and under CI the tests of the pages may not be skipped"
-    with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=path, args=["--host-resolver-rules=MAP * ~NOTFOUND"])
-        yield browser.new_context(offline=True, viewport=DESK)
-        browser.close()
 
 
 @pytest.fixture
