@@ -46,6 +46,7 @@ def context():
         pytest.skip("no Chromium found; install Debian's package 'chromium' to test the pages")
     assert path is not None, "no Chromium found, and under CI the tests of the pages may not be skipped"
     with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=path, args=["--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"])
+        nowhere = "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"
+        browser = play.chromium.launch(executable_path=path, args=[nowhere])
         yield browser.new_context(offline=True, viewport=DESK)
         browser.close()
