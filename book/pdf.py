@@ -78,34 +78,39 @@ def bind_links(writer: PdfWriter, html: Path, starts: dict[str, int]) -> None:
             sheet[NameObject("/Annots")] = ArrayObject(kept)
 
 
-def make_pdf(html: Path, parts: list[tuple[str, list[str]]], output: Path) -> int:
+def make_pdf(browser: Browser, html: Path, parts: list[tuple[str, list[str]]], output: Path) -> int:
     """Print and bind pages of the rendered book in `html`; how many sheets there are."""
     html, writer, starts = html.resolve(), PdfWriter(), {}
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
-        raise SystemExit("make pdf needs Chromium: install it, for example Debian's package 'chromium'")
-    with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=found)
-        for caption, names in parts:
-            part = None
-            for name in names:
-                printed = print_page(browser, html / f"{name}.html")
-                starts[name] = len(writer.pages)
-                writer.append(printed, import_outline=False)
-                part = part or writer.add_outline_item(title=caption, page_number=starts[name])
-                title = str((printed.metadata or {}).get("/Title", name)).split(" — ")[0]
-                writer.add_outline_item(title=title, page_number=starts[name], parent=part)
-        bind_links(writer, html, starts)
-        for sheet, number in zip(writer.pages, numbers(browser, len(writer.pages)).pages, strict=True):
-            sheet.merge_page(number)
-        browser.close()
+    for caption, names in parts:
+        part = None
+        for name in names:
+            printed = print_page(browser, html / f"{name}.html")
+            starts[name] = len(writer.pages)
+            writer.append(printed, import_outline=False)
+            part = part or writer.add_outline_item(title=caption, page_number=starts[name])
+            title = str((printed.metadata or {}).get("/Title", name)).split(" — ")[0]
+            writer.add_outline_item(title=title, page_number=starts[name], parent=part)
+    bind_links(writer, html, starts)
+    for sheet, number in zip(writer.pages, numbers(browser, len(writer.pages)).pages, strict=True):
+        sheet.merge_page(number)
     writer.add_metadata({"/Title": "System invariant dynamics models: a companion"})
     output.parent.mkdir(parents=True, exist_ok=True)
     writer.write(output)
     return len(writer.pages)
 
 
+def main(html: Path, output: Path) -> None:
+    """Bind the whole book."""
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
+        raise SystemExit("make pdf needs Chromium: install it, for example Debian's package 'chromium'")
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=found)
+        print(f"{output}: {make_pdf(browser, html, chapters(), output)} sheets")
+        browser.close()
+
+
 if __name__ == "__main__":
     if len(sys.argv) != 3:
         raise SystemExit(__doc__)
-    print(f"{sys.argv[2]}: {make_pdf(Path(sys.argv[1]), chapters(), Path(sys.argv[2]))} pages")
+    main(*map(Path, sys.argv[1:]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,9 +10,6 @@ from sidm.config import unknown_name
 from sidm.systems import ROLES, SYSTEMS, Physics, Robot, Terrain
 from sidm.terrain import generate_terrain
 from sidm.trajectory import QUATERNION
-
-if TYPE_CHECKING:  # PyBullet need not be there to name the robots
-    from sidm.simulation import Simulator
 
 #: The paper's four robots, by the names the explorer's menus show.
 ROBOTS = {f"{system.name} {role}": system.robot(role) for system in SYSTEMS.values() for role in ROLES}
@@ -64,8 +61,8 @@ def ride(
         return drive(simulator, throttle, steering, steps)
 
 
-def drive(simulator: Simulator, throttle: float, steering: float = 0.0, steps: int = 40) -> Ride:
-    """A ride in a simulator that stands ready; it is reset first."""
+def drive(simulator: Any, throttle: float, steering: float = 0.0, steps: int = 40) -> Ride:
+    """A ride in a `Simulator` that stands ready; it is reset first."""
     states, struts = [simulator.reset()], [simulator.strut_positions]
     for _ in range(steps):
         states.append(simulator.step(np.array([throttle, steering])))
