@@ -229,8 +229,16 @@ def refresh(path: Path) -> Path:
         raise NotebookError(f"{path}: {reason}; the notebook is unchanged") from None
     for part in (notebook, *notebook.cells):  # what papermill notes of its runs: times and this machine's paths
         part.metadata.pop("papermill", None)
+    _still(notebook)
     nbformat.write(notebook, path)
     return Path(path)
+
+
+def _still(notebook: Any) -> None:
+    """Leave of live widgets what stands in for them: their state has other names at each run, and no kernel."""
+    notebook.metadata.pop("widgets", None)
+    for output in (output for cell in notebook.cells for output in cell.get("outputs", [])):
+        output.get("data", {}).pop("application/vnd.jupyter.widget-view+json", None)
 
 
 def _first_line(error: object) -> str:
