@@ -10,9 +10,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
-from sidm.experiments.drawing import CONTROL_STEP, METHOD_STYLES, STYLE
+from sidm.experiments.drawing import CONTROL_STEP, GROUND_SPACING, METHOD_STYLES, STYLE, half_width, lay_ground
 from sidm.experiments.store import Row
-from sidm.systems import Terrain
 
 MARGIN = 0.7  # m of ground shown around the paths
 HELD = 1.5  # s that the last picture stays
@@ -49,19 +48,16 @@ def _frames(paths: list[np.ndarray], looks: list[dict], heights: np.ndarray) -> 
     every = np.concatenate(paths)
     reach = float(np.ptp(every, axis=0).max()) / 2 + MARGIN
     (left, low), (right, high) = (every.max(0) + every.min(0)) / 2 + np.array([[-reach], [reach]])
-    spacing = Terrain(cell_height_scale=0.0).spacing
-    half = (len(heights) - 1) * spacing / 2
-    columns, rows = (((np.array(ends) + half) / spacing).round().astype(int) for ends in ((left, right), (low, high)))
+    half = half_width(heights)
+    columns, rows = (
+        ((np.array(ends) + half) / GROUND_SPACING).round().astype(int) for ends in ((left, right), (low, high))
+    )
     seen = heights[max(rows[0], 0) : rows[1] + 1, max(columns[0], 0) : columns[1] + 1]
     frames = []
     with plt.style.context(STYLE):
         figure, axes = plt.subplots(figsize=(6.8, 4.2))
-        axes.imshow(
-            heights, origin="lower", extent=(-half, half, -half, half), cmap="Greys", alpha=0.6,
-            vmin=seen.min(), vmax=seen.min() + 1.5 * max(float(np.ptp(seen)), 0.05),
-        )  # fmt: skip
+        lay_ground(axes, heights, seen.min(), seen.min() + 1.5 * max(float(np.ptp(seen)), 0.05))
         axes.set(xlim=(left, right), ylim=(low, high), xlabel="x (m)", ylabel="y (m)")
-        axes.grid(False)
         lines = [axes.plot([], [], marker="", **look)[0] for look in looks]
         heads = [axes.plot([], [], "o", color=look["color"])[0] for look in looks]
         figure.legend(loc="outside right upper")

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator
 
 from sidm.experiments.methods import METHODS
+from sidm.systems import Terrain
 
 STYLE = Path(__file__).with_name("sidm.mplstyle")
 
@@ -51,6 +52,7 @@ EFFICIENCY_MARKS = (
     ("<=", "v", "#009E73", "at most"),
 )
 CONTROL_STEP = 0.1  # s
+GROUND_SPACING = Terrain(cell_height_scale=0.0).spacing  # between heights, m
 
 
 def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
@@ -73,6 +75,20 @@ def side_by_side(count: int, columns: int = 0) -> tuple[Figure, list[Axes]]:
     size = (1 + 4.2 * columns, 3.8 * rows)
     figure, axes = plt.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained")
     return figure, list(axes.flat)
+
+
+def half_width(heights: np.ndarray) -> float:
+    """From the middle of a ground (H, H) to its border, m."""
+    return (len(heights) - 1) * GROUND_SPACING / 2
+
+
+def lay_ground(axes: Axes, heights: np.ndarray, palest: float, darkest: float) -> None:
+    """A ground (H, H), m, under what is drawn from above: grey from one height to another, pale enough for lines."""
+    half = half_width(heights)
+    axes.imshow(
+        heights, origin="lower", extent=(-half, half, -half, half), cmap="Greys", alpha=0.6, vmin=palest, vmax=darkest
+    )
+    axes.grid(False)
 
 
 def finish(axes: Axes, minutes: Iterable[float] = (), legend: bool = True) -> None:

@@ -41,11 +41,12 @@ def figure3(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS), method
     return figure
 
 
-def _curves(axes: Axes, rows: Sequence[Row], system: str, methods: Sequence[str], **other: Any) -> set[float]:
-    """Figure 3's curves of some methods, and the sizes that they have; `other` words after the labels, other styles."""
+def _curves(
+    axes: Axes, rows: Sequence[Row], system: str, methods: Sequence[str], words: str = "", **other: Any
+) -> set[float]:
+    """Figure 3's curves of some methods, and the sizes that they have; `words` after the labels, `other` styles."""
     axes.set(xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL, title=system)
     drawn: set[float] = set()
-    words = other.pop("words", "")
     for method in methods:
         found = gather([row for row in rows if row.trial.method == method], system, [method])
         if found.values.size:

@@ -14,6 +14,14 @@ if TYPE_CHECKING:  # scikit-learn need not be there to tell what it found
 
 NEARLY_ALL = 0.95  # of the latents told apart
 
+#: The choices that are told, in words -> their names in CHOICES.
+TOLD = {
+    "PyTorch's initial weights": PYTORCH_WEIGHTS,
+    "a longer patience": "patience of 450,000 samples",
+    "one system a batch": "one system a batch",
+    "matching by the prediction's optimiser": "matching by the prediction's optimiser",
+}
+
 
 def in_short(
     suspects: Sequence[Suspect],
@@ -33,12 +41,6 @@ def in_short(
         return "; ".join(f"{o.system}, {o.minutes:g} min: {o.ratio.words(3)}" for o in mine) or "not run"
 
     told = sum((one.discriminator_accuracy or 0) >= NEARLY_ALL for one in diagnoses)
-    choices = {
-        "PyTorch's initial weights": PYTORCH_WEIGHTS,
-        "a longer patience": "patience of 450,000 samples",
-        "one system a batch": "one system a batch",
-        "matching by the prediction's optimiser": "matching by the prediction's optimiser",
-    }
     return "\n".join([
         f"- **How alike the two robots are.** {_overlap(overlap)}.",
         f"- **Whether the adversary makes their latents alike.** The training's own discriminator tells at least "
@@ -49,7 +51,7 @@ def in_short(
         f"- **What one common model does.** {REPLACED['pretrain_finetune'].capitalize()}: "
         f"{ratios(REPLACED['pretrain_finetune'])}.",
         "- **What our choices do.** " + ". ".join(
-            f"{words[0].upper()}{words[1:]}: {ratios(name)}" for words, name in choices.items()) + ".",
+            f"{words[0].upper()}{words[1:]}: {ratios(name)}" for words, name in TOLD.items()) + ".",
     ]) + "\n"  # fmt: skip
 
 

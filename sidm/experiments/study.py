@@ -134,13 +134,10 @@ class Study:
         trials += self.points(system, beaten, self.preset.novice_minutes(system))
         return list({trial.key: trial for trial in trials}.values())
 
-    def pytorch_weights(self) -> Study:
-        """The same from PyTorch's initial weights."""
-        return self.changed(**CHOICES[PYTORCH_WEIGHTS][0])
-
     def initial_weights(self, system: str) -> list[Trial]:
         """Figure 3 of the paper's methods from PyTorch's initial weights."""
-        return self.pytorch_weights().points(system, COMPARED, self.preset.novice_minutes(system))
+        changes, _ = CHOICES[PYTORCH_WEIGHTS]
+        return self.changed(**changes).points(system, COMPARED, self.preset.novice_minutes(system))
 
     def choices(self, system: str) -> list[Trial]:
         """Figure 3's methods on a small dataset with one of our choices changed at a time."""

@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from pages import BROWSERS, DESK, ROOT
+from pages import DESK, ROOT
+from pdf import BROWSERS
 from playwright.sync_api import sync_playwright
 
 

@@ -1,13 +1,14 @@
 """What the tests need to know of a rendered page, read without a browser."""
 
 import re
+import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
 import yaml
 
 ROOT = Path(__file__).parents[2]
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+sys.path.insert(0, str(ROOT / "book"))  # pdf.py
 DESK = {"width": 1280, "height": 900}  # a window's size
 
 LOADED = {  # tag -> attributes whose addresses a browser fetches by itself

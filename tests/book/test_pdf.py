@@ -1,14 +1,11 @@
 """The book as a PDF: what is bound, and where its links go."""
 
 import re
-import sys
 
+import pdf
 import pytest
-from pages import ROOT, contents
+from pages import contents
 from pypdf import PdfReader
-
-sys.path.insert(0, str(ROOT / "book"))
-import pdf  # noqa: E402
 
 PARTS = [("Start", ["book/intro"]), ("The paper", ["book/paper", "notebooks/03-method"])]
 

@@ -16,7 +16,7 @@ import altair as alt
 import numpy as np
 import vl_convert
 
-from sidm.experiments.drawing import CONTROL_STEP
+from sidm.experiments.drawing import CONTROL_STEP, GROUND_SPACING, half_width
 from sidm.experiments.explorer.grid import BODY, CHANNELS, DRIVE, GONE, KNOBS, SET_UP, STEPS, Grid, Knob, ground
 from sidm.experiments.explorer.rides import ROBOTS, STRUTS
 from sidm.experiments.explorer.views import LINES
@@ -93,7 +93,7 @@ def _ground(roughness: float) -> list[int]:
     heights = ground(roughness)
     left, right, low, high = VIEW
     across, up = (np.arange(start, end, CELL) + CELL / 2 for start, end in ((left, right), (low, high)))
-    rows, columns = (np.rint(at / 0.1 + (len(heights) - 1) / 2).astype(int) for at in (up, across))
+    rows, columns = (np.rint((at + half_width(heights)) / GROUND_SPACING).astype(int) for at in (up, across))
     return np.rint(100 * heights[np.ix_(rows, columns)]).astype(int).ravel().tolist()
 
 

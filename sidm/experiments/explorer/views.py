@@ -10,15 +10,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sidm.experiments.drawing import CONTROL_STEP, STYLE
+from sidm.experiments.drawing import CONTROL_STEP, STYLE, lay_ground
 from sidm.experiments.explorer.rides import Ride, tilt
-from sidm.systems import Terrain
 from sidm.trajectory import POSITION
 
 #: Of the first and the second robot.
 LINES = ({"color": "#0072B2", "linestyle": "-"}, {"color": "#D55E00", "linestyle": "--"})
 PALER = 0.45  # opacity of the second line of a robot in a plot
-GROUND_COLOURS = "Greys"
 MARGIN = 1.0  # m of ground shown around the paths
 # Laid out by hand, which a slider's picture waits for half as long.
 ROOM = {"left": 0.105, "right": 0.99, "bottom": 0.09, "top": 0.94, "wspace": 0.19, "hspace": 0.22}
@@ -55,17 +53,12 @@ def rides_figure(rides: Mapping[str, Ride]) -> Figure:
 def _lay_ground(path: Axes, rides: Sequence[Ride]) -> None:
     """The first ride's ground under the paths, higher darker, as far as they go."""
     heights = rides[0].heights
-    half = (len(heights) - 1) * Terrain(cell_height_scale=0.0).spacing / 2
-    darkest = 2 * max(float(heights.max()), 0.1)  # pale enough for the lines over it
-    path.imshow(
-        heights, origin="lower", extent=(-half, half, -half, half), cmap=GROUND_COLOURS, alpha=0.6, vmin=0, vmax=darkest
-    )
+    lay_ground(path, heights, 0.0, 2 * max(float(heights.max()), 0.1))
     gone = np.concatenate([one.states[:, :2] for one in rides])
     middle, size = (gone.max(0) + gone.min(0)) / 2, np.ptp(gone, axis=0) + 2 * MARGIN
     reach = max(size[0], SHAPE * size[1]) / 2 * np.array([1, 1 / SHAPE])
     (left, low), (right, high) = middle - reach, middle + reach
     path.set(xlim=(left, right), ylim=(low, high), aspect="equal")
-    path.grid(False)
 
 
 def picture(figure: Figure) -> bytes:
