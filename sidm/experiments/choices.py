@@ -1,17 +1,17 @@
 """What choices are worth that the paper leaves open, or that the released code makes otherwise.
 
 Figure 3's methods are trained with one choice changed at a time, on the small size of the ablations, as each was tuned;
-the initial weights, which bear most on the comparison, at every size.
+and with the released code's choices together, at every size.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from sidm.experiments.methods import CHOICES, COMPARED, PYTORCH_WEIGHTS
+from sidm.experiments.methods import CHOICES, RELEASED
 from sidm.experiments.statistics import Interval, ratio_of_means
 from sidm.experiments.store import Results
 from sidm.experiments.study import Study
@@ -33,25 +33,33 @@ class Worth(NamedTuple):
 def worth(study: Study, systems: Iterable[str], store: Results) -> list[Worth]:
     """A line a system, choice and method of which both sides are stored, on the small size."""
     size = study.preset.ablation_minutes[0]
-    points = [(c, method, size) for c, (_, methods) in CHOICES.items() for method in methods]
-    return [one for system in systems for point in points for one in _worth(study, store, system, *point)]
-
-
-def worth_of_weights(study: Study, systems: Iterable[str], store: Results) -> list[Worth]:
-    """The same of the initial weights and the paper's methods, a line a size."""
     return [
         one
         for system in systems
-        for method in COMPARED
-        for minutes in study.preset.novice_minutes(system)
-        for one in _worth(study, store, system, PYTORCH_WEIGHTS, method, minutes)
+        for words, (changes, methods) in CHOICES.items()
+        for method in methods
+        for one in _worth(study, store, system, words, changes, method, size)
     ]
 
 
-def _worth(study: Study, store: Results, system: str, choice: str, method: str, minutes: float) -> list[Worth]:
+def worth_together(study: Study, systems: Iterable[str], store: Results) -> list[Worth]:
+    """The same of the released code's choices together, a line a size."""
+    return [
+        one
+        for system in systems
+        for words, (changes, methods) in RELEASED.items()
+        for method in methods
+        for minutes in study.preset.novice_minutes(system)
+        for one in _worth(study, store, system, words, changes, method, minutes)
+    ]
+
+
+def _worth(
+    study: Study, store: Results, system: str, choice: str, changes: dict[str, Any], method: str, minutes: float
+) -> list[Worth]:
     """One line, of the seeds that have both sides; none where no seed has."""
     losses = []
-    for one in (study, study.changed(**CHOICES[choice][0])):
+    for one in (study, study.changed(**changes)):
         rows = store.rows(one.points(system, [method], [minutes]))
         losses.append({row.trial.seed: row.outcome.validation_loss for row in rows})
     seeds = sorted(losses[0].keys() & losses[1].keys())

@@ -59,12 +59,14 @@ def _curves(
 
 
 @styled
-def initial_weights(rows: Sequence[Row], pytorch: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
-    """Figure 3's curves of the paper's methods, beside those from PyTorch's initial weights with hollow marks."""
+def changed_choices(
+    rows: Sequence[Row], changed: Sequence[Row], words: str, systems: Sequence[str] = tuple(SYSTEMS)
+) -> Figure:
+    """Figure 3's curves of the paper's methods, beside those with a choice changed with hollow marks and `words`."""
     figure, panels = side_by_side(len(systems))
     for axes, system in zip(panels, systems, strict=True):
         drawn = _curves(axes, rows, system, COMPARED)
-        drawn |= _curves(axes, pytorch, system, COMPARED, words=", PyTorch's weights", mfc="white", linewidth=1)
+        drawn |= _curves(axes, changed, system, COMPARED, words=f", {words}", mfc="white", linewidth=1)
         finish(axes, drawn)
     return figure
 

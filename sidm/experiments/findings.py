@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from sidm.experiments.methods import PYTORCH_WEIGHTS
+from sidm.experiments.methods import BOTH_OF_SIDM, ONE_OPTIMISER, ONE_SYSTEM, PATIENCE, PYTORCH_WEIGHTS
 from sidm.experiments.overlap import NEIGHBOURS, Neighbourhood
 from sidm.experiments.suspects import CROSSED, REPLACED, Suspect
 
@@ -14,13 +14,8 @@ if TYPE_CHECKING:  # scikit-learn need not be there to tell what it found
 
 NEARLY_ALL = 0.95  # of the latents told apart
 
-#: The choices that are told, in words -> their names in CHOICES.
-TOLD = {
-    "PyTorch's initial weights": PYTORCH_WEIGHTS,
-    "a longer patience": "patience of 450,000 samples",
-    "one system a batch": "one system a batch",
-    "matching by the prediction's optimiser": "matching by the prediction's optimiser",
-}
+#: The choices that are told.
+TOLD = (PYTORCH_WEIGHTS, PATIENCE, ONE_SYSTEM, ONE_OPTIMISER, BOTH_OF_SIDM)
 
 
 def in_short(
@@ -51,7 +46,7 @@ def in_short(
         f"- **What one common model does.** {REPLACED['pretrain_finetune'].capitalize()}: "
         f"{ratios(REPLACED['pretrain_finetune'])}.",
         "- **What our choices do.** " + ". ".join(
-            f"{words[0].upper()}{words[1:]}: {ratios(name)}" for words, name in TOLD.items()) + ".",
+            f"{name[0].upper()}{name[1:]}: {ratios(name)}" for name in TOLD) + ".",
     ]) + "\n"  # fmt: skip
 
 

@@ -18,7 +18,7 @@ FIGURES: dict[str, tuple[Callable[[Study, str], list[Trial]], tuple[str, ...]]] 
     "4": (Study.figure4, ("system1",)),
     "tuning": (Study.tuning, tuple(SYSTEMS)),
     "choices": (Study.choices, tuple(SYSTEMS)),
-    "initial-weights": (Study.initial_weights, tuple(SYSTEMS)),
+    "released": (Study.released, tuple(SYSTEMS)),
     "baselines": (Study.baselines, tuple(SYSTEMS)),
     "variants": (Study.variants, tuple(SYSTEMS)),
     "p-expert": (ablations.p_expert, tuple(SYSTEMS)),

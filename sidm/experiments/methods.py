@@ -111,15 +111,29 @@ MIRRORED = ("sidm_mirrored", "novice_only_mirrored")
 #: The other methods that SIDM is put among.
 BASELINES = tuple(name for name in METHODS if name not in (*FIGURE3, *VARIANTS, *MIRRORED))
 
-#: The choice that bears most on the comparison, see its chapter.
-PYTORCH_WEIGHTS = "PyTorch's initial weights"
+PYTORCH_WEIGHTS, PATIENCE = "PyTorch's initial weights", "patience of 450,000 samples"
+ONE_SYSTEM, ONE_OPTIMISER = "one system a batch", "matching by the prediction's optimiser"
 
 #: Another choice than ours or the paper's, most of them the released code's -> changes of the preset, methods touched.
 CHOICES: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     PYTORCH_WEIGHTS: ({"initialisation": "pytorch"}, FIGURE3),
     "loss averaged over components": ({"reduction": "mean"}, FIGURE3),
     "weight decay of 0.00001 in the gradient (L2)": ({"decay": "l2", "weight_decay": 1e-5}, FIGURE3),
-    "patience of 450,000 samples": ({"patience": 450_000}, FIGURE3),
-    "one system a batch": ({"system_draw": "iteration"}, ("sidm",)),
-    "matching by the prediction's optimiser": ({"matching_optimiser": "shared"}, ("sidm",)),
+    PATIENCE: ({"patience": 450_000}, FIGURE3),
+    ONE_SYSTEM: ({"system_draw": "iteration"}, ("sidm",)),
+    ONE_OPTIMISER: ({"matching_optimiser": "shared"}, ("sidm",)),
+}
+
+
+def _together(*names: str) -> dict[str, Any]:
+    """The changes of several choices."""
+    return {setting: value for name in names for setting, value in CHOICES[name][0].items()}
+
+
+BOTH_OF_SIDM, ALL_RELEASED = "one system a batch and one optimiser", "all as released"
+
+#: The released code's choices together; rates, batches, phases and patience stay as they were tuned here.
+RELEASED: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
+    BOTH_OF_SIDM: (_together(ONE_SYSTEM, ONE_OPTIMISER), ("sidm",)),
+    ALL_RELEASED: (_together(*(name for name in CHOICES if name != PATIENCE)), COMPARED),
 }

@@ -16,7 +16,7 @@ from sidm.experiments.methods import (
     FIGURE3,
     METHODS,
     MIRRORED,
-    PYTORCH_WEIGHTS,
+    RELEASED,
     VARIANTS,
 )
 from sidm.experiments.presets import Preset, load_preset
@@ -134,10 +134,13 @@ class Study:
         trials += self.points(system, beaten, self.preset.novice_minutes(system))
         return list({trial.key: trial for trial in trials}.values())
 
-    def initial_weights(self, system: str) -> list[Trial]:
-        """Figure 3 of the paper's methods from PyTorch's initial weights."""
-        changes, _ = CHOICES[PYTORCH_WEIGHTS]
-        return self.changed(**changes).points(system, COMPARED, self.preset.novice_minutes(system))
+    def released(self, system: str, together: Iterable[str] = tuple(RELEASED)) -> list[Trial]:
+        """Figure 3 with choices of the released code, `together` as RELEASED names them."""
+        trials = []
+        for words in together:
+            changes, methods = RELEASED[words]
+            trials += self.changed(**changes).points(system, methods, self.preset.novice_minutes(system))
+        return trials
 
     def choices(self, system: str) -> list[Trial]:
         """Figure 3's methods on a small dataset with one of our choices changed at a time."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from sidm.experiments import ablations
 from sidm.experiments.claims import FEWEST_SEEDS, NO_VERDICT
-from sidm.experiments.methods import CHOICES, METHODS
+from sidm.experiments.methods import BOTH_OF_SIDM, CHOICES, METHODS, RELEASED
 from sidm.experiments.statistics import Interval, ratio_of_means
 from sidm.experiments.store import Results, Row
 from sidm.experiments.study import Study
@@ -75,6 +75,8 @@ def grid(study: Study, system: str) -> Iterator[tuple[str, list[Trial]]]:
     for words, (changes, methods) in CHOICES.items():
         if "sidm" in methods:
             yield words, study.changed(**changes).points(system, ["sidm"], small)
+    both, _ = RELEASED[BOTH_OF_SIDM]
+    yield BOTH_OF_SIDM, study.changed(**both).points(system, ["sidm"], study.preset.baseline_minutes)
     for p in ablations.P_EXPERT:
         if p is not None and p not in (0.0, own.p_expert):
             yield f"p_e of {p:g}", ablations.p_expert(study, system, [p])

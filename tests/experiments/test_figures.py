@@ -29,13 +29,13 @@ from sidm.experiments.claims import (
 from sidm.experiments.figures import (
     ablated,
     ablation,
+    changed_choices,
     efficiency_curves,
     figure3,
     figure4,
-    initial_weights,
     learning_curves,
 )
-from sidm.experiments.methods import change
+from sidm.experiments.methods import ALL_RELEASED, change
 from sidm.experiments.statistics import Interval
 from sidm.experiments.tables import costs_table, gather, overview, provenance_line
 
@@ -87,13 +87,13 @@ def test_figure3_draws_the_means(rows):
     assert not plt.get_fignums()
 
 
-def test_initial_weights_stand_beside_ours(rows, study, make_row):
+def test_changed_choices_stand_beside_ours(rows, study, make_row):
     """Each of the paper's methods twice, told apart by hollow marks and by words."""
-    trials = [t for system in ("system1", "system2") for t in study.initial_weights(system)]
-    pytorch = [make_row(t, 2 * power_law(t)) for t in trials]
-    for axes in initial_weights(rows, pytorch).axes:
+    trials = [t for system in ("system1", "system2") for t in study.released(system, [ALL_RELEASED])]
+    changed = [make_row(t, 2 * power_law(t)) for t in trials]
+    for axes in changed_choices(rows, changed, "as released").axes:
         labels = [line.get_label() for line in axes.get_lines()]
-        assert labels[2:] == [f"{label}, PyTorch's weights" for label in labels[:2]]
+        assert labels[2:] == [f"{label}, as released" for label in labels[:2]]
         hollow = [line.get_markerfacecolor() == "white" for line in axes.get_lines()]
         assert hollow == [False, False, True, True]
         ours, theirs = axes.get_lines()[0], axes.get_lines()[2]
