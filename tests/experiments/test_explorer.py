@@ -21,6 +21,7 @@ from sidm.experiments.explorer import (
     tilt,
     with_picture,
 )
+from sidm.experiments.explorer.live import both_rides, helper
 from sidm.experiments.provenance import source_hash
 from sidm.systems import Terrain
 
@@ -68,6 +69,15 @@ def test_a_slider_draws_anew():
     before = screen.value
     next(knob for knob in knobs if knob.description.startswith("spring")).value = 100.0
     assert before[:4] == screen.value[:4] == b"\x89PNG" and before != screen.value
+
+
+def test_two_rides_at_once_are_those_one_after_the_other():
+    """The helper's ride is the one that this process makes."""
+    robots, same = (ROBOTS["system1 novice"], ROBOTS["system2 expert"]), (0.35, 0, 0.5, 3, True)
+    helper()[1].result()
+    for one, robot in zip(both_rides(*robots, *same), robots, strict=True):
+        alone = ride(robot, Terrain(cell_height_scale=0.35), steps=3)
+        assert one.robot == robot and np.array_equal(one.states, alone.states)
 
 
 def test_choosing_a_robot_moves_the_sliders_to_its_springs():

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import atexit
 import base64
+import contextlib
 import functools
+from concurrent.futures import Executor, Future
 from typing import Any
 
 from sidm.experiments.explorer.rides import ROBOTS, Ride, find_robot, ride
 from sidm.experiments.explorer.views import picture, rides_figure
+from sidm.pool import local_pool
 from sidm.systems import Robot, Terrain
 
 SET_UP = ("spring", "damping", "travel_lower")  # what the sliders change of a robot
@@ -17,6 +21,24 @@ SET_UP = ("spring", "damping", "travel_lower")  # what the sliders change of a r
 def _remembered(robot: Robot, roughness: float, seed: int, throttle: float, steps: int, motors: bool) -> Ride:
     """A ride, simulated once: what a slider leaves alone is not simulated again."""
     return ride(robot, Terrain(cell_height_scale=roughness), seed, throttle, steps=steps, strut_motors=motors)
+
+
+@functools.cache
+def helper() -> tuple[Executor, Future]:
+    """A process for the second ride, so that both take the time of one; and its first answer, to know that it runs."""
+    stack = contextlib.ExitStack()
+    atexit.register(stack.close)
+    process = stack.enter_context(local_pool(1))
+    return process, process.submit(find_robot, next(iter(ROBOTS)))
+
+
+def both_rides(first: Robot, second: Robot, *same: Any) -> tuple[Ride, Ride]:
+    """The rides of two robots with the `same` roughness, terrain seed, throttle, steps and motors."""
+    process, ready = helper()
+    if not ready.done():
+        return _remembered(first, *same), _remembered(second, *same)
+    other = process.submit(_remembered, second, *same)
+    return _remembered(first, *same), other.result()
 
 
 def explorer(first: str = "system1 novice", second: str = "system1 expert", steps: int = 40) -> Any:
@@ -60,8 +82,8 @@ def explorer(first: str = "system1 novice", second: str = "system1 expert", step
         other = robots["second"].value
         own = find_robot(robots["first"].value).replace(**{name: value[name] for name in SET_UP})
         same = value["roughness"], value["terrain_seed"], value["throttle"], steps, value["strut_motors"]
-        rides = {"yours": _remembered(own, *same), other: _remembered(find_robot(other), *same)}
-        screen.value = picture(rides_figure(rides))
+        yours, others = both_rides(own, find_robot(other), *same)
+        screen.value = picture(rides_figure({"yours": yours, other: others}))
 
     def start(_: Any = None) -> None:
         """Put the sliders where the first robot has them, and draw once."""
