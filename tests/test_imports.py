@@ -19,6 +19,7 @@ RANKS = [
     ["config", "storage", "pool", "cluster", "progress"],
     ["systems"],
     ["terrain", "rotations", "trajectory"],
+    ["recordings"],
     ["simulation", "learning"],
     ["experiments"],
     ["notebook"],
@@ -28,9 +29,9 @@ RANK = {wing: rank for rank, wings in enumerate(RANKS) for wing in wings}
 
 #: Inside `learning`, first to last.
 LEARNING = [
-    "seeds", "settings", "precision", "observation", "dataset", "mirror", "losses", "initialisation", "networks",
-    "model", "evaluation", "weights", "stopping", "checkpoint", "learner", "regularisation", "training", "pretraining",
-    "residual", "bundle",
+    "seeds", "settings", "precision", "observation", "dataset", "recorded", "mirror", "losses", "initialisation",
+    "networks", "model", "evaluation", "weights", "stopping", "checkpoint", "learner", "regularisation", "training",
+    "pretraining", "residual", "bundle",
 ]  # fmt: skip
 
 PYBULLET = {"pybullet", "pybullet_data", "pybullet_utils"}

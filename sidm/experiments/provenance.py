@@ -31,6 +31,7 @@ WINGS = {
     "learning": _ALONE,
     "bundle": (*_ALONE, "sidm.experiments.bundled"),  # the same, many at once
     "diagnosis": (*_ALONE, "sidm.experiments.diagnostics", "sidm.experiments.latents"),
+    "elsewhere": (*_ALONE, "sidm.experiments.elsewhere"),
     "simulation": ("sidm.simulation.collect",),
 }
 

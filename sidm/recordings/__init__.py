@@ -1,0 +1,55 @@
+"""Recorded motion of a robot from elsewhere: a table of numbers, a map of the ground, every fault named in one line.
+
+A recording is a table with a row every so often. Its columns, in any order and in the units that its header names:
+
+==========================  ===================  ======================================================
+columns                     units                quantity
+==========================  ===================  ======================================================
+x, y, z                     m, cm, mm            position of the chassis' centre of mass, world
+qx, qy, qz, qw              1                    attitude, a unit quaternion, body to world
+vx, vy, vz                  m/s, cm/s, km/h      velocity, in the body frame: x forward, y left, z up
+wx, wy, wz                  rad/s, deg/s         angular velocity, in the body frame
+throttle, steering          1                    the action from this row to the next, each in [-1, 1]
+time                        s, ms                may be there: then missing rows are noticed
+==========================  ===================  ======================================================
+
+The rate is a whole multiple of 10 Hz, that of the models: of more rows every so many-th is taken, with the mean action
+up to the next. The ground is a grid of heights in the same world, index [y, x], with its spacing and the x and y of
+its middle. Files are those of `csv_file` and `npz_file`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sidm.recordings.csv_file import read_csv
+from sidm.recordings.npz_file import read_npz, write_recordings
+from sidm.recordings.recording import COLUMNS, Ground, Recording, RecordingError, from_table
+
+__all__ = ["COLUMNS", "Ground", "Recording", "RecordingError", "from_table", "read_recordings", "write_recordings"]
+
+
+def read_recordings(path: str | Path) -> list[Recording]:
+    """The recordings of a .npz or .csv file, or of all .csv files of a folder whose first line begins with `#`.
+
+    Raises:
+        RecordingError: there are none, or one of them has a fault; one line that names file, place and fault.
+    """
+    path = Path(path)
+    if path.is_dir():
+        files = [file for file in sorted(path.glob("*.csv")) if _first_line(file).startswith("#")]
+        if not files:
+            raise RecordingError(f"{path}: no .csv file in this folder begins with a header of '# name: value' lines")
+        return [read_csv(file) for file in files]
+    if not path.is_file():
+        raise RecordingError(f"{path}: there is no such file")
+    if path.suffix == ".csv":
+        return [read_csv(path)]
+    if path.suffix == ".npz":
+        return read_npz(path)
+    raise RecordingError(f"{path}: recordings are .npz or .csv files, or a folder of .csv files")
+
+
+def _first_line(path: Path) -> str:
+    with open(path, encoding="utf-8", errors="replace") as file:
+        return file.readline()

@@ -1,0 +1,253 @@
+"""Recorded motion from elsewhere: what comes in, and every fault by its line."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sidm.recordings import Ground, RecordingError, from_table, read_recordings, write_recordings
+from sidm.recordings.recording import ACTION, COLUMNS, STATE, UNITS
+
+ROOT = Path(__file__).parents[2]
+NAMES = (*STATE, *ACTION)
+PLAIN = [next(iter(UNITS[COLUMNS[name]])) for name in NAMES]
+
+
+def circle(rate: float = 10.0, seconds: float = 7.0) -> np.ndarray:
+    """Rows (R, 15) of a robot that circles the origin at 1 m/s and 0.5 rad/s, 0.17 m above flat ground."""
+    time = np.arange(round(rate * seconds) + 1) / rate
+    yaw = 0.5 * time
+    rows = np.zeros((len(time), 15))
+    rows[:, :3] = np.stack([2 * np.sin(yaw), 2 - 2 * np.cos(yaw), np.full_like(yaw, 0.17)], axis=1)
+    rows[:, 5], rows[:, 6] = np.sin(yaw / 2), np.cos(yaw / 2)
+    rows[:, 7], rows[:, 12] = 1.0, 0.5
+    rows[:, 13], rows[:, 14] = 0.4, np.sin(time)
+    return rows
+
+
+def ground() -> Ground:
+    """A flat square of 8 m, its middle at the circle's."""
+    return Ground(np.zeros((81, 81)), 0.1, (0.0, 2.0))
+
+
+def made(rows: np.ndarray | None = None, columns=NAMES, units=PLAIN, rate: float = 10.0, where: Ground | None = None):
+    """A recording of the circle, or of something else."""
+    return from_table("drive", columns, units, rate, circle() if rows is None else rows, where or ground())
+
+
+def changed(row: int, column: str, value: float) -> np.ndarray:
+    """The circle with one number replaced."""
+    rows = circle()
+    rows[row, NAMES.index(column)] = value
+    return rows
+
+
+def test_positions_are_relative_to_the_middle_of_the_ground():
+    found = made()
+    assert found.states.shape == (71, 13) and found.actions.shape == (70, 2) and found.pieces == 1
+    assert found.states[0, :3] == pytest.approx((0, -2, 0.17)) and found.ground.centre == (0, 0)
+    assert np.linalg.norm(found.states[:, :2], axis=1) == pytest.approx(2)
+
+
+def test_a_faster_rate_is_brought_to_10_hz():
+    """Every fifth row, and the mean action of five."""
+    fast, slow = made(circle(50.0), rate=50.0), made()
+    assert np.allclose(fast.states, slow.states)
+    assert fast.actions[:, 1] == pytest.approx(circle(50.0)[:350, 14].reshape(70, 5).mean(1))
+
+
+def test_units_are_those_of_the_header():
+    """Millimetres, km/h and degrees a second, in another order, with times."""
+    rows = circle()
+    rows[:, :3] *= 1000
+    rows[:, 7:10] *= 3.6
+    rows[:, 10:13] = np.degrees(rows[:, 10:13])
+    order = [*range(14, -1, -1)]
+    units = ["mm"] * 3 + ["1"] * 4 + ["km/h"] * 3 + ["deg/s"] * 3 + ["1"] * 2
+    time = 100.0 * np.arange(len(rows))[:, None]
+    found = made(np.hstack([rows[:, order], time]), [*NAMES[::-1], "time"], [*units[::-1], "ms"])
+    assert np.allclose(found.states, made().states) and np.allclose(found.actions, made().actions)
+
+
+def no(column: str) -> dict:
+    """The circle without a column."""
+    kept = [name for name in NAMES if name != column]
+    units = [PLAIN[NAMES.index(name)] for name in kept]
+    return dict(columns=kept, units=units, rows=np.delete(circle(), NAMES.index(column), 1))
+
+
+def turned() -> np.ndarray:
+    """The circle with velocities in the world's frame."""
+    rows, yaw = circle(seconds=30.0), 0.05 * np.arange(301)
+    rows[:, 7:9] = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+    return rows
+
+
+FAULTS = {
+    "column 'qw' is missing": no("qw"),
+    "unknown parameter 'throtle' of the columns; did you mean 'throttle'?": {
+        "columns": [*STATE, "throtle", "steering"]},
+    "two columns 'x'": {"columns": ["x", "x", *NAMES[2:]]},
+    "'x' in 'feet'; a length is in m or cm or mm": {"units": ["feet", *PLAIN[1:]]},
+    "15 columns, 14 units": {"units": PLAIN[1:]},
+    "a rate of 25 Hz is no whole multiple of 10 Hz": {"rate": 25.0},
+    "a rate of nan Hz": {"rate": float("nan")},
+    "'vx' in row 4 is not finite": {"rows": changed(3, "vx", np.nan)},
+    "the quaternion in row 1 has length 0.5, not 1": {"rows": changed(0, "qw", 0.5)},
+    "steering in row 8 is 35, not in [-1, 1]; scale it": {"rows": changed(7, "steering", 35.0)},
+    "60 steps of 0.1 s, fewer than the 64": {"rows": circle(seconds=6.0)},
+    "a spacing of 0": {"where": ground()._replace(spacing=0.0)},
+    "not a grid of heights": {"where": ground()._replace(heights=np.zeros(5))},
+    "the height in row 3, column 5 is not finite": {"where": ground()._replace(heights=np.where(
+        np.arange(81 * 81).reshape(81, 81) == 2 * 81 + 4, np.inf, 0.0))},
+    "from the middle of its ground, which ends at 4.00 m, 4.00 m": {"where": ground()._replace(centre=(9.0, 2.0))},
+    "the robot is -9.83 m above the ground": {"where": ground()._replace(heights=np.full((81, 81), 10.0))},
+    "velocities do not fit how positions change": {"rows": turned()},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_named_in_one_line(fault):
+    with pytest.raises(RecordingError) as error:
+        made(**FAULTS[fault])
+    assert str(error.value).startswith("drive: ") and fault in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_missing_row_is_noticed_by_its_time():
+    time = np.delete(0.1 * np.arange(80), 40)
+    rows = np.delete(circle(seconds=7.9), 40, axis=0)
+    with pytest.raises(RecordingError, match="row 41 comes 0.2 s after the row before, not 0.1 s"):
+        made(np.hstack([rows, time[:, None]]), [*NAMES, "time"], [*PLAIN, "s"])
+
+
+def write_csv(folder: Path, header: str = "", names: str = "", rows: np.ndarray | None = None) -> Path:
+    """A file of the circle, by default as the documentation has it, and its ground."""
+    np.savetxt(folder / "meadow.csv", ground().heights, delimiter=",")
+    lines = [
+        header or "# rate: 10 Hz\n# heights: meadow.csv\n# spacing: 0.1 m\n# centre: 0 2 m\n# origin: a meadow",
+        names or ",".join(f"{name} [{unit}]" if unit != "1" else name for name, unit in zip(NAMES, PLAIN, strict=True)),
+        *(",".join(f"{number:.9g}" for number in row) for row in (circle() if rows is None else rows)),
+    ]
+    path = folder / "drive.csv"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_a_csv_file_is_read_with_its_ground(tmp_path):
+    (found,) = read_recordings(write_csv(tmp_path))
+    assert np.allclose(found.states, made().states, atol=1e-8) and np.allclose(found.actions, made().actions, atol=1e-8)
+    (again,) = read_recordings(tmp_path)  # the ground is no recording
+    assert again.name == found.name and np.array_equal(again.ground.heights, ground().heights)
+
+
+@pytest.mark.parametrize(
+    ("changes", "fault"),
+    [
+        ({"header": "# rate: 10 Hz\n# spacing: 0.1 m"}, "the header has no line '# heights: ...'"),
+        ({"header": "# rat: 10 Hz"}, "unknown parameter 'rat' of the header; did you mean 'rate'?"),
+        ({"header": "# a drive"}, "'# a drive' in the header is not '# name: value'"),
+        ({"header": "# rate: fast\n# heights: meadow.csv\n# spacing: 1"}, "'rate: fast' is not a number in Hz"),
+        ({"header": "# rate: 10\n# heights: x.npy\n# spacing: 1"}, "x.npy: there is no such file of heights"),
+        ({"header": "# rate: 10\n# heights: meadow.csv\n# spacing: 1\n# centre: 3"}, "'centre: 3' is not an x and a y"),
+        ({"names": "x,y"}, "line 7 has 15 numbers, not 2"),
+        ({"names": ",".join(NAMES)}, "'x' in '1'; a length is in m or cm or mm"),
+        ({"rows": circle()[:0]}, "it has no rows of numbers"),
+    ],
+)
+def test_a_fault_of_a_csv_file_is_named_in_one_line(tmp_path, changes, fault):
+    path = write_csv(tmp_path, **changes)
+    with pytest.raises(RecordingError) as error:
+        read_recordings(path)
+    assert fault in str(error.value) and str(tmp_path) in str(error.value) and "\n" not in str(error.value)
+
+
+def test_what_is_no_number_is_named_by_its_line(tmp_path):
+    path = write_csv(tmp_path)
+    path.write_text(path.read_text().replace("0.17", "n/a", 1))
+    with pytest.raises(RecordingError, match="line 7: could not convert string to float: 'n/a'"):
+        read_recordings(path)
+
+
+def test_recordings_are_packed_and_come_back(tmp_path):
+    """Numbers to float32's seventh digit, heights to half a millimetre, a shared ground once."""
+    rough = made(where=ground()._replace(heights=np.random.default_rng(0).uniform(0, 0.1, (81, 81))))
+    write_recordings(tmp_path / "a.npz", [made(), rough, made()], "two circles")
+    back = read_recordings(tmp_path / "a.npz")
+    for one, other in zip(back, (made(), rough, made()), strict=True):
+        assert np.allclose(one.states, other.states, atol=1e-6) and np.allclose(one.actions, other.actions, atol=1e-6)
+        assert np.abs(one.ground.heights - other.ground.heights).max() <= 0.0005001
+    with np.load(tmp_path / "a.npz") as file:
+        assert len(file["heights"]) == 2 and json.loads(str(file["header"]))["origin"] == "two circles"
+
+
+def members(**changes) -> dict:
+    """Of a file of one circle."""
+    header = dict(columns=NAMES, units=PLAIN, rate=10, spacing=0.1, height_unit="m", origin="here", centres=[[0, 2]])
+    header |= changes.pop("header", {})
+    header = {name: value for name, value in header.items() if value is not None}
+    plain = dict(rows=circle(), lengths=np.array([71]), ground=np.array([0]), heights=np.zeros((1, 81, 81)))
+    return plain | {"header": np.array(json.dumps(header))} | changes
+
+
+@pytest.mark.parametrize(
+    ("changes", "fault"),
+    [
+        ({"lengths": np.array([70])}, "do not belong together"),
+        ({"lengths": np.array([71.0])}, "'lengths' of shape (1,) and float64, not a row of whole numbers"),
+        ({"ground": np.array([1])}, "1 heights, but 'ground' goes up to 1"),
+        ({"header": {"rate": None}}, "the header has no 'rate'"),
+        ({"header": {"rate": "fast"}}, "'rate' of the header is 'fast'"),
+        ({"header": {"ratte": 10}}, "unknown parameter 'ratte' of the header; did you mean 'rate'?"),
+        ({"header": {"height_unit": "feet"}}, "height_unit 'feet'; heights are in m or cm or mm"),
+        ({"header": np.array("{")}, "the header is not JSON"),
+        ({"rows": circle().astype(str)}, "not of numbers"),
+    ],
+)
+def test_a_fault_of_an_npz_file_is_named_in_one_line(tmp_path, changes, fault):
+    changes = dict(changes)
+    given = changes.pop("header") if isinstance(changes.get("header"), np.ndarray) else None
+    np.savez(tmp_path / "a.npz", **(members(**changes) | ({} if given is None else {"header": given})))
+    with pytest.raises(RecordingError) as error:
+        read_recordings(tmp_path / "a.npz")
+    assert fault in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_whole_npz_file_is_read_and_a_member_missed(tmp_path):
+    np.savez(tmp_path / "a.npz", **members())
+    (found,) = read_recordings(tmp_path / "a.npz")
+    assert np.allclose(found.states, made().states)
+    np.savez(tmp_path / "a.npz", **{name: value for name, value in members().items() if name != "heights"})
+    with pytest.raises(RecordingError, match="member 'heights' is missing"):
+        read_recordings(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "fault"),
+    [
+        ("a.npz", b"no archive", "cannot be read as .npz"),
+        ("a.npz", None, "there is no such file"),
+        ("a.bag", b"", "recordings are .npz or .csv files"),
+        ("a.csv", b"\xff\xfe\x00", "cannot be read as text"),
+        ("a.csv", b"# rate: 10\n# heights: x\n# spacing: 1\n", "no line with the names of the columns"),
+    ],
+)
+def test_a_file_that_is_none_is_named(tmp_path, name, content, fault):
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(RecordingError, match=fault):
+        read_recordings(tmp_path / name)
+
+
+def test_a_folder_without_recordings_is_named(tmp_path):
+    with pytest.raises(RecordingError, match="no .csv file in this folder"):
+        read_recordings(tmp_path)
+
+
+@pytest.mark.parametrize(("system", "count"), [("system1", 99), ("system2", 94)])
+def test_the_recordings_kept_here_are_whole(system, count):
+    """Of 25 terrains, in 64 steps each, within the size that the repository gives them."""
+    path = ROOT / "recordings" / f"{system}.npz"
+    found = read_recordings(path)
+    assert len(found) == count and {one.pieces for one in found} == {1} and path.stat().st_size < 5e6
+    assert len({one.ground.heights.tobytes() for one in found}) == 25
