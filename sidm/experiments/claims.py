@@ -44,7 +44,12 @@ def verdict(found: Interval, none: float, paper: float | None = None) -> str:
 
 def _saving(rows: Sequence[Row], system: str, words: str, paper: float) -> Claim:
     """Claims 1 and 2: as good as with so many times the data."""
-    claim, losses = f"{system}: as good with SIDM as without it on {words} the data", gather(rows, system)
+    claim = f"{system}: as good with SIDM as without it on {words} the data"
+    return saving_claim(claim, words, gather(rows, system), paper)
+
+
+def saving_claim(claim: str, words: str, losses: Losses, paper: float | None = None) -> Claim:
+    """A claim that the first method needs less data than the second, in `words` and by the `paper`'s figure."""
     if not losses.values.size:
         return Claim(claim, words, "not run", NO_VERDICT)
     ratio, bound = greatest_ratio(losses.minutes, losses.values)

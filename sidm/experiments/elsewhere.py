@@ -9,6 +9,7 @@ import argparse
 import functools
 import hashlib
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -24,7 +25,7 @@ from sidm.experiments.provenance import Provenance, here, source_hash
 from sidm.experiments.records import Records
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Dataset
-from sidm.learning.dataset import Datasets, Motion, Standardisation, load_motion, split
+from sidm.learning.dataset import Datasets, Motion, Standardisation, load_motion, novice_split
 from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
 from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.networks import Network
@@ -35,7 +36,6 @@ from sidm.learning.training import train
 from sidm.pool import local_pool
 from sidm.recordings import read_recordings
 from sidm.systems import SYSTEMS, find_system
-from sidm.trajectory import trajectories_for
 
 SIZES = (1.0, 2.0, 5.0)  # of the recorded novice, train and test together, min
 HELD_OUT = 8  # of the 25 grounds, whose recordings judge and nothing else
@@ -96,8 +96,10 @@ def recordings_of(system: str, folder: str | Path = "recordings") -> Path:
     return Path(folder) / f"{system}.npz"
 
 
-def transfers(study: Study, system: str, recordings: str | Path = "recordings") -> list[Transfer]:
-    """All trainings of a system, those of a seed side by side."""
+def transfers(
+    study: Study, system: str, recordings: str | Path = "recordings", sizes: Sequence[float] = SIZES
+) -> list[Transfer]:
+    """All trainings of a system, those of a seed side by side; `sizes` are minutes of recorded data."""
     preset, sets, digests = study.preset, study.preset.datasets(system), study.digests(system)
     recorded = hashlib.sha256(recordings_of(system, recordings).read_bytes()).hexdigest()[:16]
     found = []
@@ -112,7 +114,7 @@ def transfers(study: Study, system: str, recordings: str | Path = "recordings") 
                     method=method,
                     proxy=proxy,
                     seed=seed,
-                    sizes=SIZES,
+                    sizes=tuple(sizes),
                     held_out=HELD_OUT,
                     recorded_data=recorded,
                     expert=sets["expert"],
@@ -188,8 +190,7 @@ def _simulated(about: Transfer, dataset: Dataset, digest: str, data: str | Path)
 
 def _sets(recorded: Recorded, minutes: float, seed: int, judging: Motion, proxy: Motion) -> Datasets:
     """Nested subsets of the recordings to learn from, split as the pool of the other studies is."""
-    pool = len(recorded.learning)
-    parts = split(pool, trajectories_for(minutes), seed)
+    parts = novice_split(len(recorded.learning), minutes, seed)
     learning, testing = (recorded.motion.part(recorded.learning[torch.from_numpy(part)]) for part in parts)
     return Datasets(learning, testing, judging, proxy)
 

@@ -51,11 +51,20 @@ def savings(
     seeds = np.intersect1d(own.seeds, other.seeds)
     if not (seeds.size and own.minutes.size and other.minutes.size):
         return []
-    both = np.hstack([side.values[np.isin(side.seeds, seeds), 0] for side in (own, other)])  # (S, M + N)
+    sides = [side.values[np.isin(side.seeds, seeds), 0] for side in (own, other)]
+    return savings_between(own.minutes, sides[0], other.minutes, sides[1])
+
+
+def savings_between(
+    own_minutes: np.ndarray, own: np.ndarray, other_minutes: np.ndarray, other: np.ndarray
+) -> list[Saving]:
+    """The same from losses: `own` (S, M) at the method's sizes (M,), `other` (S, N) at the comparison's (N,)."""
+    both = np.hstack([own, other])  # (S, M + N)
+    seeds, count = len(both), len(own_minutes)
 
     def at_sizes(some: np.ndarray) -> Efficiency:
         mean = some.mean(0)
-        return efficiency_at_sizes(own.minutes, mean[: len(own.minutes)], mean[len(own.minutes) :], other.minutes)
+        return efficiency_at_sizes(own_minutes, mean[:count], mean[count:], other_minutes)
 
     def at(size: int, read: Callable[[float, str], float]) -> Interval:
         def ratio(some: np.ndarray) -> float:
@@ -65,13 +74,13 @@ def savings(
         return Interval(float(found.ratio[size]), *np.exp(interval(ratio, both)[1:]))
 
     found = at_sizes(both)
-    enough = len(seeds) >= FEWEST_SEEDS
+    enough = seeds >= FEWEST_SEEDS
     return [
         Saving(
             float(minutes), float(found.loss[size]), at(size, known), str(found.bound[size]),
             at(size, least).low if enough else float("nan"),
         )
-        for size, minutes in enumerate(own.minutes)
+        for size, minutes in enumerate(own_minutes)
     ]  # fmt: skip
 
 

@@ -30,7 +30,7 @@ def project(tmp_path_factory) -> Path:
     base = tmp_path_factory.getbasetemp()
     shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "project"
     own = tmp_path_factory.mktemp("copy") / "project"
-    for name in ("sidm", "notebooks", "params", "results"):
+    for name in ("sidm", "notebooks", "params", "results", "recordings"):
         shutil.copytree(ROOT / name, own / name, ignore=shutil.ignore_patterns("__pycache__"))
     try:
         own.rename(shared)

@@ -7,6 +7,8 @@ import pytest
 
 from sidm.experiments import StoreError, Study
 from sidm.experiments import elsewhere as e
+from sidm.experiments.elsewhere_results import elsewhere_figure, gather, label, lines, needed
+from sidm.experiments.provenance import here
 from sidm.experiments.records import key_of
 from sidm.recordings import Ground, Recording, write_recordings
 from sidm.systems import find_system
@@ -31,7 +33,7 @@ def recordings(tmp_path_factory):
 @pytest.fixture(scope="module")
 def jobs(tiny, data, recordings, tmp_path_factory):
     study = Study(tiny, data, tmp_path_factory.mktemp("results"))
-    return [dataclasses.replace(job, sizes=(0.25,), held_out=2) for job in e.transfers(study, "system1", recordings)]
+    return [dataclasses.replace(job, held_out=2) for job in e.transfers(study, "system1", recordings, [0.25])]
 
 
 def test_every_method_and_proxy_has_its_training(jobs):
@@ -70,3 +72,59 @@ def test_a_damaged_record_is_named(jobs, tmp_path):
     store.path(jobs[0]).write_text("{}")
     with pytest.raises(StoreError, match="damaged .*; delete it and run 'python -m sidm.experiments.elsewhere'"):
         store.get(jobs[0])
+
+
+@pytest.fixture
+def made_up(jobs):
+    """Records in which each method needs so many times less data than the recordings alone; loss 4 / data."""
+    times = dict(zip(e.METHODS_HERE, (1, 2, 4, 1, 8), strict=True))
+    found = []
+    for seed in range(3):
+        for job in jobs:
+            minutes = ((0.0,) if job.pretraining else ()) + (1.0, 2.0, 5.0)
+            losses = tuple((4 + 0.1 * seed) / max(m * times[job.method, job.proxy], 0.5) for m in minutes)
+            found.append(
+                e.Transferred(
+                    about=dataclasses.replace(job, seed=seed),
+                    minutes=minutes,
+                    validation_loss=losses,
+                    component_losses=((0.0,) * 13,) * len(minutes),
+                    position_error=tuple((loss / 10,) * 25 for loss in losses),
+                    samples=(1,) * len(minutes),
+                    pretraining_samples=1,
+                    source="",
+                    provenance=here(1.0, 1, False),
+                )
+            )
+    return found
+
+
+def test_savings_are_those_that_were_made_up(made_up):
+    table = {(one.method, one.proxy, one.minutes): one for one in lines(made_up, "system1")}
+    assert len(table) == 5 * 3 + 2 and all(one.seeds == 3 for one in table.values())
+    half = table["sidm", "expert", 2.0]
+    assert half.saving.ratio.value == pytest.approx(2) and half.saving.bound == "="
+    assert half.ratio.value == pytest.approx(0.5) and half.ratio.high == pytest.approx(0.5)
+    assert table["pretrain_finetune", "novice", 5.0].saving.bound == ">="
+    assert table["pretrain_finetune", "expert", 0.0].saving is None
+    assert table["novice_only", "none", 1.0].saving is None
+    assert table["sidm", "novice", 1.0].ratio.value == pytest.approx(1)
+    assert half.error == pytest.approx(half.loss / 10)
+
+
+def test_the_verdict_follows_from_the_savings(made_up):
+    """Twice the data surely, four times, once, and a bound; nothing of what is not stored."""
+    expert, first, novice, both = needed(made_up, "system1")
+    assert expert.interval == pytest.approx((2, 2, 2)) and expert.verdict == "In the same direction"
+    assert first.interval.value == pytest.approx(4) and novice.interval.value == pytest.approx(1)
+    assert both.ours.startswith("at least 5 x")
+    assert [claim.ours for claim in needed(made_up, "system2")] == ["not run"] * 4
+
+
+def test_the_figure_draws_every_method_and_what_needs_no_data(made_up):
+    left, right = elsewhere_figure(made_up).axes
+    labels = [line.get_label() for line in left.get_lines()]
+    assert [one for one in labels if "no recorded" not in one] == [label(*one) for one in e.METHODS_HERE]
+    assert len(labels) == 7 and right.texts[0].get_text() == "no trials stored"
+    own = gather(made_up, "system1", "sidm", "expert")
+    assert np.allclose(left.get_lines()[1].get_ydata(), own.values.mean(0))

@@ -1,0 +1,33 @@
+"""Motion by what a user calls it."""
+
+import numpy as np
+import pytest
+
+from sidm.config import ConfigError
+from sidm.experiments.own_data import as_recording, pieces_of
+from sidm.recordings import read_recordings, write_recordings
+from sidm.systems import SYSTEMS
+from sidm.trajectory import STEPS, load
+
+
+def test_a_simulated_robot_goes_by_its_name(data, tiny):
+    """What is on disk is read, and is a recording like any other."""
+    collection = tiny.datasets("system1")["expert"].collection
+    pieces = pieces_of("system1 expert", 0.4, data)
+    trajectories = load(data, collection, 4)
+    assert pieces.states.shape == (4, STEPS + 1, 13) and len(pieces.grounds) == 2
+    assert np.array_equal(pieces.states[3], trajectories[3].states)
+
+
+def test_recordings_go_by_their_file(tmp_path, data, tiny):
+    trajectories = load(data, tiny.datasets("system1")["novice"].collection, 3)
+    some = [as_recording(trajectory, SYSTEMS["system1"]) for trajectory in trajectories]
+    write_recordings(tmp_path / "mine.npz", some, "made up")
+    pieces = pieces_of(str(tmp_path / "mine.npz"), 1.0, data)
+    assert len(pieces.states) == len(read_recordings(tmp_path / "mine.npz")) == 3
+    assert np.allclose(pieces.states, np.stack([t.states for t in trajectories]), atol=1e-6)
+
+
+def test_what_is_neither_is_named(data):
+    with pytest.raises(ConfigError, match="'system1 exprt' is no file .* did you mean 'system1 expert'?"):
+        pieces_of("system1 exprt", 1.0, data)
