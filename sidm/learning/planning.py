@@ -1,0 +1,157 @@
+"""Driving with a model: the cross-entropy method over action sequences, on whatever can imagine where they lead."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from sidm import rotations
+from sidm.config import ConfigError, config, refuse_nonsense
+from sidm.learning.model import Predictor
+from sidm.learning.networks import Memory
+from sidm.learning.observation import encode_inputs, integrate, robot_centred_map
+from sidm.trajectory import ACTION_SIZE, POSITION, QUATERNION
+
+#: Where actions (N, H, 2) lead: states (N, H + 1, 13), the present one first.
+Imagination = Callable[[Tensor], Tensor]
+
+
+@config
+class Planning:
+    """Settings of a planner: the cross-entropy method with the mean kept from plan to plan."""
+
+    samples: int = 32  # action sequences an iteration
+    iterations: int = 1  # a plan, beside what the plans before have found
+    elites: int = 6  # of the samples, that the next ones are drawn like
+    horizon: int = 12  # control steps of 0.1 s
+    hold: int = 3  # control steps that an action lasts
+    spread: float = 0.5  # standard deviation of the first samples of a plan
+    steepest: float = 50.0  # degrees of tilt, beyond which a sequence counts as a rollover
+
+    def __post_init__(self) -> None:
+        """Refuse settings that no plan can be made with."""
+        refuse_nonsense(self)
+        for name in ("samples", "iterations", "elites", "horizon", "hold"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"Planning.{name} must be at least 1, not {getattr(self, name)}")
+        if self.elites > self.samples:
+            raise ConfigError(f"Planning.elites must be at most samples ({self.samples}), not {self.elites}")
+        if self.horizon % self.hold:
+            raise ConfigError(f"Planning.horizon must be a multiple of hold ({self.hold}), not {self.horizon}")
+        if not self.spread > 0:
+            raise ConfigError(f"Planning.spread must be positive, not {self.spread}")
+
+
+ROLLED_OVER = 100.0  # m, added to the cost of a sequence for every step beyond the steepest tilt
+
+
+def cost(states: Tensor, goal: Tensor, steepest: float) -> Tensor:
+    """What imagined paths cost.
+
+    Args:
+        states: (N, H + 1, 13).
+        goal: (2,) x and y, m.
+        steepest: tilt, degrees.
+
+    Returns:
+        (N,), m: the distance from the goal, mean over the steps and once more at the end, and ROLLED_OVER for every
+        step that tilts more.
+    """
+    ahead = states[:, 1:]
+    distance = (ahead[..., :2] - goal).norm(dim=-1)  # (N, H)
+    x, y = ahead[..., QUATERNION][..., :2].unbind(-1)
+    upright = 1 - 2 * (x * x + y * y)  # the cosine of the tilt
+    return distance.mean(1) + distance[:, -1] + ROLLED_OVER * (upright < math.cos(math.radians(steepest))).sum(1)
+
+
+class Planner:
+    """Plans again and again towards one goal, each plan from the rest of the one before.
+
+    Args:
+        settings: of the method.
+        goal: (2,) x and y, m.
+        seed: of the samples.
+    """
+
+    def __init__(self, settings: Planning, goal: np.ndarray, seed: int) -> None:
+        self.settings, self.goal = settings, torch.as_tensor(goal, dtype=torch.float64)
+        self.generator = torch.Generator().manual_seed(seed)
+        self.mean = torch.zeros(settings.horizon, ACTION_SIZE, dtype=torch.float64)
+
+    def plan(self, imagine: Imagination) -> Tensor:
+        """Actions (H, 2) from now on; the first is to be carried out before the next plan."""
+        settings = self.settings
+        decisions = self.mean[:: settings.hold]  # (D, 2)
+        spread = torch.full_like(decisions, settings.spread)
+        best, lowest = self.mean, math.inf
+        for _ in range(settings.iterations):
+            noise = torch.randn(settings.samples, *decisions.shape, generator=self.generator, dtype=torch.float64)
+            drawn = (decisions + spread * noise).clamp(-1, 1)
+            drawn[0] = decisions
+            actions = drawn.repeat_interleave(settings.hold, dim=1)  # (N, H, 2)
+            costs = cost(imagine(actions), self.goal, settings.steepest)
+            elite = costs.argsort(stable=True)[: settings.elites]
+            decisions, spread = drawn[elite].mean(0), drawn[elite].std(0, correction=0)
+            if float(costs[elite[0]]) < lowest:
+                best, lowest = actions[elite[0]], float(costs[elite[0]])
+        self.mean = torch.cat([best[1:], best[-1:]])
+        return best
+
+
+class Dreamer:
+    """Imagination of a learned model, which remembers what its robot has done so far.
+
+    Args:
+        model: that predicts the novice.
+        heights: (H, W), m, of the ground.
+        pixels: P of the model's maps.
+        spacing: of the ground's grid, m.
+    """
+
+    def __init__(self, model: Predictor, heights: np.ndarray, pixels: int, spacing: float = 0.1) -> None:
+        self.model, self.pixels, self.spacing = model, pixels, spacing
+        self.heights = torch.as_tensor(heights, dtype=torch.float32)
+        self.memory: Memory | None = None
+
+    def imagine(self, state: np.ndarray | Tensor, actions: Tensor) -> Tensor:
+        """Where `actions` (N, H, 2) lead from `state` (13,): states (N, H + 1, 13) float64."""
+        count = len(actions)
+        states = [torch.as_tensor(state, dtype=torch.float32).expand(count, -1)]
+        memory = None
+        if self.memory is not None:
+            hidden, cell = (part.expand(-1, count, -1).contiguous() for part in self.memory)
+            memory = hidden, cell
+        with torch.inference_mode():
+            for action in actions.float().unbind(1):
+                predicted, memory = self._predict(states[-1], action, memory)
+                states.append(integrate(states[-1], predicted))
+        return torch.stack(states, dim=1).double()
+
+    def observe(self, state: np.ndarray, action: np.ndarray | Tensor) -> None:
+        """Take in that the robot was in `state` (13,) and did `action` (2,)."""
+        with torch.inference_mode():
+            now = torch.as_tensor(state, dtype=torch.float32)[None]
+            _, self.memory = self._predict(now, torch.as_tensor(action, dtype=torch.float32)[None], self.memory)
+
+    def _predict(self, states: Tensor, actions: Tensor, memory: Memory | None) -> tuple[Tensor, Memory]:
+        """Transitions (N, 13) of states (N, 13) and actions (N, 2)."""
+        inputs = encode_inputs(states, actions)[:, None]  # (N, 1, 11)
+        maps = robot_centred_map(self.heights, states, self.pixels, spacing=self.spacing).half()[:, None]
+        predicted, memory = self.model("novice", inputs, maps, memory)
+        return predicted[:, 0], memory
+
+
+def heading_to(state: np.ndarray, goal: np.ndarray) -> float:
+    """From the robot's heading to the direction of a goal (2,), rad, in [-pi, pi]; positive to the left."""
+    x, y = np.asarray(goal) - np.asarray(state)[POSITION][:2]
+    yaw = rotations.yaw(torch.as_tensor(state)[QUATERNION])
+    return float(rotations.wrap(torch.atan2(torch.tensor(y), torch.tensor(x)) - yaw))
+
+
+def straight(state: np.ndarray, goal: np.ndarray, throttle: float = 0.5, gain: float = 1.5) -> np.ndarray:
+    """The action (2,) of a driver who looks at nothing but the goal: constant throttle, steering towards it."""
+    return np.array([throttle, np.clip(-gain * heading_to(state, goal), -1, 1)])  # positive steering turns right
