@@ -1,4 +1,4 @@
-"""Figure 4's example in motion: the robot's path and the predicted ones grow together, step by step."""
+"""Paths over the ground in motion, seen from above: they grow together, step by step."""
 
 from __future__ import annotations
 
@@ -40,12 +40,30 @@ def rollout_film(rows: Sequence[Row], heights: np.ndarray, seed: int = 0) -> byt
         label = f"{style['label']}, {row.trial.novice_minutes:g} min"
         line = LINES[sizes.index(row.trial.novice_minutes) % len(LINES)]
         looks.append({"color": style["color"], "label": label, "linestyle": line})
-    return _gif(_frames(paths, looks, heights))
+    return film(paths, looks, heights)
 
 
-def _frames(paths: list[np.ndarray], looks: list[dict], heights: np.ndarray) -> list[Image.Image]:
+def film(
+    paths: Sequence[np.ndarray], looks: Sequence[dict], heights: np.ndarray, goal: np.ndarray | None = None
+) -> bytes:
+    """An animated GIF in real time.
+
+    Args:
+        paths: (K + 1, 2) each, m, at the control steps; one that is shorter stays where it ends.
+        looks: of the paths' lines, with a label each.
+        heights: (H, W), m, the ground, higher drawn darker.
+        goal: (2,) m, to be marked.
+    """
+    longest = max(len(path) for path in paths)
+    every = [np.vstack([path, np.repeat(path[-1:], longest - len(path), axis=0)]) for path in paths]
+    return _gif(_frames(every, looks, heights, goal))
+
+
+def _frames(
+    paths: Sequence[np.ndarray], looks: Sequence[dict], heights: np.ndarray, goal: np.ndarray | None
+) -> list[Image.Image]:
     """A picture a step of paths (K + 1, 2) with their looks."""
-    every = np.concatenate(paths)
+    every = np.concatenate([*paths, *([] if goal is None else [goal[None]])])
     reach = float(np.ptp(every, axis=0).max()) / 2 + MARGIN
     (left, low), (right, high) = (every.max(0) + every.min(0)) / 2 + np.array([[-reach], [reach]])
     half = half_width(heights)
@@ -60,6 +78,8 @@ def _frames(paths: list[np.ndarray], looks: list[dict], heights: np.ndarray) -> 
         axes.set(xlim=(left, right), ylim=(low, high), xlabel="x (m)", ylabel="y (m)")
         lines = [axes.plot([], [], marker="", **look)[0] for look in looks]
         heads = [axes.plot([], [], "o", color=look["color"])[0] for look in looks]
+        if goal is not None:
+            axes.plot(*goal, "x", color="black", markersize=10, label="the goal")
         figure.legend(loc="outside right upper")
         canvas = FigureCanvasAgg(figure)
         for step in range(len(paths[0])):

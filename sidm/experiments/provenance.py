@@ -32,6 +32,7 @@ WINGS = {
     "bundle": (*_ALONE, "sidm.experiments.bundled"),  # the same, many at once
     "diagnosis": (*_ALONE, "sidm.experiments.diagnostics", "sidm.experiments.latents"),
     "elsewhere": (*_ALONE, "sidm.experiments.elsewhere"),
+    "driving": (*_ALONE, "sidm.experiments.driving"),
     "simulation": ("sidm.simulation.collect",),
 }
 

@@ -29,19 +29,22 @@ class Planning:
     elites: int = 6  # of the samples, that the next ones are drawn like
     horizon: int = 12  # control steps of 0.1 s
     hold: int = 3  # control steps that an action lasts
+    replan: int = 1  # control steps from plan to plan
     spread: float = 0.5  # standard deviation of the first samples of a plan
     steepest: float = 50.0  # degrees of tilt, beyond which a sequence counts as a rollover
 
     def __post_init__(self) -> None:
         """Refuse settings that no plan can be made with."""
         refuse_nonsense(self)
-        for name in ("samples", "iterations", "elites", "horizon", "hold"):
+        for name in ("samples", "iterations", "elites", "horizon", "hold", "replan"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"Planning.{name} must be at least 1, not {getattr(self, name)}")
         if self.elites > self.samples:
             raise ConfigError(f"Planning.elites must be at most samples ({self.samples}), not {self.elites}")
         if self.horizon % self.hold:
             raise ConfigError(f"Planning.horizon must be a multiple of hold ({self.hold}), not {self.horizon}")
+        if self.replan > self.horizon:
+            raise ConfigError(f"Planning.replan must be at most horizon ({self.horizon}), not {self.replan}")
         if not self.spread > 0:
             raise ConfigError(f"Planning.spread must be positive, not {self.spread}")
 
@@ -83,7 +86,7 @@ class Planner:
         self.mean = torch.zeros(settings.horizon, ACTION_SIZE, dtype=torch.float64)
 
     def plan(self, imagine: Imagination) -> Tensor:
-        """Actions (H, 2) from now on; the first is to be carried out before the next plan."""
+        """Actions (H, 2) from now on; the first `replan` are to be carried out before the next plan."""
         settings = self.settings
         decisions = self.mean[:: settings.hold]  # (D, 2)
         spread = torch.full_like(decisions, settings.spread)
@@ -98,7 +101,7 @@ class Planner:
             decisions, spread = drawn[elite].mean(0), drawn[elite].std(0, correction=0)
             if float(costs[elite[0]]) < lowest:
                 best, lowest = actions[elite[0]], float(costs[elite[0]])
-        self.mean = torch.cat([best[1:], best[-1:]])
+        self.mean = torch.cat([best[settings.replan :], best[-1:].expand(settings.replan, -1)])
         return best
 
 

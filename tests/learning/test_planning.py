@@ -97,6 +97,7 @@ def test_dreams_are_the_models_rollouts(small_network, rng):
         ({"samples": 0}, "Planning.samples must be at least 1"),
         ({"elites": 40}, "Planning.elites must be at most samples"),
         ({"hold": 5}, "Planning.horizon must be a multiple of hold"),
+        ({"replan": 13}, "Planning.replan must be at most horizon"),
         ({"spread": 0.0}, "Planning.spread must be positive"),
     ],
 )

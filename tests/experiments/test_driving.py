@@ -1,0 +1,128 @@
+"""Driving to goals: episodes, drivers, and what tables and figures make of them."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+
+from sidm.experiments import Study
+from sidm.experiments import driving as d
+from sidm.experiments.driving_results import arrivals_figure, driving_film, label, paths_figure, score
+from sidm.experiments.provenance import here
+from sidm.learning.planning import Planning
+from sidm.simulation import Simulator
+
+
+@pytest.fixture(scope="module")
+def jobs(tiny, data, tmp_path_factory):
+    """By driver; the model's is one of system 1 from the largest tiny dataset."""
+    study = Study(tiny, data, tmp_path_factory.mktemp("results"))
+    trial = study.trial("system1", "sidm", 0.75)
+    plain = dict(system="system1", episodes=1, longest=0.5)
+    small = Planning(samples=3, elites=2, horizon=4, hold=2)
+    return {
+        "model": d.Drive(driver="model", trial=trial, planning=small, **plain),
+        "simulator": d.Drive(driver="simulator", trial=None, planning=dataclasses.replace(small, replan=2), **plain),
+        "straight": d.Drive(driver="straight", trial=None, planning=None, **plain),
+    }
+
+
+def test_every_size_and_method_is_driven_beside_a_floor_and_a_ceiling(tmp_path):
+    jobs = d.drives(Study("laptop", tmp_path, tmp_path), "system2")
+    assert [(job.trial.novice_minutes, job.trial.method) for job in jobs if job.trial] == [
+        (minutes, method) for minutes in (1, 5, 60) for method in ("sidm", "novice_only")
+    ]
+    assert [(job.driver, job.episodes) for job in jobs if not job.trial] == [("straight", 50), ("simulator", 10)]
+
+
+def test_episodes_are_the_same_for_all_and_differ():
+    first, again, second = d.episode("system1", 0), d.episode("system1", 0), d.episode("system1", 1)
+    assert np.array_equal(first.heights, again.heights) and np.array_equal(first.goal, again.goal)
+    assert not np.array_equal(first.heights, second.heights)
+    away = [np.linalg.norm(d.episode("system1", number).goal) for number in range(20)]
+    assert d.NEAREST <= min(away) < max(away) <= d.FARTHEST
+
+
+@pytest.mark.parametrize("driver", ["model", "simulator", "straight"])
+def test_a_drive_is_stored_as_it_was(jobs, data, tmp_path, driver):
+    job, store = jobs[driver], d.stored(tmp_path)
+    found = d.drive(job, data)
+    assert found.ended == ("time",) and found.seconds == pytest.approx((0.5,)) and not found.stale
+    path, goal = np.array(found.paths[0]), np.array(found.goals[0])
+    assert path.shape == (6, 2)
+    assert found.length[0] == pytest.approx(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+    assert found.left[0] == pytest.approx(np.linalg.norm(path[-1] - goal))
+    assert (found.plans_per_second > 0) == (driver != "straight")
+    store.put(found)
+    assert store.get(job).about == job
+
+
+def test_a_model_is_trained_once(jobs, data, monkeypatch):
+    """The second time its weights are read."""
+    first = d.model_of(jobs["model"].trial, data)
+    monkeypatch.setattr(d, "perform", None)
+    again = d.model_of(jobs["model"].trial, data)
+    assert all(torch.equal(a, b) for a, b in zip(first.parameters(), again.parameters(), strict=True))
+
+
+def test_trying_out_leaves_the_simulator_where_it_was():
+    """And leads where the steps lead."""
+    actions = torch.tensor([[[0.5, 0.2], [0.5, 0.2]], [[-0.3, 0.0], [0.1, 0.9]]], dtype=torch.float64)
+    one = d.episode("system1", 0)
+    with Simulator(d.find_system("system1").novice, one.heights) as simulator:
+        simulator.reset()
+        simulator.step(np.array([0.4, 0.0]))
+        before, tried = simulator.state, d._simulate(simulator, actions).numpy()
+        assert np.allclose(simulator.state, before, atol=1e-9)
+        for action in actions[0].numpy():
+            simulator.step(action)
+        assert np.allclose(tried[0, -1], simulator.state, atol=1e-6) and np.allclose(tried[:, 0], before, atol=1e-9)
+
+
+def driven(about: d.Drive, arrived: int, episodes: int = 10) -> d.Driven:
+    """Made up: so many arrive, the others are stuck."""
+    path = tuple((0.1 * k, 0.05 * k) for k in range(30))
+    return d.Driven(
+        about=about,
+        ended=("arrived",) * arrived + ("stuck",) * (episodes - arrived),
+        seconds=(4.0,) * episodes,
+        length=(6.6,) * episodes,
+        away=(6.5,) * episodes,
+        left=(0.4,) * episodes,
+        plans_per_second=12.0,
+        paths=(path,) * d.KEPT,
+        goals=((5.0, 2.0),) * d.KEPT,
+        source="",
+        provenance=here(1.0, 1, False),
+    )
+
+
+@pytest.fixture
+def made_up(jobs):
+    """Better the more data, and better with SIDM."""
+    found = []
+    for minutes, counts in ((0.25, (4, 2)), (0.75, (9, 7))):
+        for method, count in zip(("sidm", "novice_only"), counts, strict=True):
+            trial = jobs["model"].trial.replace(method=method, novice_minutes=minutes)
+            found.append(driven(dataclasses.replace(jobs["model"], trial=trial), count))
+    return [*found, driven(jobs["straight"], 0), driven(jobs["simulator"], 10)]
+
+
+def test_scores_are_shares_and_medians(made_up):
+    best, floor = score(made_up[2]), score(made_up[4])
+    assert best.arrived.value == 0.9 and 0.59 < best.arrived.low < 0.61 and 0.98 < best.arrived.high < 0.99  # Wilson's
+    assert best.seconds == 4 and best.detour == pytest.approx(1.1) and best.ends == {"stuck": 1}
+    assert floor.arrived.value == 0 and np.isnan(floor.seconds) and floor.ends == {"stuck": 10}
+
+
+def test_figures_draw_all_drivers(made_up):
+    left, right = arrivals_figure(made_up).axes
+    assert [line[0].get_ydata().tolist() for line in left.containers] == [[0.4, 0.9], [0.2, 0.7]]
+    assert right.texts[0].get_text() == "no trials stored"
+    panels = paths_figure(made_up, "system1").axes
+    labels = [line.get_label() for line in panels[0].get_lines()]
+    assert len(panels) == d.KEPT and labels == [label(one.about) for one in made_up]
+    assert driving_film(made_up, "system1")[:6] == b"GIF89a"
+    with pytest.raises(ValueError, match="no driver of system2"):
+        driving_film(made_up, "system2")
