@@ -18,14 +18,14 @@ from torch import Tensor
 
 from sidm.config import config
 from sidm.experiments.drawing import CONTROL_STEP
-from sidm.experiments.measure import THREADS, one_thread, perform
+from sidm.experiments.measure import THREADS, one_thread
 from sidm.experiments.methods import COMPARED
+from sidm.experiments.models import model_of
 from sidm.experiments.presets import PRESETS, load_preset
 from sidm.experiments.provenance import Provenance, here, source_hash
 from sidm.experiments.records import Records
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
-from sidm.learning import checkpoint
 from sidm.learning.model import DynamicsModel
 from sidm.learning.planning import Dreamer, Planner, Planning, straight
 from sidm.pool import local_pool
@@ -114,20 +114,6 @@ def drives(
     trials = [study.trial(system, method, minutes) for minutes in sizes for method in COMPARED]
     models = [one("model", Planning(), episodes, trial) for trial in trials]
     return [*models, one("straight", None, episodes), one("simulator", IN_SIMULATION, simulated)]
-
-
-def model_of(trial: Trial, data: str | Path = "data") -> DynamicsModel:
-    """The model of a trial, its novice's parts alone; trained once and kept under `data`."""
-    folder = Path(data) / "models" / f"{trial.key}-{source_hash('learning')}"
-    kept = checkpoint.read(folder)
-    if kept is None:
-        weights = checkpoint.module_tensors(perform(trial, data)[1].model)
-        checkpoint.write(folder, {name: part for name, part in weights.items() if ".expert." not in name}, {})
-        kept = checkpoint.read(folder)
-        assert kept is not None
-    model = DynamicsModel(trial.network, roles=["novice"])
-    model.start(kept[0])
-    return model.eval()
 
 
 Act = Callable[[np.ndarray], np.ndarray]  # what a driver does in a state (13,): an action (2,)

@@ -33,6 +33,7 @@ WINGS = {
     "diagnosis": (*_ALONE, "sidm.experiments.diagnostics", "sidm.experiments.latents"),
     "elsewhere": (*_ALONE, "sidm.experiments.elsewhere"),
     "driving": (*_ALONE, "sidm.experiments.driving"),
+    "uncertainty": (*_ALONE, "sidm.experiments.uncertainty"),
     "simulation": ("sidm.simulation.collect",),
 }
 

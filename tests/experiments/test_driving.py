@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from sidm.experiments import Study
+from sidm.experiments import Study, models
 from sidm.experiments import driving as d
 from sidm.experiments.driving_results import arrivals_figure, driving_film, label, paths_figure, score
 from sidm.experiments.provenance import here
@@ -60,9 +60,9 @@ def test_a_drive_is_stored_as_it_was(jobs, data, tmp_path, driver):
 
 def test_a_model_is_trained_once(jobs, data, monkeypatch):
     """The second time its weights are read."""
-    first = d.model_of(jobs["model"].trial, data)
-    monkeypatch.setattr(d, "perform", None)
-    again = d.model_of(jobs["model"].trial, data)
+    first = models.model_of(jobs["model"].trial, data)
+    monkeypatch.setattr(models, "perform", None)
+    again = models.model_of(jobs["model"].trial, data)
     assert all(torch.equal(a, b) for a, b in zip(first.parameters(), again.parameters(), strict=True))
 
 

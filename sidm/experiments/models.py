@@ -1,0 +1,30 @@
+"""Trained models, kept for what is done with them; the store of results keeps no weights."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sidm.experiments.measure import perform
+from sidm.experiments.provenance import source_hash
+from sidm.experiments.trials import Trial
+from sidm.learning import checkpoint
+from sidm.learning.model import DynamicsModel
+
+
+def model_of(trial: Trial, data: str | Path = "data") -> DynamicsModel:
+    """The model of a trial, its novice's parts alone; trained once by a version of the code, and kept under `data`.
+
+    Raises:
+        CheckpointError: the kept weights are damaged.
+        ShardError: data to train it are missing.
+    """
+    folder = Path(data) / "models" / f"{trial.key}-{source_hash('learning')}"
+    kept = checkpoint.read(folder)
+    if kept is None:
+        weights = checkpoint.module_tensors(perform(trial, data)[1].model)
+        checkpoint.write(folder, {name: part for name, part in weights.items() if ".expert." not in name}, {})
+        kept = checkpoint.read(folder)
+        assert kept is not None
+    model = DynamicsModel(trial.network, roles=["novice"])
+    model.start(kept[0])
+    return model.eval()

@@ -1,0 +1,117 @@
+"""How sure the models are, and whether rightly so: tables and figures from the records of `uncertainty`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from sidm.experiments.drawing import CONTROL_STEP, LOSS_LABEL, METHOD_STYLES, finish, side_by_side, styled
+from sidm.experiments.methods import COMPARED
+from sidm.experiments.statistics import Interval, interval
+from sidm.experiments.uncertainty import Fitted
+from sidm.learning.particles import LEVELS
+from sidm.systems import SYSTEMS
+
+WORDS = {True: "by likelihood", False: "deterministic"}
+
+
+class Line(NamedTuple):
+    """Models of one kind at one size, means over seeds."""
+
+    system: str
+    method: str
+    likelihood: bool
+    minutes: float
+    seeds: int
+    loss: float  # equation (1)
+    nll: float  # nats a sample
+    less: Interval | None  # the NLL less the twin's, paired by seed; None for the twin
+    coverage: tuple[float, ...]  # of one step
+    last_coverage: tuple[float, ...]  # after the last step of the rollouts
+
+
+def likelihood_lines(found: Sequence[Fitted], system: str) -> list[Line]:
+    """A line a method, size and way of training that is stored."""
+    mine = [one for one in found if one.about.trial.system == system]
+    sizes = sorted({one.about.trial.novice_minutes for one in mine})
+    lines = []
+    for minutes in sizes:
+        for method in COMPARED:
+            sides = {by: _seeds(mine, method, minutes, by) for by in (True, False)}
+            for by, some in sides.items():
+                if not some:
+                    continue
+                common = sorted(sides[True].keys() & sides[False].keys())
+                less = None
+                if by and common:
+                    pairs = np.array([[side[seed].nll for side in sides.values()] for seed in common])
+                    less = interval(lambda p: float((p[:, 0] - p[:, 1]).mean()), pairs)
+                lines.append(_line(system, method, by, minutes, list(some.values()), less))
+    return lines
+
+
+def _seeds(found: Sequence[Fitted], method: str, minutes: float, likelihood: bool) -> dict[int, Fitted]:
+    """Those of one kind, by seed."""
+    wanted = method, minutes, likelihood
+    return {
+        one.about.trial.seed: one
+        for one in found
+        if (one.about.trial.method, one.about.trial.novice_minutes, one.about.likelihood) == wanted
+    }
+
+
+def _line(
+    system: str, method: str, likelihood: bool, minutes: float, some: Sequence[Fitted], less: Interval | None
+) -> Line:
+    loss, nll = (float(np.mean([getattr(one, name) for one in some])) for name in ("validation_loss", "nll"))
+    coverage = tuple(np.mean([one.coverage for one in some], axis=0).tolist())
+    last = tuple(np.mean([[level[-1] for level in one.steps_coverage] for one in some], axis=0).tolist())
+    return Line(system, method, likelihood, minutes, len(some), loss, nll, less, coverage, last)
+
+
+def _look(method: str, likelihood: bool) -> dict[str, Any]:
+    """Of a line; the twin's marks are hollow."""
+    style = METHOD_STYLES[method] | {"label": f"{METHOD_STYLES[method]['label']}, {WORDS[likelihood]}"}
+    return style if likelihood else style | {"mfc": "white", "linewidth": 1}
+
+
+@styled
+def loss_figure(found: Sequence[Fitted], systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
+    """Figure 3's points: the loss of equation (1) of the means, trained by likelihood and deterministically."""
+    figure, panels = side_by_side(len(systems))
+    for axes, system in zip(panels, systems, strict=True):
+        axes.set(xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL, title=system)
+        lines = likelihood_lines(found, system)
+        for method in COMPARED:
+            for by in WORDS:
+                some = [line for line in lines if (line.method, line.likelihood) == (method, by)]
+                if some:
+                    axes.plot([line.minutes for line in some], [line.loss for line in some], **_look(method, by))
+        finish(axes, {line.minutes for line in lines})
+    return figure
+
+
+@styled
+def coverage_figure(found: Sequence[Fitted], minutes: float, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
+    """How often what happened lies within the particles' intervals, along rollouts of models of one size."""
+    figure, panels = side_by_side(len(systems))
+    for axes, system in zip(panels, systems, strict=True):
+        axes.set(xlabel="time (s)", ylabel="share within the interval (-)", ylim=(0, 1))
+        axes.set_title(f"{system}, {minutes:g} min")
+        drawn = False
+        for method in COMPARED:
+            for by in WORDS:
+                some = list(_seeds([o for o in found if o.about.trial.system == system], method, minutes, by).values())
+                if some:
+                    mean, look = np.mean([one.steps_coverage for one in some], axis=0), _look(method, by)
+                    time = CONTROL_STEP * (1 + np.arange(mean.shape[1]))
+                    for number, level in enumerate(mean):
+                        axes.plot(time, level, **look | {"marker": "", "label": None if number else look["label"]})
+                    drawn = True
+        for level in LEVELS if drawn else ():
+            axes.axhline(level, color="0.5", lw=1, linestyle="-", marker="")
+        finish(axes)
+    return figure

@@ -1,0 +1,158 @@
+"""Encoders, SIDM and decoders that estimate distributions (section 3.2, last paragraph), all Gaussian and diagonal.
+
+Latent state-actions and latent transitions are sampled by reparametrisation (Kingma and Welling, 2014); the decoder
+gives mean and standard deviation of the transition. Without a generator the latents are their means.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable
+from typing import NamedTuple, Protocol
+
+import torch
+from torch import Tensor, nn
+
+from sidm.learning.dataset import Standardisation
+from sidm.learning.initialisation import scale_last
+from sidm.learning.model import DynamicsModel, Predictor
+from sidm.learning.networks import SIDM, Decoder, Encoder, Memory, Network, seeded
+from sidm.learning.observation import TARGET_SIZE
+from sidm.systems import ROLES
+
+QUIETEST, LOUDEST = -6.0, 2.0  # logarithm of a standard deviation, in the networks' units
+QUIET = -3.0  # of the latents' at the start: about a twentieth of their size
+
+
+class Gaussian(NamedTuple):
+    """Independent normal distributions."""
+
+    mean: Tensor  # (...)
+    std: Tensor  # (...)
+
+    def sample(self, generator: torch.Generator | None) -> Tensor:
+        """One draw of each (...), through which gradients reach both; the means without a generator."""
+        if generator is None:
+            return self.mean
+        noise = torch.randn(self.mean.shape, generator=generator, dtype=self.mean.dtype)
+        return self.mean + self.std * noise.to(self.mean.device)
+
+    def nll(self, values: Tensor) -> Tensor:
+        """Negative log-likelihood (...), nats, of values (..., K), summed over the last dimension."""
+        terms = ((values - self.mean) / self.std).square() / 2 + self.std.log() + math.log(2 * math.pi) / 2
+        return terms.sum(-1)
+
+
+def halves(numbers: Tensor, offset: float = QUIET) -> Gaussian:
+    """The distributions that a layer (..., 2 K) stands for: means first, then logarithms of standard deviations."""
+    mean, spread = numbers.chunk(2, dim=-1)
+    return Gaussian(mean, (spread + offset).clamp(QUIETEST, LOUDEST).exp())
+
+
+class GaussianDecoder(Decoder):
+    """D_e or D_n with a second number for each component: the logarithm of its standard deviation."""
+
+    def __init__(self, network: Network, standardisation: Standardisation | None = None):
+        super().__init__(network, standardisation)
+        self.spread = nn.Linear(network.decoder_hidden, TARGET_SIZE)
+        scale_last(self.spread)
+
+    def distribution(self, transitions: Tensor) -> Gaussian:
+        """Of the state transition y (..., 13), raw units, given latent state transitions (..., 64)."""
+        hidden = self.dense[:-1](transitions)
+        std = self.spread(hidden).clamp(QUIETEST, LOUDEST).exp()
+        return Gaussian(self.target_mean + self.target_std * self.dense[-1](hidden), self.target_std * std)
+
+
+class Stochastic(Protocol):
+    """What can say how sure it is of a transition."""
+
+    def predict(
+        self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None, generator: torch.Generator | None
+    ) -> tuple[Gaussian, Memory]:
+        """The transition's distribution (B, T, 13), raw units, given one draw of all latents; and the memory."""
+
+
+class DistributionModel(Predictor):
+    """Figure 1 with distributions in the place of values; called, it gives the mean that the latents' means lead to.
+
+    Args:
+        network: the sizes; each latent has a standard deviation beside it.
+        standardisation: units of inputs and outputs; none by default.
+        seed: of the initial weights, one for each part.
+        roles: the systems.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        standardisation: Standardisation | None = None,
+        seed: int = 0,
+        roles: Iterable[str] = ROLES,
+    ):
+        super().__init__()
+        roles = tuple(roles)
+        wide = dataclasses.replace(network, latent=2 * network.latent)  # type: ignore[type-var]
+        long = dataclasses.replace(network, latent_transition=2 * network.latent_transition)  # type: ignore[type-var]
+        self.encoders = nn.ModuleDict(
+            {role: seeded(seed, f"{role} encoder", lambda: Encoder(wide, standardisation)) for role in roles}
+        )
+        self.sidm = seeded(seed, "sidm", lambda: SIDM(long))
+        self.decoders = nn.ModuleDict(
+            {role: seeded(seed, f"{role} decoder", lambda: GaussianDecoder(network, standardisation)) for role in roles}
+        )
+
+    def encode(self, role: str, inputs: Tensor, maps: Tensor, generator: torch.Generator | None = None) -> Tensor:
+        """Latent state-actions (B, T, latent): a draw, or their means."""
+        return halves(self.encoders[role](inputs, maps)).sample(generator)
+
+    def transit(
+        self, latents: Tensor, memory: Memory | None = None, generator: torch.Generator | None = None
+    ) -> tuple[Tensor, Memory]:
+        """Latent state transitions (B, T, latent_transition), a draw or their means, and the memory."""
+        numbers, memory = self.sidm(latents, memory)
+        return halves(numbers).sample(generator), memory
+
+    def predict(
+        self,
+        role: str,
+        inputs: Tensor,
+        maps: Tensor,
+        memory: Memory | None = None,
+        generator: torch.Generator | None = None,
+    ) -> tuple[Gaussian, Memory]:
+        """As `Stochastic.predict`."""
+        transitions, memory = self.transit(self.encode(role, inputs, maps, generator), memory, generator)
+        return self.decoders[role].distribution(transitions), memory  # type: ignore[operator]
+
+    def forward(
+        self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None
+    ) -> tuple[Tensor, Memory]:
+        """Means (B, T, 13) and the memory, as of `DynamicsModel`."""
+        found, memory = self.predict(role, inputs, maps, memory)
+        return found.mean, memory
+
+
+class ConstantSpread:
+    """The deterministic twin with errors that are as large everywhere: a normal distribution about what it predicts.
+
+    Args:
+        model: that predicts.
+        std: (13,) of its errors, raw units.
+    """
+
+    def __init__(self, model: DynamicsModel, std: Tensor) -> None:
+        self.model, self.std = model, std
+
+    def predict(
+        self,
+        role: str,
+        inputs: Tensor,
+        maps: Tensor,
+        memory: Memory | None = None,
+        generator: torch.Generator | None = None,
+    ) -> tuple[Gaussian, Memory]:
+        """As `Stochastic.predict`; there are no latents to draw."""
+        mean, memory = self.model(role, inputs, maps, memory)
+        return Gaussian(mean, self.std.expand_as(mean)), memory

@@ -1,0 +1,83 @@
+"""Training by likelihood beside its twin, on sliding bodies, and what tables and figures make of it."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+
+from sidm.experiments import Study, models
+from sidm.experiments import uncertainty as u
+from sidm.experiments.measure import Library
+from sidm.experiments.provenance import here
+from sidm.experiments.uncertainty_results import coverage_figure, likelihood_lines, loss_figure
+
+
+@pytest.fixture(scope="module")
+def jobs(tiny, data, tmp_path_factory):
+    return u.fits(Study(tiny, data, tmp_path_factory.mktemp("results")), "system1", [0.75], particles=8)
+
+
+def test_every_model_has_its_twin(jobs):
+    assert [(job.trial.method, job.likelihood) for job in jobs] == [
+        ("sidm", True), ("sidm", False), ("novice_only", True), ("novice_only", False)
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("number", [0, 3])
+def test_a_fit_is_judged_and_stored(jobs, data, tmp_path, number):
+    job, store = jobs[number], u.stored(tmp_path)
+    found = u.fit(job, data)
+    assert np.isfinite([found.nll, found.validation_loss]).all() and not found.stale
+    assert 0 <= found.coverage[0] <= found.coverage[1] <= 1
+    assert np.array(found.steps_coverage).shape == (2, 25) and (found.samples > 0) == job.likelihood
+    store.put(found)
+    assert store.get(job).about == job
+
+
+def test_the_twins_spread_is_that_of_its_errors(jobs, data):
+    """On the test split, written out."""
+    twin, sets = models.model_of(jobs[3].trial, data), Library(data).datasets(jobs[3].trial)
+    test = sets.test.take(range(len(sets.test)))
+    with torch.inference_mode():
+        errors = twin("novice", test.inputs, test.maps)[0] - test.targets
+    assert torch.allclose(u.residual_spread(twin, sets), errors.square().mean((0, 1)).sqrt().clamp_min(1e-6), rtol=1e-4)
+
+
+@pytest.fixture
+def made_up(jobs):
+    """Three seeds: the likelihood's models are 2 nats better and cover as they should, the twins too much."""
+    found = []
+    for seed in range(3):
+        for job in jobs:
+            about = dataclasses.replace(job, trial=job.trial.replace(seed=seed))
+            cover = (0.5, 0.9) if job.likelihood else (0.7, 0.95)
+            found.append(
+                u.Fitted(
+                    about=about,
+                    validation_loss=1.0 + 0.1 * seed + job.likelihood,
+                    nll=5.0 + 0.1 * seed - 2 * job.likelihood,
+                    coverage=cover,
+                    steps_coverage=tuple((level,) * 25 for level in cover),
+                    samples=1,
+                    source="",
+                    provenance=here(1.0, 1, False),
+                )
+            )
+    return found
+
+
+def test_lines_compare_with_the_twin_seed_by_seed(made_up):
+    table = {(one.method, one.likelihood): one for one in likelihood_lines(made_up, "system1")}
+    mine, twin = table["sidm", True], table["sidm", False]
+    assert (mine.seeds, mine.coverage) == (3, pytest.approx((0.5, 0.9))) and twin.less is None
+    assert mine.nll == pytest.approx(3.1) and mine.less.value == pytest.approx(-2) and mine.less.high < -1.9
+    assert mine.loss == pytest.approx(2.1) and likelihood_lines(made_up, "system2") == []
+
+
+def test_figures_draw_all(made_up):
+    left, right = coverage_figure(made_up, 0.75, ["system1", "system2"]).axes
+    assert len([line for line in left.get_lines() if len(line.get_ydata()) == 25]) == 8
+    assert right.texts[0].get_text() == "no trials stored"
+    axes = loss_figure(made_up, ["system1"]).axes[0]
+    assert len(axes.get_lines()) == 4 and axes.get_lines()[0].get_ydata()[0] == pytest.approx(2.1)

@@ -1,0 +1,162 @@
+"""Distributions in place of values: against SciPy, against what they were drawn from, and in training."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from scipy import stats
+
+from sidm.learning import DynamicsModel, Standardisation
+from sidm.learning.distributions import LOUDEST, QUIETEST, ConstantSpread, DistributionModel, Gaussian, halves
+from sidm.learning.likelihood import DistributionLearner, mean_nll, train_distributions
+from sidm.learning.particles import covered, one_step, particle_rollout
+from sidm.learning.regularisation import discriminator_iteration, matching_iteration
+from sidm.learning.settings import Training
+
+HERE = torch.tensor([0, 0, 0.2, 0, 0, 0, 1, *[0] * 6], dtype=torch.float64)
+
+
+@pytest.fixture
+def model(small_network):
+    return DistributionModel(small_network, seed=1).eval()
+
+
+def test_likelihood_is_scipys(generator):
+    mean, std, values = torch.randn(5, 13), torch.rand(5, 13) + 0.1, torch.randn(5, 13)
+    expected = -stats.norm.logpdf(values.numpy(), mean.numpy(), std.numpy()).sum(-1)
+    assert Gaussian(mean, std).nll(values).numpy() == pytest.approx(expected, rel=1e-5)
+
+
+def test_draws_have_the_mean_and_spread_and_pass_gradients_on(generator):
+    mean, std = torch.full((20000,), 2.0, requires_grad=True), torch.full((20000,), 0.5, requires_grad=True)
+    drawn = Gaussian(mean, std).sample(generator)
+    assert drawn.mean().item() == pytest.approx(2, abs=0.02) and drawn.std().item() == pytest.approx(0.5, abs=0.02)
+    drawn.sum().backward()
+    assert torch.equal(mean.grad, torch.ones(20000)) and float(std.grad.mean()) == pytest.approx(0, abs=0.03)
+    assert Gaussian(mean, std).sample(None) is mean
+
+
+def test_a_layer_gives_means_and_bounded_spreads():
+    found = halves(torch.tensor([1.0, -2.0, 0.0, 1e9]), offset=0.0)
+    assert found.mean.tolist() == [1, -2] and found.std.tolist() == pytest.approx([1, math.exp(LOUDEST)])
+    assert halves(torch.tensor([0.0, -1e9])).std.tolist() == pytest.approx([math.exp(QUIETEST)])
+
+
+def test_without_a_generator_a_prediction_is_repeated(model, make_motion, generator):
+    motion = make_motion(2)
+    first, memory = model("novice", motion.inputs, motion.maps)
+    found, _ = model.predict("novice", motion.inputs, motion.maps)
+    assert torch.equal(first, found.mean) and first.shape == (2, 6, 13) and memory[0].shape[1] == 2
+    drawn, _ = model.predict("novice", motion.inputs, motion.maps, None, generator)
+    assert not torch.equal(drawn.mean, found.mean) and (drawn.std > 0).all()
+
+
+def test_units_are_those_of_the_data(small_network, make_motion):
+    """A decoder's spread grows with the units of its targets."""
+    motion = make_motion(4)
+    wide = Standardisation.none()._replace(target_std=torch.full((13,), 100.0))
+    plain, scaled = (DistributionModel(small_network, units, seed=1) for units in (None, wide))
+    one, hundred = (m.predict("novice", motion.inputs, motion.maps)[0] for m in (plain, scaled))
+    assert torch.allclose(hundred.std, 100 * one.std)
+
+
+def test_training_finds_how_noisy_the_data_are(small_network, make_motion, datasets):
+    """Targets with noise of 0.3 in one component and 0.03 in another; the same run twice is the same."""
+    noisy = []
+    for number, motion in enumerate((datasets.train, datasets.test)):
+        noise = torch.randn(motion.targets.shape, generator=torch.Generator().manual_seed(number))
+        scale = torch.full((13,), 0.1)
+        scale[0], scale[1] = 0.3, 0.03
+        noisy.append(type(motion)(motion.inputs, noise * scale, motion.maps))
+    sets = datasets._replace(train=noisy[0], test=noisy[1])
+    training = Training(
+        p_expert=0.0, regularise=False, batch=6, prediction_iterations=20, test_interval=10, max_samples=36 * 300,
+        learning_rate=3e-3,
+    )  # fmt: skip
+    runs = [train_distributions(sets, small_network, training, 0, Standardisation.none()) for _ in range(2)]
+    tests = [test.test_loss for test in runs[0].history]
+    assert min(tests) < tests[0] - 1 and runs[0].history == runs[1].history
+    found, _ = runs[0].model.predict("novice", noisy[1].inputs, noisy[1].maps)
+    first, second = found.std.mean((0, 1))[:2].tolist()
+    assert 0.15 < first < 0.5 and second < 0.5 * first
+    assert mean_nll(runs[0].model, noisy[1]) == pytest.approx(min(tests), abs=1.0)
+
+
+def test_algorithm_2_changes_who_it_should(datasets, small_network, small_training):
+    learner = DistributionLearner(datasets, small_network, small_training, 0, Standardisation.none())
+    parts = {"A": learner.discriminator, "E_n": learner.model.encoders["novice"], "SIDM": learner.model.sidm}
+
+    def weights() -> dict[str, torch.Tensor]:
+        return {name: torch.cat([w.detach().flatten() for w in part.parameters()]) for name, part in parts.items()}
+
+    for work, whom in ((discriminator_iteration, "A"), (matching_iteration, "E_n")):
+        before = weights()
+        work(learner)
+        assert [name for name, now in weights().items() if not torch.equal(now, before[name])] == [whom]
+
+
+def test_the_whole_method_trains(datasets, small_network, small_training):
+    """Both algorithms, with data of both systems; what is returned is the best by test likelihood."""
+    trained = train_distributions(datasets, small_network, small_training, 0, Standardisation.none())
+    assert trained.iterations == 12 and len(trained.history) == 3
+    assert trained.history[-1].discriminator_accuracy is not None
+    assert mean_nll(trained.model, datasets.test) == pytest.approx(min(t.test_loss for t in trained.history), rel=0.2)
+
+
+class Known:
+    """Predicts a normal distribution about 0."""
+
+    def __init__(self, std: float) -> None:
+        self.std = std
+
+    def predict(self, role, inputs, maps, memory, generator):
+        shape = (*inputs.shape[:2], 13)
+        return Gaussian(torch.zeros(shape), torch.full(shape, self.std)), memory
+
+
+@pytest.mark.parametrize(("said", "half", "most"), [(1.0, 0.5, 0.9), (2.0, 0.8227, 0.9990), (0.5, 0.2641, 0.5890)])
+def test_coverage_is_that_of_the_normal_distribution(make_motion, generator, said, half, most):
+    """Standard normal targets, and a model that says so, twice as much, and half."""
+    motion = make_motion(40)
+    motion = type(motion)(motion.inputs, torch.randn(40, 6, 13, generator=generator), motion.maps)
+    found = one_step(Known(said), motion, generator)
+    assert found.coverage == pytest.approx((half, most), abs=0.03)
+    expected = -stats.norm.logpdf(motion.targets.numpy(), 0, said).sum(-1).mean()
+    assert found.nll == pytest.approx(expected, rel=1e-4)
+
+
+def test_the_twin_is_as_unsure_everywhere(small_network, make_motion, generator):
+    twin, motion = DynamicsModel(small_network).eval(), make_motion(2)
+    spread = ConstantSpread(twin, torch.full((13,), 0.2))
+    found, _ = spread.predict("novice", motion.inputs, motion.maps, None, generator)
+    assert torch.equal(found.mean, twin("novice", motion.inputs, motion.maps)[0]) and (found.std == 0.2).all()
+
+
+def test_particles_spread_and_cover_one_of_theirs(model, small_network):
+    """They start together and part; a path of the same model lies within their intervals as often as it should."""
+    heights, actions = torch.zeros(61, 61, dtype=torch.float64), torch.zeros(8, 2)
+    inside = []
+    for seed in range(30):
+        drawn = torch.Generator().manual_seed(seed)
+        paths = particle_rollout(model, heights, HERE, actions, small_network.pixels, 40, drawn)
+        assert paths.shape == (40, 9, 13) and torch.equal(paths[:, 0], HERE.expand(40, -1))
+        inside.append(covered(paths[1:], paths[0]))
+    spread = paths[:, :, 0].std(0)
+    assert spread[0] == 0 and spread[1] > 0
+    half, most = torch.stack(inside).double().mean((0, 2, 3)).tolist()
+    assert half == pytest.approx(0.5, abs=0.1) and most == pytest.approx(0.88, abs=0.07)
+
+
+def test_intervals_are_seen_from_the_start():
+    """Ten particles that drove 0 to 0.9 m towards y, from a start that heads there: forward; nobody moved sideways."""
+    start = HERE.clone()
+    start[3:7] = torch.tensor([0, 0, math.sin(math.pi / 4), math.cos(math.pi / 4)])
+    paths = start.repeat(10, 2, 1)
+    paths[:, 1, 1] = torch.arange(10) / 10
+    for y, expected in ((0.45, [True, True]), (0.1, [False, True]), (1.2, [False, False])):
+        actual = start.repeat(2, 1)
+        actual[1, 1] = y
+        forward, _, _ = covered(paths, actual)[:, 0].T.tolist()
+        assert forward == expected
+    assert np.isfinite(paths.numpy()).all()
