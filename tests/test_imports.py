@@ -32,6 +32,7 @@ LEARNING = [
     "seeds", "settings", "precision", "observation", "dataset", "recorded", "mirror", "losses", "initialisation",
     "networks", "model", "evaluation", "weights", "stopping", "checkpoint", "learner", "regularisation", "training",
     "pretraining", "residual", "bundle", "planning", "distributions", "likelihood", "particles",
+    "several",
 ]  # fmt: skip
 
 PYBULLET = {"pybullet", "pybullet_data", "pybullet_utils"}

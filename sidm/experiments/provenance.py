@@ -34,6 +34,7 @@ WINGS = {
     "elsewhere": (*_ALONE, "sidm.experiments.elsewhere"),
     "driving": (*_ALONE, "sidm.experiments.driving"),
     "uncertainty": (*_ALONE, "sidm.experiments.uncertainty"),
+    "experts": (*_ALONE, "sidm.experiments.experts", "sidm.experiments.family"),
     "simulation": ("sidm.simulation.collect",),
 }
 

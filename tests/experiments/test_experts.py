@@ -1,0 +1,103 @@
+"""Several experts: the family, its motion, and novices learnt with their SIDM."""
+
+import dataclasses
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from sidm.experiments import Study, family
+from sidm.experiments import experts as x
+from sidm.experiments.experts_results import experts_figure, needed_lines
+from sidm.experiments.family import LINEAR, LOGARITHMIC, collect_members, collection, member, member_trajectories
+from sidm.experiments.provenance import here
+from sidm.systems import ROLES, SYSTEMS
+from sidm.trajectory import STEPS
+from tests.experiments.conftest import write_motion
+
+
+def test_the_family_spans_the_papers_robots():
+    """Each within the ranges, which hold all four, and no two alike."""
+    robots = [dataclasses.asdict(member(number)) for number in range(50)]
+    paper = [dataclasses.asdict(system.robot(role)) for system in SYSTEMS.values() for role in ROLES]
+    for name, (low, high) in (LOGARITHMIC | LINEAR).items():
+        values = [robot[name] for robot in robots]
+        assert low <= min(values) < low + 0.3 * (high - low) and max(values) <= high and len(set(values)) > 40
+        assert all(low <= robot[name] <= high for robot in paper)
+    assert member(3) == member(3)
+
+
+def test_a_members_motion_is_collected_once(tmp_path):
+    """One shard of the strangest first robot."""
+    with ThreadPoolExecutor(1) as executor:
+        collect_members("system1", "held", {0: 1}, tmp_path, executor, progress=False)
+    (found,) = member_trajectories("system1", 0, "held", 1, tmp_path)
+    assert found.states.shape == (STEPS + 1, 13) and np.isfinite(found.states).all()
+    collect_members("system1", "held", {0: 4}, tmp_path, None, progress=False)  # nothing is left to do
+    family._simulator.cache_clear()
+
+
+@pytest.fixture(scope="module")
+def jobs(tiny, data, tmp_path_factory):
+    study = Study(tiny, data, tmp_path_factory.mktemp("results"))
+    found = x.pretrainings(study, "system1", [1, 2], [0.25, 0.75])
+    for number, count in x.members_needed(found).items():
+        own = collection("system1", number, tiny.policy)
+        write_motion(data, dataclasses.replace(tiny.datasets("system1")["expert"], collection=own, count=count))
+    return found
+
+
+def test_all_experts_together_have_the_minutes_of_one(jobs, tiny):
+    assert [job.experts for job in jobs] == [1, 2] and {job.experts * job.minutes_each for job in jobs} == {1.0}
+    assert x.members_needed(jobs) == {0: tiny.datasets("system1")["expert"].count // 2}
+    assert all(job.fresh.frozen == "sidm" for job in jobs)
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_novices_are_learnt_every_way_and_stored(jobs, data, tmp_path, number):
+    job, store = jobs[number], x.stored(tmp_path)
+    found = x.pretrain(job, data)
+    assert np.array(found.validation_loss).shape == np.array(found.samples).shape == (3, 2) and not found.stale
+    assert set(found.nearest) <= {"expert", "member0"} and len(found.before) == 2
+    store.put(found)
+    assert store.get(job).about == job
+
+
+@pytest.fixture
+def made_up(jobs):
+    """Two experts need half the data of one, whatever the way; loss 4 / data."""
+    found = []
+    for seed in range(3):
+        for job in jobs:
+            about = dataclasses.replace(job, trial=job.trial.replace(seed=seed), sizes=(1.0, 5.0, 20.0))
+            losses = tuple((4 + 0.1 * seed) / (minutes * job.experts) for minutes in about.sizes)
+            found.append(
+                x.Pretrained(
+                    about=about,
+                    nearest=("expert",) * 3,
+                    before=(9.0,) * 3,
+                    validation_loss=(losses,) * 3,
+                    samples=((1000.0,) * 3,) * 3,
+                    seconds=((60.0,) * 3,) * 3,
+                    experts_samples=5000,
+                    experts_loss=1.0,
+                    source="",
+                    provenance=here(1.0, 1, False),
+                )
+            )
+    return found
+
+
+def test_lines_compare_with_the_single_expert(made_up):
+    table = {(one.experts, one.way, one.minutes): one for one in needed_lines(made_up)}
+    assert len(table) == 2 * 3 * 3
+    two = table[2, "parts", 5.0]
+    assert two.seeds == 3 and two.saving.ratio.value == pytest.approx(2) and two.ratio.value == pytest.approx(0.5)
+    assert two.compute_minutes == 1 and two.samples == 1000 and table[1, "parts", 5.0].saving is None
+
+
+def test_the_figure_has_a_plot_for_each_way(made_up):
+    axes = experts_figure(made_up).axes
+    assert [one.get_title(loc="left") for one in axes] == list(x.WAYS.values())
+    assert [line.get_label() for line in axes[0].get_lines()] == ["1 expert", "2 experts"]
+    assert experts_figure([]).axes[0].texts[0].get_text() == "no trials stored"
