@@ -111,6 +111,24 @@ def _deviation(rows: Sequence[Row], minutes: float) -> Claim:
     return Claim(claim, "less (Figure 4)", *_judged(ours, found, losses, verdict(found, 0.0)))
 
 
+def difference_claim(claim: str, paper: str, pairs: np.ndarray, unit: str = "") -> Claim:
+    """A claim that the first of paired values (S, 2) is the smaller: by how much, the mean over the pairs.
+
+    Args:
+        claim: in words.
+        paper: what the paper says of it.
+        pairs: values of the method and of its comparison, a seed or an episode a line.
+        unit: of the values.
+    """
+    if not len(pairs):
+        return Claim(claim, paper, "not run", NO_VERDICT)
+    if len(pairs) < FEWEST_SEEDS:
+        return Claim(claim, paper, f"by {(pairs[:, 1] - pairs[:, 0]).mean():.3g}{unit} ({len(pairs)} only)", NO_VERDICT)
+    found = interval(lambda some: float((some[:, 1] - some[:, 0]).mean()), pairs)
+    ours = f"by {found.value:.3g}{unit} [{found.low:.3g}, {found.high:.3g}]"
+    return Claim(claim, paper, ours, verdict(found, 0.0), found)
+
+
 def _judged(ours: str, found: Interval | None, losses: Losses, said: str) -> tuple[str, str, Interval | None]:
     """The last columns of a claim; fewer than FEWEST_SEEDS make no interval and give no verdict."""
     seeds = len(losses.values)

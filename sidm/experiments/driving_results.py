@@ -13,8 +13,10 @@ from matplotlib.figure import Figure
 from scipy.stats import binomtest
 
 from sidm.experiments.animation import film
+from sidm.experiments.claims import Claim, difference_claim
 from sidm.experiments.drawing import METHOD_STYLES, finish, half_width, lay_ground, side_by_side, styled
 from sidm.experiments.driving import ARRIVED, KEPT, Drive, Driven, episode
+from sidm.experiments.methods import COMPARED
 from sidm.experiments.statistics import Interval
 from sidm.systems import SYSTEMS
 
@@ -56,6 +58,23 @@ def score(found: Driven) -> Score:
     ends = Counter(end for end in found.ended if end != "arrived")
     arrived = Interval(count / total, shares.low, shares.high)
     return Score(found.about, total, arrived, seconds, detour, dict(ends), found.plans_per_second)
+
+
+def claims(found: Sequence[Driven], system: str) -> list[Claim]:
+    """Whether a model with SIDM drives to more goals than one without, of the same data, over the same episodes."""
+    models = {
+        (one.about.trial.method, one.about.trial.novice_minutes): np.array(one.ended) != "arrived"
+        for one in found
+        if one.about.system == system and one.about.trial is not None
+    }
+    table = []
+    for minutes in sorted({size for _, size in models}):
+        sides = [models.get((method, minutes)) for method in COMPARED]
+        known = [side for side in sides if side is not None]
+        pairs = np.stack(known, axis=1).astype(float) if len(known) == 2 else np.zeros((0, 2))
+        words = f"{system}: a smaller share of goals missed with the SIDM's model than without, at {minutes:g} min"
+        table.append(difference_claim(words, "not measured", pairs))
+    return table
 
 
 @styled

@@ -8,10 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
+from sidm.experiments.claims import NO_VERDICT, Claim, difference_claim
 from sidm.experiments.drawing import LOSS_LABEL, SIZE_STYLES, finish, side_by_side, styled
 from sidm.experiments.experts import WAYS, Pretrained
 from sidm.experiments.savings import Saving, savings_between
 from sidm.experiments.statistics import Interval, ratio_of_means
+
+PAPER = "'may lead to a more accurate' one"
 
 
 class Line(NamedTuple):
@@ -59,6 +62,22 @@ def needed_lines(found: Sequence[Pretrained]) -> list[Line]:
                 numbers = float(loss[k]), ratios[k], saved[k], float(samples[k]), float(seconds[k]) / 60
                 lines.append(Line(count, way, minutes, len(mine), *numbers))
     return lines
+
+
+def claims(found: Sequence[Pretrained]) -> list[Claim]:
+    """Whether the SIDM of most experts gives a smaller loss than that of one, by way and size of the novice's data."""
+    most = max((one.about.experts for one in found), default=0)
+    if most < 2:
+        return [Claim("a smaller loss with several experts' SIDM than with one's", PAPER, "not run", NO_VERDICT)]
+    many, single = _by_seed(found, most), _by_seed(found, 1)
+    system, table = found[0].about.trial.system, []
+    for number, words in enumerate(WAYS.values()):
+        for size, minutes in enumerate(found[0].about.sizes):
+            common = sorted(many.keys() & single.keys())
+            losses = [[side[seed].validation_loss[number][size] for side in (many, single)] for seed in common]
+            claim = f"{system}: a smaller loss with {most} experts' SIDM than with one's, {words}, at {minutes:g} min"
+            table.append(difference_claim(claim, PAPER, np.array(losses).reshape(-1, 2)))
+    return table
 
 
 @styled

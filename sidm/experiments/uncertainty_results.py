@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
+from sidm.experiments.claims import Claim, difference_claim
 from sidm.experiments.drawing import CONTROL_STEP, LOSS_LABEL, METHOD_STYLES, finish, side_by_side, styled
 from sidm.experiments.methods import COMPARED
 from sidm.experiments.statistics import Interval, interval
@@ -70,6 +71,18 @@ def _line(
     coverage = tuple(np.mean([one.coverage for one in some], axis=0).tolist())
     last = tuple(np.mean([[level[-1] for level in one.steps_coverage] for one in some], axis=0).tolist())
     return Line(system, method, likelihood, minutes, len(some), loss, nll, less, coverage, last)
+
+
+def claims(found: Sequence[Fitted], system: str) -> list[Claim]:
+    """Whether a transition is likelier under distributions than under the twin, at each size with SIDM."""
+    mine = [one for one in found if one.about.trial.system == system]
+    table = []
+    for minutes in sorted({one.about.trial.novice_minutes for one in mine}):
+        by, twin = (_seeds(mine, "sidm", minutes, way) for way in (True, False))
+        pairs = np.array([(by[seed].nll, twin[seed].nll) for seed in sorted(by.keys() & twin.keys())]).reshape(-1, 2)
+        words = f"{system}: a smaller negative log-likelihood by distributions than the twin's, SIDM at {minutes:g} min"
+        table.append(difference_claim(words, "an alternative (section 3.2)", pairs, " nats"))
+    return table
 
 
 def _look(method: str, likelihood: bool) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import torch
 
 from sidm.experiments import Study, models
 from sidm.experiments import driving as d
-from sidm.experiments.driving_results import arrivals_figure, driving_film, label, paths_figure, score
+from sidm.experiments.driving_results import arrivals_figure, claims, driving_film, label, paths_figure, score
 from sidm.experiments.provenance import here
 from sidm.learning.planning import Planning
 from sidm.simulation import Simulator
@@ -114,6 +114,12 @@ def test_scores_are_shares_and_medians(made_up):
     assert best.arrived.value == 0.9 and 0.59 < best.arrived.low < 0.61 and 0.98 < best.arrived.high < 0.99  # Wilson's
     assert best.seconds == 4 and best.detour == pytest.approx(1.1) and best.ends == {"stuck": 1}
     assert floor.arrived.value == 0 and np.isnan(floor.seconds) and floor.ends == {"stuck": 10}
+
+
+def test_claims_go_by_the_same_episodes(made_up):
+    """Two goals more of ten, at both sizes."""
+    table = claims(made_up, "system1")
+    assert [claim.interval.value for claim in table] == pytest.approx([0.2, 0.2]) and claims(made_up, "system2") == []
 
 
 def test_figures_draw_all_drivers(made_up):

@@ -8,7 +8,7 @@ import pytest
 
 from sidm.experiments import Study, family
 from sidm.experiments import experts as x
-from sidm.experiments.experts_results import experts_figure, needed_lines
+from sidm.experiments.experts_results import claims, experts_figure, needed_lines
 from sidm.experiments.family import LINEAR, LOGARITHMIC, collect_members, collection, member, member_trajectories
 from sidm.experiments.provenance import here
 from sidm.systems import ROLES, SYSTEMS
@@ -94,6 +94,12 @@ def test_lines_compare_with_the_single_expert(made_up):
     two = table[2, "parts", 5.0]
     assert two.seeds == 3 and two.saving.ratio.value == pytest.approx(2) and two.ratio.value == pytest.approx(0.5)
     assert two.compute_minutes == 1 and two.samples == 1000 and table[1, "parts", 5.0].saving is None
+
+
+def test_the_claims_are_of_most_experts_and_one(made_up):
+    table = claims(made_up)
+    assert len(table) == 9 and {claim.verdict for claim in table} == {"In the same direction"}
+    assert table[0].interval.value == pytest.approx(4.1 / 2) and claims(made_up[:1])[0].ours == "not run"
 
 
 def test_the_figure_has_a_plot_for_each_way(made_up):

@@ -10,7 +10,7 @@ from sidm.experiments import Study, models
 from sidm.experiments import uncertainty as u
 from sidm.experiments.measure import Library
 from sidm.experiments.provenance import here
-from sidm.experiments.uncertainty_results import coverage_figure, likelihood_lines, loss_figure
+from sidm.experiments.uncertainty_results import claims, coverage_figure, likelihood_lines, loss_figure
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +73,12 @@ def test_lines_compare_with_the_twin_seed_by_seed(made_up):
     assert (mine.seeds, mine.coverage) == (3, pytest.approx((0.5, 0.9))) and twin.less is None
     assert mine.nll == pytest.approx(3.1) and mine.less.value == pytest.approx(-2) and mine.less.high < -1.9
     assert mine.loss == pytest.approx(2.1) and likelihood_lines(made_up, "system2") == []
+
+
+def test_the_claim_is_of_the_pairs(made_up):
+    (claim,) = claims(made_up, "system1")
+    assert claim.interval == pytest.approx((2, 2, 2)) and "nats" in claim.ours
+    assert claim.verdict == "In the same direction"
 
 
 def test_figures_draw_all(made_up):
