@@ -1,4 +1,4 @@
-"""The command line: python -m sidm collect | train | run | show | confirm | notebook.
+"""The command line: python -m sidm collect | train | run | study | show | confirm | notebook.
 
 Exit status: 0; 1 when something failed or is still missing; 2 for arguments that cannot be used.
 """
@@ -10,12 +10,14 @@ import contextlib
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor
+from pathlib import Path
 from typing import Any
 
 import yaml
 
 from sidm import __version__, notebook
 from sidm.config import ConfigError
+from sidm.recordings import RecordingError
 from sidm.systems import SYSTEMS
 from sidm.trajectory import ShardError
 
@@ -24,7 +26,7 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
     parser = notebook.Parser(prog="python -m sidm", description=(__doc__ or "").split("\n\n")[1])
     parser.add_argument("--version", action="version", version=__version__)
-    commands = parser.add_subparsers(metavar="collect | train | run | show | confirm | notebook", required=True)
+    commands = parser.add_subparsers(metavar="collect | train | run | study | show | confirm | notebook", required=True)
 
     def command(name: str, work: Callable[[argparse.Namespace], int], help: str) -> argparse.ArgumentParser:
         made = commands.add_parser(name, help=help, description=help)
@@ -61,6 +63,12 @@ def build_parser() -> argparse.ArgumentParser:
         words = "where to compute, cpu or cuda (%(default)s)"
         trainer.add_argument("--device", type=_device, default="cpu", help=words)
         trainer.add_argument("--log", metavar="DIR", help="write TensorBoard event files there, to watch it learn")
+
+    study = command("study", run_study, "Simulate, train and measure what a study beyond the trials lacks.")
+    study.add_argument("name", metavar="NAME", help="elsewhere, driving, uncertainty or experts")
+    _add_preset(study)
+    _add_system(study)
+    _add_workers(study)
 
     show = command("show", run_show, "List what is stored, stale (made by older code) and missing.")
     _add_preset(show)
@@ -239,6 +247,21 @@ def run_run(arguments: argparse.Namespace) -> int:
     return 1 if missing else 0
 
 
+def run_study(arguments: argparse.Namespace) -> int:
+    """`study`: 1 when results are missing at the end."""
+    from sidm.experiments.studies import find_study, run_study
+    from sidm.pool import local_pool
+
+    preset, systems = _preset(arguments), [arguments.system] if arguments.system else list(SYSTEMS)
+    find_study(arguments.name)
+    with local_pool(arguments.workers) as pool:
+        have, wanted = run_study(
+            arguments.name, preset, systems, pool, Path(arguments.data), Path(arguments.results)
+        )
+    print(f"{have} of {wanted} results stored")
+    return 0 if have == wanted else 1
+
+
 def run_show(arguments: argparse.Namespace) -> int:
     """`show`: a line a point, then 'missing: N'."""
     from sidm.experiments import Results, Study
@@ -288,7 +311,7 @@ def main(words: Sequence[str] | None = None) -> int:
         return _fail("a worker was killed (out of memory?); the same command goes on where this one was", 1)
     except KeyboardInterrupt:
         return _fail("stopped; the same command goes on where this one was", 1)
-    except (ShardError, OSError, ImportError, RuntimeError) as error:
+    except (ShardError, RecordingError, OSError, ImportError, RuntimeError) as error:
         return _fail(error, 1)
 
 

@@ -68,11 +68,16 @@ def note_digest(dataset: Dataset, trajectories: Sequence[Trajectory], data: str 
     return found
 
 
+def note_committed(dataset: Dataset, found: str, results: str | Path = "results") -> None:
+    """Write the digest of a dataset into the results' `datasets/`."""
+    _note(_committed(dataset, results), found)
+
+
 def note_datasets(trials: Iterable[Trial], results: str | Path = "results") -> None:
     """Write the digests that `trials` name into the results' `datasets/`."""
     entries = {dataset: trial.digests[kind] for trial in trials for kind, dataset in trial.datasets.items()}
     for dataset, found in entries.items():
-        _note(_committed(dataset, results), found)
+        note_committed(dataset, found, results)
 
 
 def load_dataset(dataset: Dataset, wanted: str, data: str | Path = "data") -> list[Trajectory]:

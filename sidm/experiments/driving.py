@@ -1,11 +1,10 @@
 """Driving to a goal over unseen ground: planned on a learned model, on the simulator itself, or straight ahead.
 
-`python -m sidm.experiments.driving` drives what is not stored and stores it in results/driving.
+`python -m sidm study driving` makes what is not stored of it in results/driving.
 """
 
 from __future__ import annotations
 
-import argparse
 import functools
 import time
 from collections.abc import Callable, Iterable
@@ -16,20 +15,18 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidm.config import config
+from sidm.config import ConfigError, config
 from sidm.experiments.drawing import CONTROL_STEP
-from sidm.experiments.measure import THREADS, one_thread
+from sidm.experiments.measure import one_thread
 from sidm.experiments.methods import COMPARED
 from sidm.experiments.models import model_of
-from sidm.experiments.presets import PRESETS, load_preset
-from sidm.experiments.provenance import Provenance, here, source_hash
-from sidm.experiments.records import Records
+from sidm.experiments.provenance import Provenance, source_hash
+from sidm.experiments.records import Making, Records
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
 from sidm.learning.model import DynamicsModel
 from sidm.learning.planning import Dreamer, Planner, Planning, straight
-from sidm.pool import local_pool
-from sidm.systems import SYSTEMS, find_system
+from sidm.systems import find_system
 from sidm.terrain import generate_terrain
 from sidm.trajectory import POSITION
 
@@ -39,24 +36,26 @@ GOAL_SEED = 4  # apart from the seeds of all data
 NEAREST, FARTHEST = 5.0, 8.0  # of a goal from the start, m
 ARRIVED = 0.5  # m from the goal
 LONGEST = 20.0  # s of an episode
-KEPT = 4  # episodes whose paths are stored
+KEPT = 4  # the first episodes, whose paths are stored
 
 Driver = Literal["model", "simulator", "straight"]
-
-#: For the simulator, whose every step costs a thousand times a model's: some hundred steps a plan, a plan every 0.3 s.
-IN_SIMULATION = Planning(samples=24, replan=3)
 
 
 @config
 class Drive:
-    """A number of episodes with one driver."""
+    """Episodes with one driver."""
 
     system: str
     driver: Driver
     trial: Trial | None  # that the model is of; None for the other drivers
     planning: Planning | None  # None for the driver who does not plan
-    episodes: int
+    episodes: tuple[int, ...]  # by their numbers
     longest: float  # s of an episode
+
+    def __post_init__(self) -> None:
+        """Refuse a drive without an episode."""
+        if not self.episodes or min(self.episodes) < 0:
+            raise ConfigError(f"Drive.episodes must be numbers from 0 on, not {self.episodes}")
 
 
 @config
@@ -70,8 +69,7 @@ class Driven:
     away: tuple[float, ...]  # (E,) m, from the goal at the start
     left: tuple[float, ...]  # (E,) m, from the goal at the end
     plans_per_second: float  # median of single plans, on one thread; 0 where none is made
-    paths: tuple[tuple[tuple[float, float], ...], ...]  # of the first KEPT episodes: x and y, m, at each control step
-    goals: tuple[tuple[float, float], ...]  # of the same
+    paths: tuple[tuple[tuple[float, float], ...], ...]  # of the episodes below KEPT: x and y, m, at each control step
     source: str  # hash of the code
     provenance: Provenance
 
@@ -106,14 +104,26 @@ def drives(
     simulated: int = EPISODES_SIMULATED,
     longest: float = LONGEST,
 ) -> list[Drive]:
-    """All that are compared on a system; `simulated` are the episodes of the planner in the simulator."""
+    """All that are compared on a system.
 
-    def one(driver: Driver, planning: Planning | None, count: int, trial: Trial | None = None) -> Drive:
-        return Drive(system=system, driver=driver, trial=trial, planning=planning, episodes=count, longest=longest)
+    Args:
+        study: whose models; those of a method and size, one a seed, share the episodes out among them.
+        system: whose novice and ground.
+        sizes: of the models' data, min.
+        episodes: of a method and size, and of the straight driver.
+        simulated: of the planner in the simulator, the first of the same.
+        longest: s of an episode.
+    """
 
-    trials = [study.trial(system, method, minutes) for minutes in sizes for method in COMPARED]
-    models = [one("model", Planning(), episodes, trial) for trial in trials]
-    return [*models, one("straight", None, episodes), one("simulator", IN_SIMULATION, simulated)]
+    def one(driver: Driver, planning: Planning | None, numbers: Iterable[int], trial: Trial | None = None) -> Drive:
+        return Drive(
+            system=system, driver=driver, trial=trial, planning=planning, episodes=tuple(numbers), longest=longest
+        )
+
+    trials = study.points(system, COMPARED, sizes)
+    seeds = study.preset.seeds
+    models = [one("model", Planning(), range(t.seed, episodes, seeds), t) for t in trials if t.seed < episodes]
+    return [*models, one("straight", None, range(episodes)), one("simulator", Planning(), range(simulated))]
 
 
 Act = Callable[[np.ndarray], np.ndarray]  # what a driver does in a state (13,): an action (2,)
@@ -124,12 +134,12 @@ def drive(about: Drive, data: str | Path = "data") -> Driven:
     from sidm.simulation import Simulator
     from sidm.simulation.collect import EpisodeRules
 
-    begun, system = time.perf_counter(), find_system(about.system)
+    making, system = Making("driving"), find_system(about.system)
     pace: list[float] = []
     found: list[tuple[str, np.ndarray, np.ndarray]] = []
     with one_thread():
         model = model_of(about.trial, data) if about.trial else None
-        for number in range(about.episodes):
+        for number in about.episodes:
             one = episode(about.system, number)
             with Simulator(system.novice, one.heights, system.physics) as simulator:
                 act = _driver(about, model, simulator, one, number, pace)
@@ -145,10 +155,12 @@ def drive(about: Drive, data: str | Path = "data") -> Driven:
         away=tuple(float(np.linalg.norm(goal)) for _, _, goal in found),
         left=tuple(left),
         plans_per_second=float(1 / np.median(pace)) if pace else 0.0,
-        paths=tuple(tuple((x, y) for x, y in path.tolist()) for _, path, _ in found[:KEPT]),
-        goals=tuple((float(goal[0]), float(goal[1])) for _, _, goal in found[:KEPT]),
-        source=source_hash("driving"),
-        provenance=here(time.perf_counter() - begun, THREADS, False),
+        paths=tuple(
+            tuple((x, y) for x, y in path.tolist())
+            for number, (_, path, _) in zip(about.episodes, found, strict=True)
+            if number < KEPT
+        ),
+        **making.done(),
     )
 
 
@@ -209,23 +221,4 @@ def _simulate(simulator: Any, actions: Tensor) -> Tensor:
 
 def stored(results: str | Path = "results") -> Records[Driven]:
     """Where the results are kept."""
-    return Records(Driven, Path(results) / "driving", "python -m sidm.experiments.driving")
-
-
-def main() -> None:
-    """Drive what is missing of a preset."""
-    parser = argparse.ArgumentParser(description="Drive to goals, planned on learned models.")
-    parser.add_argument("--preset", choices=PRESETS, default="laptop", help="whose models (%(default)s)")
-    parser.add_argument("--system", choices=SYSTEMS, help="only this one; both unless given")
-    parser.add_argument("--data", type=Path, default=Path("data"), help="trajectories and models (%(default)s)")
-    parser.add_argument("--results", type=Path, default=Path("results"), help="the results store (%(default)s)")
-    parser.add_argument("--workers", type=int, default=2, help="processes of one thread each (%(default)s)")
-    given = parser.parse_args()
-    study = Study(load_preset(given.preset), given.data, given.results)
-    jobs = [job for system in SYSTEMS if given.system in (None, system) for job in drives(study, system)]
-    with local_pool(given.workers) as pool:
-        stored(given.results).run(jobs, functools.partial(drive, data=given.data.absolute()), pool, "driver")
-
-
-if __name__ == "__main__":
-    main()
+    return Records(Driven, Path(results) / "driving", "python -m sidm study driving")

@@ -1,14 +1,11 @@
 """A target from elsewhere: recorded motion is the novice, this package's simulator the cheap expert.
 
-`python -m sidm.experiments.elsewhere` trains what is missing and stores it in results/elsewhere.
+`python -m sidm study elsewhere` makes what is not stored of it in results/elsewhere.
 """
 
 from __future__ import annotations
 
-import argparse
-import functools
 import hashlib
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -18,11 +15,10 @@ from torch import Tensor
 
 from sidm.config import config
 from sidm.experiments.datasets import load_dataset
-from sidm.experiments.measure import ROLLOUT_STEPS, THREADS, one_thread
+from sidm.experiments.measure import ROLLOUT_STEPS, one_thread
 from sidm.experiments.methods import METHODS, change
-from sidm.experiments.presets import PRESETS, load_preset
-from sidm.experiments.provenance import Provenance, here, source_hash
-from sidm.experiments.records import Records
+from sidm.experiments.provenance import Provenance, source_hash
+from sidm.experiments.records import Making, Records
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Dataset
 from sidm.learning.dataset import Datasets, Motion, Standardisation, load_motion, novice_split
@@ -33,9 +29,8 @@ from sidm.learning.pretraining import expert_in_place, start_from
 from sidm.learning.recorded import Pieces, apart_by_ground, cut, recorded_motion
 from sidm.learning.settings import Training
 from sidm.learning.training import train
-from sidm.pool import local_pool
-from sidm.recordings import read_recordings
-from sidm.systems import SYSTEMS, find_system
+from sidm.recordings import RecordingError, read_recordings
+from sidm.systems import find_system
 
 SIZES = (1.0, 2.0, 5.0)  # of the recorded novice, train and test together, min
 HELD_OUT = 8  # of the 25 grounds, whose recordings judge and nothing else
@@ -101,7 +96,7 @@ def transfers(
 ) -> list[Transfer]:
     """All trainings of a system, those of a seed side by side; `sizes` are minutes of recorded data."""
     preset, sets, digests = study.preset, study.preset.datasets(system), study.digests(system)
-    recorded = hashlib.sha256(recordings_of(system, recordings).read_bytes()).hexdigest()[:16]
+    recorded = _checksum(recordings_of(system, recordings))
     found = []
     for seed in range(preset.seeds):
         for method, proxy in METHODS_HERE:
@@ -146,8 +141,9 @@ def load_recorded(system: str, held_out: int, pixels: int, recordings: str | Pat
 
 def transfer(about: Transfer, data: str | Path = "data", recordings: str | Path = "recordings") -> Transferred:
     """Train and judge one; RecordingError or ShardError where data are missing or others than they should be."""
-    begun = time.perf_counter()
+    making = Making("elsewhere")
     with one_thread():
+        _refuse_others(about, recordings)
         recorded = load_recorded(about.system, about.held_out, about.network.pixels, recordings)
         expert = _simulated(about, about.expert, about.expert_data, data)
         proxy = expert
@@ -177,9 +173,22 @@ def transfer(about: Transfer, data: str | Path = "data", recordings: str | Path 
         position_error=tuple(tuple(error.tolist()) for error in errors),
         samples=tuple(samples for _, samples in models.values()),
         pretraining_samples=pretraining_samples,
-        source=source_hash("elsewhere"),
-        provenance=here(time.perf_counter() - begun, THREADS, False),
+        **making.done(),
     )
+
+
+def _refuse_others(about: Transfer, recordings: str | Path) -> None:
+    """RecordingError unless the recordings are those of the training."""
+    path = recordings_of(about.system, recordings)
+    found = _checksum(path)
+    if found != about.recorded_data:
+        raise RecordingError(f"{path}: has checksum {found}, the training wants {about.recorded_data}")
+
+
+def _checksum(path: Path) -> str:
+    if not path.is_file():
+        raise RecordingError(f"{path}: there is no such file of recordings")
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
 
 def _simulated(about: Transfer, dataset: Dataset, digest: str, data: str | Path) -> Motion:
@@ -207,26 +216,4 @@ def _position_error(model: Predictor, recorded: Recorded, pixels: int) -> Tensor
 
 def stored(results: str | Path = "results") -> Records[Transferred]:
     """Where the results are kept."""
-    return Records(Transferred, Path(results) / "elsewhere", "python -m sidm.experiments.elsewhere")
-
-
-def main() -> None:
-    """Train what is missing of a preset."""
-    parser = argparse.ArgumentParser(description="Learn a recorded robot, with simulated ones as experts.")
-    parser.add_argument("--preset", choices=PRESETS, default="laptop", help="whose settings (%(default)s)")
-    parser.add_argument("--system", choices=SYSTEMS, help="only this one; both unless given")
-    parser.add_argument("--data", type=Path, default=Path("data"), help="trajectories (%(default)s)")
-    parser.add_argument("--results", type=Path, default=Path("results"), help="the results store (%(default)s)")
-    parser.add_argument("--recordings", type=Path, default=Path("recordings"), help="packed recordings (%(default)s)")
-    parser.add_argument("--workers", type=int, default=2, help="processes of one thread each (%(default)s)")
-    given = parser.parse_args()
-    study = Study(load_preset(given.preset), given.data, given.results)
-    systems = [system for system in SYSTEMS if given.system in (None, system)]
-    jobs = [job for system in systems for job in transfers(study, system, given.recordings)]
-    work = functools.partial(transfer, data=given.data.absolute(), recordings=given.recordings.absolute())
-    with local_pool(given.workers) as pool:
-        stored(given.results).run(jobs, work, pool, "transfer")
-
-
-if __name__ == "__main__":
-    main()
+    return Records(Transferred, Path(results) / "elsewhere", "python -m sidm study elsewhere")

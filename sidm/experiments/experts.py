@@ -1,24 +1,22 @@
 """Several experts: an SIDM that learnt from 1, 2, 4 and 8 robots, and what a novice needs of its own then (section 6).
 
-`python -m sidm.experiments.experts` simulates and trains what is not stored and stores it in results/experts.
+`python -m sidm study experts` makes what is not stored of it in results/experts.
 """
 
 from __future__ import annotations
 
-import argparse
-import functools
+import dataclasses
 import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from sidm.config import config
-from sidm.experiments.datasets import load_dataset
-from sidm.experiments.family import FAMILY_SEED, collect_members, collection
-from sidm.experiments.measure import THREADS, Library, one_thread
+from sidm.experiments.datasets import find_digest, load_dataset
+from sidm.experiments.family import dataset
+from sidm.experiments.measure import Library, one_thread
 from sidm.experiments.methods import METHODS, change
-from sidm.experiments.presets import PRESETS, load_preset
-from sidm.experiments.provenance import Provenance, here, source_hash
-from sidm.experiments.records import Records
+from sidm.experiments.provenance import Provenance, source_hash
+from sidm.experiments.records import Making, Records
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Dataset, Trial
 from sidm.learning.dataset import Datasets, Motion, Standardisation, load_motion
@@ -26,8 +24,7 @@ from sidm.learning.evaluation import validation_loss
 from sidm.learning.settings import Training
 from sidm.learning.several import Parts, as_novice, fresh_around, nearest, train_several
 from sidm.learning.training import train
-from sidm.pool import local_pool
-from sidm.systems import SYSTEMS, find_system
+from sidm.systems import find_system
 
 COUNTS = (1, 2, 4, 8)  # of experts; all together have the minutes that the paper's has alone
 SIZES = (1.0, 5.0, 20.0)  # of the novice's data, min
@@ -47,9 +44,21 @@ class Pretraining:
     trial: Trial  # of the novice's data and of training 'all' and 'parts'; its size is the largest
     fresh: Training  # of 'fresh_parts'
     sizes: tuple[float, ...]  # of the novice's data, min
-    experts: int
-    minutes_each: float  # of each expert's data
-    family_seed: int
+    experts: int  # the paper's and members of the family
+    roles: tuple[str, ...]  # of the members' collections
+    members_data: tuple[str, ...]  # digests of their datasets
+
+    @property
+    def members(self) -> tuple[Dataset, ...]:
+        """The members' datasets, each the paper's expert's share."""
+        paper = self.trial.datasets["expert"]
+        return tuple(
+            Dataset(
+                collection=dataclasses.replace(paper.collection, role=role),  # type: ignore[type-var]
+                count=paper.count // self.experts,
+            )
+            for role in self.roles
+        )
 
 
 @config
@@ -77,52 +86,51 @@ def pretrainings(
     study: Study, system: str, counts: Iterable[int] = COUNTS, sizes: Iterable[float] = SIZES
 ) -> list[Pretraining]:
     """Every number of experts with every seed."""
-    preset, sizes = study.preset, tuple(sizes)
+    preset, sizes, found = study.preset, tuple(sizes), []
     fresh = METHODS["novice_only"].training(preset, system)
-    return [
-        Pretraining(
-            trial=study.trial(system, "pretrain_finetune", max(sizes), seed),
-            fresh=change(fresh, frozen="sidm"),
-            sizes=sizes,
-            experts=count,
-            minutes_each=preset.expert_minutes / count,
-            family_seed=FAMILY_SEED,
-        )
-        for seed in range(preset.seeds)
-        for count in counts
-    ]
+    whole = preset.datasets(system)["expert"].count
+    for count in counts:
+        members = tuple(dataset(system, number, preset.policy, whole // count) for number in range(count - 1))
+        digests = tuple(find_digest(one, study.data, study.results) for one in members)
+        found += [
+            Pretraining(
+                trial=study.trial(system, "pretrain_finetune", max(sizes), seed),
+                fresh=change(fresh, frozen="sidm"),
+                sizes=sizes,
+                experts=count,
+                roles=tuple(one.collection.role for one in members),
+                members_data=digests,
+            )
+            for seed in range(preset.seeds)
+        ]
+    return found
 
 
-def members_needed(jobs: Iterable[Pretraining]) -> dict[int, int]:
-    """How many trajectories of each member of the family; the first expert is the paper's."""
-    needed: dict[int, int] = {}
+def members_needed(jobs: Iterable[Pretraining]) -> dict[int, set[int]]:
+    """Numbers of trajectories that are wanted of each member of the family."""
+    needed: dict[int, set[int]] = {}
     for job in jobs:
-        for number in range(job.experts - 1):
-            needed[number] = max(needed.get(number, 0), _each(job))
+        for number, one in enumerate(job.members):
+            needed.setdefault(number, set()).add(one.count)
     return needed
-
-
-def _each(about: Pretraining) -> int:
-    """Trajectories of each expert."""
-    return about.trial.datasets["expert"].count // about.experts
 
 
 def load_experts(about: Pretraining, data: str | Path) -> tuple[dict[str, Motion], Standardisation]:
     """The experts' motion by name, and the units inside the networks, which are those of the paper's expert's data."""
-    trial, count = about.trial, _each(about)
+    trial = about.trial
     paper, terrain, pixels = trial.datasets["expert"], find_system(trial.system).terrain, trial.network.pixels
     load_dataset(paper, trial.digests["expert"], data)
     whole = load_motion(data, paper.collection, paper.count, terrain, pixels)
-    experts = {"expert": whole.first(count)}
-    for number in range(about.experts - 1):
-        own = Dataset(collection=collection(trial.system, number, trial.policy), count=count)
+    experts = {"expert": whole.first(paper.count // about.experts)}
+    for number, (own, digest) in enumerate(zip(about.members, about.members_data, strict=True)):
+        load_dataset(own, digest, data)
         experts[f"member{number}"] = load_motion(data, own.collection, own.count, terrain, pixels)
     return experts, Standardisation.of(whole)
 
 
 def pretrain(about: Pretraining, data: str | Path = "data") -> Pretrained:
     """Train the SIDM and all novices of one job; ShardError where data are missing."""
-    begun, trial = time.perf_counter(), about.trial
+    making, trial = Making("experts"), about.trial
     assert trial.pretraining is not None
     with one_thread():
         experts, units = load_experts(about, data)
@@ -149,8 +157,7 @@ def pretrain(about: Pretraining, data: str | Path = "data") -> Pretrained:
         seconds=seconds,
         experts_samples=several.samples,
         experts_loss=float(several.best_test_loss),
-        source=source_hash("experts"),
-        provenance=here(time.perf_counter() - begun, THREADS, False),
+        **making.done(),
     )
 
 
@@ -171,24 +178,4 @@ def _novice(
 
 def stored(results: str | Path = "results") -> Records[Pretrained]:
     """Where the results are kept."""
-    return Records(Pretrained, Path(results) / "experts", "python -m sidm.experiments.experts")
-
-
-def main() -> None:
-    """Simulate and train what is missing of a preset."""
-    parser = argparse.ArgumentParser(description="Learn novices with an SIDM of several experts.")
-    parser.add_argument("--preset", choices=PRESETS, default="laptop", help="whose settings (%(default)s)")
-    parser.add_argument("--system", choices=SYSTEMS, default="system1", help="whose novice and ground (%(default)s)")
-    parser.add_argument("--data", type=Path, default=Path("data"), help="trajectories (%(default)s)")
-    parser.add_argument("--results", type=Path, default=Path("results"), help="the results store (%(default)s)")
-    parser.add_argument("--workers", type=int, default=2, help="processes of one thread each (%(default)s)")
-    given = parser.parse_args()
-    study = Study(load_preset(given.preset), given.data, given.results)
-    jobs = pretrainings(study, given.system)
-    with local_pool(given.workers) as pool:
-        collect_members(given.system, study.preset.policy, members_needed(jobs), given.data, pool)
-        stored(given.results).run(jobs, functools.partial(pretrain, data=given.data.absolute()), pool, "job")
-
-
-if __name__ == "__main__":
-    main()
+    return Records(Pretrained, Path(results) / "experts", "python -m sidm study experts")

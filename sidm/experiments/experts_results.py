@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -87,7 +88,8 @@ def experts_figure(found: Sequence[Pretrained]) -> Figure:
     for number, (axes, words) in enumerate(zip(panels, WAYS.values(), strict=True)):
         axes.set(xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL, title=words)
         sizes: set[float] = set()
-        for count, style in zip(sorted({one.about.experts for one in found}), SIZE_STYLES, strict=False):
+        counts = sorted({one.about.experts for one in found})
+        for count, style in zip(counts, itertools.cycle(SIZE_STYLES), strict=False):
             some = list(_by_seed(found, count).values())
             values, minutes = _values(some, "validation_loss", number), some[0].about.sizes
             axes.plot(minutes, values.mean(0), label=f"{count} expert{'s' * (count > 1)}", **style)

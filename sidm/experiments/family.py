@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 import math
+from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor, as_completed
 from pathlib import Path
 
 import numpy as np
 
-from sidm.experiments.trials import EXPERT_SEED
+from sidm.experiments.datasets import note_committed, note_digest
+from sidm.experiments.trials import EXPERT_SEED, Dataset
 from sidm.progress import progress_bar
-from sidm.systems import SYSTEMS, Robot, System
-from sidm.trajectory import SHARD_SIZE, Collection, Trajectory, load, write_shard
+from sidm.systems import Robot, System, find_system
+from sidm.trajectory import DISCARDS, SHARD_SIZE, Collection, load, write_shard
 
 FAMILY_SEED = 5  # of the robots drawn
 
@@ -38,38 +41,48 @@ def member(number: int) -> Robot:
     return Robot(**{name: float(f"{value:.4g}") for name, value in values.items()})
 
 
-def collection(system: str, number: int, policy: str) -> Collection:
-    """What a member's motion on a system's ground is called; it has the place of an expert's."""
-    return Collection(system=system, role=f"member{number}", policy=policy, seed=EXPERT_SEED)
+def own_system(system: str, number: int) -> System:
+    """A paper's system with a member of the family in the expert's place."""
+    paper = find_system(system)
+    return System(name=system, novice=paper.novice, expert=member(number), terrain=paper.terrain, physics=paper.physics)
+
+
+def dataset(system: str, number: int, policy: str, count: int) -> Dataset:
+    """The first `count` trajectories of a member on a system's ground; another robot, ground or physics is another."""
+    own = own_system(system, number)
+    mark = hashlib.sha256(repr((own.expert, own.terrain, own.physics)).encode()).hexdigest()[:8]
+    role = f"member{number}_{mark}"
+    return Dataset(collection=Collection(system=system, role=role, policy=policy, seed=EXPERT_SEED), count=count)
 
 
 def collect_members(
     system: str,
     policy: str,
-    counts: dict[int, int],
+    counts: Mapping[int, Iterable[int]],
     data: str | Path,
+    results: str | Path,
     executor: Executor,
     progress: bool = True,
 ) -> None:
-    """Simulate what is missing of so many trajectories of each member."""
+    """Simulate what is missing of the members, by number, and note the digests of so many trajectories of each."""
     from sidm.simulation.collect import missing_shards
 
     data = Path(data).absolute()
     jobs = [
         (number, shard)
-        for number, count in counts.items()
-        for shard in missing_shards(data, collection(system, number, policy), count)
+        for number, some in counts.items()
+        for shard in missing_shards(data, dataset(system, number, policy, 1).collection, max(some))
     ]
     with progress_bar(len(jobs) * SHARD_SIZE, f"{system} family", "trajectory", progress) as bar:
         futures = [executor.submit(_make_shard, data, system, policy, *job) for job in jobs]
         for future in as_completed(futures):
             future.result()
             bar.update(SHARD_SIZE)
-
-
-def member_trajectories(system: str, number: int, policy: str, count: int, data: str | Path) -> list[Trajectory]:
-    """The first `count` of a member; ShardError names what is missing."""
-    return load(Path(data), collection(system, number, policy), count)
+    for number, some in counts.items():
+        for count in some:
+            one = dataset(system, number, policy, count)
+            found = note_digest(one, load(data, one.collection, count), data)
+            note_committed(one, found, results)
 
 
 @functools.lru_cache(maxsize=1)
@@ -80,16 +93,18 @@ def _simulator(system: System):
 
 
 def _make_shard(data: Path, system: str, policy: str, number: int, shard: int) -> None:
-    """Simulate and write one shard of a member, as `sidm.simulation.collect` does it for the paper's robots."""
+    """Simulate and write one shard of a member; attempts and their ends are those of `sidm.simulation.collect`."""
     from sidm.simulation.collect import MOST_ATTEMPTS, attempt
 
-    paper = SYSTEMS[system]
-    own = System(name=system, novice=paper.novice, expert=member(number), terrain=paper.terrain, physics=paper.physics)
-    which, found = collection(system, number, policy), []
+    own, which, found = own_system(system, number), dataset(system, number, policy, 1).collection, []
     for index in range(SHARD_SIZE * shard, SHARD_SIZE * (shard + 1)):
-        tries = (attempt(_simulator(own), own, which, index, one) for one in range(MOST_ATTEMPTS))
-        made = next((trajectory for trajectory, _ in tries if trajectory is not None), None)
-        if made is None:
-            raise RuntimeError(f"{which}: {MOST_ATTEMPTS} attempts at trajectory {index} ended early")
-        found.append(made._replace(discarded=(0, 0, 0, 0)))
+        causes: list[str | None] = []
+        for one in range(MOST_ATTEMPTS):
+            trajectory, cause = attempt(_simulator(own), own, which, index, one)
+            if trajectory is not None:
+                found.append(trajectory._replace(discarded=tuple(causes.count(name) for name in DISCARDS)))
+                break
+            causes.append(cause)
+        else:
+            raise RuntimeError(f"{which}: {MOST_ATTEMPTS} attempts at trajectory {index} ended early; last: {cause}")
     write_shard(which.shard(data, shard), found)

@@ -32,8 +32,8 @@ WINGS = {
     "bundle": (*_ALONE, "sidm.experiments.bundled"),  # the same, many at once
     "diagnosis": (*_ALONE, "sidm.experiments.diagnostics", "sidm.experiments.latents"),
     "elsewhere": (*_ALONE, "sidm.experiments.elsewhere"),
-    "driving": (*_ALONE, "sidm.experiments.driving"),
-    "uncertainty": (*_ALONE, "sidm.experiments.uncertainty"),
+    "driving": (*_ALONE, "sidm.experiments.driving", "sidm.experiments.models"),
+    "uncertainty": (*_ALONE, "sidm.experiments.uncertainty", "sidm.experiments.models"),
     "experts": (*_ALONE, "sidm.experiments.experts", "sidm.experiments.family"),
     "simulation": ("sidm.simulation.collect",),
 }

@@ -5,13 +5,17 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import sys
+import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor, as_completed
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 from sidm.config import ConfigError, from_mapping
-from sidm.experiments.provenance import Provenance
+from sidm.experiments.measure import THREADS
+from sidm.experiments.provenance import Provenance, here, source_hash
+from sidm.experiments.run import one_line
 from sidm.experiments.store import StoreError, rounded
 from sidm.progress import progress_bar
 from sidm.storage import Damaged, read_record, write_record
@@ -55,8 +59,12 @@ class Records(Generic[F]):
         return self.folder / f"{key_of(about)}.json"
 
     def put(self, found: F) -> None:
-        """Store a record; numbers are rounded as in the store of trials."""
-        write_record(self.path(found.about), rounded(dataclasses.asdict(found)))  # type: ignore[call-overload]
+        """Store a record; its numbers are rounded as in the store of trials, what it is about is not."""
+        values = rounded(dataclasses.asdict(found))  # type: ignore[call-overload]
+        try:
+            write_record(self.path(found.about), values | {"about": dataclasses.asdict(found.about)})
+        except ValueError:
+            raise StoreError(f"{self.path(found.about)}: not stored, a number is not finite") from None
 
     def get(self, about: Any) -> F | None:
         """The stored record, None where there is none; StoreError when it is damaged or about something else."""
@@ -77,11 +85,34 @@ class Records(Generic[F]):
 
     def run(
         self, abouts: Sequence[Any], work: Callable[[Any], F], executor: Executor, what: str, progress: bool = True
-    ) -> None:
-        """Do the `work` of those that are not stored, and store each as soon as it is done; `what` is for the bar."""
+    ) -> int:
+        """Do the `work` of those that are not stored, and store each as soon as it is done; `what` is for the bar.
+
+        Returns:
+            How many failed: they are reported in one line each, and the others go on.
+        """
         missing = [about for about in abouts if self.get(about) is None]
         futures = [executor.submit(work, about) for about in missing]
+        failed = 0
         with progress_bar(len(missing), what, what, progress) as bar:
             for done in as_completed(futures):
-                self.put(done.result())
+                try:
+                    self.put(done.result())
+                except Exception as error:  # one failure must not lose the others
+                    bar.write(f"sidm: {what} failed: {one_line(error)}", file=sys.stderr)
+                    failed += 1
                 bar.update()
+        return failed
+
+
+class Making:
+    """What a record says of how it was made; the code is looked at when the work begins, not when it is done."""
+
+    def __init__(self, wing: str) -> None:
+        """`wing` is one of `provenance.WINGS`."""
+        self.begun, self.source = time.perf_counter(), source_hash(wing)
+        source_hash("learning"), source_hash("simulation")
+
+    def done(self) -> dict[str, Any]:
+        """The fields `source` and `provenance` of a record."""
+        return {"source": self.source, "provenance": here(time.perf_counter() - self.begun, THREADS, False)}

@@ -1,13 +1,10 @@
 """How sure the models are: training by likelihood beside its deterministic twin (section 3.2, last paragraph).
 
-`python -m sidm.experiments.uncertainty` trains and judges what is not stored and stores it in results/uncertainty.
+`python -m sidm study uncertainty` makes what is not stored of it in results/uncertainty.
 """
 
 from __future__ import annotations
 
-import argparse
-import functools
-import time
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -16,12 +13,11 @@ import torch
 from torch import Tensor
 
 from sidm.config import config
-from sidm.experiments.measure import ROLLOUT_STEPS, THREADS, Library, one_thread
+from sidm.experiments.measure import ROLLOUT_STEPS, Library, one_thread
 from sidm.experiments.methods import COMPARED
 from sidm.experiments.models import model_of
-from sidm.experiments.presets import PRESETS, load_preset
-from sidm.experiments.provenance import Provenance, here, source_hash
-from sidm.experiments.records import Records
+from sidm.experiments.provenance import Provenance, source_hash
+from sidm.experiments.records import Making, Records
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
 from sidm.learning.dataset import Datasets, Motion, Part, Standardisation
@@ -31,8 +27,7 @@ from sidm.learning.likelihood import train_distributions
 from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.particles import LEVELS, covered, one_step, particle_rollout
 from sidm.learning.seeds import generator
-from sidm.pool import local_pool
-from sidm.systems import SYSTEMS, find_system
+from sidm.systems import find_system
 from sidm.terrain import generate_terrain
 
 SIZES = (1.0, 5.0, 60.0)  # novice data, min
@@ -55,8 +50,8 @@ class Fitted:
     about: Fit
     validation_loss: float  # equation (1) of the means
     nll: float  # on the validation set, nats a sample
-    coverage: tuple[float, ...]  # (L,) of one step, mean over the 13 components
-    steps_coverage: tuple[tuple[float, ...], ...]  # (L, K) along rollouts: forward, sideways and heading, their mean
+    coverage: tuple[tuple[float, ...], ...]  # (L, 13) of one step
+    steps_coverage: tuple[tuple[tuple[float, ...], ...], ...]  # (L, K, 3) along rollouts: forward, sideways, heading
     samples: int  # seen by prediction training; 0 for a twin, whose trial says it
     source: str  # hash of the code
     provenance: Provenance
@@ -75,7 +70,7 @@ def fits(study: Study, system: str, sizes: Iterable[float] = SIZES, particles: i
 
 def fit(about: Fit, data: str | Path = "data") -> Fitted:
     """Train and judge one; ShardError where data are missing."""
-    begun, trial = time.perf_counter(), about.trial
+    making, trial = Making("uncertainty"), about.trial
     with one_thread():
         library = Library(data)
         sets, samples = library.datasets(trial), 0
@@ -99,10 +94,9 @@ def fit(about: Fit, data: str | Path = "data") -> Fitted:
         validation_loss=loss,
         nll=found.nll,
         coverage=found.coverage,
-        steps_coverage=tuple(tuple(level.tolist()) for level in along),
+        steps_coverage=tuple(tuple(tuple(step) for step in level) for level in along.tolist()),
         samples=samples,
-        source=source_hash("uncertainty"),
-        provenance=here(time.perf_counter() - begun, THREADS, False),
+        **making.done(),
     )
 
 
@@ -121,7 +115,7 @@ def component_errors(model: DynamicsModel, motion: Motion | Part) -> Tensor:
 
 
 def rollout_coverage(model: Stochastic, trial: Trial, library: Library, particles: int) -> Tensor:
-    """(L, K): how often what happened lies within the particles' intervals, over the rollouts of the trial."""
+    """(L, K, 3): how often what happened lies within the particles' intervals, over the rollouts of the trial."""
     terrain, noise = find_system(trial.system).terrain, generator(trial.seed, "particles")
     found = []
     for trajectory in library.rollouts(trial):
@@ -130,28 +124,9 @@ def rollout_coverage(model: Stochastic, trial: Trial, library: Library, particle
         actions = torch.from_numpy(np.asarray(trajectory.actions[:ROLLOUT_STEPS], float))
         paths = particle_rollout(model, heights, states[0], actions, trial.network.pixels, particles, noise)
         found.append(covered(paths, states, LEVELS))
-    return torch.stack(found).double().mean((0, -1))
+    return torch.stack(found).double().mean(0)
 
 
 def stored(results: str | Path = "results") -> Records[Fitted]:
     """Where the results are kept."""
-    return Records(Fitted, Path(results) / "uncertainty", "python -m sidm.experiments.uncertainty")
-
-
-def main() -> None:
-    """Train and judge what is missing of a preset."""
-    parser = argparse.ArgumentParser(description="Train by likelihood, and see how sure the models are.")
-    parser.add_argument("--preset", choices=PRESETS, default="laptop", help="whose trials (%(default)s)")
-    parser.add_argument("--system", choices=SYSTEMS, help="only this one; both unless given")
-    parser.add_argument("--data", type=Path, default=Path("data"), help="trajectories and models (%(default)s)")
-    parser.add_argument("--results", type=Path, default=Path("results"), help="the results store (%(default)s)")
-    parser.add_argument("--workers", type=int, default=2, help="processes of one thread each (%(default)s)")
-    given = parser.parse_args()
-    study = Study(load_preset(given.preset), given.data, given.results)
-    jobs = [job for system in SYSTEMS if given.system in (None, system) for job in fits(study, system)]
-    with local_pool(given.workers) as pool:
-        stored(given.results).run(jobs, functools.partial(fit, data=given.data.absolute()), pool, "fit")
-
-
-if __name__ == "__main__":
-    main()
+    return Records(Fitted, Path(results) / "uncertainty", "python -m sidm study uncertainty")

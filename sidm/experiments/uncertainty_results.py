@@ -30,8 +30,8 @@ class Line(NamedTuple):
     loss: float  # equation (1)
     nll: float  # nats a sample
     less: Interval | None  # the NLL less the twin's, paired by seed; None for the twin
-    coverage: tuple[float, ...]  # of one step
-    last_coverage: tuple[float, ...]  # after the last step of the rollouts
+    coverage: np.ndarray  # (L, 13) of one step
+    last_coverage: np.ndarray  # (L, 3) after the last step of the rollouts
 
 
 def likelihood_lines(found: Sequence[Fitted], system: str) -> list[Line]:
@@ -68,8 +68,8 @@ def _line(
     system: str, method: str, likelihood: bool, minutes: float, some: Sequence[Fitted], less: Interval | None
 ) -> Line:
     loss, nll = (float(np.mean([getattr(one, name) for one in some])) for name in ("validation_loss", "nll"))
-    coverage = tuple(np.mean([one.coverage for one in some], axis=0).tolist())
-    last = tuple(np.mean([[level[-1] for level in one.steps_coverage] for one in some], axis=0).tolist())
+    coverage = np.mean([one.coverage for one in some], axis=0)
+    last = np.mean([one.steps_coverage for one in some], axis=0)[:, -1]
     return Line(system, method, likelihood, minutes, len(some), loss, nll, less, coverage, last)
 
 
@@ -83,6 +83,11 @@ def claims(found: Sequence[Fitted], system: str) -> list[Claim]:
         words = f"{system}: a smaller negative log-likelihood by distributions than the twin's, SIDM at {minutes:g} min"
         table.append(difference_claim(words, "an alternative (section 3.2)", pairs, " nats"))
     return table
+
+
+def shares(coverage: np.ndarray) -> str:
+    """Coverage (L, N) for a table: the mean over N quantities, and the least and the most of them."""
+    return ", ".join(f"{level.mean():.0%} ({level.min():.0%} to {level.max():.0%})" for level in coverage)
 
 
 def _look(method: str, likelihood: bool) -> dict[str, Any]:
@@ -119,7 +124,7 @@ def coverage_figure(found: Sequence[Fitted], minutes: float, systems: Sequence[s
             for by in WORDS:
                 some = list(_seeds([o for o in found if o.about.trial.system == system], method, minutes, by).values())
                 if some:
-                    mean, look = np.mean([one.steps_coverage for one in some], axis=0), _look(method, by)
+                    mean, look = np.mean([one.steps_coverage for one in some], axis=(0, -1)), _look(method, by)
                     time = CONTROL_STEP * (1 + np.arange(mean.shape[1]))
                     for number, level in enumerate(mean):
                         axes.plot(time, level, **look | {"marker": "", "label": None if number else look["label"]})

@@ -6,7 +6,6 @@ gives mean and standard deviation of the transition. Without a generator the lat
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterable
 from typing import NamedTuple, Protocol
@@ -22,7 +21,7 @@ from sidm.learning.observation import TARGET_SIZE
 from sidm.systems import ROLES
 
 QUIETEST, LOUDEST = -6.0, 2.0  # logarithm of a standard deviation, in the networks' units
-QUIET = -3.0  # of the latents' at the start: about a twentieth of their size
+QUIET = -3.0  # of the latents' at the start: about a twentieth of what they vary by
 
 
 class Gaussian(NamedTuple):
@@ -44,10 +43,43 @@ class Gaussian(NamedTuple):
         return terms.sum(-1)
 
 
-def halves(numbers: Tensor, offset: float = QUIET) -> Gaussian:
-    """The distributions that a layer (..., 2 K) stands for: means first, then logarithms of standard deviations."""
-    mean, spread = numbers.chunk(2, dim=-1)
-    return Gaussian(mean, (spread + offset).clamp(QUIETEST, LOUDEST).exp())
+class Spread(nn.Module):
+    """From the means of latents to their distributions; at the start all are as quiet."""
+
+    def __init__(self, size: int):
+        super().__init__()
+        self.dense = nn.Linear(size, size)
+        nn.init.zeros_(self.dense.weight)
+        nn.init.constant_(self.dense.bias, QUIET)
+
+    def forward(self, mean: Tensor) -> Gaussian:
+        """Independent normal distributions about latents (..., K)."""
+        return Gaussian(mean, self.dense(mean).clamp(QUIETEST, LOUDEST).exp())
+
+
+class GaussianEncoder(Encoder):
+    """E_e or E_n: a distribution of latent state-actions about those of the deterministic twin."""
+
+    def __init__(self, network: Network, standardisation: Standardisation | None = None):
+        super().__init__(network, standardisation)
+        self.spread = Spread(network.latent)
+
+    def distribution(self, inputs: Tensor, maps: Tensor) -> Gaussian:
+        """Of latent state-actions (B, T, 128), as `Encoder` gives their means."""
+        return self.spread(self(inputs, maps))
+
+
+class GaussianSIDM(SIDM):
+    """The SIDM: a distribution of latent transitions about those of the deterministic twin."""
+
+    def __init__(self, network: Network):
+        super().__init__(network)
+        self.spread = Spread(network.latent_transition)
+
+    def distribution(self, latents: Tensor, memory: Memory | None = None) -> tuple[Gaussian, Memory]:
+        """Of latent state transitions (B, T, 64), and the memory, as `SIDM` gives them."""
+        transitions, memory = self(latents, memory)
+        return self.spread(transitions), memory
 
 
 class GaussianDecoder(Decoder):
@@ -80,7 +112,7 @@ class DistributionModel(Predictor):
     Args:
         network: the sizes; each latent has a standard deviation beside it.
         standardisation: units of inputs and outputs; none by default.
-        seed: of the initial weights, one for each part.
+        seed: of the initial weights, one for each part; the means begin as those of the deterministic twin.
         roles: the systems.
     """
 
@@ -93,26 +125,24 @@ class DistributionModel(Predictor):
     ):
         super().__init__()
         roles = tuple(roles)
-        wide = dataclasses.replace(network, latent=2 * network.latent)  # type: ignore[type-var]
-        long = dataclasses.replace(network, latent_transition=2 * network.latent_transition)  # type: ignore[type-var]
         self.encoders = nn.ModuleDict(
-            {role: seeded(seed, f"{role} encoder", lambda: Encoder(wide, standardisation)) for role in roles}
+            {role: seeded(seed, f"{role} encoder", lambda: GaussianEncoder(network, standardisation)) for role in roles}
         )
-        self.sidm = seeded(seed, "sidm", lambda: SIDM(long))
+        self.sidm = seeded(seed, "sidm", lambda: GaussianSIDM(network))
         self.decoders = nn.ModuleDict(
             {role: seeded(seed, f"{role} decoder", lambda: GaussianDecoder(network, standardisation)) for role in roles}
         )
 
     def encode(self, role: str, inputs: Tensor, maps: Tensor, generator: torch.Generator | None = None) -> Tensor:
         """Latent state-actions (B, T, latent): a draw, or their means."""
-        return halves(self.encoders[role](inputs, maps)).sample(generator)
+        return self.encoders[role].distribution(inputs, maps).sample(generator)  # type: ignore[operator]
 
     def transit(
         self, latents: Tensor, memory: Memory | None = None, generator: torch.Generator | None = None
     ) -> tuple[Tensor, Memory]:
         """Latent state transitions (B, T, latent_transition), a draw or their means, and the memory."""
-        numbers, memory = self.sidm(latents, memory)
-        return halves(numbers).sample(generator), memory
+        found, memory = self.sidm.distribution(latents, memory)
+        return found.sample(generator), memory
 
     def predict(
         self,

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 import torch
 from torch import Tensor
 
+from sidm.config import ConfigError
 from sidm.learning.dataset import Datasets, Motion, Part, Standardisation
 from sidm.learning.distributions import DistributionModel
 from sidm.learning.evaluation import EVALUATION_BATCH
@@ -19,6 +20,12 @@ from sidm.learning.stopping import Tested
 from sidm.learning.training import Trained, result
 from sidm.learning.weights import Follower, make_optimiser
 from sidm.systems import ROLES
+
+#: Settings that have one value here.
+ONLY = {
+    "precision": "float32", "frozen": "nothing", "reduction": "sum", "stopping": "test_loss", "matching": "adversary",
+    "own": "all",
+}  # fmt: skip
 
 
 class DistributionLearner(Learner):
@@ -33,6 +40,10 @@ class DistributionLearner(Learner):
         standardisation: Standardisation,
         start: Mapping[str, Tensor] | None = None,
     ):
+        for name, only in ONLY.items():
+            value = getattr(training, name, getattr(network, name, None))
+            if value != only:
+                raise ConfigError(f"training by likelihood has no {name}={value!r}, only {only!r}")
         super().__init__(datasets, network, training, seed, standardisation)
         roles = ROLES if training.needs_expert else ("novice",)
         self.model: DistributionModel = DistributionModel(network, standardisation, seed, roles)  # type: ignore
@@ -75,10 +86,13 @@ def train_distributions(
     start: Mapping[str, Tensor] | None = None,
     progress: Callable[[Tested], None] | None = None,
 ) -> Trained:
-    """`training.train` for distributions: the same arguments, the same phases, the same rule to stop by.
+    """`training.train` for distributions: the same phases and the same rule to stop by, without checkpoints.
+
+    The test likelihood that it stops by is that of the latents' means: the mixture over draws of them, which
+    `particles.one_step` reports, costs as many times as much.
 
     Raises:
-        ConfigError: data that the settings need are not there.
+        ConfigError: data that the settings need are not there, or settings that it does not know.
         TrainingError: a test found a loss that is not finite; the message names the iteration.
     """
     learner = DistributionLearner(datasets, network, training, seed, standardisation, start)

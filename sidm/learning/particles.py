@@ -14,8 +14,8 @@ from sidm.learning.dataset import Motion
 from sidm.learning.distributions import Gaussian, Stochastic
 from sidm.learning.evaluation import EVALUATION_BATCH
 from sidm.learning.networks import Memory
-from sidm.learning.observation import encode_inputs, integrate, robot_centred_map
-from sidm.trajectory import POSITION, QUATERNION
+from sidm.learning.observation import TARGET_SIZE, encode_inputs, integrate, robot_centred_map
+from sidm.trajectory import QUATERNION
 
 DRAWS = 16  # of the latents, whose mixture a likelihood is of
 LEVELS = (0.5, 0.9)  # of the intervals
@@ -25,12 +25,15 @@ class Calibration(NamedTuple):
     """Of one step, over the steps of some motion."""
 
     nll: float  # negative log-likelihood, nats a sample
-    coverage: tuple[float, ...]  # share of components within the central intervals of LEVELS
+    coverage: tuple[tuple[float, ...], ...]  # (L, 13) share of steps within the central intervals of LEVELS
 
 
 def one_step(model: Stochastic, motion: Motion, generator: torch.Generator, role: str = "novice") -> Calibration:
-    """Likelihood and coverage of the mixture over DRAWS of the latents, whole trajectories each."""
-    total, inside, count = 0.0, torch.zeros(len(LEVELS), dtype=torch.float64), 0
+    """Likelihood and coverage of the mixture over DRAWS of the latents, whole trajectories each.
+
+    Of so few draws the likelihood is a little too small, on average.
+    """
+    total, inside, count = 0.0, torch.zeros(len(LEVELS), TARGET_SIZE, dtype=torch.float64), 0
     with torch.inference_mode():
         for part in motion.split(EVALUATION_BATCH):
             drawn = [model.predict(role, part.inputs, part.maps, None, generator)[0] for _ in range(DRAWS)]
@@ -38,9 +41,9 @@ def one_step(model: Stochastic, motion: Motion, generator: torch.Generator, role
             total -= float((torch.logsumexp(logs, 0) - math.log(DRAWS)).sum())
             rank = torch.stack([_below(one, part.targets) for one in drawn]).mean(0)  # (B, T, 13)
             for number, level in enumerate(LEVELS):
-                inside[number] += (2 * (rank - 0.5).abs() <= level).double().mean(-1).sum().cpu()
+                inside[number] += (2 * (rank - 0.5).abs() <= level).double().sum((0, 1)).cpu()
             count += part.targets[..., 0].numel()
-    return Calibration(total / count, tuple((inside / count).tolist()))
+    return Calibration(total / count, tuple(tuple(level.tolist()) for level in inside / count))
 
 
 def _below(found: Gaussian, values: Tensor) -> Tensor:
@@ -97,18 +100,26 @@ def covered(particles: Tensor, actual: Tensor, levels: Sequence[float] = LEVELS)
     Returns:
         (L, K, 3) bool, without the start: along and across the heading of the start, and of the heading itself.
     """
-    numbers, truth = _seen_from_start(particles), _seen_from_start(actual[None])[0]  # (S, K, 3), (K, 3)
-    ends = [(0.5 - level / 2, 0.5 + level / 2) for level in levels]
-    return torch.stack([
-        (numbers.quantile(low, dim=0) <= truth) & (truth <= numbers.quantile(high, dim=0)) for low, high in ends
-    ])  # fmt: skip
+    heading = rotations.yaw(particles[..., QUATERNION])[:, 1:]  # (S, K)
+    middle = torch.atan2(heading.sin().mean(0), heading.cos().mean(0))  # (K,): turns are counted from there
+    start = rotations.yaw(actual[0, QUATERNION])
+    numbers, truth = (_seen(states, start, middle) for states in (particles[:, 1:], actual[1:]))  # (S, K, 3), (K, 3)
+    ends = (central(numbers, level) for level in levels)
+    return torch.stack([(low <= truth) & (truth <= high) for low, high in ends])
 
 
-def _seen_from_start(states: Tensor) -> Tensor:
-    """(S, K, 3): metres forward and to the left of the start, and the turn since, rad, of states (S, K + 1, 13)."""
-    start = rotations.yaw(states[:1, :1, QUATERNION])  # (1, 1)
-    moved = states[:, 1:, POSITION] - states[:, :1, POSITION]
-    turn = rotations.wrap(rotations.yaw(states[:, 1:, QUATERNION]) - start)
-    cos, sin = start.cos(), start.sin()
-    forward, left = cos * moved[..., 0] + sin * moved[..., 1], cos * moved[..., 1] - sin * moved[..., 0]
-    return torch.stack([forward, left, turn], dim=-1)
+def central(values: Tensor, level: float, dim: int = 0) -> tuple[Tensor, Tensor]:
+    """The ends between which a new draw lies with probability `level`, of S draws of one distribution along `dim`."""
+    count = values.shape[dim]
+    low, high = (
+        min(max((share * (count + 1) - 1) / (count - 1), 0.0), 1.0) for share in (0.5 - level / 2, 0.5 + level / 2)
+    )
+    return values.quantile(low, dim=dim), values.quantile(high, dim=dim)
+
+
+def _seen(states: Tensor, heading: Tensor, middle: Tensor) -> Tensor:
+    """(..., K, 3): metres along and across a `heading`, the turn from a `middle` (K,), rad, of states (..., K, 13)."""
+    x, y = states[..., 0], states[..., 1]
+    turn = rotations.wrap(rotations.yaw(states[..., QUATERNION]) - middle)
+    cos, sin = heading.cos(), heading.sin()
+    return torch.stack([cos * x + sin * y, cos * y - sin * x, turn], dim=-1)

@@ -14,7 +14,7 @@ from sidm.config import ConfigError, config, refuse_nonsense
 from sidm.learning.model import Predictor
 from sidm.learning.networks import Memory
 from sidm.learning.observation import encode_inputs, integrate, robot_centred_map
-from sidm.trajectory import ACTION_SIZE, POSITION, QUATERNION
+from sidm.trajectory import ACTION_SIZE, POSITION, QUATERNION, STEPS
 
 #: Where actions (N, H, 2) lead: states (N, H + 1, 13), the present one first.
 Imagination = Callable[[Tensor], Tensor]
@@ -22,14 +22,14 @@ Imagination = Callable[[Tensor], Tensor]
 
 @config
 class Planning:
-    """Settings of a planner: the cross-entropy method with the mean kept from plan to plan."""
+    """Settings of a planner: the cross-entropy method, its mean kept from plan to plan and moved on by what is done."""
 
     samples: int = 32  # action sequences an iteration
-    iterations: int = 1  # a plan, beside what the plans before have found
-    elites: int = 6  # of the samples, that the next ones are drawn like
+    iterations: int = 1  # a plan; each draws about the mean of the elites before, the first about the last plan's
+    elites: int = 6  # of the samples, the best ones, whose mean is taken
     horizon: int = 12  # control steps of 0.1 s
     hold: int = 3  # control steps that an action lasts
-    replan: int = 1  # control steps from plan to plan
+    replan: int = 3  # control steps from plan to plan
     spread: float = 0.5  # standard deviation of the first samples of a plan
     steepest: float = 50.0  # degrees of tilt, beyond which a sequence counts as a rollover
 
@@ -72,7 +72,7 @@ def cost(states: Tensor, goal: Tensor, steepest: float) -> Tensor:
 
 
 class Planner:
-    """Plans again and again towards one goal, each plan from the rest of the one before.
+    """Plans again and again towards one goal, each time from where the samples that did best before led.
 
     Args:
         settings: of the method.
@@ -88,20 +88,19 @@ class Planner:
     def plan(self, imagine: Imagination) -> Tensor:
         """Actions (H, 2) from now on; the first `replan` are to be carried out before the next plan."""
         settings = self.settings
-        decisions = self.mean[:: settings.hold]  # (D, 2)
-        spread = torch.full_like(decisions, settings.spread)
-        best, lowest = self.mean, math.inf
+        mean, spread = self.mean, torch.full_like(self.mean, settings.spread)  # (H, 2)
+        shape = settings.samples, settings.horizon // settings.hold, ACTION_SIZE
+        best, lowest = mean, math.inf
         for _ in range(settings.iterations):
-            noise = torch.randn(settings.samples, *decisions.shape, generator=self.generator, dtype=torch.float64)
-            drawn = (decisions + spread * noise).clamp(-1, 1)
-            drawn[0] = decisions
-            actions = drawn.repeat_interleave(settings.hold, dim=1)  # (N, H, 2)
-            costs = cost(imagine(actions), self.goal, settings.steepest)
+            noise = torch.randn(shape, generator=self.generator, dtype=torch.float64)
+            drawn = (mean + spread * noise.repeat_interleave(settings.hold, dim=1)).clamp(-1, 1)  # (N, H, 2)
+            drawn[0] = mean
+            costs = cost(imagine(drawn), self.goal, settings.steepest)
             elite = costs.argsort(stable=True)[: settings.elites]
-            decisions, spread = drawn[elite].mean(0), drawn[elite].std(0, correction=0)
+            mean, spread = drawn[elite].mean(0), drawn[elite].std(0, correction=0)
             if float(costs[elite[0]]) < lowest:
-                best, lowest = actions[elite[0]], float(costs[elite[0]])
-        self.mean = torch.cat([best[settings.replan :], best[-1:].expand(settings.replan, -1)])
+                best, lowest = drawn[elite[0]], float(costs[elite[0]])
+        self.mean = torch.cat([mean[settings.replan :], mean[-1:].expand(settings.replan, -1)])
         return best
 
 
@@ -119,6 +118,7 @@ class Dreamer:
         self.model, self.pixels, self.spacing = model, pixels, spacing
         self.heights = torch.as_tensor(heights, dtype=torch.float32)
         self.memory: Memory | None = None
+        self.done: list[tuple[Tensor, Tensor]] = []  # states and actions that the memory is of
 
     def imagine(self, state: np.ndarray | Tensor, actions: Tensor) -> Tensor:
         """Where `actions` (N, H, 2) lead from `state` (13,): states (N, H + 1, 13) float64."""
@@ -135,10 +135,20 @@ class Dreamer:
         return torch.stack(states, dim=1).double()
 
     def observe(self, state: np.ndarray, action: np.ndarray | Tensor) -> None:
-        """Take in that the robot was in `state` (13,) and did `action` (2,)."""
+        """Take in that the robot was in `state` (13,) and did `action` (2,).
+
+        The memory never holds more than STEPS steps, the most that training has seen: then it is made anew of half of
+        them.
+        """
+        now = torch.as_tensor(state, dtype=torch.float32)[None], torch.as_tensor(action, dtype=torch.float32)[None]
+        self.done.append(now)
+        again = [now]
+        if len(self.done) > STEPS:
+            again = self.done = self.done[-STEPS // 2 :]
+            self.memory = None
         with torch.inference_mode():
-            now = torch.as_tensor(state, dtype=torch.float32)[None]
-            _, self.memory = self._predict(now, torch.as_tensor(action, dtype=torch.float32)[None], self.memory)
+            for past in again:
+                _, self.memory = self._predict(*past, self.memory)
 
     def _predict(self, states: Tensor, actions: Tensor, memory: Memory | None) -> tuple[Tensor, Memory]:
         """Transitions (N, 13) of states (N, 13) and actions (N, 2)."""

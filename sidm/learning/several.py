@@ -38,8 +38,8 @@ class SeveralLearner(Learner):
         seed: int,
         standardisation: Standardisation,
     ):
-        if training.needs_expert:
-            raise ConfigError("among several experts there is no novice: p_expert=0 and regularise=False")
+        if training.needs_expert or training.mirror:
+            raise ConfigError("several experts without a novice: p_expert=0, regularise=False and mirror=False")
         parts = {role: split(len(motion), len(motion), seed) for role, motion in experts.items()}
         self.learning = {role: experts[role].part(learning) for role, (learning, _) in parts.items()}
         count = training.test_trajectories

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import torch
 
+from sidm.config import ConfigError
 from sidm.experiments import Study, models
 from sidm.experiments import driving as d
-from sidm.experiments.driving_results import arrivals_figure, claims, driving_film, label, paths_figure, score
+from sidm.experiments.driving_results import arrivals_figure, claims, drivers, driving_film, paths_figure, score
 from sidm.experiments.provenance import here
 from sidm.learning.planning import Planning
 from sidm.simulation import Simulator
@@ -19,7 +20,7 @@ def jobs(tiny, data, tmp_path_factory):
     """By driver; the model's is one of system 1 from the largest tiny dataset."""
     study = Study(tiny, data, tmp_path_factory.mktemp("results"))
     trial = study.trial("system1", "sidm", 0.75)
-    plain = dict(system="system1", episodes=1, longest=0.5)
+    plain = dict(system="system1", episodes=(0,), longest=0.5)
     small = Planning(samples=3, elites=2, horizon=4, hold=2)
     return {
         "model": d.Drive(driver="model", trial=trial, planning=small, **plain),
@@ -30,10 +31,13 @@ def jobs(tiny, data, tmp_path_factory):
 
 def test_every_size_and_method_is_driven_beside_a_floor_and_a_ceiling(tmp_path):
     jobs = d.drives(Study("laptop", tmp_path, tmp_path), "system2")
-    assert [(job.trial.novice_minutes, job.trial.method) for job in jobs if job.trial] == [
-        (minutes, method) for minutes in (1, 5, 60) for method in ("sidm", "novice_only")
+    assert [(job.trial.novice_minutes, job.trial.seed, job.trial.method) for job in jobs if job.trial] == [
+        (minutes, seed, method) for minutes in (1, 5, 60) for seed in range(3) for method in ("sidm", "novice_only")
     ]
-    assert [(job.driver, job.episodes) for job in jobs if not job.trial] == [("straight", 50), ("simulator", 10)]
+    assert [(job.driver, len(job.episodes)) for job in jobs if not job.trial] == [("straight", 50), ("simulator", 10)]
+    of_one = [job.episodes for job in jobs if job.trial and job.trial.method == "sidm"][:3]
+    assert sorted(number for episodes in of_one for number in episodes) == list(range(50))
+    assert len({job.planning for job in jobs}) == 2  # one planner for all who plan
 
 
 def test_episodes_are_the_same_for_all_and_differ():
@@ -49,7 +53,7 @@ def test_a_drive_is_stored_as_it_was(jobs, data, tmp_path, driver):
     job, store = jobs[driver], d.stored(tmp_path)
     found = d.drive(job, data)
     assert found.ended == ("time",) and found.seconds == pytest.approx((0.5,)) and not found.stale
-    path, goal = np.array(found.paths[0]), np.array(found.goals[0])
+    path, goal = np.array(found.paths[0]), d.episode("system1", 0).goal
     assert path.shape == (6, 2)
     assert found.length[0] == pytest.approx(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
     assert found.left[0] == pytest.approx(np.linalg.norm(path[-1] - goal))
@@ -80,19 +84,20 @@ def test_trying_out_leaves_the_simulator_where_it_was():
         assert np.allclose(tried[0, -1], simulator.state, atol=1e-6) and np.allclose(tried[:, 0], before, atol=1e-9)
 
 
-def driven(about: d.Drive, arrived: int, episodes: int = 10) -> d.Driven:
+def driven(about: d.Drive, arrived: int, episodes: int = 10, seed: int = 0) -> d.Driven:
     """Made up: so many arrive, the others are stuck."""
     path = tuple((0.1 * k, 0.05 * k) for k in range(30))
+    numbers = tuple(range(seed, 3 * episodes, 3))
+    trial = about.trial and about.trial.replace(seed=seed)
     return d.Driven(
-        about=about,
+        about=dataclasses.replace(about, episodes=numbers, trial=trial),
         ended=("arrived",) * arrived + ("stuck",) * (episodes - arrived),
         seconds=(4.0,) * episodes,
         length=(6.6,) * episodes,
         away=(6.5,) * episodes,
         left=(0.4,) * episodes,
         plans_per_second=12.0,
-        paths=(path,) * d.KEPT,
-        goals=((5.0, 2.0),) * d.KEPT,
+        paths=(path,) * sum(number < d.KEPT for number in numbers),
         source="",
         provenance=here(1.0, 1, False),
     )
@@ -100,35 +105,46 @@ def driven(about: d.Drive, arrived: int, episodes: int = 10) -> d.Driven:
 
 @pytest.fixture
 def made_up(jobs):
-    """Better the more data, and better with SIDM."""
+    """Better the more data, and better with SIDM, in each of three seeds."""
     found = []
     for minutes, counts in ((0.25, (4, 2)), (0.75, (9, 7))):
         for method, count in zip(("sidm", "novice_only"), counts, strict=True):
             trial = jobs["model"].trial.replace(method=method, novice_minutes=minutes)
-            found.append(driven(dataclasses.replace(jobs["model"], trial=trial), count))
+            about = dataclasses.replace(jobs["model"], trial=trial)
+            found += [driven(about, count, seed=seed) for seed in range(3)]
     return [*found, driven(jobs["straight"], 0), driven(jobs["simulator"], 10)]
 
 
 def test_scores_are_shares_and_medians(made_up):
-    best, floor = score(made_up[2]), score(made_up[4])
-    assert best.arrived.value == 0.9 and 0.59 < best.arrived.low < 0.61 and 0.98 < best.arrived.high < 0.99  # Wilson's
-    assert best.seconds == 4 and best.detour == pytest.approx(1.1) and best.ends == {"stuck": 1}
+    every = drivers(made_up, "system1")
+    best, floor = score(every[2]), score(every[4])
+    assert (best.models, best.episodes, best.arrived.value) == (3, 30, 0.9)
+    assert 0.74 < best.arrived.low < 0.75 and 0.96 < best.arrived.high < 0.97  # Wilson's
+    assert best.seconds == 4 and best.detour == pytest.approx(1.1) and best.ends == {"stuck": 3}
     assert floor.arrived.value == 0 and np.isnan(floor.seconds) and floor.ends == {"stuck": 10}
 
 
-def test_claims_go_by_the_same_episodes(made_up):
+def test_claims_pair_models_by_their_seed(made_up):
     """Two goals more of ten, at both sizes."""
     table = claims(made_up, "system1")
-    assert [claim.interval.value for claim in table] == pytest.approx([0.2, 0.2]) and claims(made_up, "system2") == []
+    assert [claim.interval.value for claim in table] == pytest.approx([0.2, 0.2])
+    assert {claim.verdict for claim in table} == {"In the same direction"} and claims(made_up, "system2") == []
+    assert claims(made_up[:1] + made_up[3:4], "system1")[0].verdict == "No verdict"  # of one seed
 
 
 def test_figures_draw_all_drivers(made_up):
     left, right = arrivals_figure(made_up).axes
     assert [line[0].get_ydata().tolist() for line in left.containers] == [[0.4, 0.9], [0.2, 0.7]]
     assert right.texts[0].get_text() == "no trials stored"
-    panels = paths_figure(made_up, "system1").axes
+    panels, every = paths_figure(made_up, "system1").axes, drivers(made_up, "system1")
     labels = [line.get_label() for line in panels[0].get_lines()]
-    assert len(panels) == d.KEPT and labels == [label(one.about) for one in made_up]
+    assert len(panels) == d.KEPT and labels == [one.label for one in every]
+    assert len(panels[1].get_lines()) == 4  # those whose seed drove episode 1
     assert driving_film(made_up, "system1")[:6] == b"GIF89a"
     with pytest.raises(ValueError, match="no driver of system2"):
         driving_film(made_up, "system2")
+
+
+def test_a_drive_has_an_episode(jobs):
+    with pytest.raises(ConfigError, match=r"Drive.episodes must be numbers from 0 on, not \(\)"):
+        dataclasses.replace(jobs["straight"], episodes=())

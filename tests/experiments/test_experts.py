@@ -8,8 +8,9 @@ import pytest
 
 from sidm.experiments import Study, family
 from sidm.experiments import experts as x
+from sidm.experiments.datasets import find_digest, load_dataset
 from sidm.experiments.experts_results import claims, experts_figure, needed_lines
-from sidm.experiments.family import LINEAR, LOGARITHMIC, collect_members, collection, member, member_trajectories
+from sidm.experiments.family import LINEAR, LOGARITHMIC, collect_members, dataset, member
 from sidm.experiments.provenance import here
 from sidm.systems import ROLES, SYSTEMS
 from sidm.trajectory import STEPS
@@ -30,27 +31,35 @@ def test_the_family_spans_the_papers_robots():
 def test_a_members_motion_is_collected_once(tmp_path):
     """One shard of the strangest first robot."""
     with ThreadPoolExecutor(1) as executor:
-        collect_members("system1", "held", {0: 1}, tmp_path, executor, progress=False)
-    (found,) = member_trajectories("system1", 0, "held", 1, tmp_path)
-    assert found.states.shape == (STEPS + 1, 13) and np.isfinite(found.states).all()
-    collect_members("system1", "held", {0: 4}, tmp_path, None, progress=False)  # nothing is left to do
+        collect_members("system1", "held", {0: [1]}, tmp_path, tmp_path / "results", executor, progress=False)
+    one = dataset("system1", 0, "held", 1)
+    (found,) = load_dataset(one, find_digest(one, tmp_path / "nothing", tmp_path / "results"), tmp_path)
+    assert found.states.shape == (STEPS + 1, 13) and np.isfinite(found.states).all() and len(found.discarded) == 4
+    collect_members("system1", "held", {0: [4]}, tmp_path, tmp_path, None, progress=False)  # nothing is left to do
     family._simulator.cache_clear()
 
 
 @pytest.fixture(scope="module")
 def jobs(tiny, data, tmp_path_factory):
     study = Study(tiny, data, tmp_path_factory.mktemp("results"))
-    found = x.pretrainings(study, "system1", [1, 2], [0.25, 0.75])
-    for number, count in x.members_needed(found).items():
-        own = collection("system1", number, tiny.policy)
-        write_motion(data, dataclasses.replace(tiny.datasets("system1")["expert"], collection=own, count=count))
-    return found
+    for job in x.pretrainings(study, "system1", [1, 2], [0.25, 0.75]):
+        for own in job.members:
+            write_motion(data, own)
+    return x.pretrainings(study, "system1", [1, 2], [0.25, 0.75])
 
 
-def test_all_experts_together_have_the_minutes_of_one(jobs, tiny):
-    assert [job.experts for job in jobs] == [1, 2] and {job.experts * job.minutes_each for job in jobs} == {1.0}
-    assert x.members_needed(jobs) == {0: tiny.datasets("system1")["expert"].count // 2}
+def test_all_experts_together_have_the_data_of_one(jobs, tiny):
+    half = tiny.datasets("system1")["expert"].count // 2
+    assert [job.experts for job in jobs] == [1, 2] and [one.count for one in jobs[1].members] == [half]
+    assert x.members_needed(jobs) == {0: {half}} and jobs[1].members_data[0] != "unknown"
     assert all(job.fresh.frozen == "sidm" for job in jobs)
+
+
+def test_another_robot_has_a_folder_of_its_own(monkeypatch):
+    before = dataset("system1", 0, "held", 1)
+    monkeypatch.setattr(family, "FAMILY_SEED", 6)
+    assert dataset("system1", 0, "held", 1).collection != before.collection
+    assert dataset("system2", 0, "held", 1).collection.role != dataset("system1", 0, "held", 1).collection.role
 
 
 @pytest.mark.parametrize("number", [0, 1])

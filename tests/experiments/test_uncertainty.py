@@ -10,7 +10,7 @@ from sidm.experiments import Study, models
 from sidm.experiments import uncertainty as u
 from sidm.experiments.measure import Library
 from sidm.experiments.provenance import here
-from sidm.experiments.uncertainty_results import claims, coverage_figure, likelihood_lines, loss_figure
+from sidm.experiments.uncertainty_results import claims, coverage_figure, likelihood_lines, loss_figure, shares
 
 
 @pytest.fixture(scope="module")
@@ -29,8 +29,9 @@ def test_a_fit_is_judged_and_stored(jobs, data, tmp_path, number):
     job, store = jobs[number], u.stored(tmp_path)
     found = u.fit(job, data)
     assert np.isfinite([found.nll, found.validation_loss]).all() and not found.stale
-    assert 0 <= found.coverage[0] <= found.coverage[1] <= 1
-    assert np.array(found.steps_coverage).shape == (2, 25) and (found.samples > 0) == job.likelihood
+    half, most = np.array(found.coverage)
+    assert half.shape == (13,) and (half >= 0).all() and (half <= most).all() and (most <= 1).all()
+    assert np.array(found.steps_coverage).shape == (2, 25, 3) and (found.samples > 0) == job.likelihood
     store.put(found)
     assert store.get(job).about == job
 
@@ -57,8 +58,8 @@ def made_up(jobs):
                     about=about,
                     validation_loss=1.0 + 0.1 * seed + job.likelihood,
                     nll=5.0 + 0.1 * seed - 2 * job.likelihood,
-                    coverage=cover,
-                    steps_coverage=tuple((level,) * 25 for level in cover),
+                    coverage=tuple((level,) * 13 for level in cover),
+                    steps_coverage=tuple(((level,) * 3,) * 25 for level in cover),
                     samples=1,
                     source="",
                     provenance=here(1.0, 1, False),
@@ -70,7 +71,7 @@ def made_up(jobs):
 def test_lines_compare_with_the_twin_seed_by_seed(made_up):
     table = {(one.method, one.likelihood): one for one in likelihood_lines(made_up, "system1")}
     mine, twin = table["sidm", True], table["sidm", False]
-    assert (mine.seeds, mine.coverage) == (3, pytest.approx((0.5, 0.9))) and twin.less is None
+    assert mine.seeds == 3 and twin.less is None and shares(mine.coverage) == "50% (50% to 50%), 90% (90% to 90%)"
     assert mine.nll == pytest.approx(3.1) and mine.less.value == pytest.approx(-2) and mine.less.high < -1.9
     assert mine.loss == pytest.approx(2.1) and likelihood_lines(made_up, "system2") == []
 

@@ -7,10 +7,12 @@ import pytest
 import torch
 from scipy import stats
 
+from sidm import rotations
+from sidm.config import ConfigError
 from sidm.learning import DynamicsModel, Standardisation
-from sidm.learning.distributions import LOUDEST, QUIETEST, ConstantSpread, DistributionModel, Gaussian, halves
+from sidm.learning.distributions import LOUDEST, QUIET, QUIETEST, ConstantSpread, DistributionModel, Gaussian, Spread
 from sidm.learning.likelihood import DistributionLearner, mean_nll, train_distributions
-from sidm.learning.particles import covered, one_step, particle_rollout
+from sidm.learning.particles import central, covered, one_step, particle_rollout
 from sidm.learning.regularisation import discriminator_iteration, matching_iteration
 from sidm.learning.settings import Training
 
@@ -37,10 +39,22 @@ def test_draws_have_the_mean_and_spread_and_pass_gradients_on(generator):
     assert Gaussian(mean, std).sample(None) is mean
 
 
-def test_a_layer_gives_means_and_bounded_spreads():
-    found = halves(torch.tensor([1.0, -2.0, 0.0, 1e9]), offset=0.0)
-    assert found.mean.tolist() == [1, -2] and found.std.tolist() == pytest.approx([1, math.exp(LOUDEST)])
-    assert halves(torch.tensor([0.0, -1e9])).std.tolist() == pytest.approx([math.exp(QUIETEST)])
+def test_latents_begin_quiet_and_stay_within_bounds():
+    spread, mean = Spread(2), torch.tensor([1.0, -2.0])
+    found = spread(mean)
+    assert found.mean is mean and found.std.tolist() == pytest.approx([math.exp(QUIET)] * 2)
+    torch.nn.init.constant_(spread.dense.bias, 1e9)
+    assert spread(mean).std.tolist() == pytest.approx([math.exp(LOUDEST)] * 2)
+    torch.nn.init.constant_(spread.dense.bias, -1e9)
+    assert spread(mean).std.tolist() == pytest.approx([math.exp(QUIETEST)] * 2)
+
+
+def test_means_begin_as_the_deterministic_twins(small_network, make_motion):
+    """Without draws the two predict alike."""
+    motion, units = make_motion(2), Standardisation.none()
+    ours, twin = (build(small_network, units, 3).eval() for build in (DistributionModel, DynamicsModel))
+    for role in ("novice", "expert"):
+        assert torch.allclose(ours(role, motion.inputs, motion.maps)[0], twin(role, motion.inputs, motion.maps)[0])
 
 
 def test_without_a_generator_a_prediction_is_repeated(model, make_motion, generator):
@@ -104,6 +118,12 @@ def test_the_whole_method_trains(datasets, small_network, small_training):
     assert mean_nll(trained.model, datasets.test) == pytest.approx(min(t.test_loss for t in trained.history), rel=0.2)
 
 
+@pytest.mark.parametrize("changes", [{"precision": "bfloat16"}, {"reduction": "mean"}, {"stopping": "released"}])
+def test_settings_that_a_likelihood_does_not_know_are_refused(datasets, small_network, changes):
+    with pytest.raises(ConfigError, match=f"training by likelihood has no {next(iter(changes))}="):
+        train_distributions(datasets, small_network, Training(**changes), 0, Standardisation.none())
+
+
 class Known:
     """Predicts a normal distribution about 0."""
 
@@ -121,7 +141,8 @@ def test_coverage_is_that_of_the_normal_distribution(make_motion, generator, sai
     motion = make_motion(40)
     motion = type(motion)(motion.inputs, torch.randn(40, 6, 13, generator=generator), motion.maps)
     found = one_step(Known(said), motion, generator)
-    assert found.coverage == pytest.approx((half, most), abs=0.03)
+    assert [np.mean(level) for level in found.coverage] == pytest.approx([half, most], abs=0.03)
+    assert [len(level) for level in found.coverage] == [13, 13]
     expected = -stats.norm.logpdf(motion.targets.numpy(), 0, said).sum(-1).mean()
     assert found.nll == pytest.approx(expected, rel=1e-4)
 
@@ -133,19 +154,39 @@ def test_the_twin_is_as_unsure_everywhere(small_network, make_motion, generator)
     assert torch.equal(found.mean, twin("novice", motion.inputs, motion.maps)[0]) and (found.std == 0.2).all()
 
 
-def test_particles_spread_and_cover_one_of_theirs(model, small_network):
+def test_particles_spread_and_cover_one_of_theirs(model, small_network, generator):
     """They start together and part; a path of the same model lies within their intervals as often as it should."""
-    heights, actions = torch.zeros(61, 61, dtype=torch.float64), torch.zeros(8, 2)
+    heights, actions = torch.zeros(61, 61, dtype=torch.float64), torch.zeros(4, 2)
     inside = []
-    for seed in range(30):
-        drawn = torch.Generator().manual_seed(seed)
-        paths = particle_rollout(model, heights, HERE, actions, small_network.pixels, 40, drawn)
-        assert paths.shape == (40, 9, 13) and torch.equal(paths[:, 0], HERE.expand(40, -1))
+    for _ in range(150):
+        paths = particle_rollout(model, heights, HERE, actions, small_network.pixels, 20, generator)
+        assert paths.shape == (20, 5, 13) and torch.equal(paths[:, 0], HERE.expand(20, -1))
         inside.append(covered(paths[1:], paths[0]))
     spread = paths[:, :, 0].std(0)
     assert spread[0] == 0 and spread[1] > 0
     half, most = torch.stack(inside).double().mean((0, 2, 3)).tolist()
-    assert half == pytest.approx(0.5, abs=0.1) and most == pytest.approx(0.88, abs=0.07)
+    assert half == pytest.approx(0.5, abs=0.1) and most == pytest.approx(0.9, abs=0.06)
+
+
+@pytest.mark.parametrize("count", [19, 64])
+def test_intervals_of_few_particles_are_as_wide_as_they_say(count, generator):
+    """Of independent numbers of one distribution, for any number of them."""
+    draws = torch.randn(4000, count + 1, generator=generator, dtype=torch.float64)
+    for level in (0.5, 0.9):
+        low, high = central(draws[:, 1:, None], level, dim=1)
+        inside = (low[:, 0] <= draws[:, 0]) & (draws[:, 0] <= high[:, 0])
+        assert inside.double().mean().item() == pytest.approx(level, abs=0.025)
+
+
+def test_a_turn_past_half_a_circle_is_covered():
+    """Particles about 180 degrees, some given as just below, some as just above minus 180."""
+    start, turns = HERE.clone(), math.pi + torch.linspace(-0.2, 0.2, 21, dtype=torch.float64)
+    paths = start.repeat(21, 2, 1)
+    paths[:, 1, 3:7] = rotations.from_yaw(rotations.wrap(turns))
+    for turn, expected in ((math.pi + 0.02, True), (-math.pi + 0.05, True), (math.pi - 0.6, False)):
+        actual = start.repeat(2, 1)
+        actual[1, 3:7] = rotations.from_yaw(torch.tensor(turn, dtype=torch.float64))
+        assert covered(paths, actual)[1, 0, 2].item() == expected
 
 
 def test_intervals_are_seen_from_the_start():

@@ -10,6 +10,7 @@ from sidm import rotations
 from sidm.config import ConfigError
 from sidm.learning import DynamicsModel, rollout
 from sidm.learning.planning import ROLLED_OVER, Dreamer, Planner, Planning, cost, heading_to, straight
+from sidm.trajectory import STEPS
 
 HERE = np.array([0, 0, 0.2, 0, 0, 0, 1, *[0] * 6], float)
 
@@ -42,9 +43,19 @@ def drive(goal: np.ndarray, act, most: int = 80) -> int:
 def test_a_planner_reaches_its_goal_about_as_fast_as_can_be(goal):
     """Five metres at 2 m/s are 25 steps, and turning takes some."""
     goal = np.array(goal)
-    planner = Planner(Planning(), goal, seed=0)
+    planner = Planner(Planning(replan=1), goal, seed=0)
     steps = drive(goal, lambda state: planner.plan(lambda actions: slide(state, actions))[0].numpy())
     assert steps < 45
+
+
+def test_a_plan_goes_on_where_the_one_before_led():
+    """The mean moves on by the steps that are done."""
+    planner = Planner(Planning(samples=4, elites=1, horizon=6, hold=3, replan=2), np.array([3.0, 1.0]), 0)
+    best = planner.plan(lambda actions: slide(HERE, actions))
+    assert torch.equal(planner.mean[:4], best[2:]) and torch.equal(planner.mean[4:], best[-1:].expand(2, -1))
+    drawn = []
+    planner.plan(lambda actions: drawn.append(actions.clone()) or slide(HERE, actions))
+    assert torch.equal(drawn[0][0], torch.cat([best[2:], best[-1:], best[-1:]]))
 
 
 def test_plans_are_functions_of_their_seed():
@@ -89,6 +100,18 @@ def test_dreams_are_the_models_rollouts(small_network, rng):
         dreamer.observe(whole[step].numpy(), actions[0, step])
     later = dreamer.imagine(whole[3].numpy(), actions[:1, 3:])
     assert torch.allclose(later[0], whole[3:], atol=2e-3)
+
+
+def test_a_memory_is_never_longer_than_training_has_seen(small_network, rng):
+    """After more steps it is that of the last half."""
+    model, heights = DynamicsModel(small_network, roles=["novice"]).eval(), np.zeros((61, 61))
+    actions = rng.uniform(-1, 1, (STEPS + 1, 2))
+    long, short = Dreamer(model, heights, 8), Dreamer(model, heights, 8)
+    for action in actions:
+        long.observe(HERE, action)
+    for action in actions[-STEPS // 2 :]:
+        short.observe(HERE, action)
+    assert all(torch.allclose(a, b) for a, b in zip(long.memory, short.memory, strict=True))
 
 
 @pytest.mark.parametrize(

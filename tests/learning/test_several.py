@@ -84,5 +84,5 @@ def test_fresh_parts_stand_around_the_same_sidm(experts, small_network, alone):
 
 
 def test_there_is_no_novice_among_several_experts(experts, small_network, small_training):
-    with pytest.raises(ConfigError, match="no novice"):
+    with pytest.raises(ConfigError, match="without a novice"):
         SeveralLearner(experts, small_network, small_training, 0, UNITS)

@@ -1,0 +1,57 @@
+"""The studies beyond the trials, by name: what they are of, what does their work, where their records are."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from sidm.config import unknown_name
+from sidm.experiments import driving, elsewhere, experts, uncertainty
+from sidm.experiments.datasets import collect_datasets
+from sidm.experiments.family import collect_members
+from sidm.experiments.presets import Preset
+from sidm.experiments.records import Records
+from sidm.experiments.study import Study
+
+
+class Beyond(NamedTuple):
+    """A study whose results are records."""
+
+    jobs: Callable[[Study, str], list[Any]]  # of a system
+    work: Callable[..., Any]  # on one of them, with the folder of the data
+    stored: Callable[[Path], Records]
+
+
+STUDIES = {
+    "elsewhere": Beyond(elsewhere.transfers, elsewhere.transfer, elsewhere.stored),
+    "driving": Beyond(driving.drives, driving.drive, driving.stored),
+    "uncertainty": Beyond(uncertainty.fits, uncertainty.fit, uncertainty.stored),
+    "experts": Beyond(experts.pretrainings, experts.pretrain, experts.stored),
+}
+
+
+def find_study(name: str) -> Beyond:
+    """The study of that name; ConfigError naming the nearest otherwise."""
+    if name not in STUDIES:
+        raise unknown_name(name, STUDIES, "the studies")
+    return STUDIES[name]
+
+
+def run_study(
+    name: str, preset: Preset, systems: Iterable[str], executor: Executor, data: Path, results: Path
+) -> tuple[int, int]:
+    """Simulate and make what a study lacks; how many results it has, and how many it should have."""
+    found, systems = find_study(name), tuple(systems)
+    collect_datasets(preset, systems, data, executor=executor)
+    study = Study(preset, data, results)
+    if name == "experts":
+        for system in systems:
+            needed = experts.members_needed(found.jobs(study, system))
+            collect_members(system, preset.policy, needed, data, results, executor)
+    jobs = [job for system in systems for job in found.jobs(study, system)]
+    records = found.stored(results)
+    records.run(jobs, functools.partial(found.work, data=data.absolute()), executor, name)
+    return len(records.stored(jobs)), len(jobs)
