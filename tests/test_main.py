@@ -9,6 +9,7 @@ import pytest
 
 from sidm.__main__ import main
 from sidm.experiments import FIGURES, Results, Study, grid, load_preset
+from sidm.experiments.studies import STUDIES
 from sidm.trajectory import read_shard
 
 CHANGES = {
@@ -37,7 +38,7 @@ def test_without_pybullet(tmp_path):
 
 
 def test_help_shows_defaults_and_units(capsys):
-    for command in ("collect", "train", "run", "show", "notebook"):
+    for command in ("collect", "train", "run", "study", "show", "notebook"):
         with pytest.raises(SystemExit) as stop:
             main([command, "--help"])
         assert stop.value.code == 0
@@ -45,6 +46,13 @@ def test_help_shows_defaults_and_units(capsys):
         main(["train", "--help"])
     said = capsys.readouterr().out
     assert "minutes of motion" in said and "(laptop)" in said and "(data)" in said
+
+
+def test_help_names_every_study(capsys):
+    with pytest.raises(SystemExit):
+        main(["study", "--help"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert all(name in said for name in STUDIES)
 
 
 def test_help_names_every_figure(capsys):
@@ -58,6 +66,7 @@ def test_help_names_every_figure(capsys):
     "words, message",
     [
         (["show", "--preset", "lapto"], "did you mean 'laptop'?"),
+        (["study", "drivin"], "did you mean 'driving'?"),
         (["show", "--set", "pixel=3"], "did you mean 'pixels'?"),
         (["show", "--set", "pixels"], "--set takes NAME=VALUE, not 'pixels'"),
         (["show", "--set", "pixels=big"], "'Network.pixels' must be int, not str ('big')"),

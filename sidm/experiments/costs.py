@@ -18,6 +18,7 @@ class FigureCost(NamedTuple):
     hours: float  # of one processor or GPU, all together, the pretraining in the trials that did it
     peak_memory: float  # MiB, of the trial that needed most; 0 without any
     devices: tuple[str, ...]
+    resumed: int  # trials that were interrupted, of which only the last stretch is counted
 
 
 def figure_costs(study: Study, store: Results) -> list[FigureCost]:
@@ -28,5 +29,6 @@ def figure_costs(study: Study, store: Results) -> list[FigureCost]:
         made = [row.provenance for row in store.rows(trials)]
         hours, most = sum(one.seconds for one in made) / 3600, max((one.peak_memory for one in made), default=0.0)
         devices = tuple(sorted({one.device for one in made}))
-        table.append(FigureCost(figure, len(trials), len(made), hours, most, devices))
+        resumed = sum(one.resumed for one in made)
+        table.append(FigureCost(figure, len(trials), len(made), hours, most, devices, resumed))
     return table

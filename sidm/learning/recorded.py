@@ -12,7 +12,7 @@ from torch import Tensor
 from sidm.learning.dataset import Motion
 from sidm.learning.observation import encode_inputs, robot_centred_map, transition
 from sidm.recordings import Recording
-from sidm.trajectory import STEPS
+from sidm.trajectory import STEPS, checksum
 
 
 class Pieces(NamedTuple):
@@ -34,10 +34,10 @@ def cut(recordings: Sequence[Recording]) -> Pieces:
     if not recordings:
         raise ValueError("at least one recording is needed, not none")
     states, actions, which = [], [], []
-    grounds: dict[tuple[bytes, float], int] = {}
+    grounds: dict[tuple[str, float], int] = {}
     heights, spacing = [], []
     for one in recordings:
-        key = one.ground.heights.tobytes(), one.ground.spacing
+        key = checksum(one.ground.heights), one.ground.spacing
         if key not in grounds:
             grounds[key] = len(grounds)
             heights.append(torch.from_numpy(one.ground.heights))
@@ -58,6 +58,25 @@ def recorded_motion(pieces: Pieces, pixels: int) -> Motion:
     ])  # fmt: skip
     before, after = pieces.states[:, :-1], pieces.states[:, 1:]
     return Motion(encode_inputs(before, pieces.actions).float(), transition(before, after).float(), maps)
+
+
+def apart(pieces: Pieces, share: float) -> tuple[Tensor, Tensor, bool]:
+    """Numbers of the pieces to learn from and of those to judge by, and whether their grounds differ.
+
+    Those to judge by are on the last grounds, a `share` of them and at least one; with a single ground they are the
+    last pieces. Two maps of one place that differ anywhere are two grounds here.
+
+    Raises:
+        ValueError: a share that leaves nothing on one side.
+    """
+    grounds, count = len(pieces.grounds), len(pieces.states)
+    if not 0 < share < 1 or count < 2:
+        raise ValueError(f"a share above 0 and below 1 of at least 2 pieces, not {share:g} of {count}")
+    if grounds > 1:
+        return *apart_by_ground(pieces, min(max(1, round(share * grounds)), grounds - 1)), True
+    last = min(max(1, round(share * count)), count - 1)
+    numbers = torch.arange(count)
+    return numbers[:-last], numbers[-last:], False
 
 
 def apart_by_ground(pieces: Pieces, held_out: int) -> tuple[Tensor, Tensor]:

@@ -9,20 +9,26 @@ x, y, z                     m, cm, mm            position of the chassis' centre
 qx, qy, qz, qw              1                    attitude, a unit quaternion, body to world
 vx, vy, vz                  m/s, cm/s, km/h      velocity, in the body frame: x forward, y left, z up
 wx, wy, wz                  rad/s, deg/s         angular velocity, in the body frame
-throttle, steering          1                    the action from this row to the next, each in [-1, 1]
+throttle, steering          1                    the action from this row to the next, each in [-1, 1]; positive
+                                                 is forward, and to the right
 time                        s, ms                may be there: then missing rows are noticed
 ==========================  ===================  ======================================================
 
 The rate is a whole multiple of 10 Hz, that of the models: of more rows every so many-th is taken, with the mean action
-up to the next. The ground is a grid of heights in the same world, index [y, x], with its spacing and the x and y of
-its middle. Files are those of `csv_file` and `npz_file`.
+up to the next. The ground is a grid of heights in the same world, index [y, x], both growing, with its spacing and the
+x and y of its middle. Files are those of `csv_file` and `npz_file`.
+
+What is refused: what is not finite, no unit quaternion, out of range or off the map; rows that are missing; positions
+that jump; velocities that do not lead where the robot was a second later, as those of another frame or unit do not;
+turning that is of another size by angular velocities than by headings; a map that fits better upside down, the wrong
+way round or transposed. What fits all that and is wrong all the same, such as a throttle's sign, cannot be seen.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from sidm.recordings.csv_file import read_csv
+from sidm.recordings.csv_file import has_header, read_csv, read_header
 from sidm.recordings.npz_file import read_npz, write_recordings
 from sidm.recordings.recording import COLUMNS, Ground, Recording, RecordingError, from_table
 
@@ -30,16 +36,21 @@ __all__ = ["COLUMNS", "Ground", "Recording", "RecordingError", "from_table", "re
 
 
 def read_recordings(path: str | Path) -> list[Recording]:
-    """The recordings of a .npz or .csv file, or of all .csv files of a folder whose first line begins with `#`.
+    """The recordings of a .npz or .csv file, or of all .csv files of a folder that are not the ground of another.
 
     Raises:
         RecordingError: there are none, or one of them has a fault; one line that names file, place and fault.
     """
     path = Path(path)
     if path.is_dir():
-        files = [file for file in sorted(path.glob("*.csv")) if _first_line(file).startswith("#")]
+        every = sorted(path.glob("*.csv"))
+        files = [file for file in every if has_header(file)]
         if not files:
             raise RecordingError(f"{path}: no .csv file in this folder begins with a header of '# name: value' lines")
+        grounds = {(path / read_header(file)["heights"]).resolve() for file in files}
+        strange = [file for file in every if file not in files and file.resolve() not in grounds]
+        if strange:
+            raise RecordingError(f"{strange[0]}: neither a recording, for it has no header, nor the ground of one")
         return [read_csv(file) for file in files]
     if not path.is_file():
         raise RecordingError(f"{path}: there is no such file")
@@ -48,8 +59,3 @@ def read_recordings(path: str | Path) -> list[Recording]:
     if path.suffix == ".npz":
         return read_npz(path)
     raise RecordingError(f"{path}: recordings are .npz or .csv files, or a folder of .csv files")
-
-
-def _first_line(path: Path) -> str:
-    with open(path, encoding="utf-8", errors="replace") as file:
-        return file.readline()

@@ -23,21 +23,45 @@ from sidm.recordings.recording import Ground, Recording, RecordingError, from_ta
 #: Names of the header: what each is.
 HEADER = {
     "rate": "rows a second, Hz",
-    "heights": "file of the ground's heights in m beside this one, .csv without names or .npy, a line a row along x",
+    "heights": "file of the ground's heights in m beside this, .csv without names or .npy: a line along x for each y, "
+    "the smallest first",
     "spacing": "of the ground's grid, m",
     "centre": "x and y of the ground's middle, m; 0 0 unless given",
     "origin": "where the recording is from, for people",
 }
 
 
-def read_csv(path: Path) -> Recording:
-    """The recording of a file; RecordingError names its first fault."""
+def has_header(path: Path) -> bool:
+    """Whether a file begins like a recording; what cannot be read does not."""
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        with open(path, encoding="utf-8-sig") as file:
+            return file.readline().startswith("#")
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def read_header(path: Path) -> dict[str, str]:
+    """The values of a file's header; RecordingError names its first fault."""
+    lines = _lines(path)
+    return _header(path, lines[: _first_row(lines)])
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        return path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"{path}: cannot be read as text ({error})") from None
-    start = next((number for number, line in enumerate(lines) if not line.startswith("#")), len(lines))
-    header = _header(path, lines[:start])
+
+
+def _first_row(lines: Sequence[str]) -> int:
+    """Number of the line after the header."""
+    return next((number for number, line in enumerate(lines) if not line.startswith("#")), len(lines))
+
+
+def read_csv(path: Path) -> Recording:
+    """The recording of a file; RecordingError names its first fault."""
+    lines = _lines(path)
+    start, header = _first_row(lines), read_header(path)
     if start == len(lines):
         raise RecordingError(f"{path}: no line with the names of the columns")
     named = [re.fullmatch(r"\s*(.*?)\s*(?:\[(.*)\])?\s*", cell) for cell in next(csv.reader([lines[start]]))]

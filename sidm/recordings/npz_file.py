@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import json
 import zipfile
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -44,7 +45,7 @@ def read_npz(path: Path) -> list[Recording]:
     try:
         with np.load(path, allow_pickle=False) as file:
             members = {name: file[name] for name in file.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise RecordingError(f"{path}: cannot be read as .npz ({str(error).splitlines()[0]})") from None
     for name in MEMBERS:
         if name not in members:
@@ -57,7 +58,12 @@ def read_npz(path: Path) -> list[Recording]:
             f"{path}: rows {rows.shape}, heights {heights.shape}, {len(lengths)} lengths with sum {lengths.sum()} and "
             f"{len(ground)} grounds do not belong together"
         )
-    centres = np.asarray(header.get("centres", np.zeros((len(heights), 2))), float)
+    if heights.dtype.kind not in "fiu":
+        raise RecordingError(f"{path}: heights of {heights.dtype}, not of numbers")
+    try:
+        centres = np.asarray(header.get("centres", np.zeros((len(heights), 2))), float)
+    except (ValueError, TypeError):
+        raise RecordingError(f"{path}: centres of the header are not an x and a y for each ground") from None
     if centres.shape != (len(heights), 2) or not ((ground >= 0) & (ground < len(heights))).all():
         raise RecordingError(
             f"{path}: {len(heights)} heights, but 'ground' goes up to {ground.max()} and centres are {centres.shape}"
@@ -90,6 +96,8 @@ def _json_header(path: Path, member: np.ndarray) -> dict[str, Any]:
     for name in HEADER.keys() - {"centres"}:
         if name not in header:
             raise RecordingError(f"{path}: the header has no '{name}'")
+    if not all(isinstance(word, str) for word in (*header["columns"], *header["units"])):
+        raise RecordingError(f"{path}: columns and units of the header are not all text")
     if header["height_unit"] not in UNITS["length"]:
         known = " or ".join(UNITS["length"])
         raise RecordingError(f"{path}: height_unit '{header['height_unit']}'; heights are in {known}")
@@ -117,7 +125,9 @@ def write_recordings(path: str | Path, recordings: Sequence[Recording], origin: 
     shapes = {(r.ground.heights.shape, r.ground.spacing) for r in recordings}
     if len(shapes) != 1:
         raise ValueError(f"recordings to pack have grounds of one shape and spacing, not of {len(shapes)}")
-    heights = [np.round(1e3 * recording.ground.heights).astype(np.int16) for recording in recordings]
+    millimetres = [np.round(1e3 * recording.ground.heights) for recording in recordings]
+    small = max(np.abs(ground).max() for ground in millimetres) <= np.iinfo(np.int16).max
+    heights = [ground.astype(np.int16 if small else np.int32) for ground in millimetres]
     grounds = {ground.tobytes(): ground for ground in heights}
     order = list(grounds)
     rows = [

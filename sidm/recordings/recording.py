@@ -32,11 +32,16 @@ COLUMNS = (
     | dict.fromkeys(ACTION, "number") | {"time": "time"}
 )  # fmt: skip
 
-UNEVEN = 0.1  # of a step that the time between two rows may be off
+LATE = 0.5  # of a row, that a row's time may be off; a row that is missing is off by more
 NOT_UNIT = 1e-3  # that a quaternion's length may be off
 BEYOND = 1e-3  # that an action may be beyond 1
 ABOVE = 2.0  # m, between a robot and the ground under it, more is taken for a map of other ground
-MISFIT = 0.5  # of the speed, between velocities and how positions change, more is taken for another frame
+WINDOW = 10  # control steps over which velocities are held against what they lead to
+MISFIT = 0.3  # of the way, between the two, more is taken for another frame or unit
+LEAST_WAY, LEAST_TURN = 0.1, 0.3  # m and rad a window that are no misfit: noise, and shocks between two rows
+TIMES = 20.0  # as much turning by its rates as by its headings, or as little, is taken for another unit
+JUMP = 0.5  # m, in one control step beside what the velocity leads to
+FLIPPED = 0.25  # of how a robot moves up and down over its ground: so much less over another reading is taken for that
 
 
 class RecordingError(ValueError):
@@ -97,6 +102,7 @@ def from_table(
     actions = actions[: steps * stride].reshape(steps, stride, ACTION_SIZE).mean(1)
     ground = ground._replace(heights=np.asarray(ground.heights, float), centre=(0.0, 0.0))
     _refuse_elsewhere(name, states, ground)
+    _refuse_other_frames(name, states)
     return Recording(name, states, np.clip(actions, -1, 1), ground)
 
 
@@ -131,13 +137,20 @@ def _stride(name: str, rate: float) -> int:
 
 
 def _refuse_gaps(name: str, time: np.ndarray, rate: float) -> None:
-    steps = np.diff(time) * rate
-    odd = np.flatnonzero(~(np.abs(steps - 1) <= UNEVEN))
-    if odd.size:
-        row = int(odd[0])
+    late = (time - time[0]) * rate - np.arange(len(time))
+    gaps = np.flatnonzero(~(np.diff(time) * rate < 1 + LATE) | ~(np.diff(time) > 0))
+    if gaps.size:
+        row = int(gaps[0])
         raise RecordingError(
-            f"{name}: row {row + 2} comes {steps[row] / rate:.4g} s after the row before, not {1 / rate:.4g} s; "
-            "cut the recording there"
+            f"{name}: row {row + 2} comes {time[row + 1] - time[row]:.4g} s after the row before, "
+            f"not {1 / rate:.4g} s; make two recordings of it there"
+        )
+    off = np.flatnonzero(~(np.abs(late) <= LATE))
+    if off.size:
+        row = int(off[0])
+        raise RecordingError(
+            f"{name}: row {row + 1} is at {time[row] - time[0]:.4g} s, not at {row / rate:.4g} s as the rate of "
+            f"{rate:g} Hz has it; correct the rate, or resample"
         )
 
 
@@ -183,24 +196,60 @@ def _refuse_elsewhere(name: str, states: np.ndarray, ground: Ground) -> None:
             f"{name}: {outside[0] / RATE:g} s after its start the robot is {x:.2f} m, {y:.2f} m from the middle of its "
             f"ground, which ends at {half[0]:.2f} m, {half[1]:.2f} m"
         )
-    under = height_at(ground.heights, states[:, 0], states[:, 1], ground.spacing)
-    above = float(np.median(states[:, 2] - under))
-    if abs(above) > ABOVE:
-        raise RecordingError(f"{name}: the robot is {above:.2f} m above the ground (median); is it another map?")
-    moved = np.diff(states[:, POSITION], axis=0) * RATE  # (K, 3) m/s, world
-    velocity = states[:, TWIST][:, :3]
-    mean = (velocity[1:] + velocity[:-1]) / 2
-    misfit = np.linalg.norm(_into_body(states[:-1, QUATERNION], moved) - mean, axis=1)
-    speed = np.sqrt(np.mean(np.square(moved).sum(1)))
-    if np.sqrt(np.mean(misfit**2)) > max(MISFIT * speed, 0.1):
+    above = states[:, 2] - height_at(ground.heights, states[:, 0], states[:, 1], ground.spacing)
+    if abs(np.median(above)) > ABOVE:
         raise RecordingError(
-            f"{name}: velocities do not fit how positions change ({np.sqrt(np.mean(misfit**2)):.2f} m/s apart at "
-            f"{speed:.2f} m/s); they must be in the body frame, x forward"
+            f"{name}: the robot is {np.median(above):.2f} m above the ground (median); is it another map?"
+        )
+    for words, heights in {
+        "upside down (its first row is that of the smallest y)": ground.heights[::-1],
+        "the wrong way round (its first column is that of the smallest x)": ground.heights[:, ::-1],
+        "transposed (a row is along x)": ground.heights.T,
+    }.items():
+        other = states[:, 2] - height_at(heights, states[:, 0], states[:, 1], ground.spacing)
+        if other.std() < FLIPPED * above.std() and above.std() > LEAST_WAY / 2:
+            raise RecordingError(f"{name}: the map of the ground seems to be {words}")
+
+
+def _refuse_other_frames(name: str, states: np.ndarray) -> None:
+    """Velocities that do not lead where the robot was, over windows of a second, and positions that jump."""
+    quaternions, position = states[:, QUATERNION], states[:, POSITION]
+    world = _into_world(quaternions, states[:, TWIST][:, :3])
+    step = np.diff(position, axis=0) - (world[1:] + world[:-1]) / 2 / RATE  # (K, 3) m, unexplained
+    jumps = np.flatnonzero(np.linalg.norm(step, axis=1) > JUMP + np.linalg.norm(world[1:], axis=1) / RATE)
+    if jumps.size:
+        when = jumps[0] / RATE
+        raise RecordingError(f"{name}: {when:g} s after its start the position jumps; make two recordings of it there")
+    off, way = _size(_windows(step)), _size(_windows(np.linalg.norm(np.diff(position, axis=0), axis=1)[:, None]))
+    if off > max(MISFIT * way, LEAST_WAY):
+        raise RecordingError(
+            f"{name}: velocities do not lead where the robot was ({off:.2f} of {way:.2f} m a second); "
+            "they must be in the body frame, x forward, y left"
+        )
+    axis = _into_world(quaternions, np.broadcast_to([1.0, 0.0, 0.0], world.shape))
+    turned = _size(_windows(np.diff(np.unwrap(np.arctan2(axis[:, 1], axis[:, 0])))[:, None]))
+    rates = _into_world(quaternions, states[:, TWIST][:, 3:])[:, 2:]  # about the vertical
+    said = _size(_windows((rates[1:] + rates[:-1]) / 2 / RATE))
+    if max(said, turned) > max(TIMES * min(said, turned), LEAST_TURN):
+        raise RecordingError(
+            f"{name}: it turned by {turned:.2g} rad a second by its headings, by {said:.2g} by its angular velocities; "
+            "are they in the unit that the header names?"
         )
 
 
-def _into_body(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """World vectors (K, 3) in the frames of unit quaternions (K, 4)."""
-    axis, w = -quaternions[:, :3], quaternions[:, 3:]
+def _size(windows: np.ndarray) -> float:
+    """Root mean square of the lengths of (W, N)."""
+    return float(np.sqrt(np.square(windows).sum(1).mean()))
+
+
+def _windows(steps: np.ndarray) -> np.ndarray:
+    """Sums (W, N) over successive windows of (K, N)."""
+    count = len(steps) // WINDOW
+    return steps[: count * WINDOW].reshape(count, WINDOW, -1).sum(1)
+
+
+def _into_world(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Vectors (K, 3) of the frames of unit quaternions (K, 4) in that of the world."""
+    axis, w = quaternions[:, :3], quaternions[:, 3:]
     twice = 2 * np.cross(axis, vectors)
     return vectors + w * twice + np.cross(axis, twice)

@@ -18,4 +18,4 @@ def test_a_figure_costs_what_its_stored_trials_took(tmp_path, make_row):
     assert lines["3"].hours * 3600 == pytest.approx(sum(row.provenance.seconds for row in rows))
     assert lines["3"].peak_memory == max(row.provenance.peak_memory for row in rows)
     assert lines["3"].devices == (rows[0].provenance.device,)
-    assert lines["tuning"][2:] == (0, 0, 0, ())
+    assert lines["tuning"][2:] == (0, 0, 0, (), 0) and lines["3"].resumed == 0

@@ -8,6 +8,7 @@ import pytest
 
 from sidm.recordings import Ground, RecordingError, from_table, read_recordings, write_recordings
 from sidm.recordings.recording import ACTION, COLUMNS, STATE, UNITS
+from sidm.terrain import height_at
 
 ROOT = Path(__file__).parents[2]
 NAMES = (*STATE, *ACTION)
@@ -84,6 +85,49 @@ def turned() -> np.ndarray:
     return rows
 
 
+def with_rates(turning: float) -> np.ndarray:
+    """The circle with another rate of turning."""
+    rows = circle()
+    rows[:, 12] = turning
+    return rows
+
+
+def jumped() -> np.ndarray:
+    """The circle, a metre aside from its 31st row on."""
+    rows = circle()
+    rows[31:, 0] += 1.0
+    return rows
+
+
+def hill() -> Ground:
+    """A slope that rises with x, and more with y, and is not straight."""
+    x = np.linspace(-4, 4, 81)
+    return Ground(0.05 * x[None] + 0.1 * x[:, None] + 0.02 * x[None] ** 2, 0.1, (0.0, 2.0))
+
+
+def over(where: Ground) -> np.ndarray:
+    """The circle at 0.17 m above a ground."""
+    rows = circle()
+    rows[:, 2] += height_at(where.heights, rows[:, 0], rows[:, 1] - 2.0)
+    rows[1:, 9] = np.diff(rows[:, 2]) * 10
+    return rows
+
+
+def test_a_hilly_drive_with_noise_is_taken():
+    """Three centimetres and ten milliseconds of noise on every row are no fault."""
+    rng, rows = np.random.default_rng(0), over(hill())
+    rows[:, :3] += rng.normal(0, 0.03, (len(rows), 3))
+    time = 0.1 * np.arange(len(rows)) + rng.normal(0, 0.01, len(rows))
+    found = from_table("drive", [*NAMES, "time"], [*PLAIN, "s"], 10.0, np.hstack([rows, time[:, None]]), hill())
+    assert found.pieces == 1
+
+
+def test_a_rate_that_is_a_little_off_is_noticed():
+    rows, time = circle(seconds=30.0), 0.11 * np.arange(301)
+    with pytest.raises(RecordingError, match="row 7 is at 0.66 s, not at 0.6 s as the rate of 10 Hz has it"):
+        made(np.hstack([rows, time[:, None]]), [*NAMES, "time"], [*PLAIN, "s"])
+
+
 FAULTS = {
     "column 'qw' is missing": no("qw"),
     "unknown parameter 'throtle' of the columns; did you mean 'throttle'?": {
@@ -103,7 +147,16 @@ FAULTS = {
         np.arange(81 * 81).reshape(81, 81) == 2 * 81 + 4, np.inf, 0.0))},
     "from the middle of its ground, which ends at 4.00 m, 4.00 m": {"where": ground()._replace(centre=(9.0, 2.0))},
     "the robot is -9.83 m above the ground": {"where": ground()._replace(heights=np.full((81, 81), 10.0))},
-    "velocities do not fit how positions change": {"rows": turned()},
+    "velocities do not lead where the robot was": {"rows": turned()},
+    "it turned by 0.5 rad a second by its headings, by 29 by its angular velocities": {
+        "rows": with_rates(np.degrees(0.5))},
+    "3 s after its start the position jumps": {"rows": jumped()},
+    "the map of the ground seems to be upside down": {"rows": over(hill()), "where": hill()._replace(
+        heights=hill().heights[::-1])},
+    "the map of the ground seems to be the wrong way round": {"rows": over(hill()), "where": hill()._replace(
+        heights=hill().heights[:, ::-1])},
+    "the map of the ground seems to be transposed": {"rows": over(hill()), "where": hill()._replace(
+        heights=hill().heights.T)},
 }  # fmt: skip
 
 
@@ -202,6 +255,9 @@ def members(**changes) -> dict:
         ({"header": {"height_unit": "feet"}}, "height_unit 'feet'; heights are in m or cm or mm"),
         ({"header": np.array("{")}, "the header is not JSON"),
         ({"rows": circle().astype(str)}, "not of numbers"),
+        ({"heights": np.full((1, 81, 81), "high")}, "heights of <U4, not of numbers"),
+        ({"header": {"centres": [["a", "b"]]}}, "centres of the header are not an x and a y"),
+        ({"header": {"columns": list(range(15))}}, "columns and units of the header are not all text"),
     ],
 )
 def test_a_fault_of_an_npz_file_is_named_in_one_line(tmp_path, changes, fault):
@@ -237,6 +293,29 @@ def test_a_file_that_is_none_is_named(tmp_path, name, content, fault):
         (tmp_path / name).write_bytes(content)
     with pytest.raises(RecordingError, match=fault):
         read_recordings(tmp_path / name)
+
+
+def test_a_file_with_a_mark_of_byte_order_is_a_recording(tmp_path):
+    """As some spreadsheets write it."""
+    path = write_csv(tmp_path)
+    path.write_text("\ufeff" + path.read_text(), encoding="utf-8")
+    assert len(read_recordings(tmp_path)) == 1
+
+
+def test_a_file_that_is_no_recording_is_not_passed_over(tmp_path):
+    write_csv(tmp_path)
+    (tmp_path / "notes.csv").write_text("monday,rain\n")
+    with pytest.raises(RecordingError, match="notes.csv: neither a recording, for it has no header, nor the ground"):
+        read_recordings(tmp_path)
+
+
+def test_high_mountains_are_packed(tmp_path):
+    """Forty metres of height do not wrap around."""
+    high = Ground(np.full((81, 81), 40.0), 0.1, (0.0, 2.0))
+    rows = circle()
+    rows[:, 2] += 40.0
+    write_recordings(tmp_path / "a.npz", [made(rows, where=high)], "up")
+    assert read_recordings(tmp_path / "a.npz")[0].ground.heights.max() == pytest.approx(40)
 
 
 def test_a_folder_without_recordings_is_named(tmp_path):
