@@ -3,6 +3,10 @@
 Beside the shards of a collection lies a file `digest-COUNT.json`, written after collecting; with the results lies one
 like it under `datasets/` for each dataset that the stored trials learnt from, so that reading results needs no data.
 Where both speak, the data on this disk count.
+
+Another processor rounds otherwise, and a simulated robot that is pushed about by rocks makes more of it with every
+step: data that are made again elsewhere are not the same bit for bit. Digests of such data, of which it was measured
+that they are alike, stand with the results' digest; they are taken for it, and rows made from them say so.
 """
 
 from __future__ import annotations
@@ -11,6 +15,7 @@ import contextlib
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 from sidm.config import ConfigError
 from sidm.experiments.presets import Preset
@@ -29,17 +34,21 @@ def _committed(dataset: Dataset, results: str | Path) -> Path:
     return Path(results) / "datasets" / f"{dataset.name}.json"
 
 
-def _read(path: Path) -> str:
-    """The digest in a file, UNKNOWN when there is none; ConfigError when it is damaged."""
+def _record(path: Path) -> dict[str, Any]:
+    """What a file says, its digest UNKNOWN when there is none; ConfigError when it is damaged."""
     try:
-        found = read_record(path).get("digest")
-        if not isinstance(found, str):
-            raise Damaged(f"its digest is {found!r}, not text")
+        found = read_record(path)
+        if not isinstance(found.get("digest"), str):
+            raise Damaged(f"its digest is {found.get('digest')!r}, not text")
     except FileNotFoundError:
-        return UNKNOWN
+        return {"digest": UNKNOWN}
     except Damaged as error:
         raise ConfigError(f"{path}: damaged ({error}); restore it, or delete it and collect again") from None
     return found
+
+
+def _read(path: Path) -> str:
+    return _record(path)["digest"]
 
 
 def _note(path: Path, found: str) -> None:
@@ -49,9 +58,24 @@ def _note(path: Path, found: str) -> None:
 
 
 def find_digest(dataset: Dataset, data: str | Path = "data", results: str | Path = "results") -> str:
-    """The digest of a dataset: of what lies under `data`, else of what the `results` were made from, else UNKNOWN."""
-    local = _read(_local(dataset, data))
-    return local if local != UNKNOWN else _read(_committed(dataset, results))
+    """The digest of a dataset: of what lies under `data`, else of what the `results` were made from, else UNKNOWN.
+
+    Where the first is known to be alike the second it is the second, and a note of that is left under `data`.
+    """
+    path = _local(dataset, data)
+    local, committed = _read(path), _record(_committed(dataset, results))
+    if local in committed.get("alike", []):
+        noted = {"digest": local, "stands_for": committed["digest"]}
+        if _record(path) != noted:
+            write_record(path, noted)
+        return committed["digest"]
+    return local if local != UNKNOWN else committed["digest"]
+
+
+def others(trial: Trial, data: str | Path = "data") -> dict[str, str]:
+    """The digests of the data under `data` that are not a trial's own but stand for them, by the dataset's kind."""
+    local = {kind: _record(_local(dataset, data)) for kind, dataset in trial.datasets.items()}
+    return {kind: one["digest"] for kind, one in local.items() if one.get("stands_for") == trial.digests[kind]}
 
 
 def differing(preset: Preset, data: str | Path = "data", results: str | Path = "results") -> list[str]:
@@ -88,7 +112,7 @@ def load_dataset(dataset: Dataset, wanted: str, data: str | Path = "data") -> li
     """
     trajectories = load(Path(data), dataset.collection, dataset.count)
     found = digest(trajectories)
-    if found != wanted:
+    if found != wanted and _record(_local(dataset, data)) != {"digest": found, "stands_for": wanted}:
         raise ShardError(
             f"{dataset.collection.folder(Path(data))}: the first {dataset.count} trajectories have digest {found}, the "
             f"trial wants {wanted}; 'python -m sidm collect' notes what lies there, deleting the folder makes it anew"

@@ -58,6 +58,7 @@ class Provenance:
     date: str  # UTC, ISO 8601
     confirmed_source: str = ""  # hash of later code that would make the same; see `confirm`
     confirmed_by: str = ""  # 'rerun': it was run again; 'sample': another trial of its kind was
+    other_data: tuple[str, ...] = ()  # 'novice 938fa1f0...': made again elsewhere, alike but for rounding
     bundle: int = 0  # how many trials were trained side by side, at most; 0: alone
 
 
@@ -139,7 +140,9 @@ def here(seconds: float, threads: int, resumed: bool, device: str = "cpu", bundl
         learning_source=source_hash("bundle" if bundle else "learning"),
         simulation_source=source_hash("simulation"),
         python=platform.python_version(),
-        **{name: importlib.metadata.version(name) for name in ("torch", "numpy", "scipy")},
+        torch=importlib.metadata.version("torch"),
+        numpy=importlib.metadata.version("numpy"),
+        scipy=importlib.metadata.version("scipy"),
         device=device_name(device),
         threads=threads,
         seconds=round(seconds, 1),

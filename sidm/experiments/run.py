@@ -7,6 +7,7 @@ With an executor of other machines, `data` must be a folder that they all see.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import functools
 import shutil
 import sys
@@ -17,7 +18,7 @@ from pathlib import Path
 
 from sidm.config import ConfigError
 from sidm.experiments.bundled import Hooks, bundles, fits, run_bundle
-from sidm.experiments.datasets import note_datasets
+from sidm.experiments.datasets import note_datasets, others
 from sidm.experiments.log import EventLog
 from sidm.experiments.measure import run_trial
 from sidm.experiments.provenance import source_hash
@@ -133,16 +134,23 @@ def _run_bundles(
             folder = functools.partial(checkpoint_folder, data, wing="bundle")
             for row in run_bundle(group, seats, data, folder, Hooks(show, fault), device):
                 try:
-                    _keep(row, store, bar)
+                    _keep(row, store, data, bar)
                 except StoreError as error:
                     fault(row.trial, error)
                 else:
                     shutil.rmtree(folder(row.trial), ignore_errors=True)
 
 
-def _keep(row: Row | Failure, store: Results, bar: Bar) -> None:
-    """Store what became of a trial."""
-    store.put(row)
+def of_data(row: Row | Failure, data: str | Path) -> Row | Failure:
+    """The row with a word of data that only stand for the trial's own."""
+    found = tuple(f"{kind} {digest}" for kind, digest in others(row.trial, data).items())
+    made = dataclasses.replace(row.provenance, other_data=found)  # type: ignore[type-var]
+    return dataclasses.replace(row, provenance=made) if found else row  # type: ignore[type-var]
+
+
+def _keep(row: Row | Failure, store: Results, data: str | Path, bar: Bar) -> None:
+    """Store what became of a trial, and whether its data were made again elsewhere."""
+    store.put(of_data(row, data))
     if isinstance(row, Failure):
         _report(bar, str(row))
     bar.update()
@@ -160,7 +168,7 @@ def _run_all(
     for done in as_completed(futures):
         trial = futures[done]
         try:
-            _keep(done.result(), store, bar)
+            _keep(done.result(), store, data, bar)
         except BrokenProcessPool:
             lost += 1
         except Exception as error:  # one trial's failure must not lose the others
@@ -208,6 +216,7 @@ def run_here(
             bar.update(tested.samples - bar.n)
 
         row = run_trial(trial, data, checkpoint_folder(data, trial), show, device, log)
+    row = of_data(row, data)
     store.put(row)
     shutil.rmtree(checkpoint_folder(data, trial), ignore_errors=True)
     if isinstance(row, Failure):

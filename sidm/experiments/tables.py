@@ -70,11 +70,13 @@ def provenance_line(rows: Sequence[Row], command: str = "") -> str:
     codes = sorted({f"{one.version} ({one.learning_source})" for one in made})
     stale = sum(row.stale for row in rows)
     confirmed = sum(one.confirmed_by != "" for one in made)
+    elsewhere = sum(one.other_data != () for one in made)
     parts = [
         f"{len(rows)} trials",
         " to ".join(dict.fromkeys((days[0], days[-1]))),
         f"code {', '.join(codes)}" + (f", {stale} of them made by older code" if stale else "")
-        + (f", {confirmed} confirmed for later code" if confirmed else ""),
+        + (f", {confirmed} confirmed for later code" if confirmed else "")
+        + (f", {elsewhere} from data made again on another machine" if elsewhere else ""),
         f"{', '.join(sorted({one.device for one in made}))}, {sum(one.seconds for one in made) / 3600:.2g} h in all",
     ]
     return "; ".join(parts) + (f"; again: `{command}`." if command else ".")

@@ -1,5 +1,6 @@
 """Real trials on tiny synthetic data, and what the runner does with them."""
 
+import shutil
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -11,7 +12,8 @@ from sidm.experiments import run as run_function
 from sidm.experiments.datasets import find_digest, load_dataset
 from sidm.experiments.run import checkpoint_folder, one_line, run_here
 from sidm.experiments.store import rounded
-from sidm.storage import read_record
+from sidm.experiments.tables import provenance_line
+from sidm.storage import read_record, write_record
 from sidm.trajectory import ShardError
 
 
@@ -129,3 +131,23 @@ def test_errors_in_one_line():
     """A type is named where the message alone does not say enough."""
     assert one_line(ValueError("what\nwhere")) == "what"
     assert one_line(KeyError("a")) == "KeyError: 'a'" and one_line(RuntimeError()) == "RuntimeError"
+
+
+def test_data_made_again_elsewhere_stand_for_those_of_the_results(tiny, data, tmp_path):
+    """Where the results say that they are alike, trials keep their keys and rows say so; else they are others."""
+    results, own = tmp_path / "results", tmp_path / "data"
+    shutil.copytree(data, own)
+    sets = tiny.datasets("system1")
+    here = {kind: find_digest(one, own, results) for kind, one in sets.items()}
+    path = results / "datasets" / f"{sets['novice'].name}.json"
+    write_record(path, {"digest": "0123456789abcdef"})
+    assert find_digest(sets["novice"], own, results) == here["novice"]  # not alike: another dataset
+    write_record(path, {"digest": "0123456789abcdef", "alike": [here["novice"]]})
+    (trial,) = Study(tiny, own, results).points("system1", ["novice_only"], [0.25])
+    assert trial.novice_data == "0123456789abcdef" and trial.expert_data == here["expert"]
+    row = run_here(trial, own, results, progress=False)
+    assert row.trial == trial and row.provenance.other_data == (f"novice {here['novice']}",)
+    assert "1 from data made again on another machine" in provenance_line([row])
+    assert read_record(path)["alike"] == [here["novice"]]
+    with pytest.raises(ShardError, match="the trial wants 0123456789abcdee"):
+        load_dataset(sets["novice"], "0123456789abcdee", own)
