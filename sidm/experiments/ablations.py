@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from sidm.config import ConfigError
-from sidm.experiments.methods import COMPARED, METHODS, change
+from sidm.experiments.methods import CHOICES, COMPARED, METHODS, change
+from sidm.experiments.methods import PATIENCE as LONG_PATIENCE
 from sidm.experiments.presets import Preset
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
@@ -26,6 +27,30 @@ PIXELS = (16, 32, 64)
 
 #: Samples without a new minimum of the test loss before training ends.
 PATIENCE = (50_000, 150_000, 450_000)
+
+
+#: p_e with as much novice data as there is; section 5 advises less than with little.
+AMPLE_P_EXPERT = 0.25
+
+
+def ample(study: Study, system: str) -> dict[str, list[Trial]]:
+    """SIDM on the largest novice dataset as section 5 advises there: the expert and the adversary count for less.
+
+    Patience is among it because it counts the samples of both systems: at a p_e of 0.75 a quarter of them are the novice's.
+    """
+    sizes = [max(study.preset.novice_minutes(system))]
+    changed = change(METHODS["sidm"].training(study.preset, system), p_expert=AMPLE_P_EXPERT)
+    patient = study.changed(**CHOICES[LONG_PATIENCE][0])
+    return {
+        f"p_e of {AMPLE_P_EXPERT:g}": study.points(system, ["sidm"], sizes, changed),
+        "no adversary": study.points(system, ["no_regularisation"], sizes),
+        LONG_PATIENCE: patient.points(system, ["sidm"], sizes),
+    }
+
+
+def ample_trials(study: Study, system: str) -> list[Trial]:
+    """All trials of `ample`."""
+    return [trial for trials in ample(study, system).values() for trial in trials]
 
 
 def proportional(preset: Preset, minutes: float) -> float:

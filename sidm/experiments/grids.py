@@ -25,6 +25,7 @@ FIGURES: dict[str, tuple[Callable[[Study, str], list[Trial]], tuple[str, ...]]] 
     "iterations": (ablations.phases, tuple(SYSTEMS)),
     "pixels": (ablations.pixels, tuple(SYSTEMS)),
     "patience": (ablations.patience, tuple(SYSTEMS)),
+    "ample": (ablations.ample_trials, tuple(SYSTEMS)),
 }
 
 
