@@ -36,7 +36,7 @@ AMPLE_P_EXPERT = 0.25
 def ample(study: Study, system: str) -> dict[str, list[Trial]]:
     """SIDM on the largest novice dataset as section 5 advises there: the expert and the adversary count for less.
 
-    Patience is among it because it counts the samples of both systems: at a p_e of 0.75 a quarter of them are the novice's.
+    Patience is among it because it counts the samples of both systems: at a p_e of 0.75 a quarter are the novice's.
     """
     sizes = [max(study.preset.novice_minutes(system))]
     changed = change(METHODS["sidm"].training(study.preset, system), p_expert=AMPLE_P_EXPERT)
