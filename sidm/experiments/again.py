@@ -45,7 +45,8 @@ def compared(store: Results, again: Results) -> list[Again]:
     lines = []
     for key in _in_order(pairs):
         values = np.array(pairs[key])
-        lines.append(Again(*key, len(values), *values.mean(0).tolist(), ratio_of_means(values)))
+        stored, made_again = values.mean(0).tolist()
+        lines.append(Again(*key, len(values), stored, made_again, ratio_of_means(values)))
     return lines
 
 

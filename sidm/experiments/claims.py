@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
-from html import escape
 from typing import NamedTuple
 
 import numpy as np
 
 from sidm.experiments.statistics import FEWEST_SEEDS, Interval, greatest_ratio, interval, known
 from sidm.experiments.store import Row
-from sidm.experiments.tables import Losses, final_position_error, gather, markdown_table
+from sidm.experiments.tables import Losses, final_position_error, gather, html_table, markdown_table
 from sidm.systems import SYSTEMS
 
 REPRODUCED = "Reproduced"
@@ -165,8 +165,13 @@ def markdown(claims: Iterable[Claim]) -> str:
     return markdown_table(HEAD, (claim[:4] for claim in claims))
 
 
+def tally(claims: Sequence[Claim]) -> str:
+    """How many of some claims have which verdict, as a sentence."""
+    counts = Counter(claim.verdict for claim in claims).most_common()
+    said = ", ".join(f"{count} {verdict.lower()}" for verdict, count in counts)
+    return f"Of {len(claims)} verdicts: {said}."
+
+
 def html(claims: Iterable[Claim]) -> str:
     """The same in HTML, for a page that takes it over from another."""
-    rows = [("th", HEAD), *(("td", claim[:4]) for claim in claims)]
-    cells = ("".join(f"<{tag}>{escape(str(cell))}</{tag}>" for cell in row) for tag, row in rows)
-    return f'<table class="table">{"".join(f"<tr>{row}</tr>" for row in cells)}</table>'
+    return html_table(HEAD, (claim[:4] for claim in claims))

@@ -97,6 +97,11 @@ def component_savings(
     ]
 
 
+def more_and_less(savings: Sequence[Saving]) -> str:
+    """How many intervals lie wholly above 1, and how many wholly below, as '3 above, 1 below'."""
+    return f"{sum(s.ratio.low > 1 for s in savings)} above, {sum(s.ratio.high < 1 for s in savings)} below"
+
+
 class Rival(NamedTuple):
     """A method on one system and size, and how much data two others need to do as well."""
 

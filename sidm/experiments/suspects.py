@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import accumulate
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -11,7 +11,16 @@ import numpy as np
 
 from sidm.experiments import ablations
 from sidm.experiments.claims import FEWEST_SEEDS, NO_VERDICT
-from sidm.experiments.methods import BOTH_OF_SIDM, CHOICES, METHODS, RELEASED
+from sidm.experiments.methods import (
+    BOTH_OF_SIDM,
+    CHOICES,
+    METHODS,
+    ONE_OPTIMISER,
+    ONE_SYSTEM,
+    PATIENCE,
+    PYTORCH_WEIGHTS,
+    RELEASED,
+)
 from sidm.experiments.statistics import Interval, ratio_of_means
 from sidm.experiments.store import Results, Row
 from sidm.experiments.study import Study
@@ -23,17 +32,34 @@ if TYPE_CHECKING:  # scikit-learn need not be there to judge what rows say
 
 BETTER, WORSE, NO_DIFFERENCE = "better so", "worse so", "no difference seen"
 
-#: Other ways to make one model of two systems, and what each takes away.
+# What might hold the SIDM back.
+ALIKE = "robots so alike that the expert's model nearly serves"
+APART = "an encoder and a decoder for each system"
+ADVERSARY = "the adversary"
+PHASES = "the balance of the phases"
+P_EXPERT = "$p_e$, at little and at much novice data"
+STOPPING = "the stopping rule"
+FIRST_LAYER = "the encoder's first layer behind the map, which grows with its pixels"
+OPTIMISER = "what the optimiser does to parts without gradient"
+BATCHES = "the composition of the batches"
+RELEASED_TWO = "the last two together"
+OTHERS = "initial weights, the loss's mean, the weight decay"
+
+#: Other ways to learn from two systems: what each changes, and whom that clears or convicts.
 REPLACED = {
-    "no_regularisation": "no adversary",
-    "strong_matching": "5 discriminator, 100 matching iterations",
-    "mmd": "MMD instead of the adversary",
-    "coral": "CORAL instead of the adversary",
-    "gradient_reversal": "gradient reversal instead of the adversary",
-    "pooled": "one encoder and decoder for both systems",
-    "pooled_flag": "one encoder and decoder, told the system",
-    "pretrain_finetune": "the expert first, then the novice",
+    "no_regularisation": ("no adversary", ADVERSARY),
+    "strong_matching": ("5 discriminator, 100 matching iterations", ADVERSARY),
+    "mmd": ("MMD instead of the adversary", ADVERSARY),
+    "coral": ("CORAL instead of the adversary", ADVERSARY),
+    "gradient_reversal": ("gradient reversal instead of the adversary", ADVERSARY),
+    "pooled": ("one encoder and decoder for both systems", APART),
+    "pooled_flag": ("one encoder and decoder, told the system", APART),
+    "pretrain_finetune": ("the expert first, then the novice", ALIKE),
+    "expert_only": ("the expert's model as it is, without novice data", ALIKE),
 }
+
+#: Whom a choice of ours is suspected with.
+SUSPECTED = {PATIENCE: STOPPING, ONE_SYSTEM: BATCHES, ONE_OPTIMISER: OPTIMISER, PYTORCH_WEIGHTS: OTHERS}
 
 #: Parts of the expert's through which the novice's motion is sent, by what a diagnosis calls its loss.
 CROSSED = {
@@ -43,9 +69,19 @@ CROSSED = {
 }
 
 
-class Suspect(NamedTuple):
-    """A suspect taken away."""
+class Change(NamedTuple):
+    """A change that takes a suspect away, and the trials that it needs."""
 
+    suspect: str
+    instead: str
+    figure: str  # whose trials these are, as `python -m sidm run --figure` calls it
+    trials: list[Trial]
+
+
+class Finding(NamedTuple):
+    """What a change did."""
+
+    suspect: str
     system: str
     minutes: float  # of novice data
     instead: str
@@ -56,69 +92,91 @@ class Suspect(NamedTuple):
     verdict: str
 
 
-def judged(system: str, minutes: float, instead: str, pairs: np.ndarray) -> Suspect:
+def judged(suspect: str, system: str, minutes: float, instead: str, pairs: np.ndarray) -> Finding:
     """A line from losses (S, 2), SIDM's before the changed one's."""
     found = ratio_of_means(pairs)
     said = BETTER if found.high < 1 else WORSE if found.low > 1 else NO_DIFFERENCE
     if len(pairs) < FEWEST_SEEDS:
         said = NO_VERDICT
     sidm, changed = pairs.mean(0).tolist()
-    return Suspect(system, minutes, instead, len(pairs), sidm, changed, found, said)
+    return Finding(suspect, system, minutes, instead, len(pairs), sidm, changed, found, said)
 
 
-def grid(study: Study, system: str) -> Iterator[tuple[str, list[Trial]]]:
-    """Each suspect that a training can change, in words, and its trials."""
-    own = METHODS["sidm"].training(study.preset, system)
-    small = study.preset.ablation_minutes[:1]
-    for method, words in REPLACED.items():
-        yield words, study.points(system, [method], study.preset.baseline_minutes)
+def grid(study: Study, system: str) -> Iterator[Change]:
+    """Each change of a system's SIDM that a training can make."""
+    sizes, own = study.preset.baseline_minutes, METHODS["sidm"].training(study.preset, system)
+    for method, (words, suspect) in REPLACED.items():
+        at = sizes[:1] if method == "expert_only" else sizes  # which has no size of its own
+        yield Change(suspect, words, "baselines", study.points(system, [method], at))
     for words, (changes, methods) in CHOICES.items():
         if "sidm" in methods:
-            yield words, study.changed(**changes).points(system, ["sidm"], small)
-    both, _ = RELEASED[BOTH_OF_SIDM]
-    yield BOTH_OF_SIDM, study.changed(**both).points(system, ["sidm"], study.preset.baseline_minutes)
+            trials = study.changed(**changes).points(system, ["sidm"], study.preset.ablation_minutes[:1])
+            yield Change(SUSPECTED.get(words, OTHERS), words, "choices", trials)
+    both = study.changed(**RELEASED[BOTH_OF_SIDM][0])
+    trials = both.points(system, ["sidm"], study.preset.novice_minutes(system))
+    yield Change(RELEASED_TWO, BOTH_OF_SIDM, "released", trials)
     for p in ablations.P_EXPERT:
         if p is not None and p not in (0.0, own.p_expert):
-            yield f"p_e of {p:g}", ablations.p_expert(study, system, [p])
+            yield Change(P_EXPERT, f"p_e of {p:g}", "p-expert", ablations.p_expert(study, system, [p]))
     for phase, values in ablations.ITERATIONS.items():
         for value in values:
             if value not in (0, getattr(own, phase)):
-                yield f"{value} {phase.replace('_', ' ')}", ablations.iterations(study, system, phase, [value])
+                trials = ablations.iterations(study, system, phase, [value])
+                yield Change(PHASES, f"{value} {phase.replace('_', ' ')}", "iterations", trials)
     for pixels in ablations.PIXELS:
         if pixels != study.preset.network.pixels:
             trials = ablations.setting(study, system, "pixels", [pixels])
-            yield f"maps of {pixels} pixels", [trial for trial in trials if trial.method == "sidm"]
+            sidm = [trial for trial in trials if trial.method == "sidm"]
+            yield Change(FIRST_LAYER, f"maps of {pixels} pixels", "pixels", sidm)
+    whom = {f"p_e of {ablations.AMPLE_P_EXPERT:g}": P_EXPERT, "no adversary": ADVERSARY, PATIENCE: STOPPING}
+    for words, trials in ablations.ample(study, system).items():
+        yield Change(whom[words], words, "ample", trials)
 
 
 def suspects(
     study: Study, store: Results, diagnoses: Iterable[Diagnosis] = (), systems: Sequence[str] = tuple(SYSTEMS)
-) -> list[Suspect]:
-    """A line a system, size and suspect of which results are stored, the lowest ratio of each size first.
+) -> list[Finding]:
+    """A line a system, size and change of which results are stored, the lowest ratio of each size first.
 
     Args:
         study: whose trials.
         store: where their rows are.
-        diagnoses: of SIDM's models, for what each of their parts does.
+        diagnoses: of models, for what each of their parts does; those without an adversary stand in for trials.
         systems: which.
     """
-    found, diagnoses = [], [one for one in diagnoses if one.trial.method == "sidm"]
+    found, diagnoses = [], list(diagnoses)
+    apart = {one.trial.key: one.validation_loss for one in diagnoses}
     for system in systems:
-        for words, trials in grid(study, system):
-            sizes = sorted({trial.novice_minutes for trial in trials})
-            base = _by_point(study.points(system, ["sidm"], sizes), store)
-            other = _by_point(trials, store)
+        for change in grid(study, system):
+            sizes = sorted({trial.novice_minutes for trial in change.trials})
+            base = _by_point(study.points(system, ["sidm"], sizes), store, {})
+            other = _by_point(change.trials, store, apart)
             for minutes in sizes:
                 common = sorted(point for point in base.keys() & other.keys() if point[0] == minutes)
                 if common:
                     pairs = np.array([(base[point], other[point]) for point in common])
-                    found.append(judged(system, minutes, words, pairs))
+                    found.append(judged(change.suspect, system, minutes, change.instead, pairs))
         for name, words in CROSSED.items():
-            mine = [one for one in diagnoses if one.trial.system == system]
+            mine = [one for one in diagnoses if (one.trial.system, one.trial.method) == (system, "sidm")]
             for minutes in sorted({one.trial.novice_minutes for one in mine}):
                 here = [one for one in mine if one.trial.novice_minutes == minutes]
                 pairs = np.array([(one.validation_loss, getattr(one, name)) for one in here])
-                found.append(judged(system, minutes, words, pairs))
+                found.append(judged(APART, system, minutes, words, pairs))
     return sorted(found, key=lambda one: (one.system, one.minutes, one.ratio.value))
+
+
+def not_run(
+    study: Study, store: Results, diagnoses: Iterable[Diagnosis] = (), systems: Sequence[str] = tuple(SYSTEMS)
+) -> dict[str, dict[str, int]]:
+    """How many trials of which figures are missing, by suspect; nothing where all are stored or diagnosed."""
+    apart, missing = {one.trial.key for one in diagnoses}, dict[str, dict[str, int]]()
+    for system in systems:
+        for change in grid(study, system):
+            left = sum(trial.key not in apart and store.get(trial) is None for trial in change.trials)
+            if left:
+                figures = missing.setdefault(change.suspect, {})
+                figures[change.figure] = figures.get(change.figure, 0) + left
+    return missing
 
 
 class Learnt(NamedTuple):
@@ -154,6 +212,10 @@ def _blend(weight: float, past: float, now: float) -> float:
     return weight * past + (1 - weight) * now
 
 
-def _by_point(trials: Iterable[Trial], store: Results) -> dict[tuple[float, int], float]:
-    """Validation losses of stored trials by size and seed."""
-    return {(r.trial.novice_minutes, r.trial.seed): r.outcome.validation_loss for r in store.rows(trials)}
+def _by_point(
+    trials: Iterable[Trial], store: Results, otherwise: Mapping[str, float]
+) -> dict[tuple[float, int], float]:
+    """Validation losses of trials by size and seed: the stored, else those that are known `otherwise` by the key."""
+    rows = {trial: store.get(trial) for trial in trials}
+    known = {t: row.outcome.validation_loss if row else otherwise.get(t.key) for t, row in rows.items()}
+    return {(trial.novice_minutes, trial.seed): loss for trial, loss in known.items() if loss is not None}

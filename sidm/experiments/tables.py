@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
+from html import escape
 from typing import NamedTuple
 
 import numpy as np
@@ -151,11 +152,24 @@ def provenance_block(rows: Sequence[Row], command: str = "") -> str:
 
 def markdown_table(head: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
     """A table for a page, floats with 3 significant digits; a sentence instead when there is no line."""
-    body = [[f"{cell:.3g}" if isinstance(cell, float) else str(cell) for cell in line] for line in lines]
+    body = [[_words(cell) for cell in line] for line in lines]
     if not body:
         return "No trials stored."
     rule = ["---"] * len(head)
     return "\n".join(f"| {' | '.join(line)} |" for line in (head, rule, *body)) + "\n"
+
+
+def html_table(head: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
+    """The same in HTML, for a page that takes the table over from another."""
+    rows = [("th", head), *(("td", line) for line in lines)]
+    if len(rows) == 1:
+        return "<p>No trials stored.</p>"
+    cells = ("".join(f"<{tag}>{escape(_words(cell))}</{tag}>" for cell in row) for tag, row in rows)
+    return f'<table class="table">{"".join(f"<tr>{row}</tr>" for row in cells)}</table>'
+
+
+def _words(cell: object) -> str:
+    return f"{cell:.3g}" if isinstance(cell, float) else str(cell)
 
 
 def spread(

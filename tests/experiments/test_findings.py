@@ -1,24 +1,76 @@
 """What was found, in short, from made-up measurements."""
 
-from sidm.experiments.findings import TOLD, in_short
-from sidm.experiments.methods import CHOICES, RELEASED
+from types import SimpleNamespace
+
+from sidm.experiments import Study
+from sidm.experiments.findings import ORDER, in_short, summary, tally
+from sidm.experiments.methods import BOTH_OF_SIDM, ONE_OPTIMISER, ONE_SYSTEM
 from sidm.experiments.overlap import Neighbourhood
 from sidm.experiments.statistics import Interval
-from sidm.experiments.suspects import REPLACED, Suspect
+from sidm.experiments.suspects import (
+    ADVERSARY,
+    ALIKE,
+    APART,
+    BETTER,
+    CROSSED,
+    NO_DIFFERENCE,
+    NO_VERDICT,
+    RELEASED_TWO,
+    STOPPING,
+    WORSE,
+    Finding,
+    grid,
+)
+
+FINETUNED = Finding(ALIKE, "system1", 5.0, "the expert first", 3, 0.3, 0.2, Interval(0.667, 0.6, 0.7), BETTER)
+PATIENT = Finding(STOPPING, "system1", 5.0, "patience", 3, 0.3, 0.3, Interval(1.0, 0.9, 1.1), NO_DIFFERENCE)
+
+
+def crossed(name, ratio, said):
+    return Finding(APART, "system1", 5.0, CROSSED[name], 3, 0.3, 0.3 * ratio, Interval(ratio, ratio, ratio), said)
+
+
+def test_every_suspect_has_its_line():
+    text = in_short([FINETUNED], {ALIKE: {"baselines": 6}}, [], {})
+    assert len(text.splitlines()) == len(ORDER) and text.count("No change of it is measured") == len(ORDER) - 1
+    assert {change.suspect for change in grid(Study("laptop"), "system1")} == set(ORDER)
+    assert "better so in 1; the loss 0.667 times SIDM's" in text
+    assert "Trials not run: 6 of `python -m sidm run --preset laptop --figure baselines`" in text
+    assert text.count("not measured") == 3
 
 
 def test_sentences_carry_the_numbers():
-    better = Suspect("system1", 5.0, REPLACED["pretrain_finetune"], 3, 0.3, 0.2, Interval(0.667, 0.6, 0.7), "better so")
     both = {"expert": Neighbourhood(0.6, 0.053, 0.345), "novice": Neighbourhood(0.5, 0.05, 0.243)}
-    text = in_short([better], [], {"system1": both})
-    assert "system1, 5 min: 0.667 [0.6, 0.7]" in text and "5.3%" in text and "0.345" in text and "0.243" in text
-    assert "in 0 of 0 models" in text and len(text.splitlines()) == 5
+    models = [SimpleNamespace(discriminator_accuracy=one) for one in (0.99, 0.96, 0.5)]
+    parts = [crossed("expert_encoder_loss", 5.0, WORSE), crossed("expert_decoder_loss", 4.0, WORSE)]
+    parts.append(crossed("expert_path_loss", 1.0, NO_DIFFERENCE))
+    text = in_short(parts, {}, models, {"system1": both})
+    assert "5.3%" in text and "0.345" in text and "0.243" in text
+    assert "does not make the latents alike" in text and "in 2 of 3 models" in text
+    assert "two models in one" in text and "in 2 of 2 comparisons (at least 4 times" in text and "in 0 of 1." in text
+    models[0].discriminator_accuracy = 0.5
+    other = in_short([one._replace(verdict=BETTER) for one in parts], {}, models, {})
+    assert "seems to make the latents alike" in other and "one model that both share" in other
 
 
-def test_what_is_missing_is_said():
-    text = in_short([], [], {})
-    assert "Not measured" in text and text.count("not run") == 3 + len(TOLD)
+def test_verdicts_are_counted():
+    several = [PATIENT, PATIENT._replace(minutes=20.0), PATIENT._replace(ratio=Interval(1.2, 1.1, 1.3), verdict=WORSE)]
+    assert tally(several) == (
+        "1 change in 3 comparisons: no difference seen in 2, worse so in 1; losses 1 to 1.2 times SIDM's"
+    )
 
 
-def test_what_is_told_are_choices_that_touch_sidm():
-    assert all("sidm" in (CHOICES | RELEASED)[name][1] for name in TOLD)
+def test_the_summary_names_whom_a_change_convicts():
+    few = PATIENT._replace(suspect=ADVERSARY, verdict=NO_VERDICT)
+    said = summary([FINETUNED, PATIENT, few, crossed("expert_encoder_loss", 0.5, BETTER)])
+    better, none, rest = said.split(";")
+    assert ALIKE in better and APART not in better and STOPPING in none
+    assert ADVERSARY in rest and APART in rest
+
+
+def test_the_last_two_are_the_last_two():
+    """The words 'the last two together' stand behind the two choices that they join."""
+    changes = {c.suspect: c.instead for c in grid(Study("laptop"), "system1")}
+    place = ORDER.index(RELEASED_TWO)
+    assert changes[RELEASED_TWO] == BOTH_OF_SIDM
+    assert {changes[suspect] for suspect in ORDER[place - 2 : place]} == {ONE_SYSTEM, ONE_OPTIMISER}

@@ -81,13 +81,22 @@ def test_many_seeds_are_resampled():
 def test_coverage_is_as_stored():
     """95 % intervals hold the true ratio in 92 to 98 % of 500 studies of 30 seeds; percentiles of few seeds do not."""
     found, stored = coverage.measure(), read_record(ROOT / coverage.FILE)
-    for name, by_seeds in found.items():
-        for seeds, (share, width) in by_seeds.items():
+    for name in ("percentile", "leave_one_out"):
+        for seeds, (share, width) in found[name].items():
             assert stored[name][seeds] == pytest.approx([share, width], abs=0.004)
     assert all(0.92 <= share <= 0.98 for share, _ in found["leave_one_out"].values())
     assert 0.92 <= found["percentile"]["30"][0] <= 0.98 and found["percentile"]["3"][0] < 0.85
     note = coverage.coverage_note(ROOT / coverage.FILE)
     assert "3 seeds 80 % and 95 %" in note and "30 seeds 93 % and 96 %" in note
+
+
+def test_the_greatest_of_ratios_is_flattered():
+    """Where nothing is saved, the greatest ratio is above 1, and called a saving more often than one study in forty."""
+    share, median = coverage.nothing_saved(3)
+    assert read_record(ROOT / coverage.FILE)["nothing_saved"] == pytest.approx([share, median], abs=0.01)
+    assert 0.05 < share < 0.25 and 1.1 < median < 1.3
+    note = coverage.greatest_note(ROOT / coverage.FILE)
+    assert f"{share:.0%}" in note and f"{median:.2g}" in note
 
 
 def test_falling_pools_what_rises():
