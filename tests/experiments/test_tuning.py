@@ -7,7 +7,8 @@ import pytest
 
 from sidm.experiments import Results, Study, load_preset
 from sidm.experiments.methods import METHODS
-from sidm.experiments.tuning import TRIES, TUNED, TUNING_SEED, check, settings_table, tried, tries_table
+from sidm.experiments.tuned import TUNED, check, settings_table, tries_table
+from sidm.experiments.tuning import TRIES, TUNING_SEED, tried
 
 ROOT = Path(__file__).parents[2]
 
