@@ -130,10 +130,23 @@
       views[name] = (await vegaEmbed(panel, spec, { actions: false, renderer: "canvas", logLevel: 1 /* errors */ })).view;
     }
 
-    let roughness = -1;
+    let [roughness, drawing, waiting] = [-1, false, false];
+
+    /** Draw what the sliders say; while they move on faster than that, only where they got to. */
     async function update() {
-      const at = controls.sliders.map((slider) => slider.valueAsNumber);
       controls.sliders.forEach((slider) => slider.show());
+      waiting = true;
+      if (drawing) return;
+      drawing = true;
+      while (waiting) {
+        waiting = false;
+        await draw();
+      }
+      drawing = false;
+    }
+
+    async function draw() {
+      const at = controls.sliders.map((slider) => slider.valueAsNumber);
       const sizes = data.knobs.map((knob) => knob.shown.length);
       const [setUp, drive] = [at.slice(0, data.setUp), at.slice(data.setUp)];
       const rest = [controls.brakes.checked ? 0 : 1, ...drive];

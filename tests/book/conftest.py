@@ -1,5 +1,6 @@
 """The book, built once for all tests of its pages, and a copy of the project for what runs."""
 
+import fcntl
 import os
 import shutil
 import subprocess
@@ -12,23 +13,38 @@ from pdf import BROWSERS
 from playwright.sync_api import sync_playwright
 
 
+def shared_by_workers(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that all workers of this run see."""
+    base = tmp_path_factory.getbasetemp()
+    return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+
 @pytest.fixture(scope="session")
 def book(tmp_path_factory) -> Path:
-    """The folder of pages rendered from the committed outputs, warnings being errors."""
-    output = tmp_path_factory.mktemp("book")
+    """The folder of pages rendered from the committed outputs, once for all workers, warnings being errors."""
+    output = shared_by_workers(tmp_path_factory) / "book"
+    with open(f"{output}.lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (output / "_build" / "html" / "index.html").is_file():
+            render(output)
+    return output / "_build" / "html"
+
+
+def render(output: Path) -> None:
+    """Build the book under `output`."""
     words = ["build", "--warningiserror", "--keep-going", "--path-output", str(output), str(ROOT)]
     program = "import sys; from jupyter_book.cli.main import main; sys.exit(main())"
     done = subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True)
     problems = [line for line in (done.stdout + done.stderr).splitlines() if "WARNING" in line or "ERROR" in line]
-    assert done.returncode == 0, "\n".join(problems) or done.stdout[-2000:] + done.stderr[-2000:]
-    return output / "_build" / "html"
+    if done.returncode != 0:
+        shutil.rmtree(output, ignore_errors=True)
+        pytest.fail("\n".join(problems) or done.stdout[-2000:] + done.stderr[-2000:])
 
 
 @pytest.fixture(scope="session")
 def project(tmp_path_factory) -> Path:
     """A copy of what the notebooks work with, shared by all workers: data are collected and trials run in it once."""
-    base = tmp_path_factory.getbasetemp()
-    shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "project"
+    shared = shared_by_workers(tmp_path_factory) / "project"
     own = tmp_path_factory.mktemp("copy") / "project"
     for name in ("sidm", "notebooks", "params", "results", "recordings"):
         shutil.copytree(ROOT / name, own / name, ignore=shutil.ignore_patterns("__pycache__"))

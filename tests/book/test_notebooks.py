@@ -34,6 +34,7 @@ def test_its_committed_outputs_are_whole(path):
     assert [cell.source for cell in cells if cell.execution_count is None] == [], "cells that were never run"
     errors = [output for cell in cells for output in cell.outputs if output.output_type == "error"]
     assert errors == []
+    assert "widgets" not in nbformat.read(path, as_version=4).metadata, "no page shows a widget's state"
     assert '"papermill": {' not in path.read_text(encoding="utf-8"), "refresh it with make notebooks"
 
 

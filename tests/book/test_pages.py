@@ -1,11 +1,12 @@
 """The rendered pages as files: all there, self-contained, linked right."""
 
+import ast
 import functools
 from pathlib import Path
 from urllib.parse import unquote, urldefrag
 
 import pytest
-from pages import ABROAD, STYLE_ADDRESS, Page, contents
+from pages import ABROAD, ROOT, STYLE_ADDRESS, Page, contents
 
 EQUATIONS = {  # the paper's number -> the label, and the function that computes it
     1: ("prediction-loss", "sidm.learning.losses.prediction_loss"),
@@ -78,6 +79,32 @@ def test_equations_carry_the_papers_numbers(book):
 def test_equations_link_to_what_computes_them(book):
     links = {address for _, address in read(book / "book" / "paper.html").links}
     assert {name for _, name in EQUATIONS.values() if f"api-learning.html#{name}" not in links} == set()
+
+
+def public_names(path: Path) -> set[str]:
+    """Functions, classes, their methods and fields of a module, by the names that the reference links to."""
+    module = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+    names = set()
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            names.add(node.name)
+        if isinstance(node, ast.ClassDef):
+            fields = [n.target.id for n in node.body if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)]
+            methods = [n.name for n in node.body if isinstance(n, ast.FunctionDef)]
+            names |= {f"{node.name}.{name}" for name in fields + methods}
+    return {f"{module}.{name}" for name in names if not any(part.startswith("_") for part in name.split("."))}
+
+
+def test_every_public_name_is_in_the_reference(book):
+    """Fields too, with what the comment beside them says."""
+    pages = [read(path) for path in (book / "book").glob("api-*.html")]
+    modules = [path for path in (ROOT / "sidm").rglob("*.py") if path.name != "__main__.py"]
+    known = set().union(*(page.names for page in pages))
+    assert set().union(*map(public_names, modules)) - known == set()
+    text = (book / "book" / "api-base.html").read_text(encoding="utf-8")
+    after = text.partition('id="sidm.systems.Physics.contact_stiffness"')[2]
+    assert "30000.0" in after[:2000] and "of the terrain, N/m" in after[:2000]
+    assert not any("Alias for field number" in page.path.read_text(encoding="utf-8") for page in pages)
 
 
 def test_no_page_shows_a_traceback_or_an_empty_widget(book, pages):
