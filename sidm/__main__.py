@@ -73,6 +73,7 @@ def build_parser() -> argparse.ArgumentParser:
     show = command("show", run_show, "List what is stored, stale (made by older code) and missing.")
     _add_preset(show)
     _add_grid(show)
+    show.add_argument("--against", metavar="DIR", help="other results: how the losses differ where both have a point")
 
     confirm = command("confirm", run_confirm, "Run one of each kind of stale trial again; if the same, all are fresh.")
     _add_preset(confirm)
@@ -268,9 +269,11 @@ def run_show(arguments: argparse.Namespace) -> int:
     from sidm.experiments.datasets import differing
     from sidm.experiments.tables import overview
 
+    store = Results(arguments.results)
+    if arguments.against:
+        return _show_against(Results(arguments.against), store)
     preset = _preset(arguments)
     trials = _trials(arguments, preset)
-    store = Results(arguments.results)
     print(f"preset {arguments.preset}, figure {arguments.figure}: {len(trials)} trials")
     for line in overview(store, trials, Study(preset, arguments.data, arguments.results)):
         print(line)
@@ -279,6 +282,18 @@ def run_show(arguments: argparse.Namespace) -> int:
     for name in differing(preset, arguments.data, arguments.results):
         print(f"note: the data on this disk are not those of the stored results: {name}")
     print(f"missing: {len(store.missing(trials))}")
+    return 0
+
+
+def _show_against(stored: Any, made: Any) -> int:
+    """`show --against`: a line a point that both stores have."""
+    from sidm.experiments.again import compared
+
+    lines = compared(stored, made)
+    for one in lines:
+        words = f"{one.system}  {one.method:<18}{one.minutes:>6g} min  seeds {one.seeds}"
+        print(f"{words}  stored {one.stored:.4g}  here {one.again:.4g}  ratio {one.ratio.words(3)}")
+    print(f"points in both: {len(lines)}")
     return 0
 
 

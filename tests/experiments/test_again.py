@@ -2,6 +2,7 @@
 
 import pytest
 
+from sidm.__main__ import main
 from sidm.experiments import Results, Study
 from sidm.experiments.again import compared, store_of
 
@@ -17,3 +18,14 @@ def test_the_same_trials_are_found_by_all_but_their_data(tmp_path, make_row):
     (line,) = compared(store, store_of(tmp_path))
     assert (line.system, line.method, line.minutes, line.seeds) == ("system1", "sidm", 5, 3)
     assert line.ratio == pytest.approx((0.98, 0.98, 0.98)) and line.stored == pytest.approx(2)
+
+
+def test_the_command_line_holds_results_against_others(tmp_path, make_row, capsys):
+    study, mine, theirs = Study("laptop", tmp_path, tmp_path), Results(tmp_path / "mine"), Results(tmp_path / "theirs")
+    for trial in study.points("system1", ["sidm"], [5.0]):
+        mine.put(make_row(trial, 3.0))
+        theirs.put(make_row(trial, 2.0))
+    assert main(["show", "--results", str(mine.folder), "--against", str(theirs.folder)]) == 0
+    line, last = capsys.readouterr().out.splitlines()
+    assert line.split() == "system1 sidm 5 min seeds 3 stored 2 here 3 ratio 1.5 [1.5, 1.5]".split()
+    assert last == "points in both: 1"
