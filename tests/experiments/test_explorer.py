@@ -141,6 +141,21 @@ def test_the_page_keeps_within_its_size(stored, tmp_path):
     assert sum(path.stat().st_size for path in tmp_path.iterdir()) < 5e6
 
 
+def test_the_page_says_what_the_rides_show(stored):
+    """The figures under 'What to look for', of braked set-ups; soft springs let a strut go nearly all of its way."""
+    rough, half = 2, 1
+    assert [knob.values[at] for knob, at in zip(grid.DRIVE, (rough, half), strict=True)] == [0.35, 0.5]
+    rides = np.where(stored.rides == grid.GONE, np.nan, stored.rides.astype(float))[:, :, :, 0]
+    front = rides[:, :, :, rough, half, :, -2:] / 1e5  # spring, damping, travel, time, strut
+    soft, stiff = front[0], front[-1]
+    travel = grid.BODY.travel_upper - np.array(grid.SET_UP[2].values)
+    ways = (np.nanmax(soft, axis=-2) - np.nanmin(soft, axis=-2)) / travel[:, None]
+    assert ways.min() > 0.84 and np.median(ways) > 0.99
+    assert grid.BODY.travel_upper - np.nanmin(stiff) < 0.005
+    ends = rides[:, :, :, 0, half, -1, :2].reshape(-1, 2) / 1e3
+    assert np.ptp(ends, axis=0).max() < 0.1
+
+
 def test_a_mistyped_robot_is_named_with_the_nearest():
     with pytest.raises(ConfigError, match="system1 novise.*system1 novice"):
         find_robot("system1 novise")
