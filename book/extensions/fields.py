@@ -57,7 +57,8 @@ def setup(app: Sphinx) -> dict[str, Any]:
     def analyze(self: ModuleAnalyzer) -> None:
         if not self._analyzed:
             plain(self)
-            self.attr_docs = field_docs(self.code) | self.attr_docs
+            if self.modname.split(".")[0] == "sidm":  # bases from elsewhere keep their own ways
+                self.attr_docs = field_docs(self.code) | self.attr_docs
 
     ModuleAnalyzer.analyze = analyze  # type: ignore[method-assign]
     app.connect("autodoc-process-signature", without_arguments)
