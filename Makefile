@@ -58,6 +58,8 @@ notebooks: $(STAMP)
 
 pdf: $(STAMP)
 	@test -f _build/html/index.html || $(MAKE) book
+	@newer="$$(find book notebooks sidm results -newer _build/html/index.html -type f -not -name '*.pyc' | head -1)"; \
+	test -z "$$newer" || echo "note: $$newer is newer than _build/html; 'make book' renders it"
 	$(BIN)/python book/pdf.py _build/html _build/sidm-companion.pdf
 
 explore: $(STAMP)
