@@ -57,10 +57,11 @@ def test_tilt_is_that_of_the_euler_angles(pitch, roll):
 
 def test_the_figure_draws_what_was_ridden(rides):
     figure = rides_figure(rides)
-    height, _, travel, path = figure.axes
+    height, _, travel, rear, path = figure.axes
     assert np.allclose(height.lines[0].get_ydata(), rides["system1 novice"].states[:, 2])
     assert np.allclose(travel.lines[0].get_ydata(), 1e3 * rides["system1 novice"].struts[:, 2])
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == list(rides) and len(path.lines) == 2
+    assert np.allclose(rear.lines[1].get_ydata(), 1e3 * rides["system1 novice"].struts[:, 1])
+    assert [text.get_text() for text in figure.legends[0].get_texts()][:2] == list(rides) and len(path.lines) == 2
 
 
 def test_a_slider_draws_anew():

@@ -19,15 +19,18 @@ LINES = ({"color": "#0072B2", "linestyle": "-"}, {"color": "#D55E00", "linestyle
 PALER = 0.45  # opacity of the second line of a robot in a plot
 MARGIN = 1.0  # m of ground shown around the paths
 # Laid out by hand, which a slider's picture waits for half as long.
-ROOM = {"left": 0.105, "right": 0.99, "bottom": 0.09, "top": 0.94, "wspace": 0.19, "hspace": 0.22}
-SHAPE = 1.53  # width of a plot by its height
+ROOM = {"left": 0.085, "right": 0.99, "bottom": 0.07, "top": 0.95, "wspace": 0.22, "hspace": 0.28}
+STOP = {"lw": 0.8, "color": "0.3", "linestyle": ":", "marker": ""}
+SHAPE = 3.6  # width of the plot of the path by its height
+PLOTS = [["height", "tilt"], ["front", "rear"], ["path", "path"]]
+AXLES = {"rear": (0, 1), "front": (2, 3)}  # right and left strut
 
 
 def rides_figure(rides: Mapping[str, Ride]) -> Figure:
-    """Height, tilt, front strut travel with its stops, and path of up to two rides over the ground of the first."""
+    """Height, tilt, strut travel with its stops, and path of up to two rides over the ground of the first."""
     with plt.style.context(STYLE):
-        figure, axes = plt.subplots(2, 2, figsize=(9.6, 6.6), layout="none", gridspec_kw=ROOM)
-        (height, angles), (travel, path) = axes
+        figure, plots = plt.subplot_mosaic(PLOTS, figsize=(9.6, 8.0), layout="none", gridspec_kw=ROOM)
+        height, angles, path = plots["height"], plots["tilt"], plots["path"]
         for (name, one), line in zip(rides.items(), LINES, strict=False):
             time = CONTROL_STEP * np.arange(len(one.states))
             position = one.states[:, POSITION]
@@ -35,17 +38,20 @@ def rides_figure(rides: Mapping[str, Ride]) -> Figure:
             height.plot(time, position[:, 2], label=name, **line)
             for angle, alpha in zip(tilt(one.states), (1.0, PALER), strict=True):
                 angles.plot(time, angle, alpha=alpha, **line)
-            for strut, alpha in ((2, 1.0), (3, PALER)):
-                travel.plot(time, 1e3 * one.struts[:, strut], alpha=alpha, **line)
-            for stop in (one.robot.travel_lower, one.robot.travel_upper):
-                travel.axhline(1e3 * stop, lw=0.8, color=line["color"], linestyle=":", marker="")
+            for axle, struts in AXLES.items():
+                for strut, alpha in zip(struts, (1.0, PALER), strict=True):
+                    plots[axle].plot(time, 1e3 * one.struts[:, strut], alpha=alpha, **line)
+                for stop in (one.robot.travel_lower, one.robot.travel_upper):
+                    plots[axle].axhline(1e3 * stop, **(STOP | {"color": line["color"]}))
             path.plot(position[:, 0], position[:, 1], **line)
         _lay_ground(path, list(rides.values()))
         height.set(xlabel="time (s)", ylabel="height of the body (m)")
-        angles.set(xlabel="time (s)", ylabel="tilt (degrees): pitch, roll paler")
-        travel.set(xlabel="time (s)", ylabel="front strut travel (mm):\nright, left paler, stops dotted")
+        angles.set(xlabel="time (s)", ylabel="tilt (degrees)\npitch, roll paler")
+        for axle in AXLES:
+            plots[axle].set(xlabel="time (s)", ylabel=f"{axle} struts (mm)\nright, left paler")
         path.set(xlabel="x (m)", ylabel="y (m)")
-        figure.legend(loc="upper center", ncols=len(LINES))
+        plots["front"].plot([], [], label="the struts' stops", **STOP)
+        figure.legend(loc="upper center", ncols=len(LINES) + 1)
     plt.close(figure)
     return figure
 
