@@ -34,10 +34,19 @@ if TYPE_CHECKING:  # scikit-learn need not be there to draw the others
 
 @styled
 def figure3(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS), methods: Sequence[str] = FIGURE3) -> Figure:
-    """Figure 3: validation loss against novice data; lines are means over seeds, shades minimum to maximum."""
+    """Figure 3: validation loss against novice data; lines are means over seeds, shades minimum to maximum.
+
+    A dotted level marks the method `expert_only` where it is among the rows: it has no novice data.
+    """
     figure, panels = side_by_side(len(systems))
     for axes, system in zip(panels, systems, strict=True):
-        finish(axes, _curves(axes, rows, system, methods))
+        drawn = _curves(axes, rows, system, methods)
+        alone = gather([row for row in rows if row.trial.method == "expert_only"], system, ["expert_only"]).values
+        if alone.size:
+            style = METHOD_STYLES["expert_only"] | {"marker": "", "linestyle": ":"}
+            axes.axhline(alone.mean(), **style)
+            axes.axhspan(alone.min(), alone.max(), color=style["color"], alpha=0.12, lw=0)
+        finish(axes, drawn)
     return figure
 
 

@@ -13,9 +13,11 @@ from sidm.experiments.statistics import (
     Interval,
     efficiency,
     efficiency_at_sizes,
+    falling,
     interval,
     known,
     least,
+    minutes_needed,
 )
 from sidm.experiments.store import Row
 from sidm.experiments.tables import COMPONENTS, gather, validation_loss
@@ -95,6 +97,25 @@ def component_savings(
         (name, savings(rows, system, method, against, component(number)))
         for number, (name, _) in enumerate(COMPONENTS)
     ]
+
+
+def expert_alone(rows: Sequence[Row], system: str) -> str:
+    """What the expert's model is worth as it is, in the novice data that a training without SIDM needs for as much.
+
+    Args:
+        rows: of `expert_only`, and of `novice_only` at the sizes of Figure 3.
+        system: whose.
+    """
+    alone, other = (
+        gather([row for row in rows if row.trial.method == method], system, [method])
+        for method in ("expert_only", "novice_only")
+    )
+    if not (alone.values.size and other.values.size):
+        return f"{system}: not run"
+    loss = float(alone.values.mean())
+    much, sign = minutes_needed(other.minutes, falling(other.values[:, 0].mean(0)), loss)
+    words = {"=": "", "<=": "at most ", ">": "more than "}[sign]
+    return f"{system}: {loss:.3g}, as without SIDM on {words}{float(f'{much:.2g}'):g} min"
 
 
 def more_and_less(savings: Sequence[Saving]) -> str:

@@ -87,6 +87,14 @@ def test_figure3_draws_the_means(rows):
     assert not plt.get_fignums()
 
 
+def test_the_experts_model_alone_is_a_level(rows, study, make_row):
+    trials = study.points("system1", ["expert_only"], [5])
+    alone = [make_row(trial, loss) for trial, loss in zip(trials, (1, 2, 6), strict=True)]
+    left, right = figure3([*rows, *alone]).axes
+    assert left.get_lines()[-1].get_ydata() == pytest.approx([3, 3]) and len(left.get_lines()) == 4
+    assert len(right.get_lines()) == 3
+
+
 def test_changed_choices_stand_beside_ours(rows, study, make_row):
     """Each of the paper's methods twice, told apart by hollow marks and by words."""
     trials = [t for system in ("system1", "system2") for t in study.released(system, [ALL_RELEASED])]

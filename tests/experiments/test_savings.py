@@ -10,6 +10,8 @@ from sidm.experiments.savings import (
     Saving,
     component_savings,
     efficiency_band,
+    expert_alone,
+    more_and_less,
     ratio_words,
     rivals,
     savings,
@@ -33,6 +35,19 @@ def rows(make_row, trials):
         return NOISE.get((trial.method, trial.seed), 1) * (RATIO[trial.method] * trial.novice_minutes) ** -0.5
 
     return [make_row(trial, loss(trial)) for trial in trials]
+
+
+def test_the_expert_alone_in_novice_data(rows, make_row, tmp_path):
+    study = Study("laptop", tmp_path, tmp_path)
+    for loss, words in ((0.25, "0.25, as without SIDM on 17 min"), (5.0, "at most 1 min"), (0.01, "more than 120")):
+        alone = [make_row(t, loss) for t in study.points("system1", ["expert_only"], [5])]
+        assert words in expert_alone([*rows, *alone], "system1")
+    assert expert_alone(rows, "system1") == "system1: not run"
+
+
+def test_intervals_to_either_side_are_counted():
+    ends = ((1.1, 2.0), (0.5, 0.9), (0.5, 2.0), (np.nan, np.nan))
+    assert more_and_less([Saving(1, 1, Interval(1, *both), "=") for both in ends]) == "1 above, 1 below"
 
 
 def test_a_known_ratio_comes_out_at_each_size(rows):

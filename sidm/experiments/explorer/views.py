@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -20,7 +21,7 @@ PALER = 0.45  # opacity of the second line of a robot in a plot
 MARGIN = 1.0  # m of ground shown around the paths
 # Laid out by hand, which a slider's picture waits for half as long.
 ROOM = {"left": 0.085, "right": 0.99, "bottom": 0.07, "top": 0.95, "wspace": 0.22, "hspace": 0.28}
-STOP = {"lw": 0.8, "color": "0.3", "linestyle": ":", "marker": ""}
+STOP: dict[str, Any] = {"lw": 0.8, "color": "0.3", "linestyle": ":", "marker": ""}
 SHAPE = 3.6  # width of the plot of the path by its height
 PLOTS = [["height", "tilt"], ["front", "rear"], ["path", "path"]]
 AXLES = {"rear": (0, 1), "front": (2, 3)}  # right and left strut
