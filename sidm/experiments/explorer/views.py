@@ -16,7 +16,7 @@ from sidm.experiments.explorer.rides import Ride, tilt
 from sidm.trajectory import POSITION
 
 #: Of the first and the second robot.
-LINES = ({"color": "#0072B2", "linestyle": "-"}, {"color": "#D55E00", "linestyle": "--"})
+LINES: tuple[dict[str, Any], ...] = ({"color": "#0072B2", "linestyle": "-"}, {"color": "#D55E00", "linestyle": "--"})
 PALER = 0.45  # opacity of the second line of a robot in a plot
 MARGIN = 1.0  # m of ground shown around the paths
 # Laid out by hand, which a slider's picture waits for half as long.
