@@ -23,7 +23,7 @@ MARGIN = 1.0  # m of ground shown around the paths
 ROOM = {"left": 0.085, "right": 0.99, "bottom": 0.07, "top": 0.95, "wspace": 0.22, "hspace": 0.28}
 STOP: dict[str, Any] = {"lw": 0.8, "color": "0.3", "linestyle": ":", "marker": ""}
 SHAPE = 3.6  # width of the plot of the path by its height
-PLOTS = [["height", "tilt"], ["front", "rear"], ["path", "path"]]
+PLOTS: Any = [["height", "tilt"], ["front", "rear"], ["path", "path"]]
 AXLES = {"rear": (0, 1), "front": (2, 3)}  # right and left strut
 
 
