@@ -157,7 +157,12 @@ def test_ctrl_c_leaves_a_state_to_go_on_from(tmp_path):
     """Stopped while it collects, a command says how to go on, and its workers end with it."""
     pytest.importorskip("pybullet")
     words = ["collect", "--preset", "smoke", "--system", "system1", "--data", str(tmp_path), "--workers", "2"]
-    process = subprocess.Popen([sys.executable, "-m", "sidm", *words], stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sidm", *words],
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # ignored where these tests are in the background
+    )
     while process.poll() is None and not list(tmp_path.rglob("shard-*.npz")):
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)

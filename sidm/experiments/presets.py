@@ -174,7 +174,7 @@ PRESETS: dict[str, Preset] = {
                 discriminator_iterations=2,
                 matching_iterations=2,
                 test_interval=5,
-                max_samples=20_000,
+                max_samples=10_000,
             ),
         ),
         Preset(
