@@ -161,7 +161,7 @@ def test_ctrl_c_leaves_a_state_to_go_on_from(tmp_path):
         [sys.executable, "-m", "sidm", *words],
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # ignored where these tests are in the background
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # ignored by what runs in the background
     )
     while process.poll() is None and not list(tmp_path.rglob("shard-*.npz")):
         time.sleep(0.05)
