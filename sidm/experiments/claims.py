@@ -18,7 +18,7 @@ DIRECTION = "In the same direction"
 NOT_SEEN = "Not seen"
 CONTRARY = "Contrary"
 UNCLEAR = "Unclear in the paper"
-NO_VERDICT = "No verdict"  # not run, one seed, or sizes from which no figure follows
+NO_VERDICT = "No verdict"  # not run, fewer than three seeds, or sizes from which no figure follows
 
 
 class Claim(NamedTuple):
@@ -58,7 +58,7 @@ def saving_claim(claim: str, words: str, losses: Losses, paper: float | None = N
     ends = np.exp(interval(lambda pairs: known(*greatest_ratio(losses.minutes, pairs)), losses.values)[1:])
     found = Interval(ratio, *ends)
     brackets = f" [{found.low:.3g}, {found.high:.3g}]" if np.isfinite(ends).all() else ""
-    ours = f"{'at least ' if bound == '>=' else ''}{ratio:.3g} x{brackets}"
+    ours = f"{'at least' if bound == '>=' else 'at best'} {ratio:.3g} x{brackets}"  # the greatest over the sizes
     return Claim(claim, words, *_judged(ours, found, losses, verdict(found, 1.0, paper)))
 
 
@@ -76,6 +76,18 @@ def meeting(losses: Losses) -> str:
     start = max((size for size, side in enumerate(sides) if side != sides[-1]), default=-1) + 1
     here, end = f"from {losses.minutes[start]:g} min", f"by {losses.minutes[-1]:g} min"
     return {0: here, 1: f"not {end}", -1: f"crossed: worse with SIDM {here}"}[sides[-1]]
+
+
+def by(found: Interval, above: str, below: str, unit: str = "") -> str:
+    """A difference in words, as 'smaller by 0.1 m [0.05, 0.15]'; where it is below zero, the interval is turned."""
+    if found.value >= 0:
+        return f"{above} by {found.value:.3g}{unit} [{found.low:.3g}, {found.high:.3g}]"
+    return f"{below} by {-found.value:.3g}{unit} [{-found.high:.3g}, {-found.low:.3g}]"
+
+
+def in_words(claims: Sequence[Claim]) -> str:
+    """The claims as a list in Markdown: ours, the paper's figure, the verdict."""
+    return "".join(f"- {one.claim}: {one.ours} (the paper: {one.paper}). **{one.verdict}**\n" for one in claims)
 
 
 def _meeting(rows: Sequence[Row], system: str, paper: str) -> Claim:
@@ -96,7 +108,7 @@ def _pretraining(rows: Sequence[Row], system: str, minutes: float) -> Claim:
     if not losses.values.size:
         return Claim(claim, "'cannot be pretrained'", "not run", NO_VERDICT)
     found = difference(losses, 0)
-    ours = f"by {found.value:.3g} [{found.low:.3g}, {found.high:.3g}]"
+    ours = by(found, "larger", "smaller")
     return Claim(claim, "'cannot be pretrained'", *_judged(ours, found, losses, verdict(found, 0.0)))
 
 
@@ -107,7 +119,7 @@ def _deviation(rows: Sequence[Row], minutes: float) -> Claim:
     if not losses.values.size:
         return Claim(claim, "less (Figure 4)", "not run", NO_VERDICT)
     found = difference(losses, 0)
-    ours = f"{found.value:.3g} m less [{found.low:.3g}, {found.high:.3g}]"
+    ours = by(found, "less", "more", " m")
     return Claim(claim, "less (Figure 4)", *_judged(ours, found, losses, verdict(found, 0.0)))
 
 
@@ -123,9 +135,11 @@ def difference_claim(claim: str, paper: str, pairs: np.ndarray, unit: str = "") 
     if not len(pairs):
         return Claim(claim, paper, "not run", NO_VERDICT)
     if len(pairs) < FEWEST_SEEDS:
-        return Claim(claim, paper, f"by {(pairs[:, 1] - pairs[:, 0]).mean():.3g}{unit} ({len(pairs)} only)", NO_VERDICT)
+        mean = float((pairs[:, 1] - pairs[:, 0]).mean())
+        ours = by(Interval(mean, mean, mean), "smaller", "larger", unit).split(" [")[0]
+        return Claim(claim, paper, f"{ours} ({len(pairs)} only)", NO_VERDICT)
     found = interval(lambda some: float((some[:, 1] - some[:, 0]).mean()), pairs)
-    ours = f"by {found.value:.3g}{unit} [{found.low:.3g}, {found.high:.3g}]"
+    ours = by(found, "smaller", "larger", unit)
     return Claim(claim, paper, ours, verdict(found, 0.0), found)
 
 

@@ -95,6 +95,8 @@ def finish(axes: Axes, minutes: Iterable[float] = (), legend: bool = True) -> No
     """A legend where something is drawn, a notice where not; log axes in plain numbers, at the `minutes` if given."""
     if not axes.has_data():
         axes.text(0.5, 0.5, "no trials stored", ha="center", va="center", transform=axes.transAxes)
+        axes.set(xticks=[], yticks=[])
+        axes.minorticks_off()
         return
     if legend:
         axes.legend()

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -60,7 +61,8 @@ def _curves(
         found = gather([row for row in rows if row.trial.method == method], system, [method])
         if found.values.size:
             summary, style = summarise(found.values[:, 0]), METHOD_STYLES[method] | other
-            axes.plot(found.minutes, summary.mean, **style | {"label": style["label"] + words})
+            one = ", one seed" if words and len(found.seeds) == 1 else ""
+            axes.plot(found.minutes, summary.mean, **style | {"label": style["label"] + words + one})
             shade = {"color": style["color"], "alpha": 0.2, "lw": 0}
             axes.fill_between(found.minutes, summary.minimum, summary.maximum, **shade)
             drawn |= set(found.minutes)
@@ -214,17 +216,26 @@ def ablated(trial: Trial, name: str) -> float:
 
 @styled
 def ablation(
-    rows: Sequence[Row], name: str, systems: Sequence[str] = tuple(SYSTEMS), by_method: bool = False
+    rows: Sequence[Row],
+    name: str,
+    systems: Sequence[str] = tuple(SYSTEMS),
+    by_method: bool = False,
+    usual: Mapping[str, float] = MappingProxyType({}),
 ) -> Figure:
     """Validation loss against an ablated value: mean over seeds with minimum to maximum.
+
+    A probability has an axis of its own; of other values each that was tried has a place, in their order.
 
     Args:
         rows: the ablation's.
         name: of the value, as `ablated` takes it.
         systems: a plot each.
         by_method: whether each method has a line for each size; else all of a size are one line.
+        usual: each system's value in Figure 3, which a vertical line marks.
     """
     figure, panels = side_by_side(len(systems))
+    tried = sorted({ablated(row.trial, name) for row in rows} | set(usual.values()))
+    place = {value: value if name == "p_expert" else float(number) for number, value in enumerate(tried)}
     for axes, system in zip(panels, systems, strict=True):
         unit = _COUNTED.get(name, "a phase")
         axes.set(xlabel=f"{name.replace('_', ' ')} ({unit})", ylabel=LOSS_LABEL, title=system)
@@ -241,8 +252,15 @@ def ablation(
             lowest, highest = (np.array([end(found[v]) for v in values]) for end in (min, max))
             spread = np.clip([means - lowest, highest - means], 0, None)
             words = f"{label}, {minutes:g} min" if label else f"{minutes:g} min"
-            axes.errorbar(values, means, spread, capsize=3, label=words, **style)
+            axes.errorbar([place[value] for value in values], means, spread, capsize=3, label=words, **style)
+        if lines and system in usual:
+            axes.axvline(place[usual[system]], color="0.6", linestyle=":", marker="", zorder=0, label="as in Figure 3")
         finish(axes)
+        if lines and name == "p_expert":
+            axes.set_xlim(-0.03, 1.03)
+        elif lines:
+            axes.set_xticks(list(place.values()), [f"{value:,.0f}" for value in place])
+            axes.set_xlim(-0.3, len(place) - 0.7)
     return figure
 
 

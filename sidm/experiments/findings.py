@@ -22,6 +22,7 @@ from sidm.experiments.suspects import (
     PHASES,
     RELEASED_TWO,
     STOPPING,
+    TOGETHER,
     WORSE,
     Finding,
 )
@@ -33,7 +34,7 @@ NEARLY_ALL = 0.95  # of the latents told apart
 
 #: The suspects in the order in which they are told.
 ORDER = (
-    ALIKE, ADVERSARY, APART, PHASES, P_EXPERT, STOPPING, FIRST_LAYER, OPTIMISER, BATCHES, RELEASED_TWO, OTHERS
+    ALIKE, TOGETHER, ADVERSARY, APART, PHASES, P_EXPERT, STOPPING, FIRST_LAYER, OPTIMISER, BATCHES, RELEASED_TWO, OTHERS
 )  # fmt: skip
 
 
@@ -71,7 +72,8 @@ def tally(found: Sequence[Finding]) -> str:
     if not found:
         return "No change of it is measured"
     counts = Counter(one.verdict for one in found).most_common()
-    words = ", ".join(f"{verdict.lower()} in {count}" for verdict, count in counts)
+    few = {NO_VERDICT: " (fewer than three seeds)"}
+    words = ", ".join(f"{verdict.lower()} in {count}{few.get(verdict, '')}" for verdict, count in counts)
     ratios = [one.ratio.value for one in found]
     least, greatest = (f"{one:.3g}" for one in (min(ratios), max(ratios)))
     span = f"the loss {least}" if least == greatest else f"losses {least} to {greatest}"
@@ -82,15 +84,21 @@ def tally(found: Sequence[Finding]) -> str:
     )
 
 
-def summary(found: Sequence[Finding]) -> str:
-    """Which suspects some change of theirs convicts, and which none does, as a paragraph."""
+def summary(found: Sequence[Finding], missing: Mapping[str, Mapping[str, int]]) -> str:
+    """Which suspects some change of theirs convicts, and which none does, as a paragraph.
+
+    Args:
+        found: what changes of SIDM did.
+        missing: how many trials of which figures are missing, by suspect; such a suspect is not cleared.
+    """
     changes = [one for one in found if one.instead not in CROSSED.values()]
     told = {suspect: [one for one in changes if one.suspect == suspect] for suspect in ORDER}
     judged = {suspect: [one for one in mine if one.verdict != NO_VERDICT] for suspect, mine in told.items()}
     better = [suspect for suspect, mine in judged.items() if any(one.verdict == BETTER for one in mine)]
-    cleared = [suspect for suspect, mine in judged.items() if mine and suspect not in better]
-    open_ = [suspect for suspect, mine in judged.items() if not mine]
-    parts = [("Some change does better for", better), ("none does for", cleared), ("no verdict yet on", open_)]
+    whole = [suspect for suspect in ORDER if len(judged[suspect]) == len(told[suspect]) and not missing.get(suspect)]
+    cleared = [suspect for suspect in whole if judged[suspect] and suspect not in better]
+    open_ = [suspect for suspect in ORDER if suspect not in (*better, *cleared)]
+    parts = [("Some change does better for", better), ("none does for", cleared), ("not settled are", open_)]
     return "; ".join(f"{words} {_listed(some)}" for words, some in parts if some) + "."
 
 

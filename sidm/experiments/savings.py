@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sidm.experiments.methods import FIGURE3
 from sidm.experiments.statistics import (
     FEWEST_SEEDS,
     Efficiency,
@@ -116,6 +117,20 @@ def expert_alone(rows: Sequence[Row], system: str) -> str:
     much, sign = minutes_needed(other.minutes, falling(other.values[:, 0].mean(0)), loss)
     words = {"=": "", "<=": "at most ", ">": "more than "}[sign]
     return f"{system}: {loss:.3g}, as without SIDM on {words}{float(f'{much:.2g}'):g} min"
+
+
+def expert_first(rows: Sequence[Row], system: str) -> str:
+    """How learning from the expert first compares: at how many sizes its loss is the lowest, and what it saves."""
+    found = {method: gather(rows, system, [method]) for method in FIGURE3}
+    saved = savings(rows, system, "pretrain_finetune")
+    if not saved or any(one.minutes.size != found["sidm"].minutes.size for one in found.values()):
+        return f"{system}: not run"
+    means = {method: one.values[:, 0].mean(0) for method, one in found.items()}
+    lowest = int((means["pretrain_finetune"] < np.minimum(means["sidm"], means["novice_only"])).sum())
+    return (
+        f"{system}: the lowest mean loss at {lowest} of {len(saved)} sizes; with {saved[0].minutes:g} min as good as "
+        f"without SIDM on {ratio_words(saved[0])} times the data"
+    )
 
 
 def more_and_less(savings: Sequence[Saving]) -> str:

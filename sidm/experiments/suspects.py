@@ -30,10 +30,11 @@ from sidm.systems import SYSTEMS
 if TYPE_CHECKING:  # scikit-learn need not be there to judge what rows say
     from sidm.experiments.diagnostics import Diagnosis
 
-BETTER, WORSE, NO_DIFFERENCE = "better so", "worse so", "no difference seen"
+BETTER, WORSE, NO_DIFFERENCE = "better", "worse", "no difference seen"
 
 # What might hold the SIDM back.
-ALIKE = "robots so alike that the expert's model nearly serves"
+ALIKE = "how alike the robots are"
+TOGETHER = "learning from both robots at once"
 APART = "an encoder and a decoder for each system"
 ADVERSARY = "the adversary"
 PHASES = "the balance of the phases"
@@ -42,7 +43,7 @@ STOPPING = "the stopping rule"
 FIRST_LAYER = "the encoder's first layer behind the map, which grows with its pixels"
 OPTIMISER = "what the optimiser does to parts without gradient"
 BATCHES = "the composition of the batches"
-RELEASED_TWO = "the last two together"
+RELEASED_TWO = "one optimiser and one system a batch together"
 OTHERS = "initial weights, the loss's mean, the weight decay"
 
 #: Other ways to learn from two systems: what each changes, and whom that clears or convicts.
@@ -54,7 +55,7 @@ REPLACED = {
     "gradient_reversal": ("gradient reversal instead of the adversary", ADVERSARY),
     "pooled": ("one encoder and decoder for both systems", APART),
     "pooled_flag": ("one encoder and decoder, told the system", APART),
-    "pretrain_finetune": ("the expert first, then the novice", ALIKE),
+    "pretrain_finetune": ("the expert first, then the novice", TOGETHER),
     "expert_only": ("the expert's model as it is, without novice data", ALIKE),
 }
 

@@ -18,10 +18,12 @@ from sidm.experiments.claims import (
     NOT_SEEN,
     REPRODUCED,
     UNCLEAR,
+    by,
     difference,
     figure3_claims,
     figure4_claims,
     html,
+    in_words,
     markdown,
     meeting,
     verdict,
@@ -141,6 +143,21 @@ def test_other_figures(rows, study, make_row):
     assert means == [[8, 16, 32], [16, 32, 64]]
 
 
+def test_an_ablation_marks_the_usual_value(study, make_row):
+    """Values but probabilities have a place each, at equal distances, with the value of Figure 3 marked."""
+    some = [make_row(t, 1) for t in ablations.iterations(study, "system1", "prediction_iterations", [20, 500])]
+    axes = ablation(some, "prediction_iterations", ["system1"], usual={"system1": 100}).axes[0]
+    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["20", "100", "500"]
+    marked = next(line for line in axes.get_lines() if line.get_label() == "as in Figure 3")
+    assert set(marked.get_xdata()) == {1.0} and axes.get_lines()[0].get_xdata().tolist() == [0.0, 2.0]
+
+
+def test_differences_in_words():
+    """The interval is turned as its word is."""
+    assert by(Interval(0.2, -0.1, 0.5), "less", "more", " m") == "less by 0.2 m [-0.1, 0.5]"
+    assert by(Interval(-0.2, -0.5, 0.1), "less", "more") == "more by 0.2 [-0.1, 0.5]"
+
+
 def test_verdicts_follow_the_rule():
     """The rule of the page on claims, whatever comes out."""
     assert verdict(Interval(18, 12, 25), 1, 20) == REPRODUCED
@@ -155,7 +172,8 @@ def test_claims_table(rows):
     """On the power law SIDM saves 4 x; the paper's 20 x is not in the interval, nor is its 5 x."""
     first, second, third, fourth, *pretrained = figure3_claims(rows)
     deviations = figure4_claims(rows)
-    assert first.interval.value == pytest.approx(4) and first.verdict == DIRECTION and first.ours == "4 x [4, 4]"
+    assert first.interval.value == pytest.approx(4) and first.verdict == DIRECTION
+    assert first.ours == "at best 4 x [4, 4]" and in_words([first]).startswith("- system1: as good with SIDM as")
     assert second.verdict == DIRECTION and third.verdict == fourth.verdict == UNCLEAR
     assert third.ours == "not by 120 min"
     assert [c.verdict for c in deviations] == [DIRECTION, DIRECTION]
@@ -172,7 +190,7 @@ def test_claims_without_enough(rows):
     nothing = [*figure3_claims([]), *figure4_claims([])]
     assert {c.ours for c in nothing} == {"not run"} and {c.verdict for c in nothing} == {NO_VERDICT, UNCLEAR}
     single = figure3_claims([r for r in rows if r.trial.seed == 0])
-    assert single[0].ours == "4 x (one seed)" and single[0].verdict == NO_VERDICT
+    assert single[0].ours == "at best 4 x (one seed)" and single[0].verdict == NO_VERDICT
 
 
 def test_curves_that_meet(study, make_row):

@@ -11,6 +11,7 @@ from sidm.experiments.savings import (
     component_savings,
     efficiency_band,
     expert_alone,
+    expert_first,
     more_and_less,
     ratio_words,
     rivals,
@@ -43,6 +44,12 @@ def test_the_expert_alone_in_novice_data(rows, make_row, tmp_path):
         alone = [make_row(t, loss) for t in study.points("system1", ["expert_only"], [5])]
         assert words in expert_alone([*rows, *alone], "system1")
     assert expert_alone(rows, "system1") == "system1: not run"
+
+
+def test_the_expert_first_in_one_line(rows):
+    words = expert_first(rows, "system1")
+    assert words.startswith("system1: the lowest mean loss at 6 of 6 sizes; with 1 min as good as without SIDM on")
+    assert expert_first([row for row in rows if row.trial.method != "sidm"], "system1") == "system1: not run"
 
 
 def test_intervals_to_either_side_are_counted():
