@@ -115,3 +115,10 @@ def pixels(study: Study, system: str) -> list[Trial]:
 def patience(study: Study, system: str) -> list[Trial]:
     """The ablation of the patience."""
     return setting(study, system, "patience", PATIENCE)
+
+
+def ablated(trial: Trial, name: str) -> float:
+    """A trial's value in the ablation of `name`, of its training or network; without regularisation, 0 matching."""
+    if name == "matching_iterations" and not trial.training.regularise:
+        return 0.0
+    return float(getattr(trial.network if name == "pixels" else trial.training, name))

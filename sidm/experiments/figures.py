@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from sidm.experiments.ablations import ablated
 from sidm.experiments.baselines import Neighbour
 from sidm.experiments.drawing import (
     CONTROL_STEP,
@@ -27,7 +28,6 @@ from sidm.experiments.savings import efficiency_band
 from sidm.experiments.statistics import efficiency, falling, summarise
 from sidm.experiments.store import Row
 from sidm.experiments.tables import gather, validation_loss
-from sidm.experiments.trials import Trial
 from sidm.systems import ROLES, SYSTEMS
 
 if TYPE_CHECKING:  # scikit-learn need not be there to draw the others
@@ -207,13 +207,6 @@ def latent_pictures(found: Sequence[Diagnosis]) -> Figure:
 _COUNTED = {"p_expert": "probability", "pixels": "a side of the map", "patience": "samples"}
 
 
-def ablated(trial: Trial, name: str) -> float:
-    """A trial's value in the ablation of `name`, of its training or network; without regularisation, 0 matching."""
-    if name == "matching_iterations" and not trial.training.regularise:
-        return 0.0
-    return float(getattr(trial.network if name == "pixels" else trial.training, name))
-
-
 @styled
 def ablation(
     rows: Sequence[Row],
@@ -266,10 +259,14 @@ def ablation(
 
 @styled
 def neighbours_figure(found: Sequence[Neighbour], systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
-    """Validation loss of each method, mean with minimum to maximum: a plot a system, a colour a size."""
+    """Validation loss of each method, mean with minimum to maximum: a plot a system, a colour a size.
+
+    A size of which training without SIDM alone is known is its largest, all data: a vertical line.
+    """
     figure, panels = side_by_side(len(systems))
     methods = [name for name in METHODS if any(one.method == name for one in found)]
-    sizes = sorted({one.minutes for one in found})
+    known = {one.minutes: {other.method for other in found if other.minutes == one.minutes} for one in found}
+    sizes = sorted(minutes for minutes, those in known.items() if those != {"novice_only"})
     figure.set_size_inches(figure.get_size_inches()[0], 1.2 + 0.34 * max(len(methods), 5))
     for axes, system in zip(panels, systems, strict=True):
         for number, minutes in enumerate(sizes):
@@ -280,6 +277,10 @@ def neighbours_figure(found: Sequence[Neighbour], systems: Sequence[str] = tuple
                 height = [methods.index(one.method) + 0.16 * (number - (len(sizes) - 1) / 2) for one in here]
                 style = SIZE_STYLES[number % len(SIZE_STYLES)] | {"linestyle": ""}
                 axes.errorbar(means, height, xerr=ends, capsize=2, label=f"{minutes:g} min", **style)
+        for one in found:
+            if one.system == system and one.minutes not in sizes:
+                label = f"{METHOD_STYLES[one.method]['label']}, {one.minutes:g} min"
+                axes.axvline(one.loss, color="0.5", linestyle=":", marker="", label=label)
         axes.set(xlabel="validation loss, equation (1)", title=system, ylim=(len(methods) - 0.5, -0.5))
         labels = [METHOD_STYLES[name]["label"] for name in methods] if axes is panels[0] else []
         axes.set_yticks(range(len(methods)), labels or [""] * len(methods))

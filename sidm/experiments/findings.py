@@ -54,7 +54,7 @@ def in_short(
         overlap: neighbourhoods by system and robot.
         preset: whose trials, for the commands that run what is missing.
     """
-    more = {ALIKE: _overlap(overlap), ADVERSARY: _told_apart(diagnoses), APART: _two_in_one(found)}
+    more = {ALIKE: _overlap(overlap), ADVERSARY: told_apart(diagnoses), APART: two_in_one(found)}
     lines = []
     for suspect in ORDER:
         mine = [one for one in found if one.suspect == suspect and one.instead not in CROSSED.values()]
@@ -106,7 +106,7 @@ def _listed(names: Sequence[str]) -> str:
     return ", ".join(f"*{name}*" for name in names)
 
 
-def _told_apart(diagnoses: Sequence[Diagnosis]) -> str:
+def told_apart(diagnoses: Sequence[Diagnosis]) -> str:
     """Whether the adversary makes the latents alike."""
     if not diagnoses:
         return "Whether it makes the latents alike is not measured"
@@ -118,7 +118,7 @@ def _told_apart(diagnoses: Sequence[Diagnosis]) -> str:
     )
 
 
-def _two_in_one(found: Sequence[Finding]) -> str:
+def two_in_one(found: Sequence[Finding]) -> str:
     """Whether the expert's parts can stand in for the novice's, alone and together."""
     alone = [one for one in found if one.instead in (CROSSED["expert_encoder_loss"], CROSSED["expert_decoder_loss"])]
     both = [one for one in found if one.instead == CROSSED["expert_path_loss"]]

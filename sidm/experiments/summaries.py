@@ -1,0 +1,87 @@
+"""What came out of a chapter's trials, in short: sentences around measured numbers, which follow by rule."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from sidm.experiments.ablations import ablated
+from sidm.experiments.baselines import Neighbour
+from sidm.experiments.choices import Worth
+from sidm.experiments.drawing import METHOD_STYLES
+from sidm.experiments.statistics import FEWEST_SEEDS
+from sidm.experiments.store import Row
+from sidm.experiments.tables import final_position_error
+
+BETTER, WORSE, NO_DIFFERENCE = "better than with SIDM", "worse", "no difference seen"
+
+
+def ablation_summary(rows: Sequence[Row], name: str, usual: Mapping[str, float]) -> str:
+    """A list in Markdown, a line a system, size and method: where the mean loss is lowest, highest, and as in Figure 3.
+
+    Args:
+        rows: of the ablation of `name`.
+        name: of the value, as `ablated` takes it.
+        usual: each system's value in Figure 3.
+    """
+    lines: dict[tuple[str, float, str], dict[float, list[float]]] = {}
+    for row in rows:
+        line = lines.setdefault((row.trial.system, row.trial.novice_minutes, row.trial.method), {})
+        line.setdefault(ablated(row.trial, name), []).append(row.outcome.validation_loss)
+    said = []
+    for (system, minutes, method), found in sorted(lines.items()):
+        means = {value: float(np.mean(losses)) for value, losses in found.items()}
+        places = {"lowest": min(means, key=means.__getitem__), "highest": max(means, key=means.__getitem__)}
+        places |= {"in Figure 3": usual[system]} if usual[system] in means else {}
+        words = ", ".join(f"{place} at {value:,g} ({means[value]:.3f})" for place, value in places.items())
+        said.append(f"- {system}, {minutes:g} min, {METHOD_STYLES[method]['label']}: {words}\n")
+    return "".join(said)
+
+
+def neighbours_summary(found: Sequence[Neighbour]) -> str:
+    """A list in Markdown, a line a system and size: which methods do better or worse than SIDM, by their intervals."""
+    lines: dict[tuple[str, float], dict[str, list[str]]] = {}
+    for one in found:
+        apart = one.differences[0]
+        if apart is not None and one.seeds >= FEWEST_SEEDS:
+            side = BETTER if apart.high < 0 else WORSE if apart.low > 0 else NO_DIFFERENCE
+            sides = lines.setdefault((one.system, one.minutes), {BETTER: [], WORSE: [], NO_DIFFERENCE: []})
+            sides[side].append(f"*{METHOD_STYLES[one.method]['label']}* ({one.loss:.3f})")
+    said = ""
+    for (system, minutes), sides in sorted(lines.items()):
+        words = "; ".join(f"{side}: {', '.join(methods)}" for side, methods in sides.items() if methods)
+        said += f"- {system}, {minutes:g} min: {words}\n"
+    return said
+
+
+def choices_summary(found: Sequence[Worth]) -> str:
+    """Which choices do better or worse changed, by their intervals, in a paragraph."""
+    judged = [one for one in found if one.seeds >= FEWEST_SEEDS]
+    groups = {
+        "Changed, the loss is smaller for": [one for one in judged if one.ratio.high < 1],
+        "larger for": [one for one in judged if one.ratio.low > 1],
+    }
+    said = [
+        f"{words} " + ", ".join(f"*{one.choice}* ({one.system}, {METHOD_STYLES[one.method]['label']})" for one in some)
+        for words, some in groups.items()
+        if some
+    ]
+    rest = len(judged) - sum(map(len, groups.values()))
+    return "; ".join([*said, f"{rest} of {len(judged)} comparisons show no difference"]) + "."
+
+
+def example_summary(rows: Sequence[Row], seed: int) -> str:
+    """How the example of Figure 4, with the models of `seed`, compares with all test trajectories, in a sentence."""
+    shown = [row.outcome for row in rows if row.trial.seed == seed]
+    if not shown:
+        return "The trials of this seed are not stored."
+    actual = np.array(shown[0].example_actual)
+    driven = np.linalg.norm(np.diff(actual, axis=0), axis=1).sum()
+    parted = [float(np.linalg.norm(one.example_predicted[-1] - actual[-1])) for one in shown]
+    mean = np.mean([final_position_error(row) for row in rows])
+    return (
+        f"In the example the robot drives {driven:.2g} m, and the predicted paths end {min(parted):.2g} to "
+        f"{max(parted):.2g} m from where it comes to. Over all test trajectories and trials that distance is "
+        f"{mean:.2g} m in the mean."
+    )

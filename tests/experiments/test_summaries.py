@@ -1,0 +1,56 @@
+"""Sentences follow from the numbers."""
+
+import dataclasses
+
+import numpy as np
+
+from sidm.experiments import Study, ablations
+from sidm.experiments.baselines import neighbours
+from sidm.experiments.choices import Worth
+from sidm.experiments.statistics import Interval
+from sidm.experiments.summaries import ablation_summary, choices_summary, example_summary, neighbours_summary
+
+
+def test_an_ablation_names_its_ends_and_the_usual(make_row, tmp_path):
+    trials = ablations.p_expert(Study("laptop", tmp_path), "system1", [0.25, 0.75, 0.9])
+    rows = [make_row(trial, 1 + abs(trial.training.p_expert - 0.9)) for trial in trials]
+    said = ablation_summary(rows, "p_expert", {"system1": 0.75})
+    words = "lowest at 0.9 (1.000), highest at 0.25 (1.650), in Figure 3 at 0.75 (1.150)"
+    assert said == f"- system1, 5 min, with SIDM: {words}\n"
+    assert "Figure 3" not in ablation_summary(rows, "p_expert", {"system1": 0.5}) and ablation_summary([], "", {}) == ""
+
+
+def test_neighbours_are_sorted_by_their_intervals(make_row, tmp_path):
+    losses = {"sidm": 1.0, "novice_only": 2.0, "pretrain_finetune": 0.5, "mmd": 1.0}
+    trials = Study("laptop", tmp_path).points("system1", list(losses), (5.0,))
+    noise = {"mmd": (0.1, -0.1, 0.05)}
+    rows = [make_row(t, losses[t.method] + noise.get(t.method, (0, 0.01, 0.02))[t.seed]) for t in trials]
+    said = neighbours_summary(neighbours(rows))
+    assert said.startswith("- system1, 5 min: better than with SIDM: *expert first, then novice* (0.510); worse: ")
+    assert said.count("\n") == 1 and "no difference seen: *" in said
+    assert neighbours_summary(neighbours(row for row in rows if row.trial.seed == 0)) == ""
+
+
+def test_choices_are_sorted_by_their_intervals():
+    one = Worth("system1", "a choice", "sidm", 5.0, 3, 1.0, 0.9, Interval(0.9, 0.8, 0.95))
+    other = one._replace(choice="another", ratio=Interval(1.1, 1.05, 1.2))
+    unclear, few = one._replace(ratio=Interval(1, 0.9, 1.1)), one._replace(seeds=2)
+    assert choices_summary([one, other, unclear, few]) == (
+        "Changed, the loss is smaller for *a choice* (system1, with SIDM); larger for *another* (system1, with SIDM); "
+        "1 of 3 comparisons show no difference."
+    )
+
+
+def test_an_example_is_held_against_all(make_row, tmp_path):
+    trials = Study("laptop", tmp_path).points("system1", ["sidm"], (5.0,))
+    actual = tuple((0.1 * step, 0.0) for step in range(26))
+    rows = []
+    for trial in trials:
+        row = make_row(trial, 1.0)
+        predicted = (*actual[:-1], (2.5, 0.5 * (1 + trial.seed)))
+        outcome = dataclasses.replace(row.outcome, example_actual=actual, example_predicted=predicted)
+        rows.append(dataclasses.replace(row, outcome=outcome))
+    said = example_summary(rows, seed=1)
+    assert "drives 2.5 m" in said and "end 1 to 1 m" in said
+    assert f"{np.mean([row.outcome.position_error[-1] for row in rows]):.2g} m in the mean" in said
+    assert example_summary(rows, seed=9) == "The trials of this seed are not stored."
