@@ -21,7 +21,7 @@ def trailing_comments(code: str) -> dict[int, str]:
     for token in tokenize.generate_tokens(io.StringIO(code).readline):
         words = token.string.lstrip("#: ")
         if token.type == tokenize.COMMENT and token.line[: token.start[1]].strip():
-            words = words.split("  # ")[0].split(" # type:")[0]
+            words = words.split("  # ")[0].split(" # type:")[0].replace(": ", " \N{EN DASH} ")  # before it: a type, to napoleon
             if not words.startswith(("type:", "noqa", "fmt:", "pragma")):
                 found[token.start[0]] = words
     return found

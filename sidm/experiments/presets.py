@@ -1,4 +1,4 @@
-"""Presets: how much of the study is run, from a test's seconds to the paper's 320 trials.
+"""Presets: how much of the study is run, from a test's seconds to the paper's sizes.
 
 This table is the only place where a preset's numbers stand; `params/NAME.yaml` names the preset to the notebooks.
 """
