@@ -21,7 +21,7 @@ def trailing_comments(code: str) -> dict[int, str]:
     for token in tokenize.generate_tokens(io.StringIO(code).readline):
         words = token.string.lstrip("#: ")
         if token.type == tokenize.COMMENT and token.line[: token.start[1]].strip():
-            words = words.split("  # ")[0].split(" # type:")[0].replace(": ", " \N{EN DASH} ")  # before it: a type, to napoleon
+            words = words.split("  # ")[0].split(" # type:")[0]
             if not words.startswith(("type:", "noqa", "fmt:", "pragma")):
                 found[token.start[0]] = words
     return found
@@ -58,7 +58,9 @@ def setup(app: Sphinx) -> dict[str, Any]:
         if not self._analyzed:
             plain(self)
             if self.modname.split(".")[0] == "sidm":  # bases from elsewhere keep their own ways
-                self.attr_docs = field_docs(self.code) | self.attr_docs
+                found = field_docs(self.code) | self.attr_docs
+                # What stands before a colon napoleon would call a type.
+                self.attr_docs = {name: [line.replace(": ", " – ") for line in doc] for name, doc in found.items()}
 
     ModuleAnalyzer.analyze = analyze  # type: ignore[method-assign]
     app.connect("autodoc-process-signature", without_arguments)
