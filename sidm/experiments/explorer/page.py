@@ -78,7 +78,7 @@ def charts() -> dict[str, dict[str, Any]]:
         "roll": (_over_time("roll (degrees)"), "Roll over time, right side down positive"),
     }
     for number in (3, 2, 1, 0):  # as they lie, seen from above
-        words = f"Travel of the {STRUTS[number]} strut, stops dotted"
+        words = f"{STRUTS[number].capitalize()} strut, stops dotted"
         made[f"strut {number}"] = _travel(), words
     return {
         name: chart.properties(width="container", height=180, title=words, description=words)
