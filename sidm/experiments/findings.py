@@ -98,7 +98,7 @@ def summary(found: Sequence[Finding], missing: Mapping[str, Mapping[str, int]]) 
     whole = [suspect for suspect in ORDER if len(judged[suspect]) == len(told[suspect]) and not missing.get(suspect)]
     cleared = [suspect for suspect in whole if judged[suspect] and suspect not in better]
     open_ = [suspect for suspect in ORDER if suspect not in (*better, *cleared)]
-    parts = [("Some change does better for", better), ("none does for", cleared), ("not settled are", open_)]
+    parts = [("A change does better under", better), ("none does under", cleared), ("not settled:", open_)]
     return "; ".join(f"{words} {_listed(some)}" for words, some in parts if some) + "."
 
 

@@ -34,9 +34,15 @@ def ablation_summary(rows: Sequence[Row], name: str, usual: Mapping[str, float])
         means = {value: float(np.mean(losses)) for value, losses in found.items()}
         places = {"lowest": min(means, key=means.__getitem__), "highest": max(means, key=means.__getitem__)}
         places |= {"in Figure 3": usual[system]} if usual[system] in means else {}
-        words = ", ".join(f"{place} at {value:,g} ({means[value]:.3f})" for place, value in places.items())
+        words = ", ".join(f"{place} at {_plain(value)} ({means[value]:.3f})" for place, value in places.items())
+        if len(means) == 1:
+            words = f"{_plain(*means)} alone is stored"
         said.append(f"- {system}, {minutes:g} min, {METHOD_STYLES[method]['label']}: {words}\n")
     return "".join(said)
+
+
+def _plain(value: float) -> str:
+    return f"{value:,.0f}" if value >= 1 else f"{value:.2g}"
 
 
 def neighbours_summary(found: Sequence[Neighbour]) -> str:

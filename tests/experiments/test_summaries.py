@@ -17,6 +17,8 @@ def test_an_ablation_names_its_ends_and_the_usual(make_row, tmp_path):
     said = ablation_summary(rows, "p_expert", {"system1": 0.75})
     words = "lowest at 0.9 (1.000), highest at 0.25 (1.650), in Figure 3 at 0.75 (1.150)"
     assert said == f"- system1, 5 min, with SIDM: {words}\n"
+    one = ablation_summary([row for row in rows if row.trial.training.p_expert == 0.9], "p_expert", {"system1": 0.75})
+    assert one == "- system1, 5 min, with SIDM: 0.9 alone is stored\n"
     assert "Figure 3" not in ablation_summary(rows, "p_expert", {"system1": 0.5}) and ablation_summary([], "", {}) == ""
 
 
