@@ -8,6 +8,7 @@ from sidm.config import ConfigError
 from sidm.experiments.methods import CHOICES, COMPARED, METHODS, change
 from sidm.experiments.methods import PATIENCE as LONG_PATIENCE
 from sidm.experiments.presets import Preset
+from sidm.experiments.store import Row
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
 from sidm.trajectory import trajectories_for
@@ -122,3 +123,21 @@ def ablated(trial: Trial, name: str) -> float:
     if name == "matching_iterations" and not trial.training.regularise:
         return 0.0
     return float(getattr(trial.network if name == "pixels" else trial.training, name))
+
+
+def ablation_lines(
+    rows: Iterable[Row], name: str, by_method: bool = False
+) -> dict[tuple[str, float, str], dict[float, list[float]]]:
+    """Validation losses by value, of each line: a system, a size, and a method or ''.
+
+    Args:
+        rows: of the ablation of `name`.
+        name: of the value, as `ablated` takes it.
+        by_method: whether each method is a line; else what a value leaves of the method is on one line with the rest.
+    """
+    lines: dict[tuple[str, float, str], dict[float, list[float]]] = {}
+    for row in rows:
+        t = row.trial
+        line = lines.setdefault((t.system, t.novice_minutes, t.method if by_method else ""), {})
+        line.setdefault(ablated(t, name), []).append(row.outcome.validation_loss)
+    return lines

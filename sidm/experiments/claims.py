@@ -87,7 +87,7 @@ def by(found: Interval, above: str, below: str, unit: str = "") -> str:
 
 def in_words(claims: Sequence[Claim]) -> str:
     """The claims as a list in Markdown: ours, the paper's figure, the verdict."""
-    return "".join(f"- {one.claim}: {one.ours} (the paper: {one.paper}). **{one.verdict}**\n" for one in claims)
+    return "".join(f"- *{one.claim}*: {one.ours} (the paper: {one.paper}). **{one.verdict}**\n" for one in claims)
 
 
 def _meeting(rows: Sequence[Row], system: str, paper: str) -> Claim:

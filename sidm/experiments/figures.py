@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sidm.experiments.ablations import ablated
+from sidm.experiments.ablations import ablated, ablation_lines
 from sidm.experiments.baselines import Neighbour
 from sidm.experiments.drawing import (
     CONTROL_STEP,
@@ -27,7 +27,7 @@ from sidm.experiments.methods import COMPARED, FIGURE3, METHODS
 from sidm.experiments.savings import efficiency_band
 from sidm.experiments.statistics import efficiency, falling, summarise
 from sidm.experiments.store import Row
-from sidm.experiments.tables import gather, validation_loss
+from sidm.experiments.tables import gather
 from sidm.systems import ROLES, SYSTEMS
 
 if TYPE_CHECKING:  # scikit-learn need not be there to draw the others
@@ -232,19 +232,14 @@ def ablation(
     for axes, system in zip(panels, systems, strict=True):
         unit = _COUNTED.get(name, "a phase")
         axes.set(xlabel=f"{name.replace('_', ' ')} ({unit})", ylabel=LOSS_LABEL, title=system)
-        lines: dict[tuple[float, str], dict[float, list[float]]] = {}
-        for row in rows:
-            if row.trial.system == system:
-                line = row.trial.novice_minutes, METHOD_STYLES[row.trial.method]["label"] if by_method else ""
-                lines.setdefault(line, {}).setdefault(ablated(row.trial, name), []).append(validation_loss(row))
-        for number, (minutes, label) in enumerate(sorted(lines)):
+        lines = ablation_lines([row for row in rows if row.trial.system == system], name, by_method)
+        for number, ((_, minutes, method), found) in enumerate(sorted(lines.items())):
             style = SIZE_STYLES[number % len(SIZE_STYLES)]
-            found = lines[minutes, label]
             values = sorted(found)
             means = np.array([np.mean(found[v]) for v in values])
             lowest, highest = (np.array([end(found[v]) for v in values]) for end in (min, max))
             spread = np.clip([means - lowest, highest - means], 0, None)
-            words = f"{label}, {minutes:g} min" if label else f"{minutes:g} min"
+            words = f"{METHOD_STYLES[method]['label']}, {minutes:g} min" if method else f"{minutes:g} min"
             axes.errorbar([place[value] for value in values], means, spread, capsize=3, label=words, **style)
         if lines and system in usual:
             axes.axvline(place[usual[system]], color="0.6", linestyle=":", marker="", zorder=0, label="as in Figure 3")
@@ -258,15 +253,18 @@ def ablation(
 
 
 @styled
-def neighbours_figure(found: Sequence[Neighbour], systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
+def neighbours_figure(
+    found: Sequence[Neighbour], sizes: Sequence[float], systems: Sequence[str] = tuple(SYSTEMS)
+) -> Figure:
     """Validation loss of each method, mean with minimum to maximum: a plot a system, a colour a size.
 
-    A size of which training without SIDM alone is known is its largest, all data: a vertical line.
+    Args:
+        found: as `neighbours` finds them.
+        sizes: that the methods are compared at, min; those with other sizes are vertical lines.
+        systems: a plot each.
     """
     figure, panels = side_by_side(len(systems))
     methods = [name for name in METHODS if any(one.method == name for one in found)]
-    known = {one.minutes: {other.method for other in found if other.minutes == one.minutes} for one in found}
-    sizes = sorted(minutes for minutes, those in known.items() if those != {"novice_only"})
     figure.set_size_inches(figure.get_size_inches()[0], 1.2 + 0.34 * max(len(methods), 5))
     for axes, system in zip(panels, systems, strict=True):
         for number, minutes in enumerate(sizes):
@@ -282,7 +280,7 @@ def neighbours_figure(found: Sequence[Neighbour], systems: Sequence[str] = tuple
                 label = f"{METHOD_STYLES[one.method]['label']}, {one.minutes:g} min"
                 axes.axvline(one.loss, color="0.5", linestyle=":", marker="", label=label)
         axes.set(xlabel="validation loss, equation (1)", title=system, ylim=(len(methods) - 0.5, -0.5))
-        labels = [METHOD_STYLES[name]["label"] for name in methods] if axes is panels[0] else []
-        axes.set_yticks(range(len(methods)), labels or [""] * len(methods))
         finish(axes)
+        labels = [METHOD_STYLES[name]["label"] for name in methods] if axes is panels[0] else [""] * len(methods)
+        axes.set_yticks(range(len(methods)), labels)
     return figure

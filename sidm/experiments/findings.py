@@ -98,7 +98,8 @@ def summary(found: Sequence[Finding], missing: Mapping[str, Mapping[str, int]]) 
     whole = [suspect for suspect in ORDER if len(judged[suspect]) == len(told[suspect]) and not missing.get(suspect)]
     cleared = [suspect for suspect in whole if judged[suspect] and suspect not in better]
     open_ = [suspect for suspect in ORDER if suspect not in (*better, *cleared)]
-    parts = [("A change does better under", better), ("none does under", cleared), ("not settled:", open_)]
+    lowered = "A change lowered the loss in at least one comparison under"
+    parts = [(lowered, better), ("none did under", cleared), ("not settled:", open_)]
     return "; ".join(f"{words} {_listed(some)}" for words, some in parts if some) + "."
 
 
@@ -113,8 +114,8 @@ def told_apart(diagnoses: Sequence[Diagnosis]) -> str:
     told = sum((one.discriminator_accuracy or 0) >= NEARLY_ALL for one in diagnoses)
     does = "does not make" if 2 * told > len(diagnoses) else "seems to make"
     return (
-        f"It {does} the latents alike: the training's own discriminator tells at least {NEARLY_ALL:.0%} of them apart "
-        f"in {told} of {len(diagnoses)} models"
+        f"The adversary {does} the latents alike: the training's own discriminator tells at least {NEARLY_ALL:.0%} of "
+        f"them apart in {told} of {len(diagnoses)} models"
     )
 
 

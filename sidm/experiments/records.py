@@ -26,7 +26,7 @@ class Found(Protocol):
 
     @property
     def about(self) -> Any:
-        """What it is about: a `config` object that holds everything it depends on."""
+        """What it is about, a `config` object that holds everything it depends on."""
 
     @property
     def provenance(self) -> Provenance:

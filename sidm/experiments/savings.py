@@ -123,7 +123,7 @@ def expert_first(rows: Sequence[Row], system: str) -> str:
     """How learning from the expert first compares: at how many sizes its loss is the lowest, and what it saves."""
     found = {method: gather(rows, system, [method]) for method in FIGURE3}
     saved = savings(rows, system, "pretrain_finetune")
-    if not saved or any(one.minutes.size != found["sidm"].minutes.size for one in found.values()):
+    if not saved or any(not np.array_equal(one.minutes, found["sidm"].minutes) for one in found.values()):
         return f"{system}: not run"
     means = {method: one.values[:, 0].mean(0) for method, one in found.items()}
     lowest = int((means["pretrain_finetune"] < np.minimum(means["sidm"], means["novice_only"])).sum())

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sidm.experiments.ablations import ablated
+from sidm.experiments.ablations import ablation_lines
 from sidm.experiments.baselines import Neighbour
 from sidm.experiments.choices import Worth
 from sidm.experiments.drawing import METHOD_STYLES
@@ -14,31 +14,31 @@ from sidm.experiments.statistics import FEWEST_SEEDS
 from sidm.experiments.store import Row
 from sidm.experiments.tables import final_position_error
 
+NOTHING = "Nothing is stored yet.\n"
 BETTER, WORSE, NO_DIFFERENCE = "better than with SIDM", "worse", "no difference seen"
 
 
-def ablation_summary(rows: Sequence[Row], name: str, usual: Mapping[str, float]) -> str:
-    """A list in Markdown, a line a system, size and method: where the mean loss is lowest, highest, and as in Figure 3.
+def ablation_summary(rows: Sequence[Row], name: str, usual: Mapping[str, float], by_method: bool = False) -> str:
+    """A list in Markdown, a line of the figure's: where the mean loss is lowest, highest, and at Figure 3's value.
 
     Args:
         rows: of the ablation of `name`.
         name: of the value, as `ablated` takes it.
         usual: each system's value in Figure 3.
+        by_method: as for the figure.
     """
-    lines: dict[tuple[str, float, str], dict[float, list[float]]] = {}
-    for row in rows:
-        line = lines.setdefault((row.trial.system, row.trial.novice_minutes, row.trial.method), {})
-        line.setdefault(ablated(row.trial, name), []).append(row.outcome.validation_loss)
     said = []
-    for (system, minutes, method), found in sorted(lines.items()):
+    for (system, minutes, method), found in sorted(ablation_lines(rows, name, by_method).items()):
         means = {value: float(np.mean(losses)) for value, losses in found.items()}
-        places = {"lowest": min(means, key=means.__getitem__), "highest": max(means, key=means.__getitem__)}
-        places |= {"in Figure 3": usual[system]} if usual[system] in means else {}
-        words = ", ".join(f"{place} at {_plain(value)} ({means[value]:.3f})" for place, value in places.items())
-        if len(means) == 1:
-            words = f"{_plain(*means)} alone is stored"
-        said.append(f"- {system}, {minutes:g} min, {METHOD_STYLES[method]['label']}: {words}\n")
-    return "".join(said)
+        places = {"lowest at": min(means, key=means.__getitem__), "highest at": max(means, key=means.__getitem__)}
+        places |= {"at Figure 3's": usual[system]} if usual[system] in means else {}
+        words = []
+        for place, value in places.items():
+            single = ", one trial" if len(found[value]) == 1 else ""
+            words.append(f"{place} {_plain(value)} ({means[value]:.3f}{single})")
+        line = f"{system}, {minutes:g} min" + (f", {METHOD_STYLES[method]['label']}" if method else "")
+        said.append(f"- {line}: {', '.join(words) if len(means) > 1 else f'{_plain(*means)} alone is stored'}\n")
+    return "".join(said) or NOTHING
 
 
 def _plain(value: float) -> str:
@@ -58,7 +58,7 @@ def neighbours_summary(found: Sequence[Neighbour]) -> str:
     for (system, minutes), sides in sorted(lines.items()):
         words = "; ".join(f"{side}: {', '.join(methods)}" for side, methods in sides.items() if methods)
         said += f"- {system}, {minutes:g} min: {words}\n"
-    return said
+    return said or NOTHING
 
 
 def choices_summary(found: Sequence[Worth]) -> str:
@@ -66,15 +66,17 @@ def choices_summary(found: Sequence[Worth]) -> str:
     judged = [one for one in found if one.seeds >= FEWEST_SEEDS]
     groups = {
         "Changed, the loss is smaller for": [one for one in judged if one.ratio.high < 1],
-        "larger for": [one for one in judged if one.ratio.low > 1],
+        "Changed, the loss is larger for": [one for one in judged if one.ratio.low > 1],
     }
     said = [
         f"{words} " + ", ".join(f"*{one.choice}* ({one.system}, {METHOD_STYLES[one.method]['label']})" for one in some)
         for words, some in groups.items()
         if some
     ]
+    if not judged:
+        return f"No comparison has {FEWEST_SEEDS} seeds yet."
     rest = len(judged) - sum(map(len, groups.values()))
-    return "; ".join([*said, f"{rest} of {len(judged)} comparisons show no difference"]) + "."
+    return ". ".join([*said, f"{rest} of {len(judged)} comparisons show no difference"]) + "."
 
 
 def example_summary(rows: Sequence[Row], seed: int) -> str:

@@ -30,7 +30,7 @@ class Dataset:
 
     @property
     def name(self) -> str:
-        """For people and files: 'system1/novice/ornstein_uhlenbeck/seed-0/1125'."""
+        """For people and files, as 'system1/novice/ornstein_uhlenbeck/seed-0/1125'."""
         c = self.collection
         return f"{c.system}/{c.role}/{c.policy}/seed-{c.seed}/{self.count}"
 
@@ -91,7 +91,7 @@ class Trial:
 
     @property
     def datasets(self) -> dict[str, Dataset]:
-        """What it learns from and is judged on: 'novice' (the pool), 'expert', 'validation', 'rollout'."""
+        """What it learns from and is judged on, 'novice' (the pool), 'expert', 'validation', 'rollout'."""
         return datasets(
             self.system, self.policy, self.pool_minutes, self.expert_minutes, self.validation_minutes, self.rollouts
         )

@@ -183,7 +183,7 @@ class Simulator:
 
     @property
     def strut_positions(self) -> np.ndarray:
-        """Travel of the struts (4,), m, compression positive: rear right, rear left, front right, front left."""
+        """Travel of the rear right, rear left, front right and front left strut (4,), m, compression positive."""
         angles = [joint[0] for joint in self._client.getJointStates(self._body, self._axles[::2])]
         pairs = zip(self._suspensions.values(), angles, strict=True)
         return np.array([travel for suspension, angle in pairs for travel in suspension.travel(angle)])

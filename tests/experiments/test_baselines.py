@@ -57,10 +57,15 @@ def test_rows_of_two_grids_are_refused(rows, make_row):
 
 
 def test_the_figure_has_every_method(rows):
-    left, right = neighbours_figure(neighbours(rows)).axes
+    sizes = STUDY.preset.baseline_minutes
+    left, right = neighbours_figure(neighbours(rows), sizes).axes
     others = (*VARIANTS, *MIRRORED)
     labels = [method.label for name, method in METHODS.items() if name not in others]
     assert [text.get_text() for text in left.get_yticklabels()] == labels
     points = left.get_lines()[0]
     assert sorted(points.get_xdata()) == pytest.approx(sorted(0.11 + 0.1 * k for k in range(3 + len(BASELINES))))
     assert right.texts[0].get_text() == "no trials stored"
+    aim = next(line for line in left.get_lines() if line.get_label() == "without SIDM, 120 min")
+    assert len(set(aim.get_xdata())) == 1 and aim.get_linestyle() == ":"
+    here = neighbours_figure(neighbours(rows), sizes, ["system2", "system1"]).axes[0]
+    assert [text.get_text() for text in here.get_yticklabels()] == labels, "names stand on an empty panel, too"

@@ -8,18 +8,31 @@ from sidm.experiments import Study, ablations
 from sidm.experiments.baselines import neighbours
 from sidm.experiments.choices import Worth
 from sidm.experiments.statistics import Interval
-from sidm.experiments.summaries import ablation_summary, choices_summary, example_summary, neighbours_summary
+from sidm.experiments.summaries import NOTHING, ablation_summary, choices_summary, example_summary, neighbours_summary
 
 
 def test_an_ablation_names_its_ends_and_the_usual(make_row, tmp_path):
     trials = ablations.p_expert(Study("laptop", tmp_path), "system1", [0.25, 0.75, 0.9])
     rows = [make_row(trial, 1 + abs(trial.training.p_expert - 0.9)) for trial in trials]
     said = ablation_summary(rows, "p_expert", {"system1": 0.75})
-    words = "lowest at 0.9 (1.000), highest at 0.25 (1.650), in Figure 3 at 0.75 (1.150)"
-    assert said == f"- system1, 5 min, with SIDM: {words}\n"
+    words = "lowest at 0.9 (1.000), highest at 0.25 (1.650), at Figure 3's 0.75 (1.150)"
+    assert said == f"- system1, 5 min: {words}\n"
     one = ablation_summary([row for row in rows if row.trial.training.p_expert == 0.9], "p_expert", {"system1": 0.75})
-    assert one == "- system1, 5 min, with SIDM: 0.9 alone is stored\n"
-    assert "Figure 3" not in ablation_summary(rows, "p_expert", {"system1": 0.5}) and ablation_summary([], "", {}) == ""
+    assert one == "- system1, 5 min: 0.9 alone is stored\n"
+    assert "Figure 3" not in ablation_summary(rows, "p_expert", {"system1": 0.5})
+    assert ablation_summary([], "p_expert", {}) == NOTHING
+
+
+def test_what_a_value_leaves_of_the_method_is_on_its_line(make_row, tmp_path):
+    """Without an expert, or without matching, a trial is of another method."""
+    trials = ablations.p_expert(Study("laptop", tmp_path), "system1", [0.0, 0.75])
+    assert {trial.method for trial in trials} == {"novice_only", "sidm"}
+    stored = [trial for trial in trials if (trial.training.p_expert, trial.seed) != (0, 1)]
+    rows = [make_row(trial, 1 + trial.training.p_expert) for trial in stored]
+    assert ablation_summary(rows, "p_expert", {"system1": 0.75}) == (
+        "- system1, 5 min: lowest at 0 (1.000, one trial), highest at 0.75 (1.750), at Figure 3's 0.75 (1.750)\n"
+    )
+    assert ablation_summary(rows, "p_expert", {"system1": 0.75}, by_method=True).count("alone is stored") == 2
 
 
 def test_neighbours_are_sorted_by_their_intervals(make_row, tmp_path):
@@ -30,7 +43,7 @@ def test_neighbours_are_sorted_by_their_intervals(make_row, tmp_path):
     said = neighbours_summary(neighbours(rows))
     assert said.startswith("- system1, 5 min: better than with SIDM: *expert first, then novice* (0.510); worse: ")
     assert said.count("\n") == 1 and "no difference seen: *" in said
-    assert neighbours_summary(neighbours(row for row in rows if row.trial.seed == 0)) == ""
+    assert neighbours_summary(neighbours(row for row in rows if row.trial.seed == 0)) == NOTHING
 
 
 def test_choices_are_sorted_by_their_intervals():
@@ -38,9 +51,10 @@ def test_choices_are_sorted_by_their_intervals():
     other = one._replace(choice="another", ratio=Interval(1.1, 1.05, 1.2))
     unclear, few = one._replace(ratio=Interval(1, 0.9, 1.1)), one._replace(seeds=2)
     assert choices_summary([one, other, unclear, few]) == (
-        "Changed, the loss is smaller for *a choice* (system1, with SIDM); larger for *another* (system1, with SIDM); "
-        "1 of 3 comparisons show no difference."
+        "Changed, the loss is smaller for *a choice* (system1, with SIDM). "
+        "Changed, the loss is larger for *another* (system1, with SIDM). 1 of 3 comparisons show no difference."
     )
+    assert choices_summary([few]) == "No comparison has 3 seeds yet."
 
 
 def test_an_example_is_held_against_all(make_row, tmp_path):
