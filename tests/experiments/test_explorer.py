@@ -21,7 +21,7 @@ from sidm.experiments.explorer import (
     tilt,
     with_picture,
 )
-from sidm.experiments.explorer.live import both_rides, helper
+from sidm.experiments.explorer.live import SIZE, both_rides, helper
 from sidm.experiments.provenance import source_hash
 from sidm.systems import Terrain
 
@@ -77,7 +77,7 @@ def test_two_rides_at_once_are_those_one_after_the_other():
     robots, same = (ROBOTS["system1 novice"], ROBOTS["system2 expert"]), (0.35, 0, 0.5, 3, True)
     helper()[1].result()
     for one, robot in zip(both_rides(*robots, *same), robots, strict=True):
-        alone = ride(robot, Terrain(cell_height_scale=0.35), steps=3)
+        alone = ride(robot, Terrain(cell_height_scale=0.35, size=SIZE), steps=3)
         assert one.robot == robot and np.array_equal(one.states, alone.states)
 
 

@@ -15,12 +15,14 @@ from sidm.pool import local_pool
 from sidm.systems import Robot, Terrain
 
 SET_UP = ("spring", "damping", "travel_lower")  # what the sliders change of a robot
+SIZE = 201  # heights a side, 20 m: as far as a ride goes, and built in a third of the time of a recorded ground
 
 
 @functools.lru_cache(maxsize=64)
 def _remembered(robot: Robot, roughness: float, seed: int, throttle: float, steps: int, motors: bool) -> Ride:
     """A ride, simulated once: what a slider leaves alone is not simulated again."""
-    return ride(robot, Terrain(cell_height_scale=roughness), seed, throttle, steps=steps, strut_motors=motors)
+    ground = Terrain(cell_height_scale=roughness, size=SIZE)
+    return ride(robot, ground, seed, throttle, steps=steps, strut_motors=motors)
 
 
 @functools.cache
@@ -41,7 +43,7 @@ def both_rides(first: Robot, second: Robot, *same: Any) -> tuple[Ride, Ride]:
     return _remembered(first, *same), other.result()
 
 
-def explorer(first: str = "system1 novice", second: str = "system1 expert", steps: int = 40) -> Any:
+def explorer(first: str = "system1 novice", second: str = "system1 expert", steps: int = 30) -> Any:
     """Sliders for the set-up of one robot beside an unchanged other one, both to be chosen, as an ipywidgets box.
 
     Args:

@@ -52,6 +52,8 @@ def rides_figure(rides: Mapping[str, Ride]) -> Figure:
             plots[axle].set(xlabel="time (s)", ylabel=f"{axle} struts (mm)\nright, left paler")
         path.set(xlabel="x (m)", ylabel="y (m)")
         plots["front"].plot([], [], label="the struts' stops", **STOP)
+        for axes in plots.values():
+            axes.locator_params(nbins=5)  # a tick takes as long to draw as a line
         figure.legend(loc="upper center", ncols=len(LINES) + 1)
     plt.close(figure)
     return figure
@@ -71,5 +73,5 @@ def _lay_ground(path: Axes, rides: Sequence[Ride]) -> None:
 def picture(figure: Figure) -> bytes:
     """A figure as PNG."""
     file = io.BytesIO()
-    figure.savefig(file, format="png", dpi=100)
+    figure.savefig(file, format="png", dpi=100, pil_kwargs={"compress_level": 1})  # quickly rather than small
     return file.getvalue()
