@@ -36,6 +36,7 @@ def print_page(browser: Browser, path: Path) -> PdfReader:
     page.emulate_media(media="print", color_scheme="light")
     page.goto(path.resolve().as_uri(), wait_until="load")
     page.evaluate("() => window.MathJax?.startup?.promise")
+    page.evaluate("() => document.querySelectorAll('.below-input').forEach(folded => (folded.open = true))")  # tables
     if page.locator("#explorer").count():
         page.wait_for_selector("#explorer[data-shown]")
     printed = page.pdf(**SHEET, margin=MARGIN, scale=SCALE)

@@ -59,8 +59,8 @@ def setup(app: Sphinx) -> dict[str, Any]:
             plain(self)
             if self.modname.split(".")[0] == "sidm":  # bases from elsewhere keep their own ways
                 found = field_docs(self.code) | self.attr_docs
-                # What stands before a first colon napoleon would call a type.
-                self.attr_docs = {name: [doc[0].replace(": ", " – ", 1), *doc[1:]] for name, doc in found.items()}
+                # What stands before a colon of the first line napoleon would call a type.
+                self.attr_docs = {name: [doc[0].replace(": ", " – "), *doc[1:]] for name, doc in found.items()}
 
     ModuleAnalyzer.analyze = analyze  # type: ignore[method-assign]
     app.connect("autodoc-process-signature", without_arguments)
