@@ -31,7 +31,7 @@ RANK = {wing: rank for rank, wings in enumerate(RANKS) for wing in wings}
 LEARNING = [
     "seeds", "settings", "precision", "observation", "dataset", "recorded", "mirror", "losses", "initialisation",
     "networks", "model", "evaluation", "weights", "stopping", "checkpoint", "learner", "regularisation", "training",
-    "pretraining", "residual", "bundle", "planning", "distributions", "likelihood", "particles",
+    "pretraining", "residual", "least_squares", "bundle", "planning", "distributions", "likelihood", "particles",
     "several",
 ]  # fmt: skip
 

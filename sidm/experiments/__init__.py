@@ -3,10 +3,10 @@
 from sidm.experiments import ablations
 from sidm.experiments.datasets import collect_datasets
 from sidm.experiments.grids import FIGURES, grid
-from sidm.experiments.measure import perform, run_trial
 from sidm.experiments.methods import METHODS
 from sidm.experiments.presets import PRESETS, Preset, load_preset
 from sidm.experiments.run import run
+from sidm.experiments.solved import perform, run_trial
 from sidm.experiments.store import Failure, Outcome, Results, Row, StoreError
 from sidm.experiments.study import Study
 from sidm.experiments.trials import UNKNOWN, Dataset, Trial

@@ -27,7 +27,8 @@ def fits(trial: Trial) -> bool:
     """Whether a bundle can train it: parts of their own, the paper's adversary or none, and no aids."""
     trainings = [training for training in (trial.training, trial.pretraining) if training is not None]
     plain = all(getattr(training, name) == only for training in trainings for name, only in ONLY.items())
-    return plain and trial.network.own == "all" and not trial.residual and trial.training.max_samples > 0
+    gradients = not trial.solved and trial.training.max_samples > 0
+    return plain and gradients and trial.network.own == "all" and not trial.residual
 
 
 def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:

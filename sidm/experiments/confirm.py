@@ -14,8 +14,8 @@ from concurrent.futures import Executor, as_completed
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
-from sidm.experiments.measure import run_trial
 from sidm.experiments.provenance import Provenance, source_hash
+from sidm.experiments.solved import run_trial
 from sidm.experiments.store import Failure, Results, Row, rounded
 from sidm.experiments.trials import Trial
 from sidm.progress import progress_bar

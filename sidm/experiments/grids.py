@@ -15,6 +15,7 @@ from sidm.systems import SYSTEMS, find_system
 #: Figure -> what makes its trials of one system, and the systems that it has.
 FIGURES: dict[str, tuple[Callable[[Study, str], list[Trial]], tuple[str, ...]]] = {
     "3": (Study.figure3, tuple(SYSTEMS)),
+    "yardsticks": (Study.yardsticks, tuple(SYSTEMS)),
     "4": (Study.figure4, ("system1",)),
     "tuning": (Study.tuning, tuple(SYSTEMS)),
     "choices": (Study.choices, tuple(SYSTEMS)),

@@ -23,11 +23,12 @@ class Method(NamedTuple):
     """A configuration of the one training loop."""
 
     label: str  # for figures and tables
-    tuned_as: str  # whose tuned settings it has
+    tuned_as: str  # whose tuned settings it has; none of the training loop's where it has no use for the loop
     expert: bool = False  # whether it learns from the expert's data too, with the preset's p_e
     regularise: bool = False  # whether the latents are made alike
     pretrained: bool = False  # whether it starts from weights that learnt from the expert alone
     residual: bool = False  # whether it learns to correct them instead
+    fit: Literal["gradients", "least_squares"] = "gradients"  # what it learns by
     own: Literal["all", "biases", "flag", "none"] = "all"  # what each system has of encoder and decoder for itself
     changes: tuple[tuple[str, Any], ...] = ()  # of its training
     all_changes: tuple[tuple[str, Any], ...] = ()  # of its training, and of its pretraining
@@ -60,6 +61,8 @@ METHODS: dict[str, Method] = {
         "expert alone", "pretrain_finetune", pretrained=True, changes=(("max_samples", 0),)
     ),
     "residual": Method("expert's model and a correction", "novice_only", pretrained=True, residual=True),
+    # No network for the novice at all.
+    "least_squares": Method("least squares", "", fit="least_squares"),
     # The SIDM without its adversary, and with others.
     "no_regularisation": Method("SIDM, no adversary", "sidm", expert=True),
     "strong_matching": Method(
@@ -91,9 +94,17 @@ METHODS: dict[str, Method] = {
     "mirrored": Method(
         "expert first, both mirrored", "pretrain_finetune", pretrained=True, all_changes=(("mirror", True),)
     ),
-    # What mirror images do for the paper's methods.
+    "corrected": Method(
+        "expert first, then least squares", "", pretrained=True, residual=True, fit="least_squares"
+    ),
+    "corrected_mirrored": Method(
+        "expert first, then least squares, both mirrored", "", pretrained=True, residual=True, fit="least_squares",
+        all_changes=(("mirror", True),),
+    ),
+    # What mirror images do for methods that are not the expert first.
     "sidm_mirrored": Method("with SIDM, mirrored", "sidm", expert=True, regularise=True, changes=(("mirror", True),)),
     "novice_only_mirrored": Method("without SIDM, mirrored", "novice_only", changes=(("mirror", True),)),
+    "least_squares_mirrored": Method("least squares, mirrored", "", fit="least_squares", changes=(("mirror", True),)),
 }  # fmt: skip
 
 #: The two methods that the paper compares.
@@ -103,10 +114,13 @@ COMPARED = ("sidm", "novice_only")
 FIGURE3 = (*COMPARED, "pretrain_finetune")
 
 #: What might need less novice data than the paper's method and its strongest neighbour.
-VARIANTS = ("copies", "copies_no_regularisation", "adapters", "tethered", "averaged", "mirrored")
+VARIANTS = (
+    "copies", "copies_no_regularisation", "adapters", "tethered", "averaged", "mirrored", "corrected",
+    "corrected_mirrored",
+)  # fmt: skip
 
-#: The paper's methods with mirror images, to stand beside.
-MIRRORED = ("sidm_mirrored", "novice_only_mirrored")
+#: Methods that mirror images might help as much, to stand beside.
+MIRRORED = ("sidm_mirrored", "novice_only_mirrored", "least_squares_mirrored")
 
 #: The other methods that SIDM is put among.
 BASELINES = tuple(name for name in METHODS if name not in (*FIGURE3, *VARIANTS, *MIRRORED))

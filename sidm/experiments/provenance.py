@@ -30,6 +30,7 @@ _ALONE = ("sidm.experiments.measure", "sidm.experiments.pretrained")
 WINGS = {
     "learning": _ALONE,
     "bundle": (*_ALONE, "sidm.experiments.bundled"),  # the same, many at once
+    "least_squares": (*_ALONE, "sidm.experiments.solved"),
     "diagnosis": (*_ALONE, "sidm.experiments.diagnostics", "sidm.experiments.latents"),
     "elsewhere": (*_ALONE, "sidm.experiments.elsewhere"),
     "driving": (*_ALONE, "sidm.experiments.driving", "sidm.experiments.models"),
@@ -44,7 +45,7 @@ class Provenance:
     """What made a row of the store."""
 
     version: str  # of this package
-    learning_source: str  # hash of the code that trains and evaluates; of a bundle's, where `bundle` is not 0
+    learning_source: str  # hash of the code that trains and evaluates, of the trial's wing or a bundle's
     simulation_source: str  # hash of the code that makes the data
     python: str
     torch: str
@@ -133,11 +134,13 @@ def device_name(device: str) -> str:
     return torch.cuda.get_device_name(device) if device.startswith("cuda") else device
 
 
-def here(seconds: float, threads: int, resumed: bool, device: str = "cpu", bundle: int = 0) -> Provenance:
-    """The provenance of something made by this process, just now."""
+def here(
+    seconds: float, threads: int, resumed: bool, device: str = "cpu", bundle: int = 0, wing: str = "learning"
+) -> Provenance:
+    """The provenance of something made by this process, just now, with the code of a wing."""
     return Provenance(
         version=sidm.__version__,
-        learning_source=source_hash("bundle" if bundle else "learning"),
+        learning_source=source_hash("bundle" if bundle else wing),
         simulation_source=source_hash("simulation"),
         python=platform.python_version(),
         torch=importlib.metadata.version("torch"),
@@ -153,8 +156,8 @@ def here(seconds: float, threads: int, resumed: bool, device: str = "cpu", bundl
     )
 
 
-def is_stale(provenance: Provenance) -> bool:
-    """Whether the code has changed since."""
-    today = source_hash("bundle" if provenance.bundle else "learning")
+def is_stale(provenance: Provenance, wing: str = "learning") -> bool:
+    """Whether the code of the wing that something was made with has changed since."""
+    today = source_hash("bundle" if provenance.bundle else wing)
     known = provenance.learning_source, provenance.confirmed_source
     return today not in known or provenance.simulation_source != source_hash("simulation")

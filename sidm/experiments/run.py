@@ -20,8 +20,8 @@ from sidm.config import ConfigError
 from sidm.experiments.bundled import Hooks, bundles, fits, run_bundle
 from sidm.experiments.datasets import note_datasets, others
 from sidm.experiments.log import EventLog
-from sidm.experiments.measure import run_trial
 from sidm.experiments.provenance import source_hash
+from sidm.experiments.solved import run_trial
 from sidm.experiments.store import Failure, Results, Row, StoreError
 from sidm.experiments.trials import UNKNOWN, Trial
 from sidm.learning.training import Tested, TrainingError

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidm.experiments.methods import FIGURE3
+from sidm.experiments.methods import COMPARED, FIGURE3
 from sidm.experiments.statistics import (
     FEWEST_SEEDS,
     Efficiency,
@@ -130,6 +130,23 @@ def expert_first(rows: Sequence[Row], system: str) -> str:
     return (
         f"{system}: the lowest mean loss at {lowest} of {len(saved)} sizes; with {saved[0].minutes:g} min as good as "
         f"without SIDM on {ratio_words(saved[0])} times the data"
+    )
+
+
+def no_network(rows: Sequence[Row], system: str) -> str:
+    """How least squares on the novice alone compare with the paper's methods: what they save, and at how many sizes."""
+    found = {method: gather(rows, system, [method]) for method in ("least_squares", *COMPARED)}
+    saved = [savings(rows, system, "least_squares", method) for method in COMPARED]
+    own = found["least_squares"]
+    if not all(saved) or any(not np.array_equal(one.minutes, own.minutes) for one in found.values()):
+        return f"{system}: not run"
+    means = {method: one.values[:, 0].mean(0) for method, one in found.items()}
+    lower = [int((means["least_squares"] < means[method]).sum()) for method in COMPARED]
+    data = [ratio_words(one[0]) for one in saved]
+    return (
+        f"{system}: with {own.minutes[0]:g} min a loss of {means['least_squares'][0]:.3g}, as with SIDM on {data[0]} "
+        f"and without SIDM on {data[1]} times the data; a lower mean loss than with SIDM at {lower[0]} of "
+        f"{own.minutes.size} sizes, and than without at {lower[1]}"
     )
 
 

@@ -54,7 +54,7 @@ class Row:
     @property
     def stale(self) -> bool:
         """Whether the code has changed since the row was made."""
-        return is_stale(self.provenance)
+        return is_stale(self.provenance, self.trial.wing)
 
 
 @config
@@ -70,7 +70,7 @@ class Failure:
     @property
     def stale(self) -> bool:
         """Whether the code has changed since."""
-        return is_stale(self.provenance)
+        return is_stale(self.provenance, self.trial.wing)
 
     def __str__(self) -> str:
         return f"{self.trial}: failed, the {self.what} loss was {self.loss} after {self.iteration} iterations"

@@ -80,6 +80,7 @@ class Study:
             training=training or one.training(preset, system),
             pretraining=one.pretraining(preset),
             residual=one.residual,
+            fit=one.fit,
             **self.digests(system),
         )
 
@@ -102,6 +103,13 @@ class Study:
     def figure3(self, system: str) -> list[Trial]:
         """Figure 3: the paper's two methods and fine-tuning at every novice dataset size."""
         return self.points(system, FIGURE3, self.preset.novice_minutes(system))
+
+    def yardsticks(self, system: str) -> list[Trial]:
+        """What stands beside Figure 3: no network at all, at every size, and the expert's model, which has no size."""
+        return [
+            *self.points(system, ["least_squares"], self.preset.novice_minutes(system)),
+            *self.points(system, ["expert_only"], self.preset.baseline_minutes[:1]),
+        ]
 
     def figure4(self, system: str = "system1") -> list[Trial]:
         """Figure 4: the paper's methods with little and with much novice data; the paper's is of system 1."""

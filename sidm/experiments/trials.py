@@ -6,7 +6,7 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 from sidm.config import ConfigError, config, from_mapping, refuse_nonsense
 from sidm.learning.networks import Network
@@ -72,6 +72,7 @@ class Trial:
     training: Training = Training()
     pretraining: Training | None = None  # on the expert alone, whose weights the novice starts from; none: fresh ones
     residual: bool = False  # the pretrained model stays as it is; what is learnt, from fresh weights, corrects it
+    fit: Literal["gradients", "least_squares"] = "gradients"  # the training loop, or weights in closed form
 
     def __post_init__(self) -> None:
         """Refuse a trial that cannot be run."""
@@ -88,6 +89,8 @@ class Trial:
             raise ConfigError("Trial.pretraining has the expert in the novice's place: p_expert=0 and regularise=False")
         if self.residual and (self.pretraining is None or self.training.needs_expert):
             raise ConfigError("Trial.residual goes with a pretraining, and with p_expert=0 and regularise=False")
+        if self.solved and (self.training.needs_expert or self.residual != (self.pretraining is not None)):
+            raise ConfigError("Trial.fit='least_squares' stands alone, or is the residual of a pretraining")
 
     @property
     def datasets(self) -> dict[str, Dataset]:
@@ -100,6 +103,16 @@ class Trial:
     def digests(self) -> dict[str, str]:
         """The digests of `datasets`, by the same names."""
         return {name: getattr(self, f"{name}_data") for name in self.datasets}
+
+    @property
+    def solved(self) -> bool:
+        """Whether its weights have a closed form."""
+        return self.fit == "least_squares"
+
+    @property
+    def wing(self) -> str:
+        """The code that its outcome depends on, one of `provenance.WINGS`."""
+        return "least_squares" if self.solved else "learning"
 
     @property
     def key(self) -> str:
@@ -117,8 +130,9 @@ class Trial:
         return Trial(**(own | changes))
 
     def to_json(self) -> dict[str, Any]:
-        """All its values as plain nested mappings."""
-        return dataclasses.asdict(self)  # type: ignore[call-overload]
+        """All its values as plain nested mappings, without a `fit` by gradients, so that older keys still hold."""
+        values = dataclasses.asdict(self)  # type: ignore[call-overload]
+        return values if self.solved else {name: value for name, value in values.items() if name != "fit"}
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Trial:

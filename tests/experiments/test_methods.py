@@ -1,15 +1,17 @@
 """Every method is a configuration of the one loop, runs through, and begins as its neighbours do."""
 
+import dataclasses
 import math
 
 import pytest
 
 from sidm.config import ConfigError
-from sidm.experiments import METHODS, Study, run, run_trial
+from sidm.experiments import METHODS, Study, perform, run, run_trial
 from sidm.experiments.bundled import bundles, fits
-from sidm.experiments.measure import perform
 from sidm.experiments.methods import FIGURE3
+from sidm.experiments.provenance import source_hash
 from sidm.learning import DynamicsModel
+from sidm.learning.least_squares import LeastSquares
 from sidm.learning.residual import Corrected
 
 
@@ -27,6 +29,7 @@ def test_every_method_runs(trial, data, method):
     assert math.isfinite(outcome.validation_loss) and len(outcome.position_error) == 25
     assert (outcome.pretraining_samples > 0) == METHODS[method].pretrained
     assert (outcome.samples == 0) == (method == "expert_only")
+    assert (outcome.iterations == 0) == (one.solved or method == "expert_only")
 
 
 def test_no_two_methods_are_the_same_trial(trial):
@@ -52,9 +55,27 @@ def test_a_residual_keeps_the_experts_model(trial, data):
     assert any((tensor != base[name]).any() for name, tensor in correction.items())
 
 
+def test_least_squares_correct_the_experts_model(trial, data):
+    model, expert = (perform(trial(method), data)[1].model for method in ("corrected", "expert_only"))
+    assert isinstance(model, LeastSquares) and model.base is not None
+    base = model.base.state_dict()
+    assert all((tensor == base[name]).all() for name, tensor in expert.state_dict().items())
+    assert perform(trial("least_squares"), data)[1].model.base is None
+
+
+def test_what_is_solved_depends_on_the_code_that_solves(trial, data):
+    """And what is trained does not."""
+    solved, trained = (run_trial(trial(method), data) for method in ("least_squares", "expert_only"))
+    assert solved.provenance.learning_source == source_hash("least_squares")
+    assert trained.provenance.learning_source == source_hash("learning") != source_hash("least_squares")
+    assert not solved.stale and not trained.stale
+    other = dataclasses.replace(solved, provenance=trained.provenance)
+    assert other.stale
+
+
 def test_bundles_take_the_methods_of_figure_3_and_refuse_the_others(trial):
     assert all(fits(trial(method)) for method in FIGURE3)
-    for method in ("pooled", "mmd", "residual", "expert_only", "finetune_parts"):
+    for method in ("pooled", "mmd", "residual", "expert_only", "finetune_parts", "least_squares", "corrected"):
         assert not fits(trial(method))
         with pytest.raises(ConfigError, match=f"{method} .*train it alone"):
             bundles([trial(method)])

@@ -11,7 +11,7 @@ import yaml
 from sidm.config import ConfigError
 from sidm.experiments import METHODS, PRESETS, UNKNOWN, Study, Trial, ablations, grid, load_preset
 from sidm.experiments.datasets import differing
-from sidm.experiments.methods import COMPARED, MIRRORED, VARIANTS
+from sidm.experiments.methods import COMPARED, MIRRORED, VARIANTS, change
 from sidm.experiments.presets import POLICIES
 from sidm.storage import write_record
 from sidm.systems import SYSTEMS
@@ -59,7 +59,8 @@ def test_key_feels_every_field():
     without = {"training": dataclasses.replace(TRIAL.training, p_expert=0.0, regularise=False)}
     for residual in (False, True):
         variants.append(TRIAL.replace(**without, pretraining=without["training"], residual=residual))
-    assert names == {*OTHER, "network", "training", "pretraining", "residual"}
+    variants += [variants[-2].replace(pretraining=None, fit="least_squares"), variants[-1].replace(fit="least_squares")]
+    assert names == {*OTHER, "network", "training", "pretraining", "residual", "fit"}
     assert len({trial.key for trial in variants}) == len(variants)
 
 
@@ -71,6 +72,16 @@ def test_trials_refuse_what_cannot_be_run():
         TRIAL.replace(system="system3")
     with pytest.raises(ConfigError, match="did you mean 'seed'"):
         Trial.from_json(TRIAL.to_json() | {"sede": 1})
+    with pytest.raises(ConfigError, match="least_squares' stands alone, or is the residual of a pretraining"):
+        TRIAL.replace(fit="least_squares")
+
+
+def test_a_fit_by_gradients_is_not_named():
+    """So that the keys of results stored before there was another still hold."""
+    alone = change(TRIAL.training, p_expert=0.0, regularise=False)
+    solved = TRIAL.replace(training=alone, fit="least_squares")
+    assert "fit" not in TRIAL.to_json() and solved.to_json()["fit"] == "least_squares"
+    assert Trial.from_json(solved.to_json()) == solved
 
 
 def test_datasets_are_disjoint():
@@ -138,7 +149,7 @@ def test_grids():
     assert len({t.key for t in neighbours} & figure3) == 3 * 2 * 3 + 3  # three methods, two sizes, and all data
     assert {t.method for t in neighbours} == set(METHODS) - {*VARIANTS, *MIRRORED}
     variants = study.variants("system1")
-    assert len(variants) == len({t.key for t in variants}) == 10 * 4 * 3 + 2 * 3 * 3  # two at 20, 60, 120, too
+    assert len(variants) == len({t.key for t in variants}) == 13 * 4 * 3 + 2 * 3 * 3  # two at 20, 60, 120, too
     assert len(grid("laptop", "3", "system2", minutes=[5, 20], seeds=[1])) == 2 * 3
     assert {t.key for t in grid("laptop", "all")} >= figure3
     with pytest.raises(ConfigError, match="minutes 3 is not in this grid; it has 1, 2, 5, 20, 60, 120"):
