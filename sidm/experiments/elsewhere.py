@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -17,18 +18,21 @@ from sidm.config import config
 from sidm.experiments.datasets import load_dataset
 from sidm.experiments.measure import ROLLOUT_STEPS, one_thread
 from sidm.experiments.methods import METHODS, change
+from sidm.experiments.pretrained import _alone as one_at_a_time
 from sidm.experiments.provenance import Provenance, source_hash
 from sidm.experiments.records import Making, Records
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Dataset
+from sidm.learning import pretraining
 from sidm.learning.dataset import Datasets, Motion, Standardisation, load_motion, novice_split
 from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
+from sidm.learning.least_squares import fit
 from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.networks import Network
-from sidm.learning.pretraining import expert_in_place, start_from
+from sidm.learning.pretraining import Start, expert_in_place, start_from
 from sidm.learning.recorded import Pieces, apart_by_ground, cut, recorded_motion
 from sidm.learning.settings import Training
-from sidm.learning.training import train
+from sidm.learning.training import Trained, train
 from sidm.recordings import RecordingError, read_recordings
 from sidm.systems import find_system
 
@@ -37,12 +41,12 @@ HELD_OUT = 8  # of the 25 grounds, whose recordings judge and nothing else
 P_EXPERT = 0.75  # section 4's for similar robots: for the simulated novice, which is nearly the recorded one
 
 Proxy = Literal["none", "expert", "novice"]  # the simulated robot that is the expert here
+WITH_PROXY = ("sidm", "pretrain_finetune", "corrected", "corrected_mirrored")
 METHODS_HERE: tuple[tuple[str, Proxy], ...] = (
     ("novice_only", "none"),
-    ("sidm", "expert"),
-    ("pretrain_finetune", "expert"),
-    ("sidm", "novice"),
-    ("pretrain_finetune", "novice"),
+    ("least_squares", "none"),
+    *((method, "expert") for method in WITH_PROXY),
+    *((method, "novice") for method in WITH_PROXY),
 )
 
 
@@ -64,6 +68,7 @@ class Transfer:
     network: Network
     training: Training
     pretraining: Training | None
+    fit: Literal["gradients", "least_squares"] = "gradients"  # as that of a Trial
 
 
 @config
@@ -119,6 +124,7 @@ def transfers(
                     network=preset.network,
                     training=training,
                     pretraining=METHODS[method].pretraining(preset),
+                    fit=METHODS[method].fit,
                 )
             )
     return found
@@ -151,17 +157,13 @@ def transfer(about: Transfer, data: str | Path = "data", recordings: str | Path 
             proxy = _simulated(about, about.proxy_novice, about.proxy_novice_data, data)
         units, judging = Standardisation.of(expert), recorded.motion.take(recorded.judging)
         models: dict[float, tuple[Predictor, int]] = {}
-        start, pretraining_samples = None, 0
-        if about.pretraining is not None:
-            sets = expert_in_place(Datasets(judging, judging, judging, proxy), about.seed)
-            found = start_from(train(sets, about.network, about.pretraining, about.seed, standardisation=units))
-            start, pretraining_samples = found.weights, found.samples
-            alone = DynamicsModel(about.network, units, roles=["novice"])
-            alone.start(start)
-            models[0.0] = alone.eval(), 0
+        start = _start(about, Datasets(judging, judging, judging, proxy), units, data)
+        alone = None if start is None else _as_it_is(about, start, units)
+        if alone is not None:
+            models[0.0] = alone, 0
         for minutes in about.sizes:
             sets = _sets(recorded, minutes, about.seed, judging, proxy)
-            trained = train(sets, about.network, about.training, about.seed, standardisation=units, start=start)
+            trained = _learn(about, sets, units, start, alone)
             models[minutes] = trained.model, trained.samples
         losses = {minutes: validation_loss(model, judging) for minutes, (model, _) in models.items()}
         errors = [_position_error(model, recorded, about.network.pixels) for model, _ in models.values()]
@@ -172,9 +174,43 @@ def transfer(about: Transfer, data: str | Path = "data", recordings: str | Path 
         component_losses=tuple(tuple(loss.tolist()) for loss in losses.values()),
         position_error=tuple(tuple(error.tolist()) for error in errors),
         samples=tuple(samples for _, samples in models.values()),
-        pretraining_samples=pretraining_samples,
+        pretraining_samples=start.samples if start else 0,
         **making.done(),
     )
+
+
+def _learn(
+    about: Transfer, sets: Datasets, units: Standardisation, start: Start | None, alone: DynamicsModel | None
+) -> Trained:
+    """From fresh weights or the proxy's; or by least squares, which leave the proxy's model as it is."""
+    if about.fit == "least_squares":
+        return fit(sets, units, alone, about.training.mirror)
+    weights = start and start.weights
+    return train(sets, about.network, about.training, about.seed, standardisation=units, start=weights)
+
+
+def _start(about: Transfer, sets: Datasets, units: Standardisation, data: str | Path) -> Start | None:
+    """Weights that learnt from the proxy alone, kept for all methods that begin with them; None where none does."""
+    if about.pretraining is None:
+        return None
+    whose = about.proxy_novice_data if about.proxy == "novice" else about.expert_data
+    made_from = [whose, about.expert_data, *map(repr, (about.network, about.pretraining)), about.seed]
+    key = hashlib.sha256(json.dumps(made_from).encode()).hexdigest()[:20]
+    where = Path(data) / "pretrained" / f"elsewhere-{key}-{source_hash('learning')}"
+    with one_at_a_time(where):
+        found = pretraining.read(where)
+        if found is None:
+            sets = expert_in_place(sets, about.seed)
+            found = start_from(train(sets, about.network, about.pretraining, about.seed, standardisation=units))
+            pretraining.keep(where, found)
+        return found
+
+
+def _as_it_is(about: Transfer, start: Start, units: Standardisation) -> DynamicsModel:
+    """The proxy's model."""
+    model = DynamicsModel(about.network, units, roles=["novice"])
+    model.start(start.weights)
+    return model.eval().requires_grad_(False)
 
 
 def _refuse_others(about: Transfer, recordings: str | Path) -> None:

@@ -17,6 +17,8 @@ from sidm.experiments.savings import Saving, savings_between
 from sidm.experiments.statistics import Interval, ratio_of_means
 from sidm.systems import SYSTEMS
 
+#: What the figure draws and the verdict is on; the table has the others, too.
+SHOWN = tuple(one for one in METHODS_HERE if one[0] != "corrected")
 PROXY_WORDS = {"none": "", "expert": ", expert simulated", "novice": ", novice simulated"}
 ALONE: tuple[str, Proxy] = ("novice_only", "none")  # what the others are held against
 
@@ -87,8 +89,8 @@ def needed(found: Sequence[Transferred], system: str) -> list[Claim]:
     """What each method with a simulated expert saves of the recorded data, as claims."""
     alone = gather(found, system, *ALONE)
     claims = []
-    for method, proxy in METHODS_HERE:
-        if (method, proxy) == ALONE:
+    for method, proxy in SHOWN:
+        if proxy == "none":
             continue
         own = gather(found, system, method, proxy)
         common = sorted(set(own.seeds) & set(alone.seeds))
@@ -109,14 +111,14 @@ def elsewhere_figure(found: Sequence[Transferred], systems: Sequence[str] = tupl
         axes.set(xscale="log", yscale="log", xlabel="recorded data (min)", ylabel=LOSS_LABEL)
         axes.set_title(f"recorded novice of {system}")
         sizes: set[float] = set()
-        for method, proxy in METHODS_HERE:
+        for method, proxy in SHOWN:
             sizes |= _draw(axes, gather(found, system, method, proxy), method, proxy)
         finish(axes, sizes)
     return figure
 
 
 def _draw(axes: Axes, own: Losses, method: str, proxy: Proxy) -> set[float]:
-    """A curve, its shade from minimum to maximum, and a line where it begins without data."""
+    """A curve, its shade from minimum to maximum, and for fine-tuning the level where it begins without data."""
     if not own.values.size:
         return set()
     style: dict[str, Any] = METHOD_STYLES[method] | {"label": label(method, proxy)}
@@ -126,7 +128,7 @@ def _draw(axes: Axes, own: Losses, method: str, proxy: Proxy) -> set[float]:
     minutes, values = own.minutes[some], own.values[:, some]
     axes.plot(minutes, values.mean(0), **style)
     axes.fill_between(minutes, values.min(0), values.max(0), color=style["color"], alpha=0.2, lw=0)
-    if not some.all():
+    if not some.all() and method == "pretrain_finetune":
         plain = style | {"label": f"the same, no recorded data{PROXY_WORDS[proxy]}", "marker": ""}
         axes.axhline(own.values[:, ~some].mean(), **plain, alpha=0.5)
     return set(minutes.tolist())

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sidm.experiments import StoreError, Study
+from sidm.experiments import METHODS, StoreError, Study
 from sidm.experiments import elsewhere as e
-from sidm.experiments.elsewhere_results import elsewhere_figure, gather, label, lines, needed
+from sidm.experiments.elsewhere_results import SHOWN, elsewhere_figure, gather, label, lines, needed
 from sidm.experiments.provenance import here
 from sidm.experiments.records import key_of
 from sidm.recordings import Ground, Recording, write_recordings
@@ -40,7 +40,10 @@ def test_every_method_and_proxy_has_its_training(jobs):
     """The simulated novice is a similar expert; nobody else's p_e changes."""
     assert [(job.method, job.proxy) for job in jobs] == list(e.METHODS_HERE)
     assert {job.training.p_expert for job in jobs if job.method == "sidm"} == {0.75}
-    assert all((job.pretraining is not None) == (job.method == "pretrain_finetune") for job in jobs)
+    assert all((job.pretraining is not None) == METHODS[job.method].pretrained for job in jobs)
+    assert {job.method for job in jobs if job.fit == "least_squares"} == {
+        "least_squares", "corrected", "corrected_mirrored",
+    }  # fmt: skip
     assert len({key_of(job) for job in jobs}) == len(jobs)
 
 
@@ -77,7 +80,7 @@ def test_a_damaged_record_is_named(jobs, tmp_path):
 @pytest.fixture
 def made_up(jobs):
     """Records in which each method needs so many times less data than the recordings alone; loss 4 / data."""
-    times = dict(zip(e.METHODS_HERE, (1, 2, 4, 1, 8), strict=True))
+    times = dict(zip(e.METHODS_HERE, (1, 1, 2, 4, 4, 4, 1, 8, 8, 8), strict=True))
     found = []
     for seed in range(3):
         for job in jobs:
@@ -101,7 +104,7 @@ def made_up(jobs):
 
 def test_savings_are_those_that_were_made_up(made_up):
     table = {(one.method, one.proxy, one.minutes): one for one in lines(made_up, "system1")}
-    assert len(table) == 5 * 3 + 2 and all(one.seeds == 3 for one in table.values())
+    assert len(table) == 10 * 3 + 6 and all(one.seeds == 3 for one in table.values())
     half = table["sidm", "expert", 2.0]
     assert half.saving.ratio.value == pytest.approx(2) and half.saving.bound == "="
     assert half.ratio.value == pytest.approx(0.5) and half.ratio.high == pytest.approx(0.5)
@@ -114,17 +117,18 @@ def test_savings_are_those_that_were_made_up(made_up):
 
 def test_the_verdict_follows_from_the_savings(made_up):
     """Twice the data surely, four times, once, and a bound; nothing of what is not stored."""
-    expert, first, novice, both = needed(made_up, "system1")
+    expert, first, solved, novice, both, _ = needed(made_up, "system1")
     assert expert.interval == pytest.approx((2, 2, 2)) and expert.verdict == "In the same direction"
-    assert first.interval.value == pytest.approx(4) and novice.interval.value == pytest.approx(1)
+    assert first.interval.value == solved.interval.value == pytest.approx(4)
+    assert novice.interval.value == pytest.approx(1)
     assert both.ours.startswith("at least 5 x")
-    assert [claim.ours for claim in needed(made_up, "system2")] == ["not run"] * 4
+    assert [claim.ours for claim in needed(made_up, "system2")] == ["not run"] * 6
 
 
 def test_the_figure_draws_every_method_and_what_needs_no_data(made_up):
     left, right = elsewhere_figure(made_up).axes
     labels = [line.get_label() for line in left.get_lines()]
-    assert [one for one in labels if "no recorded" not in one] == [label(*one) for one in e.METHODS_HERE]
-    assert len(labels) == 7 and right.texts[0].get_text() == "no trials stored"
+    assert [one for one in labels if "no recorded" not in one] == [label(*one) for one in SHOWN]
+    assert len(labels) == len(SHOWN) + 2 and right.texts[0].get_text() == "no trials stored"
     own = gather(made_up, "system1", "sidm", "expert")
-    assert np.allclose(left.get_lines()[1].get_ydata(), own.values.mean(0))
+    assert np.allclose(left.get_lines()[2].get_ydata(), own.values.mean(0))
