@@ -9,7 +9,6 @@ import numpy as np
 
 from sidm.experiments.methods import COMPARED, FIGURE3
 from sidm.experiments.statistics import (
-    FEWEST_SEEDS,
     Efficiency,
     Interval,
     efficiency,
@@ -17,7 +16,6 @@ from sidm.experiments.statistics import (
     falling,
     interval,
     known,
-    least,
     minutes_needed,
 )
 from sidm.experiments.store import Row
@@ -31,7 +29,6 @@ class Saving(NamedTuple):
     loss: float  # that it reaches with them, along its isotonic fit
     ratio: Interval  # of the data that the comparison needs for that loss; no ends where a seed left out makes a bound
     bound: str  # of the ratio: '=', '>=' or '<='
-    low: float = float("nan")  # of the ratio, surely: the interval's low end, bounds counted as values; NaN: few seeds
 
 
 def savings(
@@ -63,28 +60,24 @@ def savings_between(
 ) -> list[Saving]:
     """The same from losses: `own` (S, M) at the method's sizes (M,), `other` (S, N) at the comparison's (N,)."""
     both = np.hstack([own, other])  # (S, M + N)
-    seeds, count = len(both), len(own_minutes)
+    count = len(own_minutes)
 
     def at_sizes(some: np.ndarray) -> Efficiency:
         mean = some.mean(0)
         return efficiency_at_sizes(own_minutes, mean[:count], mean[count:], other_minutes)
 
-    def at(size: int, read: Callable[[float, str], float]) -> Interval:
+    def at(size: int) -> Interval:
         def ratio(some: np.ndarray) -> float:
             again = at_sizes(some)
-            return read(again.ratio[size], str(again.bound[size]))
+            return known(again.ratio[size], str(again.bound[size]))
 
         return Interval(float(found.ratio[size]), *np.exp(interval(ratio, both)[1:]))
 
     found = at_sizes(both)
-    enough = seeds >= FEWEST_SEEDS
     return [
-        Saving(
-            float(minutes), float(found.loss[size]), at(size, known), str(found.bound[size]),
-            at(size, least).low if enough else float("nan"),
-        )
+        Saving(float(minutes), float(found.loss[size]), at(size), str(found.bound[size]))
         for size, minutes in enumerate(own_minutes)
-    ]  # fmt: skip
+    ]
 
 
 def component_savings(
@@ -174,22 +167,6 @@ def rivals(
             for size in zip(*columns.values(), strict=True):
                 found.append(Rival(system, method, dict(zip(columns, size, strict=True))))
     return found
-
-
-def surely(found: Sequence[Rival], method: str, points: int) -> float:
-    """The smallest of the low ends of a method's ratios, over systems, sizes and others.
-
-    Args:
-        found: lines of several methods and systems.
-        method: whose.
-        points: how many systems and sizes it has to have.
-
-    Returns:
-        NaN where a point is missing or a ratio has no low end.
-    """
-    lows = [saving.low for line in found if line.method == method for saving in line.saving.values()]
-    complete = sum(line.method == method for line in found) == points
-    return float(np.min(lows)) if lows and complete else float("nan")
 
 
 def ratio_words(saving: Saving) -> str:

@@ -189,11 +189,6 @@ def known(ratio: float, bound: str) -> float:
     return float(np.log(ratio)) if bound == "=" else float("nan")
 
 
-def least(ratio: float, bound: str) -> float:
-    """Logarithm of what a ratio is at least, NaN where it is only bounded from above."""
-    return float(np.log(ratio)) if bound in ("=", ">=") else float("nan")
-
-
 def greatest_ratio(minutes: np.ndarray, pairs: np.ndarray) -> tuple[float, str]:
     """The paper's 'up to': the greatest ratio of the mean curves over the losses that SIDM reaches at a size.
 
