@@ -28,6 +28,7 @@ _LOOKS |= {  # of what might do better, and of no network
     "least_squares": {"color": "#009E73", "linestyle": (0, (3, 1, 1, 1)), "marker": "P"},
     "corrected": {"color": "#D55E00", "linestyle": (0, (3, 1, 1, 1)), "marker": "p"},
     "corrected_mirrored": {"color": "#882255", "linestyle": "-", "marker": "h"},
+    "corrected_averaged": {"color": "#44AA99", "linestyle": (0, (5, 1)), "marker": "H"},
     "mirrored": {"color": "#009E73", "linestyle": "-", "marker": "*"},
     "averaged": {"color": "#7F3FBF", "linestyle": (0, (5, 1)), "marker": "X"},
     "tethered": {"color": "#000000", "linestyle": (0, (1, 1)), "marker": "v"},

@@ -101,6 +101,10 @@ METHODS: dict[str, Method] = {
         "expert first, then least squares, both mirrored", "", pretrained=True, residual=True, fit="least_squares",
         all_changes=(("mirror", True),),
     ),
+    "corrected_averaged": Method(
+        "expert first, then least squares, mirrored and averaged", "", pretrained=True, residual=True,
+        fit="least_squares", all_changes=(("mirror", True), ("averaging", 0.99)),
+    ),
     # What mirror images do for methods that are not the expert first.
     "sidm_mirrored": Method("with SIDM, mirrored", "sidm", expert=True, regularise=True, changes=(("mirror", True),)),
     "novice_only_mirrored": Method("without SIDM, mirrored", "novice_only", changes=(("mirror", True),)),
@@ -116,7 +120,7 @@ FIGURE3 = (*COMPARED, "pretrain_finetune")
 #: What might need less novice data than the paper's method and its strongest neighbour.
 VARIANTS = (
     "copies", "copies_no_regularisation", "adapters", "tethered", "averaged", "mirrored", "corrected",
-    "corrected_mirrored",
+    "corrected_mirrored", "corrected_averaged",
 )  # fmt: skip
 
 #: Methods that mirror images might help as much, to stand beside.

@@ -138,9 +138,15 @@ class Study:
     def variants(self, system: str) -> list[Trial]:
         """What might do better, on small datasets, beside the methods that it is to beat; those on Figure 3's too."""
         beaten = ("sidm", "pretrain_finetune")
-        trials = self.points(system, (*beaten, *VARIANTS, *MIRRORED), self.preset.variant_minutes)
+        trials = self.points(system, (*beaten, *VARIANTS, "least_squares", *MIRRORED), self.preset.variant_minutes)
         trials += self.points(system, beaten, self.preset.novice_minutes(system))
         return list({trial.key: trial for trial in trials}.values())
+
+    def correction(self, system: str) -> list[Trial]:
+        """Least squares on the expert's model, and what it is made of, beside what it is to beat; of the variants."""
+        parts = ("mirrored", "corrected", "corrected_mirrored", "corrected_averaged")
+        kept = ("sidm", "pretrain_finetune", "least_squares", "least_squares_mirrored", *parts)
+        return [trial for trial in self.variants(system) if trial.method in kept]
 
     def released(self, system: str, together: Iterable[str] = tuple(RELEASED)) -> list[Trial]:
         """Figure 3 with choices of the released code, `together` as RELEASED names them."""

@@ -3,7 +3,8 @@
 import pytest
 
 from sidm.experiments import Study
-from sidm.experiments.halving import AGAINST, halves, verdicts
+from sidm.experiments.halving import AGAINST, EQUAL, halved_words, halves, verdicts
+from sidm.experiments.tables import final_position_error
 
 POWER = {"sidm": 1.0, "pretrain_finetune": 4.0, "mirrored": 16.0, "averaged": 6.0, "tethered": 16.0}  # of the data
 SIZES = (1, 2, 5, 10)
@@ -31,6 +32,13 @@ def test_losses_are_held_against_those_with_twice_the_data_or_the_next_more(rows
     assert first.ratio.value == pytest.approx((4 * 2 / 16) ** 0.5) and first.sure
 
 
+def test_at_equal_sizes_and_in_other_values(rows):
+    """The made-up rows' position error is 0.26 m a unit of loss."""
+    found = halves(rows, "system1", "mirrored", ["sidm"], EQUAL, final_position_error)
+    assert [(one.minutes, one.beside) for one in found] == [(1, 1), (2, 2), (5, 5), (10, 20)]
+    assert found[0].ratio.value == pytest.approx(1 / 4)
+
+
 def test_a_method_that_saves_less_is_not_sure(rows):
     """Six times the data in effect against four."""
     found = {(one.minutes, one.against): one for one in halves(rows, "system1", "averaged")}
@@ -43,6 +51,13 @@ def test_the_verdict_needs_every_point(rows):
     said = [("mirrored", "4 of 4", "4 of 4", "yes"), ("averaged", "4 of 4", "0 of 4", "no")]
     assert verdicts(found, names, 4) == said
     assert verdicts(found, names, 8)[0] == ("mirrored", "4 of 4", "4 of 4", "not all run")
+
+
+def test_in_words(rows):
+    words = halved_words(rows, "system1", "mirrored", halves(rows, "system1", "mirrored"))
+    assert words.startswith("system1: with 1 min a loss of 0.25, as expert first, then novice on 4")
+    assert words.endswith("by size: with SIDM at 4 of 4, expert first, then novice at 4 of 4")
+    assert halved_words(rows, "system1", "adapters", []) == "system1: not run"
 
 
 def test_of_another_system_nothing_is_known(rows):

@@ -149,7 +149,8 @@ def test_grids():
     assert len({t.key for t in neighbours} & figure3) == 3 * 2 * 3 + 3  # three methods, two sizes, and all data
     assert {t.method for t in neighbours} == set(METHODS) - {*VARIANTS, *MIRRORED}
     variants = study.variants("system1")
-    assert len(variants) == len({t.key for t in variants}) == 13 * 4 * 3 + 2 * 3 * 3  # two at 20, 60, 120, too
+    assert len(variants) == len({t.key for t in variants}) == 15 * 4 * 3 + 2 * 3 * 3  # two at 20, 60, 120, too
+    assert {t.key for t in study.correction("system1")} < {t.key for t in variants}
     assert len(grid("laptop", "3", "system2", minutes=[5, 20], seeds=[1])) == 2 * 3
     assert {t.key for t in grid("laptop", "all")} >= figure3
     with pytest.raises(ConfigError, match="minutes 3 is not in this grid; it has 1, 2, 5, 20, 60, 120"):
