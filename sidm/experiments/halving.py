@@ -84,8 +84,8 @@ def halved_words(rows: Sequence[Row], system: str, method: str, found: Sequence[
     counts = (f"{sum(one.sure for one in mine)} of {len(mine)}" for mine in sides.values())
     below = ", ".join(f"{label} at {count}" for label, count in zip(labels, counts, strict=True))
     return (
-        f"{system}: with {first.minutes:g} min a loss of {first.loss:.3g}, as {labels[-1]} on {ratio_words(first)} times "
-        f"the data; surely below those with twice the data or more, by size: {below}"
+        f"{system}: with {first.minutes:g} min a loss of {first.loss:.3g}, as {labels[-1]} on {ratio_words(first)} "
+        f"times the data; surely below those with twice the data or more, by size: {below}"
     )
 
 
