@@ -19,17 +19,18 @@ from sidm.config import ConfigError, config
 from sidm.experiments.drawing import CONTROL_STEP
 from sidm.experiments.measure import one_thread
 from sidm.experiments.methods import COMPARED
-from sidm.experiments.models import model_of
+from sidm.experiments.models import predictor_of
 from sidm.experiments.provenance import Provenance, source_hash
 from sidm.experiments.records import Making, Records
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
-from sidm.learning.model import DynamicsModel
+from sidm.learning.model import Predictor
 from sidm.learning.planning import Dreamer, Planner, Planning, straight
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain
 from sidm.trajectory import POSITION
 
+DRIVEN = (*COMPARED, "corrected_averaged")  # whose models; the last is what needs least data here
 SIZES = (1.0, 5.0, 60.0)  # of the novice's data that the models have learnt from, min
 EPISODES, EPISODES_SIMULATED = 50, 10
 GOAL_SEED = 4  # apart from the seeds of all data
@@ -120,7 +121,7 @@ def drives(
             system=system, driver=driver, trial=trial, planning=planning, episodes=tuple(numbers), longest=longest
         )
 
-    trials = study.points(system, COMPARED, sizes)
+    trials = study.points(system, DRIVEN, sizes)
     seeds = study.preset.seeds
     models = [one("model", Planning(), range(t.seed, episodes, seeds), t) for t in trials if t.seed < episodes]
     return [*models, one("straight", None, range(episodes)), one("simulator", Planning(), range(simulated))]
@@ -138,7 +139,7 @@ def drive(about: Drive, data: str | Path = "data") -> Driven:
     pace: list[float] = []
     found: list[tuple[str, np.ndarray, np.ndarray]] = []
     with one_thread():
-        model = model_of(about.trial, data) if about.trial else None
+        model = predictor_of(about.trial, data) if about.trial else None
         for number in about.episodes:
             one = episode(about.system, number)
             with Simulator(system.novice, one.heights, system.physics) as simulator:
@@ -180,7 +181,7 @@ def _ride(simulator: Any, act: Act, rules: Any, goal: np.ndarray, longest: float
 
 
 def _driver(
-    about: Drive, model: DynamicsModel | None, simulator: Any, one: Episode, number: int, pace: list[float]
+    about: Drive, model: Predictor | None, simulator: Any, one: Episode, number: int, pace: list[float]
 ) -> Act:
     """What acts; the seconds of each plan are added to `pace`."""
     if about.planning is None:

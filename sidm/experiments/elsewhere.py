@@ -41,7 +41,7 @@ HELD_OUT = 8  # of the 25 grounds, whose recordings judge and nothing else
 P_EXPERT = 0.75  # section 4's for similar robots: for the simulated novice, which is nearly the recorded one
 
 Proxy = Literal["none", "expert", "novice"]  # the simulated robot that is the expert here
-WITH_PROXY = ("sidm", "pretrain_finetune", "corrected", "corrected_mirrored")
+WITH_PROXY = ("sidm", "pretrain_finetune", "corrected", "corrected_averaged")
 METHODS_HERE: tuple[tuple[str, Proxy], ...] = (
     ("novice_only", "none"),
     ("least_squares", "none"),

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sidm.experiments.measure import perform
 from sidm.experiments.provenance import source_hash
+from sidm.experiments.solved import perform
 from sidm.experiments.trials import Trial
 from sidm.learning import checkpoint
-from sidm.learning.model import DynamicsModel
+from sidm.learning.model import DynamicsModel, Predictor
+
+
+def predictor_of(trial: Trial, data: str | Path = "data") -> Predictor:
+    """What a trial predicts the novice with: `model_of` it, or what it solves for, which is sooner made than kept."""
+    return perform(trial, data)[1].model if trial.solved else model_of(trial, data)
 
 
 def model_of(trial: Trial, data: str | Path = "data") -> DynamicsModel:
-    """The model of a trial, its novice's parts alone; trained once by a version of the code, and kept under `data`.
+    """The network of a trial, its novice's parts alone; trained once by a version of the code, and kept under `data`.
 
     Raises:
         CheckpointError: the kept weights are damaged.

@@ -33,7 +33,7 @@ WINGS = {
     "least_squares": (*_ALONE, "sidm.experiments.solved"),
     "diagnosis": (*_ALONE, "sidm.experiments.diagnostics", "sidm.experiments.latents"),
     "elsewhere": (*_ALONE, "sidm.experiments.elsewhere"),
-    "driving": (*_ALONE, "sidm.experiments.driving", "sidm.experiments.models"),
+    "driving": (*_ALONE, "sidm.experiments.driving", "sidm.experiments.models", "sidm.experiments.solved"),
     "uncertainty": (*_ALONE, "sidm.experiments.uncertainty", "sidm.experiments.models"),
     "experts": (*_ALONE, "sidm.experiments.experts", "sidm.experiments.family"),
     "simulation": ("sidm.simulation.collect",),

@@ -19,11 +19,12 @@ from sidm.simulation import Simulator
 def jobs(tiny, data, tmp_path_factory):
     """By driver; the model's is one of system 1 from the largest tiny dataset."""
     study = Study(tiny, data, tmp_path_factory.mktemp("results"))
-    trial = study.trial("system1", "sidm", 0.75)
+    trial, corrected = (study.trial("system1", method, 0.75) for method in ("sidm", "corrected"))
     plain = dict(system="system1", episodes=(0,), longest=0.5)
     small = Planning(samples=3, elites=2, horizon=4, hold=2)
     return {
         "model": d.Drive(driver="model", trial=trial, planning=small, **plain),
+        "corrected": d.Drive(driver="model", trial=corrected, planning=small, **plain),
         "simulator": d.Drive(driver="simulator", trial=None, planning=dataclasses.replace(small, replan=2), **plain),
         "straight": d.Drive(driver="straight", trial=None, planning=None, **plain),
     }
@@ -32,7 +33,8 @@ def jobs(tiny, data, tmp_path_factory):
 def test_every_size_and_method_is_driven_beside_a_floor_and_a_ceiling(tmp_path):
     jobs = d.drives(Study("laptop", tmp_path, tmp_path), "system2")
     assert [(job.trial.novice_minutes, job.trial.seed, job.trial.method) for job in jobs if job.trial] == [
-        (minutes, seed, method) for minutes in (1, 5, 60) for seed in range(3) for method in ("sidm", "novice_only")
+        (minutes, seed, method) for minutes in (1, 5, 60) for seed in range(3)
+        for method in ("sidm", "novice_only", "corrected_averaged")
     ]
     assert [(job.driver, len(job.episodes)) for job in jobs if not job.trial] == [("straight", 50), ("simulator", 10)]
     of_one = [job.episodes for job in jobs if job.trial and job.trial.method == "sidm"][:3]
@@ -48,7 +50,7 @@ def test_episodes_are_the_same_for_all_and_differ():
     assert d.NEAREST <= min(away) < max(away) <= d.FARTHEST
 
 
-@pytest.mark.parametrize("driver", ["model", "simulator", "straight"])
+@pytest.mark.parametrize("driver", ["model", "corrected", "simulator", "straight"])
 def test_a_drive_is_stored_as_it_was(jobs, data, tmp_path, driver):
     job, store = jobs[driver], d.stored(tmp_path)
     found = d.drive(job, data)

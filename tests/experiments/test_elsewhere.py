@@ -42,7 +42,7 @@ def test_every_method_and_proxy_has_its_training(jobs):
     assert {job.training.p_expert for job in jobs if job.method == "sidm"} == {0.75}
     assert all((job.pretraining is not None) == METHODS[job.method].pretrained for job in jobs)
     assert {job.method for job in jobs if job.fit == "least_squares"} == {
-        "least_squares", "corrected", "corrected_mirrored",
+        "least_squares", "corrected", "corrected_averaged",
     }  # fmt: skip
     assert len({key_of(job) for job in jobs}) == len(jobs)
 
