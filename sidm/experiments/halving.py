@@ -89,7 +89,7 @@ def halved_words(rows: Sequence[Row], system: str, method: str, found: Sequence[
     )
 
 
-def verdicts(found: Sequence[Half], methods: Sequence[str], points: int) -> list[tuple]:
+def by_method(found: Sequence[Half], methods: Sequence[str], points: int) -> list[tuple]:
     """A line a method: at how many of its comparisons with each other it is surely better, and what that says.
 
     Args:

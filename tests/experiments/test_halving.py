@@ -3,7 +3,7 @@
 import pytest
 
 from sidm.experiments import Study
-from sidm.experiments.halving import AGAINST, EQUAL, halved_words, halves, verdicts
+from sidm.experiments.halving import AGAINST, EQUAL, by_method, halved_words, halves
 from sidm.experiments.tables import final_position_error
 
 POWER = {"sidm": 1.0, "pretrain_finetune": 4.0, "mirrored": 16.0, "averaged": 6.0, "tethered": 16.0}  # of the data
@@ -49,8 +49,8 @@ def test_the_verdict_needs_every_point(rows):
     names = ("mirrored", "averaged", "tethered", "adapters")
     found = [line for name in names for line in halves(rows, "system1", name)]
     said = [("mirrored", "4 of 4", "4 of 4", "yes"), ("averaged", "4 of 4", "0 of 4", "no")]
-    assert verdicts(found, names, 4) == said
-    assert verdicts(found, names, 8)[0] == ("mirrored", "4 of 4", "4 of 4", "not all run")
+    assert by_method(found, names, 4) == said
+    assert by_method(found, names, 8)[0] == ("mirrored", "4 of 4", "4 of 4", "not all run")
 
 
 def test_in_words(rows):
