@@ -95,6 +95,14 @@ def lay_ground(axes: Axes, heights: np.ndarray, palest: float, darkest: float) -
     axes.grid(False)
 
 
+def legend_below(figure: Figure, panels: Iterable[Axes]) -> None:
+    """One legend for all plots, below them, where the names would cover what they name."""
+    named = {name: handle for axes in panels for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)}
+    if named:
+        figure.set_figheight(figure.get_figheight() + 0.25 * -(-len(named) // 2))
+        figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=2)
+
+
 def finish(axes: Axes, minutes: Iterable[float] = (), legend: bool = True) -> None:
     """A legend where something is drawn, a notice where not; log axes in plain numbers, at the `minutes` if given."""
     if not axes.has_data():

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from sidm.experiments import tables
 from sidm.experiments.claims import Claim, saving_claim
-from sidm.experiments.drawing import LOSS_LABEL, METHOD_STYLES, finish, side_by_side, styled
+from sidm.experiments.drawing import LOSS_LABEL, METHOD_STYLES, finish, legend_below, side_by_side, styled
 from sidm.experiments.elsewhere import METHODS_HERE, Proxy, Transferred
 from sidm.experiments.savings import Saving, savings_between
 from sidm.experiments.statistics import Interval, ratio_of_means
@@ -113,7 +113,8 @@ def elsewhere_figure(found: Sequence[Transferred], systems: Sequence[str] = tupl
         sizes: set[float] = set()
         for method, proxy in SHOWN:
             sizes |= _draw(axes, gather(found, system, method, proxy), method, proxy)
-        finish(axes, sizes)
+        finish(axes, sizes, legend=False)
+    legend_below(figure, panels)
     return figure
 
 

@@ -20,6 +20,7 @@ from sidm.experiments.drawing import (
     METHOD_STYLES,
     SIZE_STYLES,
     finish,
+    legend_below,
     side_by_side,
     styled,
 )
@@ -33,13 +34,18 @@ from sidm.systems import ROLES, SYSTEMS
 if TYPE_CHECKING:  # scikit-learn need not be there to draw the others
     from sidm.experiments.diagnostics import Diagnosis
 
+MOST_INSIDE = 4  # methods whose names have room within a plot
+
+
 @styled
 def figure3(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS), methods: Sequence[str] = FIGURE3) -> Figure:
     """Figure 3: validation loss against novice data; lines are means over seeds, shades minimum to maximum.
 
-    A dotted level marks the method `expert_only` where it is among the rows: it has no novice data.
+    A dotted level marks the method `expert_only` where it is among the rows: it has no novice data. The names of more
+    than MOST_INSIDE methods stand below the plots.
     """
     figure, panels = side_by_side(len(systems))
+    crowded = len(methods) > MOST_INSIDE
     for axes, system in zip(panels, systems, strict=True):
         drawn = _curves(axes, rows, system, methods)
         alone = gather([row for row in rows if row.trial.method == "expert_only"], system, ["expert_only"]).values
@@ -47,7 +53,9 @@ def figure3(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS), method
             style = METHOD_STYLES["expert_only"] | {"marker": "", "linestyle": ":"}
             axes.axhline(alone.mean(), **style)
             axes.axhspan(alone.min(), alone.max(), color=style["color"], alpha=0.12, lw=0)
-        finish(axes, drawn)
+        finish(axes, drawn, legend=not crowded)
+    if crowded:
+        legend_below(figure, panels)
     return figure
 
 

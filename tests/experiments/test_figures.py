@@ -37,7 +37,7 @@ from sidm.experiments.figures import (
     figure4,
     learning_curves,
 )
-from sidm.experiments.methods import ALL_RELEASED, change
+from sidm.experiments.methods import ALL_RELEASED, FIGURE3, METHODS, change
 from sidm.experiments.statistics import Interval
 from sidm.experiments.tables import costs_table, gather, overview, provenance_line
 
@@ -87,6 +87,15 @@ def test_figure3_draws_the_means(rows):
         assert len({look(line) for line in (sidm, novice, finetuned)}) == 3
     assert len(right.get_lines()) == 3 and len(left.collections) == 3
     assert not plt.get_fignums()
+
+
+def test_many_names_stand_below_the_plots(rows):
+    """Each once, and none over a curve."""
+    few, many = figure3(rows), figure3(rows, methods=[*FIGURE3, "mirrored", "averaged"])
+    assert all(axes.get_legend() for axes in few.axes) and not few.legends
+    assert not any(axes.get_legend() for axes in many.axes)
+    assert [text.get_text() for text in many.legends[0].get_texts()] == [METHODS[name].label for name in FIGURE3]
+    assert many.get_figheight() > few.get_figheight()
 
 
 def test_the_experts_model_alone_is_a_level(rows, study, make_row):
