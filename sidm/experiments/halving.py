@@ -34,7 +34,7 @@ class Half(NamedTuple):
 
     @property
     def sure(self) -> bool:
-        """Whether the method is better with so much less."""
+        """Whether the method is better with so much less, by the whole interval."""
         return self.ratio.high < 1
 
 
@@ -74,23 +74,23 @@ def halves(
 
 
 def halved_words(rows: Sequence[Row], system: str, method: str, found: Sequence[Half]) -> str:
-    """What a method reaches with its least data, and at how many sizes others with twice as much are surely worse."""
+    """What a method reaches with its least data, and at how many sizes others with twice as much do worse."""
     sides = {other: [one for one in found if (one.system, one.method, one.against) == (system, method, other)]
              for other in AGAINST}  # fmt: skip
     saved = rivals(rows, system, [method], AGAINST)
     if not saved or not all(sides.values()):
         return f"{system}: not run"
     first, labels = saved[0].saving[AGAINST[-1]], [METHODS[other].label for other in AGAINST]
-    counts = (f"{sum(one.sure for one in mine)} of {len(mine)}" for mine in sides.values())
-    below = ", ".join(f"{label} at {count}" for label, count in zip(labels, counts, strict=True))
+    counts = (f"{sum(one.sure for one in mine)} of {len(mine)} sizes" for mine in sides.values())
+    below = " and ".join(f"{label} at {count}" for label, count in zip(labels, counts, strict=True))
     return (
         f"{system}: with {first.minutes:g} min a loss of {first.loss:.3g}, as {labels[-1]} on {ratio_words(first)} "
-        f"times the data; surely below those with twice the data or more, by size: {below}"
+        f"times the data; by the whole 95 % interval lower than with twice the data or more, {below}"
     )
 
 
 def by_method(found: Sequence[Half], methods: Sequence[str], points: int) -> list[tuple]:
-    """A line a method: at how many of its comparisons with each other it is surely better, and what that says.
+    """A line a method: at how many of its comparisons with each other it is better, and what that says.
 
     Args:
         found: `halves` of the methods, all systems.
