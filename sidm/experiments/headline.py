@@ -16,18 +16,24 @@ from sidm.experiments.tables import gather, markdown_table
 from sidm.systems import SYSTEMS
 
 PRESET = "laptop"  # the study that the book shows
+BESIDE = ("least_squares",)  # the yardstick of Figure 3
 BEGIN, END = "<!-- headline: begin (made by `make figures`) -->", "<!-- headline: end -->"
 
 
 def loss_table(rows: Sequence[Row]) -> str:
-    """Mean validation loss, equation (1), of Figure 3's methods at every size that all have, as a Markdown table."""
+    """Mean validation loss, equation (1), at every size that all methods have, as a Markdown table.
+
+    The methods are Figure 3's, and least squares where their rows are there.
+    """
+    there = {row.trial.method for row in rows}
+    methods = [*FIGURE3, *(name for name in BESIDE if name in there)]
     lines: list[tuple[object, ...]] = []
     for system in SYSTEMS:
-        losses = gather(rows, system, FIGURE3)
+        losses = gather([row for row in rows if row.trial.method in methods], system, methods)
         for size, minutes in enumerate(losses.minutes if losses.values.size else ()):
             means = losses.values[:, :, size].mean(axis=0)
             lines.append((system, f"{minutes:g} min", *(f"{mean:.3f}" for mean in means), len(losses.values)))
-    labels = (METHOD_STYLES[method]["label"] for method in FIGURE3)
+    labels = (METHOD_STYLES[method]["label"] for method in methods)
     return markdown_table(("system", "novice data", *labels, "seeds"), lines)
 
 
@@ -47,9 +53,15 @@ def refresh(text: str, rows: Sequence[Row], rows4: Sequence[Row] = ()) -> str:
     return pattern.sub(lambda _: headline(rows, rows4), text)
 
 
+def stored_rows(data: str | Path = "data") -> tuple[list[Row], list[Row]]:
+    """What the README tells of: the rows of Figure 3 and its yardstick, and those of Figure 4."""
+    rows, beside, rows4 = (Results("results").rows(grid(PRESET, name, data=data)) for name in ("3", "yardsticks", "4"))
+    return [*rows, *(row for row in beside if row.trial.method in BESIDE)], rows4
+
+
 def main(readme: Path = Path("README.md"), figures: Path = Path("_build/figures")) -> None:
     """Refresh the README and draw Figures 3 and 4 into a folder."""
-    rows, rows4 = (Results("results").rows(grid(PRESET, figure)) for figure in ("3", "4"))
+    rows, rows4 = stored_rows()
     readme.write_text(refresh(readme.read_text(encoding="utf-8"), rows, rows4), encoding="utf-8")
     figures.mkdir(parents=True, exist_ok=True)
     figure3(rows).savefig(figures / "figure3.png")
