@@ -23,7 +23,7 @@ class Method(NamedTuple):
     """A configuration of the one training loop."""
 
     label: str  # for figures and tables
-    tuned_as: str  # whose tuned settings it has; none of the training loop's where it has no use for the loop
+    tuned_as: str  # whose tuned settings it has; '' where nothing of the training loop is used
     expert: bool = False  # whether it learns from the expert's data too, with the preset's p_e
     regularise: bool = False  # whether the latents are made alike
     pretrained: bool = False  # whether it starts from weights that learnt from the expert alone
