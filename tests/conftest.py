@@ -3,10 +3,12 @@
 import dataclasses
 import os
 from collections.abc import Callable, Generator
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from xdist.scheduler import LoadFileScheduling
 
 from sidm.learning import Datasets, Motion, Network, Training
 from sidm.learning.learner import Learner
@@ -22,6 +24,18 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo) -> Gener
     if report.skipped and os.environ.get("CI") and not hasattr(report, "wasxfail"):
         report.outcome, report.longrepr = "failed", f"skipped, which CI does not allow: {report.longrepr}"
     return report
+
+
+class Scheduling(LoadFileScheduling):
+    """A file's tests go to one worker, but each run of a whole notebook to the next that is free."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        return nodeid if "with_the_smoke_preset" in nodeid else super()._split_scope(nodeid)
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Scheduling:
+    """With `--dist loadfile`."""
+    return Scheduling(config, log)
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -14,7 +14,7 @@ from sidm.__main__ import main
 from sidm.cluster import dask_executor
 from sidm.experiments import Results, Study, load_preset
 from sidm.simulation import collect
-from sidm.trajectory import Collection, digest
+from sidm.trajectory import digest
 
 
 def start(*words: str) -> subprocess.Popen:
@@ -74,9 +74,9 @@ def test_a_cluster_gives_what_this_machine_gives(cluster, tmp_path, capsys):
     rows = [[row.outcome for row in Results(tmp_path / name).rows(trials)] for name in ("there", "here")]
     assert rows[0] == rows[1] and len(rows[0]) == 6
 
-    collection = Collection(system="system1", role="novice")
-    alone = collect(tmp_path / "alone", collection, 5, workers=1, progress=False)
-    assert f"{collection.system}/novice/ornstein_uhlenbeck/seed-0/5: {digest(alone)}" in digests
+    dataset = load_preset("smoke", **SETTINGS).datasets("system1")["validation"]
+    alone = collect(tmp_path / "alone", dataset.collection, dataset.count, workers=1, progress=False)
+    assert f"{dataset.name}: {digest(alone)}" in digests
 
 
 def test_no_scheduler_is_one_line(monkeypatch):

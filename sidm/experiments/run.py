@@ -11,8 +11,8 @@ import dataclasses
 import functools
 import shutil
 import sys
-from collections.abc import Iterable
-from concurrent.futures import Executor, Future, as_completed
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
@@ -65,7 +65,7 @@ def run(
         trials: in the order in which they are started; each is run once.
         executor: where they run, e.g. `distributed.Client(...).get_executor()`; it is left open. By default `workers`
             local processes of one thread each.
-        workers: number of local processes.
+        workers: number of local processes; for one of them, or a single trial, this process does.
         data: the folder of the shards; checkpoints lie there too.
         results: the store, or its folder.
         progress: whether to show a bar with the time left.
@@ -102,8 +102,9 @@ def run(
             if together:
                 _run_bundles(together, bundle, data, store, bar, device, log)
             if alone:
-                pool = contextlib.nullcontext(executor) if executor else local_pool(min(workers, len(alone)))
-                with pool as where:
+                places = min(workers, len(alone))
+                here = contextlib.nullcontext(executor)
+                with here if executor or places == 1 else local_pool(places) as where:
                     _run_all(alone, where, data, store, bar, device, log)
     return store
 
@@ -156,19 +157,32 @@ def _keep(row: Row | Failure, store: Results, data: str | Path, bar: Bar) -> Non
     bar.update()
 
 
+Outcome = Callable[[], Row | Failure]  # what became of a trial, or the error that it raised
+
+
+def _outcomes(
+    trials: list[Trial], executor: Executor | None, data: Path, device: str, log: str | Path | None
+) -> Iterator[tuple[Trial, Outcome]]:
+    """Every trial with its outcome: in this process one after the other, with an executor as they end."""
+    run_on = functools.partial(run_trial, device=device, log=log)
+    if executor is None:
+        for trial in trials:
+            yield trial, functools.partial(run_on, trial, data, checkpoint_folder(data, trial))
+    else:
+        futures = {executor.submit(run_on, trial, data, checkpoint_folder(data, trial)): trial for trial in trials}
+        for done in as_completed(futures):
+            yield futures[done], done.result
+
+
 def _run_all(
-    trials: list[Trial], executor: Executor, data: Path, store: Results, bar: Bar, device: str, log: str | Path | None
-) -> None:
-    """Submit every trial and store each as it comes back."""
-    futures: dict[Future[Row | Failure], Trial] = {
-        executor.submit(run_trial, trial, data, checkpoint_folder(data, trial), None, device, log): trial
-        for trial in trials
-    }
+    trials: list[Trial], executor: Executor | None, data: Path, store: Results, bar: Bar, device: str,
+    log: str | Path | None,
+) -> None:  # fmt: skip
+    """Store each trial as its outcome comes."""
     lost = 0
-    for done in as_completed(futures):
-        trial = futures[done]
+    for trial, outcome in _outcomes(trials, executor, data, device, log):
         try:
-            _keep(done.result(), store, data, bar)
+            _keep(outcome(), store, data, bar)
         except BrokenProcessPool:
             lost += 1
         except Exception as error:  # one trial's failure must not lose the others

@@ -43,16 +43,11 @@ def render(output: Path) -> None:
 
 @pytest.fixture(scope="session")
 def project(tmp_path_factory) -> Path:
-    """A copy of what the notebooks work with, shared by all workers: data are collected and trials run in it once."""
-    shared = shared_by_workers(tmp_path_factory) / "project"
-    own = tmp_path_factory.mktemp("copy") / "project"
+    """A worker's copy of what the notebooks work with: data are collected and trials run in it once."""
+    copy = tmp_path_factory.mktemp("copy") / "project"
     for name in ("sidm", "notebooks", "params", "results", "recordings"):
-        shutil.copytree(ROOT / name, own / name, ignore=shutil.ignore_patterns("__pycache__"))
-    try:
-        own.rename(shared)
-    except OSError:  # another worker was first
-        shutil.rmtree(own)
-    return shared
+        shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
+    return copy
 
 
 @pytest.fixture(scope="session")

@@ -1,23 +1,21 @@
 """Every notebook from beginning to end with the smoke preset, in a scratch copy of the project."""
 
-import subprocess
-import sys
-
 import nbformat
 import pytest
 from pages import ROOT
 
+from sidm.__main__ import main
 from sidm.notebook import inspect, notebooks
 
 NOTEBOOKS = [pytest.param(path, id=path.stem) for path in notebooks(ROOT)]
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS)
-def test_it_runs_with_the_smoke_preset(project, tmp_path, path):
+def test_it_runs_with_the_smoke_preset(project, tmp_path, monkeypatch, capsys, path):
     output = tmp_path / path.name
-    words = ["notebook", path.stem, str(output), "-f", "params/smoke.yaml"]
-    done = subprocess.run([sys.executable, "-m", "sidm", *words], cwd=project, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr[-3000:]
+    monkeypatch.chdir(project)
+    status = main(["notebook", path.stem, str(output), "-f", "params/smoke.yaml"])
+    assert status == 0, capsys.readouterr().err[-3000:]
     assert output.is_file()
 
 

@@ -71,9 +71,10 @@ def test_run_skips_what_is_stored(trials, data, tmp_path, make_row):
 
 
 def test_local_processes_agree_with_this_one(trials, data, tmp_path):
-    """Spawned workers store what a run in this process gives."""
-    store = run(trials[:1], workers=1, data=data, results=tmp_path, progress=False)
-    assert outcomes(store, trials[:1]) == outcomes(Results(tmp_path), trials[:1])
+    """Spawned workers store what a run in this process gives, of one trial after the other or of one alone."""
+    store = run(trials[:2], workers=2, data=data, results=tmp_path, progress=False)
+    in_turn = run(trials[:2], workers=1, data=data, results=tmp_path / "in turn", progress=False)
+    assert outcomes(store, trials[:2]) == outcomes(Results(tmp_path), trials[:2]) == outcomes(in_turn, trials[:2])
     here = run_here(trials[0], data, tmp_path / "other")
     there = store.get(trials[0])
     assert rounded(here.outcome.position_error) == list(there.outcome.position_error)
@@ -101,8 +102,7 @@ def test_a_killed_trial_goes_on(trials, data, tmp_path):
 def test_one_failure_loses_no_other(trials, data, tmp_path, capsys):
     """A trial whose data are not those it names is reported in one line; the other is stored."""
     strange = trials[0].replace(validation_data="0" * 16)
-    with ThreadPoolExecutor(1) as executor:
-        store = run([strange, trials[1]], executor, data=data, results=tmp_path, progress=False)
+    store = run([strange, trials[1]], workers=1, data=data, results=tmp_path, progress=False)
     assert store.missing([strange, trials[1]]) == [strange]
     said = capsys.readouterr().err.strip()
     assert said.count("\n") == 0 and said.startswith("sidm: system1 sidm 0.25 min seed 0: ") and "digest" in said

@@ -1,7 +1,9 @@
 """Collection: the rules of an episode, resuming, independence of workers and order."""
 
 import json
+import shutil
 from concurrent.futures import Executor, Future
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -54,9 +56,16 @@ def test_trajectories_have_their_length_order_and_terrain(collected):
     assert set(discards(trajectories)) == {"stuck", "border", "rollover", "unstable"}
 
 
-def test_an_interrupted_collection_goes_on_and_ends_the_same(collected, tmp_path):
+@pytest.fixture
+def first_shard(collected, tmp_path):
+    """A folder in which a collection was interrupted after its first shard."""
+    path = COLLECTION.shard(tmp_path, 0)
+    path.parent.mkdir(parents=True)
+    return Path(shutil.copy(COLLECTION.shard(collected[0], 0), path))
+
+
+def test_an_interrupted_collection_goes_on_and_ends_the_same(collected, first_shard, tmp_path):
     _, whole = collected
-    collect(tmp_path, COLLECTION, SHARD_SIZE, executor=InOrder(), progress=False)
     assert missing_shards(tmp_path, COLLECTION, 2 * SHARD_SIZE) == [1]
     stray = COLLECTION.folder(tmp_path) / ".shard-00001.npz.1.part"  # what a killed worker leaves
     stray.write_bytes(b"half")
@@ -71,10 +80,8 @@ def test_other_processes_in_any_order_make_the_same(collected, tmp_path):
     assert digest(collect(tmp_path, COLLECTION, SHARD_SIZE, workers=2, progress=False)) == digest(whole[:SHARD_SIZE])
 
 
-def test_a_damaged_shard_is_named_and_the_others_are_kept(collected, tmp_path):
-    collect(tmp_path, COLLECTION, 2, executor=InOrder(), progress=False)
-    path = COLLECTION.shard(tmp_path, 0)
-    path.write_bytes(path.read_bytes()[:-3000])
+def test_a_damaged_shard_is_named(first_shard, tmp_path):
+    first_shard.write_bytes(first_shard.read_bytes()[:-3000])
     with pytest.raises(ShardError, match="shard-00000"):
         collect(tmp_path, COLLECTION, 2, executor=InOrder(), progress=False)
 
