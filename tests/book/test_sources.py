@@ -1,8 +1,10 @@
 """The book's sources: what they name exists, and what is said in two places is the same."""
 
+import argparse
 import json
 import pkgutil
 import re
+import shlex
 import tomllib
 from importlib.metadata import version
 
@@ -11,8 +13,10 @@ import yaml
 from pages import ROOT, contents
 
 import sidm
+from sidm.notebook import add_arguments, find_notebook, inspect, merge_parameters, read_value
 
 ROLE = re.compile(r"\{py:\w+\}`~?(?:[^`<]*<)?([\w.]+)>?`")
+BASH = re.compile(r"^```bash\n(.*?)^```", re.MULTILINE | re.DOTALL)
 PIN = re.compile(r"^([A-Za-z0-9_.-]+)==([^\s#]+)(?:\s+# (.+))?$")
 
 
@@ -42,6 +46,25 @@ def test_a_page_of_the_contents_exists_and_is_named_with_hyphens(name):
 def test_what_a_page_refers_to_in_the_package_can_be_imported(name):
     for target in ROLE.findall(source(name)):
         pkgutil.resolve_name(target)
+
+
+def notebook_commands() -> list[str]:
+    """What pages and README tell the reader to run of the notebooks; what stands with its output is run itself."""
+    texts = [*map(source, contents()), (ROOT / "README.md").read_text(encoding="utf-8")]
+    blocks = (block.replace("\\\n", " ") for text in texts for block in BASH.findall(text))
+    return [line for block in blocks for line in block.splitlines() if " -m sidm notebook " in line]
+
+
+@pytest.mark.parametrize("command", notebook_commands())
+def test_a_command_for_a_notebook_could_be_run(command, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    given = parser.parse_args(shlex.split(command.partition(" -m sidm notebook ")[2], comments=True))
+    path = find_notebook(given.notebook)
+    kinds = {name: parameter.kind for name, parameter in inspect(path).items()}
+    values = {name: read_value(text, kinds.get(name), name) for name, text in given.parameter}
+    assert merge_parameters(path, values, given.file).keys() >= values.keys()
 
 
 def test_every_module_stands_in_the_reference():
