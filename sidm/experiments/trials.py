@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 import json
 from collections.abc import Mapping
@@ -114,7 +115,7 @@ class Trial:
         """The code that its outcome depends on, one of `provenance.WINGS`."""
         return "least_squares" if self.solved else "learning"
 
-    @property
+    @functools.cached_property
     def key(self) -> str:
         """20 hexadecimal digits that change when any value of the trial does."""
         text = json.dumps(self.to_json(), sort_keys=True, separators=(",", ":"), allow_nan=False)
