@@ -148,7 +148,7 @@ def test_damaged_checkpoint_is_one_line(tmp_path, capsys, monkeypatch):
         raise CheckpointError("checkpoint.npz: the checkpoint is damaged (x); delete it to start afresh")
 
     monkeypatch.setattr(sys.modules["sidm.experiments.run"], "run_here", damaged)
-    words = ["train", "--preset", "smoke", "--system", "system1", "--minutes", "0.4", "--results", str(tmp_path)]
+    words = ["train", "--preset", "smoke", "--system", "system1", "--minutes", "0.5", "--results", str(tmp_path)]
     assert main(words) == 1
     assert capsys.readouterr().err == "sidm: checkpoint.npz: the checkpoint is damaged (x); delete it to start afresh\n"
 

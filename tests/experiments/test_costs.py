@@ -10,7 +10,7 @@ from sidm.experiments.grids import FIGURES
 def test_a_figure_costs_what_its_stored_trials_took(tmp_path, make_row):
     """Every figure has a line; a trial counts in each that it serves."""
     store, study = Results(tmp_path), Study("smoke", tmp_path, tmp_path)
-    rows = [make_row(trial, 1.0) for trial in study.points("system1", ["sidm", "novice_only"], [0.4])]
+    rows = [make_row(trial, 1.0) for trial in study.points("system1", ["sidm", "novice_only"], [0.5])]
     for row in rows:
         store.put(row)
     lines = {one.figure: one for one in figure_costs(study, store)}

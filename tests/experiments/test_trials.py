@@ -209,7 +209,7 @@ def test_a_system_of_your_own_has_system_1s_sizes(monkeypatch):
     preset = load_preset("smoke")
     assert preset.pool_minutes("soft") == preset.pool_minutes_system1
     assert {trial.system for trial in Study(preset).figure3("soft")} == {"soft"}
-    assert Study(preset).trial("soft", "sidm", 0.4).training.p_expert == preset.p_expert_system1
+    assert Study(preset).trial("soft", "sidm", 0.5).training.p_expert == preset.p_expert_system1
 
 
 @pytest.mark.parametrize(
