@@ -14,8 +14,9 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Iterable, Sequence
+from concurrent.futures import Executor
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from sidm.config import ConfigError
 from sidm.experiments.presets import Preset
@@ -72,10 +73,24 @@ def find_digest(dataset: Dataset, data: str | Path = "data", results: str | Path
     return local if local != UNKNOWN else committed["digest"]
 
 
-def others(trial: Trial, data: str | Path = "data") -> dict[str, str]:
-    """The digests of the data under `data` that are not a trial's own but stand for them, by the dataset's kind."""
-    local = {kind: _record(_local(dataset, data)) for kind, dataset in trial.datasets.items()}
-    return {kind: one["digest"] for kind, one in local.items() if one.get("stands_for") == trial.digests[kind]}
+class Uses(Protocol):
+    """What names the datasets that it is made from, as a Trial does."""
+
+    @property
+    def datasets(self) -> dict[str, Dataset]:
+        """By their kind."""
+
+    @property
+    def digests(self) -> dict[str, str]:
+        """Theirs, by the same names."""
+
+
+def others(made: Uses, data: str | Path = "data") -> tuple[str, ...]:
+    """Kind and digest of the data under `data` that are not those of a trial but stand for them."""
+    local = {kind: _record(_local(dataset, data)) for kind, dataset in made.datasets.items()}
+    return tuple(
+        f"{kind} {one['digest']}" for kind, one in local.items() if one.get("stands_for") == made.digests[kind]
+    )
 
 
 def differing(preset: Preset, data: str | Path = "data", results: str | Path = "results") -> list[str]:
@@ -125,7 +140,7 @@ def collect_datasets(
     systems: Iterable[str] = tuple(SYSTEMS),
     data: str | Path = "data",
     workers: int | None = None,
-    executor=None,
+    executor: Executor | None = None,
     progress: bool = True,
 ) -> dict[str, str]:
     """Simulate whatever a preset's datasets still miss and note their digests.
@@ -144,15 +159,17 @@ def collect_datasets(
     Raises:
         ImportError: PyBullet is not installed; one line.
     """
-    from sidm.simulation import collect
-
-    found = {}
+    needed = [dataset for system in systems for dataset in preset.datasets(system).values()]
     pool = contextlib.nullcontext(executor) if executor else local_pool(workers or os.cpu_count() or 1)
     with pool as where:
-        for system in systems:
-            for dataset in preset.datasets(system).values():
-                trajectories = collect(
-                    Path(data), dataset.collection, dataset.count, executor=where, progress=progress
-                )
-                found[dataset.name] = note_digest(dataset, trajectories, data)
-    return found
+        return {dataset.name: collect_dataset(dataset, data, where, progress) for dataset in needed}
+
+
+def collect_dataset(
+    dataset: Dataset, data: str | Path = "data", executor: Executor | None = None, progress: bool = True
+) -> str:
+    """Simulate whatever a dataset still misses and note its digest, which is returned; as `collect_datasets`."""
+    from sidm.simulation import collect
+
+    found = collect(Path(data), dataset.collection, dataset.count, executor=executor, progress=progress)
+    return note_digest(dataset, found, data)

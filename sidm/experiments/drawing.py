@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 import functools
+import io
 from collections.abc import Callable, Iterable
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +60,14 @@ EFFICIENCY_MARKS = (
 )
 CONTROL_STEP = 0.1  # s
 GROUND_SPACING = Terrain(cell_height_scale=0.0).spacing  # between heights, m
+
+
+def html_picture(figure: Figure, words: str) -> str:
+    """A figure as HTML with a text in its place for who cannot see it, for a page that takes it over from another."""
+    file = io.BytesIO()
+    figure.savefig(file, format="png")
+    data = base64.b64encode(file.getvalue()).decode()
+    return f'<img src="data:image/png;base64,{data}" alt="{escape(words)}">'
 
 
 def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:

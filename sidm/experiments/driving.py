@@ -5,41 +5,36 @@
 
 from __future__ import annotations
 
-import functools
-import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-import torch
-from torch import Tensor
 
 from sidm.config import ConfigError, config
-from sidm.experiments.drawing import CONTROL_STEP
-from sidm.experiments.measure import one_thread
+from sidm.experiments.drivers import Driver, Ride, ride
+from sidm.experiments.measure import Library, one_thread, roll_out
 from sidm.experiments.methods import COMPARED
 from sidm.experiments.models import predictor_of
 from sidm.experiments.provenance import Provenance, source_hash
 from sidm.experiments.records import Making, Records
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
+from sidm.learning.evaluation import rollout_errors, validation_loss
 from sidm.learning.model import Predictor
-from sidm.learning.planning import Dreamer, Planner, Planning, straight
+from sidm.learning.planning import Dreamer, Planner, Planning
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain
-from sidm.trajectory import POSITION
 
 DRIVEN = (*COMPARED, "corrected_averaged")  # whose models; the last is what needs least data here
 SIZES = (1.0, 5.0, 60.0)  # of the novice's data that the models have learnt from, min
 EPISODES, EPISODES_SIMULATED = 50, 10
 GOAL_SEED = 4  # apart from the seeds of all data
 NEAREST, FARTHEST = 5.0, 8.0  # of a goal from the start, m
-ARRIVED = 0.5  # m from the goal
 LONGEST = 20.0  # s of an episode
-KEPT = 4  # the first episodes, whose paths are stored
+KEPT = 10  # the first episodes, whose paths are stored
 
-Driver = Literal["model", "simulator", "straight"]
+Kind = Literal["model", "simulator", "straight"]
 
 
 @config
@@ -47,7 +42,7 @@ class Drive:
     """Episodes with one driver."""
 
     system: str
-    driver: Driver
+    driver: Kind
     trial: Trial | None  # that the model is of; None for the other drivers
     planning: Planning | None  # None for the driver who does not plan
     episodes: tuple[int, ...]  # by their numbers
@@ -69,7 +64,15 @@ class Driven:
     length: tuple[float, ...]  # (E,) m, of the path
     away: tuple[float, ...]  # (E,) m, from the goal at the start
     left: tuple[float, ...]  # (E,) m, from the goal at the end
-    plans_per_second: float  # median of single plans, on one thread; 0 where none is made
+    throttle: tuple[float, ...]  # (E,) mean of its size
+    top_speed: tuple[float, ...]  # (E,) m/s
+    steepest: tuple[float, ...]  # (E,) degrees, of tilt
+    surprise: tuple[float, ...]  # (E,) m, from where a plan led to where the robot was at the next, mean; 0 of no plan
+    validation_loss: float  # equation (1) of the model; 0 of drivers without
+    position_error: float  # m, of the model after 2.5 s, mean over the rollouts of the trial; 0 of drivers without
+    plans: int
+    plan_seconds: float  # median, of a plan and of taking in what was done since the one before, on one thread
+    slowest_plan_seconds: float  # which 95 % of the plans do not take
     paths: tuple[tuple[tuple[float, float], ...], ...]  # of the episodes below KEPT: x and y, m, at each control step
     source: str  # hash of the code
     provenance: Provenance
@@ -116,7 +119,7 @@ def drives(
         longest: s of an episode.
     """
 
-    def one(driver: Driver, planning: Planning | None, numbers: Iterable[int], trial: Trial | None = None) -> Drive:
+    def one(driver: Kind, planning: Planning | None, numbers: Iterable[int], trial: Trial | None = None) -> Drive:
         return Drive(
             system=system, driver=driver, trial=trial, planning=planning, episodes=tuple(numbers), longest=longest
         )
@@ -124,10 +127,7 @@ def drives(
     trials = study.points(system, DRIVEN, sizes)
     seeds = study.preset.seeds
     models = [one("model", Planning(), range(t.seed, episodes, seeds), t) for t in trials if t.seed < episodes]
-    return [*models, one("straight", None, range(episodes)), one("simulator", Planning(), range(simulated))]
-
-
-Act = Callable[[np.ndarray], np.ndarray]  # what a driver does in a state (13,): an action (2,)
+    return [one("simulator", Planning(), range(simulated)), *models, one("straight", None, range(episodes))]
 
 
 def drive(about: Drive, data: str | Path = "data") -> Driven:
@@ -135,89 +135,62 @@ def drive(about: Drive, data: str | Path = "data") -> Driven:
     from sidm.simulation import Simulator
     from sidm.simulation.collect import EpisodeRules
 
-    making, system = Making("driving"), find_system(about.system)
+    making, system = Making("driving", about.trial, data), find_system(about.system)
     pace: list[float] = []
-    found: list[tuple[str, np.ndarray, np.ndarray]] = []
+    rides: list[Ride] = []
+    goals: list[np.ndarray] = []
     with one_thread():
         model = predictor_of(about.trial, data) if about.trial else None
         for number in about.episodes:
             one = episode(about.system, number)
             with Simulator(system.novice, one.heights, system.physics) as simulator:
-                act = _driver(about, model, simulator, one, number, pace)
+                driver = _driver(about, model, simulator, one, number)
                 rules = EpisodeRules(simulator.reset(yaw=one.yaw), system.terrain.half_width)
-                found.append((*_ride(simulator, act, rules, one.goal, about.longest), one.goal))
-    lengths = [float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()) for _, path, _ in found]
-    left = [float(np.linalg.norm(path[-1] - goal)) for _, path, goal in found]
+                rides.append(ride(simulator, driver, rules, about.longest))
+                pace += driver.pace
+                goals.append(one.goal)
+        loss, error = _quality(model, about.trial, data) if model and about.trial else (0.0, 0.0)
     return Driven(
         about=about,
-        ended=tuple(cause for cause, _, _ in found),
-        seconds=tuple(CONTROL_STEP * (len(path) - 1) for _, path, _ in found),
-        length=tuple(lengths),
-        away=tuple(float(np.linalg.norm(goal)) for _, _, goal in found),
-        left=tuple(left),
-        plans_per_second=float(1 / np.median(pace)) if pace else 0.0,
+        ended=tuple(one.ended for one in rides),
+        seconds=tuple(one.seconds for one in rides),
+        length=tuple(one.length for one in rides),
+        away=tuple(float(np.linalg.norm(goal)) for goal in goals),
+        left=tuple(float(np.linalg.norm(one.path[-1] - goal)) for one, goal in zip(rides, goals, strict=True)),
+        throttle=tuple(float(np.abs(one.actions[:, 0]).mean()) for one in rides),
+        top_speed=tuple(one.top_speed for one in rides),
+        steepest=tuple(one.steepest for one in rides),
+        surprise=tuple(one.surprise for one in rides),
+        validation_loss=loss,
+        position_error=error,
+        plans=len(pace),
+        plan_seconds=float(np.median(pace)) if pace else 0.0,
+        slowest_plan_seconds=float(np.percentile(pace, 95)) if pace else 0.0,
         paths=tuple(
-            tuple((x, y) for x, y in path.tolist())
-            for number, (_, path, _) in zip(about.episodes, found, strict=True)
+            tuple((x, y) for x, y in one.path.tolist())
+            for number, one in zip(about.episodes, rides, strict=True)
             if number < KEPT
         ),
         **making.done(),
     )
 
 
-def _ride(simulator: Any, act: Act, rules: Any, goal: np.ndarray, longest: float) -> tuple[str, np.ndarray]:
-    """How an episode ends, and its path (K + 1, 2), m."""
-    state = simulator.state
-    path = [state[POSITION][:2]]
-    for _ in range(round(longest / CONTROL_STEP)):
-        state = simulator.step(act(state))
-        path.append(state[POSITION][:2])
-        if np.linalg.norm(path[-1] - goal) < ARRIVED:
-            return "arrived", np.array(path)
-        cause = rules.ended(state)
-        if cause:
-            return cause, np.array(path)
-    return "time", np.array(path)
+def _quality(model: Predictor, trial: Trial, data: str | Path) -> tuple[float, float]:
+    """Validation loss of a model and its mean position error after 2.5 s, m, as the trial's row has them."""
+    library = Library(data)
+    loss = float(validation_loss(model, library.motion(trial, "validation")).sum())
+    errors = rollout_errors(*roll_out(model, trial, library.rollouts(trial)))[0]
+    return loss, float(errors[:, -1].mean())
 
 
-def _driver(
-    about: Drive, model: Predictor | None, simulator: Any, one: Episode, number: int, pace: list[float]
-) -> Act:
-    """What acts; the seconds of each plan are added to `pace`."""
+def _driver(about: Drive, model: Predictor | None, simulator: Any, one: Episode, number: int) -> Driver:
+    """The driver of an episode."""
     if about.planning is None:
-        return lambda state: straight(state, one.goal)
-    planner = Planner(about.planning, one.goal, number)
-    dreamer = Dreamer(model, one.heights, about.trial.network.pixels) if model and about.trial else None
-    ready: list[Tensor] = []
-
-    def act(state: np.ndarray) -> np.ndarray:
-        if not ready:
-            start = time.perf_counter()
-            if dreamer:
-                plan = planner.plan(lambda actions: dreamer.imagine(state, actions))
-            else:
-                plan = planner.plan(functools.partial(_simulate, simulator))
-            pace.append(time.perf_counter() - start)
-            ready.extend(plan[: planner.settings.replan])
-        action = ready.pop(0).numpy()
-        if dreamer:
-            dreamer.observe(state, action)
-        return action
-
-    return act
-
-
-def _simulate(simulator: Any, actions: Tensor) -> Tensor:
-    """Where actions (N, H, 2) lead, tried out in the simulator one sequence after the other: (N, H + 1, 13)."""
-    now = simulator.save()
-    paths = []
-    for sequence in actions.numpy():
-        path = [simulator.restore(now)]
-        for action in sequence:
-            path.append(simulator.step(action))
-        paths.append(np.array(path))
-    simulator.restore(now)
-    return torch.from_numpy(np.array(paths))
+        return Driver(one.goal)
+    imagination = simulator
+    if model and about.trial:
+        imagination = Dreamer(model, one.heights, about.trial.network.pixels, about.planning.horizon)
+    return Driver(one.goal, Planner(about.planning, one.goal, number), imagination)
 
 
 def stored(results: str | Path = "results") -> Records[Driven]:

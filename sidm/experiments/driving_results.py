@@ -15,11 +15,13 @@ from scipy.stats import binomtest
 from sidm.experiments.animation import film
 from sidm.experiments.claims import Claim, difference_claim
 from sidm.experiments.drawing import METHOD_STYLES, finish, half_width, lay_ground, side_by_side, styled
-from sidm.experiments.driving import ARRIVED, KEPT, Driven, episode
+from sidm.experiments.drivers import ARRIVED
+from sidm.experiments.driving import KEPT, Driven, episode
 from sidm.experiments.methods import COMPARED
-from sidm.experiments.statistics import Interval
+from sidm.experiments.statistics import Interval, interval
 from sidm.systems import SYSTEMS
 
+SHOWN = 4  # episodes whose ways are drawn
 OTHERS = {"simulator": "planned in the simulator", "straight": "straight ahead"}
 LOOKS: dict[str, dict[str, Any]] = {
     "simulator": {"color": "#009E73", "linestyle": "-."},
@@ -27,7 +29,7 @@ LOOKS: dict[str, dict[str, Any]] = {
 }
 
 
-class Driver(NamedTuple):
+class Way(NamedTuple):
     """One way to drive: all models of a method and size, or one of the others."""
 
     system: str
@@ -51,7 +53,7 @@ class Driver(NamedTuple):
         return None
 
 
-def drivers(found: Iterable[Driven], system: str) -> list[Driver]:
+def drivers(found: Iterable[Driven], system: str) -> list[Way]:
     """A system's ways to drive, in the order in which they are first met."""
     groups: dict[tuple[str, str, float], list[Driven]] = {}
     for one in found:
@@ -59,55 +61,95 @@ def drivers(found: Iterable[Driven], system: str) -> list[Driver]:
             trial = one.about.trial
             key = (one.about.driver, trial.method, trial.novice_minutes) if trial else (one.about.driver, "", 0.0)
             groups.setdefault(key, []).append(one)
-    return [Driver(system, *key, parts) for key, parts in groups.items()]
+    return [Way(system, *key, parts) for key, parts in groups.items()]
 
 
 class Score(NamedTuple):
-    """A driver's episodes in numbers; times and lengths are of those that arrived."""
+    """A driver's episodes in numbers; times and lengths are medians over those in which it arrived, NaN without."""
 
-    models: int  # that share the episodes, one a seed; 1 of the drivers without
+    models: int  # that share the episodes, one a seed; 0 of the drivers without
     episodes: int
     arrived: Interval  # share of the episodes, with Wilson's 95 % interval: of these models, over episodes
-    seconds: float  # median; NaN where none arrived
-    detour: float  # median of path length by straight distance
+    seconds: float
+    length: float  # m
+    detour: float  # path length by straight distance
     ends: dict[str, int]  # of the others, by cause
-    plans_per_second: float
+    surprise: float  # m, from where a plan led to where the robot was at the next, mean over the episodes
+    top_speed: float  # m/s, mean over the episodes
+    plans_per_second: tuple[float, float]  # of the median plan, and of the slowest 5 %; 0 where none is made
 
 
-def score(driver: Driver) -> Score:
+def score(driver: Way) -> Score:
     """The numbers of one driver."""
-    ended = [end for one in driver.parts for end in one.ended]
-    here = np.array([end == "arrived" for end in ended])
+
+    def of(name: str) -> np.ndarray:
+        return np.array([value for one in driver.parts for value in getattr(one, name)])
+
+    here, ends = of("ended") == "arrived", Counter(of("ended").tolist())
+    ends.pop("arrived", None)
     count, total = int(here.sum()), len(here)
     shares = binomtest(count, total).proportion_ci(method="wilson")
-    seconds, length, away = (
-        np.array([value for one in driver.parts for value in getattr(one, name)])
-        for name in ("seconds", "length", "away")
+    ways = (of("seconds"), of("length"), of("length") / (of("away") - ARRIVED))
+    seconds, length, detour = (float(np.median(some[here])) if count else float("nan") for some in ways)
+    pace = [(one.plan_seconds, one.slowest_plan_seconds) for one in driver.parts if one.plans]
+    often, seldom = 1 / np.median(pace, axis=0) if pace else (0.0, 0.0)
+    return Score(
+        models=len(driver.parts) if driver.method else 0,
+        episodes=total,
+        arrived=Interval(count / total, shares.low, shares.high),
+        seconds=seconds,
+        length=length,
+        detour=detour,
+        ends=dict(ends),
+        surprise=float(of("surprise").mean()),
+        top_speed=float(of("top_speed").mean()),
+        plans_per_second=(float(often), float(seldom)),
     )
-    medians = [
-        float(np.median(some[here])) if count else float("nan") for some in (seconds, length / (away - ARRIVED))
-    ]
-    ends = Counter(end for end in ended if end != "arrived")
-    pace = float(np.median([one.plans_per_second for one in driver.parts]))
-    arrived = Interval(count / total, shares.low, shares.high)
-    return Score(len(driver.parts), total, arrived, medians[0], medians[1], dict(ends), pace)
+
+
+def missed(driver: Way) -> dict[int, bool]:
+    """Of each episode by its number, whether the goal was missed."""
+    return {
+        number: end != "arrived"
+        for one in driver.parts
+        for number, end in zip(one.about.episodes, one.ended, strict=True)
+    }
+
+
+def paired(one: Way, other: Way) -> np.ndarray:
+    """(E, 2) of 1 for a goal that was missed, over the episodes that both drove."""
+    mine, theirs = missed(one), missed(other)
+    return np.array([(mine[number], theirs[number]) for number in sorted(mine.keys() & theirs.keys())], float)
+
+
+class Beside(NamedTuple):
+    """How many more goals a model's driver reached than another driver, of the same episodes."""
+
+    way: Way
+    other: Way
+    episodes: int
+    more: Interval  # share of the episodes
+
+
+def beside(found: Iterable[Driven], system: str) -> list[Beside]:
+    """Every model beside the drivers without: the floor and the ceiling."""
+    every, table = drivers(found, system), []
+    for way in every:
+        for other in every:
+            if way.method and not other.method:
+                pairs = paired(way, other)
+                more = interval(lambda some: float((some[:, 1] - some[:, 0]).mean()), pairs)
+                table.append(Beside(way, other, len(pairs), more))
+    return table
 
 
 def claims(found: Iterable[Driven], system: str) -> list[Claim]:
-    """Whether models with SIDM miss fewer goals than those without, of the same data; a seed is a pair of models."""
-    missed = {
-        (driver.method, driver.minutes): {
-            one.about.trial.seed: float(np.mean([end != "arrived" for end in one.ended]))
-            for one in driver.parts
-            if one.about.trial
-        }
-        for driver in drivers(found, system)
-        if driver.method
-    }
+    """Whether models with SIDM miss fewer goals than those without, of the same data; an episode is a pair."""
+    every = {(driver.method, driver.minutes): driver for driver in drivers(found, system) if driver.method}
     table = []
-    for minutes in sorted({size for _, size in missed}):
-        sides = [missed.get((method, minutes), {}) for method in COMPARED]
-        pairs = np.array([[side[seed] for side in sides] for seed in sorted(sides[0].keys() & sides[1].keys())])
+    for minutes in sorted({size for method, size in every if method in COMPARED}):
+        sides = [every.get((method, minutes)) for method in COMPARED]
+        pairs = paired(sides[0], sides[1]) if sides[0] and sides[1] else np.zeros((0, 2))
         words = f"{system}: a smaller share of goals missed with the SIDM's models than without, at {minutes:g} min"
         table.append(difference_claim(words, "not measured", pairs.reshape(-1, 2)))
     return table
@@ -130,7 +172,7 @@ def arrivals_figure(found: Iterable[Driven], systems: Sequence[str] = tuple(SYST
     return figure
 
 
-def _draw_models(axes: Axes, every: Sequence[Driver]) -> set[float]:
+def _draw_models(axes: Axes, every: Sequence[Way]) -> set[float]:
     """Points of the learned models, and their sizes."""
     sizes: set[float] = set()
     for number, method in enumerate(dict.fromkeys(one.method for one in every if one.method)):
@@ -148,7 +190,7 @@ def _draw_models(axes: Axes, every: Sequence[Driver]) -> set[float]:
 @styled
 def paths_figure(found: Iterable[Driven], system: str) -> Figure:
     """The ways that drivers took over the first grounds, seen from above; a circle around each goal."""
-    figure, panels = side_by_side(KEPT, columns=2)
+    figure, panels = side_by_side(SHOWN, columns=2)
     mine = drivers(found, system)
     for number, axes in enumerate(panels):
         axes.set(xlabel="x (m)", ylabel="y (m)", title=f"episode {number}", aspect="equal")
@@ -158,7 +200,7 @@ def paths_figure(found: Iterable[Driven], system: str) -> Figure:
     return figure
 
 
-def _looks(every: Sequence[Driver]) -> list[dict[str, Any]]:
+def _looks(every: Sequence[Way]) -> list[dict[str, Any]]:
     """How the drivers' ways are drawn; of a method, those of less data are paler."""
     sizes = sorted({one.minutes for one in every if one.method}, reverse=True)
     shades = {size: 1 - 0.65 * rank / max(len(sizes) - 1, 1) for rank, size in enumerate(sizes)}
@@ -187,7 +229,7 @@ def driving_film(found: Iterable[Driven], system: str, number: int = 0) -> bytes
     return film([way for way, _ in shown], [look for _, look in shown], one.heights, one.goal)
 
 
-def _draw_ways(axes: Axes, every: Sequence[Driver], number: int) -> None:
+def _draw_ways(axes: Axes, every: Sequence[Way], number: int) -> None:
     """One episode's ground, goal and ways."""
     one = episode(every[0].system, number)
     lay_ground(axes, one.heights, one.heights.min(), one.heights.max())

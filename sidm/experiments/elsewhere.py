@@ -7,46 +7,53 @@ from __future__ import annotations
 
 import hashlib
 import json
+import time
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-import torch
-from torch import Tensor
-
 from sidm.config import config
-from sidm.experiments.datasets import load_dataset
-from sidm.experiments.measure import ROLLOUT_STEPS, one_thread
+from sidm.experiments.datasets import collect_dataset, find_digest, load_dataset, note_committed
+from sidm.experiments.measure import one_thread, summary_curve
 from sidm.experiments.methods import METHODS, change
+from sidm.experiments.presets import Preset
 from sidm.experiments.pretrained import _alone as one_at_a_time
 from sidm.experiments.provenance import Provenance, source_hash
 from sidm.experiments.records import Making, Records
 from sidm.experiments.study import Study
+from sidm.experiments.targets import Recorded, checksum_of, load_recorded, path_errors, piece_losses, recordings_of
+from sidm.experiments.targets import subsets as recorded_subsets
 from sidm.experiments.trials import Dataset
 from sidm.learning import pretraining
-from sidm.learning.dataset import Datasets, Motion, Standardisation, load_motion, novice_split
-from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
+from sidm.learning.dataset import Datasets, Motion, Standardisation, load_motion
 from sidm.learning.least_squares import fit
 from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.networks import Network
 from sidm.learning.pretraining import Start, expert_in_place, start_from
-from sidm.learning.recorded import Pieces, apart_by_ground, cut, recorded_motion
 from sidm.learning.settings import Training
 from sidm.learning.training import Trained, train
-from sidm.recordings import RecordingError, read_recordings
 from sidm.systems import find_system
 
 SIZES = (1.0, 2.0, 5.0)  # of the recorded novice, train and test together, min
 HELD_OUT = 8  # of the 25 grounds, whose recordings judge and nothing else
 P_EXPERT = 0.75  # section 4's for similar robots: for the simulated novice, which is nearly the recorded one
+POLICY = "bounded_noise"  # by which the recorded robots were driven; the simulated ones are as well
 
 Proxy = Literal["none", "expert", "novice"]  # the simulated robot that is the expert here
-WITH_PROXY = ("sidm", "pretrain_finetune", "corrected", "corrected_averaged")
+#: Neighbours in this list wait for no pretraining of one another.
 METHODS_HERE: tuple[tuple[str, Proxy], ...] = (
     ("novice_only", "none"),
+    ("sidm", "expert"),
+    ("pretrain_finetune", "expert"),
+    ("sidm", "novice"),
+    ("pretrain_finetune", "novice"),
     ("least_squares", "none"),
-    *((method, "expert") for method in WITH_PROXY),
-    *((method, "novice") for method in WITH_PROXY),
+    ("corrected", "expert"),
+    ("least_squares_mirrored", "none"),
+    ("corrected", "novice"),
+    ("corrected_averaged", "expert"),
+    ("corrected_averaged", "novice"),
 )
 
 
@@ -70,17 +77,39 @@ class Transfer:
     pretraining: Training | None
     fit: Literal["gradients", "least_squares"] = "gradients"  # as that of a Trial
 
+    @property
+    def datasets(self) -> dict[str, Dataset]:
+        """The simulated ones, by their kind."""
+        return {"expert": self.expert, "novice": self.proxy_novice}
+
+    @property
+    def digests(self) -> dict[str, str]:
+        """Theirs, by the same names."""
+        return {"expert": self.expert_data, "novice": self.proxy_novice_data}
+
 
 @config
 class Transferred:
-    """What came out; a tuple has an entry a size, before them one for no recorded data where the method has that."""
+    """What came out.
+
+    Of a model there is an entry a size, before them one for no recorded data where the method has that; of a training
+    there is an entry a size. Losses are on the N held-out pieces.
+    """
 
     about: Transfer
-    minutes: tuple[float, ...]  # 0: the proxy's model as it is
-    validation_loss: tuple[float, ...]  # equation (1) on the held-out recordings, a sample, raw units
-    component_losses: tuple[tuple[float, ...], ...]  # (13,) each
-    position_error: tuple[tuple[float, ...], ...]  # (25,) m each, mean over the held-out recordings
-    samples: tuple[int, ...]  # seen by prediction training, without the pretraining's
+    minutes: tuple[float, ...]  # of a model; 0: the proxy's model as it is
+    validation_loss: tuple[float, ...]  # of a model, equation (1), a sample, raw units
+    component_losses: tuple[tuple[float, ...], ...]  # of a model, (13,) each
+    piece_losses: tuple[tuple[float, ...], ...]  # of a model, (N,) each, equation (1)
+    position_error: tuple[tuple[float, ...], ...]  # of a model, (25,) m each, mean over the pieces
+    heading_error: tuple[tuple[float, ...], ...]  # of a model, (25,) rad each
+    samples: tuple[int, ...]  # of a training, seen by its prediction phases, without the pretraining's
+    best_samples: tuple[int, ...]  # of a training, until the weights that were kept
+    best_test_loss: tuple[float, ...]  # of a training, smoothed
+    curve_samples: tuple[tuple[int, ...], ...]  # of a training, of at most 40 of its tests
+    curve_test_loss: tuple[tuple[float, ...], ...]
+    curve_training_loss: tuple[tuple[float, ...], ...]
+    seconds: tuple[float, ...]  # of a training, without the pretraining's
     pretraining_samples: int
     source: str  # hash of the code
     provenance: Provenance
@@ -91,17 +120,25 @@ class Transferred:
         return self.source != source_hash("elsewhere")
 
 
-def recordings_of(system: str, folder: str | Path = "recordings") -> Path:
-    """The file of a system's recorded novice."""
-    return Path(folder) / f"{system}.npz"
+def proxies(preset: Preset, system: str) -> dict[str, Dataset]:
+    """The motion of the two simulated robots, 'expert' and 'novice', as much of it as the preset has."""
+    found = preset.replace(policy=POLICY).datasets(system)
+    return {role: found[role] for role in ("expert", "novice")}
+
+
+def collect_proxies(study: Study, system: str, executor: Executor | None = None) -> None:
+    """Simulate what is missing of them and note their digests; ImportError without PyBullet, in one line."""
+    for dataset in proxies(study.preset, system).values():
+        note_committed(dataset, collect_dataset(dataset, study.data, executor), study.results)
 
 
 def transfers(
     study: Study, system: str, recordings: str | Path = "recordings", sizes: Sequence[float] = SIZES
 ) -> list[Transfer]:
     """All trainings of a system, those of a seed side by side; `sizes` are minutes of recorded data."""
-    preset, sets, digests = study.preset, study.preset.datasets(system), study.digests(system)
-    recorded = _checksum(recordings_of(system, recordings))
+    preset, sets = study.preset, proxies(study.preset, system)
+    expert, novice = (find_digest(one, study.data, study.results) for one in sets.values())
+    recorded = checksum_of(recordings_of(system, recordings))
     found = []
     for seed in range(preset.seeds):
         for method, proxy in METHODS_HERE:
@@ -118,9 +155,9 @@ def transfers(
                     held_out=HELD_OUT,
                     recorded_data=recorded,
                     expert=sets["expert"],
-                    expert_data=digests["expert_data"],
+                    expert_data=expert,
                     proxy_novice=sets["novice"],
-                    proxy_novice_data=digests["novice_data"],
+                    proxy_novice_data=novice,
                     network=preset.network,
                     training=training,
                     pretraining=METHODS[method].pretraining(preset),
@@ -130,66 +167,68 @@ def transfers(
     return found
 
 
-class Recorded(NamedTuple):
-    """The recordings of a system, apart by ground."""
+class _Learnt(NamedTuple):
+    """What was learnt from so many minutes."""
 
-    pieces: Pieces
-    motion: Motion
-    learning: Tensor  # numbers of the pieces to learn from
-    judging: Tensor  # and of those to judge by
-
-
-def load_recorded(system: str, held_out: int, pixels: int, recordings: str | Path = "recordings") -> Recorded:
-    """A system's recordings; RecordingError where they have a fault."""
-    pieces = cut(read_recordings(recordings_of(system, recordings)))
-    return Recorded(pieces, recorded_motion(pieces, pixels), *apart_by_ground(pieces, held_out))
+    trained: Trained
+    seconds: float
 
 
 def transfer(about: Transfer, data: str | Path = "data", recordings: str | Path = "recordings") -> Transferred:
     """Train and judge one; RecordingError or ShardError where data are missing or others than they should be."""
-    making = Making("elsewhere")
+    making = Making("elsewhere", about, data)
     with one_thread():
-        _refuse_others(about, recordings)
-        recorded = load_recorded(about.system, about.held_out, about.network.pixels, recordings)
-        expert = _simulated(about, about.expert, about.expert_data, data)
-        proxy = expert
-        if about.proxy == "novice":
-            proxy = _simulated(about, about.proxy_novice, about.proxy_novice_data, data)
-        units, judging = Standardisation.of(expert), recorded.motion.take(recorded.judging)
-        models: dict[float, tuple[Predictor, int]] = {}
-        start = _start(about, Datasets(judging, judging, judging, proxy), units, data)
+        recorded = load_recorded(about.system, about.held_out, about.network.pixels, recordings, about.recorded_data)
+        expert = _simulated(about, "expert", data)
+        proxy = _simulated(about, "novice", data) if about.proxy == "novice" else expert
+        units = Standardisation.of(expert)
+        start = _start(about, recorded, proxy, units, data)
         alone = None if start is None else _as_it_is(about, start, units)
-        if alone is not None:
-            models[0.0] = alone, 0
-        for minutes in about.sizes:
-            sets = _sets(recorded, minutes, about.seed, judging, proxy)
-            trained = _learn(about, sets, units, start, alone)
-            models[minutes] = trained.model, trained.samples
-        losses = {minutes: validation_loss(model, judging) for minutes, (model, _) in models.items()}
-        errors = [_position_error(model, recorded, about.network.pixels) for model, _ in models.values()]
+        models: dict[float, Predictor] = {} if alone is None else {0.0: alone}
+        learnt = [_learn(about, minutes, recorded, proxy, units, start, alone) for minutes in about.sizes]
+        models |= {minutes: one.trained.model for minutes, one in zip(about.sizes, learnt, strict=True)}
+        losses = [piece_losses(model, recorded) for model in models.values()]
+        errors = [path_errors(model, recorded, about.network.pixels) for model in models.values()]
+    curves = [summary_curve(one.trained) for one in learnt]
     return Transferred(
         about=about,
         minutes=tuple(models),
-        validation_loss=tuple(float(loss.sum()) for loss in losses.values()),
-        component_losses=tuple(tuple(loss.tolist()) for loss in losses.values()),
-        position_error=tuple(tuple(error.tolist()) for error in errors),
-        samples=tuple(samples for _, samples in models.values()),
+        validation_loss=tuple(float(loss.mean(0).sum()) for loss in losses),
+        component_losses=tuple(tuple(loss.mean(0).tolist()) for loss in losses),
+        piece_losses=tuple(tuple(loss.sum(1).tolist()) for loss in losses),
+        position_error=tuple(tuple(position.tolist()) for position, _ in errors),
+        heading_error=tuple(tuple(heading.tolist()) for _, heading in errors),
+        samples=tuple(one.trained.samples for one in learnt),
+        best_samples=tuple(one.trained.best_samples for one in learnt),
+        best_test_loss=tuple(float(one.trained.best_test_loss) for one in learnt),
+        curve_samples=tuple(curve[0] for curve in curves),
+        curve_test_loss=tuple(curve[1] for curve in curves),
+        curve_training_loss=tuple(curve[2] for curve in curves),
+        seconds=tuple(one.seconds for one in learnt),
         pretraining_samples=start.samples if start else 0,
         **making.done(),
     )
 
 
 def _learn(
-    about: Transfer, sets: Datasets, units: Standardisation, start: Start | None, alone: DynamicsModel | None
-) -> Trained:
+    about: Transfer, minutes: float, recorded: Recorded, proxy: Motion, units: Standardisation, start: Start | None,
+    alone: DynamicsModel | None,
+) -> _Learnt:  # fmt: skip
     """From fresh weights or the proxy's; or by least squares, which leave the proxy's model as it is."""
+    begun = time.perf_counter()
+    training, testing = (recorded.motion.part(part) for part in recorded_subsets(recorded, minutes, about.seed))
+    sets = Datasets(training, testing, recorded.judges, proxy)
     if about.fit == "least_squares":
-        return fit(sets, units, alone, about.training.mirror)
-    weights = start and start.weights
-    return train(sets, about.network, about.training, about.seed, standardisation=units, start=weights)
+        trained = fit(sets, units, alone, about.training.mirror)
+    else:
+        weights = start and start.weights
+        trained = train(sets, about.network, about.training, about.seed, standardisation=units, start=weights)
+    return _Learnt(trained, time.perf_counter() - begun)
 
 
-def _start(about: Transfer, sets: Datasets, units: Standardisation, data: str | Path) -> Start | None:
+def _start(
+    about: Transfer, recorded: Recorded, proxy: Motion, units: Standardisation, data: str | Path
+) -> Start | None:
     """Weights that learnt from the proxy alone, kept for all methods that begin with them; None where none does."""
     if about.pretraining is None:
         return None
@@ -200,8 +239,13 @@ def _start(about: Transfer, sets: Datasets, units: Standardisation, data: str | 
     with one_at_a_time(where):
         found = pretraining.read(where)
         if found is None:
-            sets = expert_in_place(sets, about.seed)
-            found = start_from(train(sets, about.network, about.pretraining, about.seed, standardisation=units))
+            sets = expert_in_place(Datasets(recorded.judges, recorded.judges, recorded.judges, proxy), about.seed)
+            found = start_from(
+                train(
+                    sets, about.network, about.pretraining, about.seed, standardisation=units,
+                    checkpoint=where / pretraining.STATE,
+                )
+            )  # fmt: skip
             pretraining.keep(where, found)
         return found
 
@@ -213,41 +257,11 @@ def _as_it_is(about: Transfer, start: Start, units: Standardisation) -> Dynamics
     return model.eval().requires_grad_(False)
 
 
-def _refuse_others(about: Transfer, recordings: str | Path) -> None:
-    """RecordingError unless the recordings are those of the training."""
-    path = recordings_of(about.system, recordings)
-    found = _checksum(path)
-    if found != about.recorded_data:
-        raise RecordingError(f"{path}: has checksum {found}, the training wants {about.recorded_data}")
-
-
-def _checksum(path: Path) -> str:
-    if not path.is_file():
-        raise RecordingError(f"{path}: there is no such file of recordings")
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
-
-
-def _simulated(about: Transfer, dataset: Dataset, digest: str, data: str | Path) -> Motion:
-    load_dataset(dataset, digest, data)
+def _simulated(about: Transfer, role: str, data: str | Path) -> Motion:
+    dataset = about.datasets[role]
+    load_dataset(dataset, about.digests[role], data)
     terrain = find_system(about.system).terrain
     return load_motion(data, dataset.collection, dataset.count, terrain, about.network.pixels)
-
-
-def _sets(recorded: Recorded, minutes: float, seed: int, judging: Motion, proxy: Motion) -> Datasets:
-    """Nested subsets of the recordings to learn from, split as the pool of the other studies is."""
-    parts = novice_split(len(recorded.learning), minutes, seed)
-    learning, testing = (recorded.motion.part(recorded.learning[torch.from_numpy(part)]) for part in parts)
-    return Datasets(learning, testing, judging, proxy)
-
-
-def _position_error(model: Predictor, recorded: Recorded, pixels: int) -> Tensor:
-    """(25,) m: mean over the held-out pieces, predicted from their start under their own actions."""
-    pieces, judging = recorded.pieces, recorded.judging
-    states = pieces.states[judging, : ROLLOUT_STEPS + 1]
-    heights = torch.stack([pieces.grounds[number] for number in pieces.ground[judging].tolist()])
-    actions = pieces.actions[judging, :ROLLOUT_STEPS]
-    path = rollout(model, heights, states[:, 0], actions, pixels, spacing=pieces.spacing[0])
-    return rollout_errors(path, states)[0].mean(0)
 
 
 def stored(results: str | Path = "results") -> Records[Transferred]:

@@ -1,4 +1,4 @@
-"""What recorded targets needed: losses, savings and a figure from the records of `elsewhere`."""
+"""What recorded targets needed: losses, comparisons and a figure from the records of `elsewhere`."""
 
 from __future__ import annotations
 
@@ -9,18 +9,28 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sidm.experiments import tables
-from sidm.experiments.claims import Claim, saving_claim
+from sidm.experiments.claims import NO_VERDICT, Claim, verdict
 from sidm.experiments.drawing import LOSS_LABEL, METHOD_STYLES, finish, legend_below, side_by_side, styled
 from sidm.experiments.elsewhere import METHODS_HERE, Proxy, Transferred
 from sidm.experiments.savings import Saving, savings_between
-from sidm.experiments.statistics import Interval, ratio_of_means
+from sidm.experiments.statistics import (
+    FEWEST_SEEDS,
+    Interval,
+    falling,
+    interval,
+    minutes_needed,
+    ratio_of_means,
+)
+from sidm.experiments.suspects import BETTER, NO_DIFFERENCE, WORSE
 from sidm.systems import SYSTEMS
 
-#: What the figure draws and the verdict is on; the table has the others, too.
-SHOWN = tuple(one for one in METHODS_HERE if one[0] != "corrected")
+Way = tuple[str, Proxy]  # a method and whose simulation it learns from
+
+#: What the figure draws; the table has the others, too.
+SHOWN = tuple(one for one in METHODS_HERE if one[0] not in ("corrected", "least_squares_mirrored"))
 PROXY_WORDS = {"none": "", "expert": ", expert simulated", "novice": ", novice simulated"}
-ALONE: tuple[str, Proxy] = ("novice_only", "none")  # what the others are held against
+ALONE = tuple(one for one in METHODS_HERE if one[1] == "none")  # on the recordings alone
+WITHOUT: Way = ("novice_only", "none")  # what the SIDM is held against
 
 
 def label(method: str, proxy: Proxy) -> str:
@@ -36,6 +46,15 @@ class Losses(NamedTuple):
     values: np.ndarray  # (S, M) validation loss
     errors: np.ndarray  # (S, M) m, position after 2.5 s
 
+    def of(self, seeds: Sequence[int]) -> np.ndarray:
+        """(S', M') losses of some seeds where there were recorded data."""
+        return self.values[[self.seeds.index(seed) for seed in seeds]][:, self.minutes > 0]
+
+    @property
+    def sizes(self) -> np.ndarray:
+        """(M',) minutes where there were recorded data."""
+        return self.minutes[self.minutes > 0]
+
 
 def gather(found: Sequence[Transferred], system: str, method: str, proxy: Proxy) -> Losses:
     """What is stored of a method and proxy, by seed."""
@@ -47,8 +66,47 @@ def gather(found: Sequence[Transferred], system: str, method: str, proxy: Proxy)
     return Losses([one.about.seed for one in mine], minutes, values, errors)
 
 
+def best_alone(found: Sequence[Transferred], system: str) -> Way | None:
+    """Which method does best on the recordings alone, by the mean of the loss's logarithm over sizes and seeds."""
+    means = {way: gather(found, system, *way).values for way in ALONE}
+    there = {way: float(np.log(values).mean()) for way, values in means.items() if values.size}
+    return min(there, key=there.__getitem__) if there else None
+
+
+class Comparison(NamedTuple):
+    """A method beside another, over all sizes of recorded data."""
+
+    seeds: int
+    ratio: Interval  # of its loss by the other's: geometric mean over the sizes, paired by seed
+
+    @property
+    def words(self) -> str:
+        """For a table."""
+        if not self.seeds:
+            return "not run"
+        few = f" ({self.seeds} seeds)" if self.seeds < FEWEST_SEEDS else ""
+        return f"{self.ratio.words(3)} times the loss{few}"
+
+    @property
+    def said(self) -> str:
+        """Better or worse where the whole interval is."""
+        if self.seeds < FEWEST_SEEDS:
+            return NO_VERDICT.lower()
+        return BETTER if self.ratio.high < 1 else WORSE if self.ratio.low > 1 else NO_DIFFERENCE
+
+
+def compare(found: Sequence[Transferred], system: str, one: Way, other: Way) -> Comparison:
+    """Two methods with the seeds that both have."""
+    mine, theirs = (gather(found, system, *way) for way in (one, other))
+    common = sorted(set(mine.seeds) & set(theirs.seeds))
+    if not common or not np.array_equal(mine.sizes, theirs.sizes):
+        return Comparison(0, Interval(np.nan, np.nan, np.nan))
+    apart = np.log(mine.of(common)) - np.log(theirs.of(common))
+    return Comparison(len(common), Interval(*np.exp(interval(lambda some: float(some.mean()), apart))))
+
+
 class Line(NamedTuple):
-    """A method at one size of recorded data, beside training without SIDM on the recordings alone."""
+    """A method at one size of recorded data, beside the best that the recordings alone give."""
 
     system: str
     method: str
@@ -57,50 +115,73 @@ class Line(NamedTuple):
     seeds: int
     loss: float
     error: float  # m, mean position error after 2.5 s
-    ratio: Interval | None  # of the loss by that of the recordings alone, paired by seed; None without their size
-    saving: Saving | None  # how many times the recorded data these would need; None without any
+    ratio: Interval | None  # of the loss by that of the best, paired by seed; None of that itself, and without data
+    saving: Saving | None  # how many times the recorded data the best would need; None as there
+    worth: str  # of a model without recorded data: the minutes with which the best does as well
 
 
 def lines(found: Sequence[Transferred], system: str) -> list[Line]:
     """A line a method, proxy and size that is stored; seeds that the comparison lacks are left out of its columns."""
-    alone = gather(found, system, *ALONE)
+    best = best_alone(found, system)
+    alone = gather(found, system, *(best or WITHOUT))
     table = []
-    for method, proxy in METHODS_HERE:
-        own = gather(found, system, method, proxy)
+    for way in METHODS_HERE:
+        own = gather(found, system, *way)
         common = sorted(set(own.seeds) & set(alone.seeds))
-        mine, theirs = ([side.seeds.index(seed) for seed in common] for side in (own, alone))
-        some = own.minutes > 0
-        saved = {}
-        if common and (method, proxy) != ALONE:
-            every = savings_between(own.minutes[some], own.values[mine][:, some], alone.minutes, alone.values[theirs])
+        saved: dict[float, Saving] = {}
+        if common and way != best:
+            every = savings_between(own.sizes, own.of(common), alone.minutes, alone.of(common))
             saved = {saving.minutes: saving for saving in every}
         for size, minutes in enumerate(own.minutes.tolist()):
             ratio = None
             if minutes in saved and minutes in alone.minutes:
-                beside = alone.values[theirs][:, alone.minutes.tolist().index(minutes)]
-                ratio = ratio_of_means(np.stack([beside, own.values[mine, size]], axis=1))
-            loss, error = own.values[:, size].mean(), own.errors[:, size].mean()
-            of_size = float(loss), float(error), ratio, saved.get(minutes)
-            table.append(Line(system, method, proxy, minutes, len(own.seeds), *of_size))
+                beside = alone.of(common)[:, alone.minutes.tolist().index(minutes)]
+                mine = own.of(common)[:, own.sizes.tolist().index(minutes)]
+                ratio = ratio_of_means(np.stack([beside, mine], axis=1))
+            loss, error = float(own.values[:, size].mean()), float(own.errors[:, size].mean())
+            worth = _worth(alone, loss) if minutes == 0 and alone.values.size else ""
+            saving = saved.get(minutes)
+            table.append(Line(system, *way, minutes, len(own.seeds), loss, error, ratio, saving, worth))
     return table
 
 
-def needed(found: Sequence[Transferred], system: str) -> list[Claim]:
-    """What each method with a simulated expert saves of the recorded data, as claims."""
-    alone = gather(found, system, *ALONE)
-    claims = []
-    for method, proxy in SHOWN:
-        if proxy == "none":
-            continue
-        own = gather(found, system, method, proxy)
-        common = sorted(set(own.seeds) & set(alone.seeds))
-        mine, theirs = ([side.seeds.index(seed) for seed in common] for side in (own, alone))
-        both = [own.values[mine][:, own.minutes > 0], alone.values[theirs]]
-        values = np.stack(both, axis=1) if common else np.zeros((0, 2, 0))
-        words = f"recorded novice of {system}, {label(method, proxy)}: as good on less data as the recordings alone"
-        paper = "less" if method == "sidm" else "-"
-        claims.append(saving_claim(words, paper, tables.Losses(alone.minutes, values, np.array(common))))
-    return claims
+def _worth(alone: Losses, loss: float) -> str:
+    """The recorded minutes with which a method does as well as a loss, in words."""
+    much, sign = minutes_needed(alone.minutes, falling(alone.values.mean(0)), loss)
+    return {"=": "", "<=": "at most ", ">": "more than "}[sign] + f"{much:.2g} min"
+
+
+def hoped(found: Sequence[Transferred], system: str) -> list[Claim]:
+    """The paper's hope (section 6) as claims: a smaller loss with an SIDM than without, on the same recordings."""
+    table = []
+    for proxy in ("expert", "novice"):
+        seen = compare(found, system, ("sidm", proxy), WITHOUT)
+        sizes = ", ".join(f"{m:g}" for m in gather(found, system, "sidm", proxy).sizes) or "all"
+        words = f"recorded novice of {system}, {proxy} simulated: a smaller loss with SIDM than without, at {sizes} min"
+        gain = Interval(*-np.log(np.array([seen.ratio.value, seen.ratio.high, seen.ratio.low])))
+        judged = verdict(gain, 0.0) if seen.seeds >= FEWEST_SEEDS else NO_VERDICT
+        table.append(Claim(words, "less data needed", seen.words, judged, seen.ratio if seen.seeds else None))
+    return table
+
+
+def in_short(found: Sequence[Transferred], system: str) -> str:
+    """What came out of a system in a sentence or two, for the first page."""
+    best = best_alone(found, system)
+    table = lines(found, system)
+    sizes = [one for one in table if one.minutes > 0]
+    if best is None or not sizes:
+        return f"{system}: not run"
+    least = min(one.minutes for one in sizes)
+    first = min((one for one in sizes if one.minutes == least), key=lambda one: one.loss)
+    sidm, proxy = [compare(found, system, ("sidm", whose), WITHOUT).words for whose in ("expert", "novice")]
+    said = (
+        f"{system}: with SIDM {sidm} of the same network on the recordings alone, and {proxy} where the novice is "
+        f"simulated, all sizes together; at {least:g} min the lowest mean loss, {first.loss:.3g}, is that of "
+        f"{label(first.method, first.proxy)}"
+    )
+    if (first.method, first.proxy) != best and first.ratio is not None:
+        said += f", {first.ratio.words(3)} times that of {label(*best)}, the best on the recordings alone"
+    return said
 
 
 @styled
@@ -126,7 +207,7 @@ def _draw(axes: Axes, own: Losses, method: str, proxy: Proxy) -> set[float]:
     if proxy == "novice":
         style |= {"mfc": "white", "linewidth": 1}
     some = own.minutes > 0
-    minutes, values = own.minutes[some], own.values[:, some]
+    minutes, values = own.sizes, own.values[:, some]
     axes.plot(minutes, values.mean(0), **style)
     axes.fill_between(minutes, values.min(0), values.max(0), color=style["color"], alpha=0.2, lw=0)
     if not some.all() and method == "pretrain_finetune":

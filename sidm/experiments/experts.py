@@ -61,6 +61,17 @@ class Pretraining:
         )
 
 
+    @property
+    def datasets(self) -> dict[str, Dataset]:
+        """Those of the trial and the members', by their kind."""
+        return self.trial.datasets | dict(zip(self.roles, self.members, strict=True))
+
+    @property
+    def digests(self) -> dict[str, str]:
+        """Theirs, by the same names."""
+        return self.trial.digests | dict(zip(self.roles, self.members_data, strict=True))
+
+
 @config
 class Pretrained:
     """What came out; W ways of WAYS by M sizes."""
@@ -130,7 +141,7 @@ def load_experts(about: Pretraining, data: str | Path) -> tuple[dict[str, Motion
 
 def pretrain(about: Pretraining, data: str | Path = "data") -> Pretrained:
     """Train the SIDM and all novices of one job; ShardError where data are missing."""
-    making, trial = Making("experts"), about.trial
+    making, trial = Making("experts", about, data), about.trial
     assert trial.pretraining is not None
     with one_thread():
         experts, units = load_experts(about, data)

@@ -32,16 +32,19 @@ def as_recording(trajectory: Trajectory, system: System) -> Recording:
     return Recording(name, trajectory.states.astype(float), trajectory.actions.astype(float), ground)
 
 
-def pieces_of(source: str, minutes: float, data: str | Path = "data") -> Pieces:
+def pieces_of(
+    source: str, minutes: float, data: str | Path = "data", policy: str = "ornstein_uhlenbeck"
+) -> Pieces:
     """The motion of a robot, cut into trajectories.
 
     Args:
         source: a file or folder of recordings, or the name of a simulated robot, as 'system1 expert'.
         minutes: of a simulated robot's motion, simulated where it is missing; of recordings all are taken.
         data: the folder of simulated trajectories.
+        policy: of a simulated robot's random actions.
 
     Raises:
-        ConfigError: there is no such file and no such robot.
+        ConfigError: there is no such file, no such robot or no such policy.
         RecordingError: a file has a fault.
         ImportError: PyBullet is needed and not installed; one line.
     """
@@ -50,7 +53,9 @@ def pieces_of(source: str, minutes: float, data: str | Path = "data") -> Pieces:
 
         system, role = SIMULATED[source]
         seed = EXPERT_SEED if role == "expert" else POOL_SEED
-        found = collect(data, Collection(system=system, role=role, seed=seed), trajectories_for(minutes))
+        found = collect(
+            data, Collection(system=system, role=role, policy=policy, seed=seed), trajectories_for(minutes)
+        )
         return cut([as_recording(trajectory, SYSTEMS[system]) for trajectory in found])
     if not Path(source).exists():
         error = unknown_name(source, SIMULATED, "the simulated robots")

@@ -32,8 +32,11 @@ WINGS = {
     "bundle": (*_ALONE, "sidm.experiments.bundled"),  # the same, many at once
     "least_squares": (*_ALONE, "sidm.experiments.solved"),
     "diagnosis": (*_ALONE, "sidm.experiments.diagnostics", "sidm.experiments.latents"),
-    "elsewhere": (*_ALONE, "sidm.experiments.elsewhere"),
-    "driving": (*_ALONE, "sidm.experiments.driving", "sidm.experiments.models", "sidm.experiments.solved"),
+    "elsewhere": (*_ALONE, "sidm.experiments.elsewhere", "sidm.experiments.targets"),
+    "driving": (
+        *_ALONE, "sidm.experiments.driving", "sidm.experiments.drivers", "sidm.experiments.models",
+        "sidm.experiments.solved",
+    ),  # fmt: skip
     "uncertainty": (*_ALONE, "sidm.experiments.uncertainty", "sidm.experiments.models"),
     "experts": (*_ALONE, "sidm.experiments.experts", "sidm.experiments.family"),
     "simulation": ("sidm.simulation.collect",),

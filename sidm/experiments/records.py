@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 from sidm.config import ConfigError, from_mapping
+from sidm.experiments.datasets import Uses, others
 from sidm.experiments.measure import THREADS
 from sidm.experiments.provenance import Provenance, here, source_hash
 from sidm.experiments.run import one_line
@@ -106,13 +107,21 @@ class Records(Generic[F]):
 
 
 class Making:
-    """What a record says of how it was made; the code is looked at when the work begins, not when it is done."""
+    """What a record says of how it was made; the code is looked at when the work begins, not when it is done.
 
-    def __init__(self, wing: str) -> None:
-        """`wing` is one of `provenance.WINGS`."""
+    Args:
+        wing: of the code, one of `provenance.WINGS`.
+        used: what names the data that it is made from; None where none are.
+        data: their folder.
+    """
+
+    def __init__(self, wing: str, used: Uses | None, data: str | Path) -> None:
         self.begun, self.source = time.perf_counter(), source_hash(wing)
+        self.others = others(used, data) if used else ()
         source_hash("learning"), source_hash("simulation")
 
     def done(self) -> dict[str, Any]:
         """The fields `source` and `provenance` of a record."""
-        return {"source": self.source, "provenance": here(time.perf_counter() - self.begun, THREADS, False)}
+        made = here(time.perf_counter() - self.begun, THREADS, False)
+        provenance = dataclasses.replace(made, other_data=self.others)  # type: ignore[type-var]
+        return {"source": self.source, "provenance": provenance}

@@ -144,7 +144,7 @@ def _run_bundles(
 
 def of_data(row: Row | Failure, data: str | Path) -> Row | Failure:
     """The row with a word of data that only stand for the trial's own."""
-    found = tuple(f"{kind} {digest}" for kind, digest in others(row.trial, data).items())
+    found = others(row.trial, data)
     made = dataclasses.replace(row.provenance, other_data=found)  # type: ignore[type-var]
     return dataclasses.replace(row, provenance=made) if found else row  # type: ignore[type-var]
 

@@ -17,19 +17,32 @@ from sidm.experiments.records import Records
 from sidm.experiments.study import Study
 
 
+def collect_preset(study: Study, system: str, executor: Executor) -> None:
+    """Simulate what is missing of a preset's own datasets."""
+    collect_datasets(study.preset, [system], study.data, executor=executor)
+
+
+def collect_family(study: Study, system: str, executor: Executor) -> None:
+    """And of the experts of the family."""
+    collect_preset(study, system, executor)
+    needed = experts.members_needed(experts.pretrainings(study, system))
+    collect_members(system, study.preset.policy, needed, study.data, study.results, executor)
+
+
 class Beyond(NamedTuple):
     """A study whose results are records."""
 
     jobs: Callable[[Study, str], list[Any]]  # of a system
     work: Callable[..., Any]  # on one of them, with the folder of the data
     stored: Callable[[Path], Records]
+    collect: Callable[[Study, str, Executor], None] = collect_preset  # simulate what the jobs of a system need
 
 
 STUDIES = {
-    "elsewhere": Beyond(elsewhere.transfers, elsewhere.transfer, elsewhere.stored),
+    "elsewhere": Beyond(elsewhere.transfers, elsewhere.transfer, elsewhere.stored, elsewhere.collect_proxies),
     "driving": Beyond(driving.drives, driving.drive, driving.stored),
     "uncertainty": Beyond(uncertainty.fits, uncertainty.fit, uncertainty.stored),
-    "experts": Beyond(experts.pretrainings, experts.pretrain, experts.stored),
+    "experts": Beyond(experts.pretrainings, experts.pretrain, experts.stored, collect_family),
 }
 
 
@@ -45,12 +58,9 @@ def run_study(
 ) -> tuple[int, int]:
     """Simulate and make what a study lacks; how many results it has, and how many it should have."""
     found, systems = find_study(name), tuple(systems)
-    collect_datasets(preset, systems, data, executor=executor)
-    study = Study(preset, data, results)
-    if name == "experts":
-        for system in systems:
-            needed = experts.members_needed(found.jobs(study, system))
-            collect_members(system, preset.policy, needed, data, results, executor)
+    for system in systems:
+        found.collect(Study(preset, data, results), system, executor)
+    study = Study(preset, data, results)  # which knows the digests now
     jobs = [job for system in systems for job in found.jobs(study, system)]
     records = found.stored(results)
     records.run(jobs, functools.partial(found.work, data=data.absolute()), executor, name)

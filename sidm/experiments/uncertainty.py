@@ -70,7 +70,7 @@ def fits(study: Study, system: str, sizes: Iterable[float] = SIZES, particles: i
 
 def fit(about: Fit, data: str | Path = "data") -> Fitted:
     """Train and judge one; ShardError where data are missing."""
-    making, trial = Making("uncertainty"), about.trial
+    making, trial = Making("uncertainty", about.trial, data), about.trial
     with one_thread():
         library = Library(data)
         sets, samples = library.datasets(trial), 0

@@ -22,15 +22,16 @@ Imagination = Callable[[Tensor], Tensor]
 
 @config
 class Planning:
-    """Settings of a planner: the cross-entropy method, its mean kept from plan to plan and moved on by what is done."""
+    """Settings of a planner: the cross-entropy method, its distribution kept from plan to plan and moved on in time."""
 
     samples: int = 32  # action sequences an iteration
-    iterations: int = 1  # a plan; each draws about the mean of the elites before, the first about the last plan's
-    elites: int = 6  # of the samples, the best ones, whose mean is taken
+    iterations: int = 1  # a plan; each draws from the distribution of the elites before, the first from the last plan's
+    elites: int = 6  # of the samples, the best ones, whose mean and standard deviation are taken
     horizon: int = 12  # control steps of 0.1 s
     hold: int = 3  # control steps that an action lasts
     replan: int = 3  # control steps from plan to plan
-    spread: float = 0.5  # standard deviation of the first samples of a plan
+    spread: float = 0.5  # standard deviation at first, and of what a plan has not looked at yet
+    least: float = 0.2  # standard deviation that is kept, so that the search goes on
     steepest: float = 50.0  # degrees of tilt, beyond which a sequence counts as a rollover
 
     def __post_init__(self) -> None:
@@ -45,8 +46,9 @@ class Planning:
             raise ConfigError(f"Planning.horizon must be a multiple of hold ({self.hold}), not {self.horizon}")
         if self.replan > self.horizon:
             raise ConfigError(f"Planning.replan must be at most horizon ({self.horizon}), not {self.replan}")
-        if not self.spread > 0:
-            raise ConfigError(f"Planning.spread must be positive, not {self.spread}")
+        for name in ("spread", "least"):
+            if not getattr(self, name) > 0:
+                raise ConfigError(f"Planning.{name} must be positive, not {getattr(self, name)}")
 
 
 ROLLED_OVER = 100.0  # m, added to the cost of a sequence for every step beyond the steepest tilt
@@ -84,23 +86,27 @@ class Planner:
         self.settings, self.goal = settings, torch.as_tensor(goal, dtype=torch.float64)
         self.generator = torch.Generator().manual_seed(seed)
         self.mean = torch.zeros(settings.horizon, ACTION_SIZE, dtype=torch.float64)
+        self.spread = torch.full_like(self.mean, settings.spread)
+        self.foreseen: Tensor | None = None  # (H + 1, 13), where the last plan leads by what imagined it
 
     def plan(self, imagine: Imagination) -> Tensor:
         """Actions (H, 2) from now on; the first `replan` are to be carried out before the next plan."""
-        settings = self.settings
-        mean, spread = self.mean, torch.full_like(self.mean, settings.spread)  # (H, 2)
+        settings, mean, spread = self.settings, self.mean, self.spread  # (H, 2)
         shape = settings.samples, settings.horizon // settings.hold, ACTION_SIZE
         best, lowest = mean, math.inf
         for _ in range(settings.iterations):
             noise = torch.randn(shape, generator=self.generator, dtype=torch.float64)
             drawn = (mean + spread * noise.repeat_interleave(settings.hold, dim=1)).clamp(-1, 1)  # (N, H, 2)
             drawn[0] = mean
-            costs = cost(imagine(drawn), self.goal, settings.steepest)
+            paths = imagine(drawn)
+            costs = cost(paths, self.goal, settings.steepest)
             elite = costs.argsort(stable=True)[: settings.elites]
-            mean, spread = drawn[elite].mean(0), drawn[elite].std(0, correction=0)
+            mean, spread = drawn[elite].mean(0), drawn[elite].std(0, correction=0).clamp_min(settings.least)
             if float(costs[elite[0]]) < lowest:
-                best, lowest = drawn[elite[0]], float(costs[elite[0]])
-        self.mean = torch.cat([mean[settings.replan :], mean[-1:].expand(settings.replan, -1)])
+                best, lowest, self.foreseen = drawn[elite[0]], float(costs[elite[0]]), paths[elite[0]]
+        ahead = slice(settings.replan, None)
+        self.mean = torch.cat([mean[ahead], mean[-1:].expand(settings.replan, -1)])
+        self.spread = torch.cat([spread[ahead], torch.full_like(spread[: settings.replan], settings.spread)])
         return best
 
 
@@ -111,11 +117,15 @@ class Dreamer:
         model: that predicts the novice.
         heights: (H, W), m, of the ground.
         pixels: P of the model's maps.
+        horizon: control steps that are imagined from where the robot is.
         spacing: of the ground's grid, m.
     """
 
-    def __init__(self, model: Predictor, heights: np.ndarray, pixels: int, spacing: float = 0.1) -> None:
+    def __init__(
+        self, model: Predictor, heights: np.ndarray, pixels: int, horizon: int = 0, spacing: float = 0.1
+    ) -> None:
         self.model, self.pixels, self.spacing = model, pixels, spacing
+        self.longest = STEPS - horizon  # of the memory
         self.heights = torch.as_tensor(heights, dtype=torch.float32)
         self.memory: Memory | None = None
         self.done: list[tuple[Tensor, Tensor]] = []  # states and actions that the memory is of
@@ -137,14 +147,14 @@ class Dreamer:
     def observe(self, state: np.ndarray, action: np.ndarray | Tensor) -> None:
         """Take in that the robot was in `state` (13,) and did `action` (2,).
 
-        The memory never holds more than STEPS steps, the most that training has seen: then it is made anew of half of
-        them.
+        What is remembered and imagined together is never longer than STEPS, the most that training has seen: before it
+        would be, the memory is made anew of half as many.
         """
         now = torch.as_tensor(state, dtype=torch.float32)[None], torch.as_tensor(action, dtype=torch.float32)[None]
         self.done.append(now)
         again = [now]
-        if len(self.done) > STEPS:
-            again = self.done = self.done[-STEPS // 2 :]
+        if len(self.done) > self.longest:
+            again = self.done = self.done[-self.longest // 2 :]
             self.memory = None
         with torch.inference_mode():
             for past in again:

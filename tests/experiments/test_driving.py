@@ -9,7 +9,17 @@ import torch
 from sidm.config import ConfigError
 from sidm.experiments import Study, models
 from sidm.experiments import driving as d
-from sidm.experiments.driving_results import arrivals_figure, claims, drivers, driving_film, paths_figure, score
+from sidm.experiments.drivers import Driver, ride, try_out
+from sidm.experiments.driving_results import (
+    SHOWN,
+    arrivals_figure,
+    beside,
+    claims,
+    drivers,
+    driving_film,
+    paths_figure,
+    score,
+)
 from sidm.experiments.provenance import here
 from sidm.learning.planning import Planning
 from sidm.simulation import Simulator
@@ -36,7 +46,7 @@ def test_every_size_and_method_is_driven_beside_a_floor_and_a_ceiling(tmp_path):
         (minutes, seed, method) for minutes in (1, 5, 60) for seed in range(3)
         for method in ("sidm", "novice_only", "corrected_averaged")
     ]
-    assert [(job.driver, len(job.episodes)) for job in jobs if not job.trial] == [("straight", 50), ("simulator", 10)]
+    assert [(job.driver, len(job.episodes)) for job in jobs if not job.trial] == [("simulator", 10), ("straight", 50)]
     of_one = [job.episodes for job in jobs if job.trial and job.trial.method == "sidm"][:3]
     assert sorted(number for episodes in of_one for number in episodes) == list(range(50))
     assert len({job.planning for job in jobs}) == 2  # one planner for all who plan
@@ -59,7 +69,12 @@ def test_a_drive_is_stored_as_it_was(jobs, data, tmp_path, driver):
     assert path.shape == (6, 2)
     assert found.length[0] == pytest.approx(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
     assert found.left[0] == pytest.approx(np.linalg.norm(path[-1] - goal))
-    assert (found.plans_per_second > 0) == (driver != "straight")
+    plans = {"straight": 0, "simulator": 3}.get(driver, 2)
+    assert found.plans == plans and (0 < found.plan_seconds <= found.slowest_plan_seconds) == (plans > 0)
+    assert (found.surprise[0] > 0) == (job.trial is not None)  # a plan tried out in the simulator leads where it led
+    assert 0 < found.top_speed[0] < 5 and 0 < found.steepest[0] < 90
+    assert (found.validation_loss > 0) == (found.position_error > 0) == (job.trial is not None)
+    assert 0 < found.throttle[0] <= 1
     store.put(found)
     assert store.get(job).about == job
 
@@ -79,11 +94,55 @@ def test_trying_out_leaves_the_simulator_where_it_was():
     with Simulator(d.find_system("system1").novice, one.heights) as simulator:
         simulator.reset()
         simulator.step(np.array([0.4, 0.0]))
-        before, tried = simulator.state, d._simulate(simulator, actions).numpy()
+        before, tried = simulator.state, try_out(simulator, actions).numpy()
         assert np.allclose(simulator.state, before, atol=1e-9)
         for action in actions[0].numpy():
             simulator.step(action)
         assert np.allclose(tried[0, -1], simulator.state, atol=1e-6) and np.allclose(tried[:, 0], before, atol=1e-9)
+
+
+class Toy:
+    """A robot on a line that is at the sum of the throttles so far, and falls over or is lost beyond 1 m."""
+
+    def __init__(self, beyond: str) -> None:
+        self.state, self.beyond = np.array([0, 0, 0, 0, 0, 0, 1, *[0] * 6], float), beyond
+
+    def save(self):
+        return self.state
+
+    def restore(self, state):
+        self.state = state
+        return state
+
+    def step(self, action):
+        self.state = self.state.copy()
+        self.state[0] += action[0]
+        if self.state[0] > 1:
+            self.state[3:7] = float("nan") if self.beyond == "lost" else (1, 0, 0, 0)
+        return self.state
+
+    def ended(self, state):
+        return None if np.isfinite(state).all() else "unstable"
+
+
+@pytest.mark.parametrize("beyond", ["lost", "rollover"])
+def test_what_falls_over_or_is_lost_is_tried_no_further(beyond):
+    """It stays where it was, upside down."""
+    actions = torch.tensor([[[0.8, 0], [0.8, 0], [0.8, 0]], [[0.1, 0], [0.1, 0], [0.1, 0]]], dtype=torch.float64)
+    tried = try_out(Toy(beyond), actions).numpy()
+    assert np.isfinite(tried).all() and tried[1, :, 0] == pytest.approx([0, 0.1, 0.2, 0.3])
+    assert tried[0, 2:, 3].tolist() == [1, 1] and tried[0, 3, 0] == tried[0, 2, 0]
+
+
+def test_a_ride_whose_numbers_are_lost_ends_there():
+    """And is kept up to then; one that falls over within reach of its goal has not arrived."""
+    toy = Toy("lost")
+    driver = Driver(np.array([3.0, 0.0]))  # half throttle, straight ahead
+    lost = ride(toy, driver, toy, 2.0)
+    assert lost.ended == "unstable" and len(lost.actions) == 3 and np.isfinite(lost.states).all()
+    toy = Toy("rollover")
+    toy.ended = lambda state: "rollover" if state[3] == 1 else None
+    assert ride(toy, Driver(np.array([1.5, 0.0])), toy, 2.0).ended == "rollover"
 
 
 def driven(about: d.Drive, arrived: int, episodes: int = 10, seed: int = 0) -> d.Driven:
@@ -98,7 +157,15 @@ def driven(about: d.Drive, arrived: int, episodes: int = 10, seed: int = 0) -> d
         length=(6.6,) * episodes,
         away=(6.5,) * episodes,
         left=(0.4,) * episodes,
-        plans_per_second=12.0,
+        throttle=(0.5,) * episodes,
+        top_speed=(1.5,) * episodes,
+        steepest=(20.0,) * episodes,
+        surprise=(0.1,) * episodes,
+        validation_loss=0.3,
+        position_error=0.5,
+        plans=0 if about.driver == "straight" else 20,
+        plan_seconds=0.08,
+        slowest_plan_seconds=0.1,
         paths=(path,) * sum(number < d.KEPT for number in numbers),
         source="",
         provenance=here(1.0, 1, False),
@@ -122,16 +189,26 @@ def test_scores_are_shares_and_medians(made_up):
     best, floor = score(every[2]), score(every[4])
     assert (best.models, best.episodes, best.arrived.value) == (3, 30, 0.9)
     assert 0.74 < best.arrived.low < 0.75 and 0.96 < best.arrived.high < 0.97  # Wilson's
-    assert best.seconds == 4 and best.detour == pytest.approx(1.1) and best.ends == {"stuck": 3}
-    assert floor.arrived.value == 0 and np.isnan(floor.seconds) and floor.ends == {"stuck": 10}
+    assert best.seconds == 4 and best.detour == pytest.approx(1.1) and best.ends == {"stuck": 3} and best.length == 6.6
+    assert best.plans_per_second == pytest.approx((12.5, 10)) and floor.plans_per_second == (0, 0)
+    assert floor.arrived.value == 0 and np.isnan(floor.seconds) and floor.ends == {"stuck": 10} and floor.models == 0
 
 
-def test_claims_pair_models_by_their_seed(made_up):
+def test_claims_pair_episodes(made_up):
     """Two goals more of ten, at both sizes."""
     table = claims(made_up, "system1")
     assert [claim.interval.value for claim in table] == pytest.approx([0.2, 0.2])
     assert {claim.verdict for claim in table} == {"In the same direction"} and claims(made_up, "system2") == []
-    assert claims(made_up[:1] + made_up[3:4], "system1")[0].verdict == "No verdict"  # of one seed
+    assert claims(made_up[:1], "system1")[0].verdict == "No verdict"  # of one side
+
+
+def test_models_stand_beside_floor_and_ceiling(made_up):
+    """Of the episodes that both drove, here every third."""
+    table = {(one.way.label, one.other.kind): one for one in beside(made_up, "system1")}
+    assert len(table) == 4 * 2
+    best = table[drivers(made_up, "system1")[2].label, "straight"]
+    assert best.episodes == 10 and best.more.value == pytest.approx(0.9)
+    assert table[best.way.label, "simulator"].more.value == pytest.approx(-0.1)
 
 
 def test_figures_draw_all_drivers(made_up):
@@ -140,7 +217,7 @@ def test_figures_draw_all_drivers(made_up):
     assert right.texts[0].get_text() == "no trials stored"
     panels, every = paths_figure(made_up, "system1").axes, drivers(made_up, "system1")
     labels = [line.get_label() for line in panels[0].get_lines()]
-    assert len(panels) == d.KEPT and labels == [one.label for one in every]
+    assert len(panels) == SHOWN and labels == [one.label for one in every]
     assert len(panels[1].get_lines()) == 4  # those whose seed drove episode 1
     assert driving_film(made_up, "system1")[:6] == b"GIF89a"
     with pytest.raises(ValueError, match="no driver of system2"):

@@ -70,10 +70,10 @@ def test_a_record_of_something_else_is_refused(store):
 
 
 def test_making_looks_at_the_code_when_it_begins():
-    making = Making("driving")
+    making = Making("driving", None, "data")
     made = making.done()
     assert made["source"] == source_hash("driving") and made["provenance"].seconds >= 0
-    assert dataclasses.replace(made["provenance"], seconds=0.0).threads == 1
+    assert dataclasses.replace(made["provenance"], seconds=0.0).threads == 1 and not made["provenance"].other_data
 
 
 def test_a_study_goes_by_its_name():

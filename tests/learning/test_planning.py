@@ -58,6 +58,17 @@ def test_a_plan_goes_on_where_the_one_before_led():
     assert torch.equal(drawn[0][0], torch.cat([best[2:], best[-1:], best[-1:]]))
 
 
+def test_the_spread_shrinks_to_the_least_where_the_plan_has_looked():
+    """And is the first one where it has not; what a plan foresees is where its actions lead."""
+    settings = Planning(elites=4)
+    planner = Planner(settings, np.array([3.0, 1.0]), 0)
+    for _ in range(20):
+        best = planner.plan(lambda actions: slide(HERE, actions))
+    assert torch.equal(planner.spread[-3:], torch.full((3, 2), settings.spread, dtype=torch.float64))
+    assert planner.spread[:3].min() >= settings.least and planner.spread[:3, 0].max() < settings.spread
+    assert torch.allclose(planner.foreseen, slide(HERE, best[None])[0])
+
+
 def test_plans_are_functions_of_their_seed():
     plans = [Planner(Planning(), np.array([3.0, 1.0]), seed).plan(lambda a: slide(HERE, a)) for seed in (1, 1, 2)]
     assert torch.equal(plans[0], plans[1]) and not torch.equal(plans[0], plans[2])
@@ -103,14 +114,15 @@ def test_dreams_are_the_models_rollouts(small_network, rng):
 
 
 def test_a_memory_is_never_longer_than_training_has_seen(small_network, rng):
-    """After more steps it is that of the last half."""
+    """With the horizon; after more steps it is that of the last half."""
     model, heights = DynamicsModel(small_network, roles=["novice"]).eval(), np.zeros((61, 61))
-    actions = rng.uniform(-1, 1, (STEPS + 1, 2))
-    long, short = Dreamer(model, heights, 8), Dreamer(model, heights, 8)
+    actions = rng.uniform(-1, 1, (STEPS - 12 + 1, 2))
+    long, short = (Dreamer(model, heights, 8, horizon=12) for _ in range(2))
     for action in actions:
         long.observe(HERE, action)
-    for action in actions[-STEPS // 2 :]:
+    for action in actions[-(STEPS - 12) // 2 :]:
         short.observe(HERE, action)
+    assert len(long.done) == len(short.done) == 26
     assert all(torch.allclose(a, b) for a, b in zip(long.memory, short.memory, strict=True))
 
 
@@ -122,6 +134,7 @@ def test_a_memory_is_never_longer_than_training_has_seen(small_network, rng):
         ({"hold": 5}, "Planning.horizon must be a multiple of hold"),
         ({"replan": 13}, "Planning.replan must be at most horizon"),
         ({"spread": 0.0}, "Planning.spread must be positive"),
+        ({"least": 0.0}, "Planning.least must be positive"),
     ],
 )
 def test_settings_without_a_plan_are_refused(changes, fault):
