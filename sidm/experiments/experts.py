@@ -6,21 +6,28 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+import json
 import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any, NamedTuple
+
+from torch import Tensor
 
 from sidm.config import config
 from sidm.experiments.datasets import find_digest, load_dataset
 from sidm.experiments.family import dataset
-from sidm.experiments.measure import Library, one_thread
+from sidm.experiments.measure import Library, one_thread, roll_out, summary_curve
 from sidm.experiments.methods import METHODS, change
 from sidm.experiments.provenance import Provenance, source_hash
 from sidm.experiments.records import Making, Records
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Dataset, Trial
-from sidm.learning.dataset import Datasets, Motion, Standardisation, load_motion
-from sidm.learning.evaluation import validation_loss
+from sidm.learning import checkpoint
+from sidm.learning.dataset import Datasets, Motion, Part, Standardisation, load_motion, split
+from sidm.learning.evaluation import mean_loss, rollout_errors, validation_loss
+from sidm.learning.model import DynamicsModel
 from sidm.learning.settings import Training
 from sidm.learning.several import Parts, as_novice, fresh_around, nearest, train_several
 from sidm.learning.training import train
@@ -28,6 +35,9 @@ from sidm.systems import find_system
 
 COUNTS = (1, 2, 4, 8)  # of experts; all together have the minutes that the paper's has alone
 SIZES = (1.0, 5.0, 20.0)  # of the novice's data, min
+BEYOND = (60.0,)  # of the single expert's novice besides, so that what others save can be told
+TESTS = {"test_interval": 5, "smoothing": 0.87}  # of a novice's training, whose lowest loss comes soon: five times as
+# many tests as otherwise, smoothed over as long
 
 #: How the novice goes on: from the nearest expert's encoder and decoder or fresh ones, the SIDM learning on or frozen.
 WAYS = {
@@ -74,16 +84,24 @@ class Pretraining:
 
 @config
 class Pretrained:
-    """What came out; W ways of WAYS by M sizes."""
+    """What came out; W ways of WAYS by M sizes; of each novice's training unless said."""
 
     about: Pretraining
     nearest: tuple[str, ...]  # (M,) the expert that the novice went on from
-    before: tuple[float, ...]  # (M,) validation loss with that expert's parts as they are
+    before: tuple[tuple[float, ...], ...]  # (M, E) validation loss with each expert's parts as they are
     validation_loss: tuple[tuple[float, ...], ...]  # (W, M)
-    samples: tuple[tuple[float, ...], ...]  # (W, M) seen until the weights that were kept
-    seconds: tuple[tuple[float, ...], ...]  # (W, M) of training, stopping's patience included
+    component_losses: tuple[tuple[tuple[float, ...], ...], ...]  # (W, M, 13)
+    position_error: tuple[tuple[float, ...], ...]  # (W, M) m, after 2.5 s, mean over the rollouts of the trial
+    heading_error: tuple[tuple[float, ...], ...]  # (W, M) rad
+    samples: tuple[tuple[int, ...], ...]  # (W, M) seen in all
+    best_samples: tuple[tuple[int, ...], ...]  # (W, M) seen until the weights that were kept
+    seconds: tuple[tuple[float, ...], ...]  # (W, M) in all, stopping's patience included
+    curve_samples: tuple[tuple[tuple[int, ...], ...], ...]  # (W, M, at most 40) of its tests
+    curve_test_loss: tuple[tuple[tuple[float, ...], ...], ...]
     experts_samples: int  # seen by the SIDM before
-    experts_loss: float  # mean test loss of the experts, smoothed
+    experts_loss: tuple[float, ...]  # (E,) test loss of each expert, the paper's first
+    experts_curve_samples: tuple[int, ...]  # of the SIDM's own training
+    experts_curve_test_loss: tuple[float, ...]  # mean over the experts
     source: str  # hash of the code
     provenance: Provenance
 
@@ -98,16 +116,19 @@ def pretrainings(
 ) -> list[Pretraining]:
     """Every number of experts with every seed."""
     preset, sizes, found = study.preset, tuple(sizes), []
-    fresh = METHODS["novice_only"].training(preset, system)
+    fresh = change(METHODS["novice_only"].training(preset, system), **TESTS)
+    trained = change(METHODS["pretrain_finetune"].training(preset, system), **TESTS)
+    further = tuple(size for size in BEYOND if max(sizes) < size <= preset.pool_minutes(system))
     whole = preset.datasets(system)["expert"].count
     for count in counts:
         members = tuple(dataset(system, number, preset.policy, whole // count) for number in range(count - 1))
         digests = tuple(find_digest(one, study.data, study.results) for one in members)
+        own = sizes + (further if count == 1 else ())
         found += [
             Pretraining(
-                trial=study.trial(system, "pretrain_finetune", max(sizes), seed),
+                trial=study.trial(system, "pretrain_finetune", max(own), seed, trained),
                 fresh=change(fresh, frozen="sidm"),
-                sizes=sizes,
+                sizes=own,
                 experts=count,
                 roles=tuple(one.collection.role for one in members),
                 members_data=digests,
@@ -141,50 +162,99 @@ def load_experts(about: Pretraining, data: str | Path) -> tuple[dict[str, Motion
 
 def pretrain(about: Pretraining, data: str | Path = "data") -> Pretrained:
     """Train the SIDM and all novices of one job; ShardError where data are missing."""
-    making, trial = Making("experts", about, data), about.trial
-    assert trial.pretraining is not None
+    making, trial, library = Making("experts", about, data), about.trial, Library(data)
     with one_thread():
         experts, units = load_experts(about, data)
-        several = train_several(experts, trial.network, trial.pretraining, trial.seed, units)
-        model, library = several.model, Library(data)
-        found: dict[str, list[tuple[float, float, float]]] = {way: [] for way in WAYS}
+        weights, history = _sidm_of(about, experts, units, data)
+        model = DynamicsModel(trial.network, units, trial.seed, tuple(experts))
+        model.load_state_dict(weights)
+        model.eval()
+        found: list[list[_Novice]] = []  # (M, W)
         chosen, before = [], []
         for minutes in about.sizes:
             sets = library.datasets(trial.replace(novice_minutes=minutes))
             role = nearest(model, sets.train)  # type: ignore[arg-type]
             chosen.append(role)
-            before.append(float(validation_loss(model, sets.validation, role).sum()))
-            starts = {way: as_novice(model, role) for way in ("all", "parts")}  # type: ignore[arg-type]
-            starts["fresh_parts"] = fresh_around(model, trial.network, units, trial.seed)  # type: ignore[arg-type]
-            for way, start in starts.items():
-                found[way].append(_novice(about, way, sets, start, units))
-    losses, samples, seconds = (tuple(tuple(one[k] for one in some) for some in found.values()) for k in range(3))
+            before.append(tuple(float(validation_loss(model, sets.validation, one).sum()) for one in experts))
+            starts = {way: as_novice(model, role) for way in ("all", "parts")}
+            starts["fresh_parts"] = fresh_around(model, trial.network, units, trial.seed)
+            found.append([_novice(about, way, sets, starts[way], units, library) for way in WAYS])
+        own = tuple(mean_loss(model, _testing(motion, trial.seed), role) for role, motion in experts.items())
+
+    def every(name: str) -> Any:
+        return tuple(tuple(getattr(one, name) for one in some) for some in zip(*found, strict=True))
+
     return Pretrained(
         about=about,
         nearest=tuple(chosen),
         before=tuple(before),
-        validation_loss=losses,
-        samples=samples,
-        seconds=seconds,
-        experts_samples=several.samples,
-        experts_loss=float(several.best_test_loss),
+        **{name: every(name) for name in _Novice._fields},
+        experts_samples=history["samples"],
+        experts_loss=own,
+        experts_curve_samples=tuple(history["curve_samples"]),
+        experts_curve_test_loss=tuple(history["curve_test_loss"]),
         **making.done(),
     )
 
 
+def _sidm_of(
+    about: Pretraining, experts: dict[str, Motion], units: Standardisation, data: str | Path
+) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    """The weights of the SIDM and all experts' parts, and how they came about; trained once and kept under `data`."""
+    trial = about.trial
+    assert trial.pretraining is not None
+    made_from = [*about.digests.values(), about.experts, *map(repr, (trial.network, trial.pretraining)), trial.seed]
+    key = hashlib.sha256(json.dumps(made_from).encode()).hexdigest()[:20]
+    where = Path(data) / "pretrained" / f"experts-{key}-{source_hash('experts')}"
+    kept = checkpoint.read(where)
+    if kept is None:
+        several = train_several(experts, trial.network, trial.pretraining, trial.seed, units)
+        samples, tests, _ = summary_curve(several)
+        history = {"samples": several.samples, "curve_samples": samples, "curve_test_loss": tests}
+        checkpoint.write(where, checkpoint.module_tensors(several.model), history)
+        kept = checkpoint.read(where)
+        assert kept is not None
+    return kept
+
+
+def _testing(motion: Motion, seed: int) -> Part:
+    """The trajectories of an expert that its training was stopped by."""
+    return motion.part(split(len(motion), len(motion), seed)[1])
+
+
+class _Novice(NamedTuple):
+    """What a novice's training gives; the fields of `Pretrained`."""
+
+    validation_loss: float
+    component_losses: tuple[float, ...]
+    position_error: float
+    heading_error: float
+    samples: int
+    best_samples: int
+    seconds: float
+    curve_samples: tuple[int, ...]
+    curve_test_loss: tuple[float, ...]
+
+
 def _novice(
-    about: Pretraining, way: str, sets: Datasets, start: Parts, units: Standardisation
-) -> tuple[float, float, float]:
-    """Validation loss, samples until the weights kept, and seconds, of one novice."""
-    begun = time.perf_counter()
+    about: Pretraining, way: str, sets: Datasets, start: Parts, units: Standardisation, library: Library
+) -> _Novice:
+    """Train and judge one."""
+    trial, begun = about.trial, time.perf_counter()
     trainings: Mapping[str, Training] = {
-        "all": about.trial.training,
-        "parts": change(about.trial.training, frozen="sidm"),
+        "all": trial.training,
+        "parts": change(trial.training, frozen="sidm"),
         "fresh_parts": about.fresh,
     }
-    trained = train(sets, about.trial.network, trainings[way], about.trial.seed, standardisation=units, start=start)
+    trained = train(sets, trial.network, trainings[way], trial.seed, standardisation=units, start=start)
     seconds = time.perf_counter() - begun
-    return float(validation_loss(trained.model, sets.validation).sum()), float(trained.best_samples), seconds
+    losses = validation_loss(trained.model, sets.validation)
+    position, heading = rollout_errors(*roll_out(trained.model, trial, library.rollouts(trial)))
+    samples, tests, _ = summary_curve(trained)
+    return _Novice(
+        float(losses.sum()), tuple(losses.tolist()), float(position[:, -1].mean()), float(heading[:, -1].mean()),
+        trained.samples, trained.best_samples, seconds, samples, tests,
+    )  # fmt: skip
 
 
 def stored(results: str | Path = "results") -> Records[Pretrained]:

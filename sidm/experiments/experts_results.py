@@ -51,14 +51,16 @@ def needed_lines(found: Sequence[Pretrained]) -> list[Line]:
         for number, way in enumerate(WAYS):
             some = list(mine.values())
             loss, samples, seconds = (
-                _values(some, name, number).mean(0) for name in ("validation_loss", "samples", "seconds")
+                _values(some, name, number).mean(0) for name in ("validation_loss", "best_samples", "seconds")
             )
             ratios: list[Interval | None] = [None] * len(sizes)
             saved: list[Saving | None] = [None] * len(sizes)
             if count > 1 and common:
                 own, other = (_values([side[s] for s in common], "validation_loss", number) for side in (mine, single))
-                saved = list(savings_between(sizes, own, sizes, other))
-                ratios = [ratio_of_means(np.stack([other[:, k], own[:, k]], axis=1)) for k in range(len(sizes))]
+                singles = np.array(single[common[0]].about.sizes)
+                saved = list(savings_between(sizes, own, singles, other))
+                beside = other[:, [singles.tolist().index(minutes) for minutes in sizes]]
+                ratios = [ratio_of_means(np.stack([beside[:, k], own[:, k]], axis=1)) for k in range(len(sizes))]
             for k, minutes in enumerate(sizes.tolist()):
                 numbers = float(loss[k]), ratios[k], saved[k], float(samples[k]), float(seconds[k]) / 60
                 lines.append(Line(count, way, minutes, len(mine), *numbers))
@@ -72,8 +74,9 @@ def claims(found: Sequence[Pretrained]) -> list[Claim]:
         return [Claim("a smaller loss with several experts' SIDM than with one's", PAPER, "not run", NO_VERDICT)]
     many, single = _by_seed(found, most), _by_seed(found, 1)
     system, table = found[0].about.trial.system, []
+    sizes = next(one.about.sizes for one in found if one.about.experts == most)
     for number, words in enumerate(WAYS.values()):
-        for size, minutes in enumerate(found[0].about.sizes):
+        for size, minutes in enumerate(sizes):  # which the single expert's begin with
             common = sorted(many.keys() & single.keys())
             losses = [[side[seed].validation_loss[number][size] for side in (many, single)] for seed in common]
             claim = f"{system}: a smaller loss with {most} experts' SIDM than with one's, {words}, at {minutes:g} min"

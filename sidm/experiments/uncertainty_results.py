@@ -29,9 +29,12 @@ class Line(NamedTuple):
     seeds: int
     loss: float  # equation (1)
     nll: float  # nats a sample
+    constant: float  # nats a sample: the NLL with its own means and the best spread that is the same everywhere
     less: Interval | None  # the NLL less the twin's, paired by seed; None for the twin
     coverage: np.ndarray  # (L, 13) of one step
     last_coverage: np.ndarray  # (L, 3) after the last step of the rollouts
+    last_width: np.ndarray  # (L, 3) of the intervals there: forward, sideways, m, heading, rad
+    error: float  # m, position after the rollouts of the means
 
 
 def likelihood_lines(found: Sequence[Fitted], system: str) -> list[Line]:
@@ -68,9 +71,17 @@ def _line(
     system: str, method: str, likelihood: bool, minutes: float, some: Sequence[Fitted], less: Interval | None
 ) -> Line:
     loss, nll = (float(np.mean([getattr(one, name) for one in some])) for name in ("validation_loss", "nll"))
+    constant = float(np.mean([constant_spread(one) for one in some]))
     coverage = np.mean([one.coverage for one in some], axis=0)
-    last = np.mean([one.steps_coverage for one in some], axis=0)[:, -1]
-    return Line(system, method, likelihood, minutes, len(some), loss, nll, less, coverage, last)
+    last, width = (np.mean([getattr(one, f"steps_{name}") for one in some], axis=0)[:, -1] for name in
+                   ("coverage", "width"))  # fmt: skip
+    error = float(np.mean([one.position_error[-1] for one in some]))
+    return Line(system, method, likelihood, minutes, len(some), loss, nll, constant, less, coverage, last, width, error)
+
+
+def constant_spread(one: Fitted) -> float:
+    """The NLL of normal distributions about a model's means, their spreads the best that are the same everywhere."""
+    return float(0.5 * np.log(2 * np.pi * np.e * np.array(one.component_losses)).sum())
 
 
 def claims(found: Sequence[Fitted], system: str) -> list[Claim]:

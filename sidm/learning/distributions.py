@@ -39,8 +39,11 @@ class Gaussian(NamedTuple):
 
     def nll(self, values: Tensor) -> Tensor:
         """Negative log-likelihood (...), nats, of values (..., K), summed over the last dimension."""
-        terms = ((values - self.mean) / self.std).square() / 2 + self.std.log() + math.log(2 * math.pi) / 2
-        return terms.sum(-1)
+        return self.component_nll(values).sum(-1)
+
+    def component_nll(self, values: Tensor) -> Tensor:
+        """The same of each component alone, (..., K)."""
+        return ((values - self.mean) / self.std).square() / 2 + self.std.log() + math.log(2 * math.pi) / 2
 
 
 class Spread(nn.Module):

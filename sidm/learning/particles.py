@@ -25,25 +25,34 @@ class Calibration(NamedTuple):
     """Of one step, over the steps of some motion."""
 
     nll: float  # negative log-likelihood, nats a sample
+    component_nll: tuple[float, ...]  # (13,) of each component alone
+    spread: tuple[float, ...]  # (13,) mean standard deviation given the latents, raw units
     coverage: tuple[tuple[float, ...], ...]  # (L, 13) share of steps within the central intervals of LEVELS
 
 
-def one_step(model: Stochastic, motion: Motion, generator: torch.Generator, role: str = "novice") -> Calibration:
-    """Likelihood and coverage of the mixture over DRAWS of the latents, whole trajectories each.
+def one_step(
+    model: Stochastic, motion: Motion, generator: torch.Generator | None, draws: int = DRAWS, role: str = "novice"
+) -> Calibration:
+    """Likelihood and coverage of the mixture over so many draws of the latents, whole trajectories each.
 
-    Of so few draws the likelihood is a little too small, on average.
+    Of few draws the likelihood is too small, on average. Without a generator the latents are their means.
     """
-    total, inside, count = 0.0, torch.zeros(len(LEVELS), TARGET_SIZE, dtype=torch.float64), 0
+    whole, count = 0.0, 0
+    alone, spread = (torch.zeros(TARGET_SIZE, dtype=torch.float64) for _ in range(2))
+    inside = torch.zeros(len(LEVELS), TARGET_SIZE, dtype=torch.float64)
     with torch.inference_mode():
         for part in motion.split(EVALUATION_BATCH):
-            drawn = [model.predict(role, part.inputs, part.maps, None, generator)[0] for _ in range(DRAWS)]
-            logs = torch.stack([-one.nll(part.targets) for one in drawn]).double()  # (D, B, T)
-            total -= float((torch.logsumexp(logs, 0) - math.log(DRAWS)).sum())
+            drawn = [model.predict(role, part.inputs, part.maps, None, generator)[0] for _ in range(draws)]
+            logs = torch.stack([-one.component_nll(part.targets) for one in drawn]).double()  # (D, B, T, 13)
+            whole -= float((torch.logsumexp(logs.sum(-1), 0) - math.log(draws)).sum())
+            alone -= (torch.logsumexp(logs, 0) - math.log(draws)).sum((0, 1))
+            spread += torch.stack([one.std for one in drawn]).double().mean(0).sum((0, 1))
             rank = torch.stack([_below(one, part.targets) for one in drawn]).mean(0)  # (B, T, 13)
             for number, level in enumerate(LEVELS):
-                inside[number] += (2 * (rank - 0.5).abs() <= level).double().sum((0, 1)).cpu()
+                inside[number] += (2 * (rank - 0.5).abs() <= level).double().sum((0, 1))
             count += part.targets[..., 0].numel()
-    return Calibration(total / count, tuple(tuple(level.tolist()) for level in inside / count))
+    components, spreads = (tuple((some / count).tolist()) for some in (alone, spread))
+    return Calibration(whole / count, components, spreads, tuple(tuple(level.tolist()) for level in inside / count))
 
 
 def _below(found: Gaussian, values: Tensor) -> Tensor:
@@ -89,23 +98,30 @@ def particle_rollout(
     return torch.stack(states, dim=1)
 
 
-def covered(particles: Tensor, actual: Tensor, levels: Sequence[float] = LEVELS) -> Tensor:
-    """Whether what happened lies within the particles' central intervals.
+class Along(NamedTuple):
+    """Particles beside what happened, without the start: along and across its heading, m, and of the heading, rad."""
+
+    inside: Tensor  # (L, K, 3) bool, whether the central intervals hold it
+    width: Tensor  # (L, K, 3) of the intervals
+    error: Tensor  # (K, 3) how far the particles' mean is off
+
+
+def covered(particles: Tensor, actual: Tensor, levels: Sequence[float] = LEVELS) -> Along:
+    """How the particles' central intervals fit what happened.
 
     Args:
         particles: states (S, K + 1, 13).
         actual: states (K + 1, 13).
         levels: of the intervals.
-
-    Returns:
-        (L, K, 3) bool, without the start: along and across the heading of the start, and of the heading itself.
     """
     heading = rotations.yaw(particles[..., QUATERNION])[:, 1:]  # (S, K)
     middle = torch.atan2(heading.sin().mean(0), heading.cos().mean(0))  # (K,): turns are counted from there
     start = rotations.yaw(actual[0, QUATERNION])
     numbers, truth = (_seen(states, start, middle) for states in (particles[:, 1:], actual[1:]))  # (S, K, 3), (K, 3)
-    ends = (central(numbers, level) for level in levels)
-    return torch.stack([(low <= truth) & (truth <= high) for low, high in ends])
+    ends = [central(numbers, level) for level in levels]
+    inside = torch.stack([(low <= truth) & (truth <= high) for low, high in ends])
+    width = torch.stack([high - low for low, high in ends])
+    return Along(inside, width, (numbers.mean(0) - truth).abs())
 
 
 def central(values: Tensor, level: float, dim: int = 0) -> tuple[Tensor, Tensor]:

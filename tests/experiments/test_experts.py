@@ -67,9 +67,30 @@ def test_novices_are_learnt_every_way_and_stored(jobs, data, tmp_path, number):
     job, store = jobs[number], x.stored(tmp_path)
     found = x.pretrain(job, data)
     assert np.array(found.validation_loss).shape == np.array(found.samples).shape == (3, 2) and not found.stale
-    assert set(found.nearest) <= {"expert", "member0"} and len(found.before) == 2
+    assert np.array(found.component_losses).sum(-1) == pytest.approx(np.array(found.validation_loss))
+    assert (np.array(found.best_samples) <= np.array(found.samples)).all()
+    assert set(found.nearest) <= {"expert", "member0"} and np.array(found.before).shape == (2, job.experts)
+    assert len(found.experts_loss) == job.experts and len(found.experts_curve_samples) > 0
     store.put(found)
     assert store.get(job).about == job
+
+
+def test_the_sidm_of_the_experts_is_trained_once(jobs, data, monkeypatch):
+    """The second time it is read, and gives the same."""
+    first = x.pretrain(jobs[0], data)
+    monkeypatch.setattr(x, "train_several", None)
+    again = x.pretrain(jobs[0], data)
+    assert again.before == first.before and again.validation_loss == first.validation_loss
+    assert again.experts_curve_test_loss == first.experts_curve_test_loss
+
+
+def test_the_single_experts_novice_has_more_data_besides(tmp_path):
+    """And all are tested more often than elsewhere."""
+    jobs = x.pretrainings(Study("laptop", tmp_path, tmp_path), "system1")
+    assert {(job.experts, job.sizes) for job in jobs} == {
+        (1, (1.0, 5.0, 20.0, 60.0)), *((count, (1.0, 5.0, 20.0)) for count in (2, 4, 8)),
+    }  # fmt: skip
+    assert {one.test_interval for job in jobs for one in (job.fresh, job.trial.training)} == {5}
 
 
 @pytest.fixture
@@ -78,18 +99,27 @@ def made_up(jobs):
     found = []
     for seed in range(3):
         for job in jobs:
-            about = dataclasses.replace(job, trial=job.trial.replace(seed=seed), sizes=(1.0, 5.0, 20.0))
+            sizes = (1.0, 5.0, 20.0, 60.0) if job.experts == 1 else (1.0, 5.0, 20.0)
+            about, count = dataclasses.replace(job, trial=job.trial.replace(seed=seed), sizes=sizes), len(sizes)
             losses = tuple((4 + 0.1 * seed) / (minutes * job.experts) for minutes in about.sizes)
             found.append(
                 x.Pretrained(
                     about=about,
-                    nearest=("expert",) * 3,
-                    before=(9.0,) * 3,
+                    nearest=("expert",) * count,
+                    before=((9.0,) * job.experts,) * count,
                     validation_loss=(losses,) * 3,
-                    samples=((1000.0,) * 3,) * 3,
-                    seconds=((60.0,) * 3,) * 3,
+                    component_losses=(((0.1,) * 13,) * count,) * 3,
+                    position_error=((0.1,) * count,) * 3,
+                    heading_error=((0.1,) * count,) * 3,
+                    samples=((2000,) * count,) * 3,
+                    best_samples=((1000,) * count,) * 3,
+                    seconds=((60.0,) * count,) * 3,
+                    curve_samples=(((1,),) * count,) * 3,
+                    curve_test_loss=(((1.0,),) * count,) * 3,
                     experts_samples=5000,
-                    experts_loss=1.0,
+                    experts_loss=(1.0,) * job.experts,
+                    experts_curve_samples=(1,),
+                    experts_curve_test_loss=(1.0,),
                     source="",
                     provenance=here(1.0, 1, False),
                 )
@@ -99,7 +129,7 @@ def made_up(jobs):
 
 def test_lines_compare_with_the_single_expert(made_up):
     table = {(one.experts, one.way, one.minutes): one for one in needed_lines(made_up)}
-    assert len(table) == 2 * 3 * 3
+    assert len(table) == 3 * 4 + 3 * 3
     two = table[2, "parts", 5.0]
     assert two.seeds == 3 and two.saving.ratio.value == pytest.approx(2) and two.ratio.value == pytest.approx(0.5)
     assert two.compute_minutes == 1 and two.samples == 1000 and table[1, "parts", 5.0].saving is None

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
+from scipy import stats
 
 from sidm.experiments import Study, models
 from sidm.experiments import uncertainty as u
@@ -32,6 +33,13 @@ def test_a_fit_is_judged_and_stored(jobs, data, tmp_path, number):
     half, most = np.array(found.coverage)
     assert half.shape == (13,) and (half >= 0).all() and (half <= most).all() and (most <= 1).all()
     assert np.array(found.steps_coverage).shape == (2, 25, 3) and (found.samples > 0) == job.likelihood
+    assert np.array(found.steps_width).shape == (2, 25, 3) and np.array(found.steps_error).shape == (25, 3)
+    assert sum(found.component_losses) == pytest.approx(found.validation_loss)
+    assert len(found.position_error) == len(found.heading_error) == 25 and (found.position_error[-1] > 0)
+    assert (len(found.curve_samples) > 0) == (found.training_seconds > 0) == job.likelihood
+    assert all((value > 0) == job.likelihood for value in found.latent_spread)
+    if not job.likelihood:  # without latents to draw components are independent, and draws are one
+        assert sum(found.component_nll) == pytest.approx(found.nll) == found.nll_at_means
     store.put(found)
     assert store.get(job).about == job
 
@@ -57,10 +65,26 @@ def made_up(jobs):
                 u.Fitted(
                     about=about,
                     validation_loss=1.0 + 0.1 * seed + job.likelihood,
+                    component_losses=(0.1,) * 13,
                     nll=5.0 + 0.1 * seed - 2 * job.likelihood,
+                    nll_at_means=5.0,
+                    component_nll=(0.5,) * 13,
+                    spread=(0.1,) * 13,
+                    latent_spread=(0.1, 0.2),
+                    quietest=(0.0, 0.0, 0.5),
                     coverage=tuple((level,) * 13 for level in cover),
                     steps_coverage=tuple(((level,) * 3,) * 25 for level in cover),
+                    steps_width=(((0.1,) * 3,) * 25,) * 2,
+                    steps_error=((0.1,) * 3,) * 25,
+                    position_error=(0.1,) * 25,
+                    heading_error=(0.1,) * 25,
                     samples=1,
+                    best_samples=1,
+                    best_test_loss=1.0,
+                    curve_samples=(1,),
+                    curve_test_loss=(1.0,),
+                    curve_training_loss=(1.0,),
+                    training_seconds=1.0,
                     source="",
                     provenance=here(1.0, 1, False),
                 )
@@ -74,6 +98,8 @@ def test_lines_compare_with_the_twin_seed_by_seed(made_up):
     assert mine.seeds == 3 and twin.less is None and shares(mine.coverage) == "50% (50% to 50%), 90% (90% to 90%)"
     assert mine.nll == pytest.approx(3.1) and mine.less.value == pytest.approx(-2) and mine.less.high < -1.9
     assert mine.loss == pytest.approx(2.1) and likelihood_lines(made_up, "system2") == []
+    assert mine.constant == pytest.approx(13 * stats.norm(0, 0.1**0.5).entropy()) and mine.error == pytest.approx(0.1)
+    assert mine.last_width.shape == (2, 3)
 
 
 def test_the_claim_is_of_the_pairs(made_up):

@@ -144,7 +144,8 @@ def test_coverage_is_that_of_the_normal_distribution(make_motion, generator, sai
     assert [np.mean(level) for level in found.coverage] == pytest.approx([half, most], abs=0.03)
     assert [len(level) for level in found.coverage] == [13, 13]
     expected = -stats.norm.logpdf(motion.targets.numpy(), 0, said).sum(-1).mean()
-    assert found.nll == pytest.approx(expected, rel=1e-4)
+    assert found.nll == pytest.approx(expected, rel=1e-4) == sum(found.component_nll)
+    assert found.spread == pytest.approx((said,) * 13)
 
 
 def test_the_twin_is_as_unsure_everywhere(small_network, make_motion, generator):
@@ -161,7 +162,7 @@ def test_particles_spread_and_cover_one_of_theirs(model, small_network, generato
     for _ in range(150):
         paths = particle_rollout(model, heights, HERE, actions, small_network.pixels, 20, generator)
         assert paths.shape == (20, 5, 13) and torch.equal(paths[:, 0], HERE.expand(20, -1))
-        inside.append(covered(paths[1:], paths[0]))
+        inside.append(covered(paths[1:], paths[0]).inside)
     spread = paths[:, :, 0].std(0)
     assert spread[0] == 0 and spread[1] > 0
     half, most = torch.stack(inside).double().mean((0, 2, 3)).tolist()
@@ -186,7 +187,7 @@ def test_a_turn_past_half_a_circle_is_covered():
     for turn, expected in ((math.pi + 0.02, True), (-math.pi + 0.05, True), (math.pi - 0.6, False)):
         actual = start.repeat(2, 1)
         actual[1, 3:7] = rotations.from_yaw(torch.tensor(turn, dtype=torch.float64))
-        assert covered(paths, actual)[1, 0, 2].item() == expected
+        assert covered(paths, actual).inside[1, 0, 2].item() == expected
 
 
 def test_intervals_are_seen_from_the_start():
@@ -198,6 +199,8 @@ def test_intervals_are_seen_from_the_start():
     for y, expected in ((0.45, [True, True]), (0.1, [False, True]), (1.2, [False, False])):
         actual = start.repeat(2, 1)
         actual[1, 1] = y
-        forward, _, _ = covered(paths, actual)[:, 0].T.tolist()
-        assert forward == expected
+        found = covered(paths, actual)
+        forward, _, _ = found.inside[:, 0].T.tolist()
+        assert forward == expected and found.error[0].tolist() == pytest.approx([abs(y - 0.45), 0, 0], abs=1e-6)
+        assert 0 < found.width[0, 0, 0] < found.width[1, 0, 0] <= 0.9 and found.width[:, 0, 1:].abs().max() < 1e-6
     assert np.isfinite(paths.numpy()).all()
