@@ -12,6 +12,8 @@ from pages import DESK, ROOT
 from pdf import BROWSERS
 from playwright.sync_api import sync_playwright
 
+from sidm.experiments import collect_datasets, load_preset
+
 
 def shared_by_workers(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder that all workers of this run see."""
@@ -42,11 +44,22 @@ def render(output: Path) -> None:
 
 
 @pytest.fixture(scope="session")
-def project(tmp_path_factory) -> Path:
-    """A worker's copy of what the notebooks work with: data are collected and trials run in it once."""
+def motion(tmp_path_factory) -> Path:
+    """The data of the smoke preset for system 1, collected once for all workers."""
+    folder = shared_by_workers(tmp_path_factory) / "motion"
+    with open(f"{folder}.lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        collect_datasets(load_preset("smoke"), ["system1"], folder, workers=2, progress=False)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def project(tmp_path_factory, motion) -> Path:
+    """A worker's copy of what the notebooks work with: trials are run in it once."""
     copy = tmp_path_factory.mktemp("copy") / "project"
     for name in ("sidm", "notebooks", "params", "results", "recordings"):
         shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(motion, copy / "_build" / "smoke" / "data")
     return copy
 
 
