@@ -67,10 +67,10 @@ explore: $(STAMP)
 
 # One call of pytest, so that one exit status and one closing line speak for all: the unit tests; each notebook with
 # params/smoke.yaml, and a book built with warnings as errors, which are tests themselves (tests/book); and nbval over the
-# committed notebooks. `loadfile` keeps a notebook's cells, and the tests that share a browser, on one worker; in their
-# order here, the long files of tests/book come first, so that no worker is left alone with one.
+# committed notebooks. `loadfile` keeps a notebook's cells, and the tests that share a browser, on one worker; in the
+# order here what takes long comes first, so that no worker is left alone with it.
 test: $(STAMP)
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --nbval-lax --nbval-current-env tests notebooks
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --nbval-lax --nbval-current-env notebooks tests
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
