@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from sidm.experiments.methods import METHODS
+from sidm.experiments.pace import Pace, seconds
 from sidm.experiments.statistics import Interval, interval
 from sidm.experiments.store import Row
 
@@ -25,15 +26,19 @@ class Neighbour(NamedTuple):
     differences: tuple[Interval | None, ...]  # from each comparison, paired by seed, below zero where the method is
     # better; none from itself, nor where no seed has both
     samples: float  # mean, of prediction and pretraining
-    compute_minutes: float  # mean, of a trial
+    compute_minutes: float  # mean, of a trial, beside whatever ran then
+    paced_minutes: float | None  # mean, of the samples at the paces of one measurement; none without it
 
 
-def neighbours(rows: Iterable[Row], against: Sequence[str] = ("sidm", "novice_only")) -> list[Neighbour]:
+def neighbours(
+    rows: Iterable[Row], against: Sequence[str] = ("sidm", "novice_only"), paces: Mapping[str, Pace] | None = None
+) -> list[Neighbour]:
     """A line a system, size and method, in the order of METHODS.
 
     Args:
         rows: at most one a system, size, method and seed.
         against: methods that the others are compared with.
+        paces: seconds of 1,000 samples by method, as `pace.read` finds them.
     """
     groups: dict[tuple[str, float, str], dict[int, Row]] = {}
     for row in rows:
@@ -52,11 +57,15 @@ def neighbours(rows: Iterable[Row], against: Sequence[str] = ("sidm", "novice_on
         )
         mean, lowest, highest = float(np.mean(losses)), min(losses), max(losses)
         cost = float(np.mean([row.provenance.seconds for row in group.values()])) / 60
+        paced = [spent for row in group.values() if (spent := seconds(row, paces or {})) is not None]
         found.append(
             Neighbour(
-                system, minutes, method, len(group), mean, lowest, highest, differences, float(np.mean(samples)), cost
+                system, minutes, method, len(group), mean, lowest, highest, differences,
+                samples=float(np.mean(samples)),
+                compute_minutes=cost,
+                paced_minutes=float(np.mean(paced)) / 60 if paced else None,
             )
-        )
+        )  # fmt: skip
     return found
 
 

@@ -7,6 +7,7 @@ from sidm.experiments import METHODS, Study, load_preset
 from sidm.experiments.baselines import neighbours
 from sidm.experiments.figures import neighbours_figure
 from sidm.experiments.methods import BASELINES, MIRRORED, VARIANTS
+from sidm.experiments.pace import Pace
 
 STUDY = Study(load_preset("laptop"))
 
@@ -48,6 +49,9 @@ def test_costs_are_means_over_trials(rows):
     mine = [row for row in rows if (row.trial.method, row.trial.novice_minutes) == ("sidm", 5)]
     assert one.samples == np.mean([row.outcome.samples + row.outcome.pretraining_samples for row in mine])
     assert one.compute_minutes == pytest.approx(np.mean([row.provenance.seconds for row in mine]) / 60)
+    assert one.paced_minutes is None
+    (paced,) = neighbours(mine, paces={"sidm": Pace(20.0, 10.0, 30.0)})
+    assert paced.paced_minutes == pytest.approx(one.samples / 1000 * 20 / 60)
 
 
 def test_rows_of_two_grids_are_refused(rows, make_row):
