@@ -24,8 +24,8 @@ from pathlib import Path
 from sidm.storage import Damaged, read_arrays, read_record
 
 SETTINGS = {
-    "expert_minutes": 0.4, "novice_minutes_system1": [0.25, 0.5], "pool_minutes_system1": 0.5,
-    "validation_minutes": 0.4, "rollouts": 2, "pixels": 8, "hidden": 16, "max_samples": 12_000, "patience": 12_000,
+    "expert_minutes": 0.2, "novice_minutes_system1": [0.25, 0.5], "pool_minutes_system1": 0.5,
+    "validation_minutes": 0.2, "rollouts": 1, "pixels": 8, "hidden": 16, "max_samples": 12_000, "patience": 12_000,
 }  # fmt: skip
 READY = 1.0  # s that a process needs at least before it does anything
 

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
 import time
@@ -121,9 +122,10 @@ class Transferred:
 
 
 def proxies(preset: Preset, system: str) -> dict[str, Dataset]:
-    """The motion of the two simulated robots, 'expert' and 'novice', as much of it as the preset has."""
+    """The motion of the two simulated robots, 'expert' and 'novice', each as long as the preset's of the expert."""
     found = preset.replace(policy=POLICY).datasets(system)
-    return {role: found[role] for role in ("expert", "novice")}
+    count = found["expert"].count
+    return {role: Dataset(collection=found[role].collection, count=count) for role in ("expert", "novice")}
 
 
 def collect_proxies(study: Study, system: str, executor: Executor | None = None) -> None:
@@ -167,6 +169,10 @@ def transfers(
     return found
 
 
+#: The recordings are read once for all trainings of a process; their checksum is among what they are known by.
+_recorded = functools.lru_cache(maxsize=1)(load_recorded)
+
+
 class _Learnt(NamedTuple):
     """What was learnt from so many minutes."""
 
@@ -178,7 +184,7 @@ def transfer(about: Transfer, data: str | Path = "data", recordings: str | Path 
     """Train and judge one; RecordingError or ShardError where data are missing or others than they should be."""
     making = Making("elsewhere", about, data)
     with one_thread():
-        recorded = load_recorded(about.system, about.held_out, about.network.pixels, recordings, about.recorded_data)
+        recorded = _recorded(about.system, about.held_out, about.network.pixels, recordings, about.recorded_data)
         expert = _simulated(about, "expert", data)
         proxy = _simulated(about, "novice", data) if about.proxy == "novice" else expert
         units = Standardisation.of(expert)
