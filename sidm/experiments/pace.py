@@ -10,7 +10,7 @@ import argparse
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -55,29 +55,53 @@ def timed(trial: Trial, data: str | Path) -> float:
     return 1000 * (end - start) / (last - first)
 
 
-def measure(study: Study, results: Path, methods: Sequence[str] = TRAINED, rounds: int = ROUNDS) -> None:
-    """Time the methods on the smallest dataset of the baselines, and store what is found."""
+def measure(
+    study: Study, results: Path, methods: Sequence[str] = TRAINED, rounds: int = ROUNDS, beside: str = "nothing else"
+) -> None:
+    """Time the methods on the smallest dataset of the baselines, and store what is found.
+
+    Args:
+        study: whose methods and data.
+        results: the folder of the results.
+        methods: names of `methods.METHODS`.
+        rounds: how often each is timed.
+        beside: what else the machine does meanwhile, in words.
+    """
     minutes = study.preset.baseline_minutes[:1]
     trials = {name: study.points(SYSTEM, [name], minutes, seeds=1)[0] for name in methods}
     found: dict[str, list[float]] = {name: [] for name in methods}
     start = time.perf_counter()
     for _ in range(rounds):
         for name, trial in trials.items():
-            found[name].append(float(f"{timed(trial, study.data):.4g}"))
+            found[name].append(float(f"{timed(trial, study.data):.6g}"))
     made = here(time.perf_counter() - start, THREADS, resumed=False)
     about = {name: getattr(made, name) for name in ("learning_source", "python", "torch", "device", "threads", "date")}
-    write_record(results / NAME, {"preset": study.preset.name, "seconds": found, **about})
+    write_record(results / NAME, {"preset": study.preset.name, "seconds": found, "beside": beside, **about})
 
 
-def read(results: Path | str, preset: str) -> dict[str, Pace]:
-    """What is stored of a preset, by method; nothing where nothing is."""
+def _stored(results: Path | str, preset: str) -> dict[str, Any]:
+    """The record of a preset's measurement; empty without one."""
     try:
         values = read_record(Path(results) / NAME)
     except FileNotFoundError:
         return {}
-    if values["preset"] != preset:
-        return {}
-    return {name: Pace(float(np.median(some)), min(some), max(some)) for name, some in values["seconds"].items()}
+    return values if values["preset"] == preset else {}
+
+
+def read(results: Path | str, preset: str) -> dict[str, Pace]:
+    """What is stored of a preset, by method; nothing where nothing is."""
+    found = _stored(results, preset).get("seconds", {})
+    return {name: Pace(float(np.median(some)), min(some), max(some)) for name, some in found.items()}
+
+
+def pace_note(results: Path | str, preset: str) -> str:
+    """How a preset's paces were measured, or the command that does it."""
+    found, command = _stored(results, preset), f"`python -m sidm.experiments.pace --preset {preset}`"
+    if not found:
+        return f"Seconds a sample are not measured for this preset; {command} does."
+    rounds = len(next(iter(found["seconds"].values())))
+    where = f"on one core ({found['device']}) beside {found['beside']}, {found['date'][:10]}"
+    return f"Seconds of 1,000 samples in {rounds} rounds, {where}; again: {command}."
 
 
 def seconds(row: Row, paces: Mapping[str, Pace]) -> float | None:
@@ -94,5 +118,6 @@ if __name__ == "__main__":
     parser.add_argument("--preset", default="laptop", help="whose methods (%(default)s)")
     parser.add_argument("--data", type=Path, default=Path("data"), help="folder of trajectories (%(default)s)")
     parser.add_argument("--results", type=Path, default=Path("results"), help="folder of the results (%(default)s)")
+    parser.add_argument("--beside", default="nothing else", help="what else the machine does meanwhile (%(default)s)")
     given = parser.parse_args()
-    measure(Study(given.preset, given.data, given.results), given.results)
+    measure(Study(given.preset, given.data, given.results), given.results, beside=given.beside)

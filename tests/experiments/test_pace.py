@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from sidm.experiments import Study
-from sidm.experiments.pace import Pace, measure, read, seconds, timed
+from sidm.experiments.pace import Pace, measure, pace_note, read, seconds, timed
 from sidm.learning import training
 
 
@@ -29,8 +29,9 @@ def test_the_stretch_holds_one_phase_of_each_algorithm(study, monkeypatch):
 
 
 def test_what_is_measured_is_read(study, tmp_path):
-    assert read(tmp_path, study.preset.name) == {}
-    measure(study, tmp_path, ["sidm", "pretrain_finetune"], rounds=2)
+    assert read(tmp_path, study.preset.name) == {} and "not measured" in pace_note(tmp_path, study.preset.name)
+    measure(study, tmp_path, ["sidm", "pretrain_finetune"], rounds=2, beside="a film")
+    assert "in 2 rounds, on one core" in (note := pace_note(tmp_path, study.preset.name)) and "beside a film" in note
     found = read(tmp_path, study.preset.name)
     assert set(found) == {"sidm", "pretrain_finetune"} and read(tmp_path, "paper") == {}
     assert all(0 < pace.lowest < pace.median < pace.highest for pace in found.values())
