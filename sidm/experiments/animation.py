@@ -10,7 +10,15 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
-from sidm.experiments.drawing import CONTROL_STEP, GROUND_SPACING, METHOD_STYLES, STYLE, half_width, lay_ground
+from sidm.experiments.drawing import (
+    CONTROL_STEP,
+    GROUND_SPACING,
+    METHOD_STYLES,
+    STYLE,
+    half_width,
+    lay_ground,
+    legend_below,
+)
 from sidm.experiments.store import Row
 
 MARGIN = 0.7  # m of ground shown around the paths
@@ -73,14 +81,14 @@ def _frames(
     seen = heights[max(rows[0], 0) : rows[1] + 1, max(columns[0], 0) : columns[1] + 1]
     frames = []
     with plt.style.context(STYLE):
-        figure, axes = plt.subplots(figsize=(6.8, 4.2))
+        figure, axes = plt.subplots(figsize=(6.8, 4.6), layout="constrained")
         lay_ground(axes, heights, seen.min(), seen.min() + 1.5 * max(float(np.ptp(seen)), 0.05))
         axes.set(xlim=(left, right), ylim=(low, high), xlabel="x (m)", ylabel="y (m)")
         lines = [axes.plot([], [], marker="", **look)[0] for look in looks]
         heads = [axes.plot([], [], "o", color=look["color"])[0] for look in looks]
         if goal is not None:
             axes.plot(*goal, "x", color="black", markersize=10, label="the goal")
-        figure.legend(loc="outside right upper")
+        legend_below(figure, [axes])
         canvas = FigureCanvasAgg(figure)
         for step in range(len(paths[0])):
             for path, line, head in zip(paths, lines, heads, strict=True):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidm.experiments.statistics import FEWEST_SEEDS, Interval, greatest_ratio, interval, known
+from sidm.experiments.statistics import FEWEST_SEEDS, Interval, greatest_ratio, interval, known, mean_ratio
 from sidm.experiments.store import Row
 from sidm.experiments.tables import Losses, final_position_error, gather, html_table, markdown_table
 from sidm.systems import SYSTEMS
@@ -141,6 +141,26 @@ def difference_claim(claim: str, paper: str, pairs: np.ndarray, unit: str = "") 
     found = interval(lambda some: float((some[:, 1] - some[:, 0]).mean()), pairs)
     ours = by(found, "smaller", "larger", unit)
     return Claim(claim, paper, ours, verdict(found, 0.0), found)
+
+
+def ratio_claim(claim: str, paper: str, own: np.ndarray, other: np.ndarray, what: str = "loss") -> Claim:
+    """A claim that the first of paired values (S, M) are the smaller, M sizes together; its interval is of their ratio.
+
+    Args:
+        claim: in words.
+        paper: what the paper says of it.
+        own: values of the method, a seed a line.
+        other: of its comparison.
+        what: the values are.
+    """
+    if not own.size:
+        return Claim(claim, paper, "not run", NO_VERDICT)
+    ratio = mean_ratio(own, other)
+    ours = f"{ratio.words(3)} times the {what}"
+    if len(own) < FEWEST_SEEDS:
+        return Claim(claim, paper, f"{ours} ({len(own)} only)", NO_VERDICT)
+    gain = Interval(*-np.log(np.array([ratio.value, ratio.high, ratio.low])))
+    return Claim(claim, paper, ours, verdict(gain, 0.0), ratio)
 
 
 def _judged(ours: str, found: Interval | None, losses: Losses, said: str) -> tuple[str, str, Interval | None]:

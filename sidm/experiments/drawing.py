@@ -50,6 +50,7 @@ SIZE_STYLES: tuple[dict[str, Any], ...] = (
     {"color": "#D55E00", "linestyle": "--", "marker": "s"},
     {"color": "#009E73", "linestyle": "-.", "marker": "^"},
     {"color": "#CC79A7", "linestyle": ":", "marker": "D"},
+    {"color": "#E69F00", "linestyle": (0, (6, 1, 1, 1)), "marker": "v"},
 )
 LOSS_LABEL = "validation loss, equation (1)\n(squared m, m/s and rad/s, summed)"
 #: How a data-efficiency ratio is drawn: its bound, marker, colour and words.

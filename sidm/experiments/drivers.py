@@ -64,10 +64,9 @@ class Driver:
 
     def __init__(self, goal: np.ndarray, planner: Planner | None = None, imagination: Any = None) -> None:
         self.goal, self.planner, self.imagination = goal, planner, imagination
-        self.pace: list[float] = []  # s, of each plan and of taking in what was done since the one before
+        self.pace: list[float] = []  # s, of each plan, what was done since the one before taken in
         self.surprises: list[float] = []  # m, from where a plan led to where the robot was at the next
         self._ready: list[Tensor] = []
-        self._observing = 0.0  # s, since the last plan
 
     @property
     def surprise(self) -> float:
@@ -82,9 +81,7 @@ class Driver:
             self._ready = self._plan(self.planner, state)
         action = self._ready.pop(0).numpy()
         if isinstance(self.imagination, Dreamer):
-            start = time.perf_counter()
             self.imagination.observe(state, action)
-            self._observing += time.perf_counter() - start
         return action
 
     def _plan(self, planner: Planner, state: np.ndarray) -> list[Tensor]:
@@ -97,8 +94,7 @@ class Driver:
             plan = planner.plan(functools.partial(dreamer.imagine, state))
         else:
             plan = planner.plan(functools.partial(try_out, self.imagination))
-        self.pace.append(time.perf_counter() - start + self._observing)
-        self._observing = 0.0
+        self.pace.append(time.perf_counter() - start)
         return list(plan[:steps])
 
 

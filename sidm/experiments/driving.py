@@ -71,7 +71,7 @@ class Driven:
     validation_loss: float  # equation (1) of the model; 0 of drivers without
     position_error: float  # m, of the model after 2.5 s, mean over the rollouts of the trial; 0 of drivers without
     plans: int
-    plan_seconds: float  # median, of a plan and of taking in what was done since the one before, on one thread
+    plan_seconds: float  # median, of a plan, what was done since the one before taken in, on one thread
     slowest_plan_seconds: float  # which 95 % of the plans do not take
     paths: tuple[tuple[tuple[float, float], ...], ...]  # of the episodes below KEPT: x and y, m, at each control step
     source: str  # hash of the code

@@ -13,15 +13,25 @@ from matplotlib.figure import Figure
 from scipy.stats import binomtest
 
 from sidm.experiments.animation import film
-from sidm.experiments.claims import Claim, difference_claim
-from sidm.experiments.drawing import METHOD_STYLES, finish, half_width, lay_ground, side_by_side, styled
+from sidm.experiments.claims import CONTRARY, DIRECTION, NOT_SEEN, Claim, difference_claim
+from sidm.experiments.drawing import (
+    METHOD_STYLES,
+    finish,
+    half_width,
+    lay_ground,
+    legend_below,
+    side_by_side,
+    styled,
+)
 from sidm.experiments.drivers import ARRIVED
 from sidm.experiments.driving import KEPT, Driven, episode
 from sidm.experiments.methods import COMPARED
-from sidm.experiments.statistics import Interval, interval
+from sidm.experiments.statistics import FEWEST_SEEDS, Interval, interval
 from sidm.systems import SYSTEMS
 
+PAPER = "not measured"
 SHOWN = 4  # episodes whose ways are drawn
+SHORT = {"corrected_averaged": "expert corrected"}  # of labels that would fill a picture
 OTHERS = {"simulator": "planned in the simulator", "straight": "straight ahead"}
 LOOKS: dict[str, dict[str, Any]] = {
     "simulator": {"color": "#009E73", "linestyle": "-."},
@@ -41,8 +51,9 @@ class Way(NamedTuple):
     @property
     def label(self) -> str:
         """For figures and tables."""
-        words = f"model {METHOD_STYLES[self.method]['label']}, {self.minutes:g} min" if self.method else ""
-        return words or OTHERS[self.kind]
+        if not self.method:
+            return OTHERS[self.kind]
+        return f"{SHORT.get(self.method) or METHOD_STYLES[self.method]['label']}, {self.minutes:g} min"
 
     def path(self, number: int) -> np.ndarray | None:
         """The way (K + 1, 2) of an episode below KEPT; None where it was not driven."""
@@ -122,13 +133,39 @@ def paired(one: Way, other: Way) -> np.ndarray:
     return np.array([(mine[number], theirs[number]) for number in sorted(mine.keys() & theirs.keys())], float)
 
 
+def sooner(one: Way, other: Way) -> np.ndarray:
+    """(E, 2) of s until the goal, over the episodes in which both reached it."""
+    mine, theirs = (
+        {
+            number: seconds
+            for part in way.parts
+            for number, end, seconds in zip(part.about.episodes, part.ended, part.seconds, strict=True)
+            if end == "arrived"
+        }
+        for way in (one, other)
+    )
+    return np.array([(mine[number], theirs[number]) for number in sorted(mine.keys() & theirs.keys())]).reshape(-1, 2)
+
+
 class Beside(NamedTuple):
-    """How many more goals a model's driver reached than another driver, of the same episodes."""
+    """How many more goals a model's driver reached than another driver, of the same episodes, and how much sooner."""
 
     way: Way
     other: Way
     episodes: int
-    more: Interval  # share of the episodes
+    more: Interval | None  # share of the episodes; None where all ended alike
+    both: int  # episodes in which both reached the goal
+    sooner: Interval | None  # s, mean over these; None where there are fewer than three
+
+    @property
+    def more_words(self) -> str:
+        """For a table."""
+        return self.more.words(2) if self.more else "none differs"
+
+    @property
+    def sooner_words(self) -> str:
+        """For a table."""
+        return f"{self.sooner.words(2)} ({self.both})" if self.sooner else "-"
 
 
 def beside(found: Iterable[Driven], system: str) -> list[Beside]:
@@ -137,21 +174,42 @@ def beside(found: Iterable[Driven], system: str) -> list[Beside]:
     for way in every:
         for other in every:
             if way.method and not other.method:
-                pairs = paired(way, other)
-                more = interval(lambda some: float((some[:, 1] - some[:, 0]).mean()), pairs)
-                table.append(Beside(way, other, len(pairs), more))
+                ends, times = paired(way, other), sooner(way, other)
+                more = _less(ends) if (ends[:, 0] != ends[:, 1]).any() else None
+                early = _less(times) if len(times) >= FEWEST_SEEDS else None
+                table.append(Beside(way, other, len(ends), more, len(times), early))
     return table
 
 
+def _less(pairs: np.ndarray) -> Interval:
+    """By how much the first of paired values (E, 2) is smaller, mean over the pairs."""
+    return interval(lambda some: float((some[:, 1] - some[:, 0]).mean()), pairs)
+
+
+def _goals_claim(words: str, paper: str, pairs: np.ndarray) -> Claim:
+    """A claim that fewer goals are missed; few pairs that differ make no verdict by the exact test (McNemar's)."""
+    claim, first = difference_claim(words, paper, pairs), int((pairs[:, 0] < pairs[:, 1]).sum())
+    differ = int((pairs[:, 0] != pairs[:, 1]).sum())
+    if len(pairs) and not differ:
+        claim = claim._replace(ours=f"none of {len(pairs)} episodes differs", interval=None)
+    if claim.verdict in (DIRECTION, CONTRARY) and binomtest(first, differ).pvalue >= 0.05:
+        claim = claim._replace(verdict=NOT_SEEN)
+    return claim
+
+
 def claims(found: Iterable[Driven], system: str) -> list[Claim]:
-    """Whether models with SIDM miss fewer goals than those without, of the same data; an episode is a pair."""
+    """Whether models with SIDM miss fewer goals than those without, of the same data, and get there sooner.
+
+    An episode is a pair; of the time, one in which both reach the goal.
+    """
     every = {(driver.method, driver.minutes): driver for driver in drivers(found, system) if driver.method}
     table = []
     for minutes in sorted({size for method, size in every if method in COMPARED}):
-        sides = [every.get((method, minutes)) for method in COMPARED]
-        pairs = paired(sides[0], sides[1]) if sides[0] and sides[1] else np.zeros((0, 2))
-        words = f"{system}: a smaller share of goals missed with the SIDM's models than without, at {minutes:g} min"
-        table.append(difference_claim(words, "not measured", pairs.reshape(-1, 2)))
+        one, other = (every.get((method, minutes)) for method in COMPARED)
+        pairs, times = (how(one, other) if one and other else np.zeros((0, 2)) for how in (paired, sooner))
+        words = f"{system}: {{}} with the SIDM's models than without, at {minutes:g} min"
+        table.append(_goals_claim(words.format("a smaller share of goals missed"), PAPER, pairs.reshape(-1, 2)))
+        table.append(difference_claim(words.format("a shorter time to the goals that both reach"), PAPER, times, " s"))
     return table
 
 
@@ -168,7 +226,8 @@ def arrivals_figure(found: Iterable[Driven], systems: Sequence[str] = tuple(SYST
                 share, look = score(one).arrived, LOOKS[one.kind]
                 axes.axhline(share.value, label=one.label, marker="", **look)
                 axes.axhspan(share.low, share.high, color=look["color"], alpha=0.1, lw=0)
-        finish(axes, sizes)
+        finish(axes, sizes, legend=False)
+    legend_below(figure, panels)
     return figure
 
 
@@ -180,7 +239,8 @@ def _draw_models(axes: Axes, every: Sequence[Way]) -> set[float]:
         minutes = np.array([one.minutes for one in mine])
         share = np.array([score(one).arrived for one in mine])  # (M, 3)
         reach = np.abs(share[:, 1:] - share[:, :1]).T
-        axes.errorbar(minutes * (0.96 + 0.08 * number), share[:, 0], reach, capsize=3, **METHOD_STYLES[method])
+        look = METHOD_STYLES[method] | ({"label": SHORT[method]} if method in SHORT else {})
+        axes.errorbar(minutes * (0.96 + 0.08 * number), share[:, 0], reach, capsize=3, **look)
         sizes |= set(minutes.tolist())
     if sizes:
         axes.set_xscale("log")
@@ -196,7 +256,8 @@ def paths_figure(found: Iterable[Driven], system: str) -> Figure:
         axes.set(xlabel="x (m)", ylabel="y (m)", title=f"episode {number}", aspect="equal")
         if any(one.path(number) is not None for one in mine):
             _draw_ways(axes, mine, number)
-        finish(axes, legend=number == 0)
+        finish(axes, legend=False)
+    legend_below(figure, panels)
     return figure
 
 

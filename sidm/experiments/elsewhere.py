@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple
 from sidm.config import config
 from sidm.experiments.datasets import collect_dataset, find_digest, load_dataset, note_committed
 from sidm.experiments.measure import one_thread, summary_curve
-from sidm.experiments.methods import METHODS, change
+from sidm.experiments.methods import FINER_TESTS, METHODS, change
 from sidm.experiments.presets import Preset
 from sidm.experiments.pretrained import _alone as one_at_a_time
 from sidm.experiments.provenance import Provenance, source_hash
@@ -110,7 +110,7 @@ class Transferred:
     curve_samples: tuple[tuple[int, ...], ...]  # of a training, of at most 40 of its tests
     curve_test_loss: tuple[tuple[float, ...], ...]
     curve_training_loss: tuple[tuple[float, ...], ...]
-    seconds: tuple[float, ...]  # of a training, without the pretraining's
+    seconds: tuple[float, ...]  # of a training, of a processor, without the pretraining's
     pretraining_samples: int
     source: str  # hash of the code
     provenance: Provenance
@@ -145,6 +145,8 @@ def transfers(
     for seed in range(preset.seeds):
         for method, proxy in METHODS_HERE:
             training = METHODS[method].training(preset, system)
+            if METHODS[method].fit == "gradients":
+                training = change(training, **FINER_TESTS)
             if proxy == "novice" and training.p_expert > 0:
                 training = change(training, p_expert=P_EXPERT)
             found.append(
@@ -177,7 +179,7 @@ class _Learnt(NamedTuple):
     """What was learnt from so many minutes."""
 
     trained: Trained
-    seconds: float
+    seconds: float  # of a processor
 
 
 def transfer(about: Transfer, data: str | Path = "data", recordings: str | Path = "recordings") -> Transferred:
@@ -221,7 +223,7 @@ def _learn(
     alone: DynamicsModel | None,
 ) -> _Learnt:  # fmt: skip
     """From fresh weights or the proxy's; or by least squares, which leave the proxy's model as it is."""
-    begun = time.perf_counter()
+    begun = time.process_time()
     training, testing = (recorded.motion.part(part) for part in recorded_subsets(recorded, minutes, about.seed))
     sets = Datasets(training, testing, recorded.judges, proxy)
     if about.fit == "least_squares":
@@ -229,7 +231,7 @@ def _learn(
     else:
         weights = start and start.weights
         trained = train(sets, about.network, about.training, about.seed, standardisation=units, start=weights)
-    return _Learnt(trained, time.perf_counter() - begun)
+    return _Learnt(trained, time.process_time() - begun)
 
 
 def _start(

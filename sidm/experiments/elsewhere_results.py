@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sidm.experiments.claims import NO_VERDICT, Claim, verdict
+from sidm.experiments.claims import NO_VERDICT, Claim, ratio_claim
 from sidm.experiments.drawing import LOSS_LABEL, METHOD_STYLES, finish, legend_below, side_by_side, styled
 from sidm.experiments.elsewhere import METHODS_HERE, Proxy, Transferred
 from sidm.experiments.savings import Saving, savings_between
@@ -17,7 +17,7 @@ from sidm.experiments.statistics import (
     FEWEST_SEEDS,
     Interval,
     falling,
-    interval,
+    mean_ratio,
     minutes_needed,
     ratio_of_means,
 )
@@ -101,12 +101,40 @@ def compare(found: Sequence[Transferred], system: str, one: Way, other: Way) -> 
     common = sorted(set(mine.seeds) & set(theirs.seeds))
     if not common or not np.array_equal(mine.sizes, theirs.sizes):
         return Comparison(0, Interval(np.nan, np.nan, np.nan))
-    apart = np.log(mine.of(common)) - np.log(theirs.of(common))
-    return Comparison(len(common), Interval(*np.exp(interval(lambda some: float(some.mean()), apart))))
+    return Comparison(len(common), mean_ratio(mine.of(common), theirs.of(common)))
+
+
+def grounds_agree(found: Sequence[Transferred], system: str, one: Way, other: Way, grounds: np.ndarray) -> str:
+    """On how many of the grounds that judge a method has the smaller loss, as '5 of 8'; '-' where it is not run.
+
+    Args:
+        found: the records.
+        system: whose.
+        one: the method.
+        other: its comparison; seeds that one of them lacks are left out.
+        grounds: (N,) number of the ground of each piece that judges.
+    """
+    losses = []
+    for method, proxy in (one, other):
+        mine = {
+            o.about.seed: [losses for losses, minutes in zip(o.piece_losses, o.minutes, strict=True) if minutes > 0]
+            for o in found
+            if (o.about.system, o.about.method, o.about.proxy) == (system, method, proxy)
+        }
+        losses.append(mine)
+    common = sorted(losses[0].keys() & losses[1].keys())
+    if not common:
+        return "-"
+    own, theirs = (np.array([side[seed] for seed in common]) for side in losses)  # (S, M, N)
+    ratios = [
+        np.log(own[..., grounds == ground].mean(-1) / theirs[..., grounds == ground].mean(-1)).mean()
+        for ground in np.unique(grounds)
+    ]
+    return f"{sum(ratio < 0 for ratio in ratios)} of {len(ratios)}"
 
 
 class Line(NamedTuple):
-    """A method at one size of recorded data, beside the best that the recordings alone give."""
+    """A method at one size of recorded data, beside another."""
 
     system: str
     method: str
@@ -115,14 +143,17 @@ class Line(NamedTuple):
     seeds: int
     loss: float
     error: float  # m, mean position error after 2.5 s
-    ratio: Interval | None  # of the loss by that of the best, paired by seed; None of that itself, and without data
-    saving: Saving | None  # how many times the recorded data the best would need; None as there
-    worth: str  # of a model without recorded data: the minutes with which the best does as well
+    ratio: Interval | None  # of the loss by the other's, paired by seed; None of that itself, and without data
+    saving: Saving | None  # how many times the recorded data the other would need; None as there
+    worth: str  # of a model without recorded data: the minutes with which the other does as well
 
 
-def lines(found: Sequence[Transferred], system: str) -> list[Line]:
-    """A line a method, proxy and size that is stored; seeds that the comparison lacks are left out of its columns."""
-    best = best_alone(found, system)
+def lines(found: Sequence[Transferred], system: str, other: Way | None = None) -> list[Line]:
+    """A line a method, proxy and size that is stored, beside another method or else the best on the recordings alone.
+
+    Seeds that the other lacks are left out of its columns.
+    """
+    best = other or best_alone(found, system)
     alone = gather(found, system, *(best or WITHOUT))
     table = []
     for way in METHODS_HERE:
@@ -155,12 +186,11 @@ def hoped(found: Sequence[Transferred], system: str) -> list[Claim]:
     """The paper's hope (section 6) as claims: a smaller loss with an SIDM than without, on the same recordings."""
     table = []
     for proxy in ("expert", "novice"):
-        seen = compare(found, system, ("sidm", proxy), WITHOUT)
-        sizes = ", ".join(f"{m:g}" for m in gather(found, system, "sidm", proxy).sizes) or "all"
+        mine, theirs = gather(found, system, "sidm", proxy), gather(found, system, *WITHOUT)
+        sizes = ", ".join(f"{m:g}" for m in mine.sizes) or "all"
         words = f"recorded novice of {system}, {proxy} simulated: a smaller loss with SIDM than without, at {sizes} min"
-        gain = Interval(*-np.log(np.array([seen.ratio.value, seen.ratio.high, seen.ratio.low])))
-        judged = verdict(gain, 0.0) if seen.seeds >= FEWEST_SEEDS else NO_VERDICT
-        table.append(Claim(words, "less data needed", seen.words, judged, seen.ratio if seen.seeds else None))
+        common = sorted(set(mine.seeds) & set(theirs.seeds))
+        table.append(ratio_claim(words, "less data needed", mine.of(common), theirs.of(common)))
     return table
 
 
@@ -176,11 +206,13 @@ def in_short(found: Sequence[Transferred], system: str) -> str:
     sidm, proxy = [compare(found, system, ("sidm", whose), WITHOUT).words for whose in ("expert", "novice")]
     said = (
         f"{system}: with SIDM {sidm} of the same network on the recordings alone, and {proxy} where the novice is "
-        f"simulated, all sizes together; at {least:g} min the lowest mean loss, {first.loss:.3g}, is that of "
+        f"simulated, all sizes together; of all {len({(one.method, one.proxy) for one in sizes})} ways, as these "
+        f"recordings judge them, the lowest mean loss at {least:g} min, {first.loss:.3g}, is that of "
         f"{label(first.method, first.proxy)}"
     )
     if (first.method, first.proxy) != best and first.ratio is not None:
-        said += f", {first.ratio.words(3)} times that of {label(*best)}, the best on the recordings alone"
+        beside = f"{label(*best)}, over all sizes the best on the recordings alone"
+        said += f", {first.ratio.words(3)} times that of {beside}"
     return said
 
 

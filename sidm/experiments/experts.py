@@ -19,7 +19,7 @@ from sidm.config import config
 from sidm.experiments.datasets import find_digest, load_dataset
 from sidm.experiments.family import dataset
 from sidm.experiments.measure import Library, one_thread, roll_out, summary_curve
-from sidm.experiments.methods import METHODS, change
+from sidm.experiments.methods import FINER_TESTS, METHODS, change
 from sidm.experiments.provenance import Provenance, source_hash
 from sidm.experiments.records import Making, Records
 from sidm.experiments.study import Study
@@ -36,8 +36,6 @@ from sidm.systems import find_system
 COUNTS = (1, 2, 4, 8)  # of experts; all together have the minutes that the paper's has alone
 SIZES = (1.0, 5.0, 20.0)  # of the novice's data, min
 BEYOND = (60.0,)  # of the single expert's novice besides, so that what others save can be told
-TESTS = {"test_interval": 5, "smoothing": 0.87}  # of a novice's training, whose lowest loss comes soon: five times as
-# many tests as otherwise, smoothed over as long
 
 #: How the novice goes on: from the nearest expert's encoder and decoder or fresh ones, the SIDM learning on or frozen.
 WAYS = {
@@ -54,13 +52,14 @@ class Pretraining:
     trial: Trial  # of the novice's data and of training 'all' and 'parts'; its size is the largest
     fresh: Training  # of 'fresh_parts'
     sizes: tuple[float, ...]  # of the novice's data, min
-    experts: int  # the paper's and members of the family
+    experts: int  # the paper's, if it is one of them, and members of the family
+    paper: bool  # whether it is
     roles: tuple[str, ...]  # of the members' collections
     members_data: tuple[str, ...]  # digests of their datasets
 
     @property
     def members(self) -> tuple[Dataset, ...]:
-        """The members' datasets, each the paper's expert's share."""
+        """The members' datasets, each as large a share."""
         paper = self.trial.datasets["expert"]
         return tuple(
             Dataset(
@@ -69,7 +68,6 @@ class Pretraining:
             )
             for role in self.roles
         )
-
 
     @property
     def datasets(self) -> dict[str, Dataset]:
@@ -95,11 +93,11 @@ class Pretrained:
     heading_error: tuple[tuple[float, ...], ...]  # (W, M) rad
     samples: tuple[tuple[int, ...], ...]  # (W, M) seen in all
     best_samples: tuple[tuple[int, ...], ...]  # (W, M) seen until the weights that were kept
-    seconds: tuple[tuple[float, ...], ...]  # (W, M) in all, stopping's patience included
+    seconds: tuple[tuple[float, ...], ...]  # (W, M) of a processor in all, stopping's patience included
     curve_samples: tuple[tuple[tuple[int, ...], ...], ...]  # (W, M, at most 40) of its tests
     curve_test_loss: tuple[tuple[tuple[float, ...], ...], ...]
     experts_samples: int  # seen by the SIDM before
-    experts_loss: tuple[float, ...]  # (E,) test loss of each expert, the paper's first
+    experts_loss: tuple[float, ...]  # (E,) test loss of each expert, the paper's first if it is one of them
     experts_curve_samples: tuple[int, ...]  # of the SIDM's own training
     experts_curve_test_loss: tuple[float, ...]  # mean over the experts
     source: str  # hash of the code
@@ -114,22 +112,24 @@ class Pretrained:
 def pretrainings(
     study: Study, system: str, counts: Iterable[int] = COUNTS, sizes: Iterable[float] = SIZES
 ) -> list[Pretraining]:
-    """Every number of experts with every seed."""
-    preset, sizes, found = study.preset, tuple(sizes), []
-    fresh = change(METHODS["novice_only"].training(preset, system), **TESTS)
-    trained = change(METHODS["pretrain_finetune"].training(preset, system), **TESTS)
+    """Every number of experts with every seed; beside several, also a single one of the family."""
+    preset, sizes, counts, found = study.preset, tuple(sizes), tuple(counts), []
+    fresh = change(METHODS["novice_only"].training(preset, system), **FINER_TESTS)
+    trained = change(METHODS["pretrain_finetune"].training(preset, system), **FINER_TESTS)
     further = tuple(size for size in BEYOND if max(sizes) < size <= preset.pool_minutes(system))
     whole = preset.datasets(system)["expert"].count
-    for count in counts:
-        members = tuple(dataset(system, number, preset.policy, whole // count) for number in range(count - 1))
+    groups = [(count, True) for count in counts] + [(1, False)] * (max(counts) > 1)
+    for count, paper in groups:
+        members = tuple(dataset(system, number, preset.policy, whole // count) for number in range(count - paper))
         digests = tuple(find_digest(one, study.data, study.results) for one in members)
-        own = sizes + (further if count == 1 else ())
+        own = sizes + (further if count == 1 and paper else ())
         found += [
             Pretraining(
                 trial=study.trial(system, "pretrain_finetune", max(own), seed, trained),
                 fresh=change(fresh, frozen="sidm"),
                 sizes=own,
                 experts=count,
+                paper=paper,
                 roles=tuple(one.collection.role for one in members),
                 members_data=digests,
             )
@@ -153,7 +153,7 @@ def load_experts(about: Pretraining, data: str | Path) -> tuple[dict[str, Motion
     paper, terrain, pixels = trial.datasets["expert"], find_system(trial.system).terrain, trial.network.pixels
     load_dataset(paper, trial.digests["expert"], data)
     whole = load_motion(data, paper.collection, paper.count, terrain, pixels)
-    experts = {"expert": whole.first(paper.count // about.experts)}
+    experts = {"expert": whole.first(paper.count // about.experts)} if about.paper else {}
     for number, (own, digest) in enumerate(zip(about.members, about.members_data, strict=True)):
         load_dataset(own, digest, data)
         experts[f"member{number}"] = load_motion(data, own.collection, own.count, terrain, pixels)
@@ -203,7 +203,8 @@ def _sidm_of(
     """The weights of the SIDM and all experts' parts, and how they came about; trained once and kept under `data`."""
     trial = about.trial
     assert trial.pretraining is not None
-    made_from = [*about.digests.values(), about.experts, *map(repr, (trial.network, trial.pretraining)), trial.seed]
+    settings = map(repr, (trial.network, trial.pretraining))
+    made_from = [*about.digests.values(), about.experts, about.paper, *settings, trial.seed]
     key = hashlib.sha256(json.dumps(made_from).encode()).hexdigest()[:20]
     where = Path(data) / "pretrained" / f"experts-{key}-{source_hash('experts')}"
     kept = checkpoint.read(where)
@@ -240,14 +241,14 @@ def _novice(
     about: Pretraining, way: str, sets: Datasets, start: Parts, units: Standardisation, library: Library
 ) -> _Novice:
     """Train and judge one."""
-    trial, begun = about.trial, time.perf_counter()
+    trial, begun = about.trial, time.process_time()
     trainings: Mapping[str, Training] = {
         "all": trial.training,
         "parts": change(trial.training, frozen="sidm"),
         "fresh_parts": about.fresh,
     }
     trained = train(sets, trial.network, trainings[way], trial.seed, standardisation=units, start=start)
-    seconds = time.perf_counter() - begun
+    seconds = time.process_time() - begun
     losses = validation_loss(trained.model, sets.validation)
     position, heading = rollout_errors(*roll_out(trained.model, trial, library.rollouts(trial)))
     samples, tests, _ = summary_curve(trained)

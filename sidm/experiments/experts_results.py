@@ -9,31 +9,61 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from sidm.experiments.claims import NO_VERDICT, Claim, difference_claim
-from sidm.experiments.drawing import LOSS_LABEL, SIZE_STYLES, finish, side_by_side, styled
+from sidm.experiments.claims import NO_VERDICT, Claim, difference_claim, ratio_claim
+from sidm.experiments.drawing import LOSS_LABEL, METHOD_STYLES, SIZE_STYLES, finish, side_by_side, styled
 from sidm.experiments.experts import WAYS, Pretrained
 from sidm.experiments.savings import Saving, savings_between
 from sidm.experiments.statistics import Interval, ratio_of_means
+from sidm.experiments.store import Row
+from sidm.experiments.tables import gather
 
 PAPER = "'may lead to a more accurate' one"
+FASTER = "'may also lead to faster training'"
+PARTS, ALL = list(WAYS).index("parts"), list(WAYS).index("all")
+
+
+class Experts(NamedTuple):
+    """Those that an SIDM learnt from."""
+
+    number: int
+    paper: bool  # whether the paper's is one of them
+
+    @property
+    def label(self) -> str:
+        """For figures and tables."""
+        single = "the paper's expert" if self.paper else "1 of the family"
+        return f"{self.number} experts" if self.number > 1 else single
+
+
+PAPERS, MEMBERS = Experts(1, True), Experts(1, False)  # the single ones
 
 
 class Line(NamedTuple):
-    """A number of experts, a way to go on and a size of the novice's data, means over seeds."""
+    """Experts, a way to go on and a size of the novice's data, means over seeds."""
 
-    experts: int
+    experts: Experts
     way: str  # of WAYS
     minutes: float  # of the novice's data
     seeds: int
     loss: float  # validation
-    ratio: Interval | None  # to that of the single expert, paired by seed; None for it
-    saving: Saving | None  # how many times the novice's data the single expert's SIDM needs; None for it
+    ratio: Interval | None  # to that of the paper's expert alone, paired by seed; None for it
+    saving: Saving | None  # how many times the novice's data its SIDM needs; None for it
     samples: float  # seen by the novice until the weights that were kept
-    compute_minutes: float  # of the novice's training
+    compute_minutes: float  # of a processor, for the novice's training
 
 
-def _by_seed(found: Sequence[Pretrained], experts: int) -> dict[int, Pretrained]:
-    return {one.about.trial.seed: one for one in found if one.about.experts == experts}
+def experts_of(one: Pretrained) -> Experts:
+    """Whom the SIDM of a record learnt from."""
+    return Experts(one.about.experts, one.about.paper)
+
+
+def _groups(found: Sequence[Pretrained]) -> list[Experts]:
+    """Those that are stored: the single ones first, the paper's before the other."""
+    return sorted({experts_of(one) for one in found}, key=lambda some: (some.number, not some.paper))
+
+
+def _by_seed(found: Sequence[Pretrained], experts: Experts) -> dict[int, Pretrained]:
+    return {one.about.trial.seed: one for one in found if experts_of(one) == experts}
 
 
 def _values(some: Sequence[Pretrained], name: str, way: int) -> np.ndarray:
@@ -44,9 +74,9 @@ def _values(some: Sequence[Pretrained], name: str, way: int) -> np.ndarray:
 def needed_lines(found: Sequence[Pretrained]) -> list[Line]:
     """A line a number of experts, way and size, of one system; seeds that one side lacks are left out of the ratios."""
     lines = []
-    single = _by_seed(found, 1)
-    for count in sorted({one.about.experts for one in found}):
-        mine = _by_seed(found, count)
+    single = _by_seed(found, PAPERS)
+    for experts in _groups(found):
+        mine = _by_seed(found, experts)
         common, sizes = sorted(mine.keys() & single.keys()), np.array(next(iter(mine.values())).about.sizes)
         for number, way in enumerate(WAYS):
             some = list(mine.values())
@@ -55,7 +85,7 @@ def needed_lines(found: Sequence[Pretrained]) -> list[Line]:
             )
             ratios: list[Interval | None] = [None] * len(sizes)
             saved: list[Saving | None] = [None] * len(sizes)
-            if count > 1 and common:
+            if experts != PAPERS and common:
                 own, other = (_values([side[s] for s in common], "validation_loss", number) for side in (mine, single))
                 singles = np.array(single[common[0]].about.sizes)
                 saved = list(savings_between(sizes, own, singles, other))
@@ -63,40 +93,77 @@ def needed_lines(found: Sequence[Pretrained]) -> list[Line]:
                 ratios = [ratio_of_means(np.stack([beside[:, k], own[:, k]], axis=1)) for k in range(len(sizes))]
             for k, minutes in enumerate(sizes.tolist()):
                 numbers = float(loss[k]), ratios[k], saved[k], float(samples[k]), float(seconds[k]) / 60
-                lines.append(Line(count, way, minutes, len(mine), *numbers))
+                lines.append(Line(experts, way, minutes, len(mine), *numbers))
     return lines
 
 
 def claims(found: Sequence[Pretrained]) -> list[Claim]:
-    """Whether the SIDM of most experts gives a smaller loss than that of one, by way and size of the novice's data."""
-    most = max((one.about.experts for one in found), default=0)
-    if most < 2:
+    """Whether the SIDM of most experts gives a smaller loss than that of one, and the novice a faster training.
+
+    Beside the paper's expert by way and size of the novice's data; beside one of the family, which is as near to the
+    novice as the others are, by way.
+    """
+    most = max((experts_of(one) for one in found), default=PAPERS)
+    if most.number < 2:
         return [Claim("a smaller loss with several experts' SIDM than with one's", PAPER, "not run", NO_VERDICT)]
-    many, single = _by_seed(found, most), _by_seed(found, 1)
-    system, table = found[0].about.trial.system, []
-    sizes = next(one.about.sizes for one in found if one.about.experts == most)
+    system, sizes = found[0].about.trial.system, next(one.about.sizes for one in found if experts_of(one) == most)
+    table = []
     for number, words in enumerate(WAYS.values()):
-        for size, minutes in enumerate(sizes):  # which the single expert's begin with
-            common = sorted(many.keys() & single.keys())
-            losses = [[side[seed].validation_loss[number][size] for side in (many, single)] for seed in common]
-            claim = f"{system}: a smaller loss with {most} experts' SIDM than with one's, {words}, at {minutes:g} min"
-            table.append(difference_claim(claim, PAPER, np.array(losses).reshape(-1, 2)))
-    return table
+        claim = f"{system}: a smaller loss with {most.label}' SIDM than with that of {{}}, {words}, at {{}} min"
+        own, other = _common(found, most, PAPERS, "validation_loss", number)
+        pairs = np.stack([own, other], axis=1)  # (S, 2, M)
+        table += [
+            difference_claim(claim.format(PAPERS.label, f"{minutes:g}"), PAPER, pairs[..., size])
+            for size, minutes in enumerate(sizes)
+        ]
+        own, other = _common(found, most, MEMBERS, "validation_loss", number)
+        every = ", ".join(f"{minutes:g}" for minutes in sizes)
+        table.append(ratio_claim(claim.format(MEMBERS.label, every), PAPER, own, other))
+    claim = f"{system}: with {most.label}' SIDM, a faster training of encoder and decoder alone than of all parts"
+    return [*table, ratio_claim(claim, FASTER, *_times(list(_by_seed(found, most).values())), "processor time")]
+
+
+def _common(
+    found: Sequence[Pretrained], one: Experts, other: Experts, name: str, way: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """(S, M) of either with the seeds that both have, at the sizes M of the first."""
+    mine, theirs = _by_seed(found, one), _by_seed(found, other)
+    common = sorted(mine.keys() & theirs.keys())
+    count = len(next(iter(mine.values())).about.sizes)  # which the others' begin with
+    own, beside = (
+        np.array([getattr(side[seed], name)[way][:count] for seed in common], float).reshape(len(common), count)
+        for side in (mine, theirs)
+    )
+    return own, beside
+
+
+def _times(some: Sequence[Pretrained]) -> tuple[np.ndarray, np.ndarray]:
+    """(S, M) of encoder and decoder alone, and of all parts: processor time until the weights that were kept."""
+    shares = [
+        _values(some, "seconds", way) * _values(some, "best_samples", way) / _values(some, "samples", way)
+        for way in (PARTS, ALL)
+    ]
+    return shares[0], shares[1]
 
 
 @styled
-def experts_figure(found: Sequence[Pretrained]) -> Figure:
-    """Validation loss against the novice's data, a plot for each way to go on, a line for each number of experts."""
+def experts_figure(found: Sequence[Pretrained], rows: Sequence[Row] = ()) -> Figure:
+    """Validation loss against the novice's data, a plot for each way to go on, a line for each number of experts.
+
+    `rows` of training without SIDM on the same sizes make a line for comparison.
+    """
     figure, panels = side_by_side(len(WAYS))
     for number, (axes, words) in enumerate(zip(panels, WAYS.values(), strict=True)):
         axes.set(xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL, title=words)
         sizes: set[float] = set()
-        counts = sorted({one.about.experts for one in found})
-        for count, style in zip(counts, itertools.cycle(SIZE_STYLES), strict=False):
-            some = list(_by_seed(found, count).values())
+        for experts, style in zip(_groups(found), itertools.cycle(SIZE_STYLES), strict=False):
+            some = list(_by_seed(found, experts).values())
             values, minutes = _values(some, "validation_loss", number), some[0].about.sizes
-            axes.plot(minutes, values.mean(0), label=f"{count} expert{'s' * (count > 1)}", **style)
+            axes.plot(minutes, values.mean(0), label=experts.label, **style)
             axes.fill_between(minutes, values.min(0), values.max(0), color=style["color"], alpha=0.15, lw=0)
             sizes |= set(minutes)
+        beside = gather(rows, found[0].about.trial.system, ["novice_only"]) if found and rows else None
+        if beside is not None and beside.values.size:
+            axes.plot(beside.minutes, beside.values[:, 0].mean(0), **METHOD_STYLES["novice_only"] | {"alpha": 0.6})
         finish(axes, sizes)
     return figure

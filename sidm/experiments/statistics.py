@@ -126,6 +126,11 @@ def ratio_of_means(pairs: np.ndarray) -> Interval:
     return Interval(*np.exp(interval(log_ratio, pairs)))
 
 
+def mean_ratio(own: np.ndarray, other: np.ndarray) -> Interval:
+    """Of values (S, M) by others paired with them: the geometric mean over M sizes, an interval over S seeds."""
+    return Interval(*np.exp(interval(lambda some: float(some.mean()), np.log(own) - np.log(other))))
+
+
 def falling(losses: np.ndarray) -> np.ndarray:
     """Isotonic fit of the log of losses (M,), in order of growing data: the nearest curve that never rises."""
     return np.exp(isotonic_regression(np.log(np.asarray(losses, float)), increasing=False).x)

@@ -59,6 +59,7 @@ class Fitted:
     component_losses: tuple[float, ...]  # (13,) of it
     nll: float  # nats a sample, of the mixture over draws of the latents
     nll_at_means: float  # with the latents at their means
+    nll_quantiles: tuple[float, ...]  # QUANTILES of `sidm.learning.particles`, of single steps' mixtures
     component_nll: tuple[float, ...]  # (13,) of each component alone
     spread: tuple[float, ...]  # (13,) mean standard deviation given the latents, raw units
     latent_spread: tuple[float, ...]  # of encoder and SIDM: mean standard deviation by that of the means; 0 of a twin

@@ -19,12 +19,14 @@ from sidm.trajectory import QUATERNION
 
 DRAWS = 16  # of the latents, whose mixture a likelihood is of
 LEVELS = (0.5, 0.9)  # of the intervals
+QUANTILES = (0.5, 0.9, 0.99, 1.0)  # of the likelihoods of single steps
 
 
 class Calibration(NamedTuple):
     """Of one step, over the steps of some motion."""
 
     nll: float  # negative log-likelihood, nats a sample
+    nll_quantiles: tuple[float, ...]  # QUANTILES of that of single steps: few may make most of the mean
     component_nll: tuple[float, ...]  # (13,) of each component alone
     spread: tuple[float, ...]  # (13,) mean standard deviation given the latents, raw units
     coverage: tuple[tuple[float, ...], ...]  # (L, 13) share of steps within the central intervals of LEVELS
@@ -37,22 +39,24 @@ def one_step(
 
     Of few draws the likelihood is too small, on average. Without a generator the latents are their means.
     """
-    whole, count = 0.0, 0
+    steps: list[Tensor] = []  # negative log-likelihoods
     alone, spread = (torch.zeros(TARGET_SIZE, dtype=torch.float64) for _ in range(2))
     inside = torch.zeros(len(LEVELS), TARGET_SIZE, dtype=torch.float64)
     with torch.inference_mode():
         for part in motion.split(EVALUATION_BATCH):
             drawn = [model.predict(role, part.inputs, part.maps, None, generator)[0] for _ in range(draws)]
             logs = torch.stack([-one.component_nll(part.targets) for one in drawn]).double()  # (D, B, T, 13)
-            whole -= float((torch.logsumexp(logs.sum(-1), 0) - math.log(draws)).sum())
+            steps.append(math.log(draws) - torch.logsumexp(logs.sum(-1), 0).flatten())
             alone -= (torch.logsumexp(logs, 0) - math.log(draws)).sum((0, 1))
             spread += torch.stack([one.std for one in drawn]).double().mean(0).sum((0, 1))
             rank = torch.stack([_below(one, part.targets) for one in drawn]).mean(0)  # (B, T, 13)
             for number, level in enumerate(LEVELS):
                 inside[number] += (2 * (rank - 0.5).abs() <= level).double().sum((0, 1))
-            count += part.targets[..., 0].numel()
-    components, spreads = (tuple((some / count).tolist()) for some in (alone, spread))
-    return Calibration(whole / count, components, spreads, tuple(tuple(level.tolist()) for level in inside / count))
+    nll = torch.cat(steps)
+    components, spreads = (tuple((some / len(nll)).tolist()) for some in (alone, spread))
+    quantiles = tuple(torch.quantile(nll, nll.new_tensor(QUANTILES)).tolist())
+    shares = tuple(tuple(level.tolist()) for level in inside / len(nll))
+    return Calibration(float(nll.mean()), quantiles, components, spreads, shares)
 
 
 def _below(found: Gaussian, values: Tensor) -> Tensor:

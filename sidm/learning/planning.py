@@ -19,6 +19,9 @@ from sidm.trajectory import ACTION_SIZE, POSITION, QUATERNION, STEPS
 #: Where actions (N, H, 2) lead: states (N, H + 1, 13), the present one first.
 Imagination = Callable[[Tensor], Tensor]
 
+#: Between these lie 99 % of the throttles that the novices' data were collected with.
+SLOWEST, FASTEST = -0.2, 0.6
+
 
 @config
 class Planning:
@@ -27,12 +30,14 @@ class Planning:
     samples: int = 32  # action sequences an iteration
     iterations: int = 1  # a plan; each draws from the distribution of the elites before, the first from the last plan's
     elites: int = 6  # of the samples, the best ones, whose mean and standard deviation are taken
-    horizon: int = 12  # control steps of 0.1 s
+    horizon: int = 9  # control steps of 0.1 s
     hold: int = 3  # control steps that an action lasts
     replan: int = 3  # control steps from plan to plan
     spread: float = 0.5  # standard deviation at first, and of what a plan has not looked at yet
     least: float = 0.2  # standard deviation that is kept, so that the search goes on
-    steepest: float = 50.0  # degrees of tilt, beyond which a sequence counts as a rollover
+    steepest: float = 65.0  # degrees of tilt, beyond which a sequence counts as a rollover; from 60 some robots return
+    slowest: float = SLOWEST  # throttle that is planned
+    fastest: float = FASTEST
 
     def __post_init__(self) -> None:
         """Refuse settings that no plan can be made with."""
@@ -49,6 +54,8 @@ class Planning:
         for name in ("spread", "least"):
             if not getattr(self, name) > 0:
                 raise ConfigError(f"Planning.{name} must be positive, not {getattr(self, name)}")
+        if not -1 <= self.slowest < self.fastest <= 1:
+            raise ConfigError(f"Planning: -1 <= slowest < fastest <= 1, not {self.slowest} and {self.fastest}")
 
 
 ROLLED_OVER = 100.0  # m, added to the cost of a sequence for every step beyond the steepest tilt
@@ -87,6 +94,7 @@ class Planner:
         self.generator = torch.Generator().manual_seed(seed)
         self.mean = torch.zeros(settings.horizon, ACTION_SIZE, dtype=torch.float64)
         self.spread = torch.full_like(self.mean, settings.spread)
+        self.low, self.high = torch.tensor([[settings.slowest, -1.0], [settings.fastest, 1.0]], dtype=torch.float64)
         self.foreseen: Tensor | None = None  # (H + 1, 13), where the last plan leads by what imagined it
 
     def plan(self, imagine: Imagination) -> Tensor:
@@ -96,7 +104,8 @@ class Planner:
         best, lowest = mean, math.inf
         for _ in range(settings.iterations):
             noise = torch.randn(shape, generator=self.generator, dtype=torch.float64)
-            drawn = (mean + spread * noise.repeat_interleave(settings.hold, dim=1)).clamp(-1, 1)  # (N, H, 2)
+            drawn = mean + spread * noise.repeat_interleave(settings.hold, dim=1)  # (N, H, 2)
+            drawn = drawn.clamp(self.low, self.high)
             drawn[0] = mean
             paths = imagine(drawn)
             costs = cost(paths, self.goal, settings.steepest)
@@ -128,10 +137,12 @@ class Dreamer:
         self.longest = STEPS - horizon  # of the memory
         self.heights = torch.as_tensor(heights, dtype=torch.float32)
         self.memory: Memory | None = None
-        self.done: list[tuple[Tensor, Tensor]] = []  # states and actions that the memory is of
+        self.done: list[tuple[Tensor, Tensor]] = []  # states and actions that the memory is of, or will be
+        self.new = 0  # how many of them it does not have yet
 
     def imagine(self, state: np.ndarray | Tensor, actions: Tensor) -> Tensor:
         """Where `actions` (N, H, 2) lead from `state` (13,): states (N, H + 1, 13) float64."""
+        self.remember()
         count = len(actions)
         states = [torch.as_tensor(state, dtype=torch.float32).expand(count, -1)]
         memory = None
@@ -140,32 +151,34 @@ class Dreamer:
             memory = hidden, cell
         with torch.inference_mode():
             for action in actions.float().unbind(1):
-                predicted, memory = self._predict(states[-1], action, memory)
-                states.append(integrate(states[-1], predicted))
+                predicted, memory = self._predict(states[-1][:, None], action[:, None], memory)
+                states.append(integrate(states[-1], predicted[:, 0]))
         return torch.stack(states, dim=1).double()
 
     def observe(self, state: np.ndarray, action: np.ndarray | Tensor) -> None:
-        """Take in that the robot was in `state` (13,) and did `action` (2,).
+        """Note that the robot was in `state` (13,) and did `action` (2,)."""
+        self.done.append((torch.as_tensor(state, dtype=torch.float32), torch.as_tensor(action, dtype=torch.float32)))
+        self.new += 1
+
+    def remember(self) -> None:
+        """Take into the memory what was observed since the last time.
 
         What is remembered and imagined together is never longer than STEPS, the most that training has seen: before it
         would be, the memory is made anew of half as many.
         """
-        now = torch.as_tensor(state, dtype=torch.float32)[None], torch.as_tensor(action, dtype=torch.float32)[None]
-        self.done.append(now)
-        again = [now]
         if len(self.done) > self.longest:
-            again = self.done = self.done[-self.longest // 2 :]
-            self.memory = None
-        with torch.inference_mode():
-            for past in again:
-                _, self.memory = self._predict(*past, self.memory)
+            self.done, self.memory = self.done[-self.longest // 2 :], None
+            self.new = len(self.done)
+        if self.new:
+            states, actions = (torch.stack(some)[None] for some in zip(*self.done[-self.new :], strict=True))
+            with torch.inference_mode():
+                _, self.memory = self._predict(states, actions, self.memory)
+            self.new = 0
 
     def _predict(self, states: Tensor, actions: Tensor, memory: Memory | None) -> tuple[Tensor, Memory]:
-        """Transitions (N, 13) of states (N, 13) and actions (N, 2)."""
-        inputs = encode_inputs(states, actions)[:, None]  # (N, 1, 11)
-        maps = robot_centred_map(self.heights, states, self.pixels, spacing=self.spacing).half()[:, None]
-        predicted, memory = self.model("novice", inputs, maps, memory)
-        return predicted[:, 0], memory
+        """Transitions (N, T, 13) of states (N, T, 13) and actions (N, T, 2)."""
+        maps = robot_centred_map(self.heights, states, self.pixels, spacing=self.spacing).half()
+        return self.model("novice", encode_inputs(states, actions), maps, memory)
 
 
 def heading_to(state: np.ndarray, goal: np.ndarray) -> float:
@@ -175,6 +188,6 @@ def heading_to(state: np.ndarray, goal: np.ndarray) -> float:
     return float(rotations.wrap(torch.atan2(torch.tensor(y), torch.tensor(x)) - yaw))
 
 
-def straight(state: np.ndarray, goal: np.ndarray, throttle: float = 0.5, gain: float = 1.5) -> np.ndarray:
+def straight(state: np.ndarray, goal: np.ndarray, throttle: float = FASTEST, gain: float = 1.5) -> np.ndarray:
     """The action (2,) of a driver who looks at nothing but the goal: constant throttle, steering towards it."""
     return np.array([throttle, np.clip(-gain * heading_to(state, goal), -1, 1)])  # positive steering turns right

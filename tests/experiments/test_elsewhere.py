@@ -15,6 +15,7 @@ from sidm.experiments.elsewhere_results import (
     compare,
     elsewhere_figure,
     gather,
+    grounds_agree,
     hoped,
     in_short,
     label,
@@ -62,6 +63,7 @@ def test_every_method_and_proxy_has_its_training(jobs):
     """The simulated novice is a similar expert; nobody else's p_e changes."""
     assert [(job.method, job.proxy) for job in jobs] == list(e.METHODS_HERE)
     assert {job.training.p_expert for job in jobs if job.method == "sidm"} == {0.75}
+    assert {job.training.test_interval for job in jobs if job.fit == "gradients"} == {5}
     assert all((job.pretraining is not None) == METHODS[job.method].pretrained for job in jobs)
     assert {job.method for job in jobs if job.fit == "least_squares"} == {
         "least_squares", "least_squares_mirrored", "corrected", "corrected_averaged",
@@ -202,6 +204,25 @@ def test_methods_are_compared_over_all_sizes(made_up):
     assert first.ratio.value == pytest.approx(1.25 / 8) and first.said == "better"
     assert compare(made_up, "system1", WITHOUT, WITHOUT).said == "no difference seen"
     assert compare(made_up, "system2", WITHOUT, WITHOUT).words == "not run"
+
+
+def test_the_network_without_sidm_can_be_what_is_compared_with(made_up):
+    """Twice the data at each size; the larger two are beyond what was recorded."""
+    table = [one for one in lines(made_up, "system1", WITHOUT) if (one.method, one.proxy) == ("sidm", "expert")]
+    assert [one.saving.ratio.value for one in table] == pytest.approx([2, 2, 1])
+    assert [one.saving.bound for one in table] == ["=", "=", ">="] and table[0].ratio.value == pytest.approx(0.5)
+
+
+def test_grounds_are_counted_apart(made_up):
+    """Four pieces on three grounds; on the last, of two pieces, the SIDM is made three times as bad."""
+    grounds = np.array([4, 5, 7, 7])
+    worse = [
+        dataclasses.replace(one, piece_losses=tuple((*some[:2], 3 * some[2], 3 * some[3]) for some in one.piece_losses))
+        if one.about.method == "sidm" else one for one in made_up
+    ]  # fmt: skip
+    assert grounds_agree(worse, "system1", ("sidm", "expert"), WITHOUT, grounds) == "2 of 3"
+    assert grounds_agree(made_up, "system1", ("pretrain_finetune", "expert"), WITHOUT, grounds) == "3 of 3"
+    assert grounds_agree(made_up, "system2", ("sidm", "expert"), WITHOUT, grounds) == "-"
 
 
 def test_in_short_names_the_best(made_up):

@@ -9,7 +9,7 @@ import pytest
 from sidm.experiments import Study, family
 from sidm.experiments import experts as x
 from sidm.experiments.datasets import find_digest, load_dataset
-from sidm.experiments.experts_results import claims, experts_figure, needed_lines
+from sidm.experiments.experts_results import MEMBERS, PAPERS, Experts, claims, experts_figure, needed_lines
 from sidm.experiments.family import LINEAR, LOGARITHMIC, collect_members, dataset, member
 from sidm.experiments.provenance import here
 from sidm.systems import ROLES, SYSTEMS
@@ -49,9 +49,10 @@ def jobs(tiny, data, tmp_path_factory):
 
 
 def test_all_experts_together_have_the_data_of_one(jobs, tiny):
-    half = tiny.datasets("system1")["expert"].count // 2
-    assert [job.experts for job in jobs] == [1, 2] and [one.count for one in jobs[1].members] == [half]
-    assert x.members_needed(jobs) == {0: {half}} and jobs[1].members_data[0] != "unknown"
+    whole = tiny.datasets("system1")["expert"].count
+    assert [(job.experts, job.paper) for job in jobs] == [(1, True), (2, True), (1, False)]
+    assert [[one.count for one in job.members] for job in jobs] == [[], [whole // 2], [whole]]
+    assert x.members_needed(jobs) == {0: {whole // 2, whole}} and "unknown" not in jobs[1].members_data
     assert all(job.fresh.frozen == "sidm" for job in jobs)
 
 
@@ -62,14 +63,15 @@ def test_another_robot_has_a_folder_of_its_own(monkeypatch):
     assert dataset("system2", 0, "held", 1).collection.role != dataset("system1", 0, "held", 1).collection.role
 
 
-@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("number", [0, 1, 2])
 def test_novices_are_learnt_every_way_and_stored(jobs, data, tmp_path, number):
     job, store = jobs[number], x.stored(tmp_path)
     found = x.pretrain(job, data)
     assert np.array(found.validation_loss).shape == np.array(found.samples).shape == (3, 2) and not found.stale
     assert np.array(found.component_losses).sum(-1) == pytest.approx(np.array(found.validation_loss))
     assert (np.array(found.best_samples) <= np.array(found.samples)).all()
-    assert set(found.nearest) <= {"expert", "member0"} and np.array(found.before).shape == (2, job.experts)
+    assert set(found.nearest) <= {"expert"} if job.experts == job.paper else {"expert", "member0"}
+    assert np.array(found.before).shape == (2, job.experts)
     assert len(found.experts_loss) == job.experts and len(found.experts_curve_samples) > 0
     store.put(found)
     assert store.get(job).about == job
@@ -87,8 +89,9 @@ def test_the_sidm_of_the_experts_is_trained_once(jobs, data, monkeypatch):
 def test_the_single_experts_novice_has_more_data_besides(tmp_path):
     """And all are tested more often than elsewhere."""
     jobs = x.pretrainings(Study("laptop", tmp_path, tmp_path), "system1")
-    assert {(job.experts, job.sizes) for job in jobs} == {
-        (1, (1.0, 5.0, 20.0, 60.0)), *((count, (1.0, 5.0, 20.0)) for count in (2, 4, 8)),
+    assert {(job.experts, job.paper, job.sizes) for job in jobs} == {
+        (1, True, (1.0, 5.0, 20.0, 60.0)), (1, False, (1.0, 5.0, 20.0)),
+        *((count, True, (1.0, 5.0, 20.0)) for count in (2, 4, 8)),
     }  # fmt: skip
     assert {one.test_interval for job in jobs for one in (job.fresh, job.trial.training)} == {5}
 
@@ -99,7 +102,7 @@ def made_up(jobs):
     found = []
     for seed in range(3):
         for job in jobs:
-            sizes = (1.0, 5.0, 20.0, 60.0) if job.experts == 1 else (1.0, 5.0, 20.0)
+            sizes = (1.0, 5.0, 20.0) if job.members else (1.0, 5.0, 20.0, 60.0)
             about, count = dataclasses.replace(job, trial=job.trial.replace(seed=seed), sizes=sizes), len(sizes)
             losses = tuple((4 + 0.1 * seed) / (minutes * job.experts) for minutes in about.sizes)
             found.append(
@@ -112,7 +115,7 @@ def made_up(jobs):
                     position_error=((0.1,) * count,) * 3,
                     heading_error=((0.1,) * count,) * 3,
                     samples=((2000,) * count,) * 3,
-                    best_samples=((1000,) * count,) * 3,
+                    best_samples=((1000,) * count, (500,) * count, (500,) * count),
                     seconds=((60.0,) * count,) * 3,
                     curve_samples=(((1,),) * count,) * 3,
                     curve_test_loss=(((1.0,),) * count,) * 3,
@@ -129,20 +132,28 @@ def made_up(jobs):
 
 def test_lines_compare_with_the_single_expert(made_up):
     table = {(one.experts, one.way, one.minutes): one for one in needed_lines(made_up)}
-    assert len(table) == 3 * 4 + 3 * 3
-    two = table[2, "parts", 5.0]
+    assert len(table) == 3 * 4 + 3 * 3 + 3 * 3
+    two = table[Experts(2, True), "parts", 5.0]
     assert two.seeds == 3 and two.saving.ratio.value == pytest.approx(2) and two.ratio.value == pytest.approx(0.5)
-    assert two.compute_minutes == 1 and two.samples == 1000 and table[1, "parts", 5.0].saving is None
+    assert two.compute_minutes == 1 and two.samples == 500 and table[PAPERS, "parts", 5.0].saving is None
+    assert table[MEMBERS, "all", 1.0].ratio.value == pytest.approx(1)
 
 
 def test_the_claims_are_of_most_experts_and_one(made_up):
     table = claims(made_up)
-    assert len(table) == 9 and {claim.verdict for claim in table} == {"In the same direction"}
+    assert len(table) == 13 and {claim.verdict for claim in table} == {"In the same direction"}
     assert table[0].interval.value == pytest.approx(4.1 / 2) and claims(made_up[:1])[0].ours == "not run"
+    assert table[3].claim == (
+        "system1: a smaller loss with 2 experts' SIDM than with that of 1 of the family, all parts, from the nearest "
+        "expert's, at 1, 5, 20 min"
+    )
+    assert table[3].ours == table[-1].ours.replace("processor time", "loss") == "0.5 [0.5, 0.5] times the loss"
+    alone = claims([one for one in made_up if one.about.paper])
+    assert [claim.ours for claim in alone if "of the family" in claim.claim] == ["not run"] * 3
 
 
 def test_the_figure_has_a_plot_for_each_way(made_up):
     axes = experts_figure(made_up).axes
     assert [one.get_title(loc="left") for one in axes] == list(x.WAYS.values())
-    assert [line.get_label() for line in axes[0].get_lines()] == ["1 expert", "2 experts"]
+    assert [line.get_label() for line in axes[0].get_lines()] == ["the paper's expert", "1 of the family", "2 experts"]
     assert experts_figure([]).axes[0].texts[0].get_text() == "no trials stored"

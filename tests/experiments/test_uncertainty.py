@@ -68,6 +68,7 @@ def made_up(jobs):
                     component_losses=(0.1,) * 13,
                     nll=5.0 + 0.1 * seed - 2 * job.likelihood,
                     nll_at_means=5.0,
+                    nll_quantiles=(4.0, 5.0, 6.0, 7.0),
                     component_nll=(0.5,) * 13,
                     spread=(0.1,) * 13,
                     latent_spread=(0.1, 0.2),

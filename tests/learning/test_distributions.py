@@ -143,8 +143,9 @@ def test_coverage_is_that_of_the_normal_distribution(make_motion, generator, sai
     found = one_step(Known(said), motion, generator)
     assert [np.mean(level) for level in found.coverage] == pytest.approx([half, most], abs=0.03)
     assert [len(level) for level in found.coverage] == [13, 13]
-    expected = -stats.norm.logpdf(motion.targets.numpy(), 0, said).sum(-1).mean()
-    assert found.nll == pytest.approx(expected, rel=1e-4) == sum(found.component_nll)
+    expected = -stats.norm.logpdf(motion.targets.numpy(), 0, said).sum(-1)
+    assert found.nll == pytest.approx(expected.mean(), rel=1e-4) == sum(found.component_nll)
+    assert found.nll_quantiles == pytest.approx(np.quantile(expected, [0.5, 0.9, 0.99, 1]), rel=1e-4)
     assert found.spread == pytest.approx((said,) * 13)
 
 

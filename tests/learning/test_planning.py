@@ -12,6 +12,7 @@ from sidm.learning import DynamicsModel, rollout
 from sidm.learning.planning import ROLLED_OVER, Dreamer, Planner, Planning, cost, heading_to, straight
 from sidm.trajectory import STEPS
 
+FREE = Planning(replan=1, slowest=-1.0, fastest=1.0)
 HERE = np.array([0, 0, 0.2, 0, 0, 0, 1, *[0] * 6], float)
 
 
@@ -43,7 +44,7 @@ def drive(goal: np.ndarray, act, most: int = 80) -> int:
 def test_a_planner_reaches_its_goal_about_as_fast_as_can_be(goal):
     """Five metres at 2 m/s are 25 steps, and turning takes some."""
     goal = np.array(goal)
-    planner = Planner(Planning(replan=1), goal, seed=0)
+    planner = Planner(FREE, goal, seed=0)
     steps = drive(goal, lambda state: planner.plan(lambda actions: slide(state, actions))[0].numpy())
     assert steps < 45
 
@@ -72,8 +73,16 @@ def test_the_spread_shrinks_to_the_least_where_the_plan_has_looked():
 def test_plans_are_functions_of_their_seed():
     plans = [Planner(Planning(), np.array([3.0, 1.0]), seed).plan(lambda a: slide(HERE, a)) for seed in (1, 1, 2)]
     assert torch.equal(plans[0], plans[1]) and not torch.equal(plans[0], plans[2])
-    assert plans[0].shape == (12, 2) and plans[0].abs().max() <= 1
+    assert plans[0].shape == (9, 2)
     assert torch.equal(plans[0][0], plans[0][2])  # an action is held
+
+
+def test_plans_keep_to_the_throttles_that_data_have():
+    """Whatever the noise; steering has its whole range."""
+    planner, drawn = Planner(Planning(samples=64, spread=5.0), np.array([3.0, 1.0]), 0), []
+    planner.plan(lambda actions: drawn.append(actions.clone()) or slide(HERE, actions))
+    low, high = drawn[0].flatten(0, 1).amin(0), drawn[0].flatten(0, 1).amax(0)
+    assert low.tolist() == pytest.approx([-0.2, -1]) and high.tolist() == pytest.approx([0.6, 1])
 
 
 def test_more_iterations_plan_better():
@@ -122,6 +131,8 @@ def test_a_memory_is_never_longer_than_training_has_seen(small_network, rng):
         long.observe(HERE, action)
     for action in actions[-(STEPS - 12) // 2 :]:
         short.observe(HERE, action)
+        short.remember()
+    long.remember()
     assert len(long.done) == len(short.done) == 26
     assert all(torch.allclose(a, b) for a, b in zip(long.memory, short.memory, strict=True))
 
@@ -133,6 +144,7 @@ def test_a_memory_is_never_longer_than_training_has_seen(small_network, rng):
         ({"elites": 40}, "Planning.elites must be at most samples"),
         ({"hold": 5}, "Planning.horizon must be a multiple of hold"),
         ({"replan": 13}, "Planning.replan must be at most horizon"),
+        ({"slowest": 0.7}, "-1 <= slowest < fastest <= 1, not 0.7 and 0.6"),
         ({"spread": 0.0}, "Planning.spread must be positive"),
         ({"least": 0.0}, "Planning.least must be positive"),
     ],
