@@ -15,6 +15,7 @@ from sidm.experiments.statistics import Interval, interval
 from sidm.experiments.uncertainty import Fitted
 from sidm.learning.particles import LEVELS
 from sidm.systems import SYSTEMS
+from sidm.trajectory import QUATERNION
 
 WORDS = {True: "by likelihood", False: "deterministic"}
 
@@ -82,6 +83,21 @@ def _line(
 def constant_spread(one: Fitted) -> float:
     """The NLL of normal distributions about a model's means, their spreads the best that are the same everywhere."""
     return float(0.5 * np.log(2 * np.pi * np.e * np.array(one.component_losses)).sum())
+
+
+def nll_lines(found: Sequence[Fitted], system: str) -> list[tuple]:
+    """A line of a table a method, way and size, means over seeds: NLL of single steps by quantile, their mean, of w."""
+    mine = [one for one in found if one.about.trial.system == system]
+    lines = []
+    for minutes in sorted({one.about.trial.novice_minutes for one in mine}):
+        for method in COMPARED:
+            for by in (True, False):
+                some = list(_seeds(mine, method, minutes, by).values())
+                if some:
+                    numbers = [(*one.nll_quantiles, one.nll, one.component_nll[QUATERNION][-1]) for one in some]
+                    words = (f"{value:.1f}" for value in np.mean(numbers, axis=0))
+                    lines.append((METHOD_STYLES[method]["label"], WORDS[by], minutes, *words))
+    return lines
 
 
 def claims(found: Sequence[Fitted], system: str) -> list[Claim]:

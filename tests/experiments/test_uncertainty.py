@@ -11,7 +11,14 @@ from sidm.experiments import Study, models
 from sidm.experiments import uncertainty as u
 from sidm.experiments.measure import Library
 from sidm.experiments.provenance import here
-from sidm.experiments.uncertainty_results import claims, coverage_figure, likelihood_lines, loss_figure, shares
+from sidm.experiments.uncertainty_results import (
+    claims,
+    coverage_figure,
+    likelihood_lines,
+    loss_figure,
+    nll_lines,
+    shares,
+)
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +108,12 @@ def test_lines_compare_with_the_twin_seed_by_seed(made_up):
     assert mine.loss == pytest.approx(2.1) and likelihood_lines(made_up, "system2") == []
     assert mine.constant == pytest.approx(13 * stats.norm(0, 0.1**0.5).entropy()) and mine.error == pytest.approx(0.1)
     assert mine.last_width.shape == (2, 3)
+
+
+def test_steps_and_the_redundant_component_have_lines(made_up):
+    first, twin, *_ = nll_lines(made_up, "system1")
+    assert first == ("with SIDM", "by likelihood", 0.75, "4.0", "5.0", "6.0", "7.0", "3.1", "0.5")
+    assert twin[1] == "deterministic" and nll_lines(made_up, "system2") == []
 
 
 def test_the_claim_is_of_the_pairs(made_up):
