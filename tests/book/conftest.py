@@ -57,7 +57,7 @@ def motion(tmp_path_factory) -> Path:
 def project(tmp_path_factory, motion) -> Path:
     """A worker's copy of what the notebooks work with: trials are run in it once."""
     copy = tmp_path_factory.mktemp("copy") / "project"
-    for name in ("sidm", "notebooks", "params", "results", "recordings"):
+    for name in ("sidm", "notebooks", "params", "results", "recordings", "benchmarks"):
         shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copytree(motion, copy / "_build" / "smoke" / "data")
     return copy
