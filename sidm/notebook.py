@@ -66,7 +66,11 @@ def notebooks(root: Path | None = None) -> list[Path]:
 
 
 def find_notebook(name: str, root: Path | None = None) -> Path:
-    """The notebook of that path or name: `05-figure3` and `figure3` are notebooks/05-figure3.ipynb."""
+    """The notebook of that path or name: `05-figure3` and `figure3` are notebooks/05-figure3.ipynb.
+
+    Raises:
+        ConfigError: there is none; it names the nearest.
+    """
     if Path(name).is_file():
         return Path(name)
     known = {path.stem: path for path in notebooks(root)}
@@ -120,7 +124,11 @@ def _type(node: ast.expr) -> Any:
 
 
 def check(value: Any, kind: Any, name: str) -> Any:
-    """`value` as `kind` asks, in a form that papermill can write into a notebook (lists for tuples)."""
+    """`value` as `kind` asks, in a form that papermill can write into a notebook (lists for tuples).
+
+    Raises:
+        ConfigError: it is of another kind; `name` is the parameter's.
+    """
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if origin is list:
         if not isinstance(value, (list, tuple)):
@@ -136,7 +144,11 @@ def check(value: Any, kind: Any, name: str) -> Any:
 
 
 def read_value(text: str, kind: Any, name: str) -> Any:
-    """The value that a command line's `text` stands for: YAML, checked against `kind`; `text` itself for a string."""
+    """The value that a command line's `text` stands for: YAML, checked against `kind`; `text` itself for a string.
+
+    Raises:
+        ConfigError: it is no YAML, or of another kind; `name` is the parameter's.
+    """
     if kind is str:
         return text
     try:
@@ -214,7 +226,11 @@ def run_notebook(
 
 
 def refresh(path: Path) -> Path:
-    """Execute a notebook with its defaults and keep the outputs in it, without the times that change at each run."""
+    """Execute a notebook with its defaults and keep the outputs in it, without the times that change at each run.
+
+    Raises:
+        NotebookError: a cell failed; the notebook is as it was.
+    """
     import nbformat
     from nbclient import NotebookClient
     from nbclient.exceptions import CellExecutionError

@@ -111,7 +111,7 @@ class System:
     physics: Physics = Physics()
 
     def robot(self, role: str) -> Robot:
-        """The robot in the role 'novice' or 'expert'."""
+        """The robot in the role 'novice' or 'expert'; ConfigError for another."""
         if role not in ROLES:
             raise ConfigError(f"a role is one of {', '.join(ROLES)}, not {role!r}")
         return self.novice if role == "novice" else self.expert

@@ -77,7 +77,7 @@ def p_expert(
 def iterations(
     study: Study, system: str, phase: str, values: Iterable[int] | None = None, sizes: Sequence[float] = ()
 ) -> list[Trial]:
-    """Ablation of the iterations of one phase; 0 of matching leave out the regularisation."""
+    """Ablation of the iterations of one phase; 0 of matching leave out the regularisation, of others: ConfigError."""
     trials = []
     for value in ITERATIONS[phase] if values is None else values:
         if value == 0 and phase != "matching_iterations":

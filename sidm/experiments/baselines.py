@@ -39,6 +39,9 @@ def neighbours(
         rows: at most one a system, size, method and seed.
         against: methods that the others are compared with.
         paces: seconds of 1,000 samples by method, as `pace.read` finds them.
+
+    Raises:
+        ValueError: two different trials stand for the same point.
     """
     groups: dict[tuple[str, float, str], dict[int, Row]] = {}
     for row in rows:

@@ -32,7 +32,11 @@ def fits(trial: Trial) -> bool:
 
 
 def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:
-    """The trials that can be trained side by side: of one system, network and kind of training; longest first."""
+    """The trials that can be trained side by side: of one system, network and kind of training; longest first.
+
+    Raises:
+        ConfigError: a trial's method cannot be trained so.
+    """
     groups: dict[tuple, list[Trial]] = {}
     for trial in trials:
         if not fits(trial):

@@ -16,7 +16,7 @@ from sidm.experiments.drivers import Driver, Ride, ride
 from sidm.experiments.measure import Library, one_thread, roll_out
 from sidm.experiments.methods import COMPARED
 from sidm.experiments.models import predictor_of
-from sidm.experiments.provenance import Provenance, source_hash
+from sidm.experiments.provenance import Provenance, is_stale, source_hash
 from sidm.experiments.records import Making, Records
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
@@ -80,7 +80,7 @@ class Driven:
     @property
     def stale(self) -> bool:
         """Whether the code has changed since."""
-        return self.source != source_hash("driving")
+        return is_stale(self.provenance) or self.source != source_hash("driving")
 
 
 class Episode(NamedTuple):

@@ -20,7 +20,7 @@ from sidm.experiments.measure import one_thread, summary_curve
 from sidm.experiments.methods import FINER_TESTS, METHODS, change
 from sidm.experiments.presets import Preset
 from sidm.experiments.pretrained import _alone as one_at_a_time
-from sidm.experiments.provenance import Provenance, source_hash
+from sidm.experiments.provenance import Provenance, is_stale, source_hash
 from sidm.experiments.records import Making, Records
 from sidm.experiments.study import Study
 from sidm.experiments.targets import Recorded, checksum_of, load_recorded, path_errors, piece_losses, recordings_of
@@ -118,7 +118,7 @@ class Transferred:
     @property
     def stale(self) -> bool:
         """Whether the code has changed since."""
-        return self.source != source_hash("elsewhere")
+        return is_stale(self.provenance) or self.source != source_hash("elsewhere")
 
 
 def proxies(preset: Preset, system: str) -> dict[str, Dataset]:

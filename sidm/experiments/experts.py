@@ -20,7 +20,7 @@ from sidm.experiments.datasets import find_digest, load_dataset
 from sidm.experiments.family import dataset
 from sidm.experiments.measure import Library, one_thread, roll_out, summary_curve
 from sidm.experiments.methods import FINER_TESTS, METHODS, change
-from sidm.experiments.provenance import Provenance, source_hash
+from sidm.experiments.provenance import Provenance, is_stale, source_hash
 from sidm.experiments.records import Making, Records
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Dataset, Trial
@@ -106,7 +106,7 @@ class Pretrained:
     @property
     def stale(self) -> bool:
         """Whether the code has changed since."""
-        return self.source != source_hash("experts")
+        return is_stale(self.provenance) or self.source != source_hash("experts")
 
 
 def pretrainings(

@@ -46,7 +46,7 @@ def headline(rows: Sequence[Row], rows4: Sequence[Row] = ()) -> str:
 
 
 def refresh(text: str, rows: Sequence[Row], rows4: Sequence[Row] = ()) -> str:
-    """A README's text with its headline block made anew from the stored rows."""
+    """A README's text with its headline block made anew from the stored rows; ValueError without one such block."""
     pattern = re.compile(re.escape(BEGIN) + ".*?" + re.escape(END), re.DOTALL)
     if len(pattern.findall(text)) != 1:
         raise ValueError(f"the README must have one block from '{BEGIN}' to '{END}'")

@@ -60,7 +60,11 @@ class Records(Generic[F]):
         return self.folder / f"{key_of(about)}.json"
 
     def put(self, found: F) -> None:
-        """Store a record; its numbers are rounded as in the store of trials, what it is about is not."""
+        """Store a record; its numbers are rounded as in the store of trials, what it is about is not.
+
+        Raises:
+            StoreError: a number is not finite.
+        """
         values = rounded(dataclasses.asdict(found))  # type: ignore[call-overload]
         try:
             write_record(self.path(found.about), values | {"about": dataclasses.asdict(found.about)})

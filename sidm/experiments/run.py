@@ -216,6 +216,10 @@ def run_here(
     """Run one trial in this process unless it is stored, and store it; errors are raised.
 
     The bar counts samples up to `max_samples`, which early stopping seldom lets a trial reach.
+
+    Raises:
+        ShardError: data are missing or others than the trial's.
+        TrainingError: a loss was not finite; the failure is stored.
     """
     store = results if isinstance(results, Results) else Results(results)
     stored = store.get(trial)

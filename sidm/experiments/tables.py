@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sidm.experiments.methods import COMPARED
+from sidm.experiments.provenance import here
 from sidm.experiments.store import Results, Row
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
@@ -148,6 +149,14 @@ def stored_line(store: Results, trials: Sequence[Trial], command: str) -> str:
 def provenance_block(rows: Sequence[Row], command: str = "") -> str:
     """`provenance_line` as Markdown of the book's class `provenance`."""
     return f'<div class="provenance">\n\n{provenance_line(rows, command)}\n\n</div>'
+
+
+def made_here(chapter: str) -> str:
+    """The same of what a page has simulated or computed itself, by the chapter's name."""
+    one = here(0.0, 1, False)
+    words = f"Made by this page; {one.date[:10]}; code {one.version} ({one.learning_source}); {one.device}"
+    again = f"again: `python -m sidm notebook {chapter} _build/{chapter}.ipynb`."
+    return f'<div class="provenance">\n\n{words}; {again}\n\n</div>'
 
 
 def markdown_table(head: Sequence[str], lines: Iterable[Sequence[object]]) -> str:

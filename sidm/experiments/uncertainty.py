@@ -19,7 +19,7 @@ from sidm.config import config
 from sidm.experiments.measure import ROLLOUT_STEPS, Library, one_thread, roll_out, summary_curve
 from sidm.experiments.methods import COMPARED
 from sidm.experiments.models import model_of
-from sidm.experiments.provenance import Provenance, source_hash
+from sidm.experiments.provenance import Provenance, is_stale, source_hash
 from sidm.experiments.records import Making, Records
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
@@ -83,7 +83,7 @@ class Fitted:
     @property
     def stale(self) -> bool:
         """Whether the code has changed since."""
-        return self.source != source_hash("uncertainty")
+        return is_stale(self.provenance) or self.source != source_hash("uncertainty")
 
 
 def fits(study: Study, system: str, sizes: Iterable[float] = SIZES, particles: int = PARTICLES) -> list[Fit]:

@@ -29,7 +29,11 @@ MIRRORING = {purpose: f"{purpose} mirrored" for purpose in PURPOSES[1:]}  # what
 
 
 class Learner:
-    """A model in training: weights, optimisers, generators, counters, the best weights so far."""
+    """A model in training: weights, optimisers, generators, counters, the best weights so far.
+
+    Raises:
+        ConfigError: the settings do not fit each other, or want data of the expert that are not there.
+    """
 
     def __init__(
         self,

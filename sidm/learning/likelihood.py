@@ -29,7 +29,11 @@ ONLY = {
 
 
 class DistributionLearner(Learner):
-    """A model of distributions in training; losses and tests are negative log-likelihoods, nats a sample."""
+    """A model of distributions in training; losses and tests are negative log-likelihoods, nats a sample.
+
+    Raises:
+        ConfigError: a setting that a likelihood does not know.
+    """
 
     def __init__(
         self,

@@ -28,7 +28,7 @@ def prediction_loss(predicted: Tensor, target: Tensor) -> Tensor:
 
 
 def component_losses(predicted: Tensor, target: Tensor) -> Tensor:
-    """The terms (..., 13) of the sum of equation (1)."""
+    """The terms (..., 13) of the sum of equation (1); ValueError for shapes that differ."""
     if predicted.shape != target.shape:
         raise ValueError(f"predicted {tuple(predicted.shape)} and target {tuple(target.shape)} must have one shape")
     return (predicted - target).square()

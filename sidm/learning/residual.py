@@ -42,7 +42,11 @@ def _unexplained(motion: Motion | Part, base: DynamicsModel) -> Motion:
 
 
 def units(datasets: Datasets) -> Standardisation:
-    """Of a correction: the expert's as for every method, but about zero, where a correction begins."""
+    """Of a correction: the expert's as for every method, but about zero, where a correction begins.
+
+    Raises:
+        ConfigError: there are no data of the expert.
+    """
     if datasets.expert is None:
         raise ConfigError("a correction needs the expert's data, but datasets.expert is None")
     found = Standardisation.of(datasets.expert)

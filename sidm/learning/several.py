@@ -28,7 +28,11 @@ Parts = Mapping[str, Tensor]  # weights and buffers by name
 
 
 class SeveralLearner(Learner):
-    """A model of several experts in training: each has three of four trajectories to learn from, one to stop by."""
+    """A model of several experts in training: each has three of four trajectories to learn from, one to stop by.
+
+    Raises:
+        ConfigError: settings with a novice.
+    """
 
     def __init__(
         self,

@@ -93,7 +93,11 @@ def _simulator(system: System, role: str) -> Simulator:
 
 
 def simulate(collection: Collection, index: int) -> Trajectory:
-    """Trajectory `index` of a collection: the first attempt to last 64 steps, with the count of those that did not."""
+    """Trajectory `index` of a collection: the first attempt to last 64 steps, with the count of those that did not.
+
+    Raises:
+        RuntimeError: none of MOST_ATTEMPTS did.
+    """
     system = find_system(collection.system)
     simulator = _simulator(system, collection.role)
     causes: list[str | None] = []

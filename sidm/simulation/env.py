@@ -54,7 +54,11 @@ class Rover(gymnasium.Env):
         pixels: int = 64,
         render_mode: str | None = None,
     ) -> None:
-        """Take `role` of `system`, a name or a pair of your own, maps of `pixels` a side, 'rgb_array' for pictures."""
+        """Take `role` of `system`, a name or a pair of your own, maps of `pixels` a side, 'rgb_array' for pictures.
+
+        Raises:
+            ValueError: no pixels, or another `render_mode`.
+        """
         if pixels < 1:
             raise ValueError(f"pixels must be 1 or more, not {pixels}")
         if render_mode not in (None, *self.metadata["render_modes"]):
@@ -73,7 +77,7 @@ class Rover(gymnasium.Env):
 
     @property
     def simulator(self) -> Simulator:
-        """The simulator of the present episode."""
+        """The simulator of the present episode; ResetNeeded before the first."""
         if self._simulator is None:
             raise gymnasium.error.ResetNeeded("reset the environment before using it")
         return self._simulator
@@ -81,7 +85,7 @@ class Rover(gymnasium.Env):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        """Drop the robot on new ground: observation and info."""
+        """Drop the robot on new ground: observation and info; ValueError for an unknown option."""
         super().reset(seed=seed)
         options = dict(options or {})
         terrain_seed = int(options.pop("terrain_seed", self.np_random.integers(2**62)))
@@ -148,7 +152,7 @@ class ReachPoint(gymnasium.Wrapper):
     def __init__(
         self, env: gymnasium.Env, nearest: float = 3.0, farthest: float = 8.0, radius: float = 0.5
     ) -> None:
-        """Draw goals between `nearest` and `farthest` from the start, m."""
+        """Draw goals between `nearest` and `farthest` from the start, m; ValueError for distances in another order."""
         super().__init__(env)
         if not radius < nearest <= farthest:
             raise ValueError(f"radius < nearest <= farthest must hold, not {radius}, {nearest}, {farthest}")

@@ -59,7 +59,7 @@ POLICIES: dict[str, Callable[[int, np.random.Generator], np.ndarray]] = {
 
 
 def draw_actions(policy: str, steps: int, rng: np.random.Generator) -> np.ndarray:
-    """Actions (steps, 2), each (throttle, steering) in [-1, 1], of the named policy."""
+    """Actions (steps, 2), each (throttle, steering) in [-1, 1], of the named policy; ConfigError without one."""
     if policy not in POLICIES:
         raise unknown_name(policy, POLICIES, "the exploration policies")
     return POLICIES[policy](steps, rng)

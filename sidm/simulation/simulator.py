@@ -139,7 +139,11 @@ class Simulator:
         return self.state
 
     def step(self, action: np.ndarray) -> np.ndarray:
-        """Apply an action (throttle, steering), clipped to [-1, 1], for one control step; the state (13,) after it."""
+        """Apply an action (throttle, steering), clipped to [-1, 1], for one control step; the state (13,) after it.
+
+        Raises:
+            ValueError: the action is not two finite numbers.
+        """
         action = np.asarray(action, float)
         if action.shape != (2,) or not np.isfinite(action).all():
             raise ValueError(f"an action is 2 finite numbers, shape (2,), not {action} of shape {action.shape}")

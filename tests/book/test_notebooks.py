@@ -45,3 +45,25 @@ def test_its_pictures_have_words(path):
         if shown and not cell.metadata.get("mystnb", {}).get("image", {}).get("alt"):
             wordless.append(cell.source.splitlines()[0])
     assert wordless == []
+
+
+#: Tables of settings, which are no results.
+SETTINGS = {"05-04", "05-70", "22-05"}
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS)
+def test_its_results_say_where_they_come_from(path):
+    """A line of provenance behind tables and pictures: in their section, or at the end of a page that makes its own."""
+    cells = nbformat.read(path, as_version=4).cells
+    makes_its_own, open_results, lacking = any("made_here(" in cell.source for cell in cells), [], []
+    for cell in cells:
+        if cell.cell_type == "markdown" and cell.source.startswith("## ") and not makes_its_own:
+            lacking += open_results
+            open_results = []
+        texts = [str(text) for o in cell.get("outputs", []) for text in o.get("data", {}).values()]
+        pictures = any(kind.startswith("image/") for o in cell.get("outputs", []) for kind in o.get("data", {}))
+        if any('class="provenance"' in text for text in texts):
+            open_results = []
+        elif (pictures or any("| --- |" in text for text in texts)) and cell.id not in SETTINGS:
+            open_results.append(cell.id)
+    assert lacking + open_results == []
