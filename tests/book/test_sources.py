@@ -13,6 +13,7 @@ import yaml
 from pages import ROOT, contents
 
 import sidm
+from sidm.__main__ import build_parser
 from sidm.notebook import add_arguments, find_notebook, inspect, merge_parameters, read_value
 
 ROLE = re.compile(r"\{py:\w+\}`~?(?:[^`<]*<)?([\w.]+)>?`")
@@ -48,19 +49,36 @@ def test_what_a_page_refers_to_in_the_package_can_be_imported(name):
         pkgutil.resolve_name(target)
 
 
-def notebook_commands() -> list[str]:
-    """What pages and README tell the reader to run of the notebooks; what stands with its output is run itself."""
+def commands() -> list[str]:
+    """What pages and README tell the reader to run of the package; what stands with its output is run itself."""
     texts = [*map(source, contents()), (ROOT / "README.md").read_text(encoding="utf-8")]
     blocks = (block.replace("\\\n", " ") for text in texts for block in BASH.findall(text))
-    return [line for block in blocks for line in block.splitlines() if " -m sidm notebook " in line]
+    return [line for block in blocks for line in block.splitlines() if " -m sidm " in line]
 
 
-@pytest.mark.parametrize("command", notebook_commands())
+def words_of(command: str) -> list[str]:
+    return shlex.split(command.partition(" -m sidm ")[2], comments=True)
+
+
+@pytest.mark.parametrize("command", [one for one in commands() if words_of(one)[0] != "notebook"])
+def test_a_command_could_be_run(command, monkeypatch):
+    """Those for a GPU and a method that the reader has written excepted: their machine knows what they mean."""
+    monkeypatch.chdir(ROOT)
+    words = words_of(command)
+    if {"cuda", "half_frozen"} & set(words):
+        assert set(words[1::2]) <= {"--preset", "--figure", "--device", "--bundle", "--method", "--system", "--minutes"}
+        return
+    if words[-1] == "--help":
+        words = words[:-1]
+    build_parser().parse_args(words)
+
+
+@pytest.mark.parametrize("command", [one for one in commands() if words_of(one)[0] == "notebook"])
 def test_a_command_for_a_notebook_could_be_run(command, monkeypatch):
     monkeypatch.chdir(ROOT)
     parser = argparse.ArgumentParser()
     add_arguments(parser)
-    given = parser.parse_args(shlex.split(command.partition(" -m sidm notebook ")[2], comments=True))
+    given = parser.parse_args(words_of(command)[1:])
     path = find_notebook(given.notebook)
     kinds = {name: parameter.kind for name, parameter in inspect(path).items()}
     values = {name: read_value(text, kinds.get(name), name) for name, text in given.parameter}
