@@ -43,7 +43,7 @@ def both_rides(first: Robot, second: Robot, *same: Any) -> tuple[Ride, Ride]:
     return _remembered(first, *same), other.result()
 
 
-def explorer(first: str = "system1 novice", second: str = "system1 expert", steps: int = 30) -> Any:
+def explorer(first: str = "system1 novice", second: str = "system1 expert", steps: int = 25) -> Any:
     """Sliders for the set-up of one robot beside an unchanged other one, both to be chosen, as an ipywidgets box.
 
     Args:
