@@ -118,31 +118,25 @@ def score(driver: Way) -> Score:
     )
 
 
-def missed(driver: Way) -> dict[int, bool]:
-    """Of each episode by its number, whether the goal was missed."""
+def outcomes(driver: Way) -> dict[int, tuple[bool, float]]:
+    """Of each episode by its number, whether the goal was missed, and how many seconds were driven."""
     return {
-        number: end != "arrived"
+        number: (end != "arrived", seconds)
         for one in driver.parts
-        for number, end in zip(one.about.episodes, one.ended, strict=True)
+        for number, end, seconds in zip(one.about.episodes, one.ended, one.seconds, strict=True)
     }
 
 
 def paired(one: Way, other: Way) -> np.ndarray:
     """(E, 2) of 1 for a goal that was missed, over the episodes that both drove."""
-    mine, theirs = missed(one), missed(other)
-    return np.array([(mine[number], theirs[number]) for number in sorted(mine.keys() & theirs.keys())], float)
+    mine, theirs = outcomes(one), outcomes(other)
+    return np.array([(mine[number][0], theirs[number][0]) for number in sorted(mine.keys() & theirs.keys())], float)
 
 
 def sooner(one: Way, other: Way) -> np.ndarray:
     """(E, 2) of s until the goal, over the episodes in which both reached it."""
     mine, theirs = (
-        {
-            number: seconds
-            for part in way.parts
-            for number, end, seconds in zip(part.about.episodes, part.ended, part.seconds, strict=True)
-            if end == "arrived"
-        }
-        for way in (one, other)
+        {number: seconds for number, (missed, seconds) in outcomes(way).items() if not missed} for way in (one, other)
     )
     return np.array([(mine[number], theirs[number]) for number in sorted(mine.keys() & theirs.keys())]).reshape(-1, 2)
 
