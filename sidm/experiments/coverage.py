@@ -52,17 +52,17 @@ def log_ratio(pairs: np.ndarray) -> float:
 
 
 def by_resampling(pairs: np.ndarray) -> Interval:
-    """The percentile interval of `log_ratio`."""
+    """The percentile interval of `log_ratio` over the S seeds of losses (S, 2, M)."""
     return bootstrap(log_ratio, pairs, resamples=RESAMPLES)
 
 
 def by_leaving_out(pairs: np.ndarray) -> Interval:
-    """Student's interval of `log_ratio`."""
+    """Student's interval of `log_ratio` over the S seeds of losses (S, 2, M)."""
     return leave_one_out(log_ratio, pairs)
 
 
 def coverage(method: Callable[[np.ndarray], Interval], seeds: int, studies: int = STUDIES) -> tuple[float, float]:
-    """Share of synthetic studies whose interval holds the true ratio, and the intervals' median width in log ratio."""
+    """Share of synthetic studies (S, 2, M) whose interval holds the true ratio, and the median width in log ratio."""
     rng = np.random.default_rng(seeds)
     found = [method(synthetic_study(seeds, rng)) for _ in range(studies)]
     held = [one.low <= np.log(RATIO) <= one.high for one in found]
@@ -85,7 +85,7 @@ def nothing_saved(seeds: int, studies: int = STUDIES) -> tuple[float, float]:
 
 
 def log_greatest(pairs: np.ndarray) -> float:
-    """Logarithm of the greatest ratio over the sizes, NaN where it is a bound."""
+    """Logarithm of the greatest ratio over the M sizes of losses (S, 2, M), NaN where it is a bound."""
     return known(*greatest_ratio(MINUTES, pairs))
 
 

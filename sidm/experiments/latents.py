@@ -78,7 +78,7 @@ def squared_mmd(novice: np.ndarray, expert: np.ndarray) -> float:
 
 
 def picture(novice: np.ndarray, expert: np.ndarray) -> list[tuple[tuple[float, float], ...]]:
-    """PICTURED latents of each system along the first two principal components of both."""
+    """PICTURED of each system's latents (., ., K), (x, y) each, along the first two principal components of both."""
     parts = _spread(novice, expert, PICTURED)
     flat = PCA(2, svd_solver="full").fit(np.concatenate(parts))
     return [tuple((float(x), float(y)) for x, y in flat.transform(part)) for part in parts]

@@ -77,8 +77,8 @@ def learn(
 
     Args:
         motion: the novice's.
-        learning: numbers of its trajectories to learn from.
-        judging: numbers of those to judge by.
+        learning: numbers (n,) of its trajectories to learn from.
+        judging: numbers (m,) of those to judge by.
         expert: the expert's.
         minutes: of the novice's motion to learn from, split 75 to 25 for training and testing.
         network: sizes of the networks.

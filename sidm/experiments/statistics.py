@@ -112,7 +112,7 @@ def leave_one_out(
 
 
 def interval(statistic: Callable[[np.ndarray], float], samples: np.ndarray) -> Interval:
-    """`leave_one_out` with fewer than MANY_SEEDS seeds, else `bootstrap`."""
+    """`leave_one_out` of samples (S, ...) with fewer than MANY_SEEDS seeds S, else `bootstrap`."""
     return (leave_one_out if len(samples) < MANY_SEEDS else bootstrap)(statistic, samples)
 
 

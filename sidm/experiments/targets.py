@@ -63,7 +63,7 @@ def load_recorded(
 
 
 def subsets(recorded: Recorded, minutes: float, seed: int) -> tuple[Tensor, Tensor]:
-    """Numbers of the pieces to train on, about 75 %, and of those to stop by, which lie on other grounds.
+    """Numbers (n,) of the pieces to train on, about 75 %, and (m,) of those to stop by, which lie on other grounds.
 
     Of one seed, the pieces of fewer minutes are among those of more, and in the same part.
 

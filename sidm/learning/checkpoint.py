@@ -26,7 +26,7 @@ class CheckpointError(ValueError):
 
 
 def write(folder: Path, tensors: Mapping[str, Tensor], values: Mapping[str, Any]) -> None:
-    """Write `tensors` and `values` (plain JSON types) as the checkpoint of `folder`, replacing the one before."""
+    """Write `tensors` of any shapes and `values` (plain JSON types) as `folder`'s checkpoint, in place of the last."""
     arrays = {name: tensor.detach().cpu().numpy() for name, tensor in tensors.items()}
     arrays[TEXT] = np.frombuffer(json.dumps(values).encode(), np.uint8)
     write_arrays(Path(folder) / FILE, arrays)
@@ -70,7 +70,7 @@ def module_tensors(module: nn.Module) -> dict[str, Tensor]:
 
 
 def optimiser_tensors(optimiser: torch.optim.Optimizer) -> dict[str, Tensor]:
-    """The optimiser's moments and step counts, by 'parameter number/name'."""
+    """The optimiser's moments, in their parameters' shapes, and step counts (), by 'parameter number/name'."""
     state = optimiser.state_dict()["state"]
     return {f"{number}/{name}": tensor for number, entry in state.items() for name, tensor in entry.items()}
 

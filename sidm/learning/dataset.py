@@ -226,7 +226,7 @@ def novice_split(pool_size: int, minutes: float, seed: int) -> tuple[np.ndarray,
         seed: of the choice.
 
     Returns:
-        Indices of the training trajectories, about 75 %, and of the test trajectories; at least one each.
+        Indices (n,) of the training trajectories, about 75 %, and (m,) of the test ones; at least one each.
 
     Raises:
         ConfigError: the pool is too small.
@@ -240,7 +240,7 @@ def novice_split(pool_size: int, minutes: float, seed: int) -> tuple[np.ndarray,
 
 
 def split(pool_size: int, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """`count` of `pool_size` trajectories in two parts, as `novice_split` gives them."""
+    """Indices of `count` of `pool_size` trajectories in two parts (n,) and (m,), as `novice_split` gives them."""
     chosen = np.random.default_rng(seed).permutation(pool_size)[:count]
     testing = np.arange(count) % TEST_EVERY == 1
     return chosen[~testing], chosen[testing]

@@ -155,7 +155,7 @@ class DistributionModel(Predictor):
         memory: Memory | None = None,
         generator: torch.Generator | None = None,
     ) -> tuple[Gaussian, Memory]:
-        """As `Stochastic.predict`."""
+        """As `Stochastic.predict`: of (B, T, 13)."""
         transitions, memory = self.transit(self.encode(role, inputs, maps, generator), memory, generator)
         return self.decoders[role].distribution(transitions), memory  # type: ignore[operator]
 
@@ -186,6 +186,6 @@ class ConstantSpread:
         memory: Memory | None = None,
         generator: torch.Generator | None = None,
     ) -> tuple[Gaussian, Memory]:
-        """As `Stochastic.predict`; there are no latents to draw."""
+        """As `Stochastic.predict`: of (B, T, 13); there are no latents to draw."""
         mean, memory = self.model(role, inputs, maps, memory)
         return Gaussian(mean, self.std.expand_as(mean)), memory

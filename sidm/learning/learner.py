@@ -83,7 +83,7 @@ class Learner:
         return self.stopper.finished(self.samples, self.iteration)
 
     def weights(self) -> dict[str, Tensor]:
-        """A copy of the model's weights and buffers."""
+        """A copy of the model's weights and buffers by name, in their shapes."""
         return {name: tensor.clone() for name, tensor in checkpoint.module_tensors(self.model).items()}
 
     def part(self, role: str) -> Motion | Part:
@@ -108,7 +108,7 @@ class Learner:
         return self.take(role, self.draw_indices(role, count, purpose))
 
     def take(self, role: str, which: Tensor) -> Motion:
-        """Training trajectories of a system, or their mirror images, on the device."""
+        """A system's training trajectories (b, T) numbered `which` (b,), or their mirror images, on the device."""
         count = len(self.part(role))
         motion = self.part(role).take(which % count)
         if self.training.mirror:
@@ -122,7 +122,7 @@ class Learner:
             return self.model.encoders[role](motion.inputs, motion.maps)
 
     def draw_batch_indices(self) -> dict[str, Tensor]:
-        """Which b_pred trajectories make a batch, by system: each the expert's with probability p_e (Algorithm 1).
+        """Which b_pred trajectories (b,) make a batch, by system: each the expert's with probability p_e (Algorithm 1).
 
         Every place of the batch draws a novice's and an expert's trajectory and takes one of them: the novice's is the
         same for all methods.

@@ -52,7 +52,7 @@ class LeastSquares(Predictor):
         self.register_buffer("high", torch.full((self.count,), torch.inf))
 
     def forward(self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None):
-        """As DynamicsModel; the memory is the base's, None without one."""
+        """Transitions (B, T, 13), raw units, as DynamicsModel; the memory is the base's, None without one."""
         numbers, predicted, memory = self.numbers(role, inputs, maps, memory)
         return predicted + self.functions(numbers) @ self.weights, memory
 

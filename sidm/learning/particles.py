@@ -129,7 +129,7 @@ def covered(particles: Tensor, actual: Tensor, levels: Sequence[float] = LEVELS)
 
 
 def central(values: Tensor, level: float, dim: int = 0) -> tuple[Tensor, Tensor]:
-    """The ends between which a new draw lies with probability `level`, of S draws of one distribution along `dim`."""
+    """The ends (...) between which a new draw lies with probability `level`; S draws (..., S, ...) lie along `dim`."""
     count = values.shape[dim]
     low, high = (
         min(max((share * (count + 1) - 1) / (count - 1), 0.0), 1.0) for share in (0.5 - level / 2, 0.5 + level / 2)

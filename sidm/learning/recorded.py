@@ -61,7 +61,7 @@ def recorded_motion(pieces: Pieces, pixels: int) -> Motion:
 
 
 def apart(pieces: Pieces, share: float) -> tuple[Tensor, Tensor, bool]:
-    """Numbers of the pieces to learn from and of those to judge by, and whether their grounds differ.
+    """Numbers (n,) of the pieces to learn from and (m,) of those to judge by, and whether their grounds differ.
 
     Those to judge by are on the last grounds, a `share` of them and at least one; with a single ground they are the
     last pieces. Two maps of one place that differ anywhere are two grounds here.
@@ -80,7 +80,7 @@ def apart(pieces: Pieces, share: float) -> tuple[Tensor, Tensor, bool]:
 
 
 def apart_by_ground(pieces: Pieces, held_out: int) -> tuple[Tensor, Tensor]:
-    """Numbers of the pieces to learn from and of those to judge by: those on the last `held_out` grounds.
+    """Numbers (n,) of the pieces to learn from and (m,) of those to judge by: those on the last `held_out` grounds.
 
     Raises:
         ValueError: as many grounds or more are to be held out as there are.

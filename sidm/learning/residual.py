@@ -19,7 +19,7 @@ class Corrected(Predictor):
         self.base, self.correction = base, correction
 
     def forward(self, role: str, inputs: Tensor, maps: Tensor, memory=None):
-        """As DynamicsModel; the memory is that of both."""
+        """Transitions (B, T, 13), raw units, as DynamicsModel; the memory is that of both."""
         first, second = memory or (None, None)
         predicted, first = self.base(role, inputs, maps, first)
         missing, second = self.correction(role, inputs, maps, second)

@@ -61,14 +61,14 @@ class SeveralLearner(Learner):
         return self.learning[role]
 
     def draw_batch_indices(self) -> dict[str, Tensor]:
-        """Which trajectories make a batch, by expert: each of one that is drawn with equal probability."""
+        """Which trajectories (b,) make a batch, by expert: each of one that is drawn with equal probability."""
         roles, count = list(self.learning), self.training.batch
         whose = torch.randint(len(roles), (count,), generator=self.generators["system"])
         drawn = {role: self.draw_indices(role, count, role)[whose == number] for number, role in enumerate(roles)}
         return {role: indices for role, indices in drawn.items() if len(indices)}
 
     def note(self, losses: dict[str, Tensor]) -> None:
-        """Count an iteration; all experts' losses make one learning curve."""
+        """Count an iteration; all experts' losses, (b, T) each, make one learning curve."""
         super().note({"novice": torch.cat(list(losses.values()))})
 
     def take_test(self) -> Tested:

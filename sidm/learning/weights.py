@@ -62,7 +62,7 @@ class Follower:
                 weights.copy_(before)
 
     def tensors(self) -> dict[str, Tensor]:
-        """What a checkpoint has to keep, by name."""
+        """What a checkpoint has to keep, by name: the averages, in the weights' shapes."""
         return {str(number): tensor for number, tensor in enumerate(self.average)}
 
     def restore(self, tensors: dict[str, Tensor], updates: int) -> None:

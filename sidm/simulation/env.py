@@ -85,7 +85,7 @@ class Rover(gymnasium.Env):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        """Drop the robot on new ground: observation and info; ValueError for an unknown option."""
+        """Drop the robot on new ground: observation and info, its state (13,); ValueError for an unknown option."""
         super().reset(seed=seed)
         options = dict(options or {})
         terrain_seed = int(options.pop("terrain_seed", self.np_random.integers(2**62)))
@@ -110,7 +110,7 @@ class Rover(gymnasium.Env):
         self._simulator = Simulator(self.robot, heights, self.system.physics, visible=self.render_mode is not None)
 
     def step(self, action: np.ndarray) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
-        """Drive for 0.1 s: observation, reward 0, terminated, truncated, info."""
+        """Drive for 0.1 s by (throttle, steering), (2,): observation, reward 0, terminated, truncated, info."""
         state = self.simulator.step(action)
         cause = self._rules.ended(state)
         ended, outside = cause not in (None, "border"), cause == "border"
@@ -164,7 +164,7 @@ class ReachPoint(gymnasium.Wrapper):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        """Begin an episode and draw its goal; ``info["goal"]`` is its place in the world, m."""
+        """Begin an episode and draw its goal; ``info["goal"]`` is its place (2,) in the world, m."""
         observation, info = self.env.reset(seed=seed, options=options)
         rng = self.env.unwrapped.np_random
         distance, bearing = rng.uniform(self.nearest, self.farthest), rng.uniform(-np.pi, np.pi)
@@ -174,7 +174,7 @@ class ReachPoint(gymnasium.Wrapper):
         return self._with_goal(observation, info["state"]), info | {"goal": self.goal.copy()}
 
     def step(self, action: np.ndarray) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
-        """Drive for 0.1 s, rewarded by the metres gained."""
+        """Drive for 0.1 s by (throttle, steering), (2,), rewarded by the metres gained."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         distance = float(np.linalg.norm(self.goal - info["state"][POSITION][:2]))
         gained, self._distance = self._distance - distance, distance

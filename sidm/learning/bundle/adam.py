@@ -37,14 +37,14 @@ class StackedAdam:
         }
 
     def put(self, trial: int, learning_rate: float, decay: float, state: Mapping[str, Tensor]) -> None:
-        """Make these a trial's settings and moments ('parameter/exp_avg'); moments that are not given become 0."""
+        """Make these a trial's settings and moments, (...) each by 'parameter/exp_avg'; those not given become 0."""
         self.learning_rate[trial], self.decay[trial] = learning_rate, decay
         for name, moments in self.moments.items():
             for what, stacked in moments._asdict().items():
                 stacked[trial] = state.get(f"{name}/{what}", torch.zeros(()))
 
     def get(self, trial: int) -> dict[str, Tensor]:
-        """A copy of a trial's moments by the same names, of the parameters that took a step."""
+        """A copy of a trial's moments (...) by the same names, of the parameters that took a step."""
         return {
             f"{name}/{what}": stacked[trial].to("cpu", copy=True)
             for name, moments in self.moments.items()

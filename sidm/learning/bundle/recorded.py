@@ -27,7 +27,7 @@ class Recorded:
         self.output: Any = None
 
     def __call__(self, *inputs: Tensor) -> Any:
-        """Do the work on `inputs`."""
+        """Do the work on `inputs`, which keep their shapes from call to call."""
         assert self.work is not None  # not closed
         if self.device.type != "cuda":
             return self.work(*inputs)

@@ -44,11 +44,11 @@ class Stack:
         }  # e.g. 'model.sidm.lstm.weight_ih_l0': (M, 4 H, K)
 
     def learnt(self, part: str) -> dict[str, Tensor]:
-        """The parameters of a part, e.g. 'model.sidm', by their full names."""
+        """The parameters (M, ...) of a part, e.g. 'model.sidm', by their full names."""
         return {n: one for n, one in self.weights.items() if n.startswith(f"{part}.") and one.requires_grad}
 
     def put(self, trial: int, tensors: Mapping[str, Tensor]) -> None:
-        """Make these a trial's weights; those that it does not name become 0."""
+        """Make these a trial's weights, (...) each; those that it does not name become 0."""
         with torch.no_grad():
             for name, weights in self.weights.items():
                 weights[trial] = tensors.get(name, torch.zeros(()))
@@ -123,7 +123,7 @@ def within(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
 
 
 def over(module: nn.Module, weights: Mapping[str, Tensor], inputs: Tensor) -> Tensor:
-    """`module` with the first, second, ... of the stacked `weights` on the first, second, ... of `inputs`."""
+    """`module` with the first, second, ... of weights (M, ...) on the first, second, ... of inputs (M, ...)."""
     return vmap(lambda own, mine: functional_call(module, own, (mine,)))(dict(weights), inputs)
 
 
