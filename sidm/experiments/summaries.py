@@ -79,6 +79,25 @@ def choices_summary(found: Sequence[Worth]) -> str:
     return ". ".join([*said, f"{rest} of {len(judged)} comparisons show no difference"]) + "."
 
 
+def together_summary(found: Sequence[Worth]) -> str:
+    """A list in Markdown, a line a choice, system and method: at which sizes the loss is smaller or larger changed."""
+    lines: dict[tuple[str, str, str], dict[str, list[str]]] = {}
+    for one in found:
+        sides = lines.setdefault((one.choice, one.system, one.method), {})
+        sides.setdefault(_side(one), []).append(f"{one.minutes:g}")
+    said = ""
+    for (choice, system, method), sides in lines.items():
+        words = "; ".join(f"{side} at {', '.join(sizes)} min" for side, sizes in sides.items())
+        said += f"- *{choice}*, {system}, {METHOD_STYLES[method]['label']}: {words}\n"
+    return said or NOTHING
+
+
+def _side(one: Worth) -> str:
+    if one.seeds < FEWEST_SEEDS:
+        return f"fewer than {FEWEST_SEEDS} seeds"
+    return "a smaller loss" if one.ratio.high < 1 else "a larger loss" if one.ratio.low > 1 else NO_DIFFERENCE
+
+
 def example_summary(rows: Sequence[Row], seed: int) -> str:
     """How the example of Figure 4, with the models of `seed`, compares with all test trajectories, in a sentence."""
     shown = [row.outcome for row in rows if row.trial.seed == seed]

@@ -151,9 +151,9 @@ def provenance_block(rows: Sequence[Row], command: str = "") -> str:
     return f'<div class="provenance">\n\n{provenance_line(rows, command)}\n\n</div>'
 
 
-def made_here(chapter: str) -> str:
-    """The same of what a page has simulated or computed itself, by the chapter's name."""
-    one = here(0.0, 1, False)
+def made_here(chapter: str, wing: str = "learning") -> str:
+    """The same of what a page has simulated or computed itself with the code of a wing, by the chapter's name."""
+    one = here(0.0, 1, False, wing=wing)
     words = f"Made by this page; {one.date[:10]}; code {one.version} ({one.learning_source}); {one.device}"
     again = f"again: `python -m sidm notebook {chapter} _build/{chapter}.ipynb`."
     return f'<div class="provenance">\n\n{words}; {again}\n\n</div>'

@@ -8,7 +8,14 @@ from sidm.experiments import Study, ablations
 from sidm.experiments.baselines import neighbours
 from sidm.experiments.choices import Worth
 from sidm.experiments.statistics import Interval
-from sidm.experiments.summaries import NOTHING, ablation_summary, choices_summary, example_summary, neighbours_summary
+from sidm.experiments.summaries import (
+    NOTHING,
+    ablation_summary,
+    choices_summary,
+    example_summary,
+    neighbours_summary,
+    together_summary,
+)
 
 
 def test_an_ablation_names_its_ends_and_the_usual(make_row, tmp_path):
@@ -55,6 +62,17 @@ def test_choices_are_sorted_by_their_intervals():
         "Changed, the loss is larger for *another* (system1, with SIDM). 1 of 3 comparisons show no difference."
     )
     assert choices_summary([few]) == "No comparison has 3 seeds yet."
+
+
+def test_choices_together_are_sorted_by_size():
+    one = Worth("system1", "all", "sidm", 1.0, 3, 1.0, 0.9, Interval(0.9, 0.8, 0.95))
+    found = [one, one._replace(minutes=2.0), one._replace(minutes=5.0, ratio=Interval(1, 0.9, 1.1))]
+    found += [one._replace(minutes=20.0, ratio=Interval(1.1, 1.05, 1.2)), one._replace(method="novice_only", seeds=2)]
+    assert together_summary(found) == (
+        "- *all*, system1, with SIDM: a smaller loss at 1, 2 min; no difference seen at 5 min; a larger loss at 20 min\n"
+        "- *all*, system1, without SIDM: fewer than 3 seeds at 1 min\n"
+    )
+    assert together_summary([]) == NOTHING
 
 
 def test_an_example_is_held_against_all(make_row, tmp_path):
