@@ -44,7 +44,7 @@ def ample(study: Study, system: str) -> dict[str, list[Trial]]:
     patient = study.changed(**CHOICES[LONG_PATIENCE][0])
     return {
         f"p_e of {AMPLE_P_EXPERT:g}": study.points(system, ["sidm"], sizes, changed),
-        "no adversary": study.points(system, ["no_regularisation"], sizes),
+        METHODS["no_regularisation"].label: study.points(system, ["no_regularisation"], sizes),
         LONG_PATIENCE: patient.points(system, ["sidm"], sizes),
     }
 

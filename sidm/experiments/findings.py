@@ -74,37 +74,40 @@ def tally(found: Sequence[Finding]) -> str:
     counts = Counter(one.verdict for one in found).most_common()
     few = {NO_VERDICT: " (fewer than three seeds)"}
     words = ", ".join(f"{verdict.lower()} in {count}{few.get(verdict, '')}" for verdict, count in counts)
-    ratios = [one.ratio.value for one in found]
-    least, greatest = (f"{one:.3g}" for one in (min(ratios), max(ratios)))
-    span = f"the loss {least}" if least == greatest else f"losses {least} to {greatest}"
     changes, comparisons = len({one.instead for one in found}), len(found)
     return (
         f"{changes} change{'s' * (changes > 1)} in {comparisons} comparison{'s' * (comparisons > 1)}: {words}; "
-        f"{span} times SIDM's"
+        f"{_times(found)} SIDM's loss"
     )
 
 
-def summary(found: Sequence[Finding], missing: Mapping[str, Mapping[str, int]]) -> str:
-    """Which suspects some change of theirs convicts, and which none does, as a paragraph.
+def summary(found: Sequence[Finding]) -> str:
+    """Which changes lowered the loss always, sometimes and never, the greatest first, as a list in Markdown."""
+    judged: dict[str, list[Finding]] = {}
+    for one in found:
+        if one.instead not in CROSSED.values() and one.verdict != NO_VERDICT:
+            judged.setdefault(one.instead, []).append(one)
+    sides: dict[str, list[str]] = {"always": [], "sometimes": [], "worse": [], "never": []}
+    for instead, mine in sorted(judged.items(), key=lambda one: min(line.ratio.value for line in one[1])):
+        better = sum(one.verdict == BETTER for one in mine)
+        worse = any(one.verdict == WORSE for one in mine)
+        side = "always" if better == len(mine) else "sometimes" if better else "worse" if worse else "never"
+        sides[side].append(f"*{instead}* ({better} of {len(mine)}, {_times(mine)})")
+    words = {
+        "always": "A lower loss than SIDM's in every comparison",
+        "sometimes": "In some",
+        "worse": "In none, and a higher one in some",
+        "never": "No difference seen",
+    }
+    said = "".join(f"- {words[side]}: {', '.join(names)}\n" for side, names in sides.items() if names)
+    return said or "No change is measured.\n"
 
-    Args:
-        found: what changes of SIDM did.
-        missing: how many trials of which figures are missing, by suspect; such a suspect is not cleared.
-    """
-    changes = [one for one in found if one.instead not in CROSSED.values()]
-    told = {suspect: [one for one in changes if one.suspect == suspect] for suspect in ORDER}
-    judged = {suspect: [one for one in mine if one.verdict != NO_VERDICT] for suspect, mine in told.items()}
-    better = [suspect for suspect, mine in judged.items() if any(one.verdict == BETTER for one in mine)]
-    whole = [suspect for suspect in ORDER if len(judged[suspect]) == len(told[suspect]) and not missing.get(suspect)]
-    cleared = [suspect for suspect in whole if judged[suspect] and suspect not in better]
-    open_ = [suspect for suspect in ORDER if suspect not in (*better, *cleared)]
-    lowered = "A change lowered the loss in at least one comparison under"
-    parts = [(lowered, better), ("none did under", cleared), ("not settled:", open_)]
-    return "; ".join(f"{words} {_listed(some)}" for words, some in parts if some) + "."
 
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(f"*{name}*" for name in names)
+def _times(found: Sequence[Finding]) -> str:
+    """The ratios' span, as '0.62 to 0.79 times'."""
+    ratios = [one.ratio.value for one in found]
+    least, greatest = (f"{one:.2g}" for one in (min(ratios), max(ratios)))
+    return f"{least} times" if least == greatest else f"{least} to {greatest} times"
 
 
 def told_apart(diagnoses: Sequence[Diagnosis]) -> str:
@@ -129,9 +132,9 @@ def two_in_one(found: Sequence[Finding]) -> str:
     ratio = min(one.ratio.value for one in alone)
     two = "two models in one rather than one that both share" if 2 * lost > len(alone) else "one model that both share"
     return (
-        f"The SIDM holds {two}: the novice's motion through the expert's encoder or decoder alone does worse than "
-        f"through its own in {lost} of {len(alone)} comparisons (at least {ratio:.2g} times the loss in all), through "
-        f"both of them in {kept} of {len(both)}"
+        f"The SIDM holds {two}: with the expert's encoder alone or its decoder alone in place of the novice's, the "
+        f"loss on the novice's motion is at least {ratio:.2g} times as large in each of {len(alone)} comparisons, "
+        f"worse by the whole interval in {lost}; with both in their place it is worse so in {kept} of {len(both)}"
     )
 
 

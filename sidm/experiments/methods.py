@@ -65,7 +65,7 @@ METHODS: dict[str, Method] = {
     "expert_only": Method(
         "expert alone", "pretrain_finetune", pretrained=True, changes=(("max_samples", 0),)
     ),
-    "residual": Method("expert's model and a correction", "novice_only", pretrained=True, residual=True),
+    "residual": Method("expert's model, corrected by a network", "novice_only", pretrained=True, residual=True),
     # No network for the novice at all.
     "least_squares": Method("least squares", "", fit="least_squares"),
     # The SIDM without its adversary, and with others.

@@ -29,6 +29,7 @@ class Saving(NamedTuple):
     loss: float  # that it reaches with them, along its isotonic fit
     ratio: Interval  # of the data that the comparison needs for that loss; no ends where a seed left out makes a bound
     bound: str  # of the ratio: '=', '>=' or '<='
+    seeds: int = 0
 
 
 def savings(
@@ -75,7 +76,7 @@ def savings_between(
 
     found = at_sizes(both)
     return [
-        Saving(float(minutes), float(found.loss[size]), at(size), str(found.bound[size]))
+        Saving(float(minutes), float(found.loss[size]), at(size), str(found.bound[size]), len(own))
         for size, minutes in enumerate(own_minutes)
     ]
 

@@ -9,13 +9,38 @@ import numpy as np
 from sidm.experiments.ablations import ablation_lines
 from sidm.experiments.baselines import Neighbour
 from sidm.experiments.choices import Worth
+from sidm.experiments.claims import Claim
 from sidm.experiments.drawing import METHOD_STYLES
+from sidm.experiments.savings import ratio_words, savings
 from sidm.experiments.statistics import FEWEST_SEEDS
 from sidm.experiments.store import Row
 from sidm.experiments.tables import final_position_error
 
 NOTHING = "Nothing is stored yet.\n"
 BETTER, WORSE, NO_DIFFERENCE = "better than with SIDM", "worse", "no difference seen"
+
+
+def figure3_summary(claims: Sequence[Claim], rows: Sequence[Row], systems: Sequence[str]) -> list[str]:
+    """What an SIDM saves, where it no longer does, and what the expert first does, a sentence a system.
+
+    Args:
+        claims: of `figure3_claims`.
+        rows: of Figure 3.
+        systems: which.
+    """
+    said = []
+    for system in systems:
+        saved, met, *_ = (one for one in claims if one.claim.startswith(f"{system}:"))
+        first = savings(rows, system, "pretrain_finetune", "sidm")
+        if not first:
+            said.append(f"{system}: not run")
+            continue
+        said.append(
+            f"{system}: with SIDM as good as without it on {saved.ours} the data (the paper: {saved.paper}); the "
+            f"curves {met.ours}; learning from the expert first and then from the novice, {first[0].minutes:g} min are as "
+            f"good as {ratio_words(first[0])} times as many with SIDM"
+        )
+    return said
 
 
 def ablation_summary(rows: Sequence[Row], name: str, usual: Mapping[str, float], by_method: bool = False) -> str:
@@ -107,8 +132,9 @@ def example_summary(rows: Sequence[Row], seed: int) -> str:
     driven = np.linalg.norm(np.diff(actual, axis=0), axis=1).sum()
     parted = [float(np.linalg.norm(one.example_predicted[-1] - actual[-1])) for one in shown]
     mean = np.mean([final_position_error(row) for row in rows])
+    easy = ", so the example is an easy one" if max(parted) < mean / 2 else ""
     return (
         f"In the example the robot drives {driven:.2g} m, and the predicted paths end {min(parted):.2g} to "
         f"{max(parted):.2g} m from where it comes to. Over all test trajectories and trials that distance is "
-        f"{mean:.2g} m in the mean."
+        f"{mean:.2g} m in the mean{easy}."
     )

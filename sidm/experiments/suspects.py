@@ -46,17 +46,17 @@ BATCHES = "the composition of the batches"
 RELEASED_TWO = "one optimiser and one system a batch together"
 OTHERS = "initial weights, the loss's mean, the weight decay"
 
-#: Other ways to learn from two systems: what each changes, and whom that clears or convicts.
+#: Other ways to learn from two systems, and whom each clears or convicts.
 REPLACED = {
-    "no_regularisation": ("no adversary", ADVERSARY),
-    "strong_matching": ("5 discriminator, 100 matching iterations", ADVERSARY),
-    "mmd": ("MMD instead of the adversary", ADVERSARY),
-    "coral": ("CORAL instead of the adversary", ADVERSARY),
-    "gradient_reversal": ("gradient reversal instead of the adversary", ADVERSARY),
-    "pooled": ("one encoder and decoder for both systems", APART),
-    "pooled_flag": ("one encoder and decoder, told the system", APART),
-    "pretrain_finetune": ("the expert first, then the novice", TOGETHER),
-    "expert_only": ("the expert's model as it is, without novice data", ALIKE),
+    "no_regularisation": ADVERSARY,
+    "strong_matching": ADVERSARY,
+    "mmd": ADVERSARY,
+    "coral": ADVERSARY,
+    "gradient_reversal": ADVERSARY,
+    "pooled": APART,
+    "pooled_flag": APART,
+    "pretrain_finetune": TOGETHER,
+    "expert_only": ALIKE,
 }
 
 #: Whom a choice of ours is suspected with.
@@ -106,9 +106,9 @@ def judged(suspect: str, system: str, minutes: float, instead: str, pairs: np.nd
 def grid(study: Study, system: str) -> Iterator[Change]:
     """Each change of a system's SIDM that a training can make."""
     sizes, own = study.preset.baseline_minutes, METHODS["sidm"].training(study.preset, system)
-    for method, (words, suspect) in REPLACED.items():
+    for method, suspect in REPLACED.items():
         at = sizes[:1] if method == "expert_only" else sizes  # which has no size of its own
-        yield Change(suspect, words, "baselines", study.points(system, [method], at))
+        yield Change(suspect, METHODS[method].label, "baselines", study.points(system, [method], at))
     for words, (changes, methods) in CHOICES.items():
         if "sidm" in methods:
             trials = study.changed(**changes).points(system, ["sidm"], study.preset.ablation_minutes[:1])
@@ -129,7 +129,8 @@ def grid(study: Study, system: str) -> Iterator[Change]:
             trials = ablations.setting(study, system, "pixels", [pixels])
             sidm = [trial for trial in trials if trial.method == "sidm"]
             yield Change(FIRST_LAYER, f"maps of {pixels} pixels", "pixels", sidm)
-    whom = {f"p_e of {ablations.AMPLE_P_EXPERT:g}": P_EXPERT, "no adversary": ADVERSARY, PATIENCE: STOPPING}
+    alone = METHODS["no_regularisation"].label
+    whom = {f"p_e of {ablations.AMPLE_P_EXPERT:g}": P_EXPERT, alone: ADVERSARY, PATIENCE: STOPPING}
     for words, trials in ablations.ample(study, system).items():
         yield Change(whom[words], words, "ample", trials)
 

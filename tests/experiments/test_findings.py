@@ -32,7 +32,7 @@ def test_every_suspect_has_its_line():
     text = in_short([FINETUNED], {ALIKE: {"baselines": 6}}, [], {})
     assert len(text.splitlines()) == len(ORDER) and text.count("No change of it is measured") == len(ORDER) - 1
     assert {change.suspect for change in grid(Study("laptop"), "system1")} == set(ORDER)
-    assert "better in 1; the loss 0.667 times SIDM's" in text
+    assert "better in 1; 0.67 times SIDM's loss" in text
     assert "Trials not run: 6 of `python -m sidm run --preset laptop --figure baselines`" in text
     assert text.count("not measured") == 3
 
@@ -45,7 +45,7 @@ def test_sentences_carry_the_numbers():
     text = in_short(parts, {}, models, {"system1": both})
     assert "5.3%" in text and "0.345" in text and "0.243" in text
     assert "does not make the latents alike" in text and "in 2 of 3 models" in text
-    assert "two models in one" in text and "in 2 of 2 comparisons (at least 4 times" in text and "in 0 of 1." in text
+    assert "two models in one" in text and "at least 4 times as large in each of 2" in text and "so in 0 of 1." in text
     models[0].discriminator_accuracy = 0.5
     other = in_short([one._replace(verdict=BETTER) for one in parts], {}, models, {})
     assert "seems to make the latents alike" in other and "one model that both share" in other
@@ -54,15 +54,18 @@ def test_sentences_carry_the_numbers():
 def test_verdicts_are_counted():
     several = [PATIENT, PATIENT._replace(minutes=20.0), PATIENT._replace(ratio=Interval(1.2, 1.1, 1.3), verdict=WORSE)]
     assert tally(several) == (
-        "1 change in 3 comparisons: no difference seen in 2, worse in 1; losses 1 to 1.2 times SIDM's"
+        "1 change in 3 comparisons: no difference seen in 2, worse in 1; 1 to 1.2 times SIDM's loss"
     )
 
 
-def test_the_summary_names_whom_a_change_convicts():
-    few = PATIENT._replace(suspect=ADVERSARY, verdict=NO_VERDICT)
-    found = [FINETUNED, PATIENT, few, crossed("expert_encoder_loss", 0.5, BETTER)]
-    better, none, rest = summary(found, {}).split(";")
-    assert ALIKE in better and APART not in better and STOPPING in none
-    assert ADVERSARY in rest and APART in rest
-    _, rest = summary(found, {STOPPING: {"patience": 3}}).split(";")
-    assert STOPPING in rest  # not cleared while trials are missing
+def test_the_summary_ranks_the_changes():
+    few = PATIENT._replace(suspect=ADVERSARY, instead="matching", verdict=NO_VERDICT)
+    other = FINETUNED._replace(minutes=20.0, ratio=Interval(0.8, 0.7, 0.9))
+    once = [FINETUNED._replace(instead="coral"), PATIENT._replace(instead="coral", verdict=WORSE)]
+    found = [other, FINETUNED, PATIENT, few, *once, crossed("expert_encoder_loss", 0.5, BETTER)]
+    assert summary(found).splitlines() == [
+        "- A lower loss than SIDM's in every comparison: *the expert first* (2 of 2, 0.67 to 0.8 times)",
+        "- In some: *coral* (1 of 2, 0.67 to 1 times)",
+        "- No difference seen: *patience* (0 of 1, 1 times)",
+    ]
+    assert summary([few]) == "No change is measured.\n"

@@ -76,7 +76,7 @@ def test_only_what_is_stored_has_a_line(make_row, tmp_path):
             store.put(make_row(trial, (1 + trial.seed) * (0.5 if trial.method == "pooled" else 1)))
     (one,) = suspects(STUDY, store)
     assert (one.system, one.minutes, one.seeds, one.verdict) == ("system1", 5, 2, NO_VERDICT)
-    assert one.ratio.value == pytest.approx(0.5) and one.instead == "one encoder and decoder for both systems"
+    assert one.ratio.value == pytest.approx(0.5) and one.instead == "one network"
 
 
 def test_parts_of_the_experts_are_suspects_too(make_row, tmp_path):
@@ -111,7 +111,7 @@ def test_a_diagnosed_model_stands_in_for_a_trial(make_row, tmp_path):
         store.put(make_row(trial, 1.0))
     found = [Found(t) for t in STUDY.points("system1", ["no_regularisation"], [5])]
     (one,) = suspects(STUDY, store, found, ["system1"])
-    assert (one.suspect, one.instead, one.seeds, one.ratio.value) == (ADVERSARY, "no adversary", 3, 0.5)
+    assert (one.suspect, one.instead, one.seeds, one.ratio.value) == (ADVERSARY, "SIDM, no adversary", 3, 0.5)
 
 
 def test_what_was_learnt_by_heart(make_row):
