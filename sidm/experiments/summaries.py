@@ -37,8 +37,8 @@ def figure3_summary(claims: Sequence[Claim], rows: Sequence[Row], systems: Seque
             continue
         said.append(
             f"{system}: with SIDM as good as without it on {saved.ours} the data (the paper: {saved.paper}); the "
-            f"curves {met.ours}; learning from the expert first and then from the novice, {first[0].minutes:g} min are "
-            f"as good as {ratio_words(first[0])} times as many with SIDM"
+            f"curves {met.ours}; learning from the expert first and then from the novice, {first[0].minutes:g} min is "
+            f"as good as {ratio_words(first[0])} times as much with SIDM"
         )
     return said
 
