@@ -213,6 +213,13 @@ def in_short(found: Sequence[Transferred], system: str) -> str:
     if (first.method, first.proxy) != best and first.ratio is not None:
         beside = f"{label(*best)}, over all sizes the best on the recordings alone"
         said += f", {first.ratio.words(3)} times that of {beside}"
+    bare = [one for one in table if one.minutes == 0]
+    if bare:
+        its = min(bare, key=lambda one: one.loss)
+        said += (
+            f"; without any recorded data a model of the simulated {its.proxy} has {its.loss:.3g}, as "
+            f"{label(*best)} on {its.worth}"
+        )
     return said
 
 
