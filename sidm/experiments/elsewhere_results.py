@@ -204,23 +204,23 @@ def in_short(found: Sequence[Transferred], system: str) -> str:
     least = min(one.minutes for one in sizes)
     first = min((one for one in sizes if one.minutes == least), key=lambda one: one.loss)
     sidm, proxy = [compare(found, system, ("sidm", whose), WITHOUT).words for whose in ("expert", "novice")]
+    ways = len({(one.method, one.proxy) for one in sizes})
     said = (
         f"{system}: with SIDM {sidm} of the same network on the recordings alone, and {proxy} where the novice is "
-        f"simulated, all sizes together; of all {len({(one.method, one.proxy) for one in sizes})} ways, as these "
-        f"recordings judge them, the lowest mean loss at {least:g} min, {first.loss:.3g}, is that of "
-        f"{label(first.method, first.proxy)}"
+        f"simulated, all sizes together. Best on the recordings alone is {label(*best)}. As these recordings judge "
+        f"them, of all {ways} ways {label(first.method, first.proxy)} has the lowest mean loss at {least:g} min, "
+        f"{first.loss:.3g}"
     )
     if (first.method, first.proxy) != best and first.ratio is not None:
-        beside = f"{label(*best)}, over all sizes the best on the recordings alone"
-        said += f", {first.ratio.words(3)} times that of {beside}"
+        said += f", {first.ratio.words(3)} times that of the best alone"
     bare = [one for one in table if one.minutes == 0]
     if bare:
         its = min(bare, key=lambda one: one.loss)
         said += (
-            f"; without any recorded data a model of the simulated {its.proxy} has {its.loss:.3g}, as "
-            f"{label(*best)} on {its.worth}"
+            f". Without any recorded data a model of the simulated {its.proxy} has {its.loss:.3g}, as the best alone "
+            f"on {its.worth}"
         )
-    return said
+    return f"{said}."
 
 
 @styled
