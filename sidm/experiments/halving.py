@@ -82,10 +82,11 @@ def halved_words(rows: Sequence[Row], system: str, method: str, found: Sequence[
         return f"{system}: not run"
     first, labels = saved[0].saving[AGAINST[-1]], [METHODS[other].label for other in AGAINST]
     counts = (f"{sum(one.sure for one in mine)} of {len(mine)} sizes" for mine in sides.values())
-    below = " and ".join(f"than {label} at {count}" for label, count in zip(labels, counts, strict=True))
+    below = " and ".join(f"that of '{label}' at {count}" for label, count in zip(labels, counts, strict=True))
     return (
-        f"{system}: with {first.minutes:g} min a loss of {first.loss:.3g}, as {labels[-1]} on {ratio_words(first)} "
-        f"times the data; with half their data or less a lower loss, by the whole 95 % interval, {below}"
+        f"{system}: with {first.minutes:g} min a loss of {first.loss:.3g}, for which '{labels[-1]}' needs "
+        f"{ratio_words(first)} times the data; with at most half the data its loss is lower, by the whole 95 % "
+        f"interval, than {below}"
     )
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from sidm.experiments.ablations import ablation_lines
 from sidm.experiments.baselines import Neighbour
 from sidm.experiments.choices import Worth
-from sidm.experiments.claims import Claim
+from sidm.experiments.claims import NOT_SEEN, Claim
 from sidm.experiments.drawing import METHOD_STYLES
-from sidm.experiments.savings import ratio_words, savings
+from sidm.experiments.savings import expert_first
 from sidm.experiments.statistics import FEWEST_SEEDS
 from sidm.experiments.store import Row
 from sidm.experiments.tables import final_position_error
@@ -31,14 +31,13 @@ def figure3_summary(claims: Sequence[Claim], rows: Sequence[Row], systems: Seque
     said = []
     for system in systems:
         saved, met, *_ = (one for one in claims if one.claim.startswith(f"{system}:"))
-        first = savings(rows, system, "pretrain_finetune", "sidm")
-        if not first:
+        if not saved.interval:
             said.append(f"{system}: not run")
             continue
+        or_none = ", which leaves room for none at all" if saved.verdict == NOT_SEEN else ""
         said.append(
-            f"{system}: with SIDM as good as without it on {saved.ours} the data (the paper: {saved.paper}); the "
-            f"curves {met.ours}; learning from the expert first and then from the novice, {first[0].minutes:g} min is "
-            f"as good as {ratio_words(first[0])} times as much with SIDM"
+            f"{system}: with SIDM as good as without it on {saved.ours} the data{or_none} (the paper: {saved.paper}); "
+            f"the two curves {met.ours}; expert first, then novice: {expert_first(rows, system)}"
         )
     return said
 

@@ -227,7 +227,7 @@ def test_grounds_are_counted_apart(made_up):
 
 def test_in_short_names_the_best(made_up):
     said = in_short(made_up, "system1")
-    assert said.startswith("system1: with SIDM 0.5 [0.5, 0.5] times the loss") and "novice simulated" in said
+    assert said.startswith("system1: with SIDM 0.5 [0.5, 0.5] times the loss") and "(simulated novice)" in said
     assert "times that of the best alone" in said and "Without any recorded data a model of the simulated" in said
     assert in_short(made_up, "system2") == "system2: not run"
 

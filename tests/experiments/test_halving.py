@@ -55,8 +55,9 @@ def test_the_verdict_needs_every_point(rows):
 
 def test_in_words(rows):
     words = halved_words(rows, "system1", "mirrored", halves(rows, "system1", "mirrored"))
-    assert words.startswith("system1: with 1 min a loss of 0.253, as expert first, then novice on 4")
-    assert words.endswith("interval, than with SIDM at 4 of 4 sizes and than expert first, then novice at 4 of 4 sizes")
+    assert words.startswith("system1: with 1 min a loss of 0.253, for which 'expert first, then novice' needs 4")
+    sides = "that of 'with SIDM' at 4 of 4 sizes and that of 'expert first, then novice' at 4 of 4 sizes"
+    assert words.endswith(f"interval, than {sides}")
     assert halved_words(rows, "system1", "adapters", []) == "system1: not run"
 
 

@@ -48,8 +48,9 @@ def test_the_expert_alone_in_novice_data(rows, make_row, tmp_path):
 
 def test_the_expert_first_in_one_line(rows):
     words = expert_first(rows, "system1")
-    assert words.startswith("system1: the lowest mean loss at 6 of 6 sizes; with 1 min as good as without SIDM on")
-    assert expert_first([row for row in rows if row.trial.method != "sidm"], "system1") == "system1: not run"
+    assert words.startswith("the lowest mean loss at 6 of 6 sizes; with 1 min as good as without SIDM on")
+    assert "times the data, and as with SIDM on" in words
+    assert expert_first([row for row in rows if row.trial.method != "sidm"], "system1") == "not run"
 
 
 def test_no_network_in_one_line(rows, make_row, tmp_path):
