@@ -7,7 +7,7 @@ import numpy as np
 from sidm.experiments import Study, ablations
 from sidm.experiments.baselines import neighbours
 from sidm.experiments.choices import Worth
-from sidm.experiments.claims import figure3_claims
+from sidm.experiments.claims import NOT_SEEN, figure3_claims
 from sidm.experiments.statistics import Interval
 from sidm.experiments.summaries import (
     NOTHING,
@@ -29,6 +29,9 @@ def test_figure_3_in_short(make_row, tmp_path):
     assert first.startswith("system1: with SIDM as good as without it on at best 2 x [2, 2] the data (the paper: up to")
     assert first.endswith("times the data, and as with SIDM on 10 [10, 10] times")
     assert other == "system2: not run"
+    assert "room for none" not in first
+    unsure = [claim._replace(verdict=NOT_SEEN) for claim in figure3_claims(rows)]
+    assert "the data, which leaves room for none at all (the paper" in figure3_summary(unsure, rows, ["system1"])[0]
 
 
 def test_an_ablation_names_its_ends_and_the_usual(make_row, tmp_path):
@@ -101,4 +104,6 @@ def test_an_example_is_held_against_all(make_row, tmp_path):
     assert "drives 2.5 m" in said and "end 1 to 1 m" in said
     assert f"{np.mean([row.outcome.position_error[-1] for row in rows]):.2g} m in the mean" in said
     assert said.endswith("mean.")
+    far = [dataclasses.replace(row, outcome=dataclasses.replace(row.outcome, position_error=(9.0,))) for row in rows]
+    assert example_summary(far, seed=1).endswith("9 m in the mean, so the example is an easy one.")
     assert example_summary(rows, seed=9) == "The trials of this seed are not stored."
