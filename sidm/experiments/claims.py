@@ -158,17 +158,21 @@ def ratio_claim(claim: str, paper: str, own: np.ndarray, other: np.ndarray, what
     ratio = mean_ratio(own, other)
     ours = f"{ratio.words(3)} times the {what}"
     if len(own) < FEWEST_SEEDS:
-        return Claim(claim, paper, f"{ours} ({len(own)} only)", NO_VERDICT)
+        return Claim(claim, paper, f"{ours} ({few(len(own))})", NO_VERDICT)
     gain = Interval(*-np.log(np.array([ratio.value, ratio.high, ratio.low])))
     return Claim(claim, paper, ours, verdict(gain, 0.0), ratio)
+
+
+def few(seeds: int) -> str:
+    """A number of seeds that is too small, in words."""
+    return "one seed" if seeds == 1 else f"{seeds} seeds"
 
 
 def _judged(ours: str, found: Interval | None, losses: Losses, said: str) -> tuple[str, str, Interval | None]:
     """The last columns of a claim; fewer than FEWEST_SEEDS make no interval and give no verdict."""
     seeds = len(losses.values)
     if seeds < FEWEST_SEEDS:
-        few = "one seed" if seeds == 1 else f"{seeds} seeds"
-        return f"{ours.split(' [')[0]} ({few})", said if said == UNCLEAR else NO_VERDICT, found
+        return f"{ours.split(' [')[0]} ({few(seeds)})", said if said == UNCLEAR else NO_VERDICT, found
     return ours, said, found
 
 

@@ -108,8 +108,10 @@ def note_digest(dataset: Dataset, trajectories: Sequence[Trajectory], data: str 
 
 
 def note_committed(dataset: Dataset, found: str, results: str | Path = "results") -> None:
-    """Write the digest of a dataset into the results' `datasets/`."""
-    _note(_committed(dataset, results), found)
+    """Write the digest of a dataset into the results' `datasets/`, unless what stands there is known to be alike."""
+    path = _committed(dataset, results)
+    if found not in _record(path).get("alike", []):
+        _note(path, found)
 
 
 def note_datasets(trials: Iterable[Trial], results: str | Path = "results") -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sidm.experiments.claims import NO_VERDICT, Claim, ratio_claim
+from sidm.experiments.claims import NO_VERDICT, Claim, few, ratio_claim
 from sidm.experiments.drawing import LOSS_LABEL, METHOD_STYLES, finish, legend_below, side_by_side, styled
 from sidm.experiments.elsewhere import METHODS_HERE, Proxy, Transferred
 from sidm.experiments.savings import Saving, savings_between
@@ -84,8 +84,8 @@ class Comparison(NamedTuple):
         """For a table."""
         if not self.seeds:
             return "not run"
-        few = f" ({self.seeds} seeds)" if self.seeds < FEWEST_SEEDS else ""
-        return f"{self.ratio.words(3)} times the loss{few}"
+        which = f" ({few(self.seeds)})" if self.seeds < FEWEST_SEEDS else ""
+        return f"{self.ratio.words(3)} times the loss{which}"
 
     @property
     def said(self) -> str:

@@ -112,7 +112,9 @@ def leave_one_out(
 
 
 def interval(statistic: Callable[[np.ndarray], float], samples: np.ndarray) -> Interval:
-    """`leave_one_out` of samples (S, ...) with fewer than MANY_SEEDS seeds S, else `bootstrap`."""
+    """`leave_one_out` of samples (S, ...) with fewer than MANY_SEEDS seeds S, else `bootstrap`; NaN of too few."""
+    if len(samples) < FEWEST_SEEDS:
+        return Interval(float(statistic(np.asarray(samples, float))), np.nan, np.nan)
     return (leave_one_out if len(samples) < MANY_SEEDS else bootstrap)(statistic, samples)
 
 

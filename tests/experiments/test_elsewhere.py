@@ -195,7 +195,7 @@ def test_the_hope_can_come_true_and_be_disappointed(made_up):
              if one.about.method == "sidm" else one for one in made_up]  # fmt: skip
     assert [claim.verdict for claim in hoped(worse, "system1")] == ["Contrary"] * 2
     two = [one for one in made_up if one.about.seed < 2]
-    assert [claim.verdict for claim in hoped(two, "system1")] == ["No verdict"] * 2
+    assert [claim[2:4] for claim in hoped(two, "system1")] == [("0.5 times the loss (2 seeds)", "No verdict")] * 2
     assert [(claim.ours, claim.verdict) for claim in hoped(made_up, "system2")] == [("not run", "No verdict")] * 2
 
 
@@ -204,6 +204,8 @@ def test_methods_are_compared_over_all_sizes(made_up):
     assert first.ratio.value == pytest.approx(1.25 / 8) and first.said == "better"
     assert compare(made_up, "system1", WITHOUT, WITHOUT).said == "no difference seen"
     assert compare(made_up, "system2", WITHOUT, WITHOUT).words == "not run"
+    one = [one for one in made_up if one.about.seed == 0]
+    assert compare(one, "system1", ("sidm", "expert"), WITHOUT).words == "0.5 times the loss (one seed)"
 
 
 def test_the_network_without_sidm_can_be_what_is_compared_with(made_up):

@@ -9,7 +9,7 @@ import torch
 from sidm.config import ConfigError
 from sidm.experiments import Results, Study, perform, run, run_trial
 from sidm.experiments import run as run_function
-from sidm.experiments.datasets import find_digest, load_dataset
+from sidm.experiments.datasets import find_digest, load_dataset, note_committed
 from sidm.experiments.records import Making
 from sidm.experiments.run import checkpoint_folder, one_line, run_here
 from sidm.experiments.store import rounded
@@ -150,6 +150,7 @@ def test_data_made_again_elsewhere_stand_for_those_of_the_results(tiny, data, tm
     assert row.trial == trial and row.provenance.other_data == (f"novice {here['novice']}",)
     assert "1 from data made again on another machine" in provenance_line([row])
     assert Making("driving", trial, own).done()["provenance"].other_data == row.provenance.other_data
-    assert read_record(path)["alike"] == [here["novice"]]
+    note_committed(sets["novice"], here["novice"], results)
+    assert read_record(path) == {"digest": "0123456789abcdef", "alike": [here["novice"]]}
     with pytest.raises(ShardError, match="the trial wants 0123456789abcdee"):
         load_dataset(sets["novice"], "0123456789abcdee", own)

@@ -65,8 +65,9 @@ def test_leaving_one_out_of_a_mean_is_students_interval():
 
 
 def test_intervals_of_degenerate_samples():
-    """One seed, ties, and a curve that never gets there: no interval, one of no width, none."""
-    assert np.isnan(interval(np.mean, np.array([2.0])).low)
+    """Too few seeds, ties, and a curve that never gets there: no interval, one of no width, none."""
+    for few in ([2.0], [1.5, 2.5]):
+        assert interval(np.mean, np.array(few)).words(3) == "2"
     assert interval(np.mean, np.full(4, 2.0)) == (2, 2, 2) and interval(np.mean, np.full(40, 2.0)) == (2, 2, 2)
     flat = np.broadcast_to(np.stack([np.full(6, 2.0), np.ones(6)]), (5, 2, 6))
     assert np.isnan(interval(lambda pairs: greatest_ratio(MINUTES, pairs)[0], flat)).all()
