@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -82,7 +83,7 @@ def _line(
 
 def constant_spread(one: Fitted) -> float:
     """The NLL of normal distributions about a model's means, their spreads the best that are the same everywhere."""
-    return float(0.5 * np.log(2 * np.pi * np.e * np.array(one.component_losses)).sum())
+    return float(0.5 * np.log(2 * math.pi * math.e * np.array(one.component_losses)).sum())
 
 
 def nll_lines(found: Sequence[Fitted], system: str) -> list[tuple]:
