@@ -71,8 +71,9 @@ def meeting(losses: Losses) -> str:
     """From which size on the difference keeps to one side of zero, or about it: the last run of sizes, in words."""
     sides = []
     for size in range(len(losses.minutes)):
-        found = difference(losses, size)
-        sides.append(1 if found.low > 0 else -1 if found.high < 0 else 0)
+        sides.append(difference(losses, size).side(0))
+    if set(sides) == {-1}:
+        return "worse with SIDM at every size"
     start = max((size for size, side in enumerate(sides) if side != sides[-1]), default=-1) + 1
     here, end = f"from {losses.minutes[start]:g} min", f"by {losses.minutes[-1]:g} min"
     return {0: here, 1: f"not {end}", -1: f"crossed: worse with SIDM {here}"}[sides[-1]]

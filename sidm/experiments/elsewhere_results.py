@@ -12,15 +12,8 @@ from matplotlib.figure import Figure
 from sidm.experiments.claims import NO_VERDICT, Claim, few, ratio_claim
 from sidm.experiments.drawing import LOSS_LABEL, METHOD_STYLES, finish, legend_below, side_by_side, styled
 from sidm.experiments.elsewhere import METHODS_HERE, Proxy, Transferred
-from sidm.experiments.savings import Saving, savings_between
-from sidm.experiments.statistics import (
-    FEWEST_SEEDS,
-    Interval,
-    falling,
-    mean_ratio,
-    minutes_needed,
-    ratio_of_means,
-)
+from sidm.experiments.savings import Saving, minutes_words, savings_between
+from sidm.experiments.statistics import FEWEST_SEEDS, Interval, mean_ratio, ratio_of_means
 from sidm.experiments.suspects import BETTER, NO_DIFFERENCE, WORSE
 from sidm.systems import SYSTEMS
 
@@ -67,9 +60,13 @@ def gather(found: Sequence[Transferred], system: str, method: str, proxy: Proxy)
 
 
 def best_alone(found: Sequence[Transferred], system: str) -> Way | None:
-    """Which method does best on the recordings alone, by the mean of the loss's logarithm over sizes and seeds."""
-    means = {way: gather(found, system, *way).values for way in ALONE}
-    there = {way: float(np.log(values).mean()) for way, values in means.items() if values.size}
+    """Which method does best on the recordings alone, by the mean of the loss's logarithm over sizes and seeds.
+
+    Of those that have the most seeds.
+    """
+    stored = {way: gather(found, system, *way).values for way in ALONE}
+    most = max(map(len, stored.values()))
+    there = {way: float(np.log(values).mean()) for way, values in stored.items() if values.size and len(values) == most}
     return min(there, key=there.__getitem__) if there else None
 
 
@@ -92,7 +89,7 @@ class Comparison(NamedTuple):
         """Better or worse where the whole interval is."""
         if self.seeds < FEWEST_SEEDS:
             return NO_VERDICT.lower()
-        return BETTER if self.ratio.high < 1 else WORSE if self.ratio.low > 1 else NO_DIFFERENCE
+        return {-1: BETTER, 0: NO_DIFFERENCE, 1: WORSE}[self.ratio.side(1)]
 
 
 def compare(found: Sequence[Transferred], system: str, one: Way, other: Way) -> Comparison:
@@ -161,25 +158,21 @@ def lines(found: Sequence[Transferred], system: str, other: Way | None = None) -
         common = sorted(set(own.seeds) & set(alone.seeds))
         saved: dict[float, Saving] = {}
         if common and way != best:
-            every = savings_between(own.sizes, own.of(common), alone.minutes, alone.of(common))
+            every = savings_between(own.sizes, own.of(common), alone.sizes, alone.of(common))
             saved = {saving.minutes: saving for saving in every}
         for size, minutes in enumerate(own.minutes.tolist()):
             ratio = None
-            if minutes in saved and minutes in alone.minutes:
-                beside = alone.of(common)[:, alone.minutes.tolist().index(minutes)]
+            if minutes in saved and minutes in alone.sizes:
+                beside = alone.of(common)[:, alone.sizes.tolist().index(minutes)]
                 mine = own.of(common)[:, own.sizes.tolist().index(minutes)]
                 ratio = ratio_of_means(np.stack([beside, mine], axis=1))
             loss, error = float(own.values[:, size].mean()), float(own.errors[:, size].mean())
-            worth = _worth(alone, loss) if minutes == 0 and alone.values.size else ""
+            worth = ""
+            if minutes == 0 and alone.values.size:
+                worth = minutes_words(alone.sizes, alone.of(alone.seeds).mean(0), loss)
             saving = saved.get(minutes)
             table.append(Line(system, *way, minutes, len(own.seeds), loss, error, ratio, saving, worth))
     return table
-
-
-def _worth(alone: Losses, loss: float) -> str:
-    """The recorded minutes with which a method does as well as a loss, in words."""
-    much, sign = minutes_needed(alone.minutes, falling(alone.values.mean(0)), loss)
-    return {"=": "", "<=": "at most ", ">": "more than "}[sign] + f"{much:.2g} min"
 
 
 def hoped(found: Sequence[Transferred], system: str) -> list[Claim]:
@@ -203,29 +196,34 @@ def in_short(found: Sequence[Transferred], system: str) -> str:
         return f"{system}: not run"
     least = min(one.minutes for one in sizes)
     first = min((one for one in sizes if one.minutes == least), key=_judged_loss)
-    sidm, proxy = [compare(found, system, ("sidm", whose), WITHOUT).words for whose in ("expert", "novice")]
+    sidm, proxy = [compare(found, system, ("sidm", whose), WITHOUT) for whose in ("expert", "novice")]
     ways = len({(one.method, one.proxy) for one in sizes})
-    said = (
-        f"{system}: with SIDM {sidm} of the same network on the recordings alone, and {proxy} where the simulated "
-        f"novice plays the expert, all sizes together. Best on the recordings alone is {label(*best)}. As these "
-        f"recordings judge them, of all {ways} ways {label(first.method, first.proxy)} has the lowest mean loss at "
-        f"{least:g} min, {first.loss:.3g}"
+    said = f"{system}: "
+    if sidm.seeds and proxy.seeds:
+        said += (
+            f"with SIDM {sidm.words} of the same network on the recordings alone, and {proxy.words} where the "
+            "simulated novice plays the expert, all sizes together. "
+        )
+    said += (
+        f"Best on the recordings alone is {label(*best)}. As these recordings judge them, of all {ways} ways "
+        f"{label(first.method, first.proxy)} has the lowest mean loss at {least:g} min, {first.loss:.3g}"
     )
+    said += f" ({few(first.seeds)})" if first.seeds < FEWEST_SEEDS else ""
     if (first.method, first.proxy) != best and first.ratio is not None:
         said += f", {first.ratio.words(3)} times that of the best alone"
     bare = [one for one in table if one.minutes == 0]
     if bare:
         its = min(bare, key=_judged_loss)
         said += (
-            f". Without any recorded data a model of the simulated {its.proxy} has {its.loss:.3g}, as the best alone "
-            f"on {its.worth}"
+            f". Without any recorded data a model of the simulated {its.proxy} has a loss of {its.loss:.3g}, for which "
+            f"the best alone needs {its.worth}"
         )
     return f"{said}."
 
 
-def _judged_loss(one: Line) -> tuple[bool, float]:
-    """By which a line is the best: those with enough seeds for a verdict come first."""
-    return one.seeds < FEWEST_SEEDS, one.loss
+def _judged_loss(one: Line) -> tuple[int, float]:
+    """By which a line is the best: those with the most seeds come first."""
+    return -one.seeds, one.loss
 
 
 @styled

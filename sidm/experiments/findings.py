@@ -124,17 +124,17 @@ def told_apart(diagnoses: Sequence[Diagnosis]) -> str:
 
 def two_in_one(found: Sequence[Finding]) -> str:
     """Whether the expert's parts can stand in for the novice's, alone and together."""
-    alone = [one for one in found if one.instead in (CROSSED["expert_encoder_loss"], CROSSED["expert_decoder_loss"])]
-    both = [one for one in found if one.instead == CROSSED["expert_path_loss"]]
+    told = [one for one in found if one.verdict != NO_VERDICT]
+    alone = [one for one in told if one.instead in (CROSSED["expert_encoder_loss"], CROSSED["expert_decoder_loss"])]
+    both = [one for one in told if one.instead == CROSSED["expert_path_loss"]]
     if not alone:
-        return "Whether the expert's parts can stand in for the novice's is not measured"
+        return "Whether the expert's parts can stand in for the novice's is not measured with enough seeds"
     lost, kept = (sum(one.verdict == WORSE for one in some) for some in (alone, both))
-    ratio = min(one.ratio.value for one in alone)
-    two = "two models in one rather than one that both share" if 2 * lost > len(alone) else "one model that both share"
+    two = "two models" if 2 * lost > len(alone) else "one model that both robots share"
     return (
-        f"The SIDM holds {two}: with the expert's encoder alone or its decoder alone in place of the novice's, the "
-        f"loss on the novice's motion is at least {ratio:.2g} times as large in each of {len(alone)} comparisons, "
-        f"worse by the whole interval in {lost}; with both in their place it is worse so in {kept} of {len(both)}"
+        f"The SIDM behaves like {two}: with the expert's encoder alone or its decoder alone in place of the novice's, "
+        f"the loss on the novice's motion is {_times(alone)} as large, larger by the whole interval in {lost} of "
+        f"{len(alone)} comparisons; with both exchanged, it is so in {kept} of {len(both)}"
     )
 
 

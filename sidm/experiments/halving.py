@@ -79,7 +79,7 @@ def halved_words(rows: Sequence[Row], system: str, method: str, found: Sequence[
              for other in AGAINST}  # fmt: skip
     saved = rivals(rows, system, [method], AGAINST)
     if not saved or not all(sides.values()):
-        return f"{system}: not run"
+        return f"{system}: {'too few seeds' if saved else 'not run'}"
     first, labels = saved[0].saving[AGAINST[-1]], [METHODS[other].label for other in AGAINST]
     counts = (f"{sum(one.sure for one in mine)} of {len(mine)} sizes" for mine in sides.values())
     below = " and ".join(f"that of '{label}' at {count}" for label, count in zip(labels, counts, strict=True))

@@ -108,9 +108,13 @@ def expert_alone(rows: Sequence[Row], system: str) -> str:
     if not (alone.values.size and other.values.size):
         return f"{system}: not run"
     loss = float(alone.values.mean())
-    much, sign = minutes_needed(other.minutes, falling(other.values[:, 0].mean(0)), loss)
-    words = {"=": "", "<=": "at most ", ">": "more than "}[sign]
-    return f"{system}: {loss:.3g}, as without SIDM on {words}{float(f'{much:.2g}'):g} min"
+    return f"{system}: {loss:.3g}, as without SIDM on {minutes_words(other.minutes, other.values[:, 0].mean(0), loss)}"
+
+
+def minutes_words(minutes: np.ndarray, losses: np.ndarray, loss: float) -> str:
+    """With how much data a method has a loss, by its own mean losses (M,) at sizes (M,), as 'more than 20 min'."""
+    much, sign = minutes_needed(minutes, falling(losses), loss)
+    return {"=": "", "<=": "at most ", ">": "more than "}[sign] + f"{float(f'{much:.2g}'):g} min"
 
 
 def expert_first(rows: Sequence[Row], system: str) -> str:
@@ -146,7 +150,8 @@ def no_network(rows: Sequence[Row], system: str) -> str:
 
 def more_and_less(savings: Sequence[Saving]) -> str:
     """How many intervals lie wholly above 1, and how many wholly below, as '3 above, 1 below'."""
-    return f"{sum(s.ratio.low > 1 for s in savings)} above, {sum(s.ratio.high < 1 for s in savings)} below"
+    sides = [one.ratio.side(1) for one in savings]
+    return f"{sides.count(1)} above, {sides.count(-1)} below"
 
 
 class Rival(NamedTuple):

@@ -33,8 +33,12 @@ class Interval(NamedTuple):
 
     def words(self, digits: int) -> str:
         """The value with so many significant digits, its ends in brackets where they are known; no powers of ten."""
-        value, low, high = (f"{float(f'{number:.{digits}g}'):g}" for number in self)
+        value, low, high = (np.format_float_positional(float(f"{number:.{digits}g}"), trim="-") for number in self)
         return f"{value} [{low}, {high}]" if np.isfinite([self.low, self.high]).all() else value
+
+    def side(self, of: float) -> int:
+        """1 where the whole interval lies above a value, -1 where it lies below, else 0."""
+        return 1 if self.low > of else -1 if self.high < of else 0
 
 
 class Summary(NamedTuple):
@@ -70,18 +74,18 @@ def bootstrap(
         seed: of the draws.
 
     Returns:
-        The statistic of `samples`, and its interval; with one seed the interval is the value itself.
+        The statistic of `samples` and its interval: of one seed the value itself; NaN where the statistic is not finite.
     """
     samples = np.asarray(samples, float)
     count = len(samples)
     draws = np.sort(np.random.default_rng(seed).integers(count, size=(resamples, count)), axis=1)
     different, times = np.unique(draws, axis=0, return_counts=True)
-    values = np.repeat([statistic(samples[draw]) for draw in different], times)
+    value, values = float(statistic(samples)), np.repeat([statistic(samples[draw]) for draw in different], times)
     values = values[np.isfinite(values)]
-    if not len(values):
-        return Interval(float(statistic(samples)), np.nan, np.nan)
+    if not (np.isfinite(value) and len(values)):
+        return Interval(value, np.nan, np.nan)
     low, high = np.percentile(values, [50 * (1 - confidence), 50 * (1 + confidence)])
-    return Interval(float(statistic(samples)), float(low), float(high))
+    return Interval(value, float(low), float(high))
 
 
 def leave_one_out(

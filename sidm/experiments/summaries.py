@@ -32,14 +32,21 @@ def figure3_summary(claims: Sequence[Claim], rows: Sequence[Row], systems: Seque
     for system in systems:
         saved, met, *_ = (one for one in claims if one.claim.startswith(f"{system}:"))
         if not saved.interval:
-            said.append(f"{system}: not run")
+            said.append(f"{system}: {saved.ours}")
             continue
         or_none = ", which leaves room for none at all" if saved.verdict == NOT_SEEN else ""
         said.append(
             f"{system}: with SIDM as good as without it on {saved.ours} the data{or_none} (the paper: {saved.paper}); "
-            f"the two curves {met.ours}; expert first, then novice: {expert_first(rows, system)}"
+            f"the two curves {_meeting(met.ours)}; expert first, then novice: {expert_first(rows, system)}"
         )
     return said
+
+
+def _meeting(ours: str) -> str:
+    """Where two curves meet, as the end of a sentence about them."""
+    if ours.startswith("too few"):
+        return f"have {ours}"
+    return ours if ours.startswith(("crossed", "worse")) else f"are comparable {ours}"
 
 
 def ablation_summary(rows: Sequence[Row], name: str, usual: Mapping[str, float], by_method: bool = False) -> str:
@@ -75,7 +82,7 @@ def neighbours_summary(found: Sequence[Neighbour]) -> str:
     for one in found:
         apart = one.differences[0]
         if apart is not None and one.seeds >= FEWEST_SEEDS:
-            side = BETTER if apart.high < 0 else WORSE if apart.low > 0 else NO_DIFFERENCE
+            side = {-1: BETTER, 0: NO_DIFFERENCE, 1: WORSE}[apart.side(0)]
             sides = lines.setdefault((one.system, one.minutes), {BETTER: [], WORSE: [], NO_DIFFERENCE: []})
             sides[side].append(f"*{METHOD_STYLES[one.method]['label']}* ({one.loss:.3f})")
     said = ""
@@ -89,8 +96,8 @@ def choices_summary(found: Sequence[Worth]) -> str:
     """Which choices do better or worse changed, by their intervals, in a paragraph."""
     judged = [one for one in found if one.seeds >= FEWEST_SEEDS]
     groups = {
-        "Changed, the loss is smaller for": [one for one in judged if one.ratio.high < 1],
-        "Changed, the loss is larger for": [one for one in judged if one.ratio.low > 1],
+        "Changed, the loss is smaller for": [one for one in judged if one.ratio.side(1) < 0],
+        "Changed, the loss is larger for": [one for one in judged if one.ratio.side(1) > 0],
     }
     said = [
         f"{words} " + ", ".join(f"*{one.choice}* ({one.system}, {METHOD_STYLES[one.method]['label']})" for one in some)
@@ -119,7 +126,7 @@ def together_summary(found: Sequence[Worth]) -> str:
 def _side(one: Worth) -> str:
     if one.seeds < FEWEST_SEEDS:
         return f"fewer than {FEWEST_SEEDS} seeds"
-    return "a smaller loss" if one.ratio.high < 1 else "a larger loss" if one.ratio.low > 1 else NO_DIFFERENCE
+    return {-1: "a smaller loss", 0: NO_DIFFERENCE, 1: "a larger loss"}[one.ratio.side(1)]
 
 
 def example_summary(rows: Sequence[Row], seed: int) -> str:

@@ -96,9 +96,7 @@ class Finding(NamedTuple):
 def judged(suspect: str, system: str, minutes: float, instead: str, pairs: np.ndarray) -> Finding:
     """A line from losses (S, 2), SIDM's before the changed one's."""
     found = ratio_of_means(pairs)
-    said = BETTER if found.high < 1 else WORSE if found.low > 1 else NO_DIFFERENCE
-    if len(pairs) < FEWEST_SEEDS:
-        said = NO_VERDICT
+    said = NO_VERDICT if len(pairs) < FEWEST_SEEDS else {-1: BETTER, 0: NO_DIFFERENCE, 1: WORSE}[found.side(1)]
     sidm, changed = pairs.mean(0).tolist()
     return Finding(suspect, system, minutes, instead, len(pairs), sidm, changed, found, said)
 
@@ -194,20 +192,30 @@ class Learnt(NamedTuple):
 def learnt(rows: Iterable[Row]) -> list[Learnt]:
     """A line a system, method and size.
 
-    Which weights were kept is told from the smoothed test losses of the learning curve's summary, and the training loss
-    is the mean of that point and its neighbours: about that of the weights kept.
+    The training loss is the mean of the learning curve's point nearest to the weights that were kept and of its
+    neighbours.
     """
     groups: dict[tuple[str, str, float], list[tuple[float, float]]] = {}
     for row in rows:
-        outcome = row.outcome
-        smooth = list(accumulate(outcome.curve_test_loss, functools.partial(_blend, row.trial.training.smoothing)))
-        best = int(np.argmin(smooth))
+        outcome, best = row.outcome, _kept(row)
         training = float(np.mean(outcome.curve_training_loss[max(best - 1, 0) : best + 2]))
         key = row.trial.system, row.trial.method, row.trial.novice_minutes
         groups.setdefault(key, []).append((training, outcome.validation_loss))
     order = list(METHODS)
     keys = sorted(groups, key=lambda key: (key[0], order.index(key[1]), key[2]))
     return [Learnt(*key, *np.mean(groups[key], axis=0).tolist()) for key in keys]
+
+
+def _kept(row: Row) -> int:
+    """Number of the learning curve's point at which the weights that were kept were tested, or nearest to it.
+
+    A training that stopped by its patience had its lowest test loss so many samples before; of another the smoothed
+    test losses of the curve's summary tell.
+    """
+    training, outcome = row.trial.training, row.outcome
+    if training.stopping == "test_loss" and outcome.samples < training.max_samples:
+        return int(np.abs(np.array(outcome.curve_samples) - (outcome.samples - training.patience)).argmin())
+    return int(np.argmin(list(accumulate(outcome.curve_test_loss, functools.partial(_blend, training.smoothing)))))
 
 
 def _blend(weight: float, past: float, now: float) -> float:

@@ -160,7 +160,7 @@ def made_here(chapter: str, wing: str = "learning") -> str:
 
 
 def markdown_table(head: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
-    """A table for a page, floats with 3 significant digits; a sentence instead when there is no line."""
+    """A table for a page, floats with 3 significant digits, a dash for NaN; a sentence when there is no line."""
     body = [[_words(cell) for cell in line] for line in lines]
     if not body:
         return "No trials stored."
@@ -178,7 +178,9 @@ def html_table(head: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
 
 
 def _words(cell: object) -> str:
-    return f"{cell:.3g}" if isinstance(cell, float) else str(cell)
+    if isinstance(cell, float):
+        return "-" if np.isnan(cell) else f"{cell:.3g}"
+    return str(cell)
 
 
 def spread(

@@ -10,16 +10,8 @@ from sidm.config import ConfigError
 from sidm.experiments import Study, models
 from sidm.experiments import driving as d
 from sidm.experiments.drivers import Driver, ride, try_out
-from sidm.experiments.driving_results import (
-    SHOWN,
-    arrivals_figure,
-    beside,
-    claims,
-    drivers,
-    driving_film,
-    paths_figure,
-    score,
-)
+from sidm.experiments.driving_figures import SHOWN, arrivals_figure, driving_film, paths_figure
+from sidm.experiments.driving_results import beside, claims, drivers, score
 from sidm.experiments.provenance import here
 from sidm.learning.planning import Planning
 from sidm.simulation import Simulator
@@ -192,42 +184,50 @@ def test_scores_are_shares_and_medians(made_up):
     assert best.seconds == 4 and best.detour == pytest.approx(1.1) and best.ends == {"stuck": 3} and best.length == 6.6
     assert best.plans_per_second == pytest.approx((12.5, 10)) and floor.plans_per_second == (0, 0)
     assert floor.arrived.value == 0 and np.isnan(floor.seconds) and floor.ends == {"stuck": 10} and floor.models == 0
+    assert np.isnan(floor.surprise) and best.surprise == pytest.approx(0.1)
 
 
-def test_claims_pair_episodes(made_up):
-    """Two goals more of ten, at both sizes; as soon where both arrive."""
+def test_claims_pair_seeds(made_up):
+    """Two goals more of ten in each, at both sizes; as soon where both arrive."""
     table = claims(made_up, "system1")
-    assert [claim.interval.value for claim in table] == pytest.approx([0.2, 0.0, 0.2, 0.0])
-    assert [claim.verdict for claim in table] == ["In the same direction", "Not seen"] * 2
-    assert claims(made_up, "system2") == []
-    assert claims(made_up[:1], "system1")[0].verdict == "No verdict"  # of one side
+    assert [claim.interval.value for claim in table] == pytest.approx([0.2, 0.0])
+    assert [claim.verdict for claim in table] == ["In the same direction", "Not seen"]
+    assert claims(made_up, "system2") == [] == claims(made_up[:1], "system1")  # of one side
 
 
-def test_few_episodes_that_differ_give_no_verdict(jobs):
-    """Five of fifty, all to one side, are told apart by resampling but not by the exact test; of none it is said."""
-    both = [jobs["model"].trial.replace(method=method) for method in ("sidm", "novice_only")]
-    mine, other, same = (
-        driven(dataclasses.replace(jobs["model"], trial=trial), count, episodes=50)
-        for trial, count in zip((*both, both[1]), (45, 40, 45), strict=True)
-    )
-    few = claims([mine, other], "system1")[0]
-    assert few.interval.low > 0 and few.verdict == "Not seen"
-    nothing = claims([mine, same], "system1")[0]
-    assert (nothing.ours, nothing.verdict) == ("none of 50 episodes differs", "Not seen")
-    assert claims([mine, driven(other.about, 39, episodes=50)], "system1")[0].verdict == "In the same direction"
+def test_one_model_that_differs_makes_no_verdict(made_up, jobs):
+    """Of three, by however many episodes; nor do two that differ alike, nor models that never arrive."""
+    trials = [jobs["model"].trial.replace(method=method) for method in ("sidm", "novice_only")]
+    counts = {"one": ((17, 3), (8, 8), (0, 0)), "two": ((9, 7), (9, 7)), "none": ((0, 0),) * 3}
+    table = {}
+    for name, pairs in counts.items():
+        found = [
+            driven(dataclasses.replace(jobs["model"], trial=trial), count, 17, seed)
+            for seed, pair in enumerate(pairs)
+            for trial, count in zip(trials, pair, strict=True)
+        ]
+        table[name] = [claim[2:4] for claim in claims(found, "system1")]
+        one = beside(found, "system1")[0]
+        assert (one.more, one.fewer) == {"one": (14, 0), "two": (4, 0), "none": (0, 0)}[name]
+        assert one.chance == pytest.approx({"one": 2**-13, "two": 0.125, "none": 1}[name])
+    assert table["one"][0][1] == "Not seen"
+    assert table["two"][0] == ("smaller by 0.118 (2 only)", "No verdict")
+    assert table["none"] == [("smaller by 0 [0, 0]", "Not seen"), ("no goal that both reach", "No verdict")]
 
 
 def test_models_stand_beside_floor_and_ceiling(made_up):
-    """Of the episodes that both drove, here every third."""
+    """Of the episodes that both drove, here every third; and those with SIDM beside those without."""
     table = {(one.way.label, one.other.kind): one for one in beside(made_up, "system1")}
-    assert len(table) == 4 * 2
+    assert len(beside(made_up, "system1")) == 4 * 2 + 2
     best = table[drivers(made_up, "system1")[2].label, "straight"]
-    assert best.episodes == 10 and best.more.value == pytest.approx(0.9)
+    assert (best.episodes, best.more, best.fewer) == (10, 9, 0)
     assert (best.both, best.sooner, best.sooner_words) == (0, None, "-")
     ceiling = table[best.way.label, "simulator"]
-    assert ceiling.more.value == pytest.approx(-0.1)
+    assert (ceiling.more, ceiling.fewer, ceiling.chance) == (0, 1, 1)
     assert ceiling.both == 9 and ceiling.sooner_words == "0 [0, 0] (9)"
-    assert {one.more_words for one in table.values() if one.more is None} <= {"none differs"}
+    assert table[best.way.label, "model"].more == 6
+    apart = [one for one in made_up if not one.about.trial or one.about.trial.seed == 1]
+    assert beside(apart, "system1")[0].other.kind == "model"  # no episode is the floor's, too
 
 
 def test_figures_draw_all_drivers(made_up):

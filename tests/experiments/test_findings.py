@@ -45,10 +45,13 @@ def test_sentences_carry_the_numbers():
     text = in_short(parts, {}, models, {"system1": both})
     assert "5.3%" in text and "0.345" in text and "0.243" in text
     assert "does not make the latents alike" in text and "in 2 of 3 models" in text
-    assert "two models in one" in text and "at least 4 times as large in each of 2" in text and "so in 0 of 1." in text
+    assert "like two models: " in text and "is 4 to 5 times as large, larger by the whole interval in 2 of 2" in text
+    assert "exchanged, it is so in 0 of 1." in text
     models[0].discriminator_accuracy = 0.5
     other = in_short([one._replace(verdict=BETTER) for one in parts], {}, models, {})
-    assert "seems to make the latents alike" in other and "one model that both share" in other
+    assert "seems to make the latents alike" in other and "like one model that both" in other
+    few = in_short([one._replace(verdict=NO_VERDICT) for one in parts], {}, models, {})
+    assert "stand in for the novice's is not measured with enough seeds" in few
 
 
 def test_verdicts_are_counted():

@@ -115,13 +115,15 @@ def test_a_diagnosed_model_stands_in_for_a_trial(make_row, tmp_path):
 
 
 def test_what_was_learnt_by_heart(make_row):
-    """The training loss is that about the lowest smoothed test loss, not the lowest single one."""
-    rows = []
+    """The training loss is that about the weights that were kept: before the patience, or the lowest smoothed loss."""
+    rows, stopped = [], []
     for trial in STUDY.points("system1", ["novice_only", "sidm"], [5]):
         row = make_row(trial, 3.0)
         tests, trainings = (3.0, 1.0, 2.0, 1.2, 1.2, 3.0), (9.0, 5.0, 4.0, 3.0, 2.0, 1.0)
         curve = dict(curve_samples=(1, 2, 3, 4, 5, 6), curve_test_loss=tests, curve_training_loss=trainings)
-        rows.append(dataclasses.replace(row, outcome=dataclasses.replace(row.outcome, **curve)))
+        for some, samples in ((rows, trial.training.max_samples), (stopped, 3 + trial.training.patience)):
+            some.append(dataclasses.replace(row, outcome=dataclasses.replace(row.outcome, samples=samples, **curve)))
+    assert {one.training for one in learnt(stopped)} == {4.0}
     lines = learnt(rows)
     assert [one.method for one in lines] == ["sidm", "novice_only"]
     assert {(one.minutes, one.training, one.validation) for one in lines} == {(5, 2.0, 3.0)}
