@@ -188,7 +188,7 @@ PRESETS: dict[str, Preset] = {
             rollouts=32,
             seeds=3,
             ablation_minutes=(5.0,),
-            ablation_seeds=2,
+            ablation_seeds=3,
             network=Network(pixels=32, layers=3, hidden=256),
             training=Training(max_samples=1_000_000, patience=150_000),
             tuned=(  # the best of `tuning.TRIES`

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ from sidm.experiments.statistics import (
     interval,
     known,
     minutes_needed,
+    ratio_of_means,
 )
 from sidm.experiments.store import Row
 from sidm.experiments.tables import COMPONENTS, gather, validation_loss
@@ -111,6 +112,37 @@ def expert_alone(rows: Sequence[Row], system: str) -> str:
     return f"{system}: {loss:.3g}, as without SIDM on {minutes_words(other.minutes, other.values[:, 0].mean(0), loss)}"
 
 
+class Paired(NamedTuple):
+    """The losses of two methods at one size, paired by seed."""
+
+    minutes: float  # of novice data
+    seeds: int
+    losses: tuple[float, float]  # means
+    ratio: Interval  # of the first mean to the second
+    lower: int  # seeds in which the first is the lower
+
+    def words(self, one: str, other: str) -> str:
+        """As a sentence about the two, by their names."""
+        side = {-1: "lower", 0: "not told from it", 1: "higher"}[self.ratio.side(1)]
+        return (
+            f"at {self.minutes:g} min the loss {one} is {side}: {self.losses[0]:.3f} against {self.losses[1]:.3f} "
+            f"{other}, {self.ratio.words(3)} times as large, and lower in {self.lower} of {self.seeds} seeds"
+        )
+
+
+def paired(rows: Sequence[Row], system: str, methods: tuple[str, str] = COMPARED) -> list[Paired]:
+    """Two methods on one system with all the seeds that both have, a line a size."""
+    found = []
+    for minutes in sorted({row.trial.novice_minutes for row in rows if row.trial.system == system}):
+        losses = gather([row for row in rows if row.trial.novice_minutes == minutes], system, methods)
+        if losses.values.size:
+            pairs = losses.values[:, :, 0]  # (S, 2)
+            one, other = pairs.mean(0).tolist()
+            ratio, lower = ratio_of_means(pairs[:, ::-1]), int((pairs[:, 0] < pairs[:, 1]).sum())
+            found.append(Paired(minutes, len(pairs), (one, other), ratio, lower))
+    return found
+
+
 def minutes_words(minutes: np.ndarray, losses: np.ndarray, loss: float) -> str:
     """With how much data a method has a loss, by its own mean losses (M,) at sizes (M,), as 'more than 20 min'."""
     much, sign = minutes_needed(minutes, falling(losses), loss)
@@ -152,6 +184,20 @@ def more_and_less(savings: Sequence[Saving]) -> str:
     """How many intervals lie wholly above 1, and how many wholly below, as '3 above, 1 below'."""
     sides = [one.ratio.side(1) for one in savings]
     return f"{sides.count(1)} above, {sides.count(-1)} below"
+
+
+def savings_summary(found: Mapping[str, Sequence[Saving]]) -> str:
+    """Where the comparison needs more data than the method, and where less, by whole intervals; by system."""
+    said = []
+    for side, words in ((1, "more"), (-1, "less")):
+        told = [
+            f"{system}, {one.minutes:g} min ({one.ratio} times)"
+            for system, every in found.items()
+            for one in every
+            if one.ratio.side(1) == side
+        ]
+        said += [f"needs {words} data for the same loss at {'; '.join(told)}"] if told else []
+    return ", and ".join(said) or "no difference seen"
 
 
 class Rival(NamedTuple):

@@ -74,7 +74,7 @@ def bootstrap(
         seed: of the draws.
 
     Returns:
-        The statistic of `samples`, and its interval: of one seed the value itself; NaN of a statistic that is not finite.
+        The statistic of `samples`, and its interval: of one seed the value itself; NaN if the statistic is not finite.
     """
     samples = np.asarray(samples, float)
     count = len(samples)

@@ -14,9 +14,11 @@ from sidm.experiments.savings import (
     expert_first,
     more_and_less,
     no_network,
+    paired,
     ratio_words,
     rivals,
     savings,
+    savings_summary,
 )
 from sidm.experiments.statistics import Interval
 from sidm.experiments.tables import COMPONENTS, gather
@@ -51,6 +53,29 @@ def test_the_expert_first_in_one_line(rows):
     assert words.startswith("the lowest mean loss at 6 of 6 sizes; with 1 min as good as without SIDM on")
     assert "times the data, and as with SIDM on" in words
     assert expert_first([row for row in rows if row.trial.method != "sidm"], "system1") == "not run"
+
+
+def test_two_methods_are_paired_by_seed(rows):
+    """Four times the data halve the loss; at 1 min seed 1 is noisy with SIDM, and seed 2 without."""
+    first, *_, last = paired(rows, "system1")
+    assert (first.minutes, last.minutes, first.seeds, first.lower) == (1, 120, 3, 3)
+    assert first.ratio.value == pytest.approx(0.5) and first.losses[1] == pytest.approx(3.05 / 3)
+    assert first.words("with SIDM", "without it").startswith(
+        "at 1 min the loss with SIDM is lower: 0.508 against 1.017 without it, 0.5 ["
+    )
+    assert paired([row for row in rows if row.trial.method == "sidm"], "system1") == []
+    assert paired(rows, "system2") == []
+    two = [row for row in rows if row.trial.seed < 2]
+    assert "is not told from it: " in paired(two, "system1")[0].words("with SIDM", "without it")
+
+
+def test_savings_are_told_by_whole_intervals(rows):
+    found = savings(rows, "system1")
+    words = savings_summary({"system1": found, "system2": []})
+    assert words.startswith("needs more data for the same loss at system1, 1 min (4 [") and "less" not in words
+    other = savings(rows, "system1", "novice_only", "sidm")
+    assert savings_summary({"system1": other}).startswith("needs less data for the same loss at system1, ")
+    assert savings_summary({}) == "no difference seen"
 
 
 def test_no_network_in_one_line(rows, make_row, tmp_path):
