@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -19,6 +18,8 @@ from sidm.experiments.tables import gather
 
 PAPER = "'may lead to a more accurate' one"
 FASTER = "'may also lead to faster training'"
+#: The line of training without SIDM: of no experts, so unlike theirs.
+WITHOUT = {"label": METHOD_STYLES["novice_only"]["label"], "color": "#555555", "linestyle": ":", "marker": ""}
 PARTS, ALL = list(WAYS).index("parts"), list(WAYS).index("all")
 
 
@@ -55,6 +56,12 @@ class Line(NamedTuple):
 def experts_of(one: Pretrained) -> Experts:
     """Whom the SIDM of a record learnt from."""
     return Experts(one.about.experts, one.about.paper)
+
+
+def as_they_are(one: Pretrained) -> list[float]:
+    """Validation loss with the parts of each size's nearest expert, before the novice learnt anything."""
+    names = [*(["expert"] if one.about.paper else []), *(f"member{number}" for number in range(len(one.about.roles)))]
+    return [losses[names.index(role)] for role, losses in zip(one.nearest, one.before, strict=True)]
 
 
 def _groups(found: Sequence[Pretrained]) -> list[Experts]:
@@ -146,6 +153,12 @@ def _times(some: Sequence[Pretrained]) -> tuple[np.ndarray, np.ndarray]:
     return shares[0], shares[1]
 
 
+def _style(experts: Experts) -> dict[str, Any]:
+    """A line's look, the same whatever else is stored."""
+    number = 0 if experts == PAPERS else 1 + experts.number.bit_length() - 1
+    return SIZE_STYLES[number % len(SIZE_STYLES)]
+
+
 @styled
 def experts_figure(found: Sequence[Pretrained], rows: Sequence[Row] = ()) -> Figure:
     """Validation loss against the novice's data, a plot for each way to go on, a line for each number of experts.
@@ -156,7 +169,8 @@ def experts_figure(found: Sequence[Pretrained], rows: Sequence[Row] = ()) -> Fig
     for number, (axes, words) in enumerate(zip(panels, WAYS.values(), strict=True)):
         axes.set(xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL, title=words)
         sizes: set[float] = set()
-        for experts, style in zip(_groups(found), itertools.cycle(SIZE_STYLES), strict=False):
+        for experts in _groups(found):
+            style = _style(experts)
             some = list(_by_seed(found, experts).values())
             values, minutes = _values(some, "validation_loss", number), some[0].about.sizes
             axes.plot(minutes, values.mean(0), label=experts.label, **style)
@@ -164,6 +178,6 @@ def experts_figure(found: Sequence[Pretrained], rows: Sequence[Row] = ()) -> Fig
             sizes |= set(minutes)
         beside = gather(rows, found[0].about.trial.system, ["novice_only"]) if found and rows else None
         if beside is not None and beside.values.size:
-            axes.plot(beside.minutes, beside.values[:, 0].mean(0), **METHOD_STYLES["novice_only"] | {"alpha": 0.6})
+            axes.plot(beside.minutes, beside.values[:, 0].mean(0), **WITHOUT)
         finish(axes, sizes)
     return figure

@@ -9,7 +9,7 @@ import pytest
 from sidm.experiments import Study, family
 from sidm.experiments import experts as x
 from sidm.experiments.datasets import find_digest, load_dataset
-from sidm.experiments.experts_results import MEMBERS, PAPERS, Experts, claims, experts_figure, needed_lines
+from sidm.experiments.experts_results import MEMBERS, PAPERS, Experts, as_they_are, claims, experts_figure, needed_lines
 from sidm.experiments.family import LINEAR, LOGARITHMIC, collect_members, dataset, member
 from sidm.experiments.provenance import here
 from sidm.systems import ROLES, SYSTEMS
@@ -153,7 +153,15 @@ def test_the_claims_are_of_most_experts_and_one(made_up):
 
 
 def test_the_figure_has_a_plot_for_each_way(made_up):
+    several = next(one for one in made_up if one.about.experts == 2)
+    before = tuple((9.0, float(size)) for size in range(len(several.before)))
+    role = "member0" if several.about.paper else "member1"
+    found = dataclasses.replace(several, nearest=(role,) * len(before), before=before)
+    assert as_they_are(found) == [float(size) for size in range(len(before))]
     axes = experts_figure(made_up).axes
+    looks = [(line.get_color(), line.get_linestyle()) for line in axes[0].get_lines()]
+    few = experts_figure([one for one in made_up if one.about.experts == 2]).axes[0].get_lines()
+    assert len(set(looks)) == 3 and [(line.get_color(), line.get_linestyle()) for line in few] == looks[2:]
     assert [one.get_title(loc="left") for one in axes] == list(x.WAYS.values())
     assert [line.get_label() for line in axes[0].get_lines()] == ["the paper's expert", "1 of the family", "2 experts"]
     assert experts_figure([]).axes[0].texts[0].get_text() == "no trials stored"
