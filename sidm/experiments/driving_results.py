@@ -137,7 +137,7 @@ class Beside(NamedTuple):
 
     @property
     def chance(self) -> float:
-        """How probable such a difference, or a greater one, is between equals: McNemar's exact test."""
+        """Probability of such a difference or a greater one between equals, by McNemar's exact test."""
         return float(binomtest(self.more, self.more + self.fewer).pvalue) if self.more + self.fewer else 1.0
 
     @property

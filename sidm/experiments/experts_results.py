@@ -19,7 +19,7 @@ from sidm.experiments.tables import gather
 PAPER = "'may lead to a more accurate' one"
 FASTER = "'may also lead to faster training'"
 #: The line of training without SIDM: of no experts, so unlike theirs.
-WITHOUT = {"label": METHOD_STYLES["novice_only"]["label"], "color": "#555555", "linestyle": ":", "marker": ""}
+WITHOUT: dict[str, Any] = {"label": METHOD_STYLES["novice_only"]["label"], "color": "#555555", "linestyle": ":", "marker": ""}
 PARTS, ALL = list(WAYS).index("parts"), list(WAYS).index("all")
 
 

@@ -228,7 +228,7 @@ def test_words_about_rows(rows, study, tmp_path):
     store = Results(tmp_path)
     store.put(rows[0])
     lines = overview(store, ablations.p_expert(study, "system1"), study)
-    assert any("(p_expert=0.25)" in text for text in lines) and all("of 2" in text for text in lines)
+    assert any("(p_expert=0.25)" in text for text in lines) and all("of 3" in text for text in lines)
     assert "stored 1 of 3  stale 0  loss 0.5" in overview(store, study.figure3("system1"), study)[0]
 
 
