@@ -19,7 +19,9 @@ from sidm.experiments.tables import gather
 PAPER = "'may lead to a more accurate' one"
 FASTER = "'may also lead to faster training'"
 #: The line of training without SIDM: of no experts, so unlike theirs.
-WITHOUT: dict[str, Any] = {"label": METHOD_STYLES["novice_only"]["label"], "color": "#555555", "linestyle": ":", "marker": ""}
+WITHOUT: dict[str, Any] = {
+    "label": METHOD_STYLES["novice_only"]["label"], "color": "#555555", "linestyle": ":", "marker": ""
+}  # fmt: skip
 PARTS, ALL = list(WAYS).index("parts"), list(WAYS).index("all")
 
 

@@ -142,9 +142,9 @@ def test_grids():
     figure3 = {t.key for t in study.figure3("system1")}
     assert len(study.figure4()) == 2 * 2 * 10 and len({t.key for t in study.figure4()} & figure3) == 2 * 2 * 3
     assert len({t.key for t in ablations.p_expert(study, "system1")} & figure3) == 3  # p_e of 0.75, three seeds
-    assert len({t.key for t in ablations.phases(study, "system1")} & figure3) == 2  # 100, 20 and 5 iterations
+    assert len({t.key for t in ablations.phases(study, "system1")} & figure3) == 3  # 100, 20 and 5 iterations
     for name in (ablations.pixels, ablations.patience):
-        assert len({t.key for t in name(study, "system1")} & figure3) == 2 * 2  # both methods
+        assert len({t.key for t in name(study, "system1")} & figure3) == 2 * 3  # both methods
     neighbours = study.baselines("system1")
     assert len({t.key for t in neighbours} & figure3) == 3 * 2 * 3 + 3  # three methods, two sizes, and all data
     assert {t.method for t in neighbours} == set(METHODS) - {*VARIANTS, *MIRRORED}
