@@ -100,6 +100,22 @@ def score(driver: Way) -> Score:
     )
 
 
+def in_short(found: Iterable[Driven], system: str) -> str:
+    """How many goals each driver reached, and whether these goals ask for a plan at all, in two sentences."""
+    every = [(one, score(one)) for one in drivers(found, system)]
+    if not every:
+        return f"{system}: not run"
+    shares = ", ".join(f"{one.label} {round(s.arrived.value * s.episodes)} of {s.episodes}" for one, s in every)
+    said = f"{system}, goals reached: {shares}."
+    straight = next((s for one, s in every if one.kind == "straight"), None)
+    planned = [s for one, s in every if one.kind != "straight"]
+    if straight and planned:
+        less = sum(s.arrived.value < straight.arrived.value for s in planned)
+        ask = "these goals do not ask for a plan" if 2 * less > len(planned) else "a plan helps"
+        said += f" Straight ahead reaches a larger share of its goals than {less} of {len(planned)} who plan: {ask}."
+    return said
+
+
 def outcomes(driver: Way) -> dict[int, tuple[bool, float]]:
     """Of each episode by its number, whether the goal was missed, and how many seconds were driven."""
     return {

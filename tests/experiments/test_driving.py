@@ -11,7 +11,7 @@ from sidm.experiments import Study, models
 from sidm.experiments import driving as d
 from sidm.experiments.drivers import Driver, ride, try_out
 from sidm.experiments.driving_figures import SHOWN, arrivals_figure, driving_film, paths_figure
-from sidm.experiments.driving_results import beside, claims, drivers, score
+from sidm.experiments.driving_results import beside, claims, drivers, in_short, score
 from sidm.experiments.provenance import here
 from sidm.learning.planning import Planning
 from sidm.simulation import Simulator
@@ -185,6 +185,14 @@ def test_scores_are_shares_and_medians(made_up):
     assert best.plans_per_second == pytest.approx((12.5, 10)) and floor.plans_per_second == (0, 0)
     assert floor.arrived.value == 0 and np.isnan(floor.seconds) and floor.ends == {"stuck": 10} and floor.models == 0
     assert np.isnan(floor.surprise) and best.surprise == pytest.approx(0.1)
+
+
+def test_in_short_says_whether_a_plan_helps(made_up, jobs):
+    words = in_short(made_up, "system1")
+    assert "with SIDM, 0.75 min 27 of 30" in words and words.endswith("than 0 of 5 who plan: a plan helps.")
+    better = [one for one in made_up if one.about.driver != "straight"] + [driven(jobs["straight"], 10)]
+    assert in_short(better, "system1").endswith("than 4 of 5 who plan: these goals do not ask for a plan.")
+    assert in_short(made_up, "system2") == "system2: not run"
 
 
 def test_claims_pair_seeds(made_up):
