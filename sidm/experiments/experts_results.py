@@ -157,7 +157,7 @@ def _times(some: Sequence[Pretrained]) -> tuple[np.ndarray, np.ndarray]:
 
 def _style(experts: Experts) -> dict[str, Any]:
     """A line's look, the same whatever else is stored."""
-    number = 0 if experts == PAPERS else 1 + experts.number.bit_length() - 1
+    number = 0 if experts == PAPERS else experts.number.bit_length()  # 1, 2, 4, 8: one after the other
     return SIZE_STYLES[number % len(SIZE_STYLES)]
 
 

@@ -46,7 +46,9 @@ def _meeting(ours: str) -> str:
     """Where two curves meet, as the end of a sentence about them."""
     if ours.startswith("too few"):
         return f"have {ours}"
-    return ours if ours.startswith(("crossed", "worse")) else f"are comparable {ours}"
+    if ours.startswith(("crossed", "worse")):
+        return ours
+    return f"are {'not ' * ours.startswith('not ')}comparable {ours.removeprefix('not ')}"
 
 
 def ablation_summary(rows: Sequence[Row], name: str, usual: Mapping[str, float], by_method: bool = False) -> str:

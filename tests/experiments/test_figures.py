@@ -214,6 +214,8 @@ def test_curves_that_meet(study, make_row):
         "crossed: worse with SIDM from 60 min"
     )
     assert curves(power_law) == "not by 120 min"
+    worse = [make_row(t, 1.0 + (t.method == "sidm")) for t in study.figure3("system1")]
+    assert meeting(gather(worse, "system1")) == "worse with SIDM at every size"
 
 
 def test_words_about_rows(rows, study, tmp_path):

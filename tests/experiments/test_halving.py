@@ -59,6 +59,8 @@ def test_in_words(rows):
     sides = "that of 'with SIDM' at 4 of 4 sizes and that of 'expert first, then novice' at 4 of 4 sizes"
     assert words.endswith(f"interval, than {sides}")
     assert halved_words(rows, "system1", "adapters", []) == "system1: not run"
+    few = halved_words(rows, "system1", "tethered", halves(rows, "system1", "tethered"))
+    assert few == "system1: too few seeds"
 
 
 def test_of_another_system_nothing_is_known(rows):

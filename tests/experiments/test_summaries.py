@@ -28,7 +28,13 @@ def test_figure_3_in_short(make_row, tmp_path):
     first, other = figure3_summary(figure3_claims(rows), rows, ("system1", "system2"))
     assert first.startswith("system1: with SIDM as good as without it on at best 2 x [2, 2] the data (the paper: up to")
     assert first.endswith("times the data, and as with SIDM on 10 [10, 10] times")
-    assert other == "system2: not run"
+    assert other == "system2: not run" and "; the two curves are not comparable by 120 min; " in first
+    late = [t for t in trials if t.novice_minutes >= 20]
+    meet = [row for row in rows if row.trial not in late] + [make_row(t, 2.0 / t.novice_minutes) for t in late]
+    (said,) = figure3_summary(figure3_claims(meet), meet, ["system1"])
+    assert "; the two curves are comparable from 20 min; " in said
+    two = [row for row in rows if row.trial.seed < 2]
+    assert "; the two curves have too few seeds; " in figure3_summary(figure3_claims(two), two, ["system1"])[0]
     assert "room for none" not in first
     unsure = [claim._replace(verdict=NOT_SEEN) for claim in figure3_claims(rows)]
     assert "the data, which leaves room for none at all (the paper" in figure3_summary(unsure, rows, ["system1"])[0]
