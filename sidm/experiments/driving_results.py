@@ -105,7 +105,7 @@ def in_short(found: Iterable[Driven], system: str) -> str:
     every = [(one, score(one)) for one in drivers(found, system)]
     if not every:
         return f"{system}: not run"
-    shares = ", ".join(f"{one.label} {round(s.arrived.value * s.episodes)} of {s.episodes}" for one, s in every)
+    shares = "; ".join(f"{one.label}: {round(s.arrived.value * s.episodes)} of {s.episodes}" for one, s in every)
     said = f"{system}, goals reached: {shares}."
     straight = next((s for one, s in every if one.kind == "straight"), None)
     planned = [s for one, s in every if one.kind != "straight"]
