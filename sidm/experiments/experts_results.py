@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from sidm.experiments.claims import NO_VERDICT, Claim, difference_claim, ratio_claim
+from sidm.experiments.claims import NO_VERDICT, Claim, difference_claim, few, ratio_claim
 from sidm.experiments.drawing import LOSS_LABEL, METHOD_STYLES, SIZE_STYLES, finish, side_by_side, styled
 from sidm.experiments.experts import WAYS, Pretrained
 from sidm.experiments.savings import Saving, savings_between
-from sidm.experiments.statistics import Interval, ratio_of_means
+from sidm.experiments.statistics import FEWEST_SEEDS, Interval, mean_ratio, ratio_of_means
 from sidm.experiments.store import Row
 from sidm.experiments.tables import gather
 
@@ -130,6 +130,27 @@ def claims(found: Sequence[Pretrained]) -> list[Claim]:
         table.append(ratio_claim(claim.format(MEMBERS.label, every), PAPER, own, other))
     claim = f"{system}: with {most.label}' SIDM, a faster training of encoder and decoder alone than of all parts"
     return [*table, ratio_claim(claim, FASTER, *_times(list(_by_seed(found, most).values())), "processor time")]
+
+
+def in_short(found: Sequence[Pretrained]) -> str:
+    """What a novice with the fewest data gets from most experts' SIDM beside the single ones', and how to go on."""
+    most = max((experts_of(one) for one in found), default=PAPERS)
+    if most.number < 2:
+        return "not run"
+    sides = {one: _common(found, most, one, "validation_loss", ALL) for one in (PAPERS, MEMBERS)}
+    if not all(own.size for own, _ in sides.values()):
+        return "not run"
+    lines = [line for line in needed_lines(found) if line.experts == most]
+    least = min(line.minutes for line in lines)
+    loss = {line.way: line.loss for line in lines if line.minutes == least}
+    beside = ", and ".join(f"{mean_ratio(*both).words(3)} times that after {one.label}" for one, both in sides.items())
+    seeds = min(len(own) for own, _ in sides.values())
+    return (
+        f"{found[0].about.trial.system}: after an SIDM of {most.label} the loss of a novice that learns on with all "
+        f"parts is {beside}, its sizes together{f' ({few(seeds)})' if seeds < FEWEST_SEEDS else ''}. With {least:g} "
+        f"min it is {loss['all']:.3g}, learning on with encoder and decoder alone {loss['parts']:.3g}, and with fresh "
+        f"ones {loss['fresh_parts']:.3g}."
+    )
 
 
 def _common(

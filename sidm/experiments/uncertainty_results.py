@@ -69,6 +69,11 @@ def _seeds(found: Sequence[Fitted], method: str, minutes: float, likelihood: boo
     }
 
 
+def _of(lines: Sequence[Line], method: str, likelihood: bool) -> list[Line]:
+    """Those of one kind, a line a size."""
+    return [line for line in lines if (line.method, line.likelihood) == (method, likelihood)]
+
+
 def _line(
     system: str, method: str, likelihood: bool, minutes: float, some: Sequence[Fitted], less: Interval | None
 ) -> Line:
@@ -99,6 +104,32 @@ def nll_lines(found: Sequence[Fitted], system: str) -> list[tuple]:
                     words = (f"{value:.1f}" for value in np.mean(numbers, axis=0))
                     lines.append((METHOD_STYLES[method]["label"], WORDS[by], minutes, *words))
     return lines
+
+
+def in_short(found: Sequence[Fitted], system: str) -> str:
+    """Whether distributions are likelier than the twin with SIDM, what they cost in loss, what their intervals hold."""
+    lines = {way: _of(likelihood_lines(found, system), "sidm", way) for way in WORDS}
+    by, twin = lines[True], lines[False]
+    if not by or [line.minutes for line in by] != [line.minutes for line in twin]:
+        return f"{system}: not run"
+    sides = [line.less.side(0) for line in by if line.less]
+    cost = [mine.loss / other.loss for mine, other in zip(by, twin, strict=True)]
+    levels = " and ".join(f"{level:.0%}" for level in LEVELS)
+    held, along = (
+        "{} (the twin's {})".format(*(_mean_shares(some, name) for some in (by, twin)))
+        for name in ("coverage", "last_coverage")
+    )
+    return (
+        f"{system}, with SIDM: distributions make a transition likelier than the twin by the whole interval at "
+        f"{sides.count(-1)} of {len(sides)} sizes, and less likely at {sides.count(1)}; the mean loss of their means "
+        f"is {min(cost):.3g} to {max(cost):.3g} times the twin's. In the mean over sizes, intervals of {levels} hold "
+        f"{held} of what happens in one step, and {along} of the way and turn after 2.5 s."
+    )
+
+
+def _mean_shares(lines: Sequence[Line], name: str) -> str:
+    """Coverage of each level, the mean over lines and quantities."""
+    return " and ".join(f"{share:.0%}" for share in np.mean([getattr(line, name) for line in lines], axis=(0, -1)))
 
 
 def claims(found: Sequence[Fitted], system: str) -> list[Claim]:
@@ -133,7 +164,7 @@ def loss_figure(found: Sequence[Fitted], systems: Sequence[str] = tuple(SYSTEMS)
         lines = likelihood_lines(found, system)
         for method in COMPARED:
             for by in WORDS:
-                some = [line for line in lines if (line.method, line.likelihood) == (method, by)]
+                some = _of(lines, method, by)
                 if some:
                     axes.plot([line.minutes for line in some], [line.loss for line in some], **_look(method, by))
         finish(axes, {line.minutes for line in lines})

@@ -9,7 +9,16 @@ import pytest
 from sidm.experiments import Study, family
 from sidm.experiments import experts as x
 from sidm.experiments.datasets import find_digest, load_dataset
-from sidm.experiments.experts_results import MEMBERS, PAPERS, Experts, as_they_are, claims, experts_figure, needed_lines
+from sidm.experiments.experts_results import (
+    MEMBERS,
+    PAPERS,
+    Experts,
+    as_they_are,
+    claims,
+    experts_figure,
+    in_short,
+    needed_lines,
+)
 from sidm.experiments.family import LINEAR, LOGARITHMIC, collect_members, dataset, member
 from sidm.experiments.provenance import here
 from sidm.systems import ROLES, SYSTEMS
@@ -150,6 +159,18 @@ def test_the_claims_are_of_most_experts_and_one(made_up):
     assert table[3].ours == table[-1].ours.replace("processor time", "loss") == "0.5 [0.5, 0.5] times the loss"
     alone = claims([one for one in made_up if one.about.paper])
     assert [claim.ours for claim in alone if "of the family" in claim.claim] == ["not run"] * 3
+
+
+def test_in_short_stands_beside_both_single_experts(made_up):
+    assert in_short(made_up) == (
+        "system1: after an SIDM of 2 experts the loss of a novice that learns on with all parts is 0.5 [0.5, 0.5] "
+        "times that after the paper's expert, and 0.5 [0.5, 0.5] times that after 1 of the family, its sizes together. "
+        "With 1 min it is 2.05, learning on with encoder and decoder alone 2.05, and with fresh ones 2.05."
+    )
+    first = [one for one in made_up if one.about.trial.seed == 0]
+    assert "0.5 times that after 1 of the family, its sizes together (one seed). With" in in_short(first)
+    alone = [one for one in made_up if one.about.paper]
+    assert in_short(alone) == in_short(made_up[:1]) == in_short([]) == "not run"
 
 
 def test_the_figure_has_a_plot_for_each_way(made_up):
