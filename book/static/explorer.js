@@ -130,6 +130,9 @@
       views[name] = (await vegaEmbed(panel, spec, { actions: false, renderer: "canvas", logLevel: 1 /* errors */ })).view;
     }
 
+    // Vega measures its panels when the window changes; the page's side columns may change them later.
+    new ResizeObserver(() => window.dispatchEvent(new Event("resize"))).observe(panels);
+
     let [roughness, drawing, waiting] = [-1, false, false];
 
     /** Draw what the sliders say; while they move on faster than that, only where they got to. */

@@ -88,7 +88,7 @@ def read(results: Path | str) -> dict[str, dict[str, Neighbourhood]]:
         values = read_record(Path(results) / NAME)
     except FileNotFoundError:
         return {}
-    return {s: {role: Neighbourhood(*one) for role, one in values[s].items()} for s in SYSTEMS}
+    return {s: {role: Neighbourhood(*one) for role, one in values[s].items()} for s in SYSTEMS if s in values}
 
 
 if __name__ == "__main__":

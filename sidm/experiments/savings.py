@@ -188,6 +188,8 @@ def more_and_less(savings: Sequence[Saving]) -> str:
 
 def savings_summary(found: Mapping[str, Sequence[Saving]]) -> str:
     """Where the comparison needs more data than the method, and where less, by whole intervals; by system."""
+    if not any(np.isfinite(one.ratio.low) for every in found.values() for one in every):
+        return "cannot be told: bounds alone, or fewer than three seeds"
     said = []
     for side, words in ((1, "more"), (-1, "less")):
         told = [

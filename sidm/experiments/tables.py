@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable, Iterable, Sequence
 from html import escape
 from typing import NamedTuple
@@ -151,6 +152,12 @@ def provenance_block(rows: Sequence[Row], command: str = "") -> str:
     return f'<div class="provenance">\n\n{provenance_line(rows, command)}\n\n</div>'
 
 
+def provenance_html(rows: Sequence[Row], command: str = "") -> str:
+    """The same in HTML, for a page that takes results over from another."""
+    words = re.sub("`(.*?)`", r"<code>\1</code>", escape(provenance_line(rows, command), quote=False))
+    return f'<div class="provenance"><p>{words}</p></div>'
+
+
 def made_here(chapter: str, wing: str = "learning") -> str:
     """The same of what a page has simulated or computed itself with the code of a wing, by the chapter's name."""
     one = here(0.0, 1, False, wing=wing)
@@ -175,6 +182,11 @@ def html_table(head: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
         return "<p>No trials stored.</p>"
     cells = ("".join(f"<{tag}>{escape(_words(cell))}</{tag}>" for cell in row) for tag, row in rows)
     return f'<table class="table">{"".join(f"<tr>{row}</tr>" for row in cells)}</table>'
+
+
+def html_list(lines: Iterable[str]) -> str:
+    """Lines of text as a list in HTML."""
+    return f"<ul>{''.join(f'<li>{escape(line, quote=False)}</li>' for line in lines)}</ul>"
 
 
 def _words(cell: object) -> str:

@@ -8,6 +8,7 @@ PHONE = {"width": 375, "height": 800}
 EXPLORER = "book/explorer"
 AXE = {"preload": False, "resultTypes": ["violations"]}  # nothing is fetched, and what passes is not described
 COLOURS = "color-contrast"  # the rule that takes most of the time
+SCROLLING = "scrollable-region-focusable"  # what narrow windows make of tables and pictures
 REFERENCE, ALIKE = "book/api-", "article > section > section:nth-of-type(n + 4)"  # sections that look as those before
 PLAIN = """spans => {
     const seen = new Set();
@@ -64,6 +65,10 @@ def test_a_page_has_no_serious_barriers(visit, name):
     page = visit(name)
     page.add_style_tag(content="* { transition: none !important }")
     found = barriers(page, {"rules": {COLOURS: {"enabled": False}}})
+    page.set_viewport_size(PHONE)
+    page.evaluate("() => new Promise(requestAnimationFrame).then(() => new Promise(requestAnimationFrame))")
+    found += [f"on a phone: {words}" for words in barriers(page, {"runOnly": [SCROLLING]})]
+    page.set_viewport_size(DESK)
     page.eval_on_selector_all(".highlight span", PLAIN)
     if name.startswith(REFERENCE):
         page.eval_on_selector_all(ALIKE, "all => all.forEach(section => section.remove())")
@@ -102,6 +107,16 @@ def test_every_slider_changes_the_pictures(visit, size):
         page.wait_for_function(f"() => document.getElementById('explorer').dataset.shown !== '{shown}'")
         assert slider.get_attribute("aria-valuetext") != words
         assert all(one != other for one, other in zip(before, pictures(page), strict=True)), slider.get_attribute("id")
+
+
+def test_charts_keep_to_their_panels(visit):
+    """From a narrow window to a wide one and back."""
+    page = visit(EXPLORER)
+    fits = """() => [...document.querySelectorAll(".explorer-chart")].every(
+        panel => panel.querySelector("canvas").clientWidth === panel.clientWidth)"""
+    for size in (PHONE, DESK, PHONE):
+        page.set_viewport_size(size)
+        page.wait_for_function(fits)
 
 
 def test_choosing_a_robot_sets_the_sliders_and_draws_both(visit):

@@ -1,13 +1,22 @@
 """Every notebook from beginning to end with the smoke preset, in a scratch copy of the project."""
 
+import re
+
 import nbformat
 import pytest
-from pages import ROOT
+from pages import ROOT, contents
 
 from sidm.__main__ import main
 from sidm.notebook import inspect, notebooks
 
 NOTEBOOKS = [pytest.param(path, id=path.stem) for path in notebooks(ROOT)]
+GLUED = re.compile(r"^```\{glue\} (\S+)\n:doc: \.\./(\S+)$", re.MULTILINE)  # name, notebook
+TAKING = [name for name in contents() if name.startswith("book/") and GLUED.search((ROOT / f"{name}.md").read_text())]
+
+
+def glued(output) -> bool:
+    """Whether an output is not shown where it is made, but kept for other pages."""
+    return "glue" in output.get("metadata", {}).get("scrapbook", {}).get("mime_prefix", "")
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS)
@@ -41,8 +50,7 @@ def test_its_pictures_have_words(path):
     wordless = []
     for cell in nbformat.read(path, as_version=4).cells:
         drawn = [o for o in cell.get("outputs", []) if any(kind.startswith("image/") for kind in o.get("data", {}))]
-        shown = [o for o in drawn if "glue" not in o.metadata.get("scrapbook", {}).get("mime_prefix", "")]
-        if shown and not cell.metadata.get("mystnb", {}).get("image", {}).get("alt"):
+        if any(not glued(o) for o in drawn) and not cell.metadata.get("mystnb", {}).get("image", {}).get("alt"):
             wordless.append(cell.source.splitlines()[0])
     assert wordless == []
 
@@ -60,10 +68,29 @@ def test_its_results_say_where_they_come_from(path):
         if cell.cell_type == "markdown" and cell.source.startswith("## ") and not makes_its_own:
             lacking += open_results
             open_results = []
-        texts = [str(text) for o in cell.get("outputs", []) for text in o.get("data", {}).values()]
-        pictures = any(kind.startswith("image/") for o in cell.get("outputs", []) for kind in o.get("data", {}))
+        shown = [o.get("data", {}) for o in cell.get("outputs", []) if not glued(o)]
+        texts = [str(text) for data in shown for text in data.values()]
+        pictures = any(kind.startswith("image/") for data in shown for kind in data)
         if any('class="provenance"' in text for text in texts):
             open_results = []
         elif (pictures or any("| --- |" in text for text in texts)) and cell.id not in SETTINGS:
             open_results.append(cell.id)
     assert lacking + open_results == []
+
+
+@pytest.mark.parametrize("name", TAKING)
+def test_results_that_a_page_takes_over_say_where_they_come_from(name):
+    """A line of provenance among what a section shows of notebooks."""
+    lacking = []
+    for section in re.split(r"^(?=#+ )", (ROOT / f"{name}.md").read_text(encoding="utf-8"), flags=re.MULTILINE):
+        shown = [kept(path, key) for key, path in GLUED.findall(section)]
+        if shown and not any('class="provenance"' in text for text in shown):
+            lacking.append(section.splitlines()[0])
+    assert lacking == []
+
+
+def kept(path: str, key: str) -> str:
+    """What a notebook keeps under a name for other pages."""
+    cells = nbformat.read(ROOT / path, as_version=4).cells
+    outputs = [output for cell in cells for output in cell.get("outputs", []) if glued(output)]
+    return next(str(o.data) for o in outputs if o.metadata["scrapbook"]["name"] == key)

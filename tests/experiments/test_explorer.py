@@ -1,6 +1,8 @@
 """The suspension explorer."""
 
 import base64
+import subprocess
+import sys
 import zlib
 from pathlib import Path
 
@@ -135,6 +137,20 @@ def test_the_page_unpacks_what_was_packed(stored):
     for robot, chosen in zip(ROBOTS.values(), contents["robots"], strict=True):
         shown = {knob["name"]: knob["shown"][chosen["knobs"][knob["name"]]] for knob in contents["knobs"][:3]}
         assert shown == {"spring": robot.spring, "damping": robot.damping, "travel_lower": -1e3 * robot.travel_lower}
+
+
+def test_a_system_that_is_added_rides_anew_and_is_not_among_the_stored():
+    code = """
+import dataclasses
+from sidm.systems import SYSTEMS
+old = SYSTEMS["system1"]
+SYSTEMS["soft"] = dataclasses.replace(old, name="soft", novice=old.novice.replace(spring=500.0))
+from sidm.experiments.explorer import find_robot, grid, page
+assert find_robot("soft novice").spring == 500
+assert [one["name"] for one in page.contents(grid.read())["robots"]] == list(grid.PAPERS) and len(grid.PAPERS) == 4
+"""
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def test_the_page_keeps_within_its_size(stored, tmp_path):

@@ -53,6 +53,8 @@ def test_what_is_measured_is_read(tiny, data, tmp_path, monkeypatch):
     assert read(tmp_path) == {}
     measure(study, tmp_path)
     found = read(tmp_path)["system1"]
+    monkeypatch.setattr("sidm.experiments.overlap.SYSTEMS", ("system1", "added"))
+    assert list(read(tmp_path)) == ["system1"]
     assert set(found) == {"expert", "novice"} and all(isinstance(one, Neighbourhood) for one in found.values())
     validation = load_dataset(tiny.datasets("system1")["validation"], study.digests("system1")["validation_data"], data)
     inputs, targets = steps(validation, 10**6)

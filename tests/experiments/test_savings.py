@@ -75,7 +75,10 @@ def test_savings_are_told_by_whole_intervals(rows):
     assert words.startswith("needs more data for the same loss at system1, 1 min (4 [") and "less" not in words
     other = savings(rows, "system1", "novice_only", "sidm")
     assert savings_summary({"system1": other}).startswith("needs less data for the same loss at system1, ")
-    assert savings_summary({}) == "no difference seen"
+    assert savings_summary({"system1": [Saving(1, 1, Interval(1.1, 0.9, 1.3), "=")]}) == "no difference seen"
+    few = [Saving(1, 1, Interval(1.1, np.nan, np.nan), ">=")]
+    assert savings_summary({}) == savings_summary({"system1": few})
+    assert savings_summary({}).startswith("cannot be told")
 
 
 def test_no_network_in_one_line(rows, make_row, tmp_path):

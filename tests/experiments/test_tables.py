@@ -7,8 +7,10 @@ from sidm.experiments import Results, Study
 from sidm.experiments.tables import (
     COMPONENTS,
     component_lines,
+    html_list,
     markdown_table,
     provenance_block,
+    provenance_html,
     provenance_line,
     spread,
     stored_line,
@@ -39,6 +41,13 @@ def test_a_provenance_block_is_the_line_in_the_books_class(trials, make_row):
     for rows in ([], [make_row(trials[0])]):
         lines = provenance_block(rows, "run it").splitlines()
         assert lines == ['<div class="provenance">', "", provenance_line(rows, "run it"), "", "</div>"]
+    assert provenance_html([], "run <it>") == (
+        '<div class="provenance"><p>No trials stored; <code>run &lt;it&gt;</code> runs them.</p></div>'
+    )
+
+
+def test_lines_become_a_list():
+    assert html_list(["a < b", "'c'"]) == "<ul><li>a &lt; b</li><li>'c'</li></ul>"
 
 
 def test_a_table_rounds_floats_and_keeps_all_else():

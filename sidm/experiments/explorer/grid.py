@@ -20,12 +20,14 @@ from sidm.experiments.provenance import source_hash
 from sidm.pool import local_pool
 from sidm.progress import progress_bar
 from sidm.storage import read_arrays, read_record, write_arrays, write_record
-from sidm.systems import Physics, Robot, Terrain
+from sidm.systems import ROLES, Physics, Robot, Terrain
 from sidm.terrain import generate_terrain
 from sidm.trajectory import POSITION
 
 FOLDER = Path("results/explorer")
 BODY = ROBOTS["system1 novice"]
+#: The paper's four robots, which ride as they are.
+PAPERS = {name: ROBOTS[name] for name in (f"system{number} {role}" for number in (1, 2) for role in ROLES)}
 TERRAIN_SEED = 3
 STEPS = 40
 
@@ -62,7 +64,7 @@ BORDER = Terrain(cell_height_scale=0.0).half_width - 0.5  # m from the origin, w
 
 
 class Grid(NamedTuple):
-    """The stored rides: axes of SET_UP (or the robots of ROBOTS), BRAKES, DRIVE, time and CHANNELS."""
+    """The stored rides: axes of SET_UP (or the robots of PAPERS), BRAKES, DRIVE, time and CHANNELS."""
 
     rides: np.ndarray  # (5, 4, 4, 2, 4, 4, T + 1, 9) int16
     robots: np.ndarray  # (4, 2, 4, 4, T + 1, 9) int16
@@ -106,7 +108,7 @@ def simulate(setting: tuple[Robot, bool], throttles: Sequence[float] = DRIVE[1].
 
 def make(folder: Path = FOLDER, workers: int = 2) -> None:
     """Simulate every ride and store them."""
-    settings = list(itertools.product([*set_ups(), *ROBOTS.values()], BRAKES))
+    settings = list(itertools.product([*set_ups(), *PAPERS.values()], BRAKES))
     with local_pool(workers) as pool, progress_bar(len(settings), "rides", "set-up") as bar:
         found = []
         for one in pool.map(simulate, settings):
@@ -114,7 +116,7 @@ def make(folder: Path = FOLDER, workers: int = 2) -> None:
             bar.update()
     every = np.array(found).reshape(-1, len(BRAKES), *found[0].shape)
     sizes = [len(knob.values) for knob in SET_UP]
-    rides, robots = every[: -len(ROBOTS)], every[-len(ROBOTS) :]
+    rides, robots = every[: -len(PAPERS)], every[-len(PAPERS) :]
     write_arrays(folder / "rides.npz", {"rides": rides.reshape(*sizes, *rides.shape[1:]), "robots": robots})
     write_record(folder / "rides.json", {"simulation_source": source_hash("simulation")})
     read.cache_clear()

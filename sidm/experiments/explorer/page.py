@@ -17,8 +17,8 @@ import numpy as np
 import vl_convert
 
 from sidm.experiments.drawing import CONTROL_STEP, GROUND_SPACING, half_width
-from sidm.experiments.explorer.grid import BODY, CHANNELS, DRIVE, GONE, KNOBS, SET_UP, STEPS, Grid, Knob, ground
-from sidm.experiments.explorer.rides import ROBOTS, STRUTS
+from sidm.experiments.explorer.grid import BODY, CHANNELS, DRIVE, GONE, KNOBS, PAPERS, SET_UP, STEPS, Grid, Knob, ground
+from sidm.experiments.explorer.rides import STRUTS
 from sidm.experiments.explorer.views import LINES
 
 WHO = ("your set-up", "the robot named")
@@ -107,7 +107,7 @@ def _knob(knob: Knob) -> dict[str, Any]:
 
 def _set_up(name: str) -> dict[str, Any]:
     """Where the sliders stand for a robot, and its stops in mm."""
-    robot = ROBOTS[name]
+    robot = PAPERS[name]
     at = {knob.name: knob.values.index(getattr(robot, knob.name)) for knob in SET_UP}
     return {"name": name, "knobs": at, "stops": [1e3 * robot.travel_lower, 1e3 * robot.travel_upper]}
 
@@ -124,7 +124,7 @@ def contents(grid: Grid) -> dict[str, Any]:
         "who": WHO,
         "knobs": [_knob(knob) for knob in KNOBS],
         "setUp": len(SET_UP),
-        "robots": [_set_up(name) for name in ROBOTS],
+        "robots": [_set_up(name) for name in PAPERS],
         "channels": {name: scale / (1000 if name.startswith("strut") else 1) for name, scale in CHANNELS.items()},
         "ownUpperStop": 1e3 * BODY.travel_upper,
         "gone": GONE,

@@ -11,7 +11,7 @@ from sidm.systems import ROLES, SYSTEMS, Physics, Robot, Terrain
 from sidm.terrain import generate_terrain
 from sidm.trajectory import QUATERNION
 
-#: The paper's four robots, by the names the explorer's menus show.
+#: The robots of all systems, by the names the explorer's menus show.
 ROBOTS = {f"{system.name} {role}": system.robot(role) for system in SYSTEMS.values() for role in ROLES}
 
 #: Order of `Ride.struts`.
