@@ -16,7 +16,7 @@ TAKING = [name for name in contents() if name.startswith("book/") and GLUED.sear
 
 def glued(output) -> bool:
     """Whether an output is not shown where it is made, but kept for other pages."""
-    return "glue" in output.get("metadata", {}).get("scrapbook", {}).get("mime_prefix", "")
+    return bool(output.get("metadata", {}).get("scrapbook", {}).get("mime_prefix"))
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS)
