@@ -144,9 +144,9 @@ def claims(found: Sequence[Fitted], system: str) -> list[Claim]:
     return table
 
 
-def shares(coverage: np.ndarray) -> str:
-    """Coverage (L, N) for a table: the mean over N quantities, and the least and the most of them."""
-    return ", ".join(f"{level.mean():.0%} ({level.min():.0%} to {level.max():.0%})" for level in coverage)
+def shares(coverage: np.ndarray) -> list[str]:
+    """Coverage (L, N) for a table, a cell a level: the mean over N quantities, and the least and the most of them."""
+    return [f"{level.mean():.0%} ({level.min():.0%} to {level.max():.0%})" for level in coverage]
 
 
 def _look(method: str, likelihood: bool) -> dict[str, Any]:
