@@ -64,7 +64,7 @@ def conform(value: Any, kind: Any, name: str) -> Any:
 
 @dataclass_transform(kw_only_default=True, frozen_default=True)
 def config(cls: type[T]) -> type[T]:
-    """Class decorator: a frozen, keyword-only dataclass; ConfigError for an unknown name or a value of the wrong type."""
+    """Class decorator: a frozen, keyword-only dataclass; ConfigError for an unknown name or a wrong type."""
     made = dataclasses.dataclass(frozen=True, kw_only=True)(cls)
     plain: Callable[..., None] = made.__init__
 
