@@ -8,7 +8,6 @@ PHONE = {"width": 375, "height": 800}
 EXPLORER = "book/explorer"
 AXE = {"preload": False, "resultTypes": ["violations"]}  # nothing is fetched, and what passes is not described
 COLOURS = "color-contrast"  # the rule that takes most of the time
-SCROLLING = "scrollable-region-focusable"  # what narrow windows make of tables and pictures
 REFERENCE, ALIKE = "book/api-", "article > section > section:nth-of-type(n + 4)"  # sections that look as those before
 PLAIN = """spans => {
     const seen = new Set();
@@ -65,10 +64,6 @@ def test_a_page_has_no_serious_barriers(visit, name):
     page = visit(name)
     page.add_style_tag(content="* { transition: none !important }")
     found = barriers(page, {"rules": {COLOURS: {"enabled": False}}})
-    page.set_viewport_size(PHONE)
-    page.evaluate("() => new Promise(requestAnimationFrame).then(() => new Promise(requestAnimationFrame))")
-    found += [f"on a phone: {words}" for words in barriers(page, {"runOnly": [SCROLLING]})]
-    page.set_viewport_size(DESK)
     page.eval_on_selector_all(".highlight span", PLAIN)
     if name.startswith(REFERENCE):
         page.eval_on_selector_all(ALIKE, "all => all.forEach(section => section.remove())")
