@@ -8,6 +8,8 @@ PHONE = {"width": 375, "height": 800}
 EXPLORER = "book/explorer"
 AXE = {"preload": False, "resultTypes": ["violations"]}  # nothing is fetched, and what passes is not described
 COLOURS = "color-contrast"  # the rule that takes most of the time
+SCROLLING = "scrollable-region-focusable"  # what narrow windows make of tables and pictures
+FRAMES = "() => new Promise(requestAnimationFrame).then(() => new Promise(requestAnimationFrame))"  # two are drawn
 REFERENCE, ALIKE = "book/api-", "article > section > section:nth-of-type(n + 4)"  # sections that look as those before
 PLAIN = """spans => {
     const seen = new Set();
@@ -29,7 +31,8 @@ def visit(book, context):
     page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
     page.on("pageerror", lambda error: problems.append(str(error)))
 
-    def open_page(name):
+    def open_page(name, size=DESK):
+        page.set_viewport_size(size)
         page.goto((book / f"{name}.html").as_uri(), wait_until="load")
         if name == EXPLORER:
             page.wait_for_selector("#explorer[data-shown]")
@@ -61,9 +64,12 @@ def test_a_page_is_whole_without_a_network(visit, name):
 @pytest.mark.parametrize("name", contents())
 def test_a_page_has_no_serious_barriers(visit, name):
     """By axe-core's rules; colours in light and in dark, of what looks alike (tokens, reference entries) the first."""
-    page = visit(name)
+    page = visit(name, PHONE)  # opened there, for the theme takes a while to follow a window
+    page.evaluate(FRAMES)
+    found = [f"on a phone: {words}" for words in barriers(page, {"runOnly": [SCROLLING]})]
+    page.set_viewport_size(DESK)
     page.add_style_tag(content="* { transition: none !important }")
-    found = barriers(page, {"rules": {COLOURS: {"enabled": False}}})
+    found += barriers(page, {"rules": {COLOURS: {"enabled": False}}})
     page.eval_on_selector_all(".highlight span", PLAIN)
     if name.startswith(REFERENCE):
         page.eval_on_selector_all(ALIKE, "all => all.forEach(section => section.remove())")
