@@ -1,0 +1,101 @@
+"""What each preset asks of one core: python benchmarks/presets.py, six minutes.
+
+Nearly all of them, and 8 GB of memory, go to 'paper'. Collecting and training are timed for a while, and Figure 3 is
+reckoned from that with every training up to its cap: an upper bound, since most stop early. `sidm.experiments.costs`
+adds up what stored trials really took.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import multiprocessing
+import time
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from simulation import collecting
+from work import STEPS, random_data
+
+from sidm.experiments.grids import grid
+from sidm.experiments.presets import PRESETS, Preset, load_preset
+from sidm.experiments.provenance import peak_memory
+from sidm.experiments.tables import markdown_table
+from sidm.learning.learner import Learner
+from sidm.learning.regularisation import discriminator_iteration, matching_iteration
+from sidm.learning.training import predict_phase
+from sidm.systems import SYSTEMS
+
+ROUNDS = 3
+MAP_BYTES = 2  # a pixel, as float16
+HEAD = (
+    "preset", "motion (h)", "its maps (GB)", "to collect (h)", "training (samples a s)", "memory (MiB)",
+    "Figure 3: trainings", "at most (h)",
+)  # fmt: skip
+
+
+def seconds(work: Callable[[], object], least: float = 2.0) -> float:
+    """Wall-clock time of one call, the mean of as many as fill `least` seconds."""
+    calls, start = 0, time.perf_counter()
+    while calls == 0 or time.perf_counter() - start < least:
+        work()
+        calls += 1
+    return (time.perf_counter() - start) / calls
+
+
+def training(name: str) -> tuple[list[float], float]:
+    """Samples a second of SIDM's training, Algorithm 2 in its share, one figure a round; and this process's MiB.
+
+    Run in a process of its own, on one thread and random numbers, which take as long as real ones.
+    """
+    torch.set_num_threads(1)
+    preset = load_preset(name)
+    usual = dataclasses.replace(preset.training, **preset.tuned_values("sidm"))
+    one = dataclasses.replace(usual, prediction_iterations=1, test_interval=10**9, max_samples=10**12, patience=10**12)
+    learner = Learner(random_data(preset.network.pixels), preset.network, one, seed=0)
+    parts: dict[Callable[[Learner], object], int] = {
+        predict_phase: usual.prediction_iterations,
+        discriminator_iteration: usual.discriminator_iterations,
+        matching_iteration: usual.matching_iterations,
+    }
+    rates = []
+    for number in range(1 + ROUNDS):  # the first warms up
+        phase = sum(count * seconds(lambda part=part: part(learner)) for part, count in parts.items())
+        if number:
+            rates.append(usual.prediction_iterations * usual.batch * STEPS / phase)
+    return rates, peak_memory()
+
+
+def motion(preset: Preset) -> int:
+    """Control steps of all data of both systems."""
+    return sum(one.count * STEPS for system in SYSTEMS for one in preset.datasets(system).values())
+
+
+def main() -> None:
+    """A line a preset, as a table in Markdown."""
+    pace = np.array([collecting(1) for _ in range(ROUNDS)])
+    lines = []
+    for name, preset in PRESETS.items():
+        with multiprocessing.get_context("spawn").Pool(1) as pool:
+            rates, memory = pool.apply(training, [name])
+        steps = motion(preset)
+        trainings = len(grid(preset, "3")) + preset.seeds * len(SYSTEMS)  # those on the expert alone are no trials
+        hours = trainings * preset.training.max_samples / np.median(rates) / 3600
+        lines.append(
+            (
+                name,
+                steps / 36000,
+                steps * MAP_BYTES * preset.network.pixels**2 / 1e9,
+                steps / np.median(pace) / 3600,
+                f"{np.median(rates):,.0f} [{min(rates):,.0f}, {max(rates):,.0f}]",
+                round(memory),
+                trainings,
+                hours if hours < 100 else f"{float(f'{hours:.3g}'):,.0f}",
+            )
+        )
+    print(markdown_table(HEAD, lines))
+    print(f"One core collects {np.median(pace):.0f} control steps a second [{pace.min():.0f}, {pace.max():.0f}].")
+
+
+if __name__ == "__main__":
+    main()
