@@ -24,6 +24,7 @@ from sidm.config import ConfigError, conform, unknown_name
 DEFAULT_OUTPUT = Path("_build/runs")  # where a run goes that names no output
 KINDS: dict[str, Any] = {kind.__name__: kind for kind in (bool, int, float, str, list, dict, tuple)}
 KINDS |= {"Optional": Optional, "None": None}
+QUIET = ["--log-level=ERROR"]  # of the kernel, which would warn that it listens on this machine's own ports
 
 
 class NotebookError(RuntimeError):
@@ -217,8 +218,9 @@ def run_notebook(
     output.parent.mkdir(parents=True, exist_ok=True)
     try:
         papermill.execute_notebook(
-            str(path), str(output), parameters=values, cwd=str(project_root()), progress_bar=sys.stderr.isatty()
-        )
+            str(path), str(output), parameters=values, cwd=str(project_root()), progress_bar=sys.stderr.isatty(),
+            extra_arguments=QUIET,
+        )  # fmt: skip
     except papermill.PapermillExecutionError as error:
         reason = f"cell {error.exec_count} failed, {error.ename}: {_first_line(error.evalue)}"
         raise NotebookError(f"{path}: {reason}; the run up to there is {output}") from None
@@ -237,7 +239,7 @@ def refresh(path: Path) -> Path:
 
     notebook = nbformat.read(path, as_version=4)
     where = {"metadata": {"path": project_root()}}
-    client = NotebookClient(notebook, timeout=None, record_timing=False, resources=where)
+    client = NotebookClient(notebook, timeout=None, record_timing=False, resources=where, extra_arguments=QUIET)
     try:
         client.execute()
     except CellExecutionError as error:
