@@ -128,7 +128,7 @@ def claims(found: Sequence[Pretrained]) -> list[Claim]:
         own, other = _common(found, most, MEMBERS, "validation_loss", number)
         every = ", ".join(f"{minutes:g}" for minutes in sizes)
         table.append(ratio_claim(claim.format(MEMBERS.label, every), PAPER, own, other))
-    claim = f"{system}: with {most.label}' SIDM, a faster training of encoder and decoder alone than of all parts"
+    claim = f"{system}: with {most.label}' SIDM, encoder and decoder alone sooner at their best weights than all parts"
     return [*table, ratio_claim(claim, FASTER, *_times(list(_by_seed(found, most).values())), "processor time")]
 
 
