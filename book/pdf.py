@@ -12,7 +12,7 @@ from pathlib import Path
 from urllib.parse import unquote, urldefrag, urlparse
 
 import yaml
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 from pypdf import PdfReader, PdfWriter
 from pypdf.generic import ArrayObject, DictionaryObject, NameObject
 
@@ -30,8 +30,8 @@ def chapters() -> list[tuple[str, list[str]]]:
     return [("Start", [toc["root"]]), *parts]
 
 
-def print_page(browser: Browser, path: Path) -> PdfReader:
-    """One page as it is printed, once its equations and charts are drawn."""
+def prepare(browser: Browser, path: Path) -> Page:
+    """One page as it is to be printed: equations and charts drawn, folded tables open."""
     page = browser.new_page(viewport={"width": 860, "height": 1200})  # less than a sheet takes at SCALE: charts fit
     page.emulate_media(media="print", color_scheme="light")
     page.goto(path.resolve().as_uri(), wait_until="load")
@@ -39,6 +39,12 @@ def print_page(browser: Browser, path: Path) -> PdfReader:
     page.evaluate("() => document.querySelectorAll('.below-input').forEach(folded => (folded.open = true))")  # tables
     if page.locator("#explorer").count():
         page.wait_for_selector("#explorer[data-shown]")
+    return page
+
+
+def print_page(browser: Browser, path: Path) -> PdfReader:
+    """One page on sheets."""
+    page = prepare(browser, path)
     printed = page.pdf(**SHEET, margin=MARGIN, scale=SCALE)
     page.close()
     return PdfReader(io.BytesIO(printed))

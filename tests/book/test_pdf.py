@@ -45,5 +45,12 @@ def test_its_links_stay_in_the_book_or_lead_to_the_web(bound):
     assert inside and all(target in sheets for target in inside)
 
 
+def test_what_is_folded_is_printed_whole(book, context):
+    page = pdf.prepare(context.browser, book / "notebooks" / "05-figure3.html")
+    assert page.locator("details.below-input[open] table").count() > 0
+    assert page.evaluate("() => document.getAnimations().length") == 0, "still fading in"
+    page.close()
+
+
 def test_its_figures_are_in_it(bound):
     assert sum(len(sheet.images) for sheet in bound.pages) > 0
