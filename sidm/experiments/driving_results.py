@@ -101,7 +101,7 @@ def score(driver: Way) -> Score:
 
 
 def in_short(found: Iterable[Driven], system: str) -> str:
-    """How many goals each driver reached, and whether these goals ask for a plan at all, in two sentences."""
+    """How many goals each driver reached, and whether it paid to plan at all, in two sentences."""
     every = [(one, score(one)) for one in drivers(found, system)]
     if not every:
         return f"{system}: not run"
@@ -111,7 +111,7 @@ def in_short(found: Iterable[Driven], system: str) -> str:
     planned = [s for one, s in every if one.kind != "straight"]
     if straight and planned:
         less = sum(s.arrived.value < straight.arrived.value for s in planned)
-        ask = "these goals do not ask for a plan" if 2 * less > len(planned) else "a plan helps"
+        ask = "here it does not pay to plan" if 2 * less > len(planned) else "a plan helps"
         said += f" Straight ahead reaches a larger share of its goals than {less} of {len(planned)} who plan: {ask}."
     return said
 

@@ -191,7 +191,7 @@ def test_in_short_says_whether_a_plan_helps(made_up, jobs):
     words = in_short(made_up, "system1")
     assert "with SIDM, 0.75 min: 27 of 30; " in words and words.endswith("than 0 of 5 who plan: a plan helps.")
     better = [one for one in made_up if one.about.driver != "straight"] + [driven(jobs["straight"], 10)]
-    assert in_short(better, "system1").endswith("than 4 of 5 who plan: these goals do not ask for a plan.")
+    assert in_short(better, "system1").endswith("than 4 of 5 who plan: here it does not pay to plan.")
     assert in_short(made_up, "system2") == "system2: not run"
 
 
