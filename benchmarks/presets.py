@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 import torch
 from simulation import collecting
-from work import STEPS, random_data
+from work import random_data
 
 from sidm.experiments.grids import grid
 from sidm.experiments.presets import PRESETS, Preset, load_preset
@@ -25,9 +25,11 @@ from sidm.learning.learner import Learner
 from sidm.learning.regularisation import discriminator_iteration, matching_iteration
 from sidm.learning.training import predict_phase
 from sidm.systems import SYSTEMS
+from sidm.trajectory import STEPS
 
 ROUNDS = 3
 MAP_BYTES = 2  # a pixel, as float16
+HOUR = 36_000  # control steps of 0.1 s
 HEAD = (
     "preset", "motion (h)", "its maps (GB)", "to collect (h)", "training (samples a s)", "memory (MiB)",
     "Figure 3: trainings", "at most (h)",
@@ -84,7 +86,7 @@ def main() -> None:
         lines.append(
             (
                 name,
-                steps / 36000,
+                steps / HOUR,
                 steps * MAP_BYTES * preset.network.pixels**2 / 1e9,
                 steps / np.median(pace) / 3600,
                 f"{np.median(rates):,.0f} [{min(rates):,.0f}, {max(rates):,.0f}]",

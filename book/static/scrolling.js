@@ -18,7 +18,7 @@
 
   document.addEventListener("DOMContentLoaded", () => {
     // The page's size changes with its window's, and when a picture, a folded cell or the explorer comes in.
-    const article = document.querySelector(".bd-article");  // the page of search results has none
+    const article = document.querySelector(".bd-article"); // the page of search results has none
     if (article) new ResizeObserver(mark).observe(article);
   });
 })();
