@@ -78,7 +78,9 @@ def build_parser() -> argparse.ArgumentParser:
     confirm = command("confirm", run_confirm, "Run one of each kind of stale trial again; if the same, all are fresh.")
     _add_preset(confirm)
     _add_grid(confirm)
-    confirm.add_argument("--diagnoses", action="store_true", help="the stored diagnoses of these trials instead")
+    instead = confirm.add_mutually_exclusive_group()
+    instead.add_argument("--diagnoses", action="store_true", help="the stored diagnoses of these trials instead")
+    instead.add_argument("--study", metavar="NAME", help="the records of a study beyond the trials instead")
     _add_workers(confirm)
 
     runner = commands.add_parser("notebook", help="Run a notebook with checked parameters.")
@@ -248,12 +250,17 @@ def run_run(arguments: argparse.Namespace) -> int:
     return 1 if missing else 0
 
 
+def _systems(arguments: argparse.Namespace) -> list[str]:
+    """The one of --system, or both."""
+    return [arguments.system] if arguments.system else list(SYSTEMS)
+
+
 def run_study(arguments: argparse.Namespace) -> int:
     """`study`: 1 when results are missing at the end."""
     from sidm.experiments.studies import find_study, run_study
     from sidm.pool import local_pool
 
-    preset, systems = _preset(arguments), [arguments.system] if arguments.system else list(SYSTEMS)
+    preset, systems = _preset(arguments), _systems(arguments)
     find_study(arguments.name)
     with local_pool(arguments.workers) as pool:
         have, wanted = run_study(
@@ -301,17 +308,25 @@ def run_confirm(arguments: argparse.Namespace) -> int:
     """`confirm`: 1 when a trial came out otherwise."""
     from sidm.experiments import Results
     from sidm.experiments.confirm import confirm, confirm_diagnoses
+    from sidm.experiments.studies import confirm_study, find_study
     from sidm.pool import local_pool
 
-    trials = _trials(arguments, _preset(arguments))
+    preset, what = _preset(arguments), "diagnoses" if arguments.diagnoses else "rows"
+    if arguments.study:
+        find_study(arguments.study)
+        what = "records"
     with local_pool(arguments.workers) as pool:
-        if arguments.diagnoses:
-            count, differing = confirm_diagnoses(trials, arguments.results, pool, arguments.data)
+        if arguments.study:
+            count, differing = confirm_study(
+                arguments.study, preset, _systems(arguments), pool, Path(arguments.data), Path(arguments.results)
+            )
+        elif arguments.diagnoses:
+            count, differing = confirm_diagnoses(_trials(arguments, preset), arguments.results, pool, arguments.data)
         else:
-            count, differing = confirm(trials, Results(arguments.results), pool, arguments.data)
-    for trial in differing:
-        print(f"{trial}: comes out otherwise; delete the results of its kind and make them again")
-    print(f"{count} {'diagnoses' if arguments.diagnoses else 'rows'} confirmed")
+            count, differing = confirm(_trials(arguments, preset), Results(arguments.results), pool, arguments.data)
+    for subject in differing:
+        print(f"{subject}: comes out otherwise; delete the results of its kind and make them again")
+    print(f"{count} {what} confirmed")
     return 1 if differing else 0
 
 

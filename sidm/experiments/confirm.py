@@ -2,17 +2,19 @@
 
 Of every kind of stale trial the quickest is run again. The trials of a kind are equal but for size, seed, and how large
 those numbers of their trainings are that are not zero. Where the quickest comes out as it is stored, to the last stored
-digit, all rows of its kind count as made by today's code, and say so.
+digit, all rows of its kind count as made by today's code, and say so. Diagnoses and the records of the other studies go
+the same way, their measured times apart.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor, as_completed
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from sidm.experiments.provenance import Provenance, source_hash
 from sidm.experiments.solved import run_trial
@@ -20,18 +22,15 @@ from sidm.experiments.store import Failure, Results, Row, rounded
 from sidm.experiments.trials import Trial
 from sidm.progress import progress_bar
 
-if TYPE_CHECKING:  # scikit-learn need not be there to confirm rows
-    from sidm.experiments.diagnostics import Diagnosis
-
-
-Made = TypeVar("Made", Row, "Diagnosis")
+if TYPE_CHECKING:
+    from sidm.experiments.records import Records
 
 
 class Confirmed(NamedTuple):
     """What came of it."""
 
-    confirmed: int  # rows or diagnoses that now count as today's
-    differing: list[Trial]  # that were run again and came out otherwise; they and their kinds stay stale
+    confirmed: int  # results that now count as today's
+    differing: list[Any]  # what they are of that were made again and came out otherwise; their kinds stay stale
 
 
 def candidates(trials: Iterable[Trial], store: Results) -> list[list[Row]]:
@@ -39,19 +38,38 @@ def candidates(trials: Iterable[Trial], store: Results) -> list[list[Row]]:
     return _by_kind(store.rows(trials))
 
 
-def _by_kind(found: Iterable[Made]) -> list[list[Made]]:
-    """As `candidates`, of rows or diagnoses; those of different older code are different kinds."""
-    kinds: dict[tuple, list[Made]] = {}
+def _by_kind(found: Iterable[Any]) -> list[list[Any]]:
+    """As `candidates`, of rows, diagnoses or records; those of different older code are different kinds."""
+    kinds: dict[tuple, list[Any]] = {}
     for one in found:
         made = one.provenance
         if one.stale and not made.bundle and made.simulation_source == source_hash("simulation"):
-            kinds.setdefault((kind(one.trial), made.learning_source), []).append(one)
+            kinds.setdefault((kind(_subject(one)), made.learning_source), []).append(one)
     return [sorted(group, key=lambda one: one.provenance.seconds) for group in kinds.values()]
 
 
-def kind(trial: Trial) -> str:
-    """What a trial has in common with those of its kind: all but size, seed, and numbers of its trainings."""
+def _subject(one: Any) -> Any:
+    """What a row or a diagnosis is of, a trial; or what a record is about."""
+    return one.about if hasattr(one, "about") else one.trial
 
+
+def kind(subject: Any) -> str:
+    """What a trial or a record's subject has in common with those of its kind, as text.
+
+    Of a trial, all but size, seed, and numbers of its trainings; of a record's subject, all but its seed, and of its
+    trial the same.
+    """
+    if isinstance(subject, Trial):
+        return _kind_of_trial(subject)
+    values = dataclasses.asdict(subject)
+    trial = getattr(subject, "trial", None)
+    changes: dict[str, Any] = {"seed": 0} if "seed" in values else {}
+    if trial is not None:
+        changes["trial"] = _kind_of_trial(trial)
+    return json.dumps(values | changes, sort_keys=True)
+
+
+def _kind_of_trial(trial: Trial) -> str:
     def ways(training: dict[str, Any] | None) -> dict[str, Any] | None:
         if training is None:
             return None
@@ -90,44 +108,66 @@ def confirm(
         store.put(dataclasses.replace(row, provenance=_confirmed(row, again, how)))
 
     store.rekey()
-    return _confirm(candidates(trials, store), executor, data, run_trial, same, mark, progress)
+    work = functools.partial(run_trial, data=Path(data).absolute())
+    return _confirm(candidates(trials, store), executor, work, same, mark, progress)
 
 
 def confirm_diagnoses(
     trials: Iterable[Trial], results: Path, executor: Executor, data: str | Path = "data", progress: bool = True
 ) -> Confirmed:
     """The same for the stored diagnoses of `trials` under `results`."""
-    from sidm.experiments import diagnostics
-
-    def alike(one: diagnostics.Diagnosis, again: diagnostics.Diagnosis) -> bool:
-        plain = (dataclasses.asdict(each) for each in (one, again))  # type: ignore[call-overload]
-        stored, found = ({k: rounded(v) for k, v in each.items() if k not in _MADE} for each in plain)
-        return stored == found
+    from sidm.experiments import diagnostics  # scikit-learn need not be there to confirm rows
 
     def mark(one: diagnostics.Diagnosis, again: diagnostics.Diagnosis, how: str) -> None:
-        marked = dataclasses.replace(one, source=again.source, provenance=_confirmed(one, again, how))
-        diagnostics.write(marked, results)
+        diagnostics.write(_marked(one, again, how), results)
 
     stored = [found for found in (diagnostics.read(trial, results) for trial in trials) if found is not None]
-    return _confirm(_by_kind(stored), executor, data, diagnostics.diagnose, alike, mark, progress)
+    work = functools.partial(diagnostics.diagnose, data=Path(data).absolute())
+    return _confirm(_by_kind(stored), executor, work, _alike(), mark, progress)
 
 
-_MADE = ("source", "scikit_learn", "provenance")  # what made a diagnosis, and is no part of what was found
+def confirm_records(
+    abouts: Iterable[Any],
+    records: Records,
+    work: Callable[[Any], Any],
+    executor: Executor,
+    times: Sequence[str] = (),
+    progress: bool = True,
+) -> Confirmed:
+    """The same for the records of a study: `work` makes one again, `times` are its fields that are measured times."""
+
+    def mark(one: Any, again: Any, how: str) -> None:
+        records.put(_marked(one, again, how))
+
+    return _confirm(_by_kind(records.stored(abouts)), executor, work, _alike(times), mark, progress)
+
+
+_MADE = ("source", "scikit_learn", "provenance")  # what made a diagnosis or a record, and is no part of what was found
+
+
+def _alike(times: Sequence[str] = ()) -> Callable[[Any, Any], bool]:
+    """Whether two diagnoses or records found the same, to the digits that are stored."""
+
+    def alike(one: Any, again: Any) -> bool:
+        plain = (dataclasses.asdict(each) for each in (one, again))
+        stored, found = ({k: rounded(v) for k, v in each.items() if k not in (*_MADE, *times)} for each in plain)
+        return stored == found
+
+    return alike
 
 
 def _confirm(
     kinds: list[list[Any]],
     executor: Executor,
-    data: str | Path,
-    make: Callable[[Trial, Path], Any],
+    work: Callable[[Any], Any],
     alike: Callable[[Any, Any], bool],
     mark: Callable[[Any, Any, str], None],
     progress: bool,
 ) -> Confirmed:
     """Make the first of each kind again; where it is `alike`, `mark` all of the kind."""
-    futures = {executor.submit(make, group[0].trial, Path(data).absolute()): group for group in kinds}
+    futures = {executor.submit(work, _subject(group[0])): group for group in kinds}
     count, differing = 0, []
-    with progress_bar(len(kinds), "kinds", "trial", progress) as bar:
+    with progress_bar(len(kinds), "kinds", "kind", progress) as bar:
         for done in as_completed(futures):
             group, again = futures[done], done.result()
             if alike(group[0], again):
@@ -135,9 +175,14 @@ def _confirm(
                     mark(one, again, "sample" if number else "rerun")
                 count += len(group)
             else:
-                differing.append(group[0].trial)
+                differing.append(_subject(group[0]))
             bar.update()
     return Confirmed(count, differing)
+
+
+def _marked(one: Any, again: Any, how: str) -> Any:
+    """A diagnosis or record as later code's."""
+    return dataclasses.replace(one, source=again.source, provenance=_confirmed(one, again, how))
 
 
 def _confirmed(one: Any, again: Any, how: str) -> Provenance:

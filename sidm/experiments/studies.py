@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from sidm.config import unknown_name
 from sidm.experiments import driving, elsewhere, experts, uncertainty
+from sidm.experiments.confirm import Confirmed, confirm_records
 from sidm.experiments.datasets import collect_datasets
 from sidm.experiments.family import collect_members
 from sidm.experiments.presets import Preset
@@ -35,15 +36,18 @@ class Beyond(NamedTuple):
     jobs: Callable[[Study, str], list[Any]]  # of a system
     work: Callable[..., Any]  # on one of them, with the folder of the data
     stored: Callable[[Path], Records]
+    times: tuple[str, ...]  # fields of a record that are measured times: the others are the same when it is made again
     collect: Callable[[Study, str, Executor], None] = collect_preset  # simulate what the jobs of a system need
 
 
 STUDIES = {
-    "elsewhere": Beyond(elsewhere.transfers, elsewhere.transfer, elsewhere.stored, elsewhere.collect_proxies),
-    "driving": Beyond(driving.drives, driving.drive, driving.stored),
-    "uncertainty": Beyond(uncertainty.fits, uncertainty.fit, uncertainty.stored),
-    "experts": Beyond(experts.pretrainings, experts.pretrain, experts.stored, collect_family),
-}
+    "elsewhere": Beyond(
+        elsewhere.transfers, elsewhere.transfer, elsewhere.stored, ("seconds",), elsewhere.collect_proxies
+    ),
+    "driving": Beyond(driving.drives, driving.drive, driving.stored, ("plan_seconds", "slowest_plan_seconds")),
+    "uncertainty": Beyond(uncertainty.fits, uncertainty.fit, uncertainty.stored, ("training_seconds",)),
+    "experts": Beyond(experts.pretrainings, experts.pretrain, experts.stored, ("seconds",), collect_family),
+}  # fmt: skip
 
 
 def find_study(name: str) -> Beyond:
@@ -65,3 +69,19 @@ def run_study(
     records = found.stored(results)
     records.run(jobs, functools.partial(found.work, data=data.absolute()), executor, name)
     return len(records.stored(jobs)), len(jobs)
+
+
+def confirm_study(
+    name: str, preset: Preset, systems: Iterable[str], executor: Executor, data: Path, results: Path
+) -> Confirmed:
+    """Make one of each kind of a study's stale records again, and mark the kinds that come out the same.
+
+    Returns:
+        How many are marked, and the files of those that came out otherwise.
+    """
+    found, study = find_study(name), Study(preset, data, results)
+    jobs = [job for system in systems for job in found.jobs(study, system)]
+    work = functools.partial(found.work, data=data.absolute())
+    records = found.stored(results)
+    count, differing = confirm_records(jobs, records, work, executor, found.times)
+    return Confirmed(count, [records.path(about) for about in differing])

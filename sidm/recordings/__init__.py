@@ -20,8 +20,10 @@ x and y of its middle. Files are those of `csv_file` and `npz_file`.
 
 What is refused: what is not finite, no unit quaternion, out of range or off the map; rows that are missing; positions
 that jump; velocities that do not lead where the robot was a second later, as those of another frame or unit do not;
-turning that is of another size by angular velocities than by headings; a map that fits better upside down, the wrong
-way round or transposed. What fits all that and is wrong all the same, such as a throttle's sign, cannot be seen.
+angular velocities that turn the robot much more or less than its attitudes say, or that would fit them better with
+another sign, in another frame or in another order; a robot that turns against its steering; a map that fits better
+upside down, the wrong way round or transposed. What fits all that and is wrong all the same, such as a throttle's sign,
+cannot be seen.
 """
 
 from __future__ import annotations
@@ -30,7 +32,8 @@ from pathlib import Path
 
 from sidm.recordings.csv_file import has_header, read_csv, read_header
 from sidm.recordings.npz_file import read_npz, write_recordings
-from sidm.recordings.recording import COLUMNS, Ground, Recording, RecordingError, from_table
+from sidm.recordings.recording import COLUMNS, Ground, Recording, RecordingError
+from sidm.recordings.table import from_table
 
 __all__ = ["COLUMNS", "Ground", "Recording", "RecordingError", "from_table", "read_recordings", "write_recordings"]
 

@@ -18,7 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from sidm.config import unknown_name
-from sidm.recordings.recording import Ground, Recording, RecordingError, from_table
+from sidm.recordings.recording import Ground, Recording, RecordingError
+from sidm.recordings.table import from_table
 
 #: Names of the header: what each is.
 HEADER = {
@@ -29,6 +30,8 @@ HEADER = {
     "centre": "x and y of the ground's middle, m; 0 0 unless given",
     "origin": "where the recording is from, for people",
 }
+
+SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "blanks"}  # that are none here
 
 
 def has_header(path: Path) -> bool:
@@ -82,6 +85,8 @@ def _header(path: Path, lines: Sequence[str]) -> dict[str, str]:
             raise RecordingError(f"{path}: '{line}' in the header is not '# name: value'")
         if name not in HEADER:
             raise RecordingError(f"{path}: {unknown_name(name, HEADER, 'the header')}")
+        if name in header:
+            raise RecordingError(f"{path}: the header has two lines '# {name}: ...'")
         header[name] = value.strip()
     for name in ("rate", "heights", "spacing"):
         if name not in header:
@@ -111,14 +116,21 @@ def _numbers(path: Path, lines: Sequence[str], first: int, count: int | None = N
         if cells:
             count = count or len(cells)
             if len(cells) != count:
-                raise RecordingError(f"{path}: line {number} has {len(cells)} numbers, not {count}")
+                raise RecordingError(f"{path}: line {number} has {len(cells)} numbers, not {count}{_separated(cells)}")
             try:
                 rows.append([float(cell) for cell in cells])
             except ValueError as error:
-                raise RecordingError(f"{path}: line {number}: {error}") from None
+                raise RecordingError(f"{path}: line {number}: {error}{_separated(cells)}") from None
     if not rows:
         raise RecordingError(f"{path}: it has no rows of numbers")
     return np.array(rows)
+
+
+def _separated(cells: Sequence[str]) -> str:
+    """What to do about a line that another sign than a comma separates; nothing for any other."""
+    alone = cells[0].strip() if len(cells) == 1 else ""
+    other = [words for sign, words in SEPARATORS.items() if sign in alone]
+    return f"; it seems to be separated by {other[0]}, use commas" if other else ""
 
 
 def _heights(path: Path) -> np.ndarray:

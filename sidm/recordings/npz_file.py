@@ -14,6 +14,7 @@ header     ()               text: JSON with the names of HEADER
 from __future__ import annotations
 
 import json
+import sys
 import zipfile
 import zlib
 from collections.abc import Sequence
@@ -23,7 +24,8 @@ from typing import Any
 import numpy as np
 
 from sidm.config import unknown_name
-from sidm.recordings.recording import ACTION, COLUMNS, RATE, STATE, UNITS, Ground, Recording, RecordingError, from_table
+from sidm.recordings.recording import ACTION, COLUMNS, RATE, STATE, UNITS, Ground, Recording, RecordingError
+from sidm.recordings.table import from_table
 from sidm.storage import write_atomically
 
 MEMBERS = ("rows", "lengths", "ground", "heights", "header")
@@ -43,7 +45,10 @@ HEADER: dict[str, tuple[type, ...]] = {
 def read_npz(path: Path) -> list[Recording]:
     """The recordings of a file; RecordingError names the first fault."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        file = np.load(path, allow_pickle=False)
+        if isinstance(file, np.ndarray):
+            raise ValueError("it holds one array, as .npy files do")
+        with file:
             members = {name: file[name] for name in file.files}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise RecordingError(f"{path}: cannot be read as .npz ({str(error).splitlines()[0]})") from None
@@ -62,7 +67,7 @@ def read_npz(path: Path) -> list[Recording]:
         raise RecordingError(f"{path}: heights of {heights.dtype}, not of numbers")
     try:
         centres = np.asarray(header.get("centres", np.zeros((len(heights), 2))), float)
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, OverflowError):
         raise RecordingError(f"{path}: centres of the header are not an x and a y for each ground") from None
     if centres.shape != (len(heights), 2) or not ((ground >= 0) & (ground < len(heights))).all():
         raise RecordingError(
@@ -91,7 +96,8 @@ def _json_header(path: Path, member: np.ndarray) -> dict[str, Any]:
     for name, value in header.items():
         if name not in HEADER:
             raise RecordingError(f"{path}: {unknown_name(name, HEADER, 'the header')}")
-        if not isinstance(value, HEADER[name]) or isinstance(value, bool):
+        beyond = isinstance(value, int) and abs(value) > sys.float_info.max
+        if not isinstance(value, HEADER[name]) or isinstance(value, bool) or beyond:
             raise RecordingError(f"{path}: '{name}' of the header is {value!r}")
     for name in HEADER.keys() - {"centres"}:
         if name not in header:

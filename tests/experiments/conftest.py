@@ -36,10 +36,11 @@ def glide(heights: np.ndarray, actions: np.ndarray, rng: np.random.Generator) ->
     x = y = 0.0
     yaw, states = rng.uniform(-np.pi, np.pi), []
     for throttle, steering in (*actions, (0.0, 0.0)):
+        rate = -throttle * steering  # a positive steering is to the right
         z = float(height_at(heights, np.array(x), np.array(y))) + 0.17
         turn = [0, 0, np.sin(yaw / 2), np.cos(yaw / 2)]
-        states.append([x, y, z, *turn, throttle, 0, 0, 0, 0, steering])
-        x, y, yaw = x + 0.1 * throttle * np.cos(yaw), y + 0.1 * throttle * np.sin(yaw), yaw + 0.1 * steering
+        states.append([x, y, z, *turn, throttle, 0, 0, 0, 0, rate])
+        x, y, yaw = x + 0.1 * throttle * np.cos(yaw), y + 0.1 * throttle * np.sin(yaw), yaw + 0.1 * rate
     return np.array(states, np.float32)
 
 

@@ -1,6 +1,8 @@
 """A target from elsewhere, on sliding bodies."""
 
 import dataclasses
+import functools
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ import pytest
 from sidm.config import ConfigError
 from sidm.experiments import METHODS, StoreError, Study
 from sidm.experiments import elsewhere as e
+from sidm.experiments.confirm import confirm_records
 from sidm.experiments.elsewhere_results import (
     SHOWN,
     WITHOUT,
@@ -23,6 +26,7 @@ from sidm.experiments.elsewhere_results import (
 )
 from sidm.experiments.provenance import here
 from sidm.experiments.records import key_of
+from sidm.experiments.studies import STUDIES
 from sidm.experiments.targets import load_recorded, subsets
 from sidm.recordings import Ground, Recording, RecordingError, read_recordings, write_recordings
 from sidm.systems import find_system
@@ -98,6 +102,27 @@ def test_a_transfer_is_trained_judged_and_stored(jobs, data, recordings, tmp_pat
     store.put(found)
     again = store.get(job)
     assert again.about == job and again.validation_loss == pytest.approx(found.validation_loss, rel=1e-5)
+
+
+def test_a_sample_confirms_what_older_code_found(jobs, data, recordings, tmp_path):
+    """Of each kind, equal but for its seed, one is made again; its times may differ, its findings may not."""
+    quick = [job for job in jobs if job.method in ("least_squares", "least_squares_mirrored")]
+    store, work = e.stored(tmp_path), functools.partial(e.transfer, data=data, recordings=recordings)
+    twice = [dataclasses.replace(job, seed=seed) for job in quick for seed in (0, 1)]
+    for job in twice:
+        found = work(job)
+        wrong = 0.5 if job.method == "least_squares" else 0.0
+        made = dataclasses.replace(found.provenance, learning_source="older")
+        loss = tuple(one + wrong for one in found.validation_loss)
+        store.put(dataclasses.replace(found, source="older", provenance=made, validation_loss=loss, seconds=(9.0,)))
+    with ThreadPoolExecutor(1) as pool:
+        times = STUDIES["elsewhere"].times
+        count, differing = confirm_records(twice, store, work, pool, times, progress=False)
+    assert count == 2 and [job.method for job in differing] == ["least_squares"]
+    assert [store.get(job).stale for job in twice] == [job.method == "least_squares" for job in twice]
+    confirmed = [store.get(job).provenance.confirmed_by for job in twice if job.method != "least_squares"]
+    assert sorted(confirmed) == ["rerun", "sample"]
+    assert {store.get(job).seconds for job in twice} == {(9.0,)}
 
 
 def test_training_stopping_and_judging_have_grounds_of_their_own(recordings):

@@ -141,6 +141,7 @@ FAULTS = {
     "the quaternion in row 1 has length 0.5, not 1": {"rows": changed(0, "qw", 0.5)},
     "steering in row 8 is 35, not in [-1, 1]; scale it": {"rows": changed(7, "steering", 35.0)},
     "60 steps of 0.1 s, fewer than the 64": {"rows": circle(seconds=6.0)},
+    "0 steps of 0.1 s, fewer than the 64": {"rows": circle()[:0]},
     "a spacing of 0": {"where": ground()._replace(spacing=0.0)},
     "not a grid of heights": {"where": ground()._replace(heights=np.zeros(5))},
     "the height in row 3, column 5 is not finite": {"where": ground()._replace(heights=np.where(
@@ -148,7 +149,7 @@ FAULTS = {
     "from the middle of its ground, which ends at 4.00 m, 4.00 m": {"where": ground()._replace(centre=(9.0, 2.0))},
     "the robot is -9.83 m above the ground": {"where": ground()._replace(heights=np.full((81, 81), 10.0))},
     "velocities do not lead where the robot was": {"rows": turned()},
-    "it turned by 0.5 rad a second by its headings, by 29 by its angular velocities": {
+    "it turned by 0.5 rad a second by its attitudes, by 29 by 'wz'; is it in the unit that the header names?": {
         "rows": with_rates(np.degrees(0.5))},
     "3 s after its start the position jumps": {"rows": jumped()},
     "the map of the ground seems to be upside down": {"rows": over(hill()), "where": hill()._replace(
@@ -203,6 +204,7 @@ def test_a_csv_file_is_read_with_its_ground(tmp_path):
         ({"header": "# rate: fast\n# heights: meadow.csv\n# spacing: 1"}, "'rate: fast' is not a number in Hz"),
         ({"header": "# rate: 10\n# heights: x.npy\n# spacing: 1"}, "x.npy: there is no such file of heights"),
         ({"header": "# rate: 10\n# heights: meadow.csv\n# spacing: 1\n# centre: 3"}, "'centre: 3' is not an x and a y"),
+        ({"header": "# rate: 10 Hz\n# rate: 20 Hz"}, "the header has two lines '# rate: ...'"),
         ({"names": "x,y"}, "line 7 has 15 numbers, not 2"),
         ({"names": ",".join(NAMES)}, "'x' in '1'; a length is in m or cm or mm"),
         ({"rows": circle()[:0]}, "it has no rows of numbers"),
@@ -219,6 +221,14 @@ def test_what_is_no_number_is_named_by_its_line(tmp_path):
     path = write_csv(tmp_path)
     path.write_text(path.read_text().replace("0.17", "n/a", 1))
     with pytest.raises(RecordingError, match="line 7: could not convert string to float: 'n/a'"):
+        read_recordings(path)
+
+
+@pytest.mark.parametrize(("sign", "words"), [(";", "semicolons"), ("\t", "tabs")])
+def test_another_separator_is_named(tmp_path, sign, words):
+    path = write_csv(tmp_path)
+    path.write_text(path.read_text().replace(",", sign))
+    with pytest.raises(RecordingError, match=f"line 7.* it seems to be separated by {words}, use commas"):
         read_recordings(path)
 
 
@@ -251,6 +261,8 @@ def members(**changes) -> dict:
         ({"ground": np.array([1])}, "1 heights, but 'ground' goes up to 1"),
         ({"header": {"rate": None}}, "the header has no 'rate'"),
         ({"header": {"rate": "fast"}}, "'rate' of the header is 'fast'"),
+        ({"header": {"rate": 10**400}}, "'rate' of the header is 1000"),
+        ({"header": {"centres": [[10**400, 0]]}}, "centres of the header are not an x and a y"),
         ({"header": {"ratte": 10}}, "unknown parameter 'ratte' of the header; did you mean 'rate'?"),
         ({"header": {"height_unit": "feet"}}, "height_unit 'feet'; heights are in m or cm or mm"),
         ({"header": np.array("{")}, "the header is not JSON"),
@@ -275,6 +287,13 @@ def test_a_whole_npz_file_is_read_and_a_member_missed(tmp_path):
     assert np.allclose(found.states, made().states)
     np.savez(tmp_path / "a.npz", **{name: value for name, value in members().items() if name != "heights"})
     with pytest.raises(RecordingError, match="member 'heights' is missing"):
+        read_recordings(tmp_path / "a.npz")
+
+
+def test_an_npy_file_by_another_name_is_named(tmp_path):
+    with open(tmp_path / "a.npz", "wb") as file:
+        np.save(file, circle())
+    with pytest.raises(RecordingError, match="cannot be read as .npz .it holds one array, as .npy files do"):
         read_recordings(tmp_path / "a.npz")
 
 

@@ -1,0 +1,122 @@
+"""What tells that a recording's numbers are of another frame, sign, unit or map than they should be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.spatial.transform import Rotation  # attitudes as arrays; those of `sidm.rotations` are tensors
+
+from sidm.recordings.recording import RATE, STATE, Ground, RecordingError
+from sidm.terrain import height_at
+from sidm.trajectory import POSITION, QUATERNION, TWIST
+
+ABOVE = 2.0  # m, between a robot and the ground under it, more is taken for a map of other ground
+FLIPPED = 0.25  # of how a robot moves up and down over its ground: so much less over another reading is taken for that
+WINDOW = 10  # control steps over which velocities are held against what they lead to
+MISFIT = 0.3  # of the way, between the two, more is taken for another frame or unit
+LEAST_WAY, LEAST_TURN = 0.1, 0.3  # m and rad a window that are no misfit: noise, and shocks between two rows
+TIMES = 20.0  # as much turning by its rates as by its attitudes, or as little, is taken for another unit
+JUMP = 0.5  # m, in one control step beside what the velocity leads to
+BETTER = 0.9  # of what angular velocities are off by: what is off by less with another reading is taken for that
+OTHER_WAY = 0.5  # cosine between turning and steering, of at least -1: more is taken for the other sign
+
+Reading = Callable[[np.ndarray, Rotation], np.ndarray]
+
+#: Angular velocities (K, 3) that would be right if they were read so, with the attitudes; none changes their size.
+READINGS: dict[str, Reading] = {
+    "of the other sign": lambda rates, _: -rates,
+    "in a frame with x forward, y right, z down": lambda rates, _: rates * (1, -1, -1),
+    "in the world's frame": lambda rates, attitudes: attitudes.apply(rates, inverse=True),
+    "with 'wx' and 'wy' exchanged": lambda rates, _: rates[:, (1, 0, 2)],
+    "with 'wx' of the other sign": lambda rates, _: rates * (-1, 1, 1),
+    "with 'wy' of the other sign": lambda rates, _: rates * (1, -1, 1),
+    "with 'wz' of the other sign": lambda rates, _: rates * (1, 1, -1),
+}
+
+
+def refuse_other_maps(name: str, states: np.ndarray, ground: Ground) -> None:
+    """RecordingError where states (K + 1, 13) leave the map, lie far above it, or fit another reading of it better."""
+    half = [(size - 1) / 2 * ground.spacing for size in reversed(ground.heights.shape)]
+    outside = np.flatnonzero((np.abs(states[:, :2]) > half).any(1))
+    if outside.size:
+        x, y = states[outside[0], :2]
+        raise RecordingError(
+            f"{name}: {outside[0] / RATE:g} s after its start the robot is {x:.2f} m, {y:.2f} m from the middle of its "
+            f"ground, which ends at {half[0]:.2f} m, {half[1]:.2f} m"
+        )
+    above = states[:, 2] - height_at(ground.heights, states[:, 0], states[:, 1], ground.spacing)
+    if abs(np.median(above)) > ABOVE:
+        raise RecordingError(
+            f"{name}: the robot is {np.median(above):.2f} m above the ground (median); is it another map?"
+        )
+    for words, heights in {
+        "upside down (its first row is that of the smallest y)": ground.heights[::-1],
+        "the wrong way round (its first column is that of the smallest x)": ground.heights[:, ::-1],
+        "transposed (a row is along x)": ground.heights.T,
+    }.items():
+        other = states[:, 2] - height_at(heights, states[:, 0], states[:, 1], ground.spacing)
+        if other.std() < FLIPPED * above.std() and above.std() > LEAST_WAY / 2:
+            raise RecordingError(f"{name}: the map of the ground seems to be {words}")
+
+
+def refuse_other_velocities(name: str, states: np.ndarray) -> None:
+    """RecordingError where positions jump, or velocities do not lead where the robot was, over windows of a second."""
+    attitudes, position = Rotation.from_quat(states[:, QUATERNION]), states[:, POSITION]
+    world = attitudes.apply(states[:, TWIST][:, :3])
+    step = np.diff(position, axis=0) - _between(world) / RATE  # (K, 3) m, unexplained
+    jumps = np.flatnonzero(np.linalg.norm(step, axis=1) > JUMP + np.linalg.norm(world[1:], axis=1) / RATE)
+    if jumps.size:
+        when = jumps[0] / RATE
+        raise RecordingError(f"{name}: {when:g} s after its start the position jumps; make two recordings of it there")
+    off, way = _size(_windows(step)), _size(_windows(np.linalg.norm(np.diff(position, axis=0), axis=1)[:, None]))
+    if off > max(MISFIT * way, LEAST_WAY):
+        raise RecordingError(
+            f"{name}: velocities do not lead where the robot was ({off:.2f} of {way:.2f} m a second); "
+            "they must be in the body frame, x forward, y left"
+        )
+
+
+def refuse_other_rates(name: str, states: np.ndarray) -> None:
+    """RecordingError where angular velocities do not turn the robot as its attitudes did, and other readings would."""
+    attitudes = Rotation.from_quat(states[:, QUATERNION])
+    turned = (attitudes[:-1].inv() * attitudes[1:]).as_rotvec()  # (K, 3) rad, body frame
+    said = states[:, TWIST][:, 3:]
+    for axis, column in enumerate(STATE[TWIST][3:]):
+        sizes = [_size(_windows(some[:, axis : axis + 1])) for some in (turned, _between(said) / RATE)]
+        if max(sizes) > max(TIMES * min(sizes), LEAST_TURN):
+            raise RecordingError(
+                f"{name}: it turned by {sizes[0]:.2g} rad a second by its attitudes, by {sizes[1]:.2g} by '{column}'; "
+                "is it in the unit that the header names?"
+            )
+    off = {words: _size(turned - _between(read(said, attitudes)) / RATE) for words, read in READINGS.items()}
+    best = min(off, key=off.__getitem__)
+    if off[best] < BETTER * _size(turned - _between(said) / RATE):
+        raise RecordingError(
+            f"{name}: angular velocities seem to be {best}; "
+            "they must be in the body frame, x forward, y left, z up, positive to the left about z"
+        )
+
+
+def refuse_other_steering(name: str, states: np.ndarray, actions: np.ndarray) -> None:
+    """RecordingError where the robot turns to the left as it is steered to the right, and to the right to the left."""
+    asked = actions[:, 1] * states[1:, TWIST][:, 0]
+    turned = states[1:, TWIST][:, 5]
+    if asked @ turned > OTHER_WAY * np.linalg.norm(asked) * np.linalg.norm(turned):
+        raise RecordingError(f"{name}: it turns against its steering, which must be positive to the right")
+
+
+def _between(rows: np.ndarray) -> np.ndarray:
+    """Means of neighbouring rows."""
+    return (rows[1:] + rows[:-1]) / 2
+
+
+def _size(windows: np.ndarray) -> float:
+    """Root mean square of the lengths of (W, N)."""
+    return float(np.sqrt(np.square(windows).sum(1).mean()))
+
+
+def _windows(steps: np.ndarray) -> np.ndarray:
+    """Sums (W, N) over successive windows of (K, N)."""
+    count = len(steps) // WINDOW
+    return steps[: count * WINDOW].reshape(count, WINDOW, -1).sum(1)
