@@ -34,6 +34,7 @@ from sidm.learning.networks import Network
 from sidm.learning.pretraining import Start, expert_in_place, start_from
 from sidm.learning.settings import Training
 from sidm.learning.training import Trained, train
+from sidm.recordings import read_recordings
 from sidm.systems import find_system
 
 SIZES = (1.0, 2.0, 5.0)  # of the recorded novice, train and test together, min
@@ -68,7 +69,7 @@ class Transfer:
     seed: int  # of the recordings chosen, the initial weights and the batches
     sizes: tuple[float, ...]  # of the recorded novice, min
     held_out: int  # grounds that judge
-    recorded_data: str  # checksum of the file of recordings
+    recorded_data: str  # checksum of the recordings
     expert: Dataset  # simulated; gives the units inside the networks, and the proxy's data if it is the proxy
     expert_data: str  # its digest
     proxy_novice: Dataset  # simulated, the proxy's data if it is the proxy
@@ -140,7 +141,7 @@ def transfers(
     """All trainings of a system, those of a seed side by side; `sizes` are minutes of recorded data."""
     preset, sets = study.preset, proxies(study.preset, system)
     expert, novice = (find_digest(one, study.data, study.results) for one in sets.values())
-    recorded = checksum_of(recordings_of(system, recordings))
+    recorded = checksum_of(read_recordings(recordings_of(system, recordings)))
     found = []
     for seed in range(preset.seeds):
         for method, proxy in METHODS_HERE:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from sidm.experiments.claims import NO_VERDICT, Claim, difference_claim, few, ratio_claim
+from sidm.experiments.claims import NO_VERDICT, Claim, few, ratio_claim
 from sidm.experiments.drawing import LOSS_LABEL, METHOD_STYLES, SIZE_STYLES, finish, side_by_side, styled
 from sidm.experiments.experts import WAYS, Pretrained
 from sidm.experiments.savings import Saving, savings_between
@@ -18,11 +18,12 @@ from sidm.experiments.tables import gather
 
 PAPER = "'may lead to a more accurate' one"
 FASTER = "'may also lead to faster training'"
-#: The line of training without SIDM: of no experts, so unlike theirs.
-WITHOUT: dict[str, Any] = {
-    "label": METHOD_STYLES["novice_only"]["label"], "color": "#555555", "linestyle": ":", "marker": ""
-}  # fmt: skip
-PARTS, ALL = list(WAYS).index("parts"), list(WAYS).index("all")
+#: The lines of Figure 3's methods, with no SIDM that was learnt before: unlike the experts'.
+BESIDE: dict[str, dict[str, Any]] = {
+    "novice_only": {"label": METHOD_STYLES["novice_only"]["label"], "color": "#555555", "linestyle": ":", "marker": ""},
+    "sidm": {"label": "with SIDM, all at once", "color": "#555555", "linestyle": "-", "lw": 1, "marker": ""},
+}
+ALL = list(WAYS).index("all")
 
 
 class Experts(NamedTuple):
@@ -51,7 +52,7 @@ class Line(NamedTuple):
     loss: float  # validation
     ratio: Interval | None  # to that of the paper's expert alone, paired by seed; None for it
     saving: Saving | None  # how many times the novice's data its SIDM needs; None for it
-    samples: float  # seen by the novice until the weights that were kept
+    samples: float  # seen by the novice's training, its patience included
     compute_minutes: float  # of a processor, for the novice's training
 
 
@@ -90,7 +91,7 @@ def needed_lines(found: Sequence[Pretrained]) -> list[Line]:
         for number, way in enumerate(WAYS):
             some = list(mine.values())
             loss, samples, seconds = (
-                _values(some, name, number).mean(0) for name in ("validation_loss", "best_samples", "seconds")
+                _values(some, name, number).mean(0) for name in ("validation_loss", "samples", "seconds")
             )
             ratios: list[Interval | None] = [None] * len(sizes)
             saved: list[Saving | None] = [None] * len(sizes)
@@ -106,30 +107,42 @@ def needed_lines(found: Sequence[Pretrained]) -> list[Line]:
     return lines
 
 
-def claims(found: Sequence[Pretrained]) -> list[Claim]:
-    """Whether the SIDM of most experts gives a smaller loss than that of one, and the novice a faster training.
+def beside_lines(rows: Sequence[Row], system: str) -> list[tuple]:
+    """A line of a table for each of Figure 3's methods and size: seeds, means of loss, samples and minutes."""
+    lines = []
+    for method, look in BESIDE.items():
+        mine = [row for row in rows if (row.trial.system, row.trial.method) == (system, method)]
+        for minutes in sorted({row.trial.novice_minutes for row in mine}):
+            some = [row for row in mine if row.trial.novice_minutes == minutes]
+            columns = [(row.outcome.validation_loss, row.outcome.samples, row.provenance.seconds / 60) for row in some]
+            loss, samples, taken = np.mean(columns, axis=0)
+            lines.append((look["label"], minutes, len(some), f"{loss:.3f}", f"{samples:,.0f}", f"{taken:.1f}"))
+    return lines
 
-    Beside the paper's expert by way and size of the novice's data; beside one of the family, which is as near to the
-    novice as the others are, by way.
+
+def claims(found: Sequence[Pretrained], rows: Sequence[Row] = ()) -> list[Claim]:
+    """Whether the SIDM of most experts gives a smaller loss than that of one, and the novice a shorter training.
+
+    The loss beside the paper's expert, and beside one of the family, which is as near to the novice as the others are,
+    by way, the sizes together; the training of encoder and decoder alone beside that of all together with an SIDM that
+    is not learnt before, of which `rows` are.
     """
     most = max((experts_of(one) for one in found), default=PAPERS)
     if most.number < 2:
         return [Claim("a smaller loss with several experts' SIDM than with one's", PAPER, "not run", NO_VERDICT)]
     system, sizes = found[0].about.trial.system, next(one.about.sizes for one in found if experts_of(one) == most)
-    table = []
+    every, table = ", ".join(f"{minutes:g}" for minutes in sizes), []
     for number, words in enumerate(WAYS.values()):
-        claim = f"{system}: a smaller loss with {most.label}' SIDM than with that of {{}}, {words}, at {{}} min"
-        own, other = _common(found, most, PAPERS, "validation_loss", number)
-        pairs = np.stack([own, other], axis=1)  # (S, 2, M)
-        table += [
-            difference_claim(claim.format(PAPERS.label, f"{minutes:g}"), PAPER, pairs[..., size])
-            for size, minutes in enumerate(sizes)
-        ]
-        own, other = _common(found, most, MEMBERS, "validation_loss", number)
-        every = ", ".join(f"{minutes:g}" for minutes in sizes)
-        table.append(ratio_claim(claim.format(MEMBERS.label, every), PAPER, own, other))
-    claim = f"{system}: with {most.label}' SIDM, encoder and decoder alone sooner at their best weights than all parts"
-    return [*table, ratio_claim(claim, FASTER, *_times(list(_by_seed(found, most).values())), "processor time")]
+        for single in (PAPERS, MEMBERS):
+            claim = f"{system}: a smaller loss with {most.label}' SIDM than with that of {single.label}"
+            values = _common(found, most, single, "validation_loss", number)
+            table.append(ratio_claim(f"{claim}, {words}, at {every} min", PAPER, *values))
+    for number, words in enumerate(WAYS.values()):
+        if number != ALL:
+            claim = f"{system}: a shorter training with {most.label}' SIDM, {words}, than with SIDM as in Figure 3"
+            values = _samples(list(_by_seed(found, most).values()), rows, number)
+            table.append(ratio_claim(f"{claim}, at {every} min", FASTER, *values, "samples"))
+    return table
 
 
 def in_short(found: Sequence[Pretrained]) -> str:
@@ -167,13 +180,19 @@ def _common(
     return own, beside
 
 
-def _times(some: Sequence[Pretrained]) -> tuple[np.ndarray, np.ndarray]:
-    """(S, M) of encoder and decoder alone, and of all parts: processor time until the weights that were kept."""
-    shares = [
-        _values(some, "seconds", way) * _values(some, "best_samples", way) / _values(some, "samples", way)
-        for way in (PARTS, ALL)
-    ]
-    return shares[0], shares[1]
+def _samples(some: Sequence[Pretrained], rows: Sequence[Row], way: int) -> tuple[np.ndarray, np.ndarray]:
+    """(S, M) samples of one way to learn the novice, and of training with SIDM, where a seed has all sizes of both."""
+    joint = {
+        (row.trial.system, row.trial.seed, row.trial.novice_minutes): row.outcome.samples
+        for row in rows
+        if row.trial.method == "sidm"
+    }
+    pairs = []
+    for one in some:
+        keys = [(one.about.trial.system, one.about.trial.seed, minutes) for minutes in one.about.sizes]
+        if all(key in joint for key in keys):
+            pairs.append((one.samples[way], [joint[key] for key in keys]))
+    return np.array([own for own, _ in pairs], float), np.array([beside for _, beside in pairs], float)
 
 
 def _style(experts: Experts) -> dict[str, Any]:
@@ -186,7 +205,7 @@ def _style(experts: Experts) -> dict[str, Any]:
 def experts_figure(found: Sequence[Pretrained], rows: Sequence[Row] = ()) -> Figure:
     """Validation loss against the novice's data, a plot for each way to go on, a line for each number of experts.
 
-    `rows` of training without SIDM on the same sizes make a line for comparison.
+    `rows` of Figure 3's methods on the same sizes make lines for comparison.
     """
     figure, panels = side_by_side(len(WAYS))
     for number, (axes, words) in enumerate(zip(panels, WAYS.values(), strict=True)):
@@ -199,8 +218,9 @@ def experts_figure(found: Sequence[Pretrained], rows: Sequence[Row] = ()) -> Fig
             axes.plot(minutes, values.mean(0), label=experts.label, **style)
             axes.fill_between(minutes, values.min(0), values.max(0), color=style["color"], alpha=0.15, lw=0)
             sizes |= set(minutes)
-        beside = gather(rows, found[0].about.trial.system, ["novice_only"]) if found and rows else None
-        if beside is not None and beside.values.size:
-            axes.plot(beside.minutes, beside.values[:, 0].mean(0), **WITHOUT)
+        for method, look in BESIDE.items():
+            beside = gather(rows, found[0].about.trial.system, [method]) if found and rows else None
+            if beside is not None and beside.values.size:
+                axes.plot(beside.minutes, beside.values[:, 0].mean(0), **look)
         finish(axes, sizes)
     return figure

@@ -26,6 +26,9 @@ PACKAGE = Path(sidm.__file__).parent
 
 _ALONE = ("sidm.experiments.measure", "sidm.experiments.pretrained")
 
+#: Modules whose work is known by a checksum of what they yield, so that a result does not depend on how they do it.
+KNOWN_BY_CHECKSUM = ("sidm.recordings",)
+
 #: The entry points whose code, with all that they import from the wings before, a result depends on.
 WINGS = {
     "learning": _ALONE,
@@ -88,8 +91,10 @@ def _imports(tree: ast.AST) -> Iterable[str]:
 def modules_of(entries: Iterable[str]) -> dict[str, ast.Module]:
     """Name -> syntax tree of the entry points and of every module of this package that they lead to.
 
-    Other modules of `sidm.experiments` are left out: they keep results and do not change them.
+    Other modules of `sidm.experiments` are left out: they keep results and do not change them. So are those that are
+    KNOWN_BY_CHECKSUM.
     """
+    others = ("sidm.experiments", *KNOWN_BY_CHECKSUM)
     found: dict[str, ast.Module] = {}
     waiting = list(entries)
     while waiting:
@@ -97,7 +102,7 @@ def modules_of(entries: Iterable[str]) -> dict[str, ast.Module]:
         file = _module_file(name)
         if name not in found and name != "sidm" and file is not None:
             found[name] = ast.parse(file.read_text(encoding="utf-8"))
-            waiting += [one for one in _imports(found[name]) if not one.startswith("sidm.experiments")]
+            waiting += [one for one in _imports(found[name]) if not one.startswith(others)]
     return found
 
 

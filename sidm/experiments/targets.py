@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +17,7 @@ from sidm.learning.dataset import TEST_EVERY, Motion
 from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
 from sidm.learning.model import Predictor
 from sidm.learning.recorded import Pieces, apart_by_ground, cut, recorded_motion
-from sidm.recordings import RecordingError, read_recordings
+from sidm.recordings import Recording, RecordingError, read_recordings
 from sidm.trajectory import trajectories_for
 
 
@@ -25,11 +26,13 @@ def recordings_of(system: str, folder: str | Path = "recordings") -> Path:
     return Path(folder) / f"{system}.npz"
 
 
-def checksum_of(path: Path) -> str:
-    """16 hexadecimal digits for a file of recordings; RecordingError when there is none."""
-    if not path.is_file():
-        raise RecordingError(f"{path}: there is no such file of recordings")
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+def checksum_of(recordings: Sequence[Recording]) -> str:
+    """16 hexadecimal digits for what was read: states, actions and grounds, to the sixth decimal."""
+    digest = hashlib.sha256()
+    for one in recordings:
+        for values in (one.states, one.actions, one.ground.heights, np.array(one.ground.spacing)):
+            digest.update((np.round(values, 6) + 0.0).astype("<f8").tobytes())  # + 0.0: no -0.0
+    return digest.hexdigest()[:16]
 
 
 class Recorded(NamedTuple):
@@ -55,10 +58,10 @@ def load_recorded(
         RecordingError: they have a fault, or another checksum than is `wanted`.
     """
     path = recordings_of(system, folder)
-    found = checksum_of(path)
-    if wanted not in (None, found):
+    recordings = read_recordings(path)
+    if wanted not in (None, found := checksum_of(recordings)):
         raise RecordingError(f"{path}: has checksum {found}, the training wants {wanted}")
-    pieces = cut(read_recordings(path))
+    pieces = cut(recordings)
     return Recorded(pieces, recorded_motion(pieces, pixels), *apart_by_ground(pieces, held_out))
 
 

@@ -112,7 +112,12 @@ def in_short(found: Sequence[Fitted], system: str) -> str:
     by, twin = lines[True], lines[False]
     if not by or [line.minutes for line in by] != [line.minutes for line in twin]:
         return f"{system}: not run"
-    sides = [line.less.side(0) for line in by if line.less]
+    likelier, less, unseen = (
+        " and ".join(f"{line.minutes:g}" for line in by if line.less and line.less.side(0) == side)
+        for side in (-1, 1, 0)
+    )
+    told = {"a transition is likelier under distributions than under the twin": likelier, "less likely": less,
+            "no difference is seen": unseen}  # fmt: skip
     cost = [mine.loss / other.loss for mine, other in zip(by, twin, strict=True)]
     levels = " and ".join(f"{level:.0%}" for level in LEVELS)
     held, along = (
@@ -120,10 +125,10 @@ def in_short(found: Sequence[Fitted], system: str) -> str:
         for name in ("coverage", "last_coverage")
     )
     return (
-        f"{system}, with SIDM: distributions make a transition likelier than the twin by the whole interval at "
-        f"{sides.count(-1)} of {len(sides)} sizes, and less likely at {sides.count(1)}; the mean loss of their means "
-        f"is {min(cost):.3g} to {max(cost):.3g} times the twin's. In the mean over sizes, intervals of {levels} hold "
-        f"{held} of what happens in one step, and {along} of the way and turn after 2.5 s."
+        f"{system}, with SIDM: "
+        + ", ".join(f"{words} with {sizes} min" for words, sizes in told.items() if sizes)
+        + f"; the loss of their means is {min(cost):.3g} to {max(cost):.3g} times the twin's. In the mean over sizes, "
+        f"intervals of {levels} hold {held} of what happens in one step, and {along} of the way and turn after 2.5 s."
     )
 
 

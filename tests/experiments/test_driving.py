@@ -189,9 +189,14 @@ def test_scores_are_shares_and_medians(made_up):
 
 def test_in_short_says_whether_a_plan_helps(made_up, jobs):
     words = in_short(made_up, "system1")
-    assert "with SIDM, 0.75 min: 27 of 30; " in words and words.endswith("than 0 of 5 who plan: a plan helps.")
+    assert words.startswith("system1, goals reached: with SIDM 12, 27 of 30 (0.25, 0.75 min); without SIDM 6, 21 of")
+    assert "10 episodes of the planner in the simulator, who steers straight reaches 0, and the planner 10." in words
+    told = "Of 4 planners with models, {} reach fewer goals than who steers straight in the same episodes, and {} more"
+    assert told.format(0, 2) in words
     better = [one for one in made_up if one.about.driver != "straight"] + [driven(jobs["straight"], 10)]
-    assert in_short(better, "system1").endswith("than 4 of 5 who plan: here it does not pay to plan.")
+    assert told.format(2, 0) in in_short(better, "system1")
+    alone = [one for one in made_up if one.about.driver == "simulator"]
+    assert in_short(alone, "system1") == "system1, goals reached: planned in the simulator 10 of 10."
     assert in_short(made_up, "system2") == "system2: not run"
 
 

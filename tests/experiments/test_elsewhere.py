@@ -27,7 +27,7 @@ from sidm.experiments.elsewhere_results import (
 from sidm.experiments.provenance import here
 from sidm.experiments.records import key_of
 from sidm.experiments.studies import STUDIES
-from sidm.experiments.targets import load_recorded, subsets
+from sidm.experiments.targets import checksum_of, load_recorded, subsets
 from sidm.recordings import Ground, Recording, RecordingError, read_recordings, write_recordings
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain
@@ -148,6 +148,18 @@ def test_the_recordings_are_enough_for_every_seed(system):
 def test_other_recordings_are_refused(recordings):
     with pytest.raises(RecordingError, match="has checksum .*, the training wants 0000"):
         load_recorded("system1", 2, 8, recordings, "0000")
+
+
+def test_a_checksum_is_of_what_recordings_hold(recordings, tmp_path):
+    """Not of their file: packed by another version they are the same, with another state or ground they are not."""
+    found = read_recordings(recordings / "system1.npz")
+    write_recordings(tmp_path / "again.npz", found, "packed again")
+    again = read_recordings(tmp_path / "again.npz")
+    assert (tmp_path / "again.npz").read_bytes() != (recordings / "system1.npz").read_bytes()
+    assert len(checksum_of(found)) == 16 and checksum_of(again) == checksum_of(found)
+    higher = found[0].ground._replace(heights=found[0].ground.heights + 0.001)
+    other = found[0]._replace(states=found[0].states + 1e-5), found[0]._replace(ground=higher)
+    assert len({checksum_of([one, *found[1:]]) for one in (found[0], *other)}) == 3
 
 
 def test_a_damaged_record_is_named(jobs, tmp_path):

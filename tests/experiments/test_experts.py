@@ -14,6 +14,7 @@ from sidm.experiments.experts_results import (
     PAPERS,
     Experts,
     as_they_are,
+    beside_lines,
     claims,
     experts_figure,
     in_short,
@@ -144,21 +145,44 @@ def test_lines_compare_with_the_single_expert(made_up):
     assert len(table) == 3 * 4 + 3 * 3 + 3 * 3
     two = table[Experts(2, True), "parts", 5.0]
     assert two.seeds == 3 and two.saving.ratio.value == pytest.approx(2) and two.ratio.value == pytest.approx(0.5)
-    assert two.compute_minutes == 1 and two.samples == 500 and table[PAPERS, "parts", 5.0].saving is None
+    assert two.compute_minutes == 1 and two.samples == 2000 and table[PAPERS, "parts", 5.0].saving is None
     assert table[MEMBERS, "all", 1.0].ratio.value == pytest.approx(1)
 
 
-def test_the_claims_are_of_most_experts_and_one(made_up):
-    table = claims(made_up)
-    assert len(table) == 13 and {claim.verdict for claim in table} == {"In the same direction"}
-    assert table[0].interval.value == pytest.approx(4.1 / 2) and claims(made_up[:1])[0].ours == "not run"
-    assert table[3].claim == (
+@pytest.fixture
+def joint(made_up, make_row):
+    """Figure 3's rows of the same sizes: 300 samples each, and a loss of 2 without SIDM."""
+    trials = [
+        one.about.trial.replace(method=method, novice_minutes=minutes, pool_minutes=60.0)
+        for one in made_up
+        if one.about.experts == 2
+        for method in ("sidm", "novice_only")
+        for minutes in one.about.sizes
+    ]
+    return [make_row(trial) for trial in trials]
+
+
+def test_the_claims_are_of_most_experts_and_one(made_up, joint):
+    table = claims(made_up, joint)
+    assert len(table) == 8 and claims(made_up[:1])[0].ours == "not run"
+    assert {claim.verdict for claim in table[:6]} == {"In the same direction"}
+    assert [claim.verdict for claim in table[6:]] == ["Contrary"] * 2
+    assert table[1].claim == (
         "system1: a smaller loss with 2 experts' SIDM than with that of 1 of the family, all parts, from the nearest "
         "expert's, at 1, 5, 20 min"
     )
-    assert table[3].ours == table[-1].ours.replace("processor time", "loss") == "0.5 [0.5, 0.5] times the loss"
+    assert table[1].ours == "0.5 [0.5, 0.5] times the loss" and table[7].ours == "6.67 [6.67, 6.67] times the samples"
+    assert [claim.ours for claim in claims(made_up)[6:]] == ["not run"] * 2
     alone = claims([one for one in made_up if one.about.paper])
     assert [claim.ours for claim in alone if "of the family" in claim.claim] == ["not run"] * 3
+
+
+def test_figure_3_stands_beside(made_up, joint):
+    lines = beside_lines(joint, "system1")
+    assert [line[:2] for line in lines[::3]] == [("without SIDM", 1.0), ("with SIDM, all at once", 1.0)]
+    assert {line[2:] for line in lines} == {(3, "2.000", "300", "0.2")} and not beside_lines(joint, "system2")
+    labels = [line.get_label() for line in experts_figure(made_up, joint).axes[0].get_lines()]
+    assert labels[-2:] == ["without SIDM", "with SIDM, all at once"]
 
 
 def test_in_short_stands_beside_both_single_experts(made_up):

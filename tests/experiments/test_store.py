@@ -159,4 +159,6 @@ def test_source_hash_covers_what_results_depend_on():
     assert {"sidm.learning.networks", "sidm.learning.losses", "sidm.terrain", "sidm.trajectory"} <= names
     assert not any(name.startswith("sidm.simulation") or name == "sidm.experiments.store" for name in names)
     assert "sidm.simulation.simulator" in modules_of(provenance_module.WINGS["simulation"])
+    elsewhere = modules_of(provenance_module.WINGS["elsewhere"])  # whose recordings are known by their checksum
+    assert "sidm.learning.recorded" in elsewhere and not any(name.startswith("sidm.recordings") for name in elsewhere)
     assert len(source_hash("learning")) == 12 and source_hash("learning") != source_hash("simulation")
