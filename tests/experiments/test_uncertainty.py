@@ -128,8 +128,8 @@ def test_in_short_names_sizes_and_means_shares(made_up):
     """One size, at which distributions are 2 nats likelier in every seed; losses are 2.1 and 1.1."""
     assert in_short(made_up, "system1") == (
         "system1, with SIDM: a transition is likelier under distributions than under the twin with 0.75 min; the loss "
-        "of their means is 1.91 to 1.91 times the twin's. In the mean over sizes, intervals of 50% and 90% hold 50% and "
-        "90% (the twin's 70% and 95%) of what happens in one step, and "
+        "of their means is 1.91 to 1.91 times the twin's. In the mean over sizes, intervals of 50% and 90% hold 50% "
+        "and 90% (the twin's 70% and 95%) of what happens in one step, and "
         "50% and 90% (the twin's 70% and 95%) of the way and turn after 2.5 s."
     )
     assert in_short(made_up, "system2") == "system2: not run"
