@@ -222,5 +222,5 @@ def experts_figure(found: Sequence[Pretrained], rows: Sequence[Row] = ()) -> Fig
             beside = gather(rows, found[0].about.trial.system, [method]) if found and rows else None
             if beside is not None and beside.values.size:
                 axes.plot(beside.minutes, beside.values[:, 0].mean(0), **look)
-        finish(axes, sizes)
+        finish(axes, sizes, legend=number == len(WAYS) - 1)  # one for all: it would lie over lines
     return figure
