@@ -52,8 +52,7 @@ def test_trajectories_to_stop_by_are_not_learnt_from(experts, small_network, alo
     assert tested.test_loss == pytest.approx(sum(losses) / 3)
 
 
-def test_one_expert_is_pretraining_as_it_was(make_motion, small_network, alone):
-    """Of one expert alone it predicts better after training, and the run repeats."""
+def test_one_expert_alone_is_learnt_and_the_run_repeats(make_motion, small_network, alone):
     motion = make_motion(8, 1)
     runs = [train_several({"expert": motion}, small_network, alone, 0, UNITS) for _ in range(2)]
     assert runs[0].history == runs[1].history and runs[0].best_test_loss < runs[0].history[0].test_loss
