@@ -57,15 +57,22 @@ def find_study(name: str) -> Beyond:
     return STUDIES[name]
 
 
-def run_study(
+def _prepared(
     name: str, preset: Preset, systems: Iterable[str], executor: Executor, data: Path, results: Path
-) -> tuple[int, int]:
-    """Simulate and make what a study lacks; how many results it has, and how many it should have."""
+) -> tuple[Beyond, list[Any]]:
+    """A study and its jobs, the motion that they need simulated where it is missing."""
     found, systems = find_study(name), tuple(systems)
     for system in systems:
         found.collect(Study(preset, data, results), system, executor)
     study = Study(preset, data, results)  # which knows the digests now
-    jobs = [job for system in systems for job in found.jobs(study, system)]
+    return found, [job for system in systems for job in found.jobs(study, system)]
+
+
+def run_study(
+    name: str, preset: Preset, systems: Iterable[str], executor: Executor, data: Path, results: Path
+) -> tuple[int, int]:
+    """Simulate and make what a study lacks; how many results it has, and how many it should have."""
+    found, jobs = _prepared(name, preset, systems, executor, data, results)
     records = found.stored(results)
     records.run(jobs, functools.partial(found.work, data=data.absolute()), executor, name)
     return len(records.stored(jobs)), len(jobs)
@@ -79,9 +86,7 @@ def confirm_study(
     Returns:
         How many are marked, and the files of those that came out otherwise.
     """
-    found, study = find_study(name), Study(preset, data, results)
-    jobs = [job for system in systems for job in found.jobs(study, system)]
-    work = functools.partial(found.work, data=data.absolute())
-    records = found.stored(results)
+    found, jobs = _prepared(name, preset, systems, executor, data, results)
+    records, work = found.stored(results), functools.partial(found.work, data=data.absolute())
     count, differing = confirm_records(jobs, records, work, executor, found.times)
     return Confirmed(count, [records.path(about) for about in differing])

@@ -2,15 +2,14 @@
 
 import dataclasses
 import functools
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
+from sidm.__main__ import main
 from sidm.config import ConfigError
 from sidm.experiments import METHODS, StoreError, Study
 from sidm.experiments import elsewhere as e
-from sidm.experiments.confirm import confirm_records
 from sidm.experiments.elsewhere_results import (
     SHOWN,
     WITHOUT,
@@ -104,7 +103,7 @@ def test_a_transfer_is_trained_judged_and_stored(jobs, data, recordings, tmp_pat
     assert again.about == job and again.validation_loss == pytest.approx(found.validation_loss, rel=1e-5)
 
 
-def test_a_sample_confirms_what_older_code_found(jobs, data, recordings, tmp_path):
+def test_a_sample_confirms_what_older_code_found(jobs, data, recordings, tmp_path, monkeypatch, capsys):
     """Of each kind, equal but for its seed, one is made again; its times may differ, its findings may not."""
     quick = [job for job in jobs if job.method in ("least_squares", "least_squares_mirrored")]
     store, work = e.stored(tmp_path), functools.partial(e.transfer, data=data, recordings=recordings)
@@ -115,10 +114,13 @@ def test_a_sample_confirms_what_older_code_found(jobs, data, recordings, tmp_pat
         made = dataclasses.replace(found.provenance, learning_source="older")
         loss = tuple(one + wrong for one in found.validation_loss)
         store.put(dataclasses.replace(found, source="older", provenance=made, validation_loss=loss, seconds=(9.0,)))
-    with ThreadPoolExecutor(1) as pool:
-        times = STUDIES["elsewhere"].times
-        count, differing = confirm_records(twice, store, work, pool, times, progress=False)
-    assert count == 2 and [job.method for job in differing] == ["least_squares"]
+    changes = dict(jobs=lambda *_: twice, work=work, stored=lambda _: store, collect=lambda *_: None)
+    monkeypatch.setitem(STUDIES, "elsewhere", STUDIES["elsewhere"]._replace(**changes))
+    words = ["confirm", "--study", "elsewhere", "--data", str(data), "--system", "system1", "--workers", "1"]
+    assert main(words) == 1
+    said = capsys.readouterr().out
+    assert "2 records confirmed" in said and said.count("comes out otherwise") == 1
+    assert any(f"{store.path(job)}: comes out" in said for job in twice if job.method == "least_squares")
     assert [store.get(job).stale for job in twice] == [job.method == "least_squares" for job in twice]
     confirmed = [store.get(job).provenance.confirmed_by for job in twice if job.method != "least_squares"]
     assert sorted(confirmed) == ["rerun", "sample"]
