@@ -99,8 +99,8 @@ def refuse_other_rates(name: str, states: np.ndarray) -> None:
 
 
 def refuse_other_steering(name: str, states: np.ndarray, actions: np.ndarray) -> None:
-    """RecordingError where the robot turns to the left as it is steered to the right, and to the right to the left."""
-    asked = actions[:, 1] * states[1:, TWIST][:, 0]
+    """RecordingError where a robot that drives forward turns to the left as it is steered to the right, and so on."""
+    asked = actions[:, 1] * np.maximum(states[1:, TWIST][:, 0], 0)  # backwards a car and a tank turn unlike each other
     turned = states[1:, TWIST][:, 5]
     if asked @ turned > OTHER_WAY * np.linalg.norm(asked) * np.linalg.norm(turned):
         raise RecordingError(f"{name}: it turns against its steering, which must be positive to the right")
