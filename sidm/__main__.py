@@ -313,6 +313,8 @@ def run_confirm(arguments: argparse.Namespace) -> int:
 
     preset, what = _preset(arguments), "diagnoses" if arguments.diagnoses else "rows"
     if arguments.study:
+        if arguments.figure != "3" or arguments.minutes or arguments.seeds:
+            raise ConfigError("--study goes with --system, not with --figure, --minutes or --seeds")
         find_study(arguments.study)
         what = "records"
     with local_pool(arguments.workers) as pool:

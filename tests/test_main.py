@@ -68,6 +68,7 @@ def test_help_names_every_figure(capsys):
         (["show", "--preset", "lapto"], "did you mean 'laptop'?"),
         (["study", "drivin"], "did you mean 'driving'?"),
         (["confirm", "--study", "drivin"], "did you mean 'driving'?"),
+        (["confirm", "--study", "driving", "--minutes", "5"], "--study goes with --system, not with"),
         (["show", "--set", "pixel=3"], "did you mean 'pixels'?"),
         (["show", "--set", "pixels"], "--set takes NAME=VALUE, not 'pixels'"),
         (["show", "--set", "pixels=big"], "'Network.pixels' must be int, not str ('big')"),

@@ -44,7 +44,8 @@ def _by_kind(found: Iterable[Any]) -> list[list[Any]]:
     for one in found:
         made = one.provenance
         if one.stale and not made.bundle and made.simulation_source == source_hash("simulation"):
-            kinds.setdefault((kind(_subject(one)), made.learning_source), []).append(one)
+            source = getattr(one, "source", "")  # of a diagnosis' or record's own code; a row has none
+            kinds.setdefault((kind(_subject(one)), made.learning_source, source), []).append(one)
     return [sorted(group, key=lambda one: one.provenance.seconds) for group in kinds.values()]
 
 
@@ -53,20 +54,20 @@ def _subject(one: Any) -> Any:
     return one.about if hasattr(one, "about") else one.trial
 
 
+NO_KIND = ("seed", "episodes")  # of a record's subject: which of those that differ by chance alone
+
+
 def kind(subject: Any) -> str:
     """What a trial or a record's subject has in common with those of its kind, as text.
 
-    Of a trial, all but size, seed, and numbers of its trainings; of a record's subject, all but its seed, and of its
+    Of a trial, all but size, seed, and numbers of its trainings; of a record's subject, all but NO_KIND, and of its
     trial the same.
     """
     if isinstance(subject, Trial):
         return _kind_of_trial(subject)
-    values = dataclasses.asdict(subject)
+    values = {name: value for name, value in dataclasses.asdict(subject).items() if name not in NO_KIND}
     trial = getattr(subject, "trial", None)
-    changes: dict[str, Any] = {"seed": 0} if "seed" in values else {}
-    if trial is not None:
-        changes["trial"] = _kind_of_trial(trial)
-    return json.dumps(values | changes, sort_keys=True)
+    return json.dumps(values | {"trial": trial and _kind_of_trial(trial)}, sort_keys=True)
 
 
 def _kind_of_trial(trial: Trial) -> str:

@@ -125,8 +125,8 @@ def in_short(found: Iterable[Driven], system: str) -> str:
     if rivals:
         told = [one for one in rivals if one.chance < UNLIKELY]
         more = sum(one.more > one.fewer for one in told)
-        said += f" Of {len(rivals)} planners with models, {len(told) - more} reach fewer goals than who steers "
-        said += f"straight in the same episodes, and {more} more, by McNemar's test (p < {UNLIKELY})."
+        said += f" Of {len(rivals)} planners with models, McNemar's test finds {len(told) - more} that reach fewer "
+        said += f"goals than who steers straight in the same episodes, and {more} that reach more (p < {UNLIKELY})."
     return said
 
 

@@ -57,23 +57,20 @@ def find_study(name: str) -> Beyond:
     return STUDIES[name]
 
 
-def _prepared(
-    name: str, preset: Preset, systems: Iterable[str], executor: Executor, data: Path, results: Path
-) -> tuple[Beyond, list[Any]]:
-    """A study and its jobs, the motion that they need simulated where it is missing."""
-    found, systems = find_study(name), tuple(systems)
-    for system in systems:
-        found.collect(Study(preset, data, results), system, executor)
-    study = Study(preset, data, results)  # which knows the digests now
-    return found, [job for system in systems for job in found.jobs(study, system)]
+def _jobs(found: Beyond, preset: Preset, systems: Iterable[str], data: Path, results: Path) -> list[Any]:
+    """All of a study, by the digests that are known now."""
+    study = Study(preset, data, results)
+    return [job for system in systems for job in found.jobs(study, system)]
 
 
 def run_study(
     name: str, preset: Preset, systems: Iterable[str], executor: Executor, data: Path, results: Path
 ) -> tuple[int, int]:
     """Simulate and make what a study lacks; how many results it has, and how many it should have."""
-    found, jobs = _prepared(name, preset, systems, executor, data, results)
-    records = found.stored(results)
+    found, systems = find_study(name), tuple(systems)
+    for system in systems:
+        found.collect(Study(preset, data, results), system, executor)
+    jobs, records = _jobs(found, preset, systems, data, results), found.stored(results)
     records.run(jobs, functools.partial(found.work, data=data.absolute()), executor, name)
     return len(records.stored(jobs)), len(jobs)
 
@@ -86,7 +83,13 @@ def confirm_study(
     Returns:
         How many are marked, and the files of those that came out otherwise.
     """
-    found, jobs = _prepared(name, preset, systems, executor, data, results)
+    found, count, differing = find_study(name), 0, []
     records, work = found.stored(results), functools.partial(found.work, data=data.absolute())
-    count, differing = confirm_records(jobs, records, work, executor, found.times)
-    return Confirmed(count, [records.path(about) for about in differing])
+    for system in systems:
+        jobs = _jobs(found, preset, [system], data, results)
+        if any(one.stale for one in records.stored(jobs)):
+            found.collect(Study(preset, data, results), system, executor)
+            confirmed = confirm_records(jobs, records, work, executor, found.times)
+            count += confirmed.confirmed
+            differing += [records.path(about) for about in confirmed.differing]
+    return Confirmed(count, differing)

@@ -21,9 +21,9 @@ x and y of its middle. Files are those of `csv_file` and `npz_file`.
 What is refused: what is not finite, no unit quaternion, out of range or off the map; rows that are missing; positions
 that jump; velocities that do not lead where the robot was a second later, as those of another frame or unit do not;
 angular velocities that turn the robot much more or less than its attitudes say, or that would fit them better with
-another sign, in another frame or in another order; a robot that turns against its steering; a map that fits better
-upside down, the wrong way round or transposed. What fits all that and is wrong all the same, such as a throttle's sign,
-cannot be seen.
+another sign, in another frame or in another order; a map that fits better upside down, the wrong way round or
+transposed; and recordings that, taken together, turn against their steering as they drive forward. What fits all that
+and is wrong all the same, such as a throttle's sign, cannot be seen.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from sidm.recordings.csv_file import has_header, read_csv, read_header
+from sidm.recordings.frames import refuse_other_steering
 from sidm.recordings.npz_file import read_npz, write_recordings
 from sidm.recordings.recording import COLUMNS, Ground, Recording, RecordingError
 from sidm.recordings.table import from_table
@@ -44,7 +45,12 @@ def read_recordings(path: str | Path) -> list[Recording]:
     Raises:
         RecordingError: there are none, or one of them has a fault; one line that names file, place and fault.
     """
-    path = Path(path)
+    found = _read(Path(path))
+    refuse_other_steering(str(path), found)
+    return found
+
+
+def _read(path: Path) -> list[Recording]:
     if path.is_dir():
         every = sorted(path.glob("*.csv"))
         files = [file for file in every if has_header(file)]

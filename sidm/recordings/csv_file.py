@@ -31,7 +31,7 @@ HEADER = {
     "origin": "where the recording is from, for people",
 }
 
-SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "blanks"}  # that are none here
+SEPARATORS = {";": "semicolons", "\t": "tabs"}  # that are none here
 
 
 def has_header(path: Path) -> bool:
@@ -128,9 +128,9 @@ def _numbers(path: Path, lines: Sequence[str], first: int, count: int | None = N
 
 def _separated(cells: Sequence[str]) -> str:
     """What to do about a line that another sign than a comma separates; nothing for any other."""
-    alone = cells[0].strip() if len(cells) == 1 else ""
-    other = [words for sign, words in SEPARATORS.items() if sign in alone]
-    return f"; it seems to be separated by {other[0]}, use commas" if other else ""
+    line = ",".join(cells).strip()
+    other = [words for sign, words in SEPARATORS.items() if sign in line]
+    return f"; it seems to be separated by {other[0]}: use commas, and points in numbers" if other else ""
 
 
 def _heights(path: Path) -> np.ndarray:

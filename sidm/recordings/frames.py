@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation  # attitudes as arrays; those of `sidm.rotations` are tensors
 
-from sidm.recordings.recording import RATE, STATE, Ground, RecordingError
+from sidm.recordings.recording import RATE, STATE, Ground, Recording, RecordingError
 from sidm.terrain import height_at
 from sidm.trajectory import POSITION, QUATERNION, TWIST
 
@@ -18,16 +18,20 @@ MISFIT = 0.3  # of the way, between the two, more is taken for another frame or 
 LEAST_WAY, LEAST_TURN = 0.1, 0.3  # m and rad a window that are no misfit: noise, and shocks between two rows
 TIMES = 20.0  # as much turning by its rates as by its attitudes, or as little, is taken for another unit
 JUMP = 0.5  # m, in one control step beside what the velocity leads to
-BETTER = 0.9  # of what angular velocities are off by: what is off by less with another reading is taken for that
-OTHER_WAY = 0.5  # cosine between turning and steering, of at least -1: more is taken for the other sign
+SHORTER = 0.5  # s, of the windows over which angular velocities are held against attitudes
+LEAST_MISFIT = 0.15  # rad a window, of turning that angular velocities do not explain, for them to be doubted
+BETTER = 0.7  # of it: what leaves less unexplained is taken for how they should be read
+FORWARD, FEWEST_STEPS = 0.2, 30  # m/s, and steps of 0.1 s as fast, to judge steering by
+LEAST_STEERED = 0.1  # m/s and rad/s, standard deviations of steering by speed and of turning
+OTHER_WAY = 0.4  # correlation of the two: more is taken for the other sign, as it is negative
 
 Reading = Callable[[np.ndarray, Rotation], np.ndarray]
 
 #: Angular velocities (K, 3) that would be right if they were read so, with the attitudes; none changes their size.
 READINGS: dict[str, Reading] = {
-    "of the other sign": lambda rates, _: -rates,
-    "in a frame with x forward, y right, z down": lambda rates, _: rates * (1, -1, -1),
-    "in the world's frame": lambda rates, attitudes: attitudes.apply(rates, inverse=True),
+    "with the other sign": lambda rates, _: -rates,
+    "as those of a frame with x forward, y right, z down": lambda rates, _: rates * (1, -1, -1),
+    "as those of the world's frame": lambda rates, attitudes: attitudes.apply(rates, inverse=True),
     "with 'wx' and 'wy' exchanged": lambda rates, _: rates[:, (1, 0, 2)],
     "with 'wx' of the other sign": lambda rates, _: rates * (-1, 1, 1),
     "with 'wy' of the other sign": lambda rates, _: rates * (1, -1, 1),
@@ -77,33 +81,51 @@ def refuse_other_velocities(name: str, states: np.ndarray) -> None:
         )
 
 
-def refuse_other_rates(name: str, states: np.ndarray) -> None:
-    """RecordingError where angular velocities do not turn the robot as its attitudes did, and other readings would."""
+def refuse_other_rates(name: str, states: np.ndarray, rate: float) -> None:
+    """RecordingError where angular velocities do not turn the robot as its attitudes did, and other readings would.
+
+    Args:
+        name: for the message.
+        states: (R, 13), of all rows: what shakes faster than the control steps is not seen at their rate.
+        rate: rows a second, Hz.
+    """
     attitudes = Rotation.from_quat(states[:, QUATERNION])
-    turned = (attitudes[:-1].inv() * attitudes[1:]).as_rotvec()  # (K, 3) rad, body frame
+    turned = (attitudes[:-1].inv() * attitudes[1:]).as_rotvec()  # (R - 1, 3) rad, body frame
     said = states[:, TWIST][:, 3:]
+    second, shorter = round(rate), round(SHORTER * rate)
     for axis, column in enumerate(STATE[TWIST][3:]):
-        sizes = [_size(_windows(some[:, axis : axis + 1])) for some in (turned, _between(said) / RATE)]
+        sizes = [_size(_windows(some[:, axis : axis + 1], second)) for some in (turned, _between(said) / rate)]
         if max(sizes) > max(TIMES * min(sizes), LEAST_TURN):
             raise RecordingError(
                 f"{name}: it turned by {sizes[0]:.2g} rad a second by its attitudes, by {sizes[1]:.2g} by '{column}'; "
                 "is it in the unit that the header names?"
             )
-    off = {words: _size(turned - _between(read(said, attitudes)) / RATE) for words, read in READINGS.items()}
-    best = min(off, key=off.__getitem__)
-    if off[best] < BETTER * _size(turned - _between(said) / RATE):
+    off = {words: _size(_windows(turned - _between(read(said, attitudes)) / rate, shorter)) for words, read in
+           READINGS.items()}  # fmt: skip
+    best, own = min(off, key=off.__getitem__), _size(_windows(turned - _between(said) / rate, shorter))
+    if own > LEAST_MISFIT and off[best] < BETTER * own:
         raise RecordingError(
-            f"{name}: angular velocities seem to be {best}; "
+            f"{name}: angular velocities fit the attitudes better {best}; "
             "they must be in the body frame, x forward, y left, z up, positive to the left about z"
         )
 
 
-def refuse_other_steering(name: str, states: np.ndarray, actions: np.ndarray) -> None:
-    """RecordingError where a robot that drives forward turns to the left as it is steered to the right, and so on."""
-    asked = actions[:, 1] * np.maximum(states[1:, TWIST][:, 0], 0)  # backwards a car and a tank turn unlike each other
-    turned = states[1:, TWIST][:, 5]
-    if asked @ turned > OTHER_WAY * np.linalg.norm(asked) * np.linalg.norm(turned):
-        raise RecordingError(f"{name}: it turns against its steering, which must be positive to the right")
+def refuse_other_steering(name: str, recordings: Sequence[Recording]) -> None:
+    """RecordingError where robots that drive forward turn the other way than they are steered.
+
+    All recordings are judged together: ground turns a robot as well, and in a single one that may be the most of it.
+    Driving backwards is not judged, for a car then turns the other way and a robot with tracks does not.
+    """
+    pairs = np.concatenate([
+        np.stack([one.actions[:, 1] * speed, one.states[1:, TWIST][:, 5]], axis=1)[speed > FORWARD]
+        for one in recordings
+        for speed in [one.states[1:, TWIST][:, 0]]
+    ])  # fmt: skip
+    if len(pairs) < FEWEST_STEPS or (pairs.std(0) < LEAST_STEERED).any():
+        return
+    alike = np.corrcoef(pairs.T)[0, 1]
+    if alike > OTHER_WAY:
+        raise RecordingError(f"{name}: robots turn against their steering, which must be positive to the right")
 
 
 def _between(rows: np.ndarray) -> np.ndarray:
@@ -116,7 +138,7 @@ def _size(windows: np.ndarray) -> float:
     return float(np.sqrt(np.square(windows).sum(1).mean()))
 
 
-def _windows(steps: np.ndarray) -> np.ndarray:
+def _windows(steps: np.ndarray, length: int = WINDOW) -> np.ndarray:
     """Sums (W, N) over successive windows of (K, N)."""
-    count = len(steps) // WINDOW
-    return steps[: count * WINDOW].reshape(count, WINDOW, -1).sum(1)
+    count = len(steps) // length
+    return steps[: count * length].reshape(count, length, -1).sum(1)

@@ -8,12 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sidm.config import unknown_name
-from sidm.recordings.frames import (
-    refuse_other_maps,
-    refuse_other_rates,
-    refuse_other_steering,
-    refuse_other_velocities,
-)
+from sidm.recordings.frames import refuse_other_maps, refuse_other_rates, refuse_other_velocities
 from sidm.recordings.recording import ACTION, COLUMNS, RATE, STATE, UNITS, Ground, Recording, RecordingError
 from sidm.trajectory import ACTION_SIZE, QUATERNION, STEPS
 
@@ -40,6 +35,9 @@ def from_table(
     """
     table = _in_si(name, columns, units, rows)
     stride = _stride(name, rate)
+    steps = max(len(rows) - 1, 0) // stride
+    if steps < STEPS:
+        raise RecordingError(f"{name}: {steps} steps of 0.1 s, fewer than the {STEPS} of a trajectory")
     if "time" in table:
         _refuse_gaps(name, table["time"], rate)
     _refuse_ground(name, ground)
@@ -47,16 +45,12 @@ def from_table(
     _refuse_numbers(name, states, actions)
     states[:, QUATERNION] /= np.linalg.norm(states[:, QUATERNION], axis=1, keepdims=True)
     states[:, :2] -= ground.centre
-    steps = (len(states) - 1) // stride
-    if steps < STEPS:
-        raise RecordingError(f"{name}: {max(steps, 0)} steps of 0.1 s, fewer than the {STEPS} of a trajectory")
-    states = states[: steps * stride + 1 : stride]
+    every, states = states, states[: steps * stride + 1 : stride]
     actions = actions[: steps * stride].reshape(steps, stride, ACTION_SIZE).mean(1)
     ground = ground._replace(heights=np.asarray(ground.heights, float), centre=(0.0, 0.0))
     refuse_other_maps(name, states, ground)
-    refuse_other_rates(name, states)
     refuse_other_velocities(name, states)
-    refuse_other_steering(name, states, actions)
+    refuse_other_rates(name, every, rate)
     return Recording(name, states, np.clip(actions, -1, 1), ground)
 
 

@@ -2,13 +2,16 @@
 
 import dataclasses
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import pytest
 
 from sidm.__main__ import main
 from sidm.experiments import Results, Study, run
-from sidm.experiments.confirm import candidates, confirm, kind
+from sidm.experiments.confirm import _by_kind, candidates, confirm, kind
+from sidm.experiments.driving import Drive
 from sidm.experiments.methods import change
+from sidm.experiments.uncertainty import Fit
 
 
 @pytest.fixture
@@ -48,6 +51,23 @@ def test_a_kind_takes_the_same_ways_through_the_code(stored):
         for other in (dict(weight_decay=0.0), dict(decay="l2"), dict(averaging=0.9), dict(mirror=True))
     ]
     assert len({kind(one) for one in (trial, *others)}) == 7
+
+
+def test_a_record_is_of_a_kind_by_its_trial_and_by_what_else_it_is_about(stored):
+    """Sizes, seeds and which episodes make no difference; what is done does."""
+    trials = stored[0]
+    fits = [Fit(trial=trial.replace(seed=seed), likelihood=True, particles=8) for trial in trials for seed in (0, 1)]
+    assert {kind(fit) for fit in fits} == {kind(fits[0]), kind(fits[-1])} and kind(fits[0]) != kind(fits[-1])
+    assert kind(dataclasses.replace(fits[0], likelihood=False)) != kind(fits[0])
+    straight = Drive(system="system1", driver="straight", trial=None, planning=None, episodes=(0, 1), longest=20.0)
+    assert kind(dataclasses.replace(straight, episodes=(2,))) == kind(straight)
+    assert kind(dataclasses.replace(straight, system="system2")) != kind(straight)
+
+
+def test_records_of_different_older_code_are_different_kinds(stored):
+    rows = [SimpleNamespace(trial=stored[0][0], stale=True, source=source, provenance=row.provenance)
+            for source, row in zip("ab", stored[1].rows(stored[0]), strict=False)]  # fmt: skip
+    assert [len(group) for group in _by_kind(rows)] == [1, 1]
 
 
 def test_what_comes_out_otherwise_stays_stale(stored, tiny, data, capsys, monkeypatch):

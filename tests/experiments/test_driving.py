@@ -191,7 +191,7 @@ def test_in_short_says_whether_a_plan_helps(made_up, jobs):
     words = in_short(made_up, "system1")
     assert words.startswith("system1, goals reached: with SIDM 12, 27 of 30 (0.25, 0.75 min); without SIDM 6, 21 of")
     assert "10 episodes of the planner in the simulator, who steers straight reaches 0, and the planner 10." in words
-    told = "Of 4 planners with models, {} reach fewer goals than who steers straight in the same episodes, and {} more"
+    told = "McNemar's test finds {} that reach fewer goals than who steers straight in the same episodes, and {} that"
     assert told.format(0, 2) in words
     better = [one for one in made_up if one.about.driver != "straight"] + [driven(jobs["straight"], 10)]
     assert told.format(2, 0) in in_short(better, "system1")

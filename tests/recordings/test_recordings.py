@@ -228,7 +228,7 @@ def test_what_is_no_number_is_named_by_its_line(tmp_path):
 def test_another_separator_is_named(tmp_path, sign, words):
     path = write_csv(tmp_path)
     path.write_text(path.read_text().replace(",", sign))
-    with pytest.raises(RecordingError, match=f"line 7.* it seems to be separated by {words}, use commas"):
+    with pytest.raises(RecordingError, match=f"line 7.* it seems to be separated by {words}: use commas, and points"):
         read_recordings(path)
 
 
