@@ -64,7 +64,9 @@ class Provenance:
     peak_memory: float  # of the process that ran it, MiB
     date: str  # UTC, ISO 8601
     confirmed_source: str = ""  # hash of later code that would make the same; see `confirm`
-    confirmed_by: str = ""  # 'rerun': it was run again; 'sample': another trial of its kind was
+    #: 'rerun': it was run again; 'sample': another trial of its kind was; 'inputs': only code changed that reads its
+    #: data, by hand where that was found to read the same, bit by bit.
+    confirmed_by: str = ""
     other_data: tuple[str, ...] = ()  # 'novice 938fa1f0...': made again elsewhere, alike but for rounding
     bundle: int = 0  # how many trials were trained side by side, at most; 0: alone
 
