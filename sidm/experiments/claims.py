@@ -32,10 +32,13 @@ class Claim(NamedTuple):
 
 
 def verdict(found: Interval, none: float, paper: float | None = None) -> str:
-    """What an interval says about a claim that a value lies above `none`, and at `paper` if the paper has a figure."""
+    """What an interval says about a claim that a value lies above `none`, and at `paper` if the paper has a figure.
+
+    One that holds `none` as well as the paper's figure says nothing of either.
+    """
     if not np.all(np.isfinite(found)):
         return NO_VERDICT
-    if paper is not None and found.low <= paper <= found.high:
+    if paper is not None and none < found.low <= paper <= found.high:
         return REPRODUCED
     if found.low > none:
         return DIRECTION

@@ -169,7 +169,7 @@ def test_differences_in_words():
 
 def test_verdicts_follow_the_rule():
     """The rule of the page on claims, whatever comes out."""
-    assert verdict(Interval(18, 12, 25), 1, 20) == REPRODUCED
+    assert verdict(Interval(18, 12, 25), 1, 20) == REPRODUCED and verdict(Interval(5, 0.1, 99), 1, 20) == NOT_SEEN
     assert verdict(Interval(8, 4, 12), 1, 20) == DIRECTION
     assert verdict(Interval(1.2, 0.8, 3), 1, 20) == NOT_SEEN
     assert verdict(Interval(0.5, 0.3, 0.8), 1, 20) == CONTRARY
