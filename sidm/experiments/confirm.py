@@ -54,7 +54,7 @@ def _subject(one: Any) -> Any:
     return one.about if hasattr(one, "about") else one.trial
 
 
-NO_KIND = ("seed", "episodes")  # of a record's subject: which of those that differ by chance alone
+NO_KIND = ("seed", "episodes")  # fields of a record's subject in which those of a kind may differ
 
 
 def kind(subject: Any) -> str:

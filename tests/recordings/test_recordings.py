@@ -142,6 +142,8 @@ FAULTS = {
     "steering in row 8 is 35, not in [-1, 1]; scale it": {"rows": changed(7, "steering", 35.0)},
     "60 steps of 0.1 s, fewer than the 64": {"rows": circle(seconds=6.0)},
     "0 steps of 0.1 s, fewer than the 64": {"rows": circle()[:0]},
+    "drive: 0 steps of 0.1 s, fewer": {
+        "rows": np.zeros((0, 16)), "columns": [*NAMES, "time"], "units": [*PLAIN, "s"]},
     "a spacing of 0": {"where": ground()._replace(spacing=0.0)},
     "not a grid of heights": {"where": ground()._replace(heights=np.zeros(5))},
     "the height in row 3, column 5 is not finite": {"where": ground()._replace(heights=np.where(
