@@ -9,7 +9,7 @@ RENDER := $(BIN)/jupyter-book build --warningiserror --keep-going
 # Trials run side by side, one thread each: a second thread to each only makes them wait for one another.
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help setup book page notebooks figures explore pdf test lint bench crash clean
+.PHONY: help setup book page notebooks figures explore pdf test lint bench golden planted crash clean
 .DELETE_ON_ERROR:
 
 help:
@@ -22,6 +22,8 @@ help:
 	@echo 'make test [JOBS=3]                               package, notebooks and book'
 	@echo 'make lint                                        style and types'
 	@echo 'make bench                                       the scripts of benchmarks/'
+	@echo 'make golden                                      new golden figures, of kinds whose version was raised'
+	@echo 'make planted                                     plant changes of the numbers: does a golden test see each?'
 	@echo 'make crash                                       kill collecting and training at 20 random moments each'
 	@echo 'make setup, make clean                           the environment in .venv alone; remove _build'
 
@@ -79,6 +81,13 @@ lint: $(STAMP)
 
 bench: $(STAMP)
 	@set -e; for script in $(wildcard benchmarks/*.py); do echo "== $$script"; $(BIN)/python $$script; done
+
+# In one process: all write into one file.
+golden: $(STAMP)
+	SIDM_GOLDEN=1 $(BIN)/python -m pytest tests/simulation tests/experiments -k "figures or diagnosed or stored"
+
+planted: $(STAMP)
+	$(BIN)/python tests/planted.py
 
 crash: $(STAMP)
 	$(BIN)/python tests/crash.py

@@ -15,6 +15,7 @@ from sidm.learning.learner import Learner
 from sidm.systems import Terrain
 from sidm.terrain import generate_terrain
 from sidm.trajectory import Trajectory, checksum
+from tests.golden import Golden
 
 
 @pytest.hookimpl(wrapper=True)
@@ -42,6 +43,12 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Scheduling:
 def one_thread() -> None:
     """Bit-for-bit comparisons hold at one number of threads."""
     torch.set_num_threads(1)
+
+
+@pytest.fixture(scope="session")
+def golden() -> Golden:
+    """The stored figures: `golden.hold(name, kind, figures, rel)`."""
+    return Golden()
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ ROOT = PACKAGE.parent
 
 #: Wings by rank: a module imports from wings of a lower rank and from its own, not from others of its rank.
 RANKS = [
-    ["config", "storage", "pool", "cluster", "progress"],
+    ["config", "numerics", "storage", "pool", "cluster", "progress"],
     ["systems"],
     ["terrain", "rotations", "trajectory"],
     ["recordings"],

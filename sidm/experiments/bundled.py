@@ -71,7 +71,6 @@ def run_bundle(
     Yields:
         What is stored of a trial: its outcome is that of `measure.perform` but for rounding.
     """
-    provenance.source_hash("bundle")  # of the code as it is now, not when the trials are done
     library, ready = Library(data), []
     for trial in trials:
         try:

@@ -21,7 +21,7 @@ from sidm.config import ConfigError, config, from_mapping
 from sidm.experiments.latents import EVERY, crossed_loss, latents_of, picture, small_network, squared_mmd, told_apart
 from sidm.experiments.measure import THREADS, Library, perform
 from sidm.experiments.presets import PRESETS, load_preset
-from sidm.experiments.provenance import Provenance, here, is_stale, source_hash
+from sidm.experiments.provenance import Provenance, here
 from sidm.experiments.store import StoreError, rounded
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Dataset, Trial
@@ -53,15 +53,8 @@ class Diagnosis:
     mmd: float  # squared, unbiased, Gaussian kernel of the median distance; 0 alike
     novice_picture: tuple[tuple[float, float], ...]  # (PICTURED, 2) principal components of both's latents
     expert_picture: tuple[tuple[float, float], ...]
-    source: str  # hash of the code that trained the model and looked at it
     scikit_learn: str  # its version
     provenance: Provenance
-
-    @property
-    def stale(self) -> bool:
-        """Whether the code has changed since."""
-        return is_stale(self.provenance) or self.source != source_hash("diagnosis")
-
 
 def diagnosed(study: Study, systems: Iterable[str] = tuple(SYSTEMS)) -> list[Trial]:
     """The trials whose latents are looked at: with and without regularisation, a small and a middle size."""
@@ -112,9 +105,8 @@ def diagnose(trial: Trial, data: str | Path = "data") -> Diagnosis:
         mmd=squared_mmd(*latents),
         novice_picture=pictures[0],
         expert_picture=pictures[1],
-        source=source_hash("diagnosis"),
         scikit_learn=importlib.metadata.version("scikit-learn"),
-        provenance=here(time.perf_counter() - start, THREADS, False),
+        provenance=here(time.perf_counter() - start, THREADS, kind="diagnosis"),
     )
 
 

@@ -16,7 +16,7 @@ from sidm.experiments.drivers import Driver, Ride, ride
 from sidm.experiments.measure import Library, one_thread, roll_out
 from sidm.experiments.methods import COMPARED
 from sidm.experiments.models import predictor_of
-from sidm.experiments.provenance import Provenance, is_stale, source_hash
+from sidm.experiments.provenance import Provenance
 from sidm.experiments.records import Making, Records
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
@@ -74,14 +74,7 @@ class Driven:
     plan_seconds: float  # median, of a plan, what was done since the one before taken in, on one thread
     slowest_plan_seconds: float  # which 95 % of the plans do not take
     paths: tuple[tuple[tuple[float, float], ...], ...]  # of the episodes below KEPT: x and y, m, at each control step
-    source: str  # hash of the code
     provenance: Provenance
-
-    @property
-    def stale(self) -> bool:
-        """Whether the code has changed since."""
-        return is_stale(self.provenance) or self.source != source_hash("driving")
-
 
 class Episode(NamedTuple):
     """A start and a goal on a ground that no data have."""
@@ -171,7 +164,7 @@ def drive(about: Drive, data: str | Path = "data") -> Driven:
             for number, one in zip(about.episodes, rides, strict=True)
             if number < KEPT
         ),
-        **making.done(),
+        provenance=making.done(),
     )
 
 

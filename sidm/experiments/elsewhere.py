@@ -20,7 +20,7 @@ from sidm.experiments.measure import one_thread, summary_curve
 from sidm.experiments.methods import FINER_TESTS, METHODS, change
 from sidm.experiments.presets import Preset
 from sidm.experiments.pretrained import _alone as one_at_a_time
-from sidm.experiments.provenance import Provenance, is_stale, source_hash
+from sidm.experiments.provenance import Provenance
 from sidm.experiments.records import Making, Records
 from sidm.experiments.study import Study
 from sidm.experiments.targets import Recorded, checksum_of, load_recorded, path_errors, piece_losses, recordings_of
@@ -34,6 +34,7 @@ from sidm.learning.networks import Network
 from sidm.learning.pretraining import Start, expert_in_place, start_from
 from sidm.learning.settings import Training
 from sidm.learning.training import Trained, train
+from sidm.numerics import numbered
 from sidm.recordings import read_recordings
 from sidm.systems import find_system
 
@@ -113,14 +114,7 @@ class Transferred:
     curve_training_loss: tuple[tuple[float, ...], ...]
     seconds: tuple[float, ...]  # of a training, of a processor, without the pretraining's
     pretraining_samples: int
-    source: str  # hash of the code
     provenance: Provenance
-
-    @property
-    def stale(self) -> bool:
-        """Whether the code has changed since."""
-        return is_stale(self.provenance) or self.source != source_hash("elsewhere")
-
 
 def proxies(preset: Preset, system: str) -> dict[str, Dataset]:
     """The motion of the two simulated robots, 'expert' and 'novice', each as long as the preset's of the expert."""
@@ -215,7 +209,7 @@ def transfer(about: Transfer, data: str | Path = "data", recordings: str | Path 
         curve_training_loss=tuple(curve[2] for curve in curves),
         seconds=tuple(one.seconds for one in learnt),
         pretraining_samples=start.samples if start else 0,
-        **making.done(),
+        provenance=making.done(),
     )
 
 
@@ -244,7 +238,7 @@ def _start(
     whose = about.proxy_novice_data if about.proxy == "novice" else about.expert_data
     made_from = [whose, about.expert_data, *map(repr, (about.network, about.pretraining)), about.seed]
     key = hashlib.sha256(json.dumps(made_from).encode()).hexdigest()[:20]
-    where = Path(data) / "pretrained" / f"elsewhere-{key}-{source_hash('learning')}"
+    where = Path(data) / "pretrained" / f"elsewhere-{key}-{numbered('training')}"
     with one_at_a_time(where):
         found = pretraining.read(where)
         if found is None:

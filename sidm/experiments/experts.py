@@ -20,7 +20,7 @@ from sidm.experiments.datasets import find_digest, load_dataset
 from sidm.experiments.family import dataset
 from sidm.experiments.measure import Library, one_thread, roll_out, summary_curve
 from sidm.experiments.methods import FINER_TESTS, METHODS, change
-from sidm.experiments.provenance import Provenance, is_stale, source_hash
+from sidm.experiments.provenance import Provenance
 from sidm.experiments.records import Making, Records
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Dataset, Trial
@@ -31,6 +31,7 @@ from sidm.learning.model import DynamicsModel
 from sidm.learning.settings import Training
 from sidm.learning.several import Parts, as_novice, fresh_around, nearest, train_several
 from sidm.learning.training import train
+from sidm.numerics import numbered
 from sidm.systems import find_system
 
 COUNTS = (1, 2, 4, 8)  # of experts; all together have the minutes that the paper's has alone
@@ -100,14 +101,7 @@ class Pretrained:
     experts_loss: tuple[float, ...]  # (E,) test loss of each expert, the paper's first if it is one of them
     experts_curve_samples: tuple[int, ...]  # of the SIDM's own training
     experts_curve_test_loss: tuple[float, ...]  # mean over the experts
-    source: str  # hash of the code
     provenance: Provenance
-
-    @property
-    def stale(self) -> bool:
-        """Whether the code has changed since."""
-        return is_stale(self.provenance) or self.source != source_hash("experts")
-
 
 def pretrainings(
     study: Study, system: str, counts: Iterable[int] = COUNTS, sizes: Iterable[float] = SIZES
@@ -193,7 +187,7 @@ def pretrain(about: Pretraining, data: str | Path = "data") -> Pretrained:
         experts_loss=own,
         experts_curve_samples=tuple(history["curve_samples"]),
         experts_curve_test_loss=tuple(history["curve_test_loss"]),
-        **making.done(),
+        provenance=making.done(),
     )
 
 
@@ -206,7 +200,7 @@ def _sidm_of(
     settings = map(repr, (trial.network, trial.pretraining))
     made_from = [*about.digests.values(), about.experts, about.paper, *settings, trial.seed]
     key = hashlib.sha256(json.dumps(made_from).encode()).hexdigest()[:20]
-    where = Path(data) / "pretrained" / f"experts-{key}-{source_hash('experts')}"
+    where = Path(data) / "pretrained" / f"experts-{key}-{numbered('experts')}"
     kept = checkpoint.read(where)
     if kept is None:
         several = train_several(experts, trial.network, trial.pretraining, trial.seed, units)

@@ -153,7 +153,6 @@ def run_trial(
     log: str | Path | None = None,
 ) -> Row | Failure:
     """`perform` a trial and say where the outcome comes from, or how it failed; event files go to the folder `log`."""
-    provenance.source_hash("learning")  # of the code as it is now, not when the trial is done
     resumed, start = checkpoint is not None and checkpoint.exists(), time.perf_counter()
     try:
         with EventLog(log) as events:

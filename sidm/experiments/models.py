@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sidm.experiments.provenance import source_hash
 from sidm.experiments.solved import perform
 from sidm.experiments.trials import Trial
 from sidm.learning import checkpoint
 from sidm.learning.model import DynamicsModel, Predictor
+from sidm.numerics import numbered
 
 
 def predictor_of(trial: Trial, data: str | Path = "data") -> Predictor:
@@ -17,13 +17,13 @@ def predictor_of(trial: Trial, data: str | Path = "data") -> Predictor:
 
 
 def model_of(trial: Trial, data: str | Path = "data") -> DynamicsModel:
-    """The network of a trial, its novice's parts alone; trained once by a version of the code, and kept under `data`.
+    """The network of a trial, its novice's parts alone; trained once and kept under `data`.
 
     Raises:
         CheckpointError: the kept weights are damaged.
         ShardError: data to train it are missing.
     """
-    folder = Path(data) / "models" / f"{trial.key}-{source_hash('learning')}"
+    folder = Path(data) / "models" / f"{trial.key}-{numbered('training')}"
     kept = checkpoint.read(folder)
     if kept is None:
         weights = checkpoint.module_tensors(perform(trial, data)[1].model)

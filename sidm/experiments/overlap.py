@@ -18,9 +18,9 @@ import torch
 from scipy.spatial import cKDTree
 
 from sidm.experiments.datasets import load_dataset
-from sidm.experiments.provenance import source_hash
 from sidm.experiments.study import Study
 from sidm.learning.observation import encode_inputs, transition
+from sidm.numerics import versions
 from sidm.storage import read_record, write_record
 from sidm.systems import SYSTEMS
 from sidm.trajectory import STEPS, Trajectory
@@ -78,7 +78,7 @@ def measure(study: Study, results: Path) -> None:
         expert, novice = (steps(loaded[kind], count) for kind in ("expert", "novice"))
         every = neighbourhoods(expert, novice, steps(loaded["validation"], QUERIES))
         found[system] = {role: [float(f"{x:.6g}") for x in one] for role, one in every.items()}
-    made = {"preset": study.preset.name, "simulation_source": source_hash("simulation")}
+    made = {"preset": study.preset.name, "numerics": versions("simulation")}
     write_record(results / NAME, {**found, **made})
 
 

@@ -75,7 +75,7 @@ def measure(
         for name, trial in trials.items():
             found[name].append(float(f"{timed(trial, study.data):.6g}"))
     made = here(time.perf_counter() - start, THREADS, resumed=False)
-    about = {name: getattr(made, name) for name in ("learning_source", "python", "torch", "device", "threads", "date")}
+    about = {name: getattr(made, name) for name in ("source", "python", "torch", "device", "threads", "date")}
     write_record(results / NAME, {"preset": study.preset.name, "seconds": found, "beside": beside, **about})
 
 

@@ -9,13 +9,13 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 
-from sidm.experiments.provenance import source_hash
 from sidm.experiments.trials import Trial
 from sidm.learning import pretraining
 from sidm.learning.dataset import Datasets
 from sidm.learning.networks import Network
 from sidm.learning.pretraining import Start, expert_in_place, start_from
 from sidm.learning.training import train
+from sidm.numerics import numbered
 
 try:
     import fcntl
@@ -23,8 +23,8 @@ except ImportError:  # Windows: two processes may make the same weights, each th
     fcntl = None  # type: ignore[assignment]
 
 
-def folder(trial: Trial, data: str | Path, wing: str = "learning") -> Path:
-    """Where the weights that a trial starts from are kept, apart for each version of the code."""
+def folder(trial: Trial, data: str | Path, kind: str = "training") -> Path:
+    """Where the weights that a trial starts from are kept, apart for each version of the numbers."""
     made_from = {
         "dataset": trial.datasets["expert"].name,
         "digest": trial.digests["expert"],
@@ -33,7 +33,7 @@ def folder(trial: Trial, data: str | Path, wing: str = "learning") -> Path:
         "seed": trial.seed,
     }
     key = hashlib.sha256(json.dumps(made_from, sort_keys=True).encode()).hexdigest()[:20]
-    return Path(data) / "pretrained" / f"{key}-{source_hash(wing)}"
+    return Path(data) / "pretrained" / f"{key}-{numbered(kind)}"
 
 
 def network_of(trial: Trial) -> Network:

@@ -15,7 +15,7 @@ from typing import Any, Generic, Protocol, TypeVar
 from sidm.config import ConfigError, from_mapping
 from sidm.experiments.datasets import Uses, others
 from sidm.experiments.measure import THREADS
-from sidm.experiments.provenance import Provenance, here, source_hash
+from sidm.experiments.provenance import Provenance, here
 from sidm.experiments.run import one_line
 from sidm.experiments.store import StoreError, rounded
 from sidm.progress import progress_bar
@@ -111,21 +111,19 @@ class Records(Generic[F]):
 
 
 class Making:
-    """What a record says of how it was made; the code is looked at when the work begins, not when it is done.
+    """What a record says of how it was made.
 
     Args:
-        wing: of the code, one of `provenance.WINGS`.
+        kind: of work, one of `numerics.NUMERICS`.
         used: what names the data that it is made from; None where none are.
         data: their folder.
     """
 
-    def __init__(self, wing: str, used: Uses | None, data: str | Path) -> None:
-        self.begun, self.source = time.perf_counter(), source_hash(wing)
+    def __init__(self, kind: str, used: Uses | None, data: str | Path) -> None:
+        self.kind, self.begun = kind, time.perf_counter()
         self.others = others(used, data) if used else ()
-        source_hash("learning"), source_hash("simulation")
 
-    def done(self) -> dict[str, Any]:
-        """The fields `source` and `provenance` of a record."""
-        made = here(time.perf_counter() - self.begun, THREADS, False)
-        provenance = dataclasses.replace(made, other_data=self.others)  # type: ignore[type-var]
-        return {"source": self.source, "provenance": provenance}
+    def done(self) -> Provenance:
+        """The provenance of a record."""
+        made = here(time.perf_counter() - self.begun, THREADS, kind=self.kind)
+        return dataclasses.replace(made, other_data=self.others)  # type: ignore[type-var]

@@ -20,11 +20,11 @@ from sidm.config import ConfigError
 from sidm.experiments.bundled import Hooks, bundles, fits, run_bundle
 from sidm.experiments.datasets import note_datasets, others
 from sidm.experiments.log import EventLog
-from sidm.experiments.provenance import source_hash
 from sidm.experiments.solved import run_trial
 from sidm.experiments.store import Failure, Results, Row, StoreError
 from sidm.experiments.trials import UNKNOWN, Trial
 from sidm.learning.training import Tested, TrainingError
+from sidm.numerics import numbered
 from sidm.pool import local_pool
 from sidm.progress import Bar, progress_bar
 from sidm.storage import sweep
@@ -32,9 +32,9 @@ from sidm.storage import sweep
 WORKERS = 2  # by default
 
 
-def checkpoint_folder(data: str | Path, trial: Trial, wing: str = "learning") -> Path:
-    """Where an unfinished trial keeps its state: apart for each version of the code, so that none are mixed."""
-    return Path(data) / "checkpoints" / f"{trial.key}-{source_hash(wing)}"
+def checkpoint_folder(data: str | Path, trial: Trial, kind: str = "training") -> Path:
+    """Where an unfinished trial keeps its state: apart for each version of the numbers, so that none are mixed."""
+    return Path(data) / "checkpoints" / f"{trial.key}-{numbered(kind)}"
 
 
 def refuse_unknown_data(trials: Iterable[Trial]) -> None:
@@ -132,7 +132,7 @@ def _run_bundles(
             bar.update()
 
         for group in bundles(trials):
-            folder = functools.partial(checkpoint_folder, data, wing="bundle")
+            folder = functools.partial(checkpoint_folder, data, kind="bundle")
             for row in run_bundle(group, seats, data, folder, Hooks(show, fault), device):
                 try:
                     _keep(row, store, data, bar)

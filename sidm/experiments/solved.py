@@ -57,10 +57,9 @@ def run_trial(
     """`perform` a trial and say where the outcome comes from, or how it failed, as `measure.run_trial` does."""
     if not trial.solved:
         return measure.run_trial(trial, data, checkpoint, progress, device, log)
-    provenance.source_hash(trial.wing)  # of the code as it is now, not when the trial is done
     start = time.perf_counter()
     try:
         found: Outcome | TrainingError = perform(trial, data)[0]
     except TrainingError as error:  # of the pretraining
         found = error
-    return stored_as(trial, found, provenance.here(time.perf_counter() - start, THREADS, False, wing=trial.wing))
+    return stored_as(trial, found, provenance.here(time.perf_counter() - start, THREADS, kind="least_squares"))

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from sidm.config import ConfigError, config, from_mapping
-from sidm.experiments.provenance import Provenance, is_stale
+from sidm.experiments.provenance import Provenance
 from sidm.experiments.trials import Trial
 from sidm.storage import Damaged, read_record, write_record
 
-SCHEMA = 2  # of a row's file: 2 has a checksum
+SCHEMA = 3  # of a row's file: 3 has the versions of its numbers
 DIGITS = 6  # significant, of stored floats
 
 
@@ -51,11 +51,6 @@ class Row:
     outcome: Outcome
     provenance: Provenance
 
-    @property
-    def stale(self) -> bool:
-        """Whether the code has changed since the row was made."""
-        return is_stale(self.provenance, self.trial.wing)
-
 
 @config
 class Failure:
@@ -66,11 +61,6 @@ class Failure:
     loss: str  # 'nan' or 'inf'
     iteration: int  # of prediction
     provenance: Provenance
-
-    @property
-    def stale(self) -> bool:
-        """Whether the code has changed since."""
-        return is_stale(self.provenance, self.trial.wing)
 
     def __str__(self) -> str:
         return f"{self.trial}: failed, the {self.what} loss was {self.loss} after {self.iteration} iterations"
@@ -140,7 +130,7 @@ class Results:
 
     def failures(self, trials: Iterable[Trial]) -> list[Failure]:
         """The failures among `trials` that today's code would repeat, in their order."""
-        return [one for one in map(self.failure, trials) if one is not None and not one.stale]
+        return [one for one in map(self.failure, trials) if one is not None and not one.provenance.stale]
 
     def rows(self, trials: Iterable[Trial]) -> list[Row]:
         """The stored rows among `trials`, in their order."""
@@ -152,7 +142,7 @@ class Results:
 
     def stale(self, trials: Iterable[Trial]) -> list[Trial]:
         """Those of `trials` whose stored row was made by other code than today's."""
-        return [row.trial for row in self.rows(trials) if row.stale]
+        return [row.trial for row in self.rows(trials) if row.provenance.stale]
 
     def all(self) -> list[Row]:
         """Every stored row, whatever its trial, in the order of the keys."""

@@ -36,17 +36,16 @@ class Beyond(NamedTuple):
     jobs: Callable[[Study, str], list[Any]]  # of a system
     work: Callable[..., Any]  # on one of them, with the folder of the data
     stored: Callable[[Path], Records]
-    times: tuple[str, ...]  # fields of a record that are measured times: the others are the same when it is made again
     collect: Callable[[Study, str, Executor], None] = collect_preset  # simulate what the jobs of a system need
 
 
 STUDIES = {
     "elsewhere": Beyond(
-        elsewhere.transfers, elsewhere.transfer, elsewhere.stored, ("seconds",), elsewhere.collect_proxies
+        elsewhere.transfers, elsewhere.transfer, elsewhere.stored, elsewhere.collect_proxies
     ),
-    "driving": Beyond(driving.drives, driving.drive, driving.stored, ("plan_seconds", "slowest_plan_seconds")),
-    "uncertainty": Beyond(uncertainty.fits, uncertainty.fit, uncertainty.stored, ("training_seconds",)),
-    "experts": Beyond(experts.pretrainings, experts.pretrain, experts.stored, ("seconds",), collect_family),
+    "driving": Beyond(driving.drives, driving.drive, driving.stored),
+    "uncertainty": Beyond(uncertainty.fits, uncertainty.fit, uncertainty.stored),
+    "experts": Beyond(experts.pretrainings, experts.pretrain, experts.stored, collect_family),
 }  # fmt: skip
 
 
@@ -87,9 +86,9 @@ def confirm_study(
     records, work = found.stored(results), functools.partial(found.work, data=data.absolute())
     for system in systems:
         jobs = _jobs(found, preset, [system], data, results)
-        if any(one.stale for one in records.stored(jobs)):
+        if any(one.provenance.stale for one in records.stored(jobs)):
             found.collect(Study(preset, data, results), system, executor)
-            confirmed = confirm_records(jobs, records, work, executor, found.times)
+            confirmed = confirm_records(jobs, records, work, executor)
             count += confirmed.confirmed
             differing += [records.path(about) for about in confirmed.differing]
     return Confirmed(count, differing)

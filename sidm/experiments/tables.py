@@ -70,15 +70,13 @@ def provenance_line(rows: Sequence[Row], command: str = "") -> str:
         return "No trials stored" + (f"; `{command}` runs them." if command else ".")
     made = [row.provenance for row in rows]
     days = sorted({one.date[:10] for one in made})
-    codes = sorted({f"{one.version} ({one.learning_source})" for one in made})
-    stale = sum(row.stale for row in rows)
-    confirmed = sum(one.confirmed_by != "" for one in made)
+    codes = sorted({f"{one.version} ({one.source})" for one in made})
+    stale = sum(one.stale for one in made)
     elsewhere = sum(one.other_data != () for one in made)
     parts = [
         f"{len(rows)} trials",
         " to ".join(dict.fromkeys((days[0], days[-1]))),
         f"code {', '.join(codes)}" + (f", {stale} of them made by older code" if stale else "")
-        + (f", {confirmed} confirmed for later code" if confirmed else "")
         + (f", {elsewhere} from data made again on another machine" if elsewhere else ""),
         f"{', '.join(sorted({one.device for one in made}))}, {sum(one.seconds for one in made) / 3600:.2g} h in all",
     ]
@@ -131,7 +129,7 @@ def overview(store: Results, trials: Iterable[Trial], study: Study) -> list[str]
         words = f"{first.system}  {first.method:<18}{first.novice_minutes:>6g} min  stored {len(rows)} of {len(group)}"
         if rows:
             loss = np.mean([validation_loss(row) for row in rows])
-            words += f"  stale {sum(row.stale for row in rows)}  loss {loss:.4g}"
+            words += f"  stale {sum(row.provenance.stale for row in rows)}  loss {loss:.4g}"
         variant = differences(first, study.trial(first.system, first.method, first.novice_minutes))
         lines.append(words + (f"  ({variant})" if variant else ""))
     return lines
@@ -158,10 +156,10 @@ def provenance_html(rows: Sequence[Row], command: str = "") -> str:
     return f'<div class="provenance"><p>{words}</p></div>'
 
 
-def made_here(chapter: str, wing: str = "learning") -> str:
-    """The same of what a page has simulated or computed itself with the code of a wing, by the chapter's name."""
-    one = here(0.0, 1, False, wing=wing)
-    words = f"Made by this page; {one.date[:10]}; code {one.version} ({one.learning_source}); {one.device}"
+def made_here(chapter: str, kind: str = "training") -> str:
+    """The same of what a page has simulated or computed itself of a kind of work, by the chapter's name."""
+    one = here(0.0, 1, kind=kind)
+    words = f"Made by this page; {one.date[:10]}; code {one.version} ({one.source}); {one.device}"
     again = f"again: `python -m sidm notebook {chapter} _build/{chapter}.ipynb`."
     return f'<div class="provenance">\n\n{words}; {again}\n\n</div>'
 

@@ -110,11 +110,6 @@ class Trial:
         """Whether its weights have a closed form."""
         return self.fit == "least_squares"
 
-    @property
-    def wing(self) -> str:
-        """The code that its outcome depends on, one of `provenance.WINGS`."""
-        return "least_squares" if self.solved else "learning"
-
     @functools.cached_property
     def key(self) -> str:
         """20 hexadecimal digits that change when any value of the trial does."""

@@ -19,7 +19,7 @@ from sidm.config import config
 from sidm.experiments.measure import ROLLOUT_STEPS, Library, one_thread, roll_out, summary_curve
 from sidm.experiments.methods import COMPARED
 from sidm.experiments.models import model_of
-from sidm.experiments.provenance import Provenance, is_stale, source_hash
+from sidm.experiments.provenance import Provenance
 from sidm.experiments.records import Making, Records
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
@@ -77,14 +77,7 @@ class Fitted:
     curve_test_loss: tuple[float, ...]
     curve_training_loss: tuple[float, ...]
     training_seconds: float
-    source: str  # hash of the code
     provenance: Provenance
-
-    @property
-    def stale(self) -> bool:
-        """Whether the code has changed since."""
-        return is_stale(self.provenance) or self.source != source_hash("uncertainty")
-
 
 def fits(study: Study, system: str, sizes: Iterable[float] = SIZES, particles: int = PARTICLES) -> list[Fit]:
     """With and without SIDM, each by likelihood and as the twin, at every size and seed."""
@@ -124,7 +117,7 @@ def fit(about: Fit, data: str | Path = "data") -> Fitted:
         **found,
         **latents,
         **training,
-        **making.done(),
+        provenance=making.done(),
     )
 
 

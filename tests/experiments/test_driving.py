@@ -53,10 +53,10 @@ def test_episodes_are_the_same_for_all_and_differ():
 
 
 @pytest.mark.parametrize("driver", ["model", "corrected", "simulator", "straight"])
-def test_a_drive_is_stored_as_it_was(jobs, data, tmp_path, driver):
+def test_a_drive_is_stored_as_it_was(jobs, data, tmp_path, golden, driver):
     job, store = jobs[driver], d.stored(tmp_path)
     found = d.drive(job, data)
-    assert found.ended == ("time",) and found.seconds == pytest.approx((0.5,)) and not found.stale
+    assert found.ended == ("time",) and found.seconds == pytest.approx((0.5,)) and not found.provenance.stale
     path, goal = np.array(found.paths[0]), d.episode("system1", 0).goal
     assert path.shape == (6, 2)
     assert found.length[0] == pytest.approx(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
@@ -67,6 +67,8 @@ def test_a_drive_is_stored_as_it_was(jobs, data, tmp_path, driver):
     assert 0 < found.top_speed[0] < 5 and 0 < found.steepest[0] < 90
     assert (found.validation_loss > 0) == (found.position_error > 0) == (job.trial is not None)
     assert 0 < found.throttle[0] <= 1
+    names = ("validation_loss", "position_error", "left", "throttle")
+    golden.hold(f"driving, {driver}", "driving", {name: getattr(found, name) for name in names}, rel=0.05, abs=0.02)
     store.put(found)
     assert store.get(job).about == job
 
@@ -159,7 +161,6 @@ def driven(about: d.Drive, arrived: int, episodes: int = 10, seed: int = 0) -> d
         plan_seconds=0.08,
         slowest_plan_seconds=0.1,
         paths=(path,) * sum(number < d.KEPT for number in numbers),
-        source="",
         provenance=here(1.0, 1, False),
     )
 

@@ -74,15 +74,18 @@ def test_another_robot_has_a_folder_of_its_own(monkeypatch):
 
 
 @pytest.mark.parametrize("number", [0, 1, 2])
-def test_novices_are_learnt_every_way_and_stored(jobs, data, tmp_path, number):
+def test_novices_are_learnt_every_way_and_stored(jobs, data, tmp_path, golden, number):
     job, store = jobs[number], x.stored(tmp_path)
     found = x.pretrain(job, data)
-    assert np.array(found.validation_loss).shape == np.array(found.samples).shape == (3, 2) and not found.stale
+    assert np.array(found.validation_loss).shape == np.array(found.samples).shape == (3, 2)
+    assert not found.provenance.stale
     assert np.array(found.component_losses).sum(-1) == pytest.approx(np.array(found.validation_loss))
     assert (np.array(found.best_samples) <= np.array(found.samples)).all()
     assert set(found.nearest) <= {"expert"} if job.experts == job.paper else {"expert", "member0"}
     assert np.array(found.before).shape == (2, job.experts)
     assert len(found.experts_loss) == job.experts and len(found.experts_curve_samples) > 0
+    figures = {name: getattr(found, name) for name in ("validation_loss", "before", "experts_loss", "samples")}
+    golden.hold(f"{job.experts} experts" + ", the paper's" * job.paper, "experts", figures, rel=0.05)
     store.put(found)
     assert store.get(job).about == job
 
@@ -133,7 +136,6 @@ def made_up(jobs):
                     experts_loss=(1.0,) * job.experts,
                     experts_curve_samples=(1,),
                     experts_curve_test_loss=(1.0,),
-                    source="",
                     provenance=here(1.0, 1, False),
                 )
             )

@@ -24,7 +24,7 @@ from sidm.experiments.explorer import (
     with_picture,
 )
 from sidm.experiments.explorer.live import SIZE, both_rides, helper
-from sidm.experiments.provenance import source_hash
+from sidm.numerics import versions
 from sidm.systems import Terrain
 
 ROOT = Path(__file__).parents[2]
@@ -104,7 +104,7 @@ def stored():
 
 
 def test_the_stored_rides_are_of_todays_physics(stored):
-    assert stored.source == source_hash("simulation"), "make them anew: python -m sidm.experiments.explorer.grid"
+    assert stored.numerics == versions("simulation"), "make them anew: python -m sidm.experiments.explorer.grid"
 
 
 def test_a_stored_ride_is_what_is_simulated(stored):

@@ -7,8 +7,8 @@ import pytest
 
 from sidm.experiments.datasets import load_dataset
 from sidm.experiments.overlap import NAME, Neighbourhood, measure, neighbourhoods, read, steps
-from sidm.experiments.provenance import source_hash
 from sidm.experiments.study import Study
+from sidm.numerics import versions
 from sidm.storage import read_record
 
 
@@ -63,4 +63,4 @@ def test_what_is_measured_is_read(tiny, data, tmp_path, monkeypatch):
 
 def test_what_is_stored_is_of_todays_physics():
     stored = read_record(Path(__file__).parents[2] / "results" / NAME)
-    assert stored["simulation_source"] == source_hash("simulation"), "again: python -m sidm.experiments.overlap"
+    assert stored["numerics"] == versions("simulation"), "again: python -m sidm.experiments.overlap"

@@ -1,15 +1,15 @@
 """Records: what is kept, what is refused, and what goes on when one fails."""
 
-import dataclasses
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 from sidm.config import ConfigError, config
-from sidm.experiments.provenance import Provenance, here, source_hash
+from sidm.experiments.provenance import Provenance, here
 from sidm.experiments.records import Making, Records, key_of
 from sidm.experiments.store import StoreError
 from sidm.experiments.studies import STUDIES, find_study
+from sidm.numerics import versions
 
 
 @config
@@ -69,11 +69,10 @@ def test_a_record_of_something_else_is_refused(store):
         store.get(second)
 
 
-def test_making_looks_at_the_code_when_it_begins():
-    making = Making("driving", None, "data")
-    made = making.done()
-    assert made["source"] == source_hash("driving") and made["provenance"].seconds >= 0
-    assert dataclasses.replace(made["provenance"], seconds=0.0).threads == 1 and not made["provenance"].other_data
+def test_a_record_says_what_it_depends_on():
+    made = Making("driving", None, "data").done()
+    assert made.numerics == versions("driving") and {"simulation", "training", "driving"} < made.numerics.keys()
+    assert made.seconds >= 0 and made.threads == 1 and not made.other_data and not made.stale
 
 
 def test_a_study_goes_by_its_name():

@@ -43,7 +43,7 @@ def test_a_trial_end_to_end(tiny, data, tmp_path, method):
     assert len(out.curve_samples) == len(out.curve_test_loss) == len(out.curve_training_loss) <= 40
     assert list(out.curve_samples) == sorted(set(out.curve_samples)) and out.curve_samples[-1] <= out.samples
     assert min(out.curve_test_loss) <= out.best_test_loss  # smoothed
-    assert row.provenance.threads == 1 and not row.provenance.resumed and not row.stale
+    assert row.provenance.threads == 1 and not row.provenance.resumed and not row.provenance.stale
 
 
 def test_a_trial_is_a_pure_function(trials, data):
@@ -149,7 +149,7 @@ def test_data_made_again_elsewhere_stand_for_those_of_the_results(tiny, data, tm
     row = run_here(trial, own, results, progress=False)
     assert row.trial == trial and row.provenance.other_data == (f"novice {here['novice']}",)
     assert "1 from data made again on another machine" in provenance_line([row])
-    assert Making("driving", trial, own).done()["provenance"].other_data == row.provenance.other_data
+    assert Making("driving", trial, own).done().other_data == row.provenance.other_data
     note_committed(sets["novice"], here["novice"], results)
     assert read_record(path) == {"digest": "0123456789abcdef", "alike": [here["novice"]]}
     with pytest.raises(ShardError, match="the trial wants 0123456789abcdee"):

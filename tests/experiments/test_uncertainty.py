@@ -34,10 +34,10 @@ def test_every_model_has_its_twin(jobs):
 
 
 @pytest.mark.parametrize("number", [0, 3])
-def test_a_fit_is_judged_and_stored(jobs, data, tmp_path, number):
+def test_a_fit_is_judged_and_stored(jobs, data, tmp_path, golden, number):
     job, store = jobs[number], u.stored(tmp_path)
     found = u.fit(job, data)
-    assert np.isfinite([found.nll, found.validation_loss]).all() and not found.stale
+    assert np.isfinite([found.nll, found.validation_loss]).all() and not found.provenance.stale
     half, most = np.array(found.coverage)
     assert half.shape == (13,) and (half >= 0).all() and (half <= most).all() and (most <= 1).all()
     assert np.array(found.steps_coverage).shape == (2, 25, 3) and (found.samples > 0) == job.likelihood
@@ -48,6 +48,9 @@ def test_a_fit_is_judged_and_stored(jobs, data, tmp_path, number):
     assert all((value > 0) == job.likelihood for value in found.latent_spread)
     if not job.likelihood:  # without latents to draw components are independent, and draws are one
         assert sum(found.component_nll) == pytest.approx(found.nll) == found.nll_at_means
+    names = ("validation_loss", "nll", "nll_at_means", "coverage", "spread")
+    figures = {name: getattr(found, name) for name in names} | {"rollouts": found.steps_error[4]}
+    golden.hold("a fit by likelihood" if job.likelihood else "its twin", "uncertainty", figures, rel=0.05, abs=0.02)
     store.put(found)
     assert store.get(job).about == job
 
@@ -94,7 +97,6 @@ def made_up(jobs):
                     curve_test_loss=(1.0,),
                     curve_training_loss=(1.0,),
                     training_seconds=1.0,
-                    source="",
                     provenance=here(1.0, 1, False),
                 )
             )

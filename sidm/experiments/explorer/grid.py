@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sidm.experiments.explorer.rides import ROBOTS, Ride, drive, tilt
-from sidm.experiments.provenance import source_hash
+from sidm.numerics import versions
 from sidm.pool import local_pool
 from sidm.progress import progress_bar
 from sidm.storage import read_arrays, read_record, write_arrays, write_record
@@ -68,7 +68,7 @@ class Grid(NamedTuple):
 
     rides: np.ndarray  # (5, 4, 4, 2, 4, 4, T + 1, 9) int16
     robots: np.ndarray  # (4, 2, 4, 4, T + 1, 9) int16
-    source: str  # hash of the code that made them
+    numerics: dict[str, int]  # versions that they were made with
 
 
 def whole_numbers(one: Ride) -> np.ndarray:
@@ -118,7 +118,7 @@ def make(folder: Path = FOLDER, workers: int = 2) -> None:
     sizes = [len(knob.values) for knob in SET_UP]
     rides, robots = every[: -len(PAPERS)], every[-len(PAPERS) :]
     write_arrays(folder / "rides.npz", {"rides": rides.reshape(*sizes, *rides.shape[1:]), "robots": robots})
-    write_record(folder / "rides.json", {"simulation_source": source_hash("simulation")})
+    write_record(folder / "rides.json", {"numerics": versions("simulation")})
     read.cache_clear()
 
 
@@ -131,7 +131,7 @@ def read(folder: Path = FOLDER) -> Grid:
         Damaged: a file is not as it was written.
     """
     arrays = read_arrays(folder / "rides.npz")
-    return Grid(arrays["rides"], arrays["robots"], read_record(folder / "rides.json")["simulation_source"])
+    return Grid(arrays["rides"], arrays["robots"], read_record(folder / "rides.json")["numerics"])
 
 
 if __name__ == "__main__":

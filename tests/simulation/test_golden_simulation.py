@@ -1,0 +1,45 @@
+"""Every robot, five control steps long, comes to the figures of today's versions."""
+
+import numpy as np
+import pytest
+
+from sidm.simulation import POLICIES, Simulator
+from sidm.simulation.exploration import draw_actions
+from sidm.systems import SYSTEMS, Physics
+from sidm.terrain import generate_terrain
+
+ACTIONS = ((0.8, 0.5), (0.4, -1.0), (-0.6, 0.3), (1.0, 0.0), (0.2, 0.7))
+
+
+def waves() -> np.ndarray:
+    """A smooth ground without level places: on rocks and on level ground contacts make 1e-3 of rounding in a step."""
+    x = (np.arange(300) - 149.5) * 0.1
+    heights = 0.1 * np.sin(0.7 * x) + 0.08 * np.sin(0.9 * x[:, None] + 1)
+    return heights - heights.min()
+
+
+@pytest.mark.parametrize(
+    ("system", "role", "strut_motors"),
+    [
+        ("system1", "novice", True), ("system1", "expert", True), ("system2", "novice", True),
+        ("system2", "expert", True), ("system1", "novice", False), ("system2", "novice", False),
+    ],
+)  # fmt: skip
+def test_every_robot_comes_to_its_figures(golden, system, role, strut_motors):
+    """On smaller instruction sets the states differ by up to 1e-7, without the strut motors."""
+    with Simulator(SYSTEMS[system].robot(role), waves(), Physics(strut_motors=strut_motors)) as simulator:
+        states = [simulator.reset(yaw=0.7)] + [simulator.step(np.array(action)) for action in ACTIONS]
+        figures = {"states": [state.tolist() for state in states], "struts": simulator.strut_positions.tolist()}
+    golden.hold(f"{system} {role}" + " unbraked" * (not strut_motors), "simulation", figures, rel=0, abs=1e-4)
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_every_ground_comes_to_its_figures(golden, system):
+    heights = generate_terrain(SYSTEMS[system].terrain, 5)
+    golden.hold(f"{system} ground", "simulation", {"heights": heights[::40, ::40].tolist()}, rel=0, abs=1e-7)
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+def test_every_policy_comes_to_its_figures(golden, policy):
+    actions = draw_actions(policy, 5, np.random.default_rng(0))
+    golden.hold(policy, "simulation", {"actions": actions.tolist()}, rel=0, abs=1e-7)
