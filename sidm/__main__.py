@@ -36,6 +36,10 @@ def build_parser() -> argparse.ArgumentParser:
     collect = command("collect", run_collect, "Simulate the data that a preset lacks; what is on disk is kept.")
     _add_preset(collect)
     _add_system(collect)
+    collect.add_argument(
+        "--verify", action="store_true",
+        help="hold the data against those of the results: what differs by rounding alone stands for them",
+    )  # fmt: skip
     collect.add_argument("--workers", type=_positive, metavar="N", help="processes; all cores unless given")
     _add_dask(collect)
 
@@ -204,8 +208,9 @@ def _trials(arguments: argparse.Namespace, preset: Any) -> list:
 
 
 def run_collect(arguments: argparse.Namespace) -> int:
-    """`collect`: prints each dataset and its digest."""
+    """`collect`: prints each dataset and its digest; with --verify 1 when one is not that of the results."""
     from sidm.experiments import collect_datasets
+    from sidm.experiments.datasets import differing, verify_datasets
 
     systems = [arguments.system] if arguments.system else list(SYSTEMS)
     preset = _preset(arguments)
@@ -213,7 +218,14 @@ def run_collect(arguments: argparse.Namespace) -> int:
         found = collect_datasets(preset, systems, arguments.data, arguments.workers, executor)
     for name, digest in found.items():
         print(f"{name}: {digest}")
-    return 0
+    if not arguments.verify:
+        for name in differing(preset, arguments.data, arguments.results):
+            print(f"note: {name} has other bits than the results' data; collect --verify: is it rounding alone?")
+        return 0
+    verified = verify_datasets(preset, systems, arguments.data, arguments.results)
+    for name, differences in verified.items():
+        print(f"{name}: {'; '.join(differences) or 'stands for the data of the results'}")
+    return int(any(verified.values()))
 
 
 def run_train(arguments: argparse.Namespace) -> int:
@@ -287,7 +299,7 @@ def run_show(arguments: argparse.Namespace) -> int:
     for failure in store.failures(trials):
         print(f"note: {failure}")
     for name in differing(preset, arguments.data, arguments.results):
-        print(f"note: the data on this disk are not those of the stored results: {name}")
+        print(f"note: the data on this disk are not those of the stored results: {name}; see collect --verify")
     print(f"missing: {len(store.missing(trials))}")
     return 0
 

@@ -32,6 +32,10 @@ STATE_SIZE, ACTION_SIZE = 13, 2
 STEPS = 64  # control steps of a trajectory
 SHARD_SIZE = 4  # trajectories in a shard
 
+PROBES = 8
+SPREAD = (0.618034, 0.754878)  # of a row's and a column's share of the ground to the next probe's: none are in line
+SAME_HEIGHT = 1e-6  # m; processors differ by some 1e-14
+
 #: Why an attempt at a trajectory is thrown away.
 DISCARDS = ("stuck", "border", "rollover", "unstable")
 
@@ -47,7 +51,8 @@ class Trajectory(NamedTuple):
     states: np.ndarray  # (T + 1, 13) float32
     actions: np.ndarray  # (T, 2) float32
     terrain_seed: int  # generate_terrain(terrain, seed) makes its ground again
-    terrain_checksum: str  # of the heights, to be sure of it
+    terrain_checksum: str  # of the heights' bits where it was simulated; a part of the digest
+    terrain_probe: np.ndarray  # (8,) m, `probe` of the heights, by which any machine knows the ground again
     discarded: tuple[int, ...]  # attempts thrown away before this one, by the causes in DISCARDS
 
 
@@ -56,6 +61,18 @@ def checksum(array: np.ndarray) -> str:
     digest = hashlib.sha256(f"{array.dtype.str}{array.shape}".encode())
     digest.update(np.ascontiguousarray(array).data)
     return digest.hexdigest()[:16]
+
+
+def probe(heights: np.ndarray) -> np.ndarray:
+    """Heights (8,), m, at places spread over a ground (H, W)."""
+    rows, columns = ((np.arange(1, PROBES + 1) * step % 1 * size).astype(int)
+                     for step, size in zip(SPREAD, heights.shape, strict=True))  # fmt: skip
+    return heights[rows, columns]
+
+
+def is_ground_of(heights: np.ndarray, trajectory: Trajectory) -> bool:
+    """Whether heights (H, W), m, are those that a trajectory drove on, but for rounding."""
+    return np.allclose(probe(heights), trajectory.terrain_probe, rtol=0, atol=SAME_HEIGHT)
 
 
 def digest(trajectories: Iterable[Trajectory]) -> str:
@@ -76,6 +93,7 @@ def write_shard(path: Path, trajectories: Sequence[Trajectory]) -> None:
         "actions": np.stack([t.actions for t in trajectories]),
         "terrain_seed": np.array([t.terrain_seed for t in trajectories], np.uint64),
         "terrain_checksum": np.array([t.terrain_checksum for t in trajectories], "U16"),
+        "terrain_probe": np.stack([t.terrain_probe for t in trajectories]),
         "discarded": np.array([t.discarded for t in trajectories], np.int64),
     }
     write_arrays(path, arrays)
@@ -93,6 +111,7 @@ def read_shard(path: Path) -> list[Trajectory]:
                 actions=columns["actions"][i],
                 terrain_seed=int(columns["terrain_seed"][i]),
                 terrain_checksum=str(columns["terrain_checksum"][i]),
+                terrain_probe=columns["terrain_probe"][i],
                 discarded=tuple(int(count) for count in columns["discarded"][i]),
             )
             for i in range(len(columns["index"]))
@@ -108,7 +127,8 @@ def _check_shapes(columns: Mapping[str, np.ndarray]) -> None:
     count, steps = columns["actions"].shape[:2]
     wanted = {
         "index": (count,), "states": (count, steps + 1, STATE_SIZE), "actions": (count, steps, ACTION_SIZE),
-        "terrain_seed": (count,), "terrain_checksum": (count,), "discarded": (count, len(DISCARDS)),
+        "terrain_seed": (count,), "terrain_checksum": (count,), "terrain_probe": (count, PROBES),
+        "discarded": (count, len(DISCARDS)),
     }  # fmt: skip
     for name, shape in wanted.items():
         if columns[name].shape != shape:

@@ -14,7 +14,7 @@ from sidm.learning import Datasets, Motion, Network, Training
 from sidm.learning.learner import Learner
 from sidm.systems import Terrain
 from sidm.terrain import generate_terrain
-from sidm.trajectory import Trajectory, checksum
+from sidm.trajectory import Trajectory, checksum, probe
 from tests.golden import Golden
 
 
@@ -97,7 +97,7 @@ def make_trajectories(small_terrain) -> Callable[..., list[Trajectory]]:
             states = np.hstack([position, quaternion, rng.normal(size=(steps + 1, 6))]).astype(np.float32)
             actions = rng.uniform(-1, 1, (steps, 2)).astype(np.float32)
             heights = generate_terrain(small_terrain, index)
-            made.append(Trajectory(index, states, actions, index, checksum(heights), (0, 0, 0, 0)))
+            made.append(Trajectory(index, states, actions, index, checksum(heights), probe(heights), (0, 0, 0, 0)))
         return made
 
     return make

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
 METHODS, SIMULATION = "tests/experiments/test_golden_methods.py", "tests/simulation/test_golden_simulation.py"
+PARTS = "tests/learning/test_golden_parts.py"
 
 
 class Planted(NamedTuple):
@@ -38,15 +39,14 @@ CHANGES = (
             "novice_only"),
     Planted("learning/training.py", "torch.cat(list(losses.values())).mean()",
             "torch.stack([one.mean() for one in losses.values()]).mean()", METHODS, "sidm"),
-    Planted("learning/losses.py", "(0.5, 1.0, 2.0)", "(0.5, 1.0, 4.0)", METHODS, "mmd"),
+    Planted("learning/losses.py", "(0.5, 1.0, 2.0)", "(0.5, 1.0, 4.0)", PARTS),
     Planted("learning/regularisation.py", "update_encoder(learner, expected_matching_loss(learner",
             "update_encoder(learner, -expected_matching_loss(learner", METHODS, "strong_matching"),
-    Planted("learning/stopping.py", "weight * past + (1 - weight) * now", "(1 - weight) * past + weight * now", METHODS,
-            "tethered"),
+    Planted("learning/stopping.py", "weight * past + (1 - weight) * now", "now", METHODS, "sidm"),
     Planted("learning/bundle/adam.py", "BETA1, BETA2, EPSILON = 0.9, 0.999", "BETA1, BETA2, EPSILON = 0.9, 0.99",
             METHODS, "bundle"),
-    Planted("learning/least_squares.py", "torch.ones_like(held[..., :1])", "torch.zeros_like(held[..., :1])", METHODS,
-            "least_squares"),
+    Planted("learning/least_squares.py", "held[..., first] * held[..., second]", "held[..., first] + held[..., second]",
+            METHODS, "least_squares"),
     Planted("experiments/latents.py", "np.median(distances[2])", "np.mean(distances[2]) * 1.5",
             "tests/experiments/test_diagnostics.py", "diagnosed_and_stored"),
     Planted("learning/planning.py", "elites: int = 6", "elites: int = 5", "tests/experiments/test_driving.py",

@@ -1,12 +1,17 @@
 """Shards on disk: round trip, damage, order."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sidm.config import ConfigError
+from sidm.systems import SYSTEMS
+from sidm.terrain import generate_terrain
 from sidm.trajectory import (
+    PROBES,
     SHARD_SIZE,
     STEPS,
     Collection,
@@ -14,7 +19,9 @@ from sidm.trajectory import (
     Trajectory,
     checksum,
     digest,
+    is_ground_of,
     load,
+    probe,
     read_shard,
     trajectories_for,
     write_shard,
@@ -32,6 +39,7 @@ def some_trajectories(first, count):
             actions=rng.uniform(-1, 1, (STEPS, 2)).astype(np.float32),
             terrain_seed=2**62 - 1 - i,
             terrain_checksum=f"{i:016x}",
+            terrain_probe=rng.uniform(0, 2, PROBES),
             discarded=(i, 0, 1, 0),
         )
         for i in range(first, first + count)
@@ -51,7 +59,9 @@ def test_what_is_written_is_read(tmp_path):
     assert len(read) == SHARD_SIZE + 1
     for before, after in zip(made, read, strict=False):
         assert np.array_equal(before.states, after.states) and np.array_equal(before.actions, after.actions)
-        assert before._replace(states=0, actions=0) == after._replace(states=0, actions=0)
+        assert np.array_equal(before.terrain_probe, after.terrain_probe)
+        plain = dict(states=0, actions=0, terrain_probe=0)
+        assert before._replace(**plain) == after._replace(**plain)
     assert digest(read) == digest(made[: len(read)]) != digest(made)
 
 
@@ -103,6 +113,16 @@ def test_a_missing_shard_is_named(tmp_path):
     fill(tmp_path, 1)
     with pytest.raises(ShardError, match="shard-00001.npz.*collect"):
         load(tmp_path, COLLECTION, SHARD_SIZE + 1)
+
+
+def test_a_ground_is_known_again_but_for_rounding():
+    terrain = SYSTEMS["system1"].terrain
+    heights = generate_terrain(terrain, 5)
+    driven = some_trajectories(0, 1)[0]._replace(terrain_probe=probe(heights))
+    assert probe(heights).shape == (PROBES,) and len(set(probe(heights))) == PROBES
+    assert is_ground_of(heights * (1 + 1e-12), driven)
+    assert not is_ground_of(generate_terrain(terrain, 6), driven)
+    assert not is_ground_of(generate_terrain(dataclasses.replace(terrain, smoothing=0.701), 5), driven)
 
 
 def test_checksum_sees_values_shape_and_type():

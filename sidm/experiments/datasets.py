@@ -4,21 +4,23 @@ Beside the shards of a collection lies a file `digest-COUNT.json`, written after
 like it under `datasets/` for each dataset that the stored trials learnt from, so that reading results needs no data.
 Where both speak, the data on this disk count.
 
-Another processor rounds otherwise, and a simulated robot that is pushed about by rocks makes more of it with every
-step: data that are made again elsewhere are not the same bit for bit. Digests of such data, of which it was measured
-that they are alike, stand with the results' digest; they are taken for it, and rows made from them say so.
+Another processor rounds otherwise, and a robot that is pushed about by rocks makes more of it with every step: data
+made again elsewhere are not the same bit for bit. `verify` holds them against the likeness that stands with the
+results' digest; where they are the same but for rounding they stand for it, and rows made from them say so.
 """
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import os
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, Protocol
 
-from sidm.config import ConfigError
+from sidm.config import ConfigError, from_mapping
+from sidm.experiments.likeness import Likeness
 from sidm.experiments.presets import Preset
 from sidm.experiments.trials import UNKNOWN, Dataset, Trial
 from sidm.pool import local_pool
@@ -48,29 +50,37 @@ def _record(path: Path) -> dict[str, Any]:
     return found
 
 
-def _read(path: Path) -> str:
-    return _record(path)["digest"]
-
-
-def _note(path: Path, found: str) -> None:
-    """Write a digest unless it stands there."""
-    if _read(path) != found:
-        write_record(path, {"digest": found})
-
-
 def find_digest(dataset: Dataset, data: str | Path = "data", results: str | Path = "results") -> str:
     """The digest of a dataset: of what lies under `data`, else of what the `results` were made from, else UNKNOWN.
 
-    Where the first is known to be alike the second it is the second, and a note of that is left under `data`.
+    Of data that `verify` has found to stand for those of the results it is the results'.
     """
-    path = _local(dataset, data)
-    local, committed = _read(path), _record(_committed(dataset, results))
-    if local in committed.get("alike", []):
-        noted = {"digest": local, "stands_for": committed["digest"]}
-        if _record(path) != noted:
-            write_record(path, noted)
-        return committed["digest"]
-    return local if local != UNKNOWN else committed["digest"]
+    local, committed = _record(_local(dataset, data)), _record(_committed(dataset, results))["digest"]
+    if local["digest"] == UNKNOWN or local.get("stands_for") == committed:
+        return committed
+    return local["digest"]
+
+
+def verify(dataset: Dataset, data: str | Path = "data", results: str | Path = "results") -> list[str]:
+    """How the data under `data` are not those of the results but for rounding, in words; none: they stand for them.
+
+    Raises:
+        ShardError: a shard is missing or damaged.
+    """
+    path, committed = _local(dataset, data), _record(_committed(dataset, results))
+    if committed["digest"] == UNKNOWN:
+        return ["the results know no such data"]
+    trajectories = load(Path(data), dataset.collection, dataset.count)
+    found = digest(trajectories)
+    if found == committed["digest"]:
+        return []
+    if "likeness" not in committed:
+        return ["other bits, and the results keep nothing else to know them by"]
+    own = Likeness.of(trajectories)
+    differences = from_mapping(Likeness, committed["likeness"]).differences(own)
+    noted = {"digest": found, "likeness": dataclasses.asdict(own)}
+    write_record(path, noted if differences else noted | {"stands_for": committed["digest"]})
+    return differences
 
 
 class Uses(Protocol):
@@ -94,31 +104,39 @@ def others(made: Uses, data: str | Path = "data") -> tuple[str, ...]:
 
 
 def differing(preset: Preset, data: str | Path = "data", results: str | Path = "results") -> list[str]:
-    """Names of a preset's datasets whose data on this disk are not those that the results were made from."""
+    """Names of a preset's datasets whose data on this disk do not stand for those that the results were made from."""
     needed = [dataset for system in SYSTEMS for dataset in preset.datasets(system).values()]
-    known = {one: _read(_committed(one, results)) for one in needed}
+    known = {one: _record(_committed(one, results))["digest"] for one in needed}
     return [one.name for one, noted in known.items() if noted not in (UNKNOWN, find_digest(one, data, results))]
 
 
 def note_digest(dataset: Dataset, trajectories: Sequence[Trajectory], data: str | Path = "data") -> str:
-    """Write the digest of a dataset beside its shards, and return it."""
-    found = digest(trajectories)
-    _note(_local(dataset, data), found)
+    """Write the digest and the likeness of a dataset beside its shards, and return the digest."""
+    found, path = digest(trajectories), _local(dataset, data)
+    if _record(path)["digest"] != found:
+        write_record(path, {"digest": found, "likeness": dataclasses.asdict(Likeness.of(trajectories))})
     return found
 
 
-def note_committed(dataset: Dataset, found: str, results: str | Path = "results") -> None:
-    """Write the digest of a dataset into the results' `datasets/`, unless what stands there is known to be alike."""
-    path = _committed(dataset, results)
-    if found not in _record(path).get("alike", []):
-        _note(path, found)
+def note_committed(dataset: Dataset, found: str, data: str | Path = "data", results: str | Path = "results") -> None:
+    """Write the digest of a dataset, with its likeness where it lies under `data`, into the results' `datasets/`."""
+    path, local = _committed(dataset, results), _record(_local(dataset, data))
+    if _record(path)["digest"] != found:
+        write_record(path, local if local["digest"] == found else {"digest": found})
 
 
-def note_datasets(trials: Iterable[Trial], results: str | Path = "results") -> None:
-    """Write the digests that `trials` name into the results' `datasets/`."""
+def note_collected(dataset: Dataset, data: str | Path = "data", results: str | Path = "results") -> None:
+    """Write what lies under `data` into the results' `datasets/`, unless it stands for what is written there."""
+    local, known = _record(_local(dataset, data)), _record(_committed(dataset, results))["digest"]
+    if known not in (local["digest"], local.get("stands_for")) and (known == UNKNOWN or verify(dataset, data, results)):
+        note_committed(dataset, local["digest"], data, results)
+
+
+def note_datasets(trials: Iterable[Trial], data: str | Path = "data", results: str | Path = "results") -> None:
+    """Write what `trials` learn from into the results' `datasets/`."""
     entries = {dataset: trial.digests[kind] for trial in trials for kind, dataset in trial.datasets.items()}
     for dataset, found in entries.items():
-        note_committed(dataset, found, results)
+        note_committed(dataset, found, data, results)
 
 
 def load_dataset(dataset: Dataset, wanted: str, data: str | Path = "data") -> list[Trajectory]:
@@ -129,12 +147,25 @@ def load_dataset(dataset: Dataset, wanted: str, data: str | Path = "data") -> li
     """
     trajectories = load(Path(data), dataset.collection, dataset.count)
     found = digest(trajectories)
-    if found != wanted and _record(_local(dataset, data)) != {"digest": found, "stands_for": wanted}:
+    noted = _record(_local(dataset, data))
+    if found != wanted and (noted["digest"], noted.get("stands_for")) != (found, wanted):
         raise ShardError(
             f"{dataset.collection.folder(Path(data))}: the first {dataset.count} trajectories have digest {found}, the "
-            f"trial wants {wanted}; 'python -m sidm collect' notes what lies there, deleting the folder makes it anew"
+            f"trial wants {wanted}; 'python -m sidm collect --verify' sees whether they differ by rounding alone"
         )
     return trajectories
+
+
+def verify_datasets(
+    preset: Preset, systems: Iterable[str] = tuple(SYSTEMS), data: str | Path = "data", results: str | Path = "results"
+) -> dict[str, list[str]]:
+    """`verify` of all of a preset's datasets, by their names.
+
+    Raises:
+        ShardError: a shard is missing or damaged.
+    """
+    needed = [dataset for system in systems for dataset in preset.datasets(system).values()]
+    return {dataset.name: verify(dataset, data, results) for dataset in needed}
 
 
 def collect_datasets(

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from sidm.config import config
-from sidm.experiments.datasets import collect_dataset, find_digest, load_dataset, note_committed
+from sidm.experiments.datasets import collect_dataset, find_digest, load_dataset, note_collected
 from sidm.experiments.measure import one_thread, summary_curve
 from sidm.experiments.methods import FINER_TESTS, METHODS, change
 from sidm.experiments.presets import Preset
@@ -126,7 +126,8 @@ def proxies(preset: Preset, system: str) -> dict[str, Dataset]:
 def collect_proxies(study: Study, system: str, executor: Executor | None = None) -> None:
     """Simulate what is missing of them and note their digests; ImportError without PyBullet, in one line."""
     for dataset in proxies(study.preset, system).values():
-        note_committed(dataset, collect_dataset(dataset, study.data, executor), study.results)
+        collect_dataset(dataset, study.data, executor)
+        note_collected(dataset, study.data, study.results)
 
 
 def transfers(

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sidm.experiments.datasets import note_committed, note_digest
+from sidm.experiments.datasets import note_collected, note_digest
 from sidm.experiments.trials import EXPERT_SEED, Dataset
 from sidm.progress import progress_bar
 from sidm.systems import Robot, System, find_system
@@ -81,8 +81,8 @@ def collect_members(
     for number, some in counts.items():
         for count in some:
             one = dataset(system, number, policy, count)
-            found = note_digest(one, load(data, one.collection, count), data)
-            note_committed(one, found, results)
+            note_digest(one, load(data, one.collection, count), data)
+            note_collected(one, data, results)
 
 
 @functools.lru_cache(maxsize=1)

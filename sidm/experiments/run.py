@@ -94,8 +94,8 @@ def run(
     sweep(store.folder / "trials")
     EventLog(log)  # a missing TensorBoard is known before hours of work
     if missing:
-        note_datasets(missing, store.folder)
         data = Path(data).absolute()
+        note_datasets(missing, data, store.folder)
         with progress_bar(len(missing), "trials", "trial", progress) as bar:
             together = [trial for trial in missing if bundle and fits(trial)]
             alone = [trial for trial in missing if not (bundle and fits(trial))]
@@ -226,7 +226,7 @@ def run_here(
     if stored is not None:
         return stored
     refuse_unknown_data([trial])
-    note_datasets([trial], store.folder)
+    note_datasets([trial], data, store.folder)
     with progress_bar(trial.training.max_samples, str(trial), "sample", progress, scaled=True) as bar:
 
         def show(tested: Tested) -> None:

@@ -20,8 +20,8 @@ from sidm.trajectory import (
     Collection,
     ShardError,
     Trajectory,
-    checksum,
     digest,
+    is_ground_of,
     load,
     trajectories_for,
 )
@@ -198,7 +198,7 @@ def _write_maps(file, shape: tuple[int, ...], trajectories: Sequence[Trajectory]
 def _maps(trajectory: Trajectory, terrain: Terrain, pixels: int) -> np.ndarray:
     """(T, P, P) float16: the maps at the start of each step."""
     heights = generate_terrain(terrain, trajectory.terrain_seed)
-    if checksum(heights) != trajectory.terrain_checksum:
+    if not is_ground_of(heights, trajectory):
         raise ShardError(
             f"trajectory {trajectory.index}: terrain {trajectory.terrain_seed} is no longer the one it drove on; "
             "delete the collection's folder and collect again"

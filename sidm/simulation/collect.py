@@ -33,6 +33,7 @@ from sidm.trajectory import (
     Trajectory,
     checksum,
     load,
+    probe,
     write_shard,
 )
 
@@ -84,7 +85,8 @@ def attempt(
         cause = rules.ended(states[-1])
         if cause:
             return None, cause
-    return Trajectory(index, np.array(states, np.float32), actions, terrain_seed, checksum(heights), ()), None
+    ground = terrain_seed, checksum(heights), probe(heights)
+    return Trajectory(index, np.array(states, np.float32), actions, *ground, ()), None
 
 
 @functools.lru_cache(maxsize=1)  # a worker keeps it from shard to shard: building one takes a quarter of a trajectory

@@ -10,7 +10,7 @@ from sidm.experiments.datasets import note_digest
 from sidm.experiments.provenance import here
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain, height_at
-from sidm.trajectory import SHARD_SIZE, STEPS, Trajectory, checksum, load, write_shard
+from sidm.trajectory import SHARD_SIZE, STEPS, Trajectory, checksum, load, probe, write_shard
 
 TINY = dict(
     expert_minutes=1.0,
@@ -53,7 +53,7 @@ def write_motion(data: Path, dataset) -> None:
         heights = generate_terrain(terrain, index % 2)
         actions = np.tile(rng.uniform(-1, 1, 2), (STEPS, 1)).astype(np.float32)
         states = glide(heights, actions, rng)
-        made.append(Trajectory(index, states, actions, index % 2, checksum(heights), (0, 0, 0, 0)))
+        made.append(Trajectory(index, states, actions, index % 2, checksum(heights), probe(heights), (0, 0, 0, 0)))
     for number, start in enumerate(range(0, len(made), SHARD_SIZE)):
         write_shard(collection.shard(data, number), made[start : start + SHARD_SIZE])
     note_digest(dataset, load(data, collection, dataset.count), data)

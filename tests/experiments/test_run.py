@@ -6,10 +6,11 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 import torch
 
+from sidm.__main__ import main
 from sidm.config import ConfigError
 from sidm.experiments import Results, Study, perform, run, run_trial
 from sidm.experiments import run as run_function
-from sidm.experiments.datasets import find_digest, load_dataset, note_committed
+from sidm.experiments.datasets import find_digest, load_dataset, note_collected, note_committed
 from sidm.experiments.records import Making
 from sidm.experiments.run import checkpoint_folder, one_line, run_here
 from sidm.experiments.store import rounded
@@ -68,7 +69,7 @@ def test_run_skips_what_is_stored(trials, data, tmp_path, make_row):
     assert files == {path: path.stat().st_mtime_ns for path in (tmp_path / "trials").iterdir()}
     assert not checkpoint_folder(data, trials[1]).exists()
     noted = tmp_path / "datasets" / "system1/novice/ornstein_uhlenbeck/seed-0/9.json"
-    assert read_record(noted) == {"digest": trials[0].novice_data}
+    assert read_record(noted).keys() == {"digest", "likeness"} and read_record(noted)["digest"] == trials[0].novice_data
 
 
 def test_local_processes_agree_with_this_one(trials, data, tmp_path):
@@ -122,7 +123,7 @@ def test_data_are_held_against_their_digest(tiny, data, tmp_path):
     """Another dataset under the same name, or none, is an error of one line."""
     dataset = tiny.datasets("system1")["validation"]
     assert len(load_dataset(dataset, find_digest(dataset, data, tmp_path), data)) == dataset.count
-    with pytest.raises(ShardError, match="the trial wants 0000; 'python -m sidm collect'"):
+    with pytest.raises(ShardError, match="the trial wants 0000; 'python -m sidm collect --verify'"):
         load_dataset(dataset, "0000", data)
     with pytest.raises(ShardError, match="the shard is missing; collect again"):
         load_dataset(dataset, "0000", tmp_path)
@@ -134,23 +135,29 @@ def test_errors_in_one_line():
     assert one_line(KeyError("a")) == "KeyError: 'a'" and one_line(RuntimeError()) == "RuntimeError"
 
 
-def test_data_made_again_elsewhere_stand_for_those_of_the_results(tiny, data, tmp_path):
-    """Where the results say that they are alike, trials keep their keys and rows say so; else they are others."""
+def test_data_made_again_elsewhere_stand_for_those_of_the_results(tiny, data, tmp_path, capsys, monkeypatch):
+    """Once they are verified trials keep their keys and rows say so; before, they are others."""
     results, own = tmp_path / "results", tmp_path / "data"
     shutil.copytree(data, own)
     sets = tiny.datasets("system1")
     here = {kind: find_digest(one, own, results) for kind, one in sets.items()}
+    for kind, one in sets.items():
+        note_committed(one, here[kind], own, results)
     path = results / "datasets" / f"{sets['novice'].name}.json"
-    write_record(path, {"digest": "0123456789abcdef"})
-    assert find_digest(sets["novice"], own, results) == here["novice"]  # not alike: another dataset
-    write_record(path, {"digest": "0123456789abcdef", "alike": [here["novice"]]})
+    write_record(path, read_record(path) | {"digest": "0123456789abcdef"})
+    monkeypatch.setattr("sidm.__main__._preset", lambda _: tiny)
+    words = ["collect", "--system", "system1", "--data", str(own), "--results", str(results), "--workers", "1"]
+    assert main(words) == 0 and "novice/ornstein_uhlenbeck/seed-0/9 has other bits" in capsys.readouterr().out
+    assert find_digest(sets["novice"], own, results) == here["novice"]
+    assert main([*words, "--verify"]) == 0
+    assert capsys.readouterr().out.count("stands for the data of the results") == 4
     (trial,) = Study(tiny, own, results).points("system1", ["novice_only"], [0.25])
     assert trial.novice_data == "0123456789abcdef" and trial.expert_data == here["expert"]
     row = run_here(trial, own, results, progress=False)
     assert row.trial == trial and row.provenance.other_data == (f"novice {here['novice']}",)
     assert "1 from data made again on another machine" in provenance_line([row])
     assert Making("driving", trial, own).done().other_data == row.provenance.other_data
-    note_committed(sets["novice"], here["novice"], results)
-    assert read_record(path) == {"digest": "0123456789abcdef", "alike": [here["novice"]]}
+    note_collected(sets["novice"], own, results)
+    assert read_record(path)["digest"] == "0123456789abcdef"
     with pytest.raises(ShardError, match="the trial wants 0123456789abcdee"):
         load_dataset(sets["novice"], "0123456789abcdee", own)

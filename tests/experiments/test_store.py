@@ -111,7 +111,7 @@ def test_stores_merge_by_copying(trials, make_row, tmp_path):
     for store, mine in zip(stores, (trials[:2], trials[2:]), strict=False):
         for trial in mine:
             store.put(make_row(trial))
-        note_datasets(mine, store.folder)
+        note_datasets(mine, tmp_path / "no-data", store.folder)
         shutil.copytree(store.folder, stores[2].folder, dirs_exist_ok=True)
     assert stores[2].missing(trials) == [] and [row.trial for row in stores[2].rows(trials)] == trials
     names = [{path.name for path in (store.folder / "trials").iterdir()} for store in stores[:2]]
