@@ -17,9 +17,7 @@ import yaml
 
 from sidm import __version__, notebook
 from sidm.config import ConfigError
-from sidm.recordings import RecordingError
 from sidm.systems import SYSTEMS
-from sidm.trajectory import ShardError
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -343,8 +341,16 @@ def main(words: Sequence[str] | None = None) -> int:
         return _fail("a worker was killed (out of memory?); the same command goes on where this one was", 1)
     except KeyboardInterrupt:
         return _fail("stopped; the same command goes on where this one was", 1)
-    except (ShardError, RecordingError, OSError, ImportError, RuntimeError) as error:
+    except _reported() as error:
         return _fail(error, 1)
+
+
+def _reported() -> tuple[type[Exception], ...]:
+    """What else ends in one line; looked up when something was raised, since SciPy comes along."""
+    from sidm.recordings import RecordingError
+    from sidm.trajectory import ShardError
+
+    return ShardError, RecordingError, OSError, ImportError, RuntimeError
 
 
 def _fail(error: object, status: int) -> int:

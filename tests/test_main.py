@@ -1,9 +1,11 @@
 """The command line: what it prints and its exit status."""
 
+import importlib
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -11,6 +13,8 @@ from sidm.__main__ import main
 from sidm.experiments import FIGURES, Results, Study, grid, load_preset
 from sidm.experiments.studies import STUDIES
 from sidm.trajectory import read_shard
+
+ROOT = Path(__file__).parents[1]
 
 CHANGES = {
     "expert_minutes": 0.25, "novice_minutes_system1": [0.25], "pool_minutes_system1": 0.25, "validation_minutes": 0.25,
@@ -23,9 +27,17 @@ def python(code: str, *words: str) -> subprocess.CompletedProcess:
 
 
 def test_importing_sidm_is_light():
-    """Neither torch nor PyBullet comes with the package or with the command line's help."""
-    code = "import sys, sidm, sidm.__main__; print({'torch', 'pybullet'} & set(sys.modules))"
+    """Neither PyTorch nor PyBullet nor an array comes with the package or with the command line's help."""
+    code = "import sys, sidm, sidm.__main__; print({'torch', 'pybullet', 'scipy', 'numpy'} & set(sys.modules))"
     assert python(code).stdout.strip() == "set()"
+
+
+def test_showing_what_is_stored_is_light():
+    """All of it is listed without PyTorch, which takes longer to import than all the rows to read."""
+    code = "import sys; from sidm.__main__ import main; main(['show', '--figure', 'all', '--results', sys.argv[1]]); "
+    code += "print({'torch', 'pybullet', 'scipy'} & set(sys.modules))"
+    said = python(code, str(ROOT / "results")).stdout.splitlines()
+    assert said[-1] == "set()" and "stored 3 of 3" in said[1]
 
 
 def test_without_pybullet(tmp_path):
@@ -149,7 +161,7 @@ def test_damaged_checkpoint_is_one_line(tmp_path, capsys, monkeypatch):
     def damaged(*_, **__):
         raise CheckpointError("checkpoint.npz: the checkpoint is damaged (x); delete it to start afresh")
 
-    monkeypatch.setattr(sys.modules["sidm.experiments.run"], "run_here", damaged)
+    monkeypatch.setattr(importlib.import_module("sidm.experiments.run"), "run_here", damaged)
     words = ["train", "--preset", "smoke", "--system", "system1", "--minutes", "0.5", "--results", str(tmp_path)]
     assert main(words) == 1
     assert capsys.readouterr().err == "sidm: checkpoint.npz: the checkpoint is damaged (x); delete it to start afresh\n"

@@ -94,10 +94,11 @@ class Study:
     ) -> list[Trial]:
         """Trials of every size, seed (the preset's number unless given) and method, those of a seed side by side."""
         return [
-            self.trial(system, method, minutes, seed, training)
+            first.replace(seed=seed)
             for minutes in sizes
+            for firsts in [[self.trial(system, method, minutes, 0, training) for method in methods]]
             for seed in range(seeds or self.preset.seeds)
-            for method in methods
+            for first in firsts
         ]
 
     def figure3(self, system: str) -> list[Trial]:

@@ -10,8 +10,7 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 from sidm.config import ConfigError, config, from_mapping, refuse_nonsense, to_mapping
-from sidm.learning.networks import Network
-from sidm.learning.settings import Training
+from sidm.learning.settings import Network, Training
 from sidm.systems import find_system
 from sidm.trajectory import Collection, trajectories_for
 
