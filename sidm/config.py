@@ -24,7 +24,7 @@ def unknown_name(name: str, known: Iterable[str], where: str) -> ConfigError:
     known = list(known)
     near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
     hint = f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
-    return ConfigError(f"unknown parameter '{name}' of {where}; {hint}")
+    return ConfigError(f"unknown parameter {name!r} of {where}; {hint}")
 
 
 def conform(value: Any, kind: Any, name: str) -> Any:

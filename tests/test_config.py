@@ -50,6 +50,10 @@ def test_unknown_name_gives_the_nearest():
         Cart(lenght=1.0)
 
 
+def test_the_message_is_one_line_whatever_was_typed():
+    assert "\n" not in str(unknown_name("a\nb", ["radius"], "Wheel"))
+
+
 def test_unknown_name_without_a_near_one_lists_the_known():
     assert "known: radius, spokes" in str(unknown_name("qqq", ["radius", "spokes"], "Wheel"))
 
