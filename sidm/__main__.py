@@ -1,4 +1,4 @@
-"""The command line: python -m sidm collect | train | run | study | show | confirm | notebook.
+"""The command line: sidm collect | train | run | study | show | confirm | notebook.
 
 Exit status: 0; 1 when something failed or is still missing; 2 for arguments that cannot be used.
 """
@@ -22,7 +22,7 @@ from sidm.systems import SYSTEMS
 
 def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
-    parser = notebook.Parser(prog="python -m sidm", description=(__doc__ or "").split("\n\n")[1])
+    parser = notebook.Parser(prog="sidm", description=(__doc__ or "").split("\n\n")[1])
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(metavar="collect | train | run | study | show | confirm | notebook", required=True)
 

@@ -1,10 +1,12 @@
 """The command line: what it prints and its exit status."""
 
 import importlib
+import pkgutil
 import signal
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -30,6 +32,16 @@ def test_importing_sidm_is_light():
     """Neither PyTorch nor PyBullet nor an array comes with the package or with the command line's help."""
     code = "import sys, sidm, sidm.__main__; print({'torch', 'pybullet', 'scipy', 'numpy'} & set(sys.modules))"
     assert python(code).stdout.strip() == "set()"
+
+
+def test_the_command_is_the_module():
+    """`sidm` is what `python -m sidm` is, and both say `sidm`."""
+    scripts = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
+    assert {name: pkgutil.resolve_name(target) for name, target in scripts.items()} == {"sidm": main}
+    done = subprocess.run([sys.executable, "-m", "sidm", "show", "--help"], capture_output=True, text=True)
+    assert done.stdout.startswith("usage: sidm show ") and done.returncode == 0
+    done = subprocess.run([sys.executable, "-m", "sidm", "shwo"], capture_output=True, text=True)
+    assert done.stderr.endswith("; see sidm --help\n") and done.returncode == 2
 
 
 def test_showing_what_is_stored_is_light():
@@ -133,7 +145,7 @@ def test_damaged_store_is_one_line(tmp_path, capsys):
 def test_missing_data_is_one_line(tmp_path, capsys):
     """Nothing is run on data that do not exist; the message names the command that makes them."""
     assert main(["run", "--preset", "smoke", "--data", str(tmp_path), "--results", str(tmp_path)]) == 2
-    assert "python -m sidm collect --preset" in capsys.readouterr().err
+    assert "sidm collect --preset" in capsys.readouterr().err
 
 
 def test_collect_train_run_show(tmp_path, capsys):

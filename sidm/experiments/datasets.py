@@ -132,7 +132,7 @@ def load_dataset(dataset: Dataset, wanted: str, data: str | Path = "data") -> li
     if found != wanted and _record(_local(dataset, data)) != {"digest": found, "stands_for": wanted}:
         raise ShardError(
             f"{dataset.collection.folder(Path(data))}: the first {dataset.count} trajectories have digest {found}, the "
-            f"trial wants {wanted}; 'python -m sidm collect' notes what lies there, deleting the folder makes it anew"
+            f"trial wants {wanted}; 'sidm collect' notes what lies there, deleting the folder makes it anew"
         )
     return trajectories
 

@@ -162,7 +162,7 @@ def made_here(chapter: str, wing: str = "learning") -> str:
     """The same of what a page has simulated or computed itself with the code of a wing, by the chapter's name."""
     one = here(0.0, 1, False, wing=wing)
     words = f"Made by this page; {one.date[:10]}; code {one.version} ({one.learning_source}); {one.device}"
-    again = f"again: `python -m sidm notebook {chapter} _build/{chapter}.ipynb`."
+    again = f"again: `sidm notebook {chapter} _build/{chapter}.ipynb`."
     return f'<div class="provenance">\n\n{words}; {again}\n\n</div>'
 
 
