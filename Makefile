@@ -4,6 +4,7 @@ JOBS ?= 3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.complete
+INSTALL := $(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check
 RENDER := $(BIN)/jupyter-book build --warningiserror --keep-going
 
 # Trials run side by side, one thread each: a second thread to each only makes them wait for one another.
@@ -29,12 +30,13 @@ help:
 
 setup: $(STAMP)
 
+# Twice --quiet leaves pip its errors and takes its warnings, one for each package that one of several indexes lacks.
 # --no-build-isolation: setuptools comes pinned from requirements.txt instead of fresh from the index.
 $(STAMP): requirements.txt constraints.txt pyproject.toml
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "sidm needs Python 3.11 or later: make PYTHON=python3.12 ...")'
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.txt
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@$(PYTHON) requirements.py
+	@$(PYTHON) -m venv $(VENV)
+	@$(INSTALL) -r requirements.txt
+	@$(INSTALL) --no-deps --no-build-isolation -e .
 	@touch $@
 
 # The book is rendered from a copy of its sources in _build/book, where executed notebooks stand in for the committed

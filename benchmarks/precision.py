@@ -1,7 +1,7 @@
 """What training the encoders in bfloat16 does to the final loss: python benchmarks/precision.py, half an hour.
 
 Pairs of trials of the preset `laptop` that differ in their precision alone; the validation losses of the weights that
-early stopping keeps. It needs the preset's data: python -m sidm collect --preset laptop --system system1
+early stopping keeps. It needs the preset's data: sidm collect --preset laptop --system system1
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ which `tests/learning/test_reference.py` holds to a plain implementation, and it
 loop: so many iterations at the rate of its prediction iterations on two threads, the phases of Algorithm 2 not counted.
 Ours has the settings of the preset `laptop`, on one thread while another training runs beside it.
 
-It needs the preset's data: python -m sidm collect --preset laptop --system system1
+It needs the preset's data: sidm collect --preset laptop --system system1
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 The wings, each importing only from those before it: `sidm.systems`, `sidm.terrain`, `sidm.rotations` and
 `sidm.trajectory`; `sidm.simulation` (PyBullet); `sidm.learning` (PyTorch); `sidm.experiments`; `sidm.notebook` and the
-command line, `python -m sidm`. Importing `sidm` itself imports none of them.
+command line, `sidm`. Importing `sidm` itself imports none of them.
 """
 
 __version__ = "0.1.0"

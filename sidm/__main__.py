@@ -1,4 +1,4 @@
-"""The command line: python -m sidm collect | train | run | study | show | confirm | notebook.
+"""The command line: sidm collect | train | run | study | show | confirm | notebook.
 
 Exit status: 0; 1 when something failed or is still missing; 2 for arguments that cannot be used.
 """
@@ -17,14 +17,12 @@ import yaml
 
 from sidm import __version__, notebook
 from sidm.config import ConfigError
-from sidm.recordings import RecordingError
 from sidm.systems import SYSTEMS
-from sidm.trajectory import ShardError
 
 
 def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
-    parser = notebook.Parser(prog="python -m sidm", description=(__doc__ or "").split("\n\n")[1])
+    parser = notebook.Parser(prog="sidm", description=(__doc__ or "").split("\n\n")[1])
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(metavar="collect | train | run | study | show | confirm | notebook", required=True)
 
@@ -355,8 +353,16 @@ def main(words: Sequence[str] | None = None) -> int:
         return _fail("a worker was killed (out of memory?); the same command goes on where this one was", 1)
     except KeyboardInterrupt:
         return _fail("stopped; the same command goes on where this one was", 1)
-    except (ShardError, RecordingError, OSError, ImportError, RuntimeError) as error:
+    except _reported() as error:
         return _fail(error, 1)
+
+
+def _reported() -> tuple[type[Exception], ...]:
+    """What else ends in one line; looked up when something was raised, since SciPy comes along."""
+    from sidm.recordings import RecordingError
+    from sidm.trajectory import ShardError
+
+    return ShardError, RecordingError, OSError, ImportError, RuntimeError
 
 
 def _fail(error: object, status: int) -> int:

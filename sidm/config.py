@@ -24,11 +24,13 @@ def unknown_name(name: str, known: Iterable[str], where: str) -> ConfigError:
     known = list(known)
     near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
     hint = f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
-    return ConfigError(f"unknown parameter '{name}' of {where}; {hint}")
+    return ConfigError(f"unknown parameter {name!r} of {where}; {hint}")
 
 
 def conform(value: Any, kind: Any, name: str) -> Any:
     """`value` as the type `kind` asks for it (an int serves as float, a list as tuple); ConfigError for others."""
+    if type(value) is kind:  # most are: thousands of values are read back from files
+        return value
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if kind is Any:
         return value
@@ -47,7 +49,8 @@ def conform(value: Any, kind: Any, name: str) -> Any:
     elif origin is tuple:
         if isinstance(value, (list, tuple)):
             if len(arguments) == 2 and arguments[1] is Ellipsis:
-                return tuple(conform(item, arguments[0], name) for item in value)
+                part = arguments[0]
+                return tuple(item if type(item) is part else conform(item, part, name) for item in value)
             if len(arguments) == len(value):
                 return tuple(conform(item, part, name) for item, part in zip(value, arguments, strict=True))
     elif kind is float:
@@ -70,15 +73,28 @@ def config(cls: type[T]) -> type[T]:
 
     @functools.wraps(plain)
     def __init__(self: Any, **values: Any) -> None:
-        fields = {field.name: field for field in dataclasses.fields(made)}  # type: ignore[arg-type]
-        kinds = typing.get_type_hints(made)
+        kinds = _kinds(made)  # type: ignore[arg-type]
         for name in values:
-            if name not in fields:
-                raise unknown_name(name, fields, made.__name__)
+            if name not in kinds:
+                raise unknown_name(name, kinds, made.__name__)
         plain(self, **{name: conform(value, kinds[name], f"{made.__name__}.{name}") for name, value in values.items()})
 
     made.__init__ = __init__  # type: ignore[method-assign]
     return made
+
+
+@functools.cache
+def _kinds(cls: type) -> dict[str, Any]:
+    """Field -> type of a `config` class; found once, since resolving annotations takes longer than all the rest."""
+    kinds = typing.get_type_hints(cls)
+    return {field.name: kinds[field.name] for field in dataclasses.fields(cls)}
+
+
+@functools.cache
+def _nested(cls: type) -> dict[str, type]:
+    """Field -> the `config` class that it holds, of `Nested | None` too."""
+    options = ((name, option) for name, kind in _kinds(cls).items() for option in (kind, *typing.get_args(kind)))
+    return {name: option for name, option in options if isinstance(option, type) and dataclasses.is_dataclass(option)}
 
 
 def refuse_nonsense(settings: Any) -> None:
@@ -93,10 +109,16 @@ def refuse_nonsense(settings: Any) -> None:
 
 def from_mapping(cls: type[T], values: Mapping[str, Any]) -> T:
     """An instance of a `config` class from a mapping (as read from YAML), nested classes from nested mappings."""
-    kinds = typing.get_type_hints(cls)
-    ready = {}
-    for name, value in values.items():
-        options = kinds.get(name), *typing.get_args(kinds.get(name))  # of `Nested | None` too
-        nested = [kind for kind in options if isinstance(kind, type) and dataclasses.is_dataclass(kind)]
-        ready[name] = from_mapping(nested[0], value) if nested and isinstance(value, Mapping) else value
+    nested = _nested(cls)  # type: ignore[arg-type]
+    ready = {
+        name: from_mapping(nested[name], value) if name in nested and isinstance(value, Mapping) else value
+        for name, value in values.items()
+    }
     return cls(**ready)
+
+
+def to_mapping(settings: Any) -> dict[str, Any]:
+    """What `from_mapping` takes again; as `dataclasses.asdict`, without its copies, which nothing frozen needs."""
+    cls: Any = type(settings)
+    values, nested = {name: getattr(settings, name) for name in _kinds(cls)}, _nested(cls)
+    return {name: to_mapping(one) if name in nested and one is not None else one for name, one in values.items()}

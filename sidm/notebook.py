@@ -272,7 +272,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of `python -m sidm notebook`."""
+    """The arguments of `sidm notebook`."""
     add = parser.add_argument
     add("notebook", help="its name, with or without the number, or its path; 'all' for each in turn")
     add("output", nargs="?", type=Path, help=f"the executed copy, for 'all' a folder; else it goes to {DEFAULT_OUTPUT}")
@@ -284,7 +284,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_from_arguments(arguments: argparse.Namespace) -> int:
-    """Carry out `python -m sidm notebook`: 0, 1 when a notebook failed, 2 for arguments that cannot be used."""
+    """Carry out `sidm notebook`: 0, 1 when a notebook failed, 2 for arguments that cannot be used."""
     try:
         every = arguments.notebook == "all"
         paths = notebooks() if every else [find_notebook(arguments.notebook)]
@@ -333,8 +333,8 @@ def _show(path: Path) -> None:
 
 
 def notebook_command(words: Iterable[str] | None = None) -> int:
-    """`python -m sidm notebook` with the words of a command line; returns its exit status."""
-    parser = Parser(prog="python -m sidm notebook", description="Run a notebook, strictly.")
+    """`sidm notebook` with the words of a command line; returns its exit status."""
+    parser = Parser(prog="sidm notebook", description="Run a notebook, strictly.")
     add_arguments(parser)
     return run_from_arguments(parser.parse_args(None if words is None else list(words)))
 

@@ -31,7 +31,7 @@ READY = 1.0  # s that a process needs at least before it does anything
 
 
 def command(verb: str, data: Path, results: Path) -> list[str]:
-    """`python -m sidm collect` or `run` of the small study, with two workers."""
+    """`sidm collect` or `run` of the small study, with two workers."""
     changes = [word for name, value in SETTINGS.items() for word in ("--set", f"{name}={value}")]
     places = ["--data", str(data), "--results", str(results), "--workers", "2"]
     return [sys.executable, "-m", "sidm", verb, "--preset", "smoke", "--system", "system1", *places, *changes]

@@ -1,6 +1,7 @@
 """A real Dask cluster on this machine: a scheduler and workers, of which one is killed and one comes later."""
 
 import contextlib
+import importlib
 import json
 import subprocess
 import sys
@@ -55,7 +56,7 @@ def test_a_cluster_gives_what_this_machine_gives(cluster, tmp_path, capsys):
     assert main(["collect", *common, *there, "--dask", address]) == 0
     digests = capsys.readouterr().out
 
-    module = sys.modules["sidm.experiments.run"]  # the package has a function of that name
+    module = importlib.import_module("sidm.experiments.run")  # the package has a function of that name
     keep, victim = module._keep, processes[1]
 
     def keep_and_disturb(*row):

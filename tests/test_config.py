@@ -5,7 +5,7 @@ from typing import Any, Literal
 
 import pytest
 
-from sidm.config import ConfigError, config, from_mapping, unknown_name
+from sidm.config import ConfigError, config, from_mapping, to_mapping, unknown_name
 
 
 @config
@@ -28,6 +28,7 @@ class Cart:
     covered: bool = False
     wheel: Wheel = Wheel()
     extra: Any = None
+    spare: Wheel | None = None
 
 
 def test_values_and_defaults():
@@ -47,6 +48,10 @@ def test_frozen_and_keyword_only():
 def test_unknown_name_gives_the_nearest():
     with pytest.raises(ConfigError, match="unknown parameter 'lenght' of Cart; did you mean 'length'?"):
         Cart(lenght=1.0)
+
+
+def test_the_message_is_one_line_whatever_was_typed():
+    assert "\n" not in str(unknown_name("a\nb", ["radius"], "Wheel"))
 
 
 def test_unknown_name_without_a_near_one_lists_the_known():
@@ -85,7 +90,14 @@ def test_equal_values_are_equal_and_hash_alike():
 def test_from_mapping_nests():
     cart = from_mapping(Cart, {"length": 2, "wheel": {"spokes": 5}, "wheels": [7]})
     assert cart == Cart(length=2.0, wheel=Wheel(spokes=5), wheels=(7,))
-    assert from_mapping(Cart, dataclasses.asdict(cart)) == cart
+    assert from_mapping(Cart, to_mapping(cart)) == cart
+
+
+@pytest.mark.parametrize("spare", [None, Wheel(spokes=4)])
+def test_to_mapping_is_asdict(spare):
+    cart = Cart(length=2.0, wheels=(7, 8), pair=(1, 2.0), extra=("a", 1.0), spare=spare)
+    assert repr(to_mapping(cart)) == repr(dataclasses.asdict(cart))
+    assert from_mapping(Cart, to_mapping(cart)) == cart
 
 
 def test_from_mapping_names_the_inner_class():

@@ -16,7 +16,7 @@ ROOT = PACKAGE.parent
 
 #: Wings by rank: a module imports from wings of a lower rank and from its own, not from others of its rank.
 RANKS = [
-    ["config", "numerics", "storage", "pool", "cluster", "progress"],
+    ["config", "lazy", "numerics", "storage", "pool", "cluster", "progress"],
     ["systems"],
     ["terrain", "rotations", "trajectory"],
     ["recordings"],
@@ -133,6 +133,16 @@ def test_only_the_simulation_imports_pybullet(name):
 @pytest.mark.parametrize("name", [name for name in MODULES if wing(name) in ("terrain", "simulation", "trajectory")])
 def test_simulation_does_without_torch(name):
     assert "torch" not in {target.split(".")[0] for target in imported(name)}
+
+
+@pytest.mark.parametrize("name", ["sidm.learning", "sidm.experiments"])
+def test_every_name_of_a_lazy_package_is_there(name):
+    """Also `run`, which is the module's name too, after the module was imported by itself."""
+    code = f"import sidm.experiments.run, types, {name} as package; from {name} import *; "
+    code += "assert not set(package.__all__) - set(dir(package)); "
+    code += "print([n for n in package.__all__ if isinstance(getattr(package, n), types.ModuleType)])"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.stdout.strip() == ("['ablations']" if name == "sidm.experiments" else "[]"), done.stderr
 
 
 @pytest.mark.parametrize("name", ["sidm", "sidm.learning", "sidm.experiments"])

@@ -1,9 +1,13 @@
 """The command line: what it prints and its exit status."""
 
+import importlib
+import pkgutil
 import signal
 import subprocess
 import sys
 import time
+import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -11,6 +15,8 @@ from sidm.__main__ import main
 from sidm.experiments import FIGURES, Results, Study, grid, load_preset
 from sidm.experiments.studies import STUDIES
 from sidm.trajectory import read_shard
+
+ROOT = Path(__file__).parents[1]
 
 CHANGES = {
     "expert_minutes": 0.25, "novice_minutes_system1": [0.25], "pool_minutes_system1": 0.25, "validation_minutes": 0.25,
@@ -23,9 +29,27 @@ def python(code: str, *words: str) -> subprocess.CompletedProcess:
 
 
 def test_importing_sidm_is_light():
-    """Neither torch nor PyBullet comes with the package or with the command line's help."""
-    code = "import sys, sidm, sidm.__main__; print({'torch', 'pybullet'} & set(sys.modules))"
+    """Neither PyTorch nor PyBullet nor an array comes with the package or with the command line's help."""
+    code = "import sys, sidm, sidm.__main__; print({'torch', 'pybullet', 'scipy', 'numpy'} & set(sys.modules))"
     assert python(code).stdout.strip() == "set()"
+
+
+def test_the_command_is_the_module():
+    """`sidm` is what `python -m sidm` is, and both say `sidm`."""
+    scripts = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
+    assert {name: pkgutil.resolve_name(target) for name, target in scripts.items()} == {"sidm": main}
+    done = subprocess.run([sys.executable, "-m", "sidm", "show", "--help"], capture_output=True, text=True)
+    assert done.stdout.startswith("usage: sidm show ") and done.returncode == 0
+    done = subprocess.run([sys.executable, "-m", "sidm", "shwo"], capture_output=True, text=True)
+    assert done.stderr.endswith("; see sidm --help\n") and done.returncode == 2
+
+
+def test_showing_what_is_stored_is_light():
+    """All of it is listed without PyTorch, which takes longer to import than all the rows to read."""
+    code = "import sys; from sidm.__main__ import main; main(['show', '--figure', 'all', '--results', sys.argv[1]]); "
+    code += "print({'torch', 'pybullet', 'scipy'} & set(sys.modules))"
+    said = python(code, str(ROOT / "results")).stdout.splitlines()
+    assert said[-1] == "set()" and "stored 3 of 3" in said[1]
 
 
 def test_without_pybullet(tmp_path):
@@ -121,7 +145,7 @@ def test_damaged_store_is_one_line(tmp_path, capsys):
 def test_missing_data_is_one_line(tmp_path, capsys):
     """Nothing is run on data that do not exist; the message names the command that makes them."""
     assert main(["run", "--preset", "smoke", "--data", str(tmp_path), "--results", str(tmp_path)]) == 2
-    assert "python -m sidm collect --preset" in capsys.readouterr().err
+    assert "sidm collect --preset" in capsys.readouterr().err
 
 
 def test_collect_train_run_show(tmp_path, capsys):
@@ -149,7 +173,7 @@ def test_damaged_checkpoint_is_one_line(tmp_path, capsys, monkeypatch):
     def damaged(*_, **__):
         raise CheckpointError("checkpoint.npz: the checkpoint is damaged (x); delete it to start afresh")
 
-    monkeypatch.setattr(sys.modules["sidm.experiments.run"], "run_here", damaged)
+    monkeypatch.setattr(importlib.import_module("sidm.experiments.run"), "run_here", damaged)
     words = ["train", "--preset", "smoke", "--system", "system1", "--minutes", "0.5", "--results", str(tmp_path)]
     assert main(words) == 1
     assert capsys.readouterr().err == "sidm: checkpoint.npz: the checkpoint is damaged (x); delete it to start afresh\n"

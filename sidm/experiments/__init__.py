@@ -1,18 +1,25 @@
 """Many trials: what is run, kept and shown; PyBullet is imported inside the function that collects data alone."""
 
+from typing import TYPE_CHECKING
+
 from sidm.experiments import ablations
 from sidm.experiments.datasets import collect_datasets
 from sidm.experiments.grids import FIGURES, grid
 from sidm.experiments.methods import METHODS
 from sidm.experiments.presets import PRESETS, Preset, load_preset
-from sidm.experiments.run import run
-from sidm.experiments.solved import perform, run_trial
 from sidm.experiments.store import Failure, Outcome, Results, Row, StoreError
 from sidm.experiments.study import Study
 from sidm.experiments.trials import UNKNOWN, Dataset, Trial
+from sidm.lazy import on_demand
+
+if TYPE_CHECKING:
+    from sidm.experiments.run import run
+    from sidm.experiments.solved import perform, run_trial
 
 __all__ = [
     "FIGURES", "METHODS", "PRESETS", "UNKNOWN", "Dataset", "Failure", "Outcome", "Preset", "Results", "Row",
     "StoreError", "Study", "Trial", "ablations", "collect_datasets", "grid", "load_preset", "perform", "run",
     "run_trial",
 ]  # fmt: skip
+
+on_demand(__name__, run="run", solved="perform run_trial")

@@ -151,7 +151,7 @@ def load_dataset(dataset: Dataset, wanted: str, data: str | Path = "data") -> li
     if found != wanted and (noted["digest"], noted.get("stands_for")) != (found, wanted):
         raise ShardError(
             f"{dataset.collection.folder(Path(data))}: the first {dataset.count} trajectories have digest {found}, the "
-            f"trial wants {wanted}; 'python -m sidm collect --verify' sees whether they differ by rounding alone"
+            f"trial wants {wanted}; 'sidm collect --verify' sees whether they differ by rounding alone"
         )
     return trajectories
 

@@ -1,6 +1,6 @@
 """Driving to a goal over unseen ground: planned on a learned model, on the simulator itself, or straight ahead.
 
-`python -m sidm study driving` makes what is not stored of it in results/driving.
+`sidm study driving` makes what is not stored of it in results/driving.
 """
 
 from __future__ import annotations
@@ -188,4 +188,4 @@ def _driver(about: Drive, model: Predictor | None, simulator: Any, one: Episode,
 
 def stored(results: str | Path = "results") -> Records[Driven]:
     """Where the results are kept."""
-    return Records(Driven, Path(results) / "driving", "python -m sidm study driving")
+    return Records(Driven, Path(results) / "driving", "sidm study driving")

@@ -1,6 +1,6 @@
 """A target from elsewhere: recorded motion is the novice, this package's simulator the cheap expert.
 
-`python -m sidm study elsewhere` makes what is not stored of it in results/elsewhere.
+`sidm study elsewhere` makes what is not stored of it in results/elsewhere.
 """
 
 from __future__ import annotations
@@ -270,4 +270,4 @@ def _simulated(about: Transfer, role: str, data: str | Path) -> Motion:
 
 def stored(results: str | Path = "results") -> Records[Transferred]:
     """Where the results are kept."""
-    return Records(Transferred, Path(results) / "elsewhere", "python -m sidm study elsewhere")
+    return Records(Transferred, Path(results) / "elsewhere", "sidm study elsewhere")

@@ -1,6 +1,6 @@
 """Several experts: an SIDM that learnt from 1, 2, 4 and 8 robots, and what a novice needs of its own then (section 6).
 
-`python -m sidm study experts` makes what is not stored of it in results/experts.
+`sidm study experts` makes what is not stored of it in results/experts.
 """
 
 from __future__ import annotations
@@ -254,4 +254,4 @@ def _novice(
 
 def stored(results: str | Path = "results") -> Records[Pretrained]:
     """Where the results are kept."""
-    return Records(Pretrained, Path(results) / "experts", "python -m sidm study experts")
+    return Records(Pretrained, Path(results) / "experts", "sidm study experts")

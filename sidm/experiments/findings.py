@@ -59,7 +59,7 @@ def in_short(
     for suspect in ORDER:
         mine = [one for one in found if one.suspect == suspect and one.instead not in CROSSED.values()]
         left = ", ".join(
-            f"{count} of `python -m sidm run --preset {preset} --figure {figure}`"
+            f"{count} of `sidm run --preset {preset} --figure {figure}`"
             for figure, count in missing.get(suspect, {}).items()
         )
         said = [more.get(suspect, ""), tally(mine), f"Trials not run: {left}" if left else ""]

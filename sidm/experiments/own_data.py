@@ -11,10 +11,9 @@ from sidm.config import ConfigError, unknown_name
 from sidm.experiments.methods import change
 from sidm.experiments.trials import EXPERT_SEED, POOL_SEED
 from sidm.learning.dataset import Datasets, Motion, novice_split
-from sidm.learning.networks import Network
 from sidm.learning.pretraining import expert_in_place, start_from
 from sidm.learning.recorded import Pieces, cut
-from sidm.learning.settings import Training
+from sidm.learning.settings import Network, Training
 from sidm.learning.training import Trained, train
 from sidm.recordings import Ground, Recording, read_recordings
 from sidm.systems import ROLES, SYSTEMS, System

@@ -10,8 +10,7 @@ from typing import Any, Literal
 
 from sidm.config import ConfigError, config, conform, refuse_nonsense, unknown_name
 from sidm.experiments.trials import Dataset, datasets
-from sidm.learning.networks import PAPER_NETWORK, RELEASED_NETWORK, Network
-from sidm.learning.settings import Training
+from sidm.learning.settings import PAPER_NETWORK, RELEASED_NETWORK, Network, Training
 from sidm.systems import find_system
 
 #: The exploration policies of `sidm.simulation`, which need not be installed to read results.

@@ -44,7 +44,7 @@ def refuse_unknown_data(trials: Iterable[Trial]) -> None:
             if trial.digests[kind] == UNKNOWN:
                 raise ConfigError(
                     f"the dataset {dataset.name} is neither on this disk nor known to the results; "
-                    f"'python -m sidm collect --preset NAME --system {trial.system}' makes a preset's data"
+                    f"'sidm collect --preset NAME --system {trial.system}' makes a preset's data"
                 )
 
 

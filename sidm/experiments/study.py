@@ -93,12 +93,11 @@ class Study:
         seeds: int | None = None,
     ) -> list[Trial]:
         """Trials of every size, seed (the preset's number unless given) and method, those of a seed side by side."""
-        return [
-            self.trial(system, method, minutes, seed, training)
-            for minutes in sizes
-            for seed in range(seeds or self.preset.seeds)
-            for method in methods
-        ]
+        trials = []
+        for minutes in sizes:
+            firsts = [self.trial(system, method, minutes, 0, training) for method in methods]
+            trials += [first.replace(seed=seed) for seed in range(seeds or self.preset.seeds) for first in firsts]
+        return trials
 
     def figure3(self, system: str) -> list[Trial]:
         """Figure 3: the paper's two methods and fine-tuning at every novice dataset size."""

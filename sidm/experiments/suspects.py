@@ -75,7 +75,7 @@ class Change(NamedTuple):
 
     suspect: str
     instead: str
-    figure: str  # whose trials these are, as `python -m sidm run --figure` calls it
+    figure: str  # whose trials these are, as `sidm run --figure` calls it
     trials: list[Trial]
 
 

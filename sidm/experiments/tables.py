@@ -160,7 +160,7 @@ def made_here(chapter: str, kind: str = "training") -> str:
     """The same of what a page has simulated or computed itself of a kind of work, by the chapter's name."""
     one = here(0.0, 1, kind=kind)
     words = f"Made by this page; {one.date[:10]}; code {one.version} ({one.source}); {one.device}"
-    again = f"again: `python -m sidm notebook {chapter} _build/{chapter}.ipynb`."
+    again = f"again: `sidm notebook {chapter} _build/{chapter}.ipynb`."
     return f'<div class="provenance">\n\n{words}; {again}\n\n</div>'
 
 

@@ -9,9 +9,8 @@ import json
 from collections.abc import Mapping
 from typing import Any, Literal
 
-from sidm.config import ConfigError, config, from_mapping, refuse_nonsense
-from sidm.learning.networks import Network
-from sidm.learning.settings import Training
+from sidm.config import ConfigError, config, from_mapping, refuse_nonsense, to_mapping
+from sidm.learning.settings import Network, Training
 from sidm.systems import find_system
 from sidm.trajectory import Collection, trajectories_for
 
@@ -127,7 +126,7 @@ class Trial:
 
     def to_json(self) -> dict[str, Any]:
         """All its values as plain nested mappings, without a `fit` by gradients, so that older keys still hold."""
-        values = dataclasses.asdict(self)  # type: ignore[call-overload]
+        values = to_mapping(self)
         return values if self.solved else {name: value for name, value in values.items() if name != "fit"}
 
     @classmethod

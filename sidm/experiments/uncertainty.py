@@ -1,6 +1,6 @@
 """How sure the models are: training by likelihood beside its deterministic twin (section 3.2, last paragraph).
 
-`python -m sidm study uncertainty` makes what is not stored of it in results/uncertainty.
+`sidm study uncertainty` makes what is not stored of it in results/uncertainty.
 """
 
 from __future__ import annotations
@@ -201,4 +201,4 @@ def rollout_coverage(model: Stochastic, trial: Trial, library: Library, particle
 
 def stored(results: str | Path = "results") -> Records[Fitted]:
     """Where the results are kept."""
-    return Records(Fitted, Path(results) / "uncertainty", "python -m sidm study uncertainty")
+    return Records(Fitted, Path(results) / "uncertainty", "sidm study uncertainty")

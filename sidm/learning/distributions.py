@@ -16,8 +16,9 @@ from torch import Tensor, nn
 from sidm.learning.dataset import Standardisation
 from sidm.learning.initialisation import scale_last
 from sidm.learning.model import DynamicsModel, Predictor
-from sidm.learning.networks import SIDM, Decoder, Encoder, Memory, Network, seeded
+from sidm.learning.networks import SIDM, Decoder, Encoder, Memory, seeded
 from sidm.learning.observation import TARGET_SIZE
+from sidm.learning.settings import Network
 from sidm.systems import ROLES
 
 QUIETEST, LOUDEST = -6.0, 2.0  # logarithm of a standard deviation, in the networks' units

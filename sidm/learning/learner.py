@@ -16,9 +16,9 @@ from sidm.learning.dataset import Datasets, Motion, Part, Standardisation
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.mirror import mirrored
 from sidm.learning.model import DynamicsModel
-from sidm.learning.networks import Discriminator, Network, seeded
+from sidm.learning.networks import Discriminator, seeded
 from sidm.learning.seeds import generator
-from sidm.learning.settings import Training
+from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import Stopper, Tested, TrainingError
 from sidm.learning.weights import Follower, make_optimiser
 from sidm.systems import ROLES

@@ -12,10 +12,9 @@ from sidm.learning.dataset import Datasets, Motion, Part, Standardisation
 from sidm.learning.distributions import DistributionModel
 from sidm.learning.evaluation import EVALUATION_BATCH
 from sidm.learning.learner import Learner
-from sidm.learning.networks import Network
 from sidm.learning.regularisation import regularise_phase
 from sidm.learning.seeds import generator
-from sidm.learning.settings import Training
+from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import Tested
 from sidm.learning.training import Trained, result
 from sidm.learning.weights import Follower, make_optimiser

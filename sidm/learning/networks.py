@@ -7,65 +7,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Literal, TypeVar
+from typing import TypeVar
 
 import torch
 from torch import Tensor, nn
 
-from sidm.config import ConfigError, config, refuse_nonsense
 from sidm.learning.dataset import Standardisation
 from sidm.learning.initialisation import scale_columns, scale_last, scale_layers, scale_recurrence
 from sidm.learning.observation import INPUT_SIZE, TARGET_SIZE
 from sidm.learning.seeds import derive
+from sidm.learning.settings import Network
 
 M = TypeVar("M", bound=nn.Module)
 Memory = tuple[Tensor, Tensor]  # the LSTM's hidden and cell state, each (layers, B, hidden)
-
-
-@config
-class Network:
-    """Sizes of all networks; the defaults are the paper's but for the map and the LSTM."""
-
-    pixels: int = 32  # P, a side of the height map; the paper has 300
-    channels: tuple[int, int] = (8, 4)  # of the encoder's two convolutions
-    kernel: int = 4  # a side of both convolutions' kernels; no padding, stride 1
-    encoder_hidden: int = 128  # the encoder's hidden layer
-    latent: int = 128  # size of the latent state-action
-    layers: int = 3  # LSTM layers of the SIDM; the paper has 4
-    hidden: int = 256  # size of each LSTM layer; the paper has 1024
-    latent_transition: int = 64  # size of the latent state transition
-    decoder_hidden: int = 64  # the decoder's hidden layer
-    discriminator_hidden: int = 1024  # the discriminator's hidden layer (not in the paper; the released code's)
-    slope: float = 0.01  # of the leaky ReLU below zero
-    initialisation: Literal["scaled", "pytorch"] = "scaled"  # of weights; 'pytorch': its own
-    own: Literal["all", "biases", "flag", "none"] = "all"  # what each system has of encoder and decoder for itself, the
-    # rest being common to both; 'flag': the bias of the encoder's first dense layer, as if the system were an input
-
-    def __post_init__(self) -> None:
-        """Refuse sizes that make no network."""
-        refuse_nonsense(self)
-        for name in ("kernel", "encoder_hidden", "latent", "layers", "hidden", "latent_transition", "decoder_hidden",
-                     "discriminator_hidden"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"Network.{name} must be at least 1, not {getattr(self, name)}")
-        if min(self.channels) < 1:
-            raise ConfigError(f"Network.channels must be at least 1, not {self.channels}")
-        if not 0 <= self.slope < 1:
-            raise ConfigError(f"Network.slope must be in [0, 1), not {self.slope}")
-        if self.map_side < 1:
-            raise ConfigError(
-                f"Network.pixels must be at least {2 * self.kernel - 1} for two kernels of {self.kernel}, "
-                f"not {self.pixels}"
-            )
-
-    @property
-    def map_side(self) -> int:
-        """A side of what the convolutions leave of the map."""
-        return self.pixels - 2 * (self.kernel - 1)
-
-
-PAPER_NETWORK = Network(pixels=300, layers=4, hidden=1024)
-RELEASED_NETWORK = Network(pixels=64, layers=3, hidden=256)
 
 
 class Encoder(nn.Module):

@@ -17,9 +17,8 @@ from sidm.learning.dataset import Datasets, Motion, Part, Standardisation, split
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.learner import Learner
 from sidm.learning.model import DynamicsModel
-from sidm.learning.networks import Network
 from sidm.learning.seeds import generator
-from sidm.learning.settings import Training
+from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import Tested
 from sidm.learning.training import Trained, predict_phase, result
 from sidm.learning.weights import Follower, make_optimiser

@@ -16,11 +16,10 @@ from sidm.learning.dataset import Datasets, Motion, Standardisation
 from sidm.learning.learner import Learner
 from sidm.learning.losses import prediction_loss
 from sidm.learning.model import Predictor
-from sidm.learning.networks import Network
 from sidm.learning.observation import TARGET_SIZE
 from sidm.learning.precision import products
 from sidm.learning.regularisation import regularise_phase, reversed_loss
-from sidm.learning.settings import Training
+from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import Tested, TrainingError
 
 __all__ = ["Tested", "Trained", "Training", "TrainingError", "result", "train"]

@@ -18,6 +18,7 @@ from sidm.notebook import add_arguments, find_notebook, inspect, merge_parameter
 
 ROLE = re.compile(r"\{py:\w+\}`~?(?:[^`<]*<)?([\w.]+)>?`")
 BASH = re.compile(r"^```bash\n(.*?)^```", re.MULTILINE | re.DOTALL)
+COMMAND = re.compile(r"(?:\.venv/bin/)?sidm (.+)")
 PIN = re.compile(r"^([A-Za-z0-9_.-]+)==([^\s#]+)(?:\s+# (.+))?$")
 
 
@@ -53,11 +54,13 @@ def commands() -> list[str]:
     """What pages and README tell the reader to run of the package; what stands with its output is run itself."""
     texts = [*map(source, contents()), (ROOT / "README.md").read_text(encoding="utf-8")]
     blocks = (block.replace("\\\n", " ") for text in texts for block in BASH.findall(text))
-    return [line for block in blocks for line in block.splitlines() if " -m sidm " in line]
+    return [line for block in blocks for line in block.splitlines() if COMMAND.match(line)]
 
 
 def words_of(command: str) -> list[str]:
-    return shlex.split(command.partition(" -m sidm ")[2], comments=True)
+    found = COMMAND.match(command)
+    assert found is not None
+    return shlex.split(found[1], comments=True)
 
 
 @pytest.mark.parametrize("command", [one for one in commands() if words_of(one)[0] != "notebook"])

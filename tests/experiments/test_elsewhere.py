@@ -168,7 +168,7 @@ def test_a_damaged_record_is_named(jobs, tmp_path):
     store = e.stored(tmp_path)
     store.path(jobs[0]).parent.mkdir(parents=True)
     store.path(jobs[0]).write_text("{}")
-    with pytest.raises(StoreError, match="damaged .*; delete it and run 'python -m sidm study elsewhere'"):
+    with pytest.raises(StoreError, match="damaged .*; delete it and run 'sidm study elsewhere'"):
         store.get(jobs[0])
 
 

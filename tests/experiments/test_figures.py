@@ -220,9 +220,9 @@ def test_curves_that_meet(study, make_row):
 
 def test_words_about_rows(rows, study, tmp_path):
     """The line of provenance, the costs and the overview count what is there."""
-    line = provenance_line(rows, "python -m sidm run")
+    line = provenance_line(rows, "sidm run")
     assert line.startswith("108 trials; ") and "older code" not in line
-    assert line.endswith("; again: `python -m sidm run`.")
+    assert line.endswith("; again: `sidm run`.")
     assert provenance_line([], "cmd") == "No trials stored; `cmd` runs them."
     costs = costs_table(rows)
     assert [(c.system, c.method, c.trials) for c in costs][0] == ("system1", "novice_only", 18)

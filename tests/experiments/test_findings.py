@@ -33,7 +33,7 @@ def test_every_suspect_has_its_line():
     assert len(text.splitlines()) == len(ORDER) and text.count("No change of it is measured") == len(ORDER) - 1
     assert {change.suspect for change in grid(Study("laptop"), "system1")} == set(ORDER)
     assert "better in 1; 0.67 times SIDM's loss" in text
-    assert "Trials not run: 6 of `python -m sidm run --preset laptop --figure baselines`" in text
+    assert "Trials not run: 6 of `sidm run --preset laptop --figure baselines`" in text
     assert text.count("not measured") == 3
 
 

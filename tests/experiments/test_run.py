@@ -113,7 +113,7 @@ def test_one_failure_loses_no_other(trials, data, tmp_path, capsys):
 def test_unknown_data_name_the_command(tiny, tmp_path):
     """Without data and digests nothing is run, and the message says how to make them."""
     trials = Study(tiny, tmp_path, tmp_path).figure3("system1")
-    with pytest.raises(ConfigError, match=r"python -m sidm collect --preset NAME --system system1"):
+    with pytest.raises(ConfigError, match=r"sidm collect --preset NAME --system system1"):
         run(trials, data=tmp_path, results=tmp_path)
     with pytest.raises(ConfigError, match="workers must be at least 1"):
         run_function([], workers=0, data=tmp_path, results=tmp_path)
@@ -123,7 +123,7 @@ def test_data_are_held_against_their_digest(tiny, data, tmp_path):
     """Another dataset under the same name, or none, is an error of one line."""
     dataset = tiny.datasets("system1")["validation"]
     assert len(load_dataset(dataset, find_digest(dataset, data, tmp_path), data)) == dataset.count
-    with pytest.raises(ShardError, match="the trial wants 0000; 'python -m sidm collect --verify'"):
+    with pytest.raises(ShardError, match="the trial wants 0000; 'sidm collect --verify'"):
         load_dataset(dataset, "0000", data)
     with pytest.raises(ShardError, match="the shard is missing; collect again"):
         load_dataset(dataset, "0000", tmp_path)

@@ -15,8 +15,7 @@ from torch import Tensor
 from sidm.learning.bundle.learners import StackedLearners
 from sidm.learning.bundle.seat import Seat
 from sidm.learning.bundle.shelf import Shelf
-from sidm.learning.networks import Network
-from sidm.learning.settings import Training
+from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import Tested
 
 

@@ -18,9 +18,8 @@ from sidm.learning.bundle.shelf import Shelf
 from sidm.learning.bundle.stack import Stack, within
 from sidm.learning.learner import Learner
 from sidm.learning.losses import discriminator_loss, matching_loss, prediction_loss
-from sidm.learning.networks import Network
 from sidm.learning.observation import TARGET_SIZE
-from sidm.learning.settings import Training
+from sidm.learning.settings import Network, Training
 from sidm.systems import ROLES
 
 NOVICE_ENCODER = "model.encoders.novice"

@@ -12,8 +12,7 @@ from torch import Tensor
 from sidm.learning.bundle.shelf import Shelf
 from sidm.learning.dataset import Datasets, Standardisation
 from sidm.learning.learner import Learner
-from sidm.learning.networks import Network
-from sidm.learning.settings import Training
+from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import TrainingError
 
 

@@ -14,7 +14,8 @@ from torch.func import functional_call, vmap
 
 from sidm.learning.bundle.recurrence import lstm
 from sidm.learning.model import DynamicsModel
-from sidm.learning.networks import Discriminator, Network
+from sidm.learning.networks import Discriminator
+from sidm.learning.settings import Network
 from sidm.systems import ROLES
 
 LARGEST = 2**31 - 1  # numbers in a tensor that PyTorch's convolution of one channel a group takes on a GPU

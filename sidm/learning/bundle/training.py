@@ -14,8 +14,8 @@ from sidm.learning.bundle.bundle import Bundle
 from sidm.learning.bundle.seat import Run, Seat
 from sidm.learning.bundle.shelf import Shelf
 from sidm.learning.checkpoint import CheckpointError
-from sidm.learning.networks import Network
 from sidm.learning.precision import products
+from sidm.learning.settings import Network
 from sidm.learning.stopping import Tested, TrainingError
 from sidm.learning.training import Trained, result
 from sidm.systems import ROLES
