@@ -163,7 +163,7 @@ def test_collect_train_run_show(tmp_path, capsys):
     assert main(["run", *common, *part, "--workers", "1"]) == 0
     assert "3 of 3 trials stored" in capsys.readouterr().out
     trials = Study(load_preset("smoke", **CHANGES), tmp_path / "data", tmp_path / "results").figure3("system1")
-    assert [row.stale for row in Results(tmp_path / "results").rows(trials)] == [False] * 3
+    assert [row.provenance.stale for row in Results(tmp_path / "results").rows(trials)] == [False] * 3
 
 
 def test_damaged_checkpoint_is_one_line(tmp_path, capsys, monkeypatch):

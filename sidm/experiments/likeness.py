@@ -11,10 +11,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import torch
 
 from sidm.config import config
-from sidm.learning.observation import transition
 from sidm.trajectory import POSITION, Trajectory
 
 SAMPLED = 32  # trajectories, evenly spread
@@ -37,6 +35,10 @@ class Likeness:
     @classmethod
     def of(cls, trajectories: Sequence[Trajectory]) -> Likeness:
         """That of a dataset of at least one trajectory."""
+        import torch  # which takes seconds, and reading results does not need it
+
+        from sidm.learning.observation import transition
+
         chosen = np.unique(np.linspace(0, len(trajectories) - 1, SAMPLED).round().astype(int))
         sampled = [trajectories[number] for number in chosen]
         states = torch.from_numpy(np.stack([t.states for t in trajectories])).double()  # (N, T + 1, 13)
