@@ -9,7 +9,7 @@ RENDER := $(BIN)/jupyter-book build --warningiserror --keep-going
 # Trials run side by side, one thread each: a second thread to each only makes them wait for one another.
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help setup book page notebooks figures explore pdf test lint bench crash clean
+.PHONY: help setup book page notebooks figures explore pdf test lint bench crash portable clean
 .DELETE_ON_ERROR:
 
 help:
@@ -23,6 +23,7 @@ help:
 	@echo 'make lint                                        style and types'
 	@echo 'make bench                                       the scripts of benchmarks/'
 	@echo 'make crash                                       kill collecting and training at 20 random moments each'
+	@echo 'make portable [LEGS=sse]                         the numerical tests, as other processors round'
 	@echo 'make setup, make clean                           the environment in .venv alone; remove _build'
 
 setup: $(STAMP)
@@ -82,6 +83,9 @@ bench: $(STAMP)
 
 crash: $(STAMP)
 	$(BIN)/python tests/crash.py
+
+portable: $(STAMP)
+	$(BIN)/python tests/portable.py --jobs $(JOBS) $(LEGS)
 
 clean:
 	rm -rf _build
