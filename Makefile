@@ -10,7 +10,7 @@ RENDER := $(BIN)/jupyter-book build --warningiserror --keep-going
 # Trials run side by side, one thread each: a second thread to each only makes them wait for one another.
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help setup book page notebooks figures explore pdf test lint bench golden planted crash clean
+.PHONY: help setup book page notebooks figures explore pdf test lint bench golden planted crash portable clean
 .DELETE_ON_ERROR:
 
 help:
@@ -26,6 +26,7 @@ help:
 	@echo 'make golden                                      new golden figures, of kinds whose version was raised'
 	@echo 'make planted                                     plant changes of the numbers: does a golden test see each?'
 	@echo 'make crash                                       kill collecting and training at 20 random moments each'
+	@echo 'make portable [LEGS=sse]                         the numerical tests, as other processors round'
 	@echo 'make setup, make clean                           the environment in .venv alone; remove _build'
 
 setup: $(STAMP)
@@ -93,6 +94,9 @@ planted: $(STAMP)
 
 crash: $(STAMP)
 	$(BIN)/python tests/crash.py
+
+portable: $(STAMP)
+	$(BIN)/python tests/portable.py --jobs $(JOBS) $(LEGS)
 
 clean:
 	rm -rf _build

@@ -39,10 +39,14 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Scheduling:
     return Scheduling(config, log)
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--threads", type=int, default=1, help="of PyTorch")
+
+
 @pytest.fixture(autouse=True, scope="session")
-def one_thread() -> None:
+def threads(pytestconfig: pytest.Config) -> None:
     """Bit-for-bit comparisons hold at one number of threads."""
-    torch.set_num_threads(1)
+    torch.set_num_threads(pytestconfig.getoption("threads"))
 
 
 @pytest.fixture(scope="session")

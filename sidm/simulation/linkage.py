@@ -97,7 +97,10 @@ def axle_pose(axle: str, travel: tuple[float, float]) -> Pose:
         miss = wanted - length
         if np.abs(miss).max() < 1e-12:
             return pose
-        step = np.linalg.solve(lengthening, miss)
+        try:
+            step = np.linalg.solve(lengthening, miss)
+        except np.linalg.LinAlgError:  # a dead point; whether a far pose is one to the last bit, rounding decides
+            break
         turn = Rotation.from_rotvec(step[:3]).as_matrix()
         pose = Pose(turn @ pose.rotation, turn @ pose.shift + step[3:])
     right, left = map(float, travel)

@@ -15,7 +15,7 @@ from sidm.learning.bundle.stack import Stack
 from sidm.learning.learner import Learner
 from sidm.learning.precision import products
 
-ROUNDING = 1e-4  # relative, of losses: sums run in another order
+ROUNDING = 1e-4  # relative, of losses: sums run in another order; two tests of a run here are never as near
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def five(make_run):
     alone = dict(p_expert=0.0, regularise=False)
     return [
         make_run(0), make_run(1, novice=3, tests=5, **alone), make_run(2, novice=9, gain=0.5, p_expert=0.25),
-        make_run(3, tests=40, max_samples=24 * 30, learning_rate=3e-3),
+        make_run(3, tests=40, max_samples=24 * 30, learning_rate=2e-3),
         make_run(4, regularise=False, max_samples=24 * 8),
     ]  # fmt: skip
 
@@ -105,9 +105,10 @@ def test_encoders_alone_are_low(make_run, small_network):
     motion = learner.draw("novice", 4, "novice")
     low = stack.encode("novice", motion.inputs[None], motion.maps[None])[0]
     exact = stack.encode("novice", motion.inputs[None], motion.maps[None], exact=True)[0]
-    assert torch.allclose(exact, learner.model.encoders["novice"](motion.inputs, motion.maps), atol=1e-6)
-    assert torch.allclose(low, learner.encode("novice", motion), atol=2e-2)
-    assert 1e-3 < (low - exact).abs().max() < 5e-2
+    assert torch.allclose(exact, learner.model.encoders["novice"](motion.inputs, motion.maps), atol=1e-5)
+    rounding = 4 * exact.abs().max().item() / 2**8  # of four layers, each to the 8 bits of bfloat16
+    assert torch.allclose(low, learner.encode("novice", motion), atol=rounding)
+    assert 1e-3 < (low - exact).abs().max() < rounding
 
 
 def test_a_loss_that_is_not_finite_ends_that_trial_alone(five, small_network):

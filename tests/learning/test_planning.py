@@ -134,7 +134,8 @@ def test_a_memory_is_never_longer_than_training_has_seen(small_network, rng):
         short.remember()
     long.remember()
     assert len(long.done) == len(short.done) == 26
-    assert all(torch.allclose(a, b) for a, b in zip(long.memory, short.memory, strict=True))
+    # rounded to float32, 26 steps at once and one by one
+    assert all(torch.allclose(a, b, atol=1e-6) for a, b in zip(long.memory, short.memory, strict=True))
 
 
 @pytest.mark.parametrize(

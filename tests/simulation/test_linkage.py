@@ -45,6 +45,13 @@ def test_travel_that_no_link_allows_is_refused():
         axle_joints("front", -0.1, 0.0)
 
 
+def test_links_that_hold_nothing_sideways_are_refused(monkeypatch):
+    """With all rods in one plane the equations are singular in any arithmetic: a column of them is exactly 0."""
+    monkeypatch.setattr("sidm.simulation.linkage.REAR_LEFT_RODS", REAR_LEFT_RODS * (1, 0, 1))
+    with pytest.raises(ValueError, match="front axle cannot reach strut travels of -0.01 and 0.0 m"):
+        axle_pose("front", (-0.01, 0.0))
+
+
 @pytest.mark.parametrize("axle", AXLES)
 def test_twists_are_the_derivatives_of_the_pose(axle):
     points, travel, small = rods(axle)[:, 0], np.array([-0.004, -0.009]), 1e-6

@@ -147,13 +147,21 @@ def test_a_braked_rear_axle_creeps_and_yields_at_the_brakes_limit():
 
 
 def test_an_unbraked_robot_stands_on_both_axles_alike_and_a_braked_one_on_its_front():
-    robot = ROBOTS["system1 expert"]
-    sag = {}
-    for motors in (True, False):
-        with Simulator(robot, FLAT, Physics(strut_motors=motors, settling_time=2.0)) as simulator:
+    """Braked rear struts only creep: by 0.1 to 0.2 mm on the way here, where the front ones give 7 mm.
+
+    How far depends on how the robot trembles on its contacts, which rounding or a start moved by 1e-9 m changes: so the
+    axles are held against each other and not against a length.
+    """
+
+    def struts(motors: bool, steps: int) -> np.ndarray:
+        physics = Physics(strut_motors=motors, settling_time=2.0)
+        with Simulator(ROBOTS["system1 expert"], FLAT, physics) as simulator:
             simulator.reset()
-            for _ in range(5):
+            for _ in range(steps):
                 simulator.step(np.array([0.5, 0.0]))
-            sag[motors] = simulator.strut_positions
-    assert np.abs(sag[True][:2]).max() < 1e-4 < np.abs(sag[True][2:]).min()
-    assert np.abs(sag[False]).min() > 1e-4
+            return simulator.strut_positions.reshape(2, 2)  # rear and front
+
+    rear, front = struts(motors=False, steps=0)
+    assert rear.mean() == pytest.approx(front.mean(), rel=0.1)
+    rear, front = np.abs(struts(motors=True, steps=5))
+    assert rear.max() < 0.1 * front.min()

@@ -1,0 +1,228 @@
+"""Run the numerical tests again as other processors round: `make portable`.
+
+Libraries choose their kernels by the processor's instructions, and with them the order of sums, fused products and the
+polynomials of exp and sin. Their own variables take instructions away from them. Before a leg runs, each of its
+variables alone must be seen to change what its library computes: a leg that changes nothing could not fail.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import json
+import math
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+ROOT = Path(__file__).parents[1]
+CORE = ["learning", "simulation", "recordings", "test_rotations.py", "test_terrain.py", "test_trajectory.py"]
+LEVELS = ["DEFAULT", "AVX2", "AVX512"]  # of x86 processors, as PyTorch calls them; the lowest has SSE
+
+
+VARIABLES = {
+    "ATEN_CPU_CAPABILITY": "PyTorch", "ONEDNN_MAX_CPU_ISA": "oneDNN", "MKL_CBWR": "MKL",
+    "OPENBLAS_CORETYPE": "OpenBLAS", "NPY_DISABLE_CPU_FEATURES": "NumPy", "GLIBC_TUNABLES": "libm",
+    "OMP_NUM_THREADS": "OpenMP",
+}  # fmt: skip
+
+
+class Leg(NamedTuple):
+    """Variables that libraries read when they are loaded."""
+
+    leaves: str | None  # the level that they then keep to; None: it is no matter of instructions
+    settings: dict[str, str]
+
+
+LEGS = {
+    "avx2": Leg("AVX2", {
+        "ATEN_CPU_CAPABILITY": "avx2", "ONEDNN_MAX_CPU_ISA": "AVX2", "MKL_CBWR": "AVX2", "OPENBLAS_CORETYPE": "Haswell",
+        "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512",  # of those that NumPy has, whose names begin so
+    }),
+    "sse": Leg("DEFAULT", {
+        "ATEN_CPU_CAPABILITY": "default", "ONEDNN_MAX_CPU_ISA": "SSE41", "MKL_CBWR": "COMPATIBLE",
+        "OPENBLAS_CORETYPE": "Nehalem", "NPY_DISABLE_CPU_FEATURES": "X86 AVX F16C FMA",
+        "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX2_Usable,-FMA_Usable",  # older and newer names
+    }),
+    "two-threads": Leg(None, {"OMP_NUM_THREADS": "2"}),
+}  # fmt: skip
+
+
+def numbers(*shape: int) -> np.ndarray:
+    """Between -1 and 1, from whole numbers by operations that IEEE 754 rounds: the same everywhere."""
+    return 2 * np.random.default_rng(0).random(shape) - 1
+
+
+def numpy_probe() -> dict[str, Any]:
+    x = numbers(10_000)
+    found = {f.__name__: f(x) for f in (np.exp, np.arctan, np.tanh)}
+    return found | {f"{f.__name__} of float32": f(x.astype(np.float32)) for f in (np.exp, np.sin)}
+
+
+def libm_probe() -> dict[str, Any]:
+    return {f.__name__: [f(x) for x in 9 * numbers(10_000)] for f in (math.sin, math.cos, math.exp)}
+
+
+def openblas_probe() -> dict[str, Any]:
+    a, b = numbers(2, 200, 200)
+    return {"product": a @ b, "float32 product": a.astype("f4") @ b.astype("f4"), "solve": np.linalg.solve(a, b)}
+
+
+def torch_probe() -> dict[str, Any]:
+    import torch
+
+    x = torch.from_numpy(numbers(100, 100))
+    found = {f.__name__: f(x) for f in (torch.sigmoid, torch.log1p)}
+    return found | {"log_softmax": x.log_softmax(1), "atan2": torch.atan2(x, x.T)}
+
+
+def onednn_probe() -> dict[str, Any]:
+    import torch
+
+    sizes = (16, 16, 20, 20), (8, 16, 4, 4), (8,)
+    maps, kernels, biases = (torch.from_numpy(numbers(*size)).float() for size in sizes)
+    lstm = torch.nn.LSTM(16, 32)
+    with torch.no_grad():
+        for weights in lstm.parameters():
+            weights.copy_(torch.from_numpy(numbers(*weights.shape)))
+    learnt = lstm(maps[0, :, :16, :16])[0]
+    learnt.sum().backward()
+    first = torch.conv2d(maps[:, :1], kernels[:, :1], biases)
+    return {
+        "convolution": torch.conv2d(maps, kernels, biases), "convolution of one channel": first,
+        "LSTM": learnt.detach(), "LSTM's gradient": lstm.weight_hh_l0.grad,
+    }  # fmt: skip
+
+
+def mkl_probe() -> dict[str, Any]:
+    import torch
+
+    a, b = torch.from_numpy(numbers(2, 200, 200))
+    return {"product": a @ b, "float32 product": a.float() @ b.float(), "qr": torch.linalg.qr(a)[0]}
+
+
+def openmp_probe() -> dict[str, Any]:
+    import torch
+
+    x = torch.from_numpy(numbers(100_003))
+    return {"sum": x.sum(), "float32 sum": x.float().sum(), "sum of squares": x.square().sum()}
+
+
+PROBES: dict[str, Callable[[], dict[str, Any]]] = {
+    "PyTorch": torch_probe, "oneDNN": onednn_probe, "MKL": mkl_probe, "OpenBLAS": openblas_probe, "NumPy": numpy_probe,
+    "libm": libm_probe, "OpenMP": openmp_probe,
+}  # fmt: skip
+
+
+def digests(library: str) -> dict[str, str]:
+    """What a library computes, to the last bit."""
+    return {name: sha256(np.asarray(found).tobytes()).hexdigest() for name, found in PROBES[library]().items()}
+
+
+def processor() -> dict[str, Any]:
+    """Its level, the features that NumPy would use of it, and which of the libraries are in use."""
+    import torch
+
+    config = np.show_config(mode="dicts")
+    there = {
+        "oneDNN": torch.backends.mkldnn.is_available(),
+        "MKL": torch.backends.mkl.is_available(),
+        "OpenBLAS": "openblas" in config["Build Dependencies"]["blas"]["name"],
+        "libm": platform.libc_ver()[0] == "glibc",
+    }
+    return {
+        "level": torch.backends.cpu.get_cpu_capability(),
+        "features": config["SIMD Extensions"].get("found", []),
+        "libraries": [library for library in PROBES if there.get(library, True)],
+    }
+
+
+def environment(settings: dict[str, str]) -> dict[str, str]:
+    """This process's, with these settings in place of what it says of any; threads that wait leave their core."""
+    plain = {name: value for name, value in os.environ.items() if name not in VARIABLES}
+    return plain | {"OMP_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"} | settings
+
+
+def ask(question: str, settings: dict[str, str]) -> Any:
+    """What a process of its own answers under some settings: of 'processor', or of what a library computes."""
+    words = [sys.executable, __file__, "--ask", question]
+    return json.loads(subprocess.check_output(words, env=environment(settings), text=True))
+
+
+@functools.cache
+def as_it_is(library: str) -> dict[str, str]:
+    """What a library computes with all the instructions that there are."""
+    return ask(library, {})
+
+
+class Blunt(Exception):
+    """A setting that should change something and does not."""
+
+
+def seen(leg: Leg, here: dict[str, Any]) -> dict[str, str]:
+    """The settings of a leg that lower something here, each alone seen to change what is computed; prints what.
+
+    Raises:
+        Blunt: one changes nothing.
+    """
+    kept = {}
+    lower = LEVELS[: LEVELS.index(here["level"])] if here["level"] in LEVELS else []
+    for name, value in leg.settings.items():
+        if (library := VARIABLES[name]) == "NumPy":
+            value = ",".join(one for one in here["features"] if one.startswith(tuple(value.split())))
+        if library not in here["libraries"]:
+            print(f"  {name}: left out, {library} is not in use here")
+        elif leg.leaves not in (None, *lower):
+            print(f"  {name}: left out, this processor has nothing above {leg.leaves}")
+        else:
+            before, after = as_it_is(library), ask(library, {name: value})
+            if not (changed := [what for what in before if after[what] != before[what]]):
+                raise Blunt(f"{name}={value} changes none of {library}'s {', '.join(before)}: the leg could not fail")
+            print(f"  {name}={value} changes {library}'s {', '.join(changed)}", flush=True)
+            kept[name] = value
+    return kept
+
+
+def tested(paths: list[str], settings: dict[str, str], jobs: str) -> bool:
+    """Whether the tests of some paths pass under these settings."""
+    own = environment(settings)
+    words = ["-m", "pytest", "-n", jobs, "--dist", "loadfile", "--threads", own["OMP_NUM_THREADS"]]
+    return not subprocess.call([sys.executable, *words, *(f"tests/{path}" for path in paths)], cwd=ROOT, env=own)
+
+
+def main() -> int:
+    """Run the legs that are asked for; 0 when all of those that this processor can show have passed, one at least."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split(":")[0])
+    parser.add_argument("legs", nargs="*", metavar="LEG", help=f"of {', '.join(LEGS)}; all by default")
+    parser.add_argument("--core", action="store_true", help="without tests/experiments, which takes most of the time")
+    parser.add_argument("--jobs", default="2", help="processes side by side")
+    parser.add_argument("--ask", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.ask:
+        print(json.dumps(processor() if options.ask == "processor" else digests(options.ask)))
+        return 0
+    if unknown := set(options.legs) - set(LEGS):
+        parser.error(f"no leg {', '.join(unknown)}; there are {', '.join(LEGS)}")
+    here, ends = ask("processor", {}), {}
+    for leg in options.legs or LEGS:
+        print(f"{leg}, on a processor with {here['level']}:", flush=True)
+        try:
+            if settings := seen(LEGS[leg], here):
+                ends[leg] = tested([*CORE, *([] if options.core else ["experiments"])], settings, options.jobs)
+        except Blunt as error:
+            print(f"  {error}")
+            ends[leg] = False
+    print(f"passed: {', '.join(leg for leg, end in ends.items() if end) or 'none'}; "
+          f"failed: {', '.join(leg for leg, end in ends.items() if not end) or 'none'}")  # fmt: skip
+    return 0 if ends and all(ends.values()) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
