@@ -24,7 +24,6 @@ from sidm.config import ConfigError, conform, unknown_name
 DEFAULT_OUTPUT = Path("_build/runs")  # where a run goes that names no output
 KINDS: dict[str, Any] = {kind.__name__: kind for kind in (bool, int, float, str, list, dict, tuple)}
 KINDS |= {"Optional": Optional, "None": None}
-QUIET = ["--log-level=ERROR"]  # of the kernel, which would warn that it listens on this machine's own ports
 
 
 class NotebookError(RuntimeError):
@@ -211,20 +210,11 @@ def run_notebook(
     ConfigError before anything runs when a parameter cannot be used; NotebookError when a cell fails, and then `output`
     holds all up to that cell.
     """
-    import papermill
+    from sidm.notebook_runs import Run, execute
 
     values = merge_parameters(Path(path), parameters or {}, parameter_files)
-    output = Path(output)
-    output.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        papermill.execute_notebook(
-            str(path), str(output), parameters=values, cwd=str(project_root()), progress_bar=sys.stderr.isatty(),
-            extra_arguments=QUIET,
-        )  # fmt: skip
-    except papermill.PapermillExecutionError as error:
-        reason = f"cell {error.exec_count} failed, {error.ename}: {_first_line(error.evalue)}"
-        raise NotebookError(f"{path}: {reason}; the run up to there is {output}") from None
-    return output
+    execute([Run(Path(path), Path(output), values)], shown=False)
+    return Path(output)
 
 
 def refresh(path: Path) -> Path:
@@ -233,30 +223,10 @@ def refresh(path: Path) -> Path:
     Raises:
         NotebookError: a cell failed; the notebook is as it was.
     """
-    import nbformat
-    from nbclient import NotebookClient
-    from nbclient.exceptions import CellExecutionError
+    from sidm.notebook_runs import Run, execute
 
-    notebook = nbformat.read(path, as_version=4)
-    where = {"metadata": {"path": project_root()}}
-    client = NotebookClient(notebook, timeout=None, record_timing=False, resources=where, extra_arguments=QUIET)
-    try:
-        client.execute()
-    except CellExecutionError as error:
-        reason = f"a cell failed, {error.ename}: {_first_line(error.evalue)}"
-        raise NotebookError(f"{path}: {reason}; the notebook is unchanged") from None
-    for part in (notebook, *notebook.cells):  # what papermill notes of its runs: times and this machine's paths
-        part.metadata.pop("papermill", None)
-    _still(notebook)
-    nbformat.write(notebook, path)
+    execute([Run(Path(path))], shown=False)
     return Path(path)
-
-
-def _still(notebook: Any) -> None:
-    """Leave of live widgets what stands in for them: their state has other names at each run, and no kernel."""
-    notebook.metadata.pop("widgets", None)
-    for output in (output for cell in notebook.cells for output in cell.get("outputs", [])):
-        output.get("data", {}).pop("application/vnd.jupyter.widget-view+json", None)
 
 
 def _first_line(error: object) -> str:
@@ -274,11 +244,12 @@ class Parser(argparse.ArgumentParser):
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `sidm notebook`."""
     add = parser.add_argument
-    add("notebook", help="its name, with or without the number, or its path; 'all' for each in turn")
+    add("notebook", help="its name, with or without the number, or its path; or 'all'")
     add("output", nargs="?", type=Path, help=f"the executed copy, for 'all' a folder; else it goes to {DEFAULT_OUTPUT}")
     many: dict[str, Any] = {"action": "append", "default": []}
     add("-p", "--parameter", nargs=2, metavar=("NAME", "VALUE"), help="one parameter, by hand", **many)
     add("-f", "--file", type=Path, metavar="YAML", help="parameters of a preset, as params/smoke.yaml", **many)
+    add("--jobs", type=int, metavar="N", help="how many of 'all' run side by side; one a core unless given")
     add("--in-place", action="store_true", help="refresh the outputs in the notebook itself, by its defaults")
     add("--list", action="store_true", help="show the parameters and run nothing")
 
@@ -286,33 +257,45 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run_from_arguments(arguments: argparse.Namespace) -> int:
     """Carry out `sidm notebook`: 0, 1 when a notebook failed, 2 for arguments that cannot be used."""
     try:
-        every = arguments.notebook == "all"
-        paths = notebooks() if every else [find_notebook(arguments.notebook)]
-        if arguments.in_place and (arguments.output or arguments.parameter or arguments.file):
-            raise ConfigError("--in-place keeps a notebook's own outputs: give it no output and no parameters")
-        if every and arguments.parameter:
-            raise ConfigError("-p is one notebook's: name the notebook, or put the parameter into a file for -f")
+        paths = notebooks() if arguments.notebook == "all" else [find_notebook(arguments.notebook)]
+        _refuse(arguments)
         if arguments.list:
             for path in paths:
                 _show(path)
             return 0
-        folder = arguments.output if every and arguments.output else DEFAULT_OUTPUT
-        jobs = [(path, _given(path, arguments.parameter)) for path in paths]
-        for path, given in jobs:  # all of them before the first is run
-            merge_parameters(path, given, arguments.file)
+        wanted = [_wanted(path, arguments) for path in paths]  # all of them checked before the first is run
     except ConfigError as error:
         print(f"sidm notebook: {error}", file=sys.stderr)
         return 2
-    failures = 0
-    for path, given in jobs:
-        output = folder / path.name if every or not arguments.output else arguments.output
-        try:
-            made = refresh(path) if arguments.in_place else run_notebook(path, output, given, arguments.file)
-            print(made, flush=True)
-        except NotebookError as error:
-            print(f"sidm notebook: {error}", file=sys.stderr)
-            failures += 1
-    return min(failures, 1)
+    from sidm.notebook_runs import Run, execute
+
+    try:
+        execute([Run(*one) for one in wanted], arguments.jobs)
+    except NotebookError as error:
+        print(f"sidm notebook: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _refuse(arguments: argparse.Namespace) -> None:
+    """ConfigError for arguments that do not go together."""
+    if arguments.in_place and (arguments.output or arguments.parameter or arguments.file):
+        raise ConfigError("--in-place keeps a notebook's own outputs: give it no output and no parameters")
+    if arguments.notebook == "all" and arguments.parameter:
+        raise ConfigError("-p is one notebook's: name the notebook, or put the parameter into a file for -f")
+    if arguments.jobs is not None and arguments.jobs < 1:
+        raise ConfigError(f"--jobs must be at least 1, not {arguments.jobs}")
+
+
+def _wanted(path: Path, arguments: argparse.Namespace) -> tuple[Path, Path | None, dict[str, Any]]:
+    """A notebook, where its executed copy goes (None: into itself), and its checked parameters."""
+    values = merge_parameters(path, _given(path, arguments.parameter), arguments.file)
+    if arguments.in_place:
+        return path, None, values
+    if arguments.notebook == "all" or not arguments.output:
+        folder = arguments.output or DEFAULT_OUTPUT
+        return path, folder / path.name, values
+    return path, arguments.output, values
 
 
 def _given(path: Path, pairs: Iterable[tuple[str, str]]) -> dict[str, Any]:

@@ -168,7 +168,7 @@ def test_a_failing_cell_is_one_line_and_status_1(project, capsys):
 @pytest.mark.parametrize(
     "words",
     [["third"], ["first", "-p", "minuts", "1"], ["first", "-p", "minutes", "long"], ["first", "-f", "none.yaml"],
-     ["all", "-p", "minutes", "1"], ["first", "--in-place", "-p", "minutes", "1"]],
+     ["all", "-p", "minutes", "1"], ["all", "--jobs", "0"], ["first", "--in-place", "-p", "minutes", "1"]],
 )  # fmt: skip
 def test_arguments_that_cannot_be_used_are_status_2_and_nothing_runs(project, capsys, words):
     assert notebook.notebook_command(words) == 2

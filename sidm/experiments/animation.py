@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from PIL import Image
 
 from sidm.experiments.drawing import (
@@ -86,19 +89,31 @@ def _frames(
         axes.set(xlim=(left, right), ylim=(low, high), xlabel="x (m)", ylabel="y (m)")
         lines = [axes.plot([], [], marker="", **look)[0] for look in looks]
         heads = [axes.plot([], [], "o", color=look["color"])[0] for look in looks]
-        if goal is not None:
-            axes.plot(*goal, "x", color="black", markersize=10, label="the goal")
+        marks = [] if goal is None else axes.plot(*goal, "x", color="black", markersize=10, label="the goal")
         legend_below(figure, [axes])
-        canvas = FigureCanvasAgg(figure)
+        moving = [*lines, *heads, *marks, axes.set_title("0.0 s")]  # in the order in which they cover each other
+        canvas, still = _behind(figure, moving)
         for step in range(len(paths[0])):
             for path, line, head in zip(paths, lines, heads, strict=True):
                 line.set_data(*path[: step + 1].T)
                 head.set_data(*path[step : step + 1].T)
             axes.set_title(f"{CONTROL_STEP * step:.1f} s")
-            canvas.draw()
+            canvas.restore_region(still)
+            for one in moving:
+                axes.draw_artist(one)
             frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
         plt.close(figure)
     return frames
+
+
+def _behind(figure: Figure, moving: Iterable[Artist]) -> tuple[FigureCanvasAgg, Any]:
+    """A figure's canvas and what stands on it behind all that moves: drawn once, most of a picture's time is saved."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()  # lays everything out, the title among it
+    for one in moving:
+        one.set_animated(True)
+    canvas.draw()
+    return canvas, canvas.copy_from_bbox(figure.bbox)
 
 
 def _gif(frames: list[Image.Image]) -> bytes:

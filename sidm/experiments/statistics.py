@@ -10,9 +10,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import isotonic_regression
-from scipy.stats import t as student
-from scipy.stats import trim_mean
+from scipy.special import stdtrit
 
 RESAMPLES = 2000
 CONFIDENCE = 0.95
@@ -53,7 +51,9 @@ class Summary(NamedTuple):
 def summarise(losses: np.ndarray) -> Summary:
     """Mean, interquartile mean, minimum and maximum over seeds of losses (S, M)."""
     losses = np.asarray(losses, float)
-    return Summary(losses.mean(0), trim_mean(losses, 0.25, axis=0), losses.min(0), losses.max(0))
+    cut = len(losses) // 4
+    middle = np.partition(losses, (cut, len(losses) - cut - 1), axis=0)[cut : len(losses) - cut]
+    return Summary(losses.mean(0), middle.mean(0), losses.min(0), losses.max(0))
 
 
 def bootstrap(
@@ -111,7 +111,7 @@ def leave_one_out(
         return Interval(value, np.nan, np.nan)
     others = np.array([statistic(np.delete(samples, seed, axis=0)) for seed in range(count)])
     error = np.sqrt((count - 1) * others.var()) if np.isfinite(others).all() else np.nan
-    reach = float(student.ppf(0.5 + confidence / 2, count - 1) * error)
+    reach = float(stdtrit(count - 1, 0.5 + confidence / 2) * error)
     return Interval(value, value - reach, value + reach)
 
 
@@ -139,6 +139,8 @@ def mean_ratio(own: np.ndarray, other: np.ndarray) -> Interval:
 
 def falling(losses: np.ndarray) -> np.ndarray:
     """Isotonic fit of the log of losses (M,), in order of growing data: the nearest curve that never rises."""
+    from scipy.optimize import isotonic_regression
+
     return np.exp(isotonic_regression(np.log(np.asarray(losses, float)), increasing=False).x)
 
 
