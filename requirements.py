@@ -39,8 +39,8 @@ def announcement() -> str:
     """What is coming, and for how long."""
     names = ("requirements.txt", "constraints.txt")
     count = sum("==" in line for name in names for line in (HERE / name).read_text(encoding="utf-8").splitlines())
-    words = f"setting up .venv with Python {platform.python_version()}: {count} packages, 2.3 GB, one to three minutes"
-    return words + ("" if pybullet_is_ready() else "; PyBullet is compiled, for ten minutes more")
+    words = f"setting up .venv with Python {platform.python_version()}: {count} packages, 2.3 GB (6 GB with CUDA), "
+    return words + "one to three minutes" + ("" if pybullet_is_ready() else ", and ten more to compile PyBullet")
 
 
 def main() -> int:

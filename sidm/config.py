@@ -29,7 +29,7 @@ def unknown_name(name: str, known: Iterable[str], where: str) -> ConfigError:
 
 def conform(value: Any, kind: Any, name: str) -> Any:
     """`value` as the type `kind` asks for it (an int serves as float, a list as tuple); ConfigError for others."""
-    if type(value) is kind:  # most are: thousands of values are read back from files
+    if type(value) is kind:
         return value
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if kind is Any:
@@ -77,7 +77,10 @@ def config(cls: type[T]) -> type[T]:
         for name in values:
             if name not in kinds:
                 raise unknown_name(name, kinds, made.__name__)
-        plain(self, **{name: conform(value, kinds[name], f"{made.__name__}.{name}") for name, value in values.items()})
+        for name, value in values.items():
+            if type(value) is not kinds[name]:  # most are: thousands are read back from files
+                values[name] = conform(value, kinds[name], f"{made.__name__}.{name}")
+        plain(self, **values)
 
     made.__init__ = __init__  # type: ignore[method-assign]
     return made
@@ -99,12 +102,11 @@ def _nested(cls: type) -> dict[str, type]:
 
 def refuse_nonsense(settings: Any) -> None:
     """ConfigError naming the first number of a configuration that is not finite or too large to be meant."""
-    for field in dataclasses.fields(settings):
-        value = getattr(settings, field.name)
+    for name, value in vars(settings).items():
         for one in value if isinstance(value, tuple) else (value,):
             if isinstance(one, (int, float)) and not abs(one) <= LARGEST:
-                name = f"{type(settings).__name__}.{field.name}"
-                raise ConfigError(f"{name} must be a number from -{LARGEST:g} to {LARGEST:g}, not {one}")
+                where = f"{type(settings).__name__}.{name}"
+                raise ConfigError(f"{where} must be a number from -{LARGEST:g} to {LARGEST:g}, not {one}")
 
 
 def from_mapping(cls: type[T], values: Mapping[str, Any]) -> T:
