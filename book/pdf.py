@@ -23,6 +23,11 @@ SCALE = 0.72  # of a page that is made for screens
 CONTENTS = Path(__file__).parents[1] / "_toc.yml"
 
 
+def chromium() -> str | None:
+    """Where the browser is; None where there is none."""
+    return next(filter(None, map(shutil.which, BROWSERS)), None)
+
+
 def chapters() -> list[tuple[str, list[str]]]:
     """The book's parts, each with its pages in reading order."""
     toc = yaml.safe_load(CONTENTS.read_text(encoding="utf-8"))
@@ -108,7 +113,7 @@ def make_pdf(browser: Browser, html: Path, parts: list[tuple[str, list[str]]], o
 
 def main(html: Path, output: Path) -> None:
     """Bind the whole book."""
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    found = chromium()
     if found is None:
         raise SystemExit("make pdf needs Chromium: install it, for example Debian's package 'chromium'")
     with sync_playwright() as play:

@@ -3,6 +3,7 @@
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from pages import DESK, contents
+from pdf import chromium
 
 PHONE = {"width": 375, "height": 800}
 EXPLORER = "book/explorer"
@@ -41,6 +42,12 @@ def visit(book, context):
     yield open_page
     page.close()
     assert problems == []
+
+
+def test_a_browser_is_there():
+    """For all tests that need one, which are left out without."""
+    if chromium() is None:
+        pytest.skip("the pages are not tested: no Chromium found; install it (Debian's package 'chromium')")
 
 
 @pytest.mark.parametrize("name", [*contents(), "search", "genindex"])

@@ -28,8 +28,8 @@ def test_the_page_shows_what_commands_print():
 
 @pytest.mark.parametrize(("command", "output"), sessions())
 def test_a_command_prints_what_the_page_says(project, command, output):
-    words = shlex.split(command)
-    assert words[0] == ".venv/bin/python"
-    done = subprocess.run([sys.executable, *words[1:]], cwd=project, capture_output=True, text=True)
+    program, *words = shlex.split(command)
+    assert program == ".venv/bin/sidm"
+    done = subprocess.run([sys.executable, "-m", "sidm", *words], cwd=project, capture_output=True, text=True)
     assert (done.stdout + done.stderr).splitlines() == output.splitlines()
     assert done.returncode == (2 if output.startswith("sidm ") else 0)
