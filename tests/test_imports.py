@@ -17,7 +17,7 @@ ROOT = PACKAGE.parent
 #: Wings by rank: a module imports from wings of a lower rank and from its own, not from others of its rank.
 RANKS = [
     ["config", "storage", "pool", "cluster", "progress"],
-    ["systems"],
+    ["systems", "notebook_runs"],
     ["terrain", "rotations", "trajectory"],
     ["recordings"],
     ["simulation", "learning"],
