@@ -17,11 +17,12 @@ ROOT = PACKAGE.parent
 #: Wings by rank: a module imports from wings of a lower rank and from its own, not from others of its rank.
 RANKS = [
     ["config", "storage", "pool", "cluster", "progress"],
-    ["systems", "notebook_runs"],
+    ["systems"],
     ["terrain", "rotations", "trajectory"],
     ["recordings"],
     ["simulation", "learning"],
     ["experiments"],
+    ["notebook_runs"],
     ["notebook"],
     ["__main__"],
 ]
