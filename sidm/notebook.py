@@ -20,14 +20,11 @@ from typing import Any, NamedTuple, NoReturn, Optional
 import yaml
 
 from sidm.config import ConfigError, conform, unknown_name
+from sidm.notebook_runs import NotebookError, Run, execute
 
 DEFAULT_OUTPUT = Path("_build/runs")  # where a run goes that names no output
 KINDS: dict[str, Any] = {kind.__name__: kind for kind in (bool, int, float, str, list, dict, tuple)}
 KINDS |= {"Optional": Optional, "None": None}
-
-
-class NotebookError(RuntimeError):
-    """A notebook that could not be run to its end; the message is one line naming the cell and its error."""
 
 
 class Parameter(NamedTuple):
@@ -210,10 +207,8 @@ def run_notebook(
     ConfigError before anything runs when a parameter cannot be used; NotebookError when a cell fails, and then `output`
     holds all up to that cell.
     """
-    from sidm.notebook_runs import Run, execute
-
     values = merge_parameters(Path(path), parameters or {}, parameter_files)
-    execute([Run(Path(path), Path(output), values)], shown=False)
+    execute([Run(Path(path), Path(output), values)], project_root(), shown=False)
     return Path(output)
 
 
@@ -223,9 +218,7 @@ def refresh(path: Path) -> Path:
     Raises:
         NotebookError: a cell failed; the notebook is as it was.
     """
-    from sidm.notebook_runs import Run, execute
-
-    execute([Run(Path(path))], shown=False)
+    execute([Run(Path(path))], project_root(), shown=False)
     return Path(path)
 
 
@@ -267,10 +260,8 @@ def run_from_arguments(arguments: argparse.Namespace) -> int:
     except ConfigError as error:
         print(f"sidm notebook: {error}", file=sys.stderr)
         return 2
-    from sidm.notebook_runs import Run, execute
-
     try:
-        execute([Run(*one) for one in wanted], arguments.jobs)
+        execute(wanted, project_root(), arguments.jobs)
     except NotebookError as error:
         print(f"sidm notebook: {error}", file=sys.stderr)
         return 1
@@ -287,15 +278,15 @@ def _refuse(arguments: argparse.Namespace) -> None:
         raise ConfigError(f"--jobs must be at least 1, not {arguments.jobs}")
 
 
-def _wanted(path: Path, arguments: argparse.Namespace) -> tuple[Path, Path | None, dict[str, Any]]:
-    """A notebook, where its executed copy goes (None: into itself), and its checked parameters."""
+def _wanted(path: Path, arguments: argparse.Namespace) -> Run:
+    """How a notebook is to be run, its parameters checked."""
     values = merge_parameters(path, _given(path, arguments.parameter), arguments.file)
     if arguments.in_place:
-        return path, None, values
+        return Run(path, None, values)
     if arguments.notebook == "all" or not arguments.output:
         folder = arguments.output or DEFAULT_OUTPUT
-        return path, folder / path.name, values
-    return path, arguments.output, values
+        return Run(path, folder / path.name, values)
+    return Run(path, arguments.output, values)
 
 
 def _given(path: Path, pairs: Iterable[tuple[str, str]]) -> dict[str, Any]:

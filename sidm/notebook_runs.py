@@ -9,19 +9,17 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import nbformat
-from nbclient import NotebookClient
-from nbclient.exceptions import CellControlSignal, DeadKernelError
-from nbclient.util import ensure_async
-
-from sidm.notebook import NotebookError, project_root
 from sidm.progress import progress_bar
 
 #: About how long the longest notebooks take, s: they begin first, and the time left is told by it.
-SECONDS = {"04-training": 45, "19-own-data": 30, "02-collecting": 15, "01-robots": 12, "05-figure3": 12}
-OTHERS = 6  # s that any other takes
+SECONDS = {"04-training": 50, "19-own-data": 35, "02-collecting": 15, "01-robots": 10, "20-driving": 8, "05-figure3": 6}
+OTHERS = 4  # s that any other takes
 QUIET = ["--log-level=ERROR"]  # of the kernel, which would warn that it listens on this machine's own ports
 LATEST = 60  # s after a cell's end until its outputs must be there
+
+
+class NotebookError(RuntimeError):
+    """A notebook that could not be run to its end; the message is one line naming the cell and its error."""
 
 
 class Run(NamedTuple):
@@ -42,13 +40,14 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def execute(runs: Sequence[Run], jobs: int | None = None, shown: bool = True) -> None:
-    """Execute notebooks side by side in the project's folder.
+def execute(runs: Sequence[Run], root: Path, jobs: int | None = None, shown: bool = True) -> None:
+    """Execute notebooks side by side.
 
     A notebook that was to be refreshed and did not come to its end is as it was; a copy holds all up to where it came.
 
     Args:
         runs: what to execute; the longest begin first.
+        root: the project's folder, in which they work.
         jobs: how many kernels at a time, of one thread each where they are several; all cores when None.
         shown: print each result as it is there; of several, or on a terminal, with a bar that has the time left.
 
@@ -68,7 +67,7 @@ def execute(runs: Sequence[Run], jobs: int | None = None, shown: bool = True) ->
             if shown:
                 bar.write(str(run.output or run.path), file=sys.stdout)
 
-        asyncio.run(_side_by_side(_lanes(runs), places, more, tell))
+        asyncio.run(_side_by_side(_lanes(runs), root, places, more, tell))
 
 
 def _lanes(runs: Sequence[Run]) -> list[list[Run]]:
@@ -79,7 +78,7 @@ def _lanes(runs: Sequence[Run]) -> list[list[Run]]:
 
 
 async def _side_by_side(
-    lanes: Iterable[list[Run]], places: int, more: Callable[[float], None], tell: Callable[[Run], None]
+    lanes: Iterable[list[Run]], root: Path, places: int, more: Callable[[float], None], tell: Callable[[Run], None]
 ) -> None:
     """Execute so many lanes at a time; whatever ends this early ends all of them."""
     free = asyncio.Semaphore(places)
@@ -88,7 +87,7 @@ async def _side_by_side(
     async def follow(lane: list[Run]) -> None:
         async with free:
             for run in lane:
-                await _execute(run, environment, more)
+                await _execute(run, root, environment, more)
                 tell(run)
 
     tasks = [asyncio.create_task(follow(lane)) for lane in lanes]
@@ -101,12 +100,16 @@ async def _side_by_side(
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-async def _execute(run: Run, environment: Mapping[str, str], more: Callable[[float], None]) -> None:
+async def _execute(run: Run, root: Path, environment: Mapping[str, str], more: Callable[[float], None]) -> None:
     """Execute one notebook; its kernel has ended when this does, in whatever way."""
+    from nbclient import NotebookClient
+    from nbclient.exceptions import CellControlSignal
+    from nbclient.util import ensure_async
+
     notebook, ended = _load(run), False
     client = NotebookClient(
         notebook, timeout=None, iopub_timeout=LATEST, raise_on_iopub_timeout=True, record_timing=False,
-        resources={"metadata": {"path": str(project_root())}}, extra_arguments=list(QUIET),
+        resources={"metadata": {"path": str(root)}}, extra_arguments=list(QUIET),
     )  # fmt: skip
     client.reset_execution_trackers()
     kernel = client.create_kernel_manager()
@@ -130,6 +133,8 @@ async def _execute(run: Run, environment: Mapping[str, str], more: Callable[[flo
 
 def _load(run: Run) -> Any:
     """The notebook with its parameters in place."""
+    import nbformat
+
     if not run.values:
         return nbformat.read(run.path, as_version=4)
     from papermill.iorw import load_notebook_node
@@ -140,6 +145,8 @@ def _load(run: Run) -> Any:
 
 def _reason(error: Exception, cell: int) -> str:
     """Which cell, by the number that stands beside it, and what it said; in one line."""
+    from nbclient.exceptions import DeadKernelError
+
     if isinstance(error, DeadKernelError):
         return f"cell {cell} failed, its kernel died (out of memory?)"
     name, text = getattr(error, "ename", type(error).__name__), str(getattr(error, "evalue", error))
@@ -157,6 +164,8 @@ def _kept(run: Run, notebook: Any) -> str:
 
 def _write(run: Run, notebook: Any) -> None:
     """Write the copy, or refresh the notebook."""
+    import nbformat
+
     if run.output is None:
         _still(notebook)
     target = run.output or run.path

@@ -22,6 +22,7 @@ RANKS = [
     ["recordings"],
     ["simulation", "learning"],
     ["experiments"],
+    ["notebook_runs"],
     ["notebook"],
     ["__main__"],
 ]
