@@ -34,6 +34,7 @@ def build_parser() -> argparse.ArgumentParser:
     collect = command("collect", run_collect, "Simulate the data that a preset lacks; what is on disk is kept.")
     _add_preset(collect)
     _add_system(collect)
+    collect.add_argument("--figure", help="what this one needs alone; names as of run")
     collect.add_argument(
         "--verify", action="store_true",
         help="hold the data against those of the results: what differs by rounding alone stands for them",
@@ -94,7 +95,7 @@ def build_parser() -> argparse.ArgumentParser:
 def _add_preset(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--preset", default="laptop", metavar="NAME",
-        help="smoke, laptop, released or paper (%(default)s)",
+        help="smoke, laptop, study, released or paper (%(default)s)",
     )  # fmt: skip
     parser.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", dest="changes",
@@ -132,7 +133,7 @@ def _add_system(parser: argparse.ArgumentParser) -> None:
 
 def _add_grid(parser: argparse.ArgumentParser) -> None:
     _add_system(parser)
-    figures = "3, yardsticks, 4, tuning, choices, released, baselines, variants, "
+    figures = "duration, 3, yardsticks, 4, tuning, choices, released, baselines, variants, "
     figures += "p-expert, iterations, pixels, patience, ample or all"
     parser.add_argument("--figure", default="3", help=f"{figures} (%(default)s)")
     parser.add_argument("--minutes", type=float, nargs="+", help="only these novice dataset sizes, minutes of motion")
@@ -207,20 +208,27 @@ def _trials(arguments: argparse.Namespace, preset: Any) -> list:
 
 def run_collect(arguments: argparse.Namespace) -> int:
     """`collect`: prints each dataset and its digest; with --verify 1 when one is not that of the results."""
-    from sidm.experiments import collect_datasets
+    from sidm.experiments import collect_datasets, grid
     from sidm.experiments.datasets import differing, verify_datasets
 
-    systems = [arguments.system] if arguments.system else list(SYSTEMS)
     preset = _preset(arguments)
+    if arguments.figure:
+        trials = grid(preset, arguments.figure, arguments.system, data=arguments.data, results=arguments.results)
+        needed = list(dict.fromkeys(dataset for trial in trials for dataset in trial.datasets.values()))
+    else:
+        systems = [arguments.system] if arguments.system else list(SYSTEMS)
+        needed = [dataset for system in systems for dataset in preset.every_dataset(system)]
     with _executor(arguments) as executor:
-        found = collect_datasets(preset, systems, arguments.data, arguments.workers, executor)
+        found = collect_datasets(
+            preset, data=arguments.data, workers=arguments.workers, executor=executor, needed=needed
+        )
     for name, digest in found.items():
         print(f"{name}: {digest}")
     if not arguments.verify:
         for name in differing(preset, arguments.data, arguments.results):
             print(f"note: {name} has other bits than the results' data; collect --verify: is it rounding alone?")
         return 0
-    verified = verify_datasets(preset, systems, arguments.data, arguments.results)
+    verified = verify_datasets(needed, arguments.data, arguments.results)
     for name, differences in verified.items():
         print(f"{name}: {'; '.join(differences) or 'stands for the data of the results'}")
     return int(any(verified.values()))

@@ -122,7 +122,7 @@ def test_show_counts(tmp_path, capsys):
     for words, count in (
         (["--preset", "laptop"], 108),
         (["--preset", "paper"], 480),
-        (["--preset", "laptop", "--figure", "4"], 40),
+        (["--preset", "laptop", "--figure", "4"], 60),
         (["--preset", "laptop", "--system", "system2", "--minutes", "5", "20", "--seeds", "0"], 6),
         (["--preset", "laptop", "--set", "seeds=1"], 36),
         (["--preset", "laptop", "--figure", "all"], len(grid("laptop", "all"))),

@@ -97,7 +97,7 @@ def test_ctrl_c_leaves_no_kernel(project):
     add(project, "2", ENDLESS)
     program = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
     program += "from sidm.__main__ import main; sys.exit(main(['notebook', 'all', '--jobs', '2']))"
-    with subprocess.Popen([sys.executable, "-c", program], stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen([sys.executable, "-P", "-c", program], stderr=subprocess.PIPE, text=True) as process:
         while len(kernels(project)) < 2:
             assert process.poll() is None
         process.send_signal(signal.SIGINT)

@@ -105,7 +105,7 @@ def others(made: Uses, data: str | Path = "data") -> tuple[str, ...]:
 
 def differing(preset: Preset, data: str | Path = "data", results: str | Path = "results") -> list[str]:
     """Names of a preset's datasets whose data on this disk do not stand for those that the results were made from."""
-    needed = [dataset for system in SYSTEMS for dataset in preset.datasets(system).values()]
+    needed = [dataset for system in SYSTEMS for dataset in preset.every_dataset(system)]
     known = {one: _record(_committed(one, results))["digest"] for one in needed}
     return [one.name for one, noted in known.items() if noted not in (UNKNOWN, find_digest(one, data, results))]
 
@@ -157,14 +157,13 @@ def load_dataset(dataset: Dataset, wanted: str, data: str | Path = "data") -> li
 
 
 def verify_datasets(
-    preset: Preset, systems: Iterable[str] = tuple(SYSTEMS), data: str | Path = "data", results: str | Path = "results"
+    needed: Iterable[Dataset], data: str | Path = "data", results: str | Path = "results"
 ) -> dict[str, list[str]]:
-    """`verify` of all of a preset's datasets, by their names.
+    """`verify` of some datasets, by their names.
 
     Raises:
         ShardError: a shard is missing or damaged.
     """
-    needed = [dataset for system in systems for dataset in preset.datasets(system).values()]
     return {dataset.name: verify(dataset, data, results) for dataset in needed}
 
 
@@ -175,6 +174,7 @@ def collect_datasets(
     workers: int | None = None,
     executor: Executor | None = None,
     progress: bool = True,
+    needed: Iterable[Dataset] = (),
 ) -> dict[str, str]:
     """Simulate whatever a preset's datasets still miss and note their digests.
 
@@ -185,6 +185,7 @@ def collect_datasets(
         workers: processes; all cores when None.
         executor: a `concurrent.futures.Executor` instead of local processes.
         progress: whether to show bars.
+        needed: these instead of all that the preset's trials of the systems need.
 
     Returns:
         Dataset name -> digest.
@@ -192,7 +193,7 @@ def collect_datasets(
     Raises:
         ImportError: PyBullet is not installed; one line.
     """
-    needed = [dataset for system in systems for dataset in preset.datasets(system).values()]
+    needed = list(needed) or [dataset for system in systems for dataset in preset.every_dataset(system)]
     pool = contextlib.nullcontext(executor) if executor else local_pool(workers or os.cpu_count() or 1)
     with pool as where:
         return {dataset.name: collect_dataset(dataset, data, where, progress) for dataset in needed}

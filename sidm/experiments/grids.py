@@ -14,6 +14,7 @@ from sidm.systems import SYSTEMS, find_system
 
 #: Figure -> what makes its trials of one system, and the systems that it has.
 FIGURES: dict[str, tuple[Callable[[Study, str], list[Trial]], tuple[str, ...]]] = {
+    "duration": (Study.duration, tuple(SYSTEMS)),
     "3": (Study.figure3, tuple(SYSTEMS)),
     "yardsticks": (Study.yardsticks, tuple(SYSTEMS)),
     "4": (Study.figure4, ("system1",)),
@@ -29,6 +30,14 @@ FIGURES: dict[str, tuple[Callable[[Study, str], list[Trial]], tuple[str, ...]]] 
     "ample": (ablations.ample_trials, tuple(SYSTEMS)),
 }
 
+#: Grids of presets that name them.
+NAMED = ("duration",)
+
+
+def figures_of(preset: Preset) -> tuple[str, ...]:
+    """Names of a preset's grids."""
+    return preset.figures or tuple(name for name in FIGURES if name not in NAMED)
+
 
 def grid(
     preset: Preset | str,
@@ -43,7 +52,7 @@ def grid(
 
     Args:
         preset: a Preset or the name of one.
-        figure: one of FIGURES, or 'all' of them.
+        figure: one of FIGURES, or 'all' that the preset has.
         system: only this system's.
         minutes: only these novice dataset sizes.
         seeds: only these seeds.
@@ -59,9 +68,10 @@ def grid(
         find_system(system)
     study = Study(preset, data, results)
     found: dict[str, Trial] = {}
-    for name, (maker, systems) in FIGURES.items():
+    for name in figures_of(study.preset) if figure == "all" else (figure,):
+        maker, systems = FIGURES[name]
         for one in systems:
-            if figure in (name, "all") and system in (None, one):
+            if system in (None, one):
                 found |= {trial.key: trial for trial in maker(study, one)}
     trials = list(found.values())
     if not trials:

@@ -30,6 +30,7 @@ from sidm.trajectory import Trajectory
 
 ROLLOUT_STEPS = 25  # control steps of Figure 4's rollouts, 2.5 s
 CURVE_POINTS = 40  # at most, of the learning curve's summary
+ROLLOUTS_KEPT = 3  # whole, for pictures
 THREADS = 1  # a trial; results are compared bit for bit only at the same number
 
 Progress = Callable[[Tested], None]  # called after each test
@@ -141,6 +142,11 @@ def evaluate(
         iterations=trained.iterations,
         samples=trained.samples,
         pretraining_samples=start.samples if start else 0,
+        component_samples=tuple(one.samples for one in trained.components),
+        component_test=tuple(one.test for one in trained.components),
+        component_validation=tuple(one.validation for one in trained.components),
+        rollouts_predicted=_nested(predicted[:ROLLOUTS_KEPT]),
+        rollouts_actual=_nested(actual[:ROLLOUTS_KEPT]),
     )
 
 
@@ -193,6 +199,11 @@ def summary_curve(trained: Trained) -> tuple[tuple[int, ...], tuple[float, ...],
 
 def _floats(values: torch.Tensor) -> tuple[float, ...]:
     return tuple(values.double().tolist())
+
+
+def _nested(states: torch.Tensor) -> tuple[tuple[tuple[float, ...], ...], ...]:
+    """(R, K + 1, 13) states."""
+    return tuple(tuple(map(tuple, path)) for path in states.double().tolist())
 
 
 def _path(states: torch.Tensor) -> tuple[tuple[float, float], ...]:

@@ -18,7 +18,7 @@ POLICIES = ("ornstein_uhlenbeck", "sinusoid", "bounded_noise", "held")
 
 MOST_SEEDS = 1000  # trials a point
 
-PresetName = Literal["smoke", "laptop", "released", "paper"]
+PresetName = Literal["smoke", "laptop", "study", "released", "paper"]
 
 
 @config
@@ -34,13 +34,18 @@ class Preset:
     validation_minutes: float
     rollouts: int  # trajectories of the 25-step test
     seeds: int  # trials a point
+    more_seeds: tuple[tuple[float, int], ...] = ()  # minutes of a size that has more of them, and how many
     figure4_minutes: tuple[float, ...] = (5.0, 120.0)
     figure4_seeds: int = 10  # trials a point of Figure 4
     baseline_minutes: tuple[float, ...] = (5.0, 20.0)  # a small and a middle size: of the baselines and the diagnostics
     variant_minutes: tuple[float, ...] = (1.0, 2.0, 5.0, 10.0)
     ablation_minutes: tuple[float, ...] = (5.0, 20.0)  # a small and a middle size
     ablation_seeds: int = 10  # trials a point of the ablations
-    tuning_minutes: float = 20.0  # a middle size, at which the methods are tuned
+    tuning_minutes: tuple[float, ...] = (20.0,)  # the sizes at which the methods are tuned
+    tuning_pool_minutes: float = 0.0  # of a pool that only settings are chosen by; 0: it is the figures'
+    tuning_validation_minutes: float = 20.0  # beside such a pool
+    motion: Literal["figures", "tuning"] = "figures"  # what the novice's motion serves
+    figures: tuple[str, ...] = ()  # names of its grids; none: those that every preset has
     p_expert_system1: float = 0.75  # section 4: the systems are similar
     p_expert_system2: float = 0.5  # section 4: they differ greatly
     policy: str = "ornstein_uhlenbeck"  # that explores, in all but the 25-step test
@@ -59,7 +64,7 @@ class Preset:
             if not 0 < getattr(self, name) < float("inf"):
                 raise ConfigError(f"{name} must be positive and finite, not {getattr(self, name)}")
         for name in ("novice_minutes_system1", "novice_minutes_system2", "figure4_minutes", "baseline_minutes",
-                     "variant_minutes", "ablation_minutes"):  # fmt: skip
+                     "variant_minutes", "ablation_minutes", "tuning_minutes"):  # fmt: skip
             if not all(minutes > 0 for minutes in getattr(self, name)):
                 raise ConfigError(f"{name} must be positive, not {getattr(self, name)}")
         for name in ("p_expert_system1", "p_expert_system2"):
@@ -106,7 +111,27 @@ class Preset:
             self.expert_minutes,
             self.validation_minutes,
             self.rollouts,
+            self.motion,
         )
+
+    def for_tuning(self) -> Preset:
+        """The same with the motion that settings are chosen by."""
+        if not self.tuning_pool_minutes:
+            return self
+        pools = dict.fromkeys(("pool_minutes_system1", "pool_minutes_system2"), self.tuning_pool_minutes)
+        largest = {name: () for name in ("novice_minutes_system1", "novice_minutes_system2")}
+        return self.replace(
+            motion="tuning", tuning_pool_minutes=0.0, validation_minutes=self.tuning_validation_minutes,
+            **pools, **largest,
+        )  # fmt: skip
+
+    def every_dataset(self, system: str) -> list[Dataset]:
+        """Those of all trials of a system, each once."""
+        return list(dict.fromkeys([*self.datasets(system).values(), *self.for_tuning().datasets(system).values()]))
+
+    def seeds_at(self, minutes: float) -> int:
+        """Trials of a size."""
+        return dict(self.more_seeds).get(minutes, self.seeds)
 
     def replace(self, **changes: Any) -> Preset:
         """This preset with some values changed: its own, its network's or its training's, all by their plain names.
@@ -146,6 +171,14 @@ _PAPER_SIZES: dict[str, Any] = dict(
     seeds=10,
 )
 
+_LAPTOP_TUNED = (  # the best of `tuning.TRIES`
+    ("novice_only", "weight_decay", 0.1),
+    ("sidm", "matching_iterations", 5),
+    ("pretrain_finetune", "learning_rate", 1e-4),
+    ("copies", "learning_rate", 1e-4),  # as that of fine-tuning, which it goes on like
+    ("copies", "matching_iterations", 5),  # as SIDM's
+)
+
 #: The presets by name.
 PRESETS: dict[str, Preset] = {
     preset.name: preset
@@ -162,7 +195,7 @@ PRESETS: dict[str, Preset] = {
             seeds=1,
             figure4_minutes=(0.5, 2),
             figure4_seeds=1,
-            tuning_minutes=0.5,
+            tuning_minutes=(0.5,),
             baseline_minutes=(0.5,),
             variant_minutes=(0.5,),
             ablation_minutes=(0.5,),
@@ -190,13 +223,18 @@ PRESETS: dict[str, Preset] = {
             ablation_seeds=3,
             network=Network(pixels=32, layers=3, hidden=256),
             training=Training(max_samples=1_000_000, patience=150_000),
-            tuned=(  # the best of `tuning.TRIES`
-                ("novice_only", "weight_decay", 0.1),
-                ("sidm", "matching_iterations", 5),
-                ("pretrain_finetune", "learning_rate", 1e-4),
-                ("copies", "learning_rate", 1e-4),  # as that of fine-tuning, which it goes on like
-                ("copies", "matching_iterations", 5),  # as SIDM's
-            ),
+            tuned=_LAPTOP_TUNED,
+        ),
+        Preset(
+            name="study",
+            **_PAPER_SIZES | dict(seeds=5),
+            more_seeds=((1, 10), (5, 10)),
+            figures=("duration", "tuning", "3", "yardsticks", "4"),
+            tuning_minutes=(5, 60),
+            tuning_pool_minutes=60,
+            network=Network(pixels=32, layers=3, hidden=256),
+            training=Training(max_samples=1_000_000, patience=150_000),
+            tuned=_LAPTOP_TUNED,
         ),
         Preset(
             name="released",

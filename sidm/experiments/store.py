@@ -41,6 +41,13 @@ class Outcome:
     iterations: int  # of prediction, in all
     samples: int  # seen by prediction training, in all; without those of pretraining
     pretraining_samples: int = 0  # of the expert's, seen by the pretraining that the trial started from
+    # The loss by component at D points along the training, ever farther apart, on the first trajectories of each set;
+    # of older trials, of those of a bundle and of closed forms there are none.
+    component_samples: tuple[int, ...] = ()  # (D,) samples seen
+    component_test: tuple[tuple[float, ...], ...] = ()  # (D, 13) summands of equation (1)
+    component_validation: tuple[tuple[float, ...], ...] = ()  # (D, 13)
+    rollouts_predicted: tuple[tuple[tuple[float, ...], ...], ...] = ()  # (3, K + 1, 13) states of the first rollouts
+    rollouts_actual: tuple[tuple[tuple[float, ...], ...], ...] = ()  # (3, K + 1, 13) where the robot really went
 
 
 @config

@@ -10,6 +10,7 @@ from typing import Any
 from sidm.config import unknown_name
 from sidm.experiments.datasets import find_digest
 from sidm.experiments.methods import (
+    ALL_RELEASED,
     BASELINES,
     CHOICES,
     COMPARED,
@@ -18,12 +19,23 @@ from sidm.experiments.methods import (
     MIRRORED,
     RELEASED,
     VARIANTS,
+    change,
 )
 from sidm.experiments.presets import Preset, load_preset
 from sidm.experiments.trials import Trial
 from sidm.experiments.tuning import TRIES, TUNING_SEED, tried
 from sidm.learning.settings import Training
 from sidm.systems import find_system
+
+#: How long is enough: trained until so many samples bring no lower test loss.
+LONG: dict[str, Any] = {"patience": 2_500_000, "max_samples": 6_000_000}
+DURATION_MINUTES, DURATION_SEEDS = (5.0,), 3
+MANY_EXPERTS = 0.9  # p_e
+
+#: Batches and rate of the authors' code, with a test as often in samples as ours.
+RELEASED_PACE = dict(
+    batch=2, discriminator_batch=2, matching_batch=2, learning_rate=1e-4, test_interval=100
+)  # fmt: skip
 
 
 class Study:
@@ -81,6 +93,7 @@ class Study:
             pretraining=one.pretraining(preset),
             residual=one.residual,
             fit=one.fit,
+            motion=preset.motion,
             **self.digests(system),
         )
 
@@ -92,11 +105,12 @@ class Study:
         training: Training | None = None,
         seeds: int | None = None,
     ) -> list[Trial]:
-        """Trials of every size, seed (the preset's number unless given) and method, those of a seed side by side."""
+        """Trials of every size, seed (the preset's numbers unless given) and method, those of a seed side by side."""
         trials = []
         for minutes in sizes:
             firsts = [self.trial(system, method, minutes, 0, training) for method in methods]
-            trials += [first.replace(seed=seed) for seed in range(seeds or self.preset.seeds) for first in firsts]
+            count = seeds or self.preset.seeds_at(minutes)
+            trials += [first.replace(seed=seed) for seed in range(count) for first in firsts]
         return trials
 
     def figure3(self, system: str) -> list[Trial]:
@@ -111,16 +125,34 @@ class Study:
         ]
 
     def figure4(self, system: str = "system1") -> list[Trial]:
-        """Figure 4: the paper's methods with little and with much novice data; the paper's is of system 1."""
-        return self.points(system, COMPARED, self.preset.figure4_minutes, seeds=self.preset.figure4_seeds)
+        """Figure 4: Figure 3's methods with little and with much novice data; the paper's is of system 1."""
+        return self.points(system, FIGURE3, self.preset.figure4_minutes, seeds=self.preset.figure4_seeds)
 
     def tuning(self, system: str) -> list[Trial]:
-        """Every try of every method at one middle size, with a seed that no figure has."""
+        """Every try of every method at each of the tuning's sizes, with a seed that no figure has."""
+        base = self.preset.for_tuning()
+        every = [(method, words) for method, tries in TRIES.items() for words in tries]
+        return [
+            self.of(tried(base, method, words)).trial(system, method, minutes, TUNING_SEED)
+            for minutes in base.tuning_minutes
+            for method, words in every
+        ]
+
+    def duration(self, system: str) -> list[Trial]:
+        """How long to train: far past the preset's patience, on a small dataset that settings are chosen by.
+
+        With SIDM also at a p_e of MANY_EXPERTS; and, of system 1, the paper's methods as the authors train them.
+        """
+        study = self.of(self.preset.for_tuning().replace(**LONG))
+        more = change(METHODS["sidm"].training(study.preset, system), p_expert=MANY_EXPERTS)
         trials = []
-        for method, tries in TRIES.items():
-            for words in tries:
-                study = self.of(tried(self.preset, method, words))
-                trials.append(study.trial(system, method, self.preset.tuning_minutes, TUNING_SEED))
+        for seed in range(DURATION_SEEDS):
+            firsts = study.points(system, COMPARED, DURATION_MINUTES, seeds=1)
+            firsts += study.points(system, ["sidm"], DURATION_MINUTES, more, seeds=1)
+            trials += [first.replace(seed=seed) for first in firsts]
+        if system == "system1":
+            changes = RELEASED[ALL_RELEASED][0] | RELEASED_PACE
+            trials += study.changed(tuned=(), **changes).points(system, COMPARED, DURATION_MINUTES, seeds=1)
         return trials
 
     def baselines(self, system: str) -> list[Trial]:

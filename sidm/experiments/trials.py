@@ -20,6 +20,10 @@ UNKNOWN = "unknown"
 #: Seeds of the collections; each dataset's trajectories are disjoint from the others'.
 POOL_SEED, VALIDATION_SEED, EXPERT_SEED, ROLLOUT_SEED = 0, 1, 2, 3
 
+#: Novice motion by what it serves -> what is added to the seeds of pool, validation and rollouts. What settings are
+#: chosen by is never what a figure is drawn from. The expert's motion serves all.
+MOTION = {"figures": 0, "tuning": 10}
+
 
 @config
 class Dataset:
@@ -36,11 +40,13 @@ class Dataset:
 
 
 def datasets(
-    system: str, policy: str, pool_minutes: float, expert_minutes: float, validation_minutes: float, rollouts: int
-) -> dict[str, Dataset]:
+    system: str, policy: str, pool_minutes: float, expert_minutes: float, validation_minutes: float, rollouts: int,
+    motion: str = "figures",
+) -> dict[str, Dataset]:  # fmt: skip
     """The four datasets of a study of one system: 'novice' (the pool), 'expert', 'validation' and 'rollout'."""
 
     def dataset(role: str, seed: int, count: int, policy: str = policy) -> Dataset:
+        seed += MOTION[motion] if role == "novice" else 0
         return Dataset(collection=Collection(system=system, role=role, policy=policy, seed=seed), count=count)
 
     return {
@@ -49,6 +55,10 @@ def datasets(
         "validation": dataset("novice", VALIDATION_SEED, trajectories_for(validation_minutes)),
         "rollout": dataset("novice", ROLLOUT_SEED, rollouts, policy="held"),
     }
+
+
+#: Values that a Trial did not have from the first, and what they are where it does not say.
+LATER = (("fit", "gradients"), ("motion", "figures"))
 
 
 @config
@@ -73,6 +83,7 @@ class Trial:
     pretraining: Training | None = None  # on the expert alone, whose weights the novice starts from; none: fresh ones
     residual: bool = False  # the pretrained model stays as it is; what is learnt, from fresh weights, corrects it
     fit: Literal["gradients", "least_squares"] = "gradients"  # the training loop, or weights in closed form
+    motion: Literal["figures", "tuning"] = "figures"  # what the novice's motion serves, of MOTION
 
     def __post_init__(self) -> None:
         """Refuse a trial that cannot be run."""
@@ -96,8 +107,9 @@ class Trial:
     def datasets(self) -> dict[str, Dataset]:
         """What it learns from and is judged on, 'novice' (the pool), 'expert', 'validation', 'rollout'."""
         return datasets(
-            self.system, self.policy, self.pool_minutes, self.expert_minutes, self.validation_minutes, self.rollouts
-        )
+            self.system, self.policy, self.pool_minutes, self.expert_minutes, self.validation_minutes, self.rollouts,
+            self.motion,
+        )  # fmt: skip
 
     @property
     def digests(self) -> dict[str, str]:
@@ -125,9 +137,8 @@ class Trial:
         return Trial(**(own | changes))
 
     def to_json(self) -> dict[str, Any]:
-        """All its values as plain nested mappings, without a `fit` by gradients, so that older keys still hold."""
-        values = to_mapping(self)
-        return values if self.solved else {name: value for name, value in values.items() if name != "fit"}
+        """All its values as plain nested mappings, without those of LATER by default, so that older keys still hold."""
+        return {name: value for name, value in to_mapping(self).items() if (name, value) not in LATER}
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Trial:

@@ -28,13 +28,17 @@ class Try(NamedTuple):
 
 def tries_table(study: Study, systems: Iterable[str], store: Results) -> list[Try]:
     """The stored tries of some systems."""
-    words, systems, preset = [one for tries in TRIES.values() for one in tries], list(systems), study.preset
+    systems, base = list(systems), study.of(study.preset.for_tuning())
+    words = [one for tries in TRIES.values() for one in tries] * len(base.preset.tuning_minutes)
     every = [pair for system in systems for pair in zip(study.tuning(system), words, strict=True)]
     found = [(row, one) for trial, one in every if (row := store.get(trial)) is not None]
-    used = {study.trial(s, method, preset.tuning_minutes, TUNING_SEED).key for s in systems for method in TRIES}
-    best: dict[tuple[str, str], Row] = {}
+    used = {
+        base.trial(system, method, minutes, TUNING_SEED).key
+        for system in systems for method in TRIES for minutes in base.preset.tuning_minutes
+    }  # fmt: skip
+    best: dict[tuple[str, str, float], Row] = {}
     for row, _ in found:
-        key = row.trial.system, row.trial.method
+        key = row.trial.system, row.trial.method, row.trial.novice_minutes
         if key not in best or row.outcome.best_test_loss < best[key].outcome.best_test_loss:
             best[key] = row
     return [
@@ -45,7 +49,7 @@ def tries_table(study: Study, systems: Iterable[str], store: Results) -> list[Tr
             row.outcome.best_test_loss,
             row.outcome.validation_loss,
             row.outcome.samples + row.outcome.pretraining_samples,
-            row is best[row.trial.system, row.trial.method],
+            row is best[row.trial.system, row.trial.method, row.trial.novice_minutes],
             row.trial.key in used,
         )
         for row, one in found

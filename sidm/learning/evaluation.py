@@ -26,7 +26,7 @@ def mean_loss(model: Predictor, motion: Motion | Part, role: str = "novice") -> 
     return total / motion.targets[..., 0].numel()
 
 
-def validation_loss(model: Predictor, motion: Motion, role: str = "novice") -> Tensor:
+def validation_loss(model: Predictor, motion: Motion | Part, role: str = "novice") -> Tensor:
     """Mean over all steps of `motion` of each term of equation (1): (13,) float64, raw units; their sum is the loss."""
     total = torch.zeros(TARGET_SIZE, dtype=torch.float64)
     with torch.inference_mode():

@@ -13,13 +13,13 @@ from torch import Tensor
 from sidm.config import ConfigError
 from sidm.learning import checkpoint
 from sidm.learning.dataset import Datasets, Motion, Part, Standardisation
-from sidm.learning.evaluation import mean_loss
+from sidm.learning.evaluation import mean_loss, validation_loss
 from sidm.learning.mirror import mirrored
 from sidm.learning.model import DynamicsModel
 from sidm.learning.networks import Discriminator, seeded
 from sidm.learning.seeds import generator
 from sidm.learning.settings import Network, Training
-from sidm.learning.stopping import Stopper, Tested, TrainingError
+from sidm.learning.stopping import SPACING, Components, Stopper, Tested, TrainingError
 from sidm.learning.weights import Follower, make_optimiser
 from sidm.systems import ROLES
 
@@ -58,6 +58,7 @@ class Learner:
         self.start = start and checkpoint.digest(start.values())
         self.device = torch.device(device)
         self.test = datasets.test.first(training.test_trajectories)
+        self.validation = datasets.validation.first(training.test_trajectories)
         roles = ROLES if training.needs_expert else ("novice",)
         self.model = DynamicsModel(network, standardisation, seed, roles).to(self.device)
         if start is not None:
@@ -73,6 +74,7 @@ class Learner:
         self.stopper = Stopper(training.stopping, training.smoothing, training.patience, training.max_samples)
         self.best = self.weights()
         self.history: list[Tested] = []
+        self.components: list[Components] = []
         self.iteration = self.samples = 0  # of the prediction phases
         self.accuracy: float | None = None  # of the discriminator
         self.losses = dict.fromkeys(ROLES, (0.0, 0))  # since the last test: sum of losses and their number, by system
@@ -172,7 +174,14 @@ class Learner:
         with self.follower.averaged():
             if self.judge(mean_loss(self.model, self.test)):
                 self.best = self.weights()
+            if not self.components or self.samples >= SPACING * self.components[-1].samples:
+                self.components.append(self.measure())
         return self.history[-1]
+
+    def measure(self) -> Components:
+        """The loss by component of the weights as they are now."""
+        test, validation = (validation_loss(self.model, motion).tolist() for motion in (self.test, self.validation))
+        return Components(self.samples, tuple(test), tuple(validation))
 
     def judge(self, test_loss: float) -> bool:
         """Add a test to the learning curve; whether its smoothed loss is the lowest so far.
@@ -209,6 +218,7 @@ class Learner:
             "run": self._identity(),
             "stopper": dataclasses.asdict(self.stopper),
             "history": [list(tested) for tested in self.history],
+            "components": self.components,
             "iteration": self.iteration,
             "samples": self.samples,
             "accuracy": self.accuracy,
@@ -242,6 +252,7 @@ class Learner:
             self.generators[purpose].set_state(state)
         self.stopper = Stopper(**values["stopper"])
         self.history = [Tested(*tested) for tested in values["history"]]
+        self.components = [Components(samples, tuple(t), tuple(v)) for samples, t, v in values.get("components", ())]
         self.iteration, self.samples, self.accuracy = values["iteration"], values["samples"], values["accuracy"]
         self.losses = {role: (total, count) for role, (total, count) in values["losses"].items()}
         return True

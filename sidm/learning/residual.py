@@ -27,8 +27,9 @@ class Corrected(Predictor):
 
 
 def left_over(datasets: Datasets, base: DynamicsModel) -> Datasets:
-    """The novice's data to learn from, with what `base` leaves unexplained of each transition for a target."""
-    return datasets._replace(train=_unexplained(datasets.train, base), test=_unexplained(datasets.test, base))
+    """The novice's data, with what `base` leaves unexplained of each transition for a target."""
+    sets = {name: _unexplained(getattr(datasets, name), base) for name in ("train", "test", "validation")}
+    return datasets._replace(**sets)
 
 
 def _unexplained(motion: Motion | Part, base: DynamicsModel) -> Motion:

@@ -33,6 +33,18 @@ class Tested(NamedTuple):
     discriminator_accuracy: float | None  # share of latents told apart in the last discriminator phase; None without
 
 
+#: Samples between two measurements by component: each has seen at least so many times those of the one before.
+SPACING = 1.12  # of a training of 6 million samples about 40 are kept
+
+
+class Components(NamedTuple):
+    """The loss by component at a point of the learning curve, on the first trajectories of each set."""
+
+    samples: int  # control steps of the prediction phases so far
+    test: tuple[float, ...]  # (13,) summands of equation (1), on the novice's test split
+    validation: tuple[float, ...]  # (13,) the same on the validation set, which nothing goes by
+
+
 @dataclass
 class Stopper:
     """Follows the test loss and says when training has to end.

@@ -5,7 +5,7 @@ The comparison without SIDM is the same loop with p_expert = 0 and regularise = 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,7 +20,7 @@ from sidm.learning.observation import TARGET_SIZE
 from sidm.learning.precision import products
 from sidm.learning.regularisation import regularise_phase, reversed_loss
 from sidm.learning.settings import Network, Training
-from sidm.learning.stopping import Tested, TrainingError
+from sidm.learning.stopping import Components, Tested, TrainingError
 
 __all__ = ["Tested", "Trained", "Training", "TrainingError", "result", "train"]
 
@@ -35,6 +35,7 @@ class Trained(NamedTuple):
     best_test_loss: float  # smoothed, of the weights returned
     best_samples: int  # seen when they were reached
     stopped_early: bool  # by the stopping rule, not by max_samples
+    components: Sequence[Components] = ()  # the loss by component at some of the tests; none of a closed form
 
 
 def train(
@@ -143,4 +144,5 @@ def result(learner: Learner) -> Trained:
         best_test_loss=best,
         best_samples=learner.stopper.best_samples,
         stopped_early=learner.samples < learner.training.max_samples,
+        components=learner.components,
     )

@@ -71,7 +71,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         items[:] = [item for item in items if item not in paged]
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")  # its event loop holds the thread: closed before other tests want one
 def context():
     """A browser without a network."""
     with sync_playwright() as play:

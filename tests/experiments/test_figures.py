@@ -126,13 +126,13 @@ def test_empty_figures_say_so():
 
 
 def test_figure4_draws_means_and_paths(rows, study):
-    """Four lines of deviation from zero at the start, four predicted paths and the actual one."""
+    """Six lines of deviation from zero at the start, six predicted paths and the actual one."""
     keys = {t.key for t in study.figure4()}
     mine = [r for r in rows if r.trial.key in keys]
     left, right = figure4(mine).axes
-    assert len(left.get_lines()) == 4 and len(right.get_lines()) == 5
+    assert len(left.get_lines()) == 6 and len(right.get_lines()) == 7
     assert all(line.get_ydata()[0] == 0 and line.get_xdata()[-1] == pytest.approx(2.5) for line in left.get_lines())
-    assert len({(line.get_color(), line.get_linestyle()) for line in left.get_lines()}) == 4
+    assert len({(line.get_color(), line.get_linestyle()) for line in left.get_lines()}) == 6
 
 
 def test_other_figures(rows, study, make_row):

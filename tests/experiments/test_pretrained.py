@@ -39,7 +39,7 @@ def test_a_bundle_pretrains_too(trials, data, tmp_path):
 @pytest.mark.parametrize("bundle", [0, 1])
 def test_damaged_weights_are_named(trials, data, tmp_path, bundle, capsys):
     trial = trials[0].replace(seed=7)
-    where = pretrained.folder(trial, data, "bundle" if bundle else "learning")
+    where = pretrained.folder(trial, data, "bundle" if bundle else "training")
     where.mkdir(parents=True)
     (where / "checkpoint.npz").write_bytes(b"no archive")
     if bundle:

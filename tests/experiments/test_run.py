@@ -3,6 +3,7 @@
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 import torch
 
@@ -44,6 +45,10 @@ def test_a_trial_end_to_end(tiny, data, tmp_path, method):
     assert len(out.curve_samples) == len(out.curve_test_loss) == len(out.curve_training_loss) <= 40
     assert list(out.curve_samples) == sorted(set(out.curve_samples)) and out.curve_samples[-1] <= out.samples
     assert min(out.curve_test_loss) <= out.best_test_loss  # smoothed
+    assert len(out.component_samples) == len(out.component_test) == len(out.component_validation) > 1
+    assert sum(out.component_test[0]) == pytest.approx(out.curve_test_loss[0], rel=1e-5)
+    assert np.shape(out.rollouts_predicted) == np.shape(out.rollouts_actual) == (2, 26, 13)  # all that there are
+    assert out.example_predicted == tuple((state[0], state[1]) for state in out.rollouts_predicted[0])
     assert row.provenance.threads == 1 and not row.provenance.resumed and not row.provenance.stale
 
 

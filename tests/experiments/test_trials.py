@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from collections import Counter
 from pathlib import Path
 from typing import get_args, get_type_hints
 
@@ -60,7 +61,8 @@ def test_key_feels_every_field():
     for residual in (False, True):
         variants.append(TRIAL.replace(**without, pretraining=without["training"], residual=residual))
     variants += [variants[-2].replace(pretraining=None, fit="least_squares"), variants[-1].replace(fit="least_squares")]
-    assert names == {*OTHER, "network", "training", "pretraining", "residual", "fit"}
+    variants.append(TRIAL.replace(motion="tuning"))
+    assert names == {*OTHER, "network", "training", "pretraining", "residual", "fit", "motion"}
     assert len({trial.key for trial in variants}) == len(variants)
 
 
@@ -76,8 +78,9 @@ def test_trials_refuse_what_cannot_be_run():
         TRIAL.replace(fit="least_squares")
 
 
-def test_a_fit_by_gradients_is_not_named():
-    """So that the keys of results stored before there was another still hold."""
+def test_what_came_later_is_not_named_by_default():
+    """So that the keys of results stored before there was another value still hold."""
+    assert TRIAL.replace(motion="tuning").to_json()["motion"] == "tuning" and "motion" not in TRIAL.to_json()
     alone = change(TRIAL.training, p_expert=0.0, regularise=False)
     solved = TRIAL.replace(training=alone, fit="least_squares")
     assert "fit" not in TRIAL.to_json() and solved.to_json()["fit"] == "least_squares"
@@ -140,7 +143,7 @@ def test_grids():
     points = {(t.novice_minutes, t.seed) for t in study.figure3("system1") if t.method == "sidm"}
     assert points == {(t.novice_minutes, t.seed) for t in study.figure3("system1") if t.method == "novice_only"}
     figure3 = {t.key for t in study.figure3("system1")}
-    assert len(study.figure4()) == 2 * 2 * 10 and len({t.key for t in study.figure4()} & figure3) == 2 * 2 * 3
+    assert len(study.figure4()) == 2 * 3 * 10 and len({t.key for t in study.figure4()} & figure3) == 2 * 3 * 3
     assert len({t.key for t in ablations.p_expert(study, "system1")} & figure3) == 3  # p_e of 0.75, three seeds
     assert len({t.key for t in ablations.phases(study, "system1")} & figure3) == 3  # 100, 20 and 5 iterations
     for name in (ablations.pixels, ablations.patience):
@@ -161,6 +164,24 @@ def test_grids():
         grid("laptop", "p_expert")
     with pytest.raises(ConfigError, match="did you mean 'novice_only'"):
         study.trial("system1", "novice-only", 5)
+
+
+def test_the_study_has_grids_of_its_own():
+    """More seeds on little data; settings are chosen by motion that no figure is drawn from."""
+    study = Study("study")
+    seeds = Counter(t.novice_minutes for t in study.figure3("system2") if t.method == "sidm")
+    assert seeds == {1: 10, 2: 5, 5: 10, 10: 5, 20: 5, 60: 5, 120: 5, 300: 5}
+    figures, chosen_by = study.figure3("system1"), [*study.tuning("system1"), *study.duration("system1")]
+    assert {t.datasets["expert"] for t in chosen_by} == {t.datasets["expert"] for t in figures}
+    novices = [{t.datasets[kind] for t in trials for kind in ("novice", "validation", "rollout")}
+               for trials in (figures, chosen_by)]  # fmt: skip
+    assert len(novices[0]) == len(novices[1]) == 3 and not novices[0] & novices[1]
+    assert set(study.preset.every_dataset("system1")) == {d for t in figures + chosen_by for d in t.datasets.values()}
+    assert {t.novice_minutes for t in study.tuning("system1")} == {5, 60}
+    assert len(grid("study", "duration")) == 2 * 3 * 3 + 2
+    assert all(t.training.patience == 2_500_000 for t in grid("study", "duration"))
+    assert {t.key for t in chosen_by} < {t.key for t in grid("study", "all", "system1")}
+    assert not {t.key for t in study.choices("system1")} & {t.key for t in grid("study", "all")}
 
 
 def test_digests_come_from_disk_before_the_results(data, tiny, tmp_path):

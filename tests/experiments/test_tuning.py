@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 
 def test_every_method_is_tuned_with_the_same_number_of_tries(tiny, tmp_path):
     """On one seed that no figure has, the expert's part of a method with its tries' values."""
-    trials = Study(tiny.replace(tuning_minutes=0.5), tmp_path, tmp_path).tuning("system1")
+    trials = Study(tiny.replace(tuning_minutes=[0.5]), tmp_path, tmp_path).tuning("system1")
     assert len({len(tries) for tries in TRIES.values()}) == 1 and {t.seed for t in trials} == {TUNING_SEED}
     assert [t.method for t in trials] == [method for method, tries in TRIES.items() for _ in tries]
     assert all((t.pretraining is None) == (not METHODS[t.method].pretrained) for t in trials)
@@ -23,7 +23,7 @@ def test_every_method_is_tuned_with_the_same_number_of_tries(tiny, tmp_path):
 
 
 def test_the_lowest_test_loss_is_marked(tiny, make_row, tmp_path):
-    preset = tiny.replace(tuning_minutes=0.5, test_interval=25)  # so that the base is what it uses, untuned
+    preset = tiny.replace(tuning_minutes=[0.5], test_interval=25)  # so that the base is what it uses, untuned
     study, store = Study(preset, tmp_path, tmp_path), Results(tmp_path)
     trials = study.tuning("system1")
     for number, trial in enumerate(trials):

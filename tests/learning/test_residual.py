@@ -23,7 +23,7 @@ def test_what_is_left_over_is_the_target_less_the_base(datasets, base):
     sets = left_over(datasets, base)
     predicted, _ = base("novice", datasets.train.inputs, datasets.train.maps)
     assert torch.allclose(sets.train.targets + predicted, datasets.train.targets, atol=1e-6)
-    assert len(sets.test) == len(datasets.test) and sets.validation is datasets.validation
+    assert len(sets.test) == len(datasets.test) and len(sets.validation) == len(datasets.validation)
 
 
 def test_the_loss_of_a_correction_is_that_of_the_sum(datasets, base, small_network):

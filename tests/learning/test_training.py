@@ -1,6 +1,7 @@
 """Algorithms 1 and 2: who learns from what, the same seed, the released variants, a tiny run end to end."""
 
 import dataclasses
+import itertools
 import math
 
 import pytest
@@ -14,6 +15,7 @@ from sidm.learning.evaluation import mean_loss
 from sidm.learning.learner import Learner
 from sidm.learning.losses import prediction_loss
 from sidm.learning.regularisation import discriminator_iteration, matching_iteration
+from sidm.learning.stopping import SPACING
 from sidm.learning.training import batch_losses, encode_batch, predict_phase
 from sidm.learning.weights import make_optimiser
 
@@ -215,6 +217,19 @@ def test_a_run_counts_samples_and_tests(run, datasets):
     assert seen == trained.history
     assert [tested.discriminator_accuracy is None for tested in trained.history] == [True, False, False]
     assert all(math.isfinite(tested.training_loss) for tested in trained.history)
+
+
+def test_losses_by_component_are_kept_ever_farther_apart(run, make_learner):
+    """Of the weights that are tested, on the first trajectories of each set; nothing is chosen by them."""
+    trained = run(max_samples=24 * 400, test_interval=1)
+    samples = [one.samples for one in trained.components]
+    assert samples[0] == 24 and samples == sorted(set(samples)) and len(samples) < len(trained.history) / 4
+    assert all(later >= SPACING * earlier for earlier, later in itertools.pairwise(samples))
+    tests = {tested.samples: tested.test_loss for tested in trained.history}
+    assert [sum(one.test) for one in trained.components] == pytest.approx([tests[s] for s in samples], rel=1e-5)
+    learner = make_learner(test_trajectories=1)
+    expected = validation_loss(learner.model, learner.datasets.validation.first(1))
+    assert learner.measure().validation == pytest.approx(expected.tolist())
 
 
 def test_training_loss_is_the_novices(make_learner):
