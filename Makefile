@@ -56,7 +56,7 @@ page: $(STAMP)
 	$(RENDER) --path-output . _build/book
 
 figures: $(STAMP)
-	$(BIN)/python -m sidm.experiments.headline
+	$(BIN)/python -m sidm.book.headline
 
 notebooks: $(STAMP)
 	$(BIN)/python -m sidm notebook all --in-place

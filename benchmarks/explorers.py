@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sidm.experiments.explorer import explorer
-from sidm.experiments.explorer.live import helper
+from sidm.explorer import explorer
+from sidm.explorer.live import helper
 
 CHANGES = 20
 

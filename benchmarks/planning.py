@@ -12,9 +12,9 @@ import time
 import numpy as np
 import torch
 
+from sidm.control.planning import Dreamer, Planner, Planning
 from sidm.experiments.presets import load_preset
 from sidm.learning import DynamicsModel
-from sidm.learning.planning import Dreamer, Planner, Planning
 from sidm.systems import SYSTEMS
 from sidm.terrain import generate_terrain
 

@@ -14,8 +14,8 @@ import numpy as np
 import torch
 
 from sidm.experiments import Study
-from sidm.experiments.measure import Library
-from sidm.experiments.statistics import leave_one_out
+from sidm.experiments.engine.execute import Library
+from sidm.experiments.statistics.intervals import leave_one_out
 from sidm.learning import train, validation_loss
 
 METHOD, MINUTES, SAMPLES = "sidm", 5.0, 400_000

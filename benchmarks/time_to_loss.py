@@ -20,7 +20,7 @@ import torch
 from released import ReleasedLoop
 
 from sidm.experiments import Study, Trial, load_preset
-from sidm.experiments.measure import Library
+from sidm.experiments.engine.execute import Library
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.learner import Learner
 from sidm.learning.regularisation import regularise_phase

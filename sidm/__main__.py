@@ -209,7 +209,7 @@ def _trials(arguments: argparse.Namespace, preset: Any) -> list:
 def run_collect(arguments: argparse.Namespace) -> int:
     """`collect`: prints each dataset and its digest; with --verify 1 when one is not that of the results."""
     from sidm.experiments import collect_datasets, grid
-    from sidm.experiments.datasets import differing, verify_datasets
+    from sidm.experiments.engine.datasets import differing, verify_datasets
 
     preset = _preset(arguments)
     if arguments.figure:
@@ -237,7 +237,7 @@ def run_collect(arguments: argparse.Namespace) -> int:
 def run_train(arguments: argparse.Namespace) -> int:
     """`train`: prints where the result lies and what it is."""
     from sidm.experiments import Results, Study
-    from sidm.experiments.run import run_here
+    from sidm.experiments.engine.run import run_here
     from sidm.learning import CheckpointError, TrainingError
 
     trial = Study(_preset(arguments), arguments.data, arguments.results).trial(
@@ -275,7 +275,7 @@ def _systems(arguments: argparse.Namespace) -> list[str]:
 
 def run_study(arguments: argparse.Namespace) -> int:
     """`study`: 1 when results are missing at the end."""
-    from sidm.experiments.studies import find_study, run_study
+    from sidm.experiments.studies.catalogue import find_study, run_study
     from sidm.pool import local_pool
 
     preset, systems = _preset(arguments), _systems(arguments)
@@ -291,8 +291,8 @@ def run_study(arguments: argparse.Namespace) -> int:
 def run_show(arguments: argparse.Namespace) -> int:
     """`show`: a line a point, then 'missing: N'."""
     from sidm.experiments import Results, Study
-    from sidm.experiments.datasets import differing
-    from sidm.experiments.tables import overview
+    from sidm.experiments.engine.datasets import differing
+    from sidm.experiments.statistics.tables import overview
 
     store = Results(arguments.results)
     if arguments.against:
@@ -312,7 +312,7 @@ def run_show(arguments: argparse.Namespace) -> int:
 
 def _show_against(stored: Any, made: Any) -> int:
     """`show --against`: a line a point that both stores have."""
-    from sidm.experiments.again import compared
+    from sidm.experiments.studies.reproduction import compared
 
     lines = compared(stored, made)
     for one in lines:
@@ -325,8 +325,8 @@ def _show_against(stored: Any, made: Any) -> int:
 def run_confirm(arguments: argparse.Namespace) -> int:
     """`confirm`: 1 when a trial came out otherwise."""
     from sidm.experiments import Results
-    from sidm.experiments.confirm import confirm, confirm_diagnoses
-    from sidm.experiments.studies import confirm_study, find_study
+    from sidm.experiments.engine.confirm import confirm
+    from sidm.experiments.studies.catalogue import confirm_study, find_study
     from sidm.pool import local_pool
 
     preset, what = _preset(arguments), "diagnoses" if arguments.diagnoses else "rows"
@@ -341,6 +341,8 @@ def run_confirm(arguments: argparse.Namespace) -> int:
                 arguments.study, preset, _systems(arguments), pool, Path(arguments.data), Path(arguments.results)
             )
         elif arguments.diagnoses:
+            from sidm.experiments.studies.latent_space.diagnosis import confirm_diagnoses  # needs scikit-learn
+
             count, differing = confirm_diagnoses(_trials(arguments, preset), arguments.results, pool, arguments.data)
         else:
             count, differing = confirm(_trials(arguments, preset), Results(arguments.results), pool, arguments.data)

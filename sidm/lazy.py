@@ -12,11 +12,7 @@ from typing import Any
 
 
 class LazyPackage(types.ModuleType):
-    """A package some of whose names come on demand.
-
-    A name that is also its module's, as the function `run` of the module `run`, stays the function: the import system
-    binds the module to its package whenever it is imported.
-    """
+    """A package some of whose names come on demand."""
 
     def __getattr__(self, name: str) -> Any:
         where = self.__dict__["_where"]
@@ -25,10 +21,6 @@ class LazyPackage(types.ModuleType):
         value = getattr(importlib.import_module(f"{self.__name__}.{where[name]}"), name)
         setattr(self, name, value)
         return value
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        taken = isinstance(value, types.ModuleType) and self.__dict__["_where"].get(name) == name
-        super().__setattr__(name, getattr(value, name) if taken else value)
 
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *self.__dict__["_where"]})

@@ -30,6 +30,7 @@ from sidm.storage import read_arrays, write_arrays
 POSITION, QUATERNION, TWIST = slice(0, 3), slice(3, 7), slice(7, 13)
 STATE_SIZE, ACTION_SIZE = 13, 2
 STEPS = 64  # control steps of a trajectory
+CONTROL_STEP = 0.1  # s
 SHARD_SIZE = 4  # trajectories in a shard
 
 PROBES = 8

@@ -45,11 +45,11 @@ CHANGES = (
     Planted("learning/stopping.py", "weight * past + (1 - weight) * now", "now", METHODS, "sidm"),
     Planted("learning/bundle/adam.py", "BETA1, BETA2, EPSILON = 0.9, 0.999", "BETA1, BETA2, EPSILON = 0.9, 0.99",
             METHODS, "bundle"),
-    Planted("learning/least_squares.py", "held[..., first] * held[..., second]", "held[..., first] + held[..., second]",
-            METHODS, "least_squares"),
-    Planted("experiments/latents.py", "np.median(distances[2])", "np.mean(distances[2]) * 1.5",
-            "tests/experiments/test_diagnostics.py", "diagnosed_and_stored"),
-    Planted("learning/planning.py", "elites: int = 6", "elites: int = 5", "tests/experiments/test_driving.py",
+    Planted("learning/beyond/least_squares.py", "held[..., first] * held[..., second]",
+            "held[..., first] + held[..., second]", METHODS, "least_squares"),
+    Planted("experiments/studies/latent_space/latents.py", "np.median(distances[2])", "np.mean(distances[2]) * 1.5",
+            "tests/experiments/studies/test_latent_space.py", "diagnosed_and_stored"),
+    Planted("control/planning.py", "elites: int = 6", "elites: int = 5", "tests/experiments/studies/test_driving.py",
             "stored_as_it_was"),
 )  # fmt: skip
 

@@ -56,7 +56,7 @@ def test_a_cluster_gives_what_this_machine_gives(cluster, tmp_path, capsys):
     assert main(["collect", *common, *there, "--dask", address]) == 0
     digests = capsys.readouterr().out
 
-    module = importlib.import_module("sidm.experiments.run")  # the package has a function of that name
+    module = importlib.import_module("sidm.experiments.engine.run")  # the package has a function of that name
     keep, victim = module._keep, processes[1]
 
     def keep_and_disturb(*row):

@@ -21,19 +21,25 @@ RANKS = [
     ["terrain", "rotations", "trajectory"],
     ["recordings"],
     ["simulation", "learning"],
+    ["control"],
     ["experiments"],
-    ["notebook_runs"],
+    ["explorer", "book", "notebook_runs"],
     ["notebook"],
     ["__main__"],
 ]
 RANK = {wing: rank for rank, wings in enumerate(RANKS) for wing in wings}
 
-#: Inside `learning`, first to last.
+#: Inside `learning`, first to last: the paper's method, many trainings at once, and what is beyond the paper.
 LEARNING = [
-    "seeds", "settings", "precision", "observation", "dataset", "recorded", "mirror", "losses", "initialisation",
-    "networks", "model", "evaluation", "weights", "stopping", "checkpoint", "learner", "regularisation", "training",
-    "pretraining", "residual", "least_squares", "bundle", "planning", "distributions", "likelihood", "particles",
-    "several",
+    "seeds", "settings", "precision", "observation", "dataset", "mirror", "losses", "initialisation", "networks",
+    "model", "evaluation", "weights", "stopping", "checkpoint", "learner", "regularisation", "training", "bundle",
+    "beyond",
+]  # fmt: skip
+
+#: Inside `experiments`, first to last; `engine` has what keeps data and results, before the trials are run.
+EXPERIMENTS = [
+    "trials", "presets", "methods", "tries", "engine.likeness", "engine.datasets", "study", "engine", "statistics",
+    "figures", "studies", "grids",
 ]  # fmt: skip
 
 PYBULLET = {"pybullet", "pybullet_data", "pybullet_utils"}
@@ -104,7 +110,7 @@ def test_the_check_would_see_a_backward_import():
     assert runs_backwards("sidm.simulation.collect", "sidm.learning")
     assert runs_backwards("sidm.rotations", "sidm.trajectory")
     assert runs_backwards("sidm", "sidm.config")
-    assert not runs_backwards("sidm.experiments.run", "sidm.simulation")
+    assert not runs_backwards("sidm.experiments.engine.run", "sidm.simulation")
 
 
 def test_learning_imports_in_its_own_order():
@@ -113,6 +119,18 @@ def test_learning_imports_in_its_own_order():
         allowed = {own, *LEARNING[: LEARNING.index(own)]}
         inner = [target.split(".")[2] for target in imported(name) if target.startswith("sidm.learning.")]
         assert [target for target in inner if target not in allowed] == [], name
+
+
+def room(name: str) -> int:
+    """The place of a module of `experiments` among the rooms there."""
+    inner = f"{name.removeprefix('sidm.experiments.')}."
+    return EXPERIMENTS.index(max((start for start in EXPERIMENTS if inner.startswith(f"{start}.")), key=len))
+
+
+@pytest.mark.parametrize("name", [name for name in MODULES if name.startswith("sidm.experiments.")])
+def test_experiments_import_in_the_order_of_their_rooms(name):
+    inner = [target for target in imported(name) if target.startswith("sidm.experiments.")]
+    assert [target for target in inner if room(target) > room(name)] == []
 
 
 def test_no_module_imports_itself_in_a_circle():
@@ -138,12 +156,11 @@ def test_simulation_does_without_torch(name):
 
 @pytest.mark.parametrize("name", ["sidm.learning", "sidm.experiments"])
 def test_every_name_of_a_lazy_package_is_there(name):
-    """Also `run`, which is the module's name too, after the module was imported by itself."""
-    code = f"import sidm.experiments.run, types, {name} as package; from {name} import *; "
+    code = f"import types, {name} as package; from {name} import *; "
     code += "assert not set(package.__all__) - set(dir(package)); "
     code += "print([n for n in package.__all__ if isinstance(getattr(package, n), types.ModuleType)])"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
-    assert done.stdout.strip() == ("['ablations']" if name == "sidm.experiments" else "[]"), done.stderr
+    assert done.stdout.strip() == "[]", done.stderr
 
 
 @pytest.mark.parametrize("name", ["sidm", "sidm.learning", "sidm.experiments"])

@@ -13,7 +13,7 @@ import pytest
 
 from sidm.__main__ import main
 from sidm.experiments import FIGURES, Results, Study, grid, load_preset
-from sidm.experiments.studies import STUDIES
+from sidm.experiments.studies.catalogue import STUDIES
 from sidm.trajectory import read_shard
 
 ROOT = Path(__file__).parents[1]
@@ -173,7 +173,7 @@ def test_damaged_checkpoint_is_one_line(tmp_path, capsys, monkeypatch):
     def damaged(*_, **__):
         raise CheckpointError("checkpoint.npz: the checkpoint is damaged (x); delete it to start afresh")
 
-    monkeypatch.setattr(importlib.import_module("sidm.experiments.run"), "run_here", damaged)
+    monkeypatch.setattr(importlib.import_module("sidm.experiments.engine.run"), "run_here", damaged)
     words = ["train", "--preset", "smoke", "--system", "system1", "--minutes", "0.5", "--results", str(tmp_path)]
     assert main(words) == 1
     assert capsys.readouterr().err == "sidm: checkpoint.npz: the checkpoint is damaged (x); delete it to start afresh\n"

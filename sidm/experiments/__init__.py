@@ -2,24 +2,23 @@
 
 from typing import TYPE_CHECKING
 
-from sidm.experiments import ablations
-from sidm.experiments.datasets import collect_datasets
+from sidm.experiments.engine.datasets import collect_datasets
+from sidm.experiments.engine.store import Failure, Outcome, Results, Row, StoreError
 from sidm.experiments.grids import FIGURES, grid
 from sidm.experiments.methods import METHODS
 from sidm.experiments.presets import PRESETS, Preset, load_preset
-from sidm.experiments.store import Failure, Outcome, Results, Row, StoreError
 from sidm.experiments.study import Study
 from sidm.experiments.trials import UNKNOWN, Dataset, Trial
 from sidm.lazy import on_demand
 
 if TYPE_CHECKING:
-    from sidm.experiments.run import run
-    from sidm.experiments.solved import perform, run_trial
+    from sidm.experiments.engine.closed_form import perform, run_trial
+    from sidm.experiments.engine.run import run
 
 __all__ = [
     "FIGURES", "METHODS", "PRESETS", "UNKNOWN", "Dataset", "Failure", "Outcome", "Preset", "Results", "Row",
-    "StoreError", "Study", "Trial", "ablations", "collect_datasets", "grid", "load_preset", "perform", "run",
+    "StoreError", "Study", "Trial", "collect_datasets", "grid", "load_preset", "perform", "run",
     "run_trial",
 ]  # fmt: skip
 
-on_demand(__name__, run="run", solved="perform run_trial")
+on_demand(__name__, **{"engine.run": "run", "engine.closed_form": "perform run_trial"})

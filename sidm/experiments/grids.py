@@ -1,13 +1,15 @@
-"""The grids of trials, by the name of the figure that they are for."""
+"""The grids of trials, by the name of the figure that they are for, and what they cost."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from sidm.config import ConfigError, unknown_name
-from sidm.experiments import ablations
+from sidm.experiments.engine.store import Results
 from sidm.experiments.presets import Preset
+from sidm.experiments.studies import ablations
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
 from sidm.systems import SYSTEMS, find_system
@@ -88,3 +90,28 @@ def grid(
 
 def _listed(values: Iterable[float]) -> str:
     return ", ".join(f"{value:g}" for value in values)
+
+
+class FigureCost(NamedTuple):
+    """One figure's stored trials."""
+
+    figure: str  # a name of FIGURES
+    trials: int
+    stored: int
+    hours: float  # of one processor or GPU, all together, the pretraining in the trials that did it
+    peak_memory: float  # MiB, of the trial that needed most; 0 without any
+    devices: tuple[str, ...]
+    resumed: int  # trials that were interrupted, of which only the last stretch is counted
+
+
+def figure_costs(study: Study, store: Results) -> list[FigureCost]:
+    """A line a figure of a study; a trial that serves several figures counts in each of them."""
+    table = []
+    for figure in figures_of(study.preset):
+        trials = grid(study.preset, figure, data=study.data, results=study.results)
+        made = [row.provenance for row in store.rows(trials)]
+        hours, most = sum(one.seconds for one in made) / 3600, max((one.peak_memory for one in made), default=0.0)
+        devices = tuple(sorted({one.device for one in made}))
+        resumed = sum(one.resumed for one in made)
+        table.append(FigureCost(figure, len(trials), len(made), hours, most, devices, resumed))
+    return table

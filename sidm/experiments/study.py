@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from sidm.config import unknown_name
-from sidm.experiments.datasets import find_digest
+from sidm.experiments.engine.datasets import find_digest
 from sidm.experiments.methods import (
     ALL_RELEASED,
     BASELINES,
@@ -23,7 +23,7 @@ from sidm.experiments.methods import (
 )
 from sidm.experiments.presets import Preset, load_preset
 from sidm.experiments.trials import Trial
-from sidm.experiments.tuning import TRIES, TUNING_SEED, tried
+from sidm.experiments.tries import TRIES, TUNING_SEED, tried
 from sidm.learning.settings import Training
 from sidm.systems import find_system
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sidm.experiments import Outcome, Row, load_preset
-from sidm.experiments.datasets import note_digest
-from sidm.experiments.provenance import here
+from sidm.experiments.engine.datasets import note_digest
+from sidm.experiments.engine.provenance import here
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain, height_at
 from sidm.trajectory import SHARD_SIZE, STEPS, Trajectory, checksum, load, probe, write_shard

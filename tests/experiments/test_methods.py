@@ -4,11 +4,11 @@ import pytest
 
 from sidm.config import ConfigError
 from sidm.experiments import METHODS, Study, perform, run, run_trial
-from sidm.experiments.bundled import bundles, fits
+from sidm.experiments.engine.bundles import bundles, fits
 from sidm.experiments.methods import FIGURE3
 from sidm.learning import DynamicsModel
-from sidm.learning.least_squares import LeastSquares
-from sidm.learning.residual import Corrected
+from sidm.learning.beyond.least_squares import LeastSquares
+from sidm.learning.beyond.residual import Corrected
 from sidm.numerics import NUMERICS
 
 

@@ -10,10 +10,11 @@ import pytest
 import yaml
 
 from sidm.config import ConfigError
-from sidm.experiments import METHODS, PRESETS, UNKNOWN, Study, Trial, ablations, grid, load_preset
-from sidm.experiments.datasets import differing
+from sidm.experiments import METHODS, PRESETS, UNKNOWN, Study, Trial, grid, load_preset
+from sidm.experiments.engine.datasets import differing
 from sidm.experiments.methods import COMPARED, MIRRORED, VARIANTS, change
 from sidm.experiments.presets import POLICIES
+from sidm.experiments.studies import ablations
 from sidm.storage import write_record
 from sidm.systems import SYSTEMS
 

@@ -1,0 +1,1 @@
+"""What the book and the README take from results."""

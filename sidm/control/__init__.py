@@ -1,0 +1,1 @@
+"""Planning and driving on a model."""

@@ -1,0 +1,1 @@
+"""Run trials, keep what comes out, and say where it comes from."""

@@ -1,0 +1,155 @@
+"""Run trials as bundles: many at once on one device, in this process."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import torch
+
+from sidm.config import ConfigError
+from sidm.experiments.engine import provenance
+from sidm.experiments.engine.execute import Library, evaluate, stored_as
+from sidm.experiments.engine.pretrained import folder
+from sidm.experiments.engine.store import Failure, Outcome, Row
+from sidm.experiments.trials import Trial
+from sidm.learning.beyond import pretraining
+from sidm.learning.beyond.pretraining import STATE, Start, expert_in_place, start_from
+from sidm.learning.bundle import ONLY, SHARED, Run, train_bundle
+from sidm.learning.checkpoint import CheckpointError
+from sidm.learning.training import Tested, Trained, TrainingError
+from sidm.trajectory import ShardError
+
+
+def fits(trial: Trial) -> bool:
+    """Whether a bundle can train it: parts of their own, the paper's adversary or none, and no aids."""
+    trainings = [training for training in (trial.training, trial.pretraining) if training is not None]
+    plain = all(getattr(training, name) == only for training in trainings for name, only in ONLY.items())
+    gradients = not trial.solved and trial.training.max_samples > 0
+    return plain and gradients and trial.network.own == "all" and not trial.residual
+
+
+def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:
+    """The trials that can be trained side by side: of one system, network and kind of training; longest first.
+
+    Raises:
+        ConfigError: a trial's method cannot be trained so.
+    """
+    groups: dict[tuple, list[Trial]] = {}
+    for trial in trials:
+        if not fits(trial):
+            raise ConfigError(f"{trial}: this method cannot be trained in a bundle; train it alone")
+        trainings = (trial.training, trial.pretraining)
+        common = tuple(tuple(getattr(training, name) for name in SHARED) for training in trainings if training)
+        groups.setdefault((trial.system, trial.network, common), []).append(trial)
+    return [sorted(group, key=lambda trial: -trial.novice_minutes) for group in groups.values()]
+
+
+class Hooks(NamedTuple):
+    """What a bundle tells those who run it."""
+
+    progress: Callable[[Trial, Tested], None]  # a test was taken
+    fault: Callable[[Trial, Exception], None]  # a trial could not be run or evaluated; the others go on
+
+
+def run_bundle(
+    trials: Sequence[Trial], seats: int, data: str | Path, checkpoint: Callable[[Trial], Path], hooks: Hooks,
+    device: str = "cpu",
+) -> Iterator[Row | Failure]:  # fmt: skip
+    """Train trials side by side, `seats` at a time, and evaluate each when it ends.
+
+    Args:
+        trials: those of one of `bundles`.
+        seats: how many are trained at once.
+        data: the folder of the shards.
+        checkpoint: the folder of a trial, to go on from and to write to.
+        hooks: what is told of them meanwhile.
+        device: where to compute.
+
+    Yields:
+        What is stored of a trial: its outcome is that of `measure.perform` but for rounding.
+    """
+    library, ready = Library(data), []
+    for trial in trials:
+        try:
+            library.rollouts(trial)  # missing ones are known before hours of work
+            library.datasets(trial)
+        except ShardError as error:
+            hooks.fault(trial, error)
+        else:
+            ready.append(trial)
+    starts, going, runs = _starts(ready, seats, data, library, device), [], []
+    for trial in ready:
+        given = starts[trial.key]
+        if isinstance(given, TrainingError):
+            made = provenance.here(0.0, torch.get_num_threads(), False, device, bundle=seats)
+            yield stored_as(trial, given, made)
+        elif isinstance(given, Exception):
+            hooks.fault(trial, given)
+        else:
+            run = Run(library.datasets(trial), trial.training, trial.seed, checkpoint=checkpoint(trial))
+            runs.append(run._replace(start=given.weights) if given else run)
+            going.append((trial, given))
+    ready = [trial for trial, _ in going]
+    resumed = [checkpoint(trial).exists() for trial in ready]
+    for number, found, seconds in train_bundle(
+        runs, trials[0].network, seats, device, lambda number, tested: hooks.progress(ready[number], tested)
+    ):
+        (trial, given), start = going[number], time.perf_counter()
+        try:
+            outcome = _outcome(trial, found, library, given, device)
+        except Exception as error:  # one trial's failure must not lose the others
+            hooks.fault(trial, error)
+        else:
+            seconds += time.perf_counter() - start
+            made = provenance.here(seconds, torch.get_num_threads(), resumed[number], device, bundle=seats)
+            yield stored_as(trial, outcome, made)
+
+
+def _starts(
+    trials: Sequence[Trial], seats: int, data: str | Path, library: Library, device: str
+) -> dict[str, Start | TrainingError | CheckpointError | None]:
+    """By key, the weights that each trial starts from, or why there are none; made, side by side, where they lack."""
+    users = {folder(trial, data, "bundle"): trial for trial in trials if trial.pretraining is not None}
+    kept: dict[Path, Start | TrainingError | CheckpointError] = {}  # one for all its users
+    for where in users:
+        try:
+            if (start := pretraining.read(where)) is not None:
+                kept[where] = start
+        except CheckpointError as error:
+            kept[where] = error
+    kept |= _pretrained({where: trial for where, trial in users.items() if where not in kept}, seats, library, device)
+    return {
+        trial.key: kept[folder(trial, data, "bundle")] if trial.pretraining is not None else None for trial in trials
+    }
+
+
+def _pretrained(
+    lacking: dict[Path, Trial], seats: int, library: Library, device: str
+) -> dict[Path, Start | TrainingError | CheckpointError]:
+    """By folder, the weights of its trial's pretraining, made and kept there, or why there are none."""
+    runs = [
+        Run(expert_in_place(library.datasets(one), one.seed), one.pretraining, one.seed, checkpoint=where / STATE)
+        for where, one in lacking.items()
+        if one.pretraining is not None
+    ]
+    folders, made = list(lacking), {}
+    for number, found, _ in train_bundle(runs, lacking[folders[0]].network, seats, device) if runs else ():
+        where = folders[number]
+        made[where] = start_from(found) if isinstance(found, Trained) else found
+        if isinstance(found, Trained):
+            pretraining.keep(where, start_from(found))
+    return made
+
+
+def _outcome(
+    trial: Trial, found: Trained | TrainingError | CheckpointError, library: Library, start: Start | None, device: str
+) -> Outcome | TrainingError:
+    if isinstance(found, CheckpointError):
+        raise found
+    if isinstance(found, TrainingError):
+        return found
+    found.model.to(device)
+    return evaluate(trial, found, library.motion(trial, "validation"), library.rollouts(trial), start)

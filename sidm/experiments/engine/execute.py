@@ -1,0 +1,211 @@
+"""Run one trial: load its data, train, validate, roll out."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from sidm.experiments.engine import provenance
+from sidm.experiments.engine.datasets import load_dataset
+from sidm.experiments.engine.event_log import EventLog
+from sidm.experiments.engine.pretrained import start_of
+from sidm.experiments.engine.provenance import Provenance
+from sidm.experiments.engine.store import Failure, Outcome, Row
+from sidm.experiments.trials import Trial
+from sidm.learning.beyond.pretraining import Start
+from sidm.learning.beyond.residual import Corrected, left_over, units
+from sidm.learning.dataset import Datasets, Motion, Standardisation, load_motion, novice_split
+from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
+from sidm.learning.model import DynamicsModel, Predictor
+from sidm.learning.training import Tested, Trained, TrainingError, train
+from sidm.systems import find_system
+from sidm.terrain import generate_terrain
+from sidm.trajectory import Trajectory
+
+ROLLOUT_STEPS = 25  # control steps of Figure 4's rollouts, 2.5 s
+CURVE_POINTS = 40  # at most, of the learning curve's summary
+ROLLOUTS_KEPT = 3  # whole, for pictures
+THREADS = 1  # a trial; results are compared bit for bit only at the same number
+
+Progress = Callable[[Tested], None]  # called after each test
+
+
+@contextlib.contextmanager
+def one_thread() -> Iterator[None]:
+    """PyTorch on THREADS threads inside the block."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(THREADS)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+class Library:
+    """The data under a folder as trials need them, each held against the trial's digest and loaded once."""
+
+    def __init__(self, data: str | Path = "data"):
+        self.data = Path(data)
+        self._rollouts: dict[tuple, list[Trajectory]] = {}
+        self._motions: dict[tuple, Motion] = {}
+
+    def rollouts(self, trial: Trial) -> list[Trajectory]:
+        """The trajectories of the 25-step test; ShardError as in `motion`."""
+        key = trial.datasets["rollout"], trial.digests["rollout"]
+        if key not in self._rollouts:
+            self._rollouts[key] = load_dataset(*key, self.data)
+        return self._rollouts[key]
+
+    def motion(self, trial: Trial, kind: str) -> Motion:
+        """One of the trial's datasets; ShardError when it is missing, damaged, or not that of the trial."""
+        dataset, pixels = trial.datasets[kind], trial.network.pixels
+        key = dataset, trial.digests[kind], pixels
+        if key not in self._motions:
+            load_dataset(dataset, trial.digests[kind], self.data)
+            terrain = find_system(trial.system).terrain
+            self._motions[key] = load_motion(self.data, dataset.collection, dataset.count, terrain, pixels)
+        return self._motions[key]
+
+    def datasets(self, trial: Trial) -> Datasets:
+        """What the trial learns from and is judged by."""
+        pool, validation, expert = (self.motion(trial, kind) for kind in ("novice", "validation", "expert"))
+        train_part, test_part = novice_split(len(pool), trial.novice_minutes, trial.seed)
+        return Datasets(pool.part(train_part), pool.part(test_part), validation, expert)
+
+
+def perform(
+    trial: Trial,
+    data: str | Path = "data",
+    checkpoint: Path | None = None,
+    progress: Progress | None = None,
+    device: str = "cpu",
+) -> tuple[Outcome, Trained]:
+    """Train and evaluate one trial.
+
+    Args:
+        trial: what to run.
+        data: the folder of the shards.
+        checkpoint: a folder to go on from and to write the state to.
+        progress: called after each test.
+        device: where to compute, 'cpu' or 'cuda'; two kinds of device agree but for rounding.
+
+    Returns:
+        The outcome, a pure function of the trial and its data, and the trained model with its history.
+    """
+    with one_thread():
+        library = Library(data)
+        sets, rollouts = library.datasets(trial), library.rollouts(trial)
+        start = start_of(trial, sets, data, device)
+        trained = _train(trial, sets, start, checkpoint=checkpoint, progress=progress, device=device)
+        return evaluate(trial, trained, sets.validation, rollouts, start), trained
+
+
+def _train(trial: Trial, sets: Datasets, start: Start | None, **how: Any) -> Trained:
+    """`train` a trial's model from what it starts from, or as a correction of it."""
+    if start is None or not trial.residual:
+        return train(sets, trial.network, trial.training, trial.seed, start=start and start.weights, **how)
+    assert sets.expert is not None
+    base = DynamicsModel(trial.network, Standardisation.of(sets.expert), roles=["novice"])
+    base.start(start.weights)
+    sets = left_over(sets, base.to(how["device"]).eval().requires_grad_(False))
+    trained = train(
+        sets, trial.network, trial.training, trial.seed, standardisation=units(sets), **how
+    )
+    return trained._replace(model=Corrected(base, trained.model))
+
+
+def evaluate(
+    trial: Trial, trained: Trained, validation: Motion, rollouts: list[Trajectory], start: Start | None = None
+) -> Outcome:
+    """How good a trained model is, where it is; `start` is what it was trained from."""
+    losses = validation_loss(trained.model, validation)
+    predicted, actual = roll_out(trained.model, trial, rollouts)
+    position, heading = rollout_errors(predicted, actual)
+    samples, test, training = summary_curve(trained)
+    return Outcome(
+        validation_loss=float(losses.sum()),
+        component_losses=_floats(losses),
+        best_test_loss=float(trained.best_test_loss),
+        position_error=_floats(position.mean(0)),
+        heading_error=_floats(heading.mean(0)),
+        example_predicted=_path(predicted[0]),
+        example_actual=_path(actual[0]),
+        curve_samples=samples,
+        curve_test_loss=test,
+        curve_training_loss=training,
+        iterations=trained.iterations,
+        samples=trained.samples,
+        pretraining_samples=start.samples if start else 0,
+        component_samples=tuple(one.samples for one in trained.components),
+        component_test=tuple(one.test for one in trained.components),
+        component_validation=tuple(one.validation for one in trained.components),
+        rollouts_predicted=_nested(predicted[:ROLLOUTS_KEPT]),
+        rollouts_actual=_nested(actual[:ROLLOUTS_KEPT]),
+    )
+
+
+def run_trial(
+    trial: Trial,
+    data: str | Path = "data",
+    checkpoint: Path | None = None,
+    progress: Progress | None = None,
+    device: str = "cpu",
+    log: str | Path | None = None,
+) -> Row | Failure:
+    """`perform` a trial and say where the outcome comes from, or how it failed; event files go to the folder `log`."""
+    resumed, start = checkpoint is not None and checkpoint.exists(), time.perf_counter()
+    try:
+        with EventLog(log) as events:
+            tell = events.progress(trial, also=progress)
+            found: Outcome | TrainingError = perform(trial, data, checkpoint, tell, device)[0]
+    except TrainingError as error:
+        found = error
+    return stored_as(trial, found, provenance.here(time.perf_counter() - start, THREADS, resumed, device))
+
+
+def stored_as(trial: Trial, found: Outcome | TrainingError, made: Provenance) -> Row | Failure:
+    """What the store keeps of a trial."""
+    if isinstance(found, TrainingError):
+        return Failure(trial=trial, what=found.what, loss=str(found.loss), iteration=found.iteration, provenance=made)
+    return Row(trial=trial, outcome=found, provenance=made)
+
+
+def roll_out(model: Predictor, trial: Trial, trajectories: list[Trajectory]) -> tuple[torch.Tensor, torch.Tensor]:
+    """Predicted and actual states, each (B, K + 1, 13), of trajectories under their own actions; K = ROLLOUT_STEPS."""
+    terrain = find_system(trial.system).terrain
+    heights = torch.tensor(np.stack([generate_terrain(terrain, t.terrain_seed) for t in trajectories]))
+    states = torch.tensor(np.stack([t.states[: ROLLOUT_STEPS + 1] for t in trajectories]))
+    actions = torch.tensor(np.stack([t.actions[:ROLLOUT_STEPS] for t in trajectories]))
+    return rollout(model, heights, states[:, 0], actions, trial.network.pixels), states
+
+
+def summary_curve(trained: Trained) -> tuple[tuple[int, ...], tuple[float, ...], tuple[float, ...]]:
+    """Samples seen, test loss and training loss at up to CURVE_POINTS even steps, first and last included."""
+    count = len(trained.history)
+    chosen = np.unique(np.linspace(0, count - 1, min(count, CURVE_POINTS)).round().astype(int))
+    tests = [trained.history[number] for number in chosen]
+    return (
+        tuple(test.samples for test in tests),
+        tuple(test.test_loss for test in tests),
+        tuple(test.training_loss for test in tests),
+    )
+
+
+def _floats(values: torch.Tensor) -> tuple[float, ...]:
+    return tuple(values.double().tolist())
+
+
+def _nested(states: torch.Tensor) -> tuple[tuple[tuple[float, ...], ...], ...]:
+    """(R, K + 1, 13) states."""
+    return tuple(tuple(map(tuple, path)) for path in states.double().tolist())
+
+
+def _path(states: torch.Tensor) -> tuple[tuple[float, float], ...]:
+    """(K + 1, 13) states as x and y, m."""
+    return tuple((x, y) for x, y in states[:, :2].double().tolist())

@@ -1,0 +1,73 @@
+"""Pretrained weights on disk: those of one system, seed and training serve trials of every novice dataset size."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import hashlib
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+from sidm.experiments.trials import Trial
+from sidm.learning.beyond import pretraining
+from sidm.learning.beyond.pretraining import Start, expert_in_place, start_from
+from sidm.learning.dataset import Datasets
+from sidm.learning.networks import Network
+from sidm.learning.training import train
+from sidm.numerics import numbered
+
+try:
+    import fcntl
+except ImportError:  # Windows: two processes may make the same weights, each the same
+    fcntl = None  # type: ignore[assignment]
+
+
+def folder(trial: Trial, data: str | Path, kind: str = "training") -> Path:
+    """Where the weights that a trial starts from are kept, apart for each version of the numbers."""
+    made_from = {
+        "dataset": trial.datasets["expert"].name,
+        "digest": trial.digests["expert"],
+        "network": dataclasses.asdict(network_of(trial)),  # type: ignore[call-overload]
+        "training": dataclasses.asdict(trial.pretraining),  # type: ignore
+        "seed": trial.seed,
+    }
+    key = hashlib.sha256(json.dumps(made_from, sort_keys=True).encode()).hexdigest()[:20]
+    return Path(data) / "pretrained" / f"{key}-{numbered(kind)}"
+
+
+def network_of(trial: Trial) -> Network:
+    """That of a trial's pretraining, in which one system is alone and shares nothing."""
+    return dataclasses.replace(trial.network, own="all")  # type: ignore[type-var]
+
+
+def start_of(trial: Trial, datasets: Datasets, data: str | Path, device: str = "cpu") -> Start | None:
+    """The weights that a trial starts from, read or, where they lack, made; None for a trial that begins afresh.
+
+    Raises:
+        TrainingError: a loss of the pretraining is not finite.
+        CheckpointError: the kept weights, or an unfinished pretraining's state, are damaged.
+    """
+    if trial.pretraining is None:
+        return None
+    where = folder(trial, data)
+    with _alone(where):
+        found = pretraining.read(where)
+        if found is None:
+            sets, state = expert_in_place(datasets, trial.seed), where / pretraining.STATE
+            found = start_from(
+                train(sets, network_of(trial), trial.pretraining, trial.seed, checkpoint=state, device=device)
+            )
+            pretraining.keep(where, found)
+        return found
+
+
+@contextlib.contextmanager
+def _alone(where: Path) -> Iterator[None]:
+    """One process of a machine at a time: the others wait instead of making the same."""
+    where.mkdir(parents=True, exist_ok=True)
+    with open(where / "lock", "wb") as lock:
+        if fcntl is not None:
+            with contextlib.suppress(OSError):  # a file system without locks
+                fcntl.flock(lock, fcntl.LOCK_EX)
+        yield

@@ -1,0 +1,48 @@
+"""Predicted paths, Figure 4."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from sidm.experiments.engine.store import Row
+from sidm.experiments.figures.curves import by_method_and_size, size_style
+from sidm.experiments.figures.style import METHOD_STYLES, finish, side_by_side, styled
+from sidm.trajectory import CONTROL_STEP
+
+
+@styled
+def figure4(rows: Sequence[Row], seed: int = 0) -> Figure:
+    """Figure 4: deviation of the predicted from the actual path over time, and one example seen from above.
+
+    Args:
+        rows: of one system; lines are means over the trials, shades their standard error.
+        seed: whose trials draw the example's paths.
+    """
+    figure, (left, right) = side_by_side(2)
+    left.set(xlabel="time (s)", ylabel="deviation from the actual position (m)", title="mean and standard error")
+    right.set(xlabel="x (m)", ylabel="y (m)", title="one example from above")
+    sizes = sorted({row.trial.novice_minutes for row in rows})
+    for method, minutes, group in by_method_and_size(rows):
+        style = size_style(method, sizes.index(minutes))
+        label = f"{METHOD_STYLES[method]['label']}, {minutes:g} min"
+        errors = np.array([(0.0, *row.outcome.position_error) for row in group])  # (S, K + 1)
+        time, mean = CONTROL_STEP * np.arange(errors.shape[1]), errors.mean(0)
+        left.plot(time, mean, label=label, **style)
+        if len(errors) > 1:
+            spread = errors.std(0, ddof=1) / np.sqrt(len(errors))
+            left.fill_between(time, mean - spread, mean + spread, color=style["color"], alpha=0.15, lw=0)
+        for row in group:
+            if row.trial.seed == seed:
+                right.plot(*np.array(row.outcome.example_predicted).T, **style)  # lines as on the left
+    shown = [row for row in rows if row.trial.seed == seed]
+    if shown:
+        right.plot(
+            *np.array(shown[0].outcome.example_actual).T, color="black", linestyle="-", marker="", label="actual"
+        )
+        right.set_aspect("equal", adjustable="datalim")
+    finish(left)
+    finish(right)
+    return figure

@@ -1,0 +1,143 @@
+"""What all figures have in common: the style, how methods look, plots side by side.
+
+Matplotlib is imported when something is drawn: those who list trials do without.
+"""
+
+from __future__ import annotations
+
+import base64
+import functools
+import io
+from collections.abc import Callable, Iterable
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sidm.experiments.methods import METHODS
+from sidm.systems import Terrain
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+STYLE = Path(__file__).with_name("sidm.mplstyle")
+
+_LOOKS: dict[str, dict[str, Any]] = {
+    "sidm": {"color": "#0072B2", "linestyle": "-", "marker": "o"},
+    "novice_only": {"color": "#D55E00", "linestyle": "--", "marker": "s"},
+    "no_regularisation": {"color": "#009E73", "linestyle": "-.", "marker": "^"},
+    "pretrain_finetune": {"color": "#CC79A7", "linestyle": ":", "marker": "D"},
+}
+_LOOKS |= {  # of what might do better, and of no network
+    "least_squares": {"color": "#009E73", "linestyle": (0, (3, 1, 1, 1)), "marker": "P"},
+    "corrected": {"color": "#D55E00", "linestyle": (0, (3, 1, 1, 1)), "marker": "p"},
+    "corrected_mirrored": {"color": "#882255", "linestyle": "-", "marker": "h"},
+    "corrected_averaged": {"color": "#44AA99", "linestyle": (0, (5, 1)), "marker": "H"},
+    "mirrored": {"color": "#009E73", "linestyle": "-", "marker": "*"},
+    "averaged": {"color": "#7F3FBF", "linestyle": (0, (5, 1)), "marker": "X"},
+    "tethered": {"color": "#000000", "linestyle": (0, (1, 1)), "marker": "v"},
+    "adapters": {"color": "#8C6D00", "linestyle": "-.", "marker": "P"},
+    "copies": {"color": "#E69F00", "linestyle": "-", "marker": "^"},
+    "copies_no_regularisation": {"color": "#56B4E9", "linestyle": "--", "marker": "<"},
+}
+_PLAIN = {"color": "#555555", "linestyle": "-", "marker": "."}  # of methods that no curve shows
+
+#: How a method is drawn and named, told apart by colour (Okabe and Ito), line and marker.
+METHOD_STYLES: dict[str, dict[str, Any]] = {
+    name: _LOOKS.get(name, _PLAIN) | {"label": method.label} for name, method in METHODS.items()
+}
+SIZE_STYLES: tuple[dict[str, Any], ...] = (
+    {"color": "#0072B2", "linestyle": "-", "marker": "o"},
+    {"color": "#D55E00", "linestyle": "--", "marker": "s"},
+    {"color": "#009E73", "linestyle": "-.", "marker": "^"},
+    {"color": "#CC79A7", "linestyle": ":", "marker": "D"},
+    {"color": "#E69F00", "linestyle": (0, (6, 1, 1, 1)), "marker": "v"},
+)
+LOSS_LABEL = "validation loss, equation (1)\n(squared m, m/s and rad/s, summed)"
+#: How a data-efficiency ratio is drawn: its bound, marker, colour and words.
+EFFICIENCY_MARKS = (
+    ("=", "o", "#0072B2", "ratio"),
+    (">=", "^", "#D55E00", "at least"),
+    ("<=", "v", "#009E73", "at most"),
+)
+GROUND_SPACING = Terrain(cell_height_scale=0.0).spacing  # between heights, m
+
+
+def html_picture(figure: Figure, words: str) -> str:
+    """A figure as HTML with a text in its place for who cannot see it, for a page that takes it over from another."""
+    file = io.BytesIO()
+    figure.savefig(file, format="png")
+    data = base64.b64encode(file.getvalue()).decode()
+    return f'<img src="data:image/png;base64,{data}" alt="{escape(words)}">'
+
+
+def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
+    """Draw in the book's style, and leave no figure open behind."""
+
+    @functools.wraps(draw)
+    def drawn(*arguments: Any, **named: Any) -> Figure:
+        import matplotlib.pyplot as plt
+
+        with plt.style.context(STYLE):
+            figure = draw(*arguments, **named)
+        plt.close(figure)
+        return figure
+
+    return drawn
+
+
+def side_by_side(count: int, columns: int = 0) -> tuple[Figure, list[Axes]]:
+    """`count` plots in one row, or in rows of so many `columns`."""
+    import matplotlib.pyplot as plt
+
+    columns = columns or count
+    rows = -(-count // columns)
+    size = (1 + 4.2 * columns, 3.8 * rows)
+    figure, axes = plt.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained")
+    return figure, list(axes.flat)
+
+
+def half_width(heights: np.ndarray) -> float:
+    """From the middle of a ground (H, H) to its border, m."""
+    return (len(heights) - 1) * GROUND_SPACING / 2
+
+
+def lay_ground(axes: Axes, heights: np.ndarray, palest: float, darkest: float) -> None:
+    """A ground (H, H), m, under what is drawn from above: grey from one height to another, pale enough for lines."""
+    half = half_width(heights)
+    axes.imshow(
+        heights, origin="lower", extent=(-half, half, -half, half), cmap="Greys", alpha=0.6, vmin=palest, vmax=darkest
+    )
+    axes.grid(False)
+
+
+def legend_below(figure: Figure, panels: Iterable[Axes]) -> None:
+    """One legend for all plots, below them, where the names would cover what they name."""
+    named = {name: handle for axes in panels for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)}
+    if named:
+        figure.set_figheight(figure.get_figheight() + 0.25 * -(-len(named) // 2))
+        figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=2)
+
+
+def finish(axes: Axes, minutes: Iterable[float] = (), legend: bool = True) -> None:
+    """A legend where something is drawn, a notice where not; log axes in plain numbers, at the `minutes` if given."""
+    from matplotlib.ticker import FormatStrFormatter, LogLocator
+
+    if not axes.has_data():
+        axes.text(0.5, 0.5, "no trials stored", ha="center", va="center", transform=axes.transAxes)
+        axes.set(xticks=[], yticks=[])
+        axes.minorticks_off()
+        return
+    if legend:
+        axes.legend()
+    if axes.get_yscale() == "log":
+        low, high = np.log10(axes.get_ylim())
+        steps = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0) if high - low < 1 else (1.0, 2.0, 5.0) if high - low < 2 else (1.0,)
+        axes.yaxis.set_major_locator(LogLocator(subs=steps))
+        axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
+    ticks = sorted(set(minutes))
+    if ticks:
+        axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes.minorticks_off()

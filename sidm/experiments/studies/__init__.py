@@ -1,0 +1,1 @@
+"""What the book asks: a module or folder a question."""

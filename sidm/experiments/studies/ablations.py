@@ -1,0 +1,208 @@
+"""Ablations of the paper's advice: one value of SIDM's training changed at a time, on a small novice dataset."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sidm.config import ConfigError
+from sidm.experiments.engine.store import Row
+from sidm.experiments.figures.style import (
+    LOSS_LABEL,
+    METHOD_STYLES,
+    SIZE_STYLES,
+    finish,
+    side_by_side,
+    styled,
+)
+from sidm.experiments.methods import CHOICES, COMPARED, METHODS, change
+from sidm.experiments.methods import PATIENCE as LONG_PATIENCE
+from sidm.experiments.presets import Preset
+from sidm.experiments.study import Study
+from sidm.experiments.trials import Trial
+from sidm.systems import SYSTEMS
+from sidm.trajectory import trajectories_for
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Values of p_e; None stands for 'proportional to the data'.
+P_EXPERT = (0.0, 0.25, 0.5, 0.75, 0.9, None)
+
+#: Iterations a phase, by the name of the phase.
+ITERATIONS = {
+    "prediction_iterations": (20, 100, 500),
+    "discriminator_iterations": (5, 20, 100),
+    "matching_iterations": (0, 5, 20, 100),
+}
+
+#: Pixels a side of the height map; the paper has 300, the released code 64.
+PIXELS = (16, 32, 64)
+
+#: Samples without a new minimum of the test loss before training ends.
+PATIENCE = (50_000, 150_000, 450_000)
+
+
+#: p_e with as much novice data as there is; section 5 advises less than with little.
+AMPLE_P_EXPERT = 0.25
+
+
+def ample(study: Study, system: str) -> dict[str, list[Trial]]:
+    """SIDM on the largest novice dataset as section 5 advises there: the expert and the adversary count for less.
+
+    Patience is among it because it counts the samples of both systems: at a p_e of 0.75 a quarter are the novice's.
+    """
+    sizes = [max(study.preset.novice_minutes(system))]
+    changed = change(METHODS["sidm"].training(study.preset, system), p_expert=AMPLE_P_EXPERT)
+    patient = study.changed(**CHOICES[LONG_PATIENCE][0])
+    return {
+        f"p_e of {AMPLE_P_EXPERT:g}": study.points(system, ["sidm"], sizes, changed),
+        METHODS["no_regularisation"].label: study.points(system, ["no_regularisation"], sizes),
+        LONG_PATIENCE: patient.points(system, ["sidm"], sizes),
+    }
+
+
+def ample_trials(study: Study, system: str) -> list[Trial]:
+    """All trials of `ample`."""
+    return [trial for trials in ample(study, system).values() for trial in trials]
+
+
+def proportional(preset: Preset, minutes: float) -> float:
+    """The p_e that is proportional to the sizes of the data, which the paper advises against."""
+    expert, novice = trajectories_for(preset.expert_minutes), trajectories_for(minutes)
+    return round(expert / (expert + novice), 6)
+
+
+def p_expert(
+    study: Study, system: str, values: Iterable[float | None] = P_EXPERT, sizes: Sequence[float] = ()
+) -> list[Trial]:
+    """Ablation of p_e; at 0 the expert is never seen, in the regularisation neither."""
+    trials = []
+    for minutes in sizes or study.preset.ablation_minutes:
+        for value in values:
+            p = proportional(study.preset, minutes) if value is None else value
+            training = change(METHODS["sidm"].training(study.preset, system), p_expert=p, regularise=p > 0)
+            method = "sidm" if p > 0 else "novice_only"
+            trials += study.points(system, [method], [minutes], training, study.preset.ablation_seeds)
+    return trials
+
+
+def iterations(
+    study: Study, system: str, phase: str, values: Iterable[int] | None = None, sizes: Sequence[float] = ()
+) -> list[Trial]:
+    """Ablation of the iterations of one phase; 0 of matching leave out the regularisation, of others: ConfigError."""
+    trials = []
+    for value in ITERATIONS[phase] if values is None else values:
+        if value == 0 and phase != "matching_iterations":
+            raise ConfigError(f"{phase} must be at least 1; without an adversary there are 0 matching_iterations")
+        method = "sidm" if value > 0 else "no_regularisation"
+        training = METHODS[method].training(study.preset, system)
+        if value > 0:
+            training = change(training, **{phase: value})
+        sizes = sizes or study.preset.ablation_minutes
+        trials += study.points(system, [method], sizes, training, study.preset.ablation_seeds)
+    return trials
+
+
+def setting(
+    study: Study, system: str, name: str, values: Iterable[int], sizes: Sequence[float] = ()
+) -> list[Trial]:
+    """Ablation of a setting that both of the paper's methods have, of their training or their network."""
+    sizes = sizes or study.preset.ablation_minutes
+    return [
+        trial
+        for value in values
+        for trial in study.changed(**{name: value}).points(system, COMPARED, sizes, seeds=study.preset.ablation_seeds)
+    ]
+
+
+def phases(study: Study, system: str) -> list[Trial]:
+    """The ablations of all three phases."""
+    return [trial for phase in ITERATIONS for trial in iterations(study, system, phase)]
+
+
+def pixels(study: Study, system: str) -> list[Trial]:
+    """The ablation of the map's resolution."""
+    return setting(study, system, "pixels", PIXELS)
+
+
+def patience(study: Study, system: str) -> list[Trial]:
+    """The ablation of the patience."""
+    return setting(study, system, "patience", PATIENCE)
+
+
+def ablated(trial: Trial, name: str) -> float:
+    """A trial's value in the ablation of `name`, of its training or network; without regularisation, 0 matching."""
+    if name == "matching_iterations" and not trial.training.regularise:
+        return 0.0
+    return float(getattr(trial.network if name == "pixels" else trial.training, name))
+
+
+def ablation_lines(
+    rows: Iterable[Row], name: str, by_method: bool = False
+) -> dict[tuple[str, float, str], dict[float, list[float]]]:
+    """Validation losses by value, of each line: a system, a size, and a method or ''.
+
+    Args:
+        rows: of the ablation of `name`.
+        name: of the value, as `ablated` takes it.
+        by_method: whether each method is a line; else what a value leaves of the method is on one line with the rest.
+    """
+    lines: dict[tuple[str, float, str], dict[float, list[float]]] = {}
+    for row in rows:
+        t = row.trial
+        line = lines.setdefault((t.system, t.novice_minutes, t.method if by_method else ""), {})
+        line.setdefault(ablated(t, name), []).append(row.outcome.validation_loss)
+    return lines
+
+
+#: What the values of an ablation count; those of the phases are iterations a phase.
+_COUNTED = {"p_expert": "probability", "pixels": "a side of the map", "patience": "samples"}
+
+
+@styled
+def ablation(
+    rows: Sequence[Row],
+    name: str,
+    systems: Sequence[str] = tuple(SYSTEMS),
+    by_method: bool = False,
+    usual: Mapping[str, float] = MappingProxyType({}),
+) -> Figure:
+    """Validation loss against an ablated value: mean over seeds with minimum to maximum.
+
+    A probability has an axis of its own; of other values each that was tried has a place, in their order.
+
+    Args:
+        rows: the ablation's.
+        name: of the value, as `ablated` takes it.
+        systems: a plot each.
+        by_method: whether each method has a line for each size; else all of a size are one line.
+        usual: each system's value in Figure 3, which a vertical line marks.
+    """
+    figure, panels = side_by_side(len(systems))
+    tried = sorted({ablated(row.trial, name) for row in rows} | set(usual.values()))
+    place = {value: value if name == "p_expert" else float(number) for number, value in enumerate(tried)}
+    for axes, system in zip(panels, systems, strict=True):
+        unit = _COUNTED.get(name, "a phase")
+        axes.set(xlabel=f"{name.replace('_', ' ')} ({unit})", ylabel=LOSS_LABEL, title=system)
+        lines = ablation_lines([row for row in rows if row.trial.system == system], name, by_method)
+        for number, ((_, minutes, method), found) in enumerate(sorted(lines.items())):
+            style = SIZE_STYLES[number % len(SIZE_STYLES)]
+            values = sorted(found)
+            means = np.array([np.mean(found[v]) for v in values])
+            lowest, highest = (np.array([end(found[v]) for v in values]) for end in (min, max))
+            spread = np.clip([means - lowest, highest - means], 0, None)
+            words = f"{METHOD_STYLES[method]['label']}, {minutes:g} min" if method else f"{minutes:g} min"
+            axes.errorbar([place[value] for value in values], means, spread, capsize=3, label=words, **style)
+        if lines and system in usual:
+            axes.axvline(place[usual[system]], color="0.6", linestyle=":", marker="", zorder=0, label="as in Figure 3")
+        finish(axes)
+        if lines and name == "p_expert":
+            axes.set_xlim(-0.03, 1.03)
+        elif lines:
+            axes.set_xticks(list(place.values()), [f"{value:,.0f}" for value in place])
+            axes.set_xlim(-0.3, len(place) - 0.7)
+    return figure

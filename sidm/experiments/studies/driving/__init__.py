@@ -1,0 +1,1 @@
+"""Driving to goals with a learnt model."""

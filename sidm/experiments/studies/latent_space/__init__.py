@@ -1,0 +1,1 @@
+"""How alike the two systems' latents are."""

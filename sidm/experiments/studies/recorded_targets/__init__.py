@@ -1,0 +1,1 @@
+"""Recorded motion is the novice, the simulator the cheap expert."""

@@ -1,0 +1,1 @@
+"""An SIDM of several experts before the novice is met."""

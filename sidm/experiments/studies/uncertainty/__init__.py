@@ -1,0 +1,1 @@
+"""Encoders, SIDM and decoders that estimate distributions."""

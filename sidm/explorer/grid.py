@@ -1,0 +1,140 @@
+"""The rides behind the explorer's page: every combination of its sliders, simulated once and stored as whole numbers.
+
+`python -m sidm.explorer.grid` makes them anew, about ten minutes on two cores. What the sliders do not
+change (mass, tyres, gearing) is the novice's of system 1; the paper's four robots ride on the same grounds as they are.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import itertools
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from sidm.explorer.rides import ROBOTS, Ride, drive, tilt
+from sidm.numerics import versions
+from sidm.pool import local_pool
+from sidm.progress import progress_bar
+from sidm.storage import read_arrays, read_record, write_arrays, write_record
+from sidm.systems import ROLES, Physics, Robot, Terrain
+from sidm.terrain import generate_terrain
+from sidm.trajectory import POSITION
+
+FOLDER = Path("results/explorer")
+BODY = ROBOTS["system1 novice"]
+#: The paper's four robots, which ride as they are.
+PAPERS = {name: ROBOTS[name] for name in (f"system{number} {role}" for number in (1, 2) for role in ROLES)}
+TERRAIN_SEED = 3
+STEPS = 40
+
+
+class Knob(NamedTuple):
+    """A slider: the values that it stops at, and where it starts."""
+
+    name: str  # of a Robot's field, or 'roughness' or 'throttle'
+    label: str
+    unit: str
+    values: tuple[float, ...]
+    start: float
+    shown: float = 1.0  # what a value is multiplied with to be shown in its unit
+
+
+#: Of the robot's set-up, then of the drive; the stored rides have one axis a knob, in this order.
+SET_UP = (
+    Knob("spring", "spring stiffness", "N/m", (75.0, 500.0, 3000.0, 10_000.0, 50_000.0), BODY.spring),
+    Knob("damping", "damping", "N s/m", (1.0, 20.0, 50.0, 100.0), BODY.damping),
+    Knob("travel_lower", "longest extension", "mm", (-0.005, -0.01, -0.02, -0.03), BODY.travel_lower, -1000.0),
+)
+DRIVE = (
+    Knob("roughness", "height scale of the rocks", "m", (0.0, 0.2, 0.35, 0.9), 0.35),
+    Knob("throttle", "throttle", "of full", (0.25, 0.5, 0.75, 1.0), 0.5),
+)
+KNOBS = SET_UP + DRIVE
+BRAKES = (True, False)  # whether the struts are braked as in the recorded robot; the axis before the drive's
+
+#: What is stored of a moment -> how many whole numbers a unit: m, degrees, m of the four struts.
+CHANNELS = {"x": 1e3, "y": 1e3, "z": 1e3, "pitch": 1e2, "roll": 1e2} | {f"strut {n}": 1e5 for n in range(4)}
+
+GONE = -32768
+BORDER = Terrain(cell_height_scale=0.0).half_width - 0.5  # m from the origin, where the wheels still have ground
+
+
+class Grid(NamedTuple):
+    """The stored rides: axes of SET_UP (or the robots of PAPERS), BRAKES, DRIVE, time and CHANNELS."""
+
+    rides: np.ndarray  # (5, 4, 4, 2, 4, 4, T + 1, 9) int16
+    robots: np.ndarray  # (4, 2, 4, 4, T + 1, 9) int16
+    numerics: dict[str, int]  # versions that they were made with
+
+
+def whole_numbers(one: Ride) -> np.ndarray:
+    """A ride as it is stored, (T + 1, 9) int16; GONE from where it leaves the ground."""
+    columns = [*one.states[:, POSITION].T, *tilt(one.states), *one.struts.T]
+    scaled = [scale * column for scale, column in zip(CHANNELS.values(), columns, strict=True)]
+    outside = (np.abs(one.states[:, :2]) > BORDER).any(axis=1)
+    numbers = np.where(np.maximum.accumulate(outside)[:, None], GONE, np.rint(np.stack(scaled, axis=1)))
+    return np.clip(numbers, GONE, -GONE - 1).astype(np.int16)
+
+
+def ground(roughness: float) -> np.ndarray:
+    """Heights (300, 300) of the ground of that roughness, m."""
+    return generate_terrain(Terrain(cell_height_scale=roughness), TERRAIN_SEED)
+
+
+def set_ups() -> Iterator[Robot]:
+    """The robots that the sliders can make, the last knob of SET_UP fastest."""
+    for values in itertools.product(*(knob.values for knob in SET_UP)):
+        changed = dict(zip((knob.name for knob in SET_UP), values, strict=True))
+        yield BODY.replace(**changed)
+
+
+def simulate(setting: tuple[Robot, bool], throttles: Sequence[float] = DRIVE[1].values) -> np.ndarray:
+    """All drives of one robot, braked or not: (4, throttles, T + 1, 9) int16."""
+    from sidm.simulation import Simulator
+
+    robot, brakes = setting
+    roughness = DRIVE[0].values
+    found = []
+    with Simulator(robot, ground(roughness[0]), Physics(strut_motors=brakes)) as simulator:
+        for rough in roughness:
+            simulator.put_on(ground(rough))
+            found.append([whole_numbers(drive(simulator, throttle, steps=STEPS)) for throttle in throttles])
+    return np.array(found)
+
+
+def make(folder: Path = FOLDER, workers: int = 2) -> None:
+    """Simulate every ride and store them."""
+    settings = list(itertools.product([*set_ups(), *PAPERS.values()], BRAKES))
+    with local_pool(workers) as pool, progress_bar(len(settings), "rides", "set-up") as bar:
+        found = []
+        for one in pool.map(simulate, settings):
+            found.append(one)
+            bar.update()
+    every = np.array(found).reshape(-1, len(BRAKES), *found[0].shape)
+    sizes = [len(knob.values) for knob in SET_UP]
+    rides, robots = every[: -len(PAPERS)], every[-len(PAPERS) :]
+    write_arrays(folder / "rides.npz", {"rides": rides.reshape(*sizes, *rides.shape[1:]), "robots": robots})
+    write_record(folder / "rides.json", {"numerics": versions("simulation")})
+    read.cache_clear()
+
+
+@functools.cache
+def read(folder: Path = FOLDER) -> Grid:
+    """The stored rides.
+
+    Raises:
+        FileNotFoundError: there are none.
+        Damaged: a file is not as it was written.
+    """
+    arrays = read_arrays(folder / "rides.npz")
+    return Grid(arrays["rides"], arrays["robots"], read_record(folder / "rides.json")["numerics"])
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (%(default)s)")
+    make(workers=parser.parse_args().workers)

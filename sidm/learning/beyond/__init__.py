@@ -1,0 +1,1 @@
+"""What the paper only names, or a reviewer asks for."""

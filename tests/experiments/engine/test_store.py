@@ -1,0 +1,144 @@
+"""The store: rows come back as they were put, and nothing damaged is read."""
+
+import dataclasses
+import shutil
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sidm.experiments import Results, StoreError, Study
+from sidm.experiments.engine.datasets import note_datasets
+from sidm.experiments.engine.store import rounded
+from sidm.numerics import NUMERICS
+from sidm.storage import read_record, write_record
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.fixture
+def trials(tiny, tmp_path):
+    """Four trials of a tiny study."""
+    return Study(tiny, tmp_path / "no-data", tmp_path).figure3("system1")
+
+
+def test_rows_come_back(trials, make_row, tmp_path):
+    """A row put is the row got, to 6 significant digits; rewriting it changes no byte."""
+    store, row = Results(tmp_path), make_row(trials[0], loss=2.123456789)
+    path = store.put(row)
+    assert path == tmp_path / "trials" / f"{trials[0].key}.json"
+    back = store.get(trials[0])
+    assert back.outcome.validation_loss == 2.12346 and back.trial == row.trial and back.provenance == row.provenance
+    before = path.read_bytes()
+    assert store.put(back).read_bytes() == before and len(before) < 5000
+    assert not list(path.parent.glob(".*"))
+
+
+def test_missing_and_rows(trials, make_row, tmp_path):
+    """What is stored and what is not partition the trials, in their order."""
+    store = Results(tmp_path)
+    assert store.missing(trials) == trials and store.rows(trials) == [] and store.get(trials[0]) is None
+    for trial in trials[1:3]:
+        store.put(make_row(trial))
+    assert [row.trial for row in store.rows(trials)] == trials[1:3]
+    assert store.missing(trials) == [trials[0], *trials[3:]]
+    assert {row.trial.key for row in store.all()} == {trial.key for trial in trials[1:3]}
+
+
+@pytest.mark.parametrize("numerics", [{"training": 0}, {"simulation": NUMERICS["simulation"], "a kind that was": 1}])
+def test_rows_of_other_versions_are_stale(trials, make_row, tmp_path, numerics):
+    """A row of today's is not; nor does it matter which files made it."""
+    store, row = Results(tmp_path), make_row(trials[0])
+    store.put(dataclasses.replace(row, provenance=dataclasses.replace(row.provenance, source="0" * 12)))
+    old = dataclasses.replace(row.provenance, numerics=numerics)
+    store.put(dataclasses.replace(row, trial=trials[1], provenance=old))
+    assert store.stale(trials) == [trials[1]]
+
+
+def test_no_stored_row_is_stale():
+    """Whoever raised a version has made its rows again, or confirmed them by a sample."""
+    rows = Results(ROOT / "results").all()
+    assert len(rows) > 600 and not any(row.provenance.stale for row in rows)
+
+
+def another_seed(values):
+    values["trial"]["seed"] = 7
+
+
+def mistyped(values):
+    values["outcome"]["iteratons"] = values["outcome"].pop("iterations")
+
+
+@pytest.mark.parametrize(
+    "spoil, words",
+    [
+        (lambda values: values.pop("outcome"), "damaged|not a row of results"),
+        (lambda values: values.update(schema=99), "has schema 99, this version reads 3"),
+        (lambda values: values.update(trial=[]), "must be Trial, not list"),
+        (another_seed, "holds another trial"),
+        (mistyped, "did you mean 'iterations'"),
+    ],
+)
+def test_what_is_not_the_row_is_named_in_one_line(trials, make_row, tmp_path, spoil, words):
+    """Whatever was written into the file by others, the error names it and the mend."""
+    store = Results(tmp_path)
+    path = store.put(make_row(trials[0]))
+    values = read_record(path)
+    spoil(values)
+    write_record(path, values)
+    with pytest.raises(StoreError, match=words) as caught:
+        store.get(trials[0])
+    assert str(path) in str(caught.value) and "\n" not in str(caught.value) and "delete it" in str(caught.value)
+
+
+@given(where=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+def test_every_flipped_bit_is_seen(trials, make_row, tmp_path, where, bit):
+    store = Results(tmp_path)
+    path = store.put(make_row(trials[0]))
+    content = bytearray(path.read_bytes())
+    content[int(where * len(content))] ^= 1 << bit
+    path.write_bytes(content)
+    with pytest.raises(StoreError, match="damaged") as caught:
+        store.get(trials[0])
+    assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_stores_merge_by_copying(trials, make_row, tmp_path):
+    """Two people who run different trials write different files."""
+    stores = [Results(tmp_path / name) for name in ("one", "other", "both")]
+    for store, mine in zip(stores, (trials[:2], trials[2:]), strict=False):
+        for trial in mine:
+            store.put(make_row(trial))
+        note_datasets(mine, tmp_path / "no-data", store.folder)
+        shutil.copytree(store.folder, stores[2].folder, dirs_exist_ok=True)
+    assert stores[2].missing(trials) == [] and [row.trial for row in stores[2].rows(trials)] == trials
+    names = [{path.name for path in (store.folder / "trials").iterdir()} for store in stores[:2]]
+    assert not names[0] & names[1]
+
+
+def test_divergence_is_not_stored(trials, make_row, tmp_path):
+    """JSON has no infinity, and a mean must not meet one."""
+    with pytest.raises(StoreError, match="not finite; the training diverged"):
+        Results(tmp_path).put(make_row(trials[0], loss=float("inf")))
+    assert Results(tmp_path).missing(trials) == trials
+
+
+def test_rekey_moves_rows_whose_trial_learnt_a_value(trials, make_row, tmp_path):
+    """A row stored before Trial had one of its values takes the default and today's key."""
+    store = Results(tmp_path)
+    path = store.put(make_row(trials[0]))
+    old = read_record(path)
+    del old["trial"]["policy"]
+    path.unlink()
+    write_record(path.with_stem("0" * 20), old)
+    assert store.missing(trials[:1]) and store.rekey() == 1
+    assert not store.missing(trials[:1]) and store.rekey() == 0
+    assert store.get(trials[0]).trial == trials[0]
+
+
+def test_rounding():
+    """Floats alone are rounded, at any depth."""
+    given = {"a": [1.23456789, 3, "x", True], "b": (1e-9 / 3,)}
+    assert rounded(given) == {"a": [1.23457, 3, "x", True], "b": [3.33333e-10]}

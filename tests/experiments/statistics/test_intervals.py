@@ -1,0 +1,131 @@
+"""Statistics against closed forms and scipy."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.stats
+
+from sidm.experiments.statistics import coverage
+from sidm.experiments.statistics.efficiency import (
+    efficiency,
+    efficiency_at_sizes,
+    falling,
+    greatest_ratio,
+    minutes_needed,
+)
+from sidm.experiments.statistics.intervals import MANY_SEEDS, bootstrap, interval, leave_one_out, summarise
+from sidm.storage import read_record
+
+ROOT = Path(__file__).parents[3]
+
+MINUTES = np.array([1.0, 2, 5, 20, 60, 120])
+
+
+def test_bootstrap_agrees_with_scipy():
+    """The percentile interval of a mean is scipy's, but for the draws."""
+    samples = np.random.default_rng(1).lognormal(size=12)
+    ours = bootstrap(np.mean, samples, resamples=20_000)
+    theirs = scipy.stats.bootstrap(
+        (samples,), np.mean, n_resamples=20_000, method="percentile", rng=np.random.default_rng(2)
+    ).confidence_interval
+    assert ours.value == samples.mean()
+    assert ours.low == pytest.approx(theirs.low, rel=0.02) and ours.high == pytest.approx(theirs.high, rel=0.02)
+
+
+def test_bootstrap_keeps_pairs():
+    """A difference that is the same in every seed has no width, however much the seeds differ."""
+    base = np.random.default_rng(1).normal(size=5)
+    found = bootstrap(lambda pairs: (pairs[:, 1] - pairs[:, 0]).mean(), np.stack([base, base + 0.3], 1))
+    assert found == pytest.approx((0.3, 0.3, 0.3))
+    assert bootstrap(np.mean, np.array([2.0])) == (2, 2, 2)
+
+
+def test_bootstrap_is_seeded_and_skips_what_is_not_finite():
+    """Same seed, same interval; a statistic without a value leaves no interval."""
+    samples = np.arange(6.0)
+    assert bootstrap(np.mean, samples, seed=3) == bootstrap(np.mean, samples, seed=3)
+    assert np.isnan(bootstrap(lambda s: np.nan, samples).low)
+
+
+def test_summary():
+    """Mean, interquartile mean, minimum and maximum over seeds."""
+    found = summarise(np.array([[0.0], [1], [2], [9]]))
+    assert (found.mean[0], found.interquartile_mean[0], found.minimum[0], found.maximum[0]) == (3, 1.5, 0, 9)
+
+
+def test_leaving_one_out_of_a_mean_is_students_interval():
+    samples = np.random.default_rng(1).normal(size=7)
+    theirs = scipy.stats.ttest_1samp(samples, 0).confidence_interval()
+    assert leave_one_out(np.mean, samples) == pytest.approx((samples.mean(), theirs.low, theirs.high))
+
+
+def test_intervals_of_degenerate_samples():
+    """Too few seeds, ties, and a curve that never gets there: no interval, one of no width, none."""
+    for few in ([2.0], [1.5, 2.5]):
+        assert interval(np.mean, np.array(few)).words(3) == "2"
+    assert interval(np.mean, np.full(4, 2.0)) == (2, 2, 2) and interval(np.mean, np.full(40, 2.0)) == (2, 2, 2)
+    flat = np.broadcast_to(np.stack([np.full(6, 2.0), np.ones(6)]), (5, 2, 6))
+    assert np.isnan(interval(lambda pairs: greatest_ratio(MINUTES, pairs)[0], flat)).all()
+
+
+def test_many_seeds_are_resampled():
+    samples = np.random.default_rng(1).lognormal(size=MANY_SEEDS)
+    assert interval(np.mean, samples) == bootstrap(np.mean, samples)
+    assert interval(np.mean, samples[1:]) == leave_one_out(np.mean, samples[1:])
+
+
+def test_coverage_is_as_stored():
+    """95 % intervals hold the true ratio in 92 to 98 % of 500 studies of 30 seeds; percentiles of few seeds do not."""
+    stored = read_record(ROOT / coverage.FILE)
+    for name, method in (("percentile", coverage.by_resampling), ("leave_one_out", coverage.by_leaving_out)):
+        assert stored[name]["3"] == pytest.approx(coverage.coverage(method, 3), abs=0.004)  # of more seeds in a minute
+    assert all(0.92 <= share <= 0.98 for share, _ in stored["leave_one_out"].values())
+    assert 0.92 <= stored["percentile"]["30"][0] <= 0.98 and stored["percentile"]["3"][0] < 0.85
+    note = coverage.coverage_note(ROOT / coverage.FILE)
+    assert "3 seeds 80 % and 95 %" in note and "30 seeds 93 % and 96 %" in note
+
+
+def test_the_greatest_of_ratios_is_flattered():
+    """Where nothing is saved, the greatest ratio is above 1, and called a saving more often than one study in forty."""
+    share, median = coverage.nothing_saved(3)
+    assert read_record(ROOT / coverage.FILE)["nothing_saved"] == pytest.approx([share, median], abs=0.01)
+    assert 0.05 < share < 0.25 and 1.1 < median < 1.3
+    note = coverage.greatest_note(ROOT / coverage.FILE)
+    assert f"{share:.0%}" in note and f"{median:.2g}" in note
+
+
+def test_falling_pools_what_rises():
+    """A falling curve is its own fit; a rise is levelled at the geometric mean."""
+    assert falling([4, 2, 1]) == pytest.approx([4, 2, 1])
+    assert falling([4, 1, 2]) == pytest.approx([4, np.sqrt(2), np.sqrt(2)])
+
+
+def test_minutes_needed_reads_a_power_law():
+    """On loss = minutes ** -1/2 the answer is known; outside the sizes it is a bound."""
+    curve = MINUTES**-0.5
+    assert minutes_needed(MINUTES, curve, 10**-0.5) == (pytest.approx(10), "=")
+    assert minutes_needed(MINUTES, curve, 2.0) == (1, "<=")
+    assert minutes_needed(MINUTES, curve, 0.01) == (120, ">")
+    assert minutes_needed(MINUTES, curve, curve[0]) == (1, "=")
+
+
+def test_efficiency_of_shifted_curves():
+    """A method that needs a fourth of the data has ratio 4 where both curves reach, and bounds where one does not."""
+    sidm, novice = (4 * MINUTES) ** -0.5, MINUTES**-0.5
+    found = efficiency(MINUTES, sidm, novice, [0.3, sidm[-1], 0.7, 2.0, 0.01])
+    assert found.ratio[0] == pytest.approx(4) and found.bound[0] == "="
+    assert found.ratio[1] == pytest.approx(1) and found.bound[1] == ">="  # novice-only never gets there
+    assert found.bound[2] == ">=" and found.ratio[2] == pytest.approx(0.7**-2)  # SIDM is there with the least
+    assert found.bound[3] == "?" and found.bound[4] == "?" and np.isnan(found.ratio[3:]).all()
+
+
+def test_greatest_ratio():
+    """'Up to' is 4 for such curves, and a bound where the comparison falls short everywhere."""
+    sidm, novice = (4 * MINUTES) ** -0.5, MINUTES**-0.5
+    ratio, bound = greatest_ratio(MINUTES, np.stack([sidm, novice])[None])
+    assert ratio == pytest.approx(4) and bound == "="
+    ratio, bound = greatest_ratio(MINUTES, np.stack([sidm, np.full(6, 2.0)])[None])
+    assert (ratio, bound) == (120, ">=")
+    assert greatest_ratio(MINUTES, np.stack([np.full(6, 2.0), np.ones(6)])[None])[1] == "?"
+    assert efficiency_at_sizes(MINUTES, sidm, novice).loss == pytest.approx(sidm)

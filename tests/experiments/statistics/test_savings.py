@@ -1,0 +1,180 @@
+"""Ratios at each size and component, on curves whose ratio is known."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from sidm.experiments import Study
+from sidm.experiments.statistics.intervals import Interval
+from sidm.experiments.statistics.savings import (
+    Saving,
+    component_savings,
+    efficiency_band,
+    expert_alone,
+    expert_first,
+    more_and_less,
+    no_network,
+    paired,
+    ratio_words,
+    rivals,
+    savings,
+    savings_summary,
+)
+from sidm.experiments.statistics.tables import COMPONENTS, gather
+
+RATIO = {"sidm": 4.0, "novice_only": 1.0, "pretrain_finetune": 8.0}  # of each method's data, in effect
+NOISE = {("sidm", 1): 1.05, ("novice_only", 2): 1.05}  # of single seeds, not paired
+
+
+@pytest.fixture
+def trials(tmp_path):
+    return Study("laptop", tmp_path, tmp_path).figure3("system1")
+
+
+@pytest.fixture
+def rows(make_row, trials):
+    def loss(trial):
+        return NOISE.get((trial.method, trial.seed), 1) * (RATIO[trial.method] * trial.novice_minutes) ** -0.5
+
+    return [make_row(trial, loss(trial)) for trial in trials]
+
+
+def test_the_expert_alone_in_novice_data(rows, make_row, tmp_path):
+    study = Study("laptop", tmp_path, tmp_path)
+    for loss, words in ((0.25, "0.25, as without SIDM on 17 min"), (5.0, "at most 1 min"), (0.01, "more than 120")):
+        alone = [make_row(t, loss) for t in study.points("system1", ["expert_only"], [5])]
+        assert words in expert_alone([*rows, *alone], "system1")
+    assert expert_alone(rows, "system1") == "system1: not run"
+
+
+def test_the_expert_first_in_one_line(rows):
+    words = expert_first(rows, "system1")
+    assert words.startswith("the lowest mean loss at 6 of 6 sizes; with 1 min as good as without SIDM on")
+    assert "times the data, and as with SIDM on" in words
+    assert expert_first([row for row in rows if row.trial.method != "sidm"], "system1") == "not run"
+
+
+def test_two_methods_are_paired_by_seed(rows):
+    """Four times the data halve the loss; at 1 min seed 1 is noisy with SIDM, and seed 2 without."""
+    first, *_, last = paired(rows, "system1")
+    assert (first.minutes, last.minutes, first.seeds, first.lower) == (1, 120, 3, 3)
+    assert first.ratio.value == pytest.approx(0.5) and first.losses[1] == pytest.approx(3.05 / 3)
+    assert first.words("with SIDM", "without it").startswith(
+        "at 1 min the loss with SIDM is lower: 0.508 against 1.017 without it, 0.5 ["
+    )
+    assert paired([row for row in rows if row.trial.method == "sidm"], "system1") == []
+    assert paired(rows, "system2") == []
+    two = [row for row in rows if row.trial.seed < 2]
+    assert "is not told from it: " in paired(two, "system1")[0].words("with SIDM", "without it")
+
+
+def test_savings_are_told_by_whole_intervals(rows):
+    found = savings(rows, "system1")
+    words = savings_summary({"system1": found, "system2": []})
+    assert words.startswith("needs more data for the same loss at system1, 1 min (4 [") and "less" not in words
+    other = savings(rows, "system1", "novice_only", "sidm")
+    assert savings_summary({"system1": other}).startswith("needs less data for the same loss at system1, ")
+    assert savings_summary({"system1": [Saving(1, 1, Interval(1.1, 0.9, 1.3), "=")]}) == "no difference seen"
+    few = [Saving(1, 1, Interval(1.1, np.nan, np.nan), ">=")]
+    assert savings_summary({}) == savings_summary({"system1": few})
+    assert savings_summary({}).startswith("cannot be told")
+
+
+def test_no_network_in_one_line(rows, make_row, tmp_path):
+    """With 1 min as good as SIDM with 25; lower than either method at every size."""
+    plain = Study("laptop", tmp_path, tmp_path).yardsticks("system1")
+    mine = [make_row(t, max(t.novice_minutes * 16.0, 100.0) ** -0.5) for t in plain if t.method == "least_squares"]
+    words = no_network([*rows, *mine], "system1")
+    assert words.startswith("system1: with 1 min a loss of 0.1, as with SIDM on 2") and "at 6 of 6 sizes" in words
+    assert no_network(rows, "system1") == "system1: not run"
+
+
+def test_intervals_to_either_side_are_counted():
+    ends = ((1.1, 2.0), (0.5, 0.9), (0.5, 2.0), (np.nan, np.nan))
+    assert more_and_less([Saving(1, 1, Interval(1, *both), "=") for both in ends]) == "1 above, 1 below"
+
+
+def test_a_known_ratio_comes_out_at_each_size(rows):
+    found = savings(rows, "system1")
+    assert [one.minutes for one in found] == [1, 2, 5, 20, 60, 120]
+    for one in found:
+        assert one.loss == pytest.approx((1 + 0.05 / 3) * (4 * one.minutes) ** -0.5)
+    assert [one.bound for one in found] == ["=", "=", "=", "=", ">=", ">="]  # there are no 240 min
+    assert [one.ratio.value for one in found] == pytest.approx([4, 4, 4, 4, 2, 1], rel=0.05)
+    for one in found[:4]:
+        assert 2.5 < one.ratio.low < 3.9 and 4.1 < one.ratio.high < 6.5
+    assert not np.isfinite(found[4].ratio.low)  # a bound has no interval
+    other = savings(rows, "system1", "pretrain_finetune", "sidm")
+    assert other[0].ratio.value == pytest.approx(2, rel=0.1)
+    assert savings([], "system1") == savings(rows, "system2") == []
+
+
+def test_the_comparison_may_have_other_sizes(rows, trials, make_row):
+    """A method of small sizes is held against the whole curve of another."""
+    small = [row for row in rows if row.trial.method != "sidm" or row.trial.novice_minutes < 10]
+    found, whole = savings(small, "system1"), savings(rows, "system1")
+    assert [one.minutes for one in found] == [1, 2, 5]
+    assert [one.ratio.value for one in found] == pytest.approx([one.ratio.value for one in whole[:3]])
+    few = [row for row in small if (row.trial.method, row.trial.seed) != ("novice_only", 2)]
+    assert savings(few, "system1")[0].ratio.value == pytest.approx(4 * 1.025**-2, rel=0.01)  # of seeds 0 and 1
+
+
+def test_a_level_curve_saves_nothing_at_its_right_end(make_row, trials):
+    """20 minutes that do no better than 5 are compared with what the other needs for that, not with 5 minutes."""
+    sidm = dict(zip((1, 2, 5, 20, 60, 120), (0.5, 0.4, 0.3, 0.3, 0.2, 0.19), strict=True))
+    novice = dict(zip((1, 2, 5, 20, 60, 120), (0.6, 0.5, 0.4, 0.3, 0.25, 0.2), strict=True))
+    losses = {"sidm": sidm, "novice_only": novice, "pretrain_finetune": sidm}
+    found = savings([make_row(t, losses[t.method][t.novice_minutes]) for t in trials], "system1")
+    assert found[2].ratio.value == pytest.approx(4) and found[3].ratio.value == pytest.approx(1)
+
+
+def test_each_component_has_its_own(rows):
+    """Component 3 of SIDM alone is a quarter: 16 times the data of the power law."""
+    changed = []
+    for row in rows:
+        losses = list(row.outcome.component_losses)
+        losses[3] *= 0.5 if row.trial.method == "sidm" else 1.0
+        outcome = dataclasses.replace(row.outcome, component_losses=tuple(losses))
+        changed.append(dataclasses.replace(row, outcome=outcome))
+    found = component_savings(changed, "system1")
+    assert [name for name, _ in found] == [name for name, _ in COMPONENTS]
+    wanted = [16.0 if number == 3 else 4.0 for number in range(13)]
+    assert [one[0].ratio.value for _, one in found] == pytest.approx(wanted, rel=0.1)
+
+
+def test_words_for_a_table():
+    assert ratio_words(Saving(1.0, 0.5, Interval(4.0, 3.0, 5.04), "=")) == "4 [3, 5]"
+    assert ratio_words(Saving(1.0, 0.5, Interval(4.0, np.nan, np.nan), ">=")) == "at least 4"
+    assert str(Interval(53.2, 0.0951, 372.0)) == "53 [0.095, 370]"
+
+
+def test_the_band_holds_the_curve(rows):
+    losses = gather(rows, "system1")
+    low, high = efficiency_band(losses.minutes, losses.values, np.array([0.3, 0.2, 0.05]))
+    assert np.all(low[:2] < 4) and np.all(high[:2] > 4) and np.isnan(low[2])
+
+
+def test_rivals_are_held_against_both(rows, make_row, tmp_path):
+    """A method of 16 times the data in effect needs a quarter of SIDM's, half of the pretrained one's."""
+    study = Study("laptop", tmp_path, tmp_path)
+    mine = [t for t in study.variants("system1") if t.method in ("mirrored", "tethered")]
+    power = {"mirrored": 16.0, "tethered": 8.0}
+    beaten = [row for row in rows if row.trial.method != "novice_only"]
+    found = rivals(
+        [*beaten, *(make_row(t, (power[t.method] * t.novice_minutes) ** -0.5) for t in mine)], "system1",
+        ["mirrored", "tethered", "adapters"],
+    )  # fmt: skip
+    assert [(one.method, one.saving["sidm"].minutes) for one in found] == [
+        (method, minutes) for method in ("mirrored", "tethered") for minutes in (1, 2, 5, 10)
+    ]
+    for one in found[:4]:
+        assert one.saving["pretrain_finetune"].ratio.value == pytest.approx(2, rel=0.01)
+        assert one.saving["sidm"].ratio.value == pytest.approx(4, rel=0.05)
+
+
+def test_a_comparison_that_was_not_run_saves_nothing(rows):
+    alone = [row for row in rows if row.trial.method == "sidm"]
+    assert savings(alone, "system1") == rivals(alone, "system1", ["sidm"], ["novice_only", "sidm"]) == []
+    one = [row for row in rows if row.trial.seed == 0 or row.trial.method != "novice_only"]
+    assert rivals(one, "system1", ["sidm"], ["novice_only", "pretrain_finetune"])

@@ -1,0 +1,151 @@
+"""Latents that are alike and apart, and a diagnosis of a tiny trial that is stored."""
+
+import dataclasses
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+from sklearn.linear_model import LogisticRegression
+
+from sidm.config import ConfigError
+from sidm.experiments import StoreError, Study, run_trial
+from sidm.experiments.engine.execute import Library
+from sidm.experiments.studies.latent_space import diagnosis as d
+from sidm.experiments.studies.latent_space import latents
+from sidm.experiments.studies.latent_space.diagnosis import confirm_diagnoses
+from sidm.experiments.studies.latent_space.figures import latent_pictures
+from sidm.learning import DynamicsModel, validation_loss
+from sidm.systems import ROLES
+from tests.experiments.conftest import write_motion
+
+
+@pytest.fixture
+def make_model(small_network):
+    return lambda: DynamicsModel(small_network)
+
+
+@pytest.fixture
+def pair():
+    """Features (40, 8, 5) of two systems of one distribution."""
+    return np.random.default_rng(3).normal(size=(2, 40, 8, 5))
+
+
+def test_like_features_are_not_told_apart(pair):
+    assert latents.told_apart(pair, LogisticRegression()) == pytest.approx(0.5, abs=0.1)
+    assert latents.squared_mmd(*pair) == pytest.approx(0, abs=0.01)
+
+
+def test_features_far_apart_are(pair):
+    apart = pair[0], pair[1] + 6
+    assert latents.told_apart(apart, LogisticRegression()) == 1.0
+    assert latents.squared_mmd(*apart) > 0.5
+    novice, expert = map(np.array, latents.picture(*apart))
+    assert novice.shape == (latents.PICTURED, 2) and abs(novice.mean(0) - expert.mean(0))[0] > 1
+
+
+def test_only_whole_trajectories_are_held_out(pair):
+    """A mark of single trajectories, not of systems, does not help the classifier."""
+    marks = np.random.default_rng(4).normal(size=(2, 40, 1, 30)).repeat(8, axis=2)
+    assert latents.told_apart(np.concatenate([pair, marks], -1), LogisticRegression()) < 0.7
+
+
+def test_mmd_is_that_of_its_definition(pair):
+    """Sums over pairs, written out."""
+    x, y = pair[:, :6].reshape(2, -1, 5)
+    both = np.concatenate([x, y])
+    x, y = ((one - both.mean(0)) / both.std(0) for one in (x, y))
+    width = np.median([((a - b) ** 2).sum() for a in x for b in y])
+
+    def mean(one, other, same):
+        terms = [np.exp(-((a - b) ** 2).sum() / width) for i, a in enumerate(one) for j, b in enumerate(other)
+                 if not (same and i == j)]  # fmt: skip
+        return np.mean(terms)
+
+    wanted = mean(x, x, True) + mean(y, y, True) - 2 * mean(x, y, False)
+    assert latents.squared_mmd(*pair[:, :6]) == pytest.approx(wanted)
+
+
+def test_a_trial_is_diagnosed_and_stored(tiny, data, tmp_path, golden):
+    """On data that its model has not seen; what comes back is what was stored, and damage is named."""
+    trial = d.diagnosed(Study(tiny, data, tmp_path), ["system1"])[0]
+    write_motion(data, d.held_out_expert(trial))
+    found = d.diagnose(trial, data)
+    assert found.validation_loss == run_trial(trial, data).outcome.validation_loss
+    assert found.a_distance == pytest.approx(max(0, 4 * found.network_accuracy - 2))
+    assert 0 <= found.discriminator_accuracy <= 1 and not found.provenance.stale
+    names = ("linear_accuracy", "network_accuracy", "raw_accuracy", "mmd", *d.CROSSED)
+    golden.hold("diagnosis", "diagnosis", {name: getattr(found, name) for name in names}, rel=0.05, abs=0.02)
+    d.write(found, tmp_path)
+    back = d.read(trial, tmp_path)
+    assert back.trial == trial and back.mmd == pytest.approx(found.mmd, rel=1e-5) and d.read(trial, data) is None
+    (line,) = d.diagnosis_lines([found])
+    assert line[:5] == ("system1", 0.25, "sidm", 1, found.linear_accuracy)
+    (line,) = d.diagnosis_lines([found], d.CROSSED)
+    assert line[4:] == tuple(getattr(found, name) for name in d.CROSSED)
+    assert len(latent_pictures([found, found]).axes) == 2 and latent_pictures([]).axes[0].texts
+    d.path(trial, tmp_path).write_text("{}")
+    with pytest.raises(StoreError, match="damaged"):
+        d.read(trial, tmp_path)
+
+
+def test_one_systems_parts_are_crossed_with_the_others(make_model, make_motion):
+    """The novice's own give its loss; other parts give others."""
+    model, motion = make_model(), make_motion(3)
+    losses = {(e, g): latents.crossed_loss(model, motion, e, g) for e in ROLES for g in ROLES}
+    for role in ROLES:
+        assert losses[role, role] == pytest.approx(float(validation_loss(model, motion, role).sum()), rel=1e-5)
+    assert len(set(losses.values())) == 4
+
+
+def test_a_sample_confirms_what_older_code_found(tiny, data, tmp_path):
+    """Of each method one is diagnosed again; what comes out otherwise stays stale with its kind."""
+    trials = d.diagnosed(Study(tiny, data, tmp_path), ["system1"])
+    write_motion(data, d.held_out_expert(trials[0]))
+    for trial in trials:
+        found = d.diagnose(trial, data)
+        made = dataclasses.replace(found.provenance, numerics={"diagnosis": 0})
+        loss = found.validation_loss * (1.5 if trial.method == "no_regularisation" else 1.0)
+        d.write(dataclasses.replace(found, provenance=made, validation_loss=loss), tmp_path)
+    with ThreadPoolExecutor(1) as pool:
+        confirmed, differing = confirm_diagnoses(trials, tmp_path, pool, data, progress=False)
+    assert confirmed == 1 and [trial.method for trial in differing] == ["no_regularisation"]
+    stale = {t.method: d.read(t, tmp_path).provenance.stale for t in trials}
+    assert stale == {"sidm": False, "no_regularisation": True}
+
+
+def test_what_is_held_out_was_not_learnt_from(tiny, data, tmp_path, monkeypatch):
+    """The latents are those of the expert's trajectories after the trial's, and of the validation set."""
+    trial = d.diagnosed(Study(tiny, data, tmp_path), ["system1"])[1]
+    write_motion(data, d.held_out_expert(trial))
+    seen, true = {}, d.latents_of
+
+    def latents_of(model, role, motion):
+        seen[role] = motion
+        return true(model, role, motion)
+
+    monkeypatch.setattr(d, "latents_of", latents_of)
+    d.diagnose(trial, data)
+    library = Library(data)
+    learnt = library.motion(trial, "expert").inputs
+    assert len(seen["expert"]) == trial.datasets["validation"].count
+    assert not any(torch.equal(one, other) for one in seen["expert"].inputs for other in learnt)
+    assert torch.equal(seen["novice"].inputs, library.motion(trial, "validation").inputs)
+
+
+def test_what_is_diagnosed_is_not_diagnosed_again(tiny, data, tmp_path, monkeypatch):
+    trials = d.diagnosed(Study(tiny, data, tmp_path), ["system1"])
+    write_motion(data, d.held_out_expert(trials[0]))
+    monkeypatch.setitem(sys.modules, "sidm.simulation", SimpleNamespace(collect=lambda *_, **__: None))
+    with ThreadPoolExecutor(1) as pool:
+        d.run(trials, pool, data, tmp_path, progress=False)
+        assert all(d.read(trial, tmp_path) for trial in trials)
+        monkeypatch.setattr(d, "diagnose", None)
+        d.run(trials, pool, data, tmp_path, progress=False)
+
+
+def test_a_novice_alone_has_nothing_to_compare(tiny, data, tmp_path):
+    with pytest.raises(ConfigError, match="no expert whose latents"):
+        d.diagnose(Study(tiny, data, tmp_path).trial("system1", "novice_only", 0.25), data)

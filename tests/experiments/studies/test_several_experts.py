@@ -1,0 +1,215 @@
+"""Several experts: the family, its motion, and novices learnt with their SIDM."""
+
+import dataclasses
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from sidm.experiments import Study
+from sidm.experiments.engine.datasets import find_digest, load_dataset
+from sidm.experiments.engine.provenance import here
+from sidm.experiments.studies.several_experts import family
+from sidm.experiments.studies.several_experts import pretrain as x
+from sidm.experiments.studies.several_experts.family import LINEAR, LOGARITHMIC, collect_members, dataset, member
+from sidm.experiments.studies.several_experts.results import (
+    MEMBERS,
+    PAPERS,
+    Experts,
+    as_they_are,
+    beside_lines,
+    claims,
+    experts_figure,
+    in_short,
+    needed_lines,
+)
+from sidm.systems import ROLES, SYSTEMS
+from sidm.trajectory import STEPS
+from tests.experiments.conftest import write_motion
+
+
+def test_the_family_spans_the_papers_robots():
+    """Each within the ranges, which hold all four, and no two alike."""
+    robots = [dataclasses.asdict(member(number)) for number in range(50)]
+    paper = [dataclasses.asdict(system.robot(role)) for system in SYSTEMS.values() for role in ROLES]
+    for name, (low, high) in (LOGARITHMIC | LINEAR).items():
+        values = [robot[name] for robot in robots]
+        assert low <= min(values) < low + 0.3 * (high - low) and max(values) <= high and len(set(values)) > 40
+        assert all(low <= robot[name] <= high for robot in paper)
+    assert member(3) == member(3)
+
+
+def test_a_members_motion_is_collected_once(tmp_path):
+    """One shard of the strangest first robot."""
+    with ThreadPoolExecutor(1) as executor:
+        collect_members("system1", "held", {0: [1]}, tmp_path, tmp_path / "results", executor, progress=False)
+    one = dataset("system1", 0, "held", 1)
+    (found,) = load_dataset(one, find_digest(one, tmp_path / "nothing", tmp_path / "results"), tmp_path)
+    assert found.states.shape == (STEPS + 1, 13) and np.isfinite(found.states).all() and len(found.discarded) == 4
+    collect_members("system1", "held", {0: [4]}, tmp_path, tmp_path, None, progress=False)  # nothing is left to do
+    family._simulator.cache_clear()
+
+
+@pytest.fixture(scope="module")
+def jobs(tiny, data, tmp_path_factory):
+    study = Study(tiny, data, tmp_path_factory.mktemp("results"))
+    for job in x.pretrainings(study, "system1", [1, 2], [0.25, 0.75]):
+        for own in job.members:
+            write_motion(data, own)
+    return x.pretrainings(study, "system1", [1, 2], [0.25, 0.75])
+
+
+def test_all_experts_together_have_the_data_of_one(jobs, tiny):
+    whole = tiny.datasets("system1")["expert"].count
+    assert [(job.experts, job.paper) for job in jobs] == [(1, True), (2, True), (1, False)]
+    assert [[one.count for one in job.members] for job in jobs] == [[], [whole // 2], [whole]]
+    assert x.members_needed(jobs) == {0: {whole // 2, whole}} and "unknown" not in jobs[1].members_data
+    assert all(job.fresh.frozen == "sidm" for job in jobs)
+
+
+def test_another_robot_has_a_folder_of_its_own(monkeypatch):
+    before = dataset("system1", 0, "held", 1)
+    monkeypatch.setattr(family, "FAMILY_SEED", 6)
+    assert dataset("system1", 0, "held", 1).collection != before.collection
+    assert dataset("system2", 0, "held", 1).collection.role != dataset("system1", 0, "held", 1).collection.role
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_novices_are_learnt_every_way_and_stored(jobs, data, tmp_path, golden, number):
+    job, store = jobs[number], x.stored(tmp_path)
+    found = x.pretrain(job, data)
+    assert np.array(found.validation_loss).shape == np.array(found.samples).shape == (3, 2)
+    assert not found.provenance.stale
+    assert np.array(found.component_losses).sum(-1) == pytest.approx(np.array(found.validation_loss))
+    assert (np.array(found.best_samples) <= np.array(found.samples)).all()
+    assert set(found.nearest) <= {"expert"} if job.experts == job.paper else {"expert", "member0"}
+    assert np.array(found.before).shape == (2, job.experts)
+    assert len(found.experts_loss) == job.experts and len(found.experts_curve_samples) > 0
+    figures = {name: getattr(found, name) for name in ("validation_loss", "before", "experts_loss", "samples")}
+    golden.hold(f"{job.experts} experts" + ", the paper's" * job.paper, "experts", figures, rel=0.05)
+    store.put(found)
+    assert store.get(job).about == job
+
+
+def test_the_sidm_of_the_experts_is_trained_once(jobs, data, monkeypatch):
+    """The second time it is read, and gives the same."""
+    first = x.pretrain(jobs[0], data)
+    monkeypatch.setattr(x, "train_several", None)
+    again = x.pretrain(jobs[0], data)
+    assert again.before == first.before and again.validation_loss == first.validation_loss
+    assert again.experts_curve_test_loss == first.experts_curve_test_loss
+
+
+def test_the_single_experts_novice_has_more_data_besides(tmp_path):
+    """And all are tested more often than elsewhere."""
+    jobs = x.pretrainings(Study("laptop", tmp_path, tmp_path), "system1")
+    assert {(job.experts, job.paper, job.sizes) for job in jobs} == {
+        (1, True, (1.0, 5.0, 20.0, 60.0)), (1, False, (1.0, 5.0, 20.0)),
+        *((count, True, (1.0, 5.0, 20.0)) for count in (2, 4, 8)),
+    }  # fmt: skip
+    assert {one.test_interval for job in jobs for one in (job.fresh, job.trial.training)} == {5}
+
+
+@pytest.fixture
+def made_up(jobs):
+    """Two experts need half the data of one, whatever the way; loss 4 / data."""
+    found = []
+    for seed in range(3):
+        for job in jobs:
+            sizes = (1.0, 5.0, 20.0) if job.members else (1.0, 5.0, 20.0, 60.0)
+            about, count = dataclasses.replace(job, trial=job.trial.replace(seed=seed), sizes=sizes), len(sizes)
+            losses = tuple((4 + 0.1 * seed) / (minutes * job.experts) for minutes in about.sizes)
+            found.append(
+                x.Pretrained(
+                    about=about,
+                    nearest=("expert",) * count,
+                    before=((9.0,) * job.experts,) * count,
+                    validation_loss=(losses,) * 3,
+                    component_losses=(((0.1,) * 13,) * count,) * 3,
+                    position_error=((0.1,) * count,) * 3,
+                    heading_error=((0.1,) * count,) * 3,
+                    samples=((2000,) * count,) * 3,
+                    best_samples=((1000,) * count, (500,) * count, (500,) * count),
+                    seconds=((60.0,) * count,) * 3,
+                    curve_samples=(((1,),) * count,) * 3,
+                    curve_test_loss=(((1.0,),) * count,) * 3,
+                    experts_samples=5000,
+                    experts_loss=(1.0,) * job.experts,
+                    experts_curve_samples=(1,),
+                    experts_curve_test_loss=(1.0,),
+                    provenance=here(1.0, 1, False),
+                )
+            )
+    return found
+
+
+def test_lines_compare_with_the_single_expert(made_up):
+    table = {(one.experts, one.way, one.minutes): one for one in needed_lines(made_up)}
+    assert len(table) == 3 * 4 + 3 * 3 + 3 * 3
+    two = table[Experts(2, True), "parts", 5.0]
+    assert two.seeds == 3 and two.saving.ratio.value == pytest.approx(2) and two.ratio.value == pytest.approx(0.5)
+    assert two.compute_minutes == 1 and two.samples == 2000 and table[PAPERS, "parts", 5.0].saving is None
+    assert table[MEMBERS, "all", 1.0].ratio.value == pytest.approx(1)
+
+
+@pytest.fixture
+def joint(made_up, make_row):
+    """Figure 3's rows of the same sizes: 300 samples each, and a loss of 2 without SIDM."""
+    trials = [
+        one.about.trial.replace(method=method, novice_minutes=minutes, pool_minutes=60.0)
+        for one in made_up
+        if one.about.experts == 2
+        for method in ("sidm", "novice_only")
+        for minutes in one.about.sizes
+    ]
+    return [make_row(trial) for trial in trials]
+
+
+def test_the_claims_are_of_most_experts_and_one(made_up, joint):
+    table = claims(made_up, joint)
+    assert len(table) == 8 and claims(made_up[:1])[0].ours == "not run"
+    assert {claim.verdict for claim in table[:6]} == {"In the same direction"}
+    assert [claim.verdict for claim in table[6:]] == ["Contrary"] * 2
+    assert table[1].claim == (
+        "system1: a smaller loss with 2 experts' SIDM than with that of 1 of the family, all parts, from the nearest "
+        "expert's, at 1, 5, 20 min"
+    )
+    assert table[1].ours == "0.5 [0.5, 0.5] times the loss" and table[7].ours == "6.67 [6.67, 6.67] times the samples"
+    assert [claim.ours for claim in claims(made_up)[6:]] == ["not run"] * 2
+    alone = claims([one for one in made_up if one.about.paper])
+    assert [claim.ours for claim in alone if "of the family" in claim.claim] == ["not run"] * 3
+
+
+def test_figure_3_stands_beside(made_up, joint):
+    lines = beside_lines(joint, "system1")
+    assert [line[:2] for line in lines[::3]] == [("without SIDM", 1.0), ("with SIDM, all at once", 1.0)]
+    assert {line[2:] for line in lines} == {(3, "2.000", "300", "0.2")} and not beside_lines(joint, "system2")
+    labels = [line.get_label() for line in experts_figure(made_up, joint).axes[0].get_lines()]
+    assert labels[-2:] == ["without SIDM", "with SIDM, all at once"]
+
+
+def test_in_short_stands_beside_both_single_experts(made_up):
+    assert in_short(made_up) == (
+        "system1: after an SIDM of 2 experts the loss of a novice that learns on with all parts is 0.5 [0.5, 0.5] "
+        "times that after the paper's expert, and 0.5 [0.5, 0.5] times that after 1 of the family, its sizes together. "
+        "With 1 min it is 2.05, learning on with encoder and decoder alone 2.05, and with fresh ones 2.05."
+    )
+    first = [one for one in made_up if one.about.trial.seed == 0]
+    assert "0.5 times that after 1 of the family, its sizes together (one seed). With" in in_short(first)
+    alone = [one for one in made_up if one.about.paper]
+    assert in_short(alone) == in_short(made_up[:1]) == in_short([]) == "not run"
+
+
+def test_the_figure_has_a_plot_for_each_way(made_up):
+    several = next(one for one in made_up if one.about.experts == 2)
+    before = tuple((9.0, float(size)) for size in range(len(several.before)))
+    role = "member0" if several.about.paper else "member1"
+    found = dataclasses.replace(several, nearest=(role,) * len(before), before=before)
+    assert as_they_are(found) == [float(size) for size in range(len(before))]
+    axes = experts_figure(made_up).axes
+    looks = [(line.get_color(), line.get_linestyle()) for line in axes[0].get_lines()]
+    few = experts_figure([one for one in made_up if one.about.experts == 2]).axes[0].get_lines()
+    assert len(set(looks)) == 3 and [(line.get_color(), line.get_linestyle()) for line in few] == looks[2:]
+    assert [one.get_title(loc="left") for one in axes] == list(x.WAYS.values())
+    assert [line.get_label() for line in axes[0].get_lines()] == ["the paper's expert", "1 of the family", "2 experts"]
+    assert experts_figure([]).axes[0].texts[0].get_text() == "no trials stored"

@@ -1,0 +1,64 @@
+"""The tries of the tuning, and that the laptop's methods are what the stored tries say."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from sidm.experiments import Results, Study, load_preset
+from sidm.experiments.methods import METHODS
+from sidm.experiments.studies.tuning import TUNED, check, settings_table, tries_table
+from sidm.experiments.tries import TRIES, TUNING_SEED, tried
+
+ROOT = Path(__file__).parents[3]
+
+
+def test_every_method_is_tuned_with_the_same_number_of_tries(tiny, tmp_path):
+    """On one seed that no figure has, the expert's part of a method with its tries' values."""
+    trials = Study(tiny.replace(tuning_minutes=[0.5]), tmp_path, tmp_path).tuning("system1")
+    assert len({len(tries) for tries in TRIES.values()}) == 1 and {t.seed for t in trials} == {TUNING_SEED}
+    assert [t.method for t in trials] == [method for method, tries in TRIES.items() for _ in tries]
+    assert all((t.pretraining is None) == (not METHODS[t.method].pretrained) for t in trials)
+    assert len({t.key for t in trials}) == len(trials)
+
+
+def test_the_lowest_test_loss_is_marked(tiny, make_row, tmp_path):
+    preset = tiny.replace(tuning_minutes=[0.5], test_interval=25)  # so that the base is what it uses, untuned
+    study, store = Study(preset, tmp_path, tmp_path), Results(tmp_path)
+    trials = study.tuning("system1")
+    for number, trial in enumerate(trials):
+        row = make_row(trial, 100 - number)  # the validation loss has no say
+        outcome = dataclasses.replace(row.outcome, best_test_loss=1.0 + abs(number - 3.5))  # a tie of 3 and 4
+        store.put(dataclasses.replace(row, outcome=outcome))
+    table = tries_table(study, ["system1"], store)
+    assert [t.lowest for t in table[:7]] == [number == 3 for number in range(7)]
+    assert [t.words for t in table if t.used] == [next(iter(tries)) for tries in TRIES.values()]
+    assert check(table) == (
+        "On system1 the try used has the lowest test loss for 2 of 3 methods, "
+        f"and at most {4.5 / 1.5 - 1:.1%} above it for the others."
+    )
+    assert [t.words for t in table] == [words for tries in TRIES.values() for words in tries]
+    assert table[6].words == "weight decay 0.1" and trials[6].training.weight_decay == 0.1
+
+
+@pytest.mark.parametrize("method", TRIES)
+def test_the_laptop_is_tuned_to_its_best_tries(monkeypatch, method):
+    """By the rule: the lowest test loss on system 1."""
+    monkeypatch.chdir(ROOT)
+    preset, store = load_preset("laptop"), Results("results")
+    trials = [t for t in Study("laptop", "no data", "results").tuning("system1") if t.method == method]
+    losses = [row.outcome.best_test_loss for row in store.rows(trials)]
+    assert len(losses) == len(TRIES[method])
+    best = tried(preset, method, list(TRIES[method])[losses.index(min(losses))])
+    assert METHODS[method].training(preset, "system1") == METHODS[method].training(best, "system1")
+    if METHODS[method].pretrained:
+        assert METHODS[method].pretraining(preset) == METHODS[method].pretraining(best)
+
+
+def test_the_settings_that_each_method_came_to():
+    table = {name: values for name, *values in settings_table(load_preset("laptop"))}
+    assert list(table) == ["p_expert", *TUNED] and all(len(values) == len(TRIES) for values in table.values())
+    novice_only, sidm, finetuned = (dict(zip(table, one, strict=True)) for one in zip(*table.values(), strict=True))
+    assert novice_only["weight_decay"] == "0.1" and novice_only["matching_iterations"] == novice_only["p_expert"] == "-"
+    assert sidm["matching_iterations"] == "5" and sidm["p_expert"] == "0.75 (system1), 0.5 (system2)"
+    assert finetuned["learning_rate"] == "0.001, then 0.0001" and finetuned["patience"] == "150,000"

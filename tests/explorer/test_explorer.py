@@ -1,0 +1,167 @@
+"""The suspension explorer."""
+
+import base64
+import subprocess
+import sys
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from sidm.config import ConfigError
+from sidm.explorer import ROBOTS, Ride, explorer, find_robot, grid, page, ride, rides_figure, tilt, with_picture
+from sidm.explorer.live import SIZE, both_rides, helper
+from sidm.numerics import versions
+from sidm.systems import Terrain
+
+ROOT = Path(__file__).parents[2]
+GROUND = Terrain(cell_height_scale=0.35)
+
+
+@pytest.fixture(scope="module")
+def rides():
+    """Two robots over the same ground for half a second."""
+    return {name: ride(ROBOTS[name], GROUND, 3, 0.5, steps=5) for name in ("system1 novice", "system2 expert")}
+
+
+def test_a_ride_has_its_steps_and_repeats(rides):
+    one = rides["system1 novice"]
+    assert one.states.shape == (6, 13) and one.struts.shape == (6, 4)
+    again = ride(ROBOTS["system1 novice"], GROUND, 3, 0.5, steps=5)
+    assert np.array_equal(one.states, again.states) and np.array_equal(one.struts, again.struts)
+
+
+def test_the_rear_struts_move_only_when_they_are_free():
+    robot = ROBOTS["system2 expert"]
+    held, free = (ride(robot, GROUND, 3, 0.8, steps=12, strut_motors=motors) for motors in (True, False))
+    assert np.ptp(held.struts[:, :2]) < 0.002 < np.ptp(free.struts[:, :2])
+
+
+@pytest.mark.parametrize(("pitch", "roll"), [(10.0, 0.0), (0.0, -25.0), (30.0, 40.0)])
+def test_tilt_is_that_of_the_euler_angles(pitch, roll):
+    state = np.zeros(13)
+    state[3:7] = Rotation.from_euler("ZYX", [70.0, pitch, roll], degrees=True).as_quat()
+    assert tilt(state) == pytest.approx((pitch, roll))
+
+
+def test_the_figure_draws_what_was_ridden(rides):
+    figure = rides_figure(rides)
+    height, _, travel, rear, path = figure.axes
+    assert np.allclose(height.lines[0].get_ydata(), rides["system1 novice"].states[:, 2])
+    assert np.allclose(travel.lines[0].get_ydata(), 1e3 * rides["system1 novice"].struts[:, 2])
+    assert np.allclose(rear.lines[1].get_ydata(), 1e3 * rides["system1 novice"].struts[:, 1])
+    assert [text.get_text() for text in figure.legends[0].get_texts()][:2] == list(rides) and len(path.lines) == 2
+
+
+def test_a_slider_draws_anew():
+    box, screen = explorer(steps=3).children
+    knobs = box.children
+    before = screen.value
+    next(knob for knob in knobs if knob.description.startswith("spring")).value = 100.0
+    assert before[:4] == screen.value[:4] == b"\x89PNG" and before != screen.value
+
+
+def test_two_rides_at_once_are_those_one_after_the_other():
+    """The helper's ride is the one that this process makes."""
+    robots, same = (ROBOTS["system1 novice"], ROBOTS["system2 expert"]), (0.35, 0, 0.5, 3, True)
+    helper()[1].result()
+    for one, robot in zip(both_rides(*robots, *same), robots, strict=True):
+        alone = ride(robot, Terrain(cell_height_scale=0.35, size=SIZE), steps=3)
+        assert one.robot == robot and np.array_equal(one.states, alone.states)
+
+
+def test_choosing_a_robot_moves_the_sliders_to_its_springs():
+    box, screen = explorer(steps=3).children
+    robot, spring = (next(k for k in box.children if k.description.startswith(word)) for word in ("your", "spring"))
+    before = screen.value
+    robot.value = "system2 expert"
+    assert spring.value == pytest.approx(75.0) and screen.value != before
+
+
+def test_a_picture_stands_in_for_the_sliders():
+    box = explorer(steps=3)
+    shown = with_picture(box)
+    assert base64.b64decode(shown["image/png"]) == box.children[-1].value
+    assert "application/vnd.jupyter.widget-view+json" in shown
+
+
+@pytest.fixture(scope="module")
+def stored():
+    return grid.read(ROOT / grid.FOLDER)
+
+
+def test_the_stored_rides_are_of_todays_physics(stored):
+    assert stored.numerics == versions("simulation"), "make them anew: python -m sidm.explorer.grid"
+
+
+def test_a_stored_ride_is_what_is_simulated(stored):
+    """Its first second: later, what a processor rounds otherwise may have grown."""
+    at = (1, 2, 3)
+    robot = grid.BODY.replace(**{knob.name: knob.values[i] for knob, i in zip(grid.SET_UP, at, strict=True)})
+    again = grid.simulate((robot, True), throttles=[0.5])
+    roughness, throttle = (list(knob.values) for knob in grid.DRIVE)
+    kept = stored.rides[at][0][:, throttle.index(0.5)]
+    assert again.shape == (len(roughness), 1, grid.STEPS + 1, len(grid.CHANNELS))
+    assert np.abs(again[:, 0, :11].astype(int) - kept[:, :11]).max() <= 20
+
+
+def test_stored_numbers_end_where_the_ground_does():
+    """Whole numbers of each channel, none after a robot has left."""
+    states = np.zeros((5, 13))
+    states[:, 6] = 1  # upright
+    states[:, 0] = [0.0, 1.2344, 14.6, 3.0, 2.0]
+    one = Ride(grid.BODY, np.zeros((300, 300)), states, np.full((5, 4), -0.01234))
+    numbers = grid.whole_numbers(one)
+    assert numbers[:2].tolist() == [[0, 0, 0, 0, 0, *[-1234] * 4], [1234, 0, 0, 0, 0, *[-1234] * 4]]
+    assert (numbers[2:] == grid.GONE).all()
+
+
+def test_the_page_unpacks_what_was_packed(stored):
+    """As explorer.js does: changes along time, of 16 bits, added up."""
+    contents = page.contents(stored)
+    changes = np.frombuffer(zlib.decompress(base64.b64decode(contents["rides"])), "<i2").reshape(stored.rides.shape)
+    assert np.array_equal(np.cumsum(changes, axis=-2, dtype=np.int16), stored.rides)
+    for robot, chosen in zip(ROBOTS.values(), contents["robots"], strict=True):
+        shown = {knob["name"]: knob["shown"][chosen["knobs"][knob["name"]]] for knob in contents["knobs"][:3]}
+        assert shown == {"spring": robot.spring, "damping": robot.damping, "travel_lower": -1e3 * robot.travel_lower}
+
+
+def test_a_system_that_is_added_rides_anew_and_is_not_among_the_stored():
+    code = """
+import dataclasses
+from sidm.systems import SYSTEMS
+old = SYSTEMS["system1"]
+SYSTEMS["soft"] = dataclasses.replace(old, name="soft", novice=old.novice.replace(spring=500.0))
+from sidm.explorer import find_robot, grid, page
+assert find_robot("soft novice").spring == 500
+assert [one["name"] for one in page.contents(grid.read())["robots"]] == list(grid.PAPERS) and len(grid.PAPERS) == 4
+"""
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_page_keeps_within_its_size(stored, tmp_path):
+    page.write(tmp_path, stored)
+    assert sum(path.stat().st_size for path in tmp_path.iterdir()) < 5e6
+
+
+def test_the_page_says_what_the_rides_show(stored):
+    """The figures under 'What to look for', of braked set-ups; soft springs let a strut go nearly all of its way."""
+    rough, half = 2, 1
+    assert [knob.values[at] for knob, at in zip(grid.DRIVE, (rough, half), strict=True)] == [0.35, 0.5]
+    rides = np.where(stored.rides == grid.GONE, np.nan, stored.rides.astype(float))[:, :, :, 0]
+    front = rides[:, :, :, rough, half, :, -2:] / 1e5  # spring, damping, travel, time, strut
+    soft, stiff = front[0], front[-1]
+    travel = grid.BODY.travel_upper - np.array(grid.SET_UP[2].values)
+    ways = (np.nanmax(soft, axis=-2) - np.nanmin(soft, axis=-2)) / travel[:, None]
+    assert ways.min() > 0.84 and np.median(ways) > 0.99
+    assert grid.BODY.travel_upper - np.nanmin(stiff) < 0.005
+    ends = rides[:, :, :, 0, half, -1, :2].reshape(-1, 2) / 1e3
+    assert np.ptp(ends, axis=0).max() < 0.1
+
+
+def test_a_mistyped_robot_is_named_with_the_nearest():
+    with pytest.raises(ConfigError, match="system1 novise.*system1 novice"):
+        find_robot("system1 novise")
