@@ -76,6 +76,7 @@ def build_parser() -> argparse.ArgumentParser:
     show = command("show", run_show, "List what is stored, stale (made by older code) and missing.")
     _add_preset(show)
     _add_grid(show)
+    show.add_argument("--csv", metavar="FILE", help="write the stored ones there as a table, a line a trial")
     show.add_argument("--against", metavar="DIR", help="other results: how the losses differ where both have a point")
 
     confirm = command("confirm", run_confirm, "Run one of each kind of stale trial again; if the same, all are fresh.")
@@ -306,6 +307,11 @@ def run_show(arguments: argparse.Namespace) -> int:
         print(f"note: {failure}")
     for name in differing(preset, arguments.data, arguments.results):
         print(f"note: the data on this disk are not those of the stored results: {name}; see collect --verify")
+    if arguments.csv:
+        from sidm.experiments.engine.frame import numbers_and_words
+
+        numbers_and_words(store.frame(trials)).to_csv(arguments.csv)
+        print(f"table: {arguments.csv}")
     print(f"missing: {len(store.missing(trials))}")
     return 0
 

@@ -2,6 +2,7 @@
 
 import ast
 import graphlib
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -14,32 +15,21 @@ import sidm
 PACKAGE = Path(sidm.__file__).parent
 ROOT = PACKAGE.parent
 
-#: Wings by rank: a module imports from wings of a lower rank and from its own, not from others of its rank.
-RANKS = [
-    ["config", "lazy", "numerics", "storage", "pool", "cluster", "progress"],
-    ["systems"],
-    ["terrain", "rotations", "trajectory"],
-    ["recordings"],
-    ["simulation", "learning"],
-    ["control"],
-    ["experiments"],
-    ["explorer", "book", "notebook_runs"],
-    ["notebook"],
-    ["__main__"],
-]
-RANK = {wing: rank for rank, wings in enumerate(RANKS) for wing in wings}
 
-#: Inside `learning`, first to last: the paper's method, many trainings at once, and what is beyond the paper.
+
+def rooms() -> list[list[str]]:
+    """The rooms of the table in the book's page on the design, row by row."""
+    lines = (ROOT / "book" / "design.md").read_text(encoding="utf-8").splitlines()
+    return [re.findall(r"`(sidm\.[\w.]+)`", line.split("|")[1]) for line in lines if line.startswith("| `sidm.")]
+
+
+ROOMS = rooms()
+ROW = {room: number for number, row in enumerate(ROOMS) for room in row}
+
+#: Inside `sidm.learning` itself, first to last.
 LEARNING = [
     "seeds", "settings", "precision", "observation", "dataset", "mirror", "losses", "initialisation", "networks",
-    "model", "evaluation", "weights", "stopping", "checkpoint", "learner", "regularisation", "training", "bundle",
-    "beyond",
-]  # fmt: skip
-
-#: Inside `experiments`, first to last; `engine` has what keeps data and results, before the trials are run.
-EXPERIMENTS = [
-    "trials", "presets", "methods", "tries", "engine.likeness", "engine.datasets", "study", "engine", "statistics",
-    "figures", "studies", "grids",
+    "model", "evaluation", "weights", "stopping", "checkpoint", "learner", "regularisation", "training",
 ]  # fmt: skip
 
 PYBULLET = {"pybullet", "pybullet_data", "pybullet_utils"}
@@ -77,28 +67,30 @@ def _outside_functions(tree: ast.AST) -> Iterator[ast.AST]:
             yield from _outside_functions(child)
 
 
-def wing(name: str) -> str | None:
-    """The wing of a module of the package; None for the package itself."""
-    parts = name.split(".")
-    return parts[1] if len(parts) > 1 else None
+def room_of(name: str) -> str | None:
+    """The room that a module stands in; None for the package and for packages whose rooms are listed one by one."""
+    return max((room for room in ROW if f"{name}.".startswith(f"{room}.")), key=len, default=None)
 
 
 def runs_backwards(importer: str, target: str) -> bool:
-    """Whether a module's import of another is against the order of the wings."""
-    here, there = wing(importer), wing(target)
+    """Whether a module's import of another is against the order of the rooms."""
+    here, there = room_of(importer), room_of(target)
     if here is None:
         return there is not None
     if there is None or here == there:
         return False
-    return RANK[there] >= RANK[here]
+    return ROW[there] >= ROW[here]
 
 
-@pytest.mark.parametrize("name", [name for name in MODULES if name != "sidm"])
-def test_every_module_belongs_to_a_known_wing(name):
-    assert wing(name) in RANK
+FACES = {"sidm", "sidm.experiments"}  # packages that hand on names of their rooms
 
 
-@pytest.mark.parametrize("name", list(MODULES))
+@pytest.mark.parametrize("name", [name for name in MODULES if name not in FACES])
+def test_every_module_stands_in_a_room(name):
+    assert room_of(name)
+
+
+@pytest.mark.parametrize("name", [name for name in MODULES if name not in FACES])
 def test_no_import_runs_backwards(name):
     ours = [target for target in imported(name) if target.split(".")[0] == "sidm"]
     assert [target for target in ours if runs_backwards(name, target)] == []
@@ -107,30 +99,23 @@ def test_no_import_runs_backwards(name):
 def test_the_check_would_see_a_backward_import():
     assert runs_backwards("sidm.learning.dataset", "sidm.experiments.trials")
     assert runs_backwards("sidm.learning.dataset", "sidm.simulation")
+    assert runs_backwards("sidm.learning.dataset", "sidm.learning.beyond.several")
     assert runs_backwards("sidm.simulation.collect", "sidm.learning")
     assert runs_backwards("sidm.rotations", "sidm.trajectory")
+    assert runs_backwards("sidm.experiments.engine.run", "sidm.experiments.studies.ablations")
     assert runs_backwards("sidm", "sidm.config")
     assert not runs_backwards("sidm.experiments.engine.run", "sidm.simulation")
+    assert len(ROOMS) > 15
 
 
 def test_learning_imports_in_its_own_order():
-    for name in (name for name in MODULES if name.startswith("sidm.learning.")):
-        own = name.split(".")[2]
+    for own in LEARNING:
         allowed = {own, *LEARNING[: LEARNING.index(own)]}
-        inner = [target.split(".")[2] for target in imported(name) if target.startswith("sidm.learning.")]
-        assert [target for target in inner if target not in allowed] == [], name
-
-
-def room(name: str) -> int:
-    """The place of a module of `experiments` among the rooms there."""
-    inner = f"{name.removeprefix('sidm.experiments.')}."
-    return EXPERIMENTS.index(max((start for start in EXPERIMENTS if inner.startswith(f"{start}.")), key=len))
-
-
-@pytest.mark.parametrize("name", [name for name in MODULES if name.startswith("sidm.experiments.")])
-def test_experiments_import_in_the_order_of_their_rooms(name):
-    inner = [target for target in imported(name) if target.startswith("sidm.experiments.")]
-    assert [target for target in inner if room(target) > room(name)] == []
+        targets = imported(f"sidm.learning.{own}")
+        inner = [target.split(".")[2] for target in targets if target.startswith("sidm.learning.")]
+        assert [target for target in inner if target not in allowed] == [], own
+    own = {name.removeprefix("sidm.learning.") for name in MODULES if room_of(name) == "sidm.learning"}
+    assert own == {"sidm.learning", *LEARNING}
 
 
 def test_no_module_imports_itself_in_a_circle():
@@ -142,14 +127,16 @@ def test_no_module_imports_itself_in_a_circle():
     graphlib.TopologicalSorter(graph).prepare()
 
 
-@pytest.mark.parametrize("name", [name for name in MODULES if wing(name) != "simulation"])
+@pytest.mark.parametrize("name", [name for name in MODULES if room_of(name) != "sidm.simulation"])
 def test_only_the_simulation_imports_pybullet(name):
     assert not PYBULLET & {target.split(".")[0] for target in imported(name)}
     ours = set(imported(name, top_level_only=True))
     assert not any(target.startswith("sidm.simulation") for target in ours), "import it inside the function"
 
 
-@pytest.mark.parametrize("name", [name for name in MODULES if wing(name) in ("terrain", "simulation", "trajectory")])
+@pytest.mark.parametrize(
+    "name", [name for name in MODULES if room_of(name) in ("sidm.terrain", "sidm.simulation", "sidm.trajectory")]
+)
 def test_simulation_does_without_torch(name):
     assert "torch" not in {target.split(".")[0] for target in imported(name)}
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from sidm.config import unknown_name
-from sidm.experiments.engine.datasets import find_digest
+from sidm.experiments.digests import find_digest
 from sidm.experiments.methods import (
     ALL_RELEASED,
     BASELINES,

@@ -65,21 +65,21 @@ LATER = (("fit", "gradients"), ("motion", "figures"))
 class Trial:
     """One training run: its method, its data (by digest), its network and its seed."""
 
-    system: str
+    system: str  # the pair of robots
     method: str  # a name of `methods.METHODS`; what it means stands in `training`
-    novice_minutes: float  # train and test together
+    novice_minutes: float  # of motion of the novice, min, train and test together
     seed: int  # of the novice subset, the initial weights and the batches; pairs the methods
-    pool_minutes: float  # of the novice pool that the subset is drawn from
-    expert_minutes: float
-    validation_minutes: float
+    pool_minutes: float  # of the novice pool that the subset is drawn from, min
+    expert_minutes: float  # of motion of the expert, min
+    validation_minutes: float  # of motion of the novice that nothing is learnt from, min
     rollouts: int  # trajectories of the 25-step test
     policy: str = "ornstein_uhlenbeck"  # that made pool, expert and validation data
     novice_data: str = UNKNOWN  # digest of the pool
-    expert_data: str = UNKNOWN
-    validation_data: str = UNKNOWN
-    rollout_data: str = UNKNOWN
-    network: Network = Network()
-    training: Training = Training()
+    expert_data: str = UNKNOWN  # of the expert's motion
+    validation_data: str = UNKNOWN  # of the validation motion
+    rollout_data: str = UNKNOWN  # of the rollouts
+    network: Network = Network()  # sizes of all networks
+    training: Training = Training()  # of the method
     pretraining: Training | None = None  # on the expert alone, whose weights the novice starts from; none: fresh ones
     residual: bool = False  # the pretrained model stays as it is; what is learnt, from fresh weights, corrects it
     fit: Literal["gradients", "least_squares"] = "gradients"  # the training loop, or weights in closed form

@@ -13,7 +13,8 @@ def test_a_figure_costs_what_its_stored_trials_took(tmp_path, make_row):
     for row in rows:
         store.put(row)
     lines = {one.figure: one for one in figure_costs(study, store)}
-    assert list(lines) == list(figures_of(study.preset)) and (lines["3"].trials, lines["3"].stored, lines["4"].stored) == (12, 2, 2)
+    assert list(lines) == list(figures_of(study.preset))
+    assert (lines["3"].trials, lines["3"].stored, lines["4"].stored) == (12, 2, 2)
     assert lines["3"].hours * 3600 == pytest.approx(sum(row.provenance.seconds for row in rows))
     assert lines["3"].peak_memory == max(row.provenance.peak_memory for row in rows)
     assert lines["3"].devices == (rows[0].provenance.device,)

@@ -1,8 +1,4 @@
-"""The datasets of a study on disk, and the digests by which trials know them.
-
-Beside the shards of a collection lies a file `digest-COUNT.json`, written after collecting; with the results lies one
-like it under `datasets/` for each dataset that the stored trials learnt from, so that reading results needs no data.
-Where both speak, the data on this disk count.
+"""The datasets of a study on disk: collected, held against those of the results, read.
 
 Another processor rounds otherwise, and a robot that is pushed about by rocks makes more of it with every step: data
 made again elsewhere are not the same bit for bit. `verify` holds them against the likeness that stands with the
@@ -17,48 +13,17 @@ import os
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
-from sidm.config import ConfigError, from_mapping
+from sidm.config import from_mapping
+from sidm.experiments.digests import committed_file, find_digest, local_file, read_digest
 from sidm.experiments.engine.likeness import Likeness
 from sidm.experiments.presets import Preset
 from sidm.experiments.trials import UNKNOWN, Dataset, Trial
 from sidm.pool import local_pool
-from sidm.storage import Damaged, read_record, write_record
+from sidm.storage import write_record
 from sidm.systems import SYSTEMS
 from sidm.trajectory import ShardError, Trajectory, digest, load
-
-
-def _local(dataset: Dataset, data: str | Path) -> Path:
-    return dataset.collection.folder(Path(data)) / f"digest-{dataset.count}.json"
-
-
-def _committed(dataset: Dataset, results: str | Path) -> Path:
-    return Path(results) / "datasets" / f"{dataset.name}.json"
-
-
-def _record(path: Path) -> dict[str, Any]:
-    """What a file says, its digest UNKNOWN when there is none; ConfigError when it is damaged."""
-    try:
-        found = read_record(path)
-        if not isinstance(found.get("digest"), str):
-            raise Damaged(f"its digest is {found.get('digest')!r}, not text")
-    except FileNotFoundError:
-        return {"digest": UNKNOWN}
-    except Damaged as error:
-        raise ConfigError(f"{path}: damaged ({error}); restore it, or delete it and collect again") from None
-    return found
-
-
-def find_digest(dataset: Dataset, data: str | Path = "data", results: str | Path = "results") -> str:
-    """The digest of a dataset: of what lies under `data`, else of what the `results` were made from, else UNKNOWN.
-
-    Of data that `verify` has found to stand for those of the results it is the results'.
-    """
-    local, committed = _record(_local(dataset, data)), _record(_committed(dataset, results))["digest"]
-    if local["digest"] == UNKNOWN or local.get("stands_for") == committed:
-        return committed
-    return local["digest"]
 
 
 def verify(dataset: Dataset, data: str | Path = "data", results: str | Path = "results") -> list[str]:
@@ -67,7 +32,7 @@ def verify(dataset: Dataset, data: str | Path = "data", results: str | Path = "r
     Raises:
         ShardError: a shard is missing or damaged.
     """
-    path, committed = _local(dataset, data), _record(_committed(dataset, results))
+    path, committed = local_file(dataset, data), read_digest(committed_file(dataset, results))
     if committed["digest"] == UNKNOWN:
         return ["the results know no such data"]
     trajectories = load(Path(data), dataset.collection, dataset.count)
@@ -97,7 +62,7 @@ class Uses(Protocol):
 
 def others(made: Uses, data: str | Path = "data") -> tuple[str, ...]:
     """Kind and digest of the data under `data` that are not those of a trial but stand for them."""
-    local = {kind: _record(_local(dataset, data)) for kind, dataset in made.datasets.items()}
+    local = {kind: read_digest(local_file(dataset, data)) for kind, dataset in made.datasets.items()}
     return tuple(
         f"{kind} {one['digest']}" for kind, one in local.items() if one.get("stands_for") == made.digests[kind]
     )
@@ -106,28 +71,28 @@ def others(made: Uses, data: str | Path = "data") -> tuple[str, ...]:
 def differing(preset: Preset, data: str | Path = "data", results: str | Path = "results") -> list[str]:
     """Names of a preset's datasets whose data on this disk do not stand for those that the results were made from."""
     needed = [dataset for system in SYSTEMS for dataset in preset.every_dataset(system)]
-    known = {one: _record(_committed(one, results))["digest"] for one in needed}
+    known = {one: read_digest(committed_file(one, results))["digest"] for one in needed}
     return [one.name for one, noted in known.items() if noted not in (UNKNOWN, find_digest(one, data, results))]
 
 
 def note_digest(dataset: Dataset, trajectories: Sequence[Trajectory], data: str | Path = "data") -> str:
     """Write the digest and the likeness of a dataset beside its shards, and return the digest."""
-    found, path = digest(trajectories), _local(dataset, data)
-    if _record(path)["digest"] != found:
+    found, path = digest(trajectories), local_file(dataset, data)
+    if read_digest(path)["digest"] != found:
         write_record(path, {"digest": found, "likeness": dataclasses.asdict(Likeness.of(trajectories))})
     return found
 
 
 def note_committed(dataset: Dataset, found: str, data: str | Path = "data", results: str | Path = "results") -> None:
     """Write the digest of a dataset, with its likeness where it lies under `data`, into the results' `datasets/`."""
-    path, local = _committed(dataset, results), _record(_local(dataset, data))
-    if _record(path)["digest"] != found:
+    path, local = committed_file(dataset, results), read_digest(local_file(dataset, data))
+    if read_digest(path)["digest"] != found:
         write_record(path, local if local["digest"] == found else {"digest": found})
 
 
 def note_collected(dataset: Dataset, data: str | Path = "data", results: str | Path = "results") -> None:
     """Write what lies under `data` into the results' `datasets/`, unless it stands for what is written there."""
-    local, known = _record(_local(dataset, data)), _record(_committed(dataset, results))["digest"]
+    local, known = read_digest(local_file(dataset, data)), read_digest(committed_file(dataset, results))["digest"]
     if known not in (local["digest"], local.get("stands_for")) and (known == UNKNOWN or verify(dataset, data, results)):
         note_committed(dataset, local["digest"], data, results)
 
@@ -147,7 +112,7 @@ def load_dataset(dataset: Dataset, wanted: str, data: str | Path = "data") -> li
     """
     trajectories = load(Path(data), dataset.collection, dataset.count)
     found = digest(trajectories)
-    noted = _record(_local(dataset, data))
+    noted = read_digest(local_file(dataset, data))
     if found != wanted and (noted["digest"], noted.get("stands_for")) != (found, wanted):
         raise ShardError(
             f"{dataset.collection.folder(Path(data))}: the first {dataset.count} trajectories have digest {found}, the "

@@ -24,14 +24,14 @@ class Provenance:
     version: str  # of this package
     source: str  # hash of its files, to find the commit by
     numerics: dict  # kind of work -> its version, of all that the result depends on; see `sidm.numerics`
-    python: str
-    torch: str
-    numpy: str
-    scipy: str
-    device: str
-    threads: int
+    python: str  # version, as those of the libraries
+    torch: str  # version
+    numpy: str  # version
+    scipy: str  # version
+    device: str  # where it was computed
+    threads: int  # of PyTorch
     seconds: float  # of the last stretch, if the trial was interrupted and `resumed`; in a bundle its share of them
-    resumed: bool
+    resumed: bool  # whether it was interrupted and went on
     peak_memory: float  # of the process that ran it, MiB
     date: str  # UTC, ISO 8601
     other_data: tuple[str, ...] = ()  # 'novice 938fa1f0...': made again elsewhere, alike but for rounding

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor, as_completed
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from sidm.config import ConfigError, from_mapping
 from sidm.experiments.engine.datasets import Uses, others
@@ -20,6 +20,9 @@ from sidm.experiments.engine.run import one_line
 from sidm.experiments.engine.store import StoreError, rounded
 from sidm.progress import progress_bar
 from sidm.storage import Damaged, read_record, write_record
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class Found(Protocol):
@@ -80,18 +83,32 @@ class Records(Generic[F]):
         """The stored record, None where there is none; StoreError when it is damaged or about something else."""
         path = self.path(about)
         try:
-            found = from_mapping(self.kind, read_record(path))
+            found = self._read(path)
         except FileNotFoundError:
             return None
-        except (Damaged, ConfigError, TypeError) as error:
-            raise StoreError(f"{path}: damaged ({error}); delete it and run '{self.again}'") from None
         if found.about != about:
             raise StoreError(f"{path}: is about something else; delete it and run '{self.again}'")
         return found
 
+    def _read(self, path: Path) -> F:
+        try:
+            return from_mapping(self.kind, read_record(path))
+        except (Damaged, ConfigError, TypeError) as error:
+            raise StoreError(f"{path}: damaged ({error}); delete it and run '{self.again}'") from None
+
     def stored(self, abouts: Iterable[Any]) -> list[F]:
         """The stored ones, in their order."""
         return [found for found in map(self.get, abouts) if found is not None]
+
+    def all(self) -> list[F]:
+        """Every stored one, whatever it is about, in the order of the keys."""
+        return [self._read(path) for path in sorted(self.folder.glob("*.json"))]
+
+    def frame(self, abouts: Iterable[Any] | None = None) -> pd.DataFrame:
+        """The stored ones, all unless given, as a table: `frame.records_frame`."""
+        from sidm.experiments.engine.frame import records_frame
+
+        return records_frame(self.all() if abouts is None else self.stored(abouts))
 
     def run(
         self, abouts: Sequence[Any], work: Callable[[Any], F], executor: Executor, what: str, progress: bool = True

@@ -9,12 +9,15 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from sidm.config import ConfigError, config, from_mapping
 from sidm.experiments.engine.provenance import Provenance
 from sidm.experiments.trials import Trial
 from sidm.storage import Damaged, read_record, write_record
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SCHEMA = 3  # of a row's file: 3 has the versions of its numbers
 DIGITS = 6  # significant, of stored floats
@@ -41,8 +44,8 @@ class Outcome:
     iterations: int  # of prediction, in all
     samples: int  # seen by prediction training, in all; without those of pretraining
     pretraining_samples: int = 0  # of the expert's, seen by the pretraining that the trial started from
-    # The loss by component at D points along the training, ever farther apart, on the first trajectories of each set;
-    # of older trials, of those of a bundle and of closed forms there are none.
+    #: The loss by component at D points along the training, ever farther apart, on the first trajectories of each set;
+    #: of older trials, of those of a bundle and of closed forms there are none.
     component_samples: tuple[int, ...] = ()  # (D,) samples seen
     component_test: tuple[tuple[float, ...], ...] = ()  # (D, 13) summands of equation (1)
     component_validation: tuple[tuple[float, ...], ...] = ()  # (D, 13)
@@ -142,6 +145,12 @@ class Results:
     def rows(self, trials: Iterable[Trial]) -> list[Row]:
         """The stored rows among `trials`, in their order."""
         return [row for row in map(self.get, trials) if row is not None]
+
+    def frame(self, trials: Iterable[Trial] | None = None) -> pd.DataFrame:
+        """The stored rows among `trials`, all unless given, as a table: `frame.frame_of`."""
+        from sidm.experiments.engine.frame import frame_of
+
+        return frame_of(self.all() if trials is None else self.rows(trials))
 
     def missing(self, trials: Iterable[Trial]) -> list[Trial]:
         """Those of `trials` that are not stored, in their order."""

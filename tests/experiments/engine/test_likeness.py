@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sidm.experiments.engine.datasets import find_digest, load_dataset, note_committed, note_digest, verify
+from sidm.experiments.digests import find_digest
+from sidm.experiments.engine.datasets import load_dataset, note_committed, note_digest, verify
 from sidm.experiments.engine.likeness import Likeness
 from sidm.experiments.trials import Dataset
 from sidm.simulation import collect

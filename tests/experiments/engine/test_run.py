@@ -11,7 +11,8 @@ from sidm.__main__ import main
 from sidm.config import ConfigError
 from sidm.experiments import Results, Study, perform, run, run_trial
 from sidm.experiments import run as run_function
-from sidm.experiments.engine.datasets import find_digest, load_dataset, note_collected, note_committed
+from sidm.experiments.digests import find_digest
+from sidm.experiments.engine.datasets import load_dataset, note_collected, note_committed
 from sidm.experiments.engine.records import Making
 from sidm.experiments.engine.run import checkpoint_folder, one_line, run_here
 from sidm.experiments.engine.store import rounded

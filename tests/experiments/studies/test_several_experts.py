@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from sidm.experiments import Study
-from sidm.experiments.engine.datasets import find_digest, load_dataset
+from sidm.experiments.digests import find_digest
+from sidm.experiments.engine.datasets import load_dataset
 from sidm.experiments.engine.provenance import here
 from sidm.experiments.studies.several_experts import family
 from sidm.experiments.studies.several_experts import pretrain as x

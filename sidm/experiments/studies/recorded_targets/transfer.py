@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from sidm.config import config
-from sidm.experiments.engine.datasets import collect_dataset, find_digest, load_dataset, note_collected
+from sidm.experiments.digests import find_digest
+from sidm.experiments.engine.datasets import collect_dataset, load_dataset, note_collected
 from sidm.experiments.engine.execute import one_thread, summary_curve
 from sidm.experiments.engine.pretrained import _alone as one_at_a_time
 from sidm.experiments.engine.provenance import Provenance

@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 from torch import Tensor
 
 from sidm.config import config
-from sidm.experiments.engine.datasets import find_digest, load_dataset
+from sidm.experiments.digests import find_digest
+from sidm.experiments.engine.datasets import load_dataset
 from sidm.experiments.engine.execute import Library, one_thread, roll_out, summary_curve
 from sidm.experiments.engine.provenance import Provenance
 from sidm.experiments.engine.records import Making, Records

@@ -1,0 +1,114 @@
+"""Results as one tidy table: a row a trial, a column a value, so that grouping, pivoting and joining are pandas'."""
+
+from __future__ import annotations
+
+import ast
+import functools
+import inspect
+import re
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from sidm.config import to_mapping
+from sidm.experiments.engine.provenance import Provenance
+from sidm.experiments.engine.store import Outcome, Row
+from sidm.experiments.trials import Trial
+from sidm.learning.settings import Network, Training
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: Parts of a row -> what stands before their columns' names.
+PARTS: tuple[tuple[type, str], ...] = (
+    (Trial, ""), (Network, ""), (Training, ""), (Training, "pretraining_"), (Outcome, ""), (Provenance, "")
+)  # fmt: skip
+NESTED = ("network", "training", "pretraining")  # of a Trial, whose values are columns themselves
+
+
+def frame_of(rows: Iterable[Row]) -> pd.DataFrame:
+    """Rows as a table, by the key of their trial.
+
+    Values of the trial, its network, training, outcome and provenance are columns of their own names; those of a
+    pretraining have 'pretraining_' before them and are missing where there is none. `columns` says what each is, with
+    its unit. Curves and paths are tuples in a cell. `stale` tells what older code made.
+    """
+    import pandas as pd
+
+    rows = list(rows)
+    names = [name for name, _, _ in columns()]
+    lines = [dict(_values(row)) for row in rows]
+    return pd.DataFrame(lines, columns=names, index=pd.Index([row.trial.key for row in rows], name="key"))
+
+
+def columns() -> list[tuple[str, str, str]]:
+    """Name, type and description, with its unit, of every column of `frame_of`."""
+    found = [
+        (f"{prefix}{name}", kind, words)
+        for cls, prefix in PARTS
+        for name, (kind, words) in _described(cls).items()
+        if (cls, name) not in {(Trial, nested) for nested in NESTED}
+    ]
+    return [*found, ("stale", "bool", "whether today's code would come to other figures")]
+
+
+def _values(row: Row) -> Iterator[tuple[str, Any]]:
+    trial = row.trial
+    for part, prefix in (
+        (trial, ""), (trial.network, ""), (trial.training, ""), (trial.pretraining, "pretraining_"),
+        (row.outcome, ""), (row.provenance, ""),
+    ):  # fmt: skip
+        if part is not None:
+            yield from ((f"{prefix}{name}", value) for name, value in to_mapping(part).items())
+    yield "stale", row.provenance.stale
+
+
+def numbers_and_words(frame: pd.DataFrame) -> pd.DataFrame:
+    """The columns of a table that have one value in a cell, for files such as CSV."""
+    from pandas.api.types import is_scalar
+
+    return frame.loc[:, [bool(frame[name].map(is_scalar).all()) for name in frame]]
+
+
+def records_frame(found: Iterable[Any]) -> pd.DataFrame:
+    """Records of a study as a table, a row a record: what it is about, what was found, what made it.
+
+    Values of what a record is about are columns of their own names; those of its parts, such as a trial, have the
+    part's name before them ('trial_seed').
+    """
+    import pandas as pd
+
+    lines = []
+    for one in found:
+        own = {name: value for name, value in vars(one).items() if name not in ("about", "provenance")}
+        lines.append(_flat(to_mapping(one.about)) | own | to_mapping(one.provenance))
+    return pd.DataFrame(lines)
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name, value in values.items():
+        found |= _flat(value, f"{prefix}{name}_") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
+    return found
+
+
+@functools.cache
+def _described(cls: type) -> dict[str, tuple[str, str]]:
+    """Field -> its type as written and the comment beside it, which says what it is and its unit.
+
+    Lines of comments alone that follow a field go on with its own; those that begin with '#:' are of what comes next.
+    """
+    lines = inspect.getsource(cls).splitlines()
+    body = ast.parse(textwrap.dedent("\n".join(lines))).body[0]
+    assert isinstance(body, ast.ClassDef)
+    found = {}
+    for node in body.body:
+        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            words = [lines[node.end_lineno - 1][node.end_col_offset :]]  # type: ignore[operator]
+            for line in lines[node.end_lineno :]:
+                if not re.match(r"\s*# ", line):
+                    break
+                words.append(line)
+            text = " ".join(word.strip().removeprefix("#").strip() for word in words)
+            found[node.target.id] = (ast.unparse(node.annotation), text)
+    return found

@@ -1,0 +1,76 @@
+"""Results as one table."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from sidm.__main__ import main
+from sidm.experiments import Results, Study
+from sidm.experiments.engine.frame import columns, numbers_and_words
+from sidm.experiments.studies.catalogue import STUDIES
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.fixture
+def store(tiny, data, tmp_path, make_row):
+    """Three seeds of three methods, one of them pretrained."""
+    store, study = Results(tmp_path), Study(tiny, data, tmp_path)
+    methods = ["sidm", "novice_only", "pretrain_finetune"]
+    for number, trial in enumerate(study.points("system1", methods, [0.25], seeds=3)):
+        store.put(make_row(trial, 1.0 + number))
+    return store
+
+
+def test_every_value_of_a_row_is_a_column(store):
+    frame = store.frame()
+    assert list(frame.columns) == [name for name, _, _ in columns()] and frame.index.is_unique
+    for row in store.all():
+        line = frame.loc[row.trial.key]
+        assert line.validation_loss == row.outcome.validation_loss and line.seed == row.trial.seed
+        assert line.learning_rate == row.trial.training.learning_rate and line.pixels == row.trial.network.pixels
+        assert line.component_losses == row.outcome.component_losses and line.date == row.provenance.date
+        assert pd.isna(line.pretraining_batch) == (row.trial.pretraining is None)
+        assert not line.stale
+
+
+def test_every_column_says_what_it_is():
+    names = [name for name, _, _ in columns()]
+    assert len(set(names)) == len(names) and all(kind and words for _, kind, words in columns())
+    told = {name: words for name, _, words in columns()}
+    assert "min" in told["novice_minutes"] and told["own"].endswith("as if the system were an input")
+
+
+def test_grouping_is_that_of_pandas(store):
+    table = store.frame().pivot_table("validation_loss", "novice_minutes", "method")
+    assert table.loc[0.25].to_dict() == {"sidm": 4.0, "novice_only": 5.0, "pretrain_finetune": 6.0}
+
+
+def test_trials_that_are_not_stored_have_no_line(store, tiny, data, tmp_path):
+    trials = Study(tiny, data, tmp_path).points("system1", ["sidm"], [0.25], seeds=5)
+    assert list(store.frame(trials).seed) == [0, 1, 2]
+    assert len(Results(tmp_path / "empty").frame()) == 0
+
+
+def test_show_writes_a_table(tiny, data, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ["--preset", "smoke", "--results", str(tmp_path), "--csv", "mine.csv"]
+    assert main(["show", *words]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[-2] == "table: mine.csv" and said[-1] == "missing: 12"
+    assert "validation_loss" in pd.read_csv("mine.csv").columns
+
+
+def test_a_file_has_what_fits_in_a_cell(store, tmp_path):
+    numbers_and_words(store.frame()).to_csv(tmp_path / "a.csv")
+    back = pd.read_csv(tmp_path / "a.csv", index_col="key")
+    assert "curve_samples" not in back and back.validation_loss.sum() == store.frame().validation_loss.sum()
+
+
+def test_records_are_a_table_too():
+    records = STUDIES["uncertainty"].stored(ROOT / "results")
+    frame, found = records.frame(), records.all()
+    assert list(frame.trial_seed) == [one.about.trial.seed for one in found] != []
+    assert list(frame.date) == [one.provenance.date for one in found]
+    assert len(records.frame([found[0].about])) == 1
