@@ -134,8 +134,8 @@ def _add_system(parser: argparse.ArgumentParser) -> None:
 
 def _add_grid(parser: argparse.ArgumentParser) -> None:
     _add_system(parser)
-    figures = "duration, 3, yardsticks, 4, tuning, choices, released, baselines, variants, "
-    figures += "p-expert, iterations, pixels, patience, ample or all"
+    figures = "duration, 3, references, 4, tuning, choices, released, baselines, variants, "
+    figures += "p-expert, iterations, pixels, patience, most-data or all"
     parser.add_argument("--figure", default="3", help=f"{figures} (%(default)s)")
     parser.add_argument("--minutes", type=float, nargs="+", help="only these novice dataset sizes, minutes of motion")
     parser.add_argument("--seeds", type=int, nargs="+", help="only these seeds")
@@ -318,13 +318,15 @@ def run_show(arguments: argparse.Namespace) -> int:
 
 def _show_against(stored: Any, made: Any) -> int:
     """`show --against`: a line a point that both stores have."""
-    from sidm.experiments.studies.reproduction import compared
+    from sidm.experiments.statistics.intervals import Interval
+    from sidm.experiments.studies.reproduction import table
 
-    lines = compared(stored, made)
-    for one in lines:
-        words = f"{one.system}  {one.method:<18}{one.minutes:>6g} min  seeds {one.seeds}"
-        print(f"{words}  stored {one.stored:.4g}  here {one.again:.4g}  ratio {one.ratio.words(3)}")
-    print(f"points in both: {len(lines)}")
+    points = table(stored, made)
+    for one in points.itertuples():
+        words = f"{one.system}  {one.method:<18}{one.novice_minutes:>6g} min  seeds {one.seeds}"
+        ratio = Interval(one.ratio, one.low, one.high).words(3)
+        print(f"{words}  stored {one.reference:.4g}  here {one.mean:.4g}  ratio {ratio}")
+    print(f"points in both: {len(points)}")
     return 0
 
 

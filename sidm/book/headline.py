@@ -17,7 +17,7 @@ from sidm.experiments.statistics.tables import gather, markdown_table
 from sidm.systems import SYSTEMS
 
 PRESET = "laptop"  # the study that the book shows
-BESIDE = ("least_squares",)  # the yardstick of Figure 3
+BESIDE = ("least_squares",)  # beside the methods of Figure 3
 BEGIN, END = "<!-- headline: begin (made by `make figures`) -->", "<!-- headline: end -->"
 
 
@@ -55,8 +55,8 @@ def refresh(text: str, rows: Sequence[Row], rows4: Sequence[Row] = ()) -> str:
 
 
 def stored_rows(data: str | Path = "data") -> tuple[list[Row], list[Row]]:
-    """What the README tells of: the rows of Figure 3 and its yardstick, and those of Figure 4."""
-    rows, beside, rows4 = (Results("results").rows(grid(PRESET, name, data=data)) for name in ("3", "yardsticks", "4"))
+    """What the README tells of: the rows of Figure 3 and its reference, and those of Figure 4."""
+    rows, beside, rows4 = (Results("results").rows(grid(PRESET, name, data=data)) for name in ("3", "references", "4"))
     return [*rows, *(row for row in beside if row.trial.method in BESIDE)], rows4
 
 

@@ -9,31 +9,34 @@ from typing import NamedTuple
 from sidm.config import ConfigError, unknown_name
 from sidm.experiments.engine.store import Results
 from sidm.experiments.presets import Preset
-from sidm.experiments.studies import ablations
+from sidm.experiments.studies import ablations, baselines, choices, duration, tuning, variants
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
 from sidm.systems import SYSTEMS, find_system
 
 #: Figure -> what makes its trials of one system, and the systems that it has.
 FIGURES: dict[str, tuple[Callable[[Study, str], list[Trial]], tuple[str, ...]]] = {
-    "duration": (Study.duration, tuple(SYSTEMS)),
+    "duration": (duration.trials, tuple(SYSTEMS)),
     "3": (Study.figure3, tuple(SYSTEMS)),
-    "yardsticks": (Study.yardsticks, tuple(SYSTEMS)),
+    "references": (Study.references, tuple(SYSTEMS)),
     "4": (Study.figure4, ("system1",)),
-    "tuning": (Study.tuning, tuple(SYSTEMS)),
-    "choices": (Study.choices, tuple(SYSTEMS)),
-    "released": (Study.released, tuple(SYSTEMS)),
-    "baselines": (Study.baselines, tuple(SYSTEMS)),
-    "variants": (Study.variants, tuple(SYSTEMS)),
+    "tuning": (tuning.trials, tuple(SYSTEMS)),
+    "choices": (choices.trials, tuple(SYSTEMS)),
+    "released": (choices.released, tuple(SYSTEMS)),
+    "baselines": (baselines.trials, tuple(SYSTEMS)),
+    "variants": (variants.trials, tuple(SYSTEMS)),
     "p-expert": (ablations.p_expert, tuple(SYSTEMS)),
     "iterations": (ablations.phases, tuple(SYSTEMS)),
     "pixels": (ablations.pixels, tuple(SYSTEMS)),
     "patience": (ablations.patience, tuple(SYSTEMS)),
-    "ample": (ablations.ample_trials, tuple(SYSTEMS)),
+    "most-data": (ablations.most_data_trials, tuple(SYSTEMS)),
 }
 
 #: Grids of presets that name them.
 NAMED = ("duration",)
+
+#: What grids were called before.
+FORMER = {"yardsticks": "references", "ample": "most-data"}
 
 
 def figures_of(preset: Preset) -> tuple[str, ...]:
@@ -64,6 +67,8 @@ def grid(
     Raises:
         ConfigError: a name that does not exist, or sizes or seeds that the figure does not have.
     """
+    if figure in FORMER:
+        raise ConfigError(f"figure '{figure}' is called '{FORMER[figure]}' now")
     if figure not in (*FIGURES, "all"):
         raise unknown_name(figure, (*FIGURES, "all"), "the figures")
     if system is not None:

@@ -229,7 +229,7 @@ PRESETS: dict[str, Preset] = {
             name="study",
             **_PAPER_SIZES | dict(seeds=5),
             more_seeds=((1, 10), (5, 10)),
-            figures=("duration", "tuning", "3", "yardsticks", "4"),
+            figures=("duration", "tuning", "3", "references", "4"),
             tuning_minutes=(5, 60),
             tuning_pool_minutes=60,
             network=Network(pixels=32, layers=3, hidden=256),

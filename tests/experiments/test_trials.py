@@ -14,7 +14,7 @@ from sidm.experiments import METHODS, PRESETS, UNKNOWN, Study, Trial, grid, load
 from sidm.experiments.engine.datasets import differing
 from sidm.experiments.methods import COMPARED, MIRRORED, VARIANTS, change
 from sidm.experiments.presets import POLICIES
-from sidm.experiments.studies import ablations
+from sidm.experiments.studies import ablations, baselines, choices, duration, tuning, variants
 from sidm.storage import write_record
 from sidm.systems import SYSTEMS
 
@@ -149,18 +149,20 @@ def test_grids():
     assert len({t.key for t in ablations.phases(study, "system1")} & figure3) == 3  # 100, 20 and 5 iterations
     for name in (ablations.pixels, ablations.patience):
         assert len({t.key for t in name(study, "system1")} & figure3) == 2 * 3  # both methods
-    neighbours = study.baselines("system1")
+    neighbours = baselines.trials(study, "system1")
     assert len({t.key for t in neighbours} & figure3) == 3 * 2 * 3 + 3  # three methods, two sizes, and all data
     assert {t.method for t in neighbours} == set(METHODS) - {*VARIANTS, *MIRRORED}
-    variants = study.variants("system1")
-    assert len(variants) == len({t.key for t in variants}) == 15 * 4 * 3 + 2 * 3 * 3  # two at 20, 60, 120, too
-    assert {t.key for t in study.correction("system1")} < {t.key for t in variants}
+    found = variants.trials(study, "system1")
+    assert len(found) == len({t.key for t in found}) == 15 * 4 * 3 + 2 * 3 * 3  # two at 20, 60, 120, too
+    assert {t.key for t in variants.correction(study, "system1")} < {t.key for t in found}
     assert len(grid("laptop", "3", "system2", minutes=[5, 20], seeds=[1])) == 2 * 3
     assert {t.key for t in grid("laptop", "all")} >= figure3
     with pytest.raises(ConfigError, match="minutes 3 is not in this grid; it has 1, 2, 5, 20, 60, 120"):
         grid("laptop", minutes=[3])
     with pytest.raises(ConfigError, match="figure 4 has no trials of system2"):
         grid("laptop", "4", "system2")
+    with pytest.raises(ConfigError, match="figure 'yardsticks' is called 'references' now"):
+        grid("laptop", "yardsticks")
     with pytest.raises(ConfigError, match="did you mean 'p-expert'"):
         grid("laptop", "p_expert")
     with pytest.raises(ConfigError, match="did you mean 'novice_only'"):
@@ -172,17 +174,18 @@ def test_the_study_has_grids_of_its_own():
     study = Study("study")
     seeds = Counter(t.novice_minutes for t in study.figure3("system2") if t.method == "sidm")
     assert seeds == {1: 10, 2: 5, 5: 10, 10: 5, 20: 5, 60: 5, 120: 5, 300: 5}
-    figures, chosen_by = study.figure3("system1"), [*study.tuning("system1"), *study.duration("system1")]
+    chosen_by = [*tuning.trials(study, "system1"), *duration.trials(study, "system1")]
+    figures = study.figure3("system1")
     assert {t.datasets["expert"] for t in chosen_by} == {t.datasets["expert"] for t in figures}
     novices = [{t.datasets[kind] for t in trials for kind in ("novice", "validation", "rollout")}
                for trials in (figures, chosen_by)]  # fmt: skip
     assert len(novices[0]) == len(novices[1]) == 3 and not novices[0] & novices[1]
     assert set(study.preset.every_dataset("system1")) == {d for t in figures + chosen_by for d in t.datasets.values()}
-    assert {t.novice_minutes for t in study.tuning("system1")} == {5, 60}
+    assert {t.novice_minutes for t in tuning.trials(study, "system1")} == {5, 60}
     assert len(grid("study", "duration")) == 2 * 3 * 3 + 2
     assert all(t.training.patience == 2_500_000 for t in grid("study", "duration"))
     assert {t.key for t in chosen_by} < {t.key for t in grid("study", "all", "system1")}
-    assert not {t.key for t in study.choices("system1")} & {t.key for t in grid("study", "all")}
+    assert not {t.key for t in choices.trials(study, "system1")} & {t.key for t in grid("study", "all")}
 
 
 def test_digests_come_from_disk_before_the_results(data, tiny, tmp_path):

@@ -7,8 +7,9 @@ from pathlib import Path
 
 from sidm.experiments.engine import execute as measure
 from sidm.experiments.engine import provenance
-from sidm.experiments.engine.execute import THREADS, Library, Progress, evaluate, one_thread, stored_as
+from sidm.experiments.engine.execute import Library, Progress, evaluate, one_thread, stored_as
 from sidm.experiments.engine.pretrained import start_of
+from sidm.experiments.engine.provenance import THREADS
 from sidm.experiments.engine.store import Failure, Outcome, Row
 from sidm.experiments.trials import Trial
 from sidm.learning.beyond.least_squares import fit

@@ -15,7 +15,7 @@ from sidm.experiments.engine import provenance
 from sidm.experiments.engine.datasets import load_dataset
 from sidm.experiments.engine.event_log import EventLog
 from sidm.experiments.engine.pretrained import start_of
-from sidm.experiments.engine.provenance import Provenance
+from sidm.experiments.engine.provenance import THREADS, Provenance
 from sidm.experiments.engine.store import Failure, Outcome, Row
 from sidm.experiments.trials import Trial
 from sidm.learning.beyond.pretraining import Start
@@ -31,7 +31,6 @@ from sidm.trajectory import Trajectory
 ROLLOUT_STEPS = 25  # control steps of Figure 4's rollouts, 2.5 s
 CURVE_POINTS = 40  # at most, of the learning curve's summary
 ROLLOUTS_KEPT = 3  # whole, for pictures
-THREADS = 1  # a trial; results are compared bit for bit only at the same number
 
 Progress = Callable[[Tested], None]  # called after each test
 

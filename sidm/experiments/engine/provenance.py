@@ -15,6 +15,7 @@ from sidm.config import config
 from sidm.numerics import NUMERICS, versions
 
 PACKAGE = Path(sidm.__file__).parent
+THREADS = 1  # of PyTorch, for a trial; results are compared bit for bit only at the same number
 
 
 @config

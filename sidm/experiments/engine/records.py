@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from sidm.config import ConfigError, from_mapping
 from sidm.experiments.engine.datasets import Uses, others
-from sidm.experiments.engine.execute import THREADS
-from sidm.experiments.engine.provenance import Provenance, here
+from sidm.experiments.engine.provenance import THREADS, Provenance, here
 from sidm.experiments.engine.run import one_line
 from sidm.experiments.engine.store import StoreError, rounded
 from sidm.progress import progress_bar

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import stdtrit
 
 RESAMPLES = 2000
 CONFIDENCE = 0.95
@@ -105,6 +104,8 @@ def leave_one_out(
     Returns:
         The statistic of `samples`, and its interval; NaN with one seed, or where a seed left out leaves no value.
     """
+    from scipy.special import stdtrit  # listing results does without
+
     samples = np.asarray(samples, float)
     count, value = len(samples), float(statistic(samples))
     if count < 2:

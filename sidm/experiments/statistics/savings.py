@@ -17,7 +17,7 @@ from sidm.experiments.statistics.efficiency import (
     known,
     minutes_needed,
 )
-from sidm.experiments.statistics.intervals import Interval, interval, ratio_of_means
+from sidm.experiments.statistics.intervals import Interval, interval
 from sidm.experiments.statistics.tables import COMPONENTS, gather, validation_loss
 
 
@@ -108,37 +108,6 @@ def expert_alone(rows: Sequence[Row], system: str) -> str:
         return f"{system}: not run"
     loss = float(alone.values.mean())
     return f"{system}: {loss:.3g}, as without SIDM on {minutes_words(other.minutes, other.values[:, 0].mean(0), loss)}"
-
-
-class Paired(NamedTuple):
-    """The losses of two methods at one size, paired by seed."""
-
-    minutes: float  # of novice data
-    seeds: int
-    losses: tuple[float, float]  # means
-    ratio: Interval  # of the first mean to the second
-    lower: int  # seeds in which the first is the lower
-
-    def words(self, one: str, other: str) -> str:
-        """As a sentence about the two, by their names."""
-        side = {-1: "lower", 0: "not told from it", 1: "higher"}[self.ratio.side(1)]
-        return (
-            f"at {self.minutes:g} min the loss {one} is {side}: {self.losses[0]:.3f} against {self.losses[1]:.3f} "
-            f"{other}, {self.ratio.words(3)} times as large, and lower in {self.lower} of {self.seeds} seeds"
-        )
-
-
-def paired(rows: Sequence[Row], system: str, methods: tuple[str, str] = COMPARED) -> list[Paired]:
-    """Two methods on one system with all the seeds that both have, a line a size."""
-    found = []
-    for minutes in sorted({row.trial.novice_minutes for row in rows if row.trial.system == system}):
-        losses = gather([row for row in rows if row.trial.novice_minutes == minutes], system, methods)
-        if losses.values.size:
-            pairs = losses.values[:, :, 0]  # (S, 2)
-            one, other = pairs.mean(0).tolist()
-            ratio, lower = ratio_of_means(pairs[:, ::-1]), int((pairs[:, 0] < pairs[:, 1]).sum())
-            found.append(Paired(minutes, len(pairs), (one, other), ratio, lower))
-    return found
 
 
 def minutes_words(minutes: np.ndarray, losses: np.ndarray, loss: float) -> str:

@@ -6,7 +6,7 @@ import dataclasses
 import re
 from collections.abc import Callable, Iterable, Sequence
 from html import escape
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from sidm.experiments.engine.store import Results, Row
 from sidm.experiments.methods import COMPARED
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class Losses(NamedTuple):
@@ -83,28 +86,13 @@ def provenance_line(rows: Sequence[Row], command: str = "") -> str:
     return "; ".join(parts) + (f"; again: `{command}`." if command else ".")
 
 
-class Cost(NamedTuple):
-    """What the trials of one system and method took."""
-
-    system: str
-    method: str
-    trials: int
-    mean_minutes: float
-    longest_minutes: float
-    peak_memory: float  # MiB
-
-
-def costs_table(rows: Sequence[Row]) -> list[Cost]:
-    """Time and memory by system and method."""
-    groups: dict[tuple[str, str], list[Row]] = {}
-    for row in rows:
-        groups.setdefault((row.trial.system, row.trial.method), []).append(row)
-    table = []
-    for (system, method), group in sorted(groups.items()):
-        minutes = [row.provenance.seconds / 60 for row in group]
-        memory = max(row.provenance.peak_memory for row in group)
-        table.append(Cost(system, method, len(group), float(np.mean(minutes)), max(minutes), memory))
-    return table
+def costs(frame: pd.DataFrame) -> pd.DataFrame:
+    """What trials took, by system and method: mean and longest, min, and the most memory, MiB."""
+    found = frame.assign(minutes=frame.seconds / 60).groupby(["system", "method"]).agg(
+        trials=("seed", "size"), mean=("minutes", "mean"), longest=("minutes", "max"), memory=("peak_memory", "max")
+    ).reset_index()  # fmt: skip
+    names = {"mean": "mean (min)", "longest": "longest (min)", "memory": "peak memory (MiB)"}
+    return found.assign(memory=found.memory.round().astype(int)).rename(columns=names)
 
 
 def differences(trial: Trial, base: Trial) -> str:
@@ -173,6 +161,16 @@ def markdown_table(head: Sequence[str], lines: Iterable[Sequence[object]]) -> st
     return "\n".join(f"| {' | '.join(line)} |" for line in (head, rule, *body)) + "\n"
 
 
+def on_page(table: pd.DataFrame) -> str:
+    """A table for a page in Markdown, as `markdown_table` writes it."""
+    return markdown_table(list(table.columns), table.itertuples(index=False))
+
+
+def in_html(table: pd.DataFrame) -> str:
+    """The same in HTML, for a page that takes the table over from another."""
+    return html_table(list(table.columns), table.itertuples(index=False))
+
+
 def html_table(head: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
     """The same in HTML, for a page that takes the table over from another."""
     rows = [("th", head), *(("td", line) for line in lines)]
@@ -193,14 +191,10 @@ def _words(cell: object) -> str:
     return str(cell)
 
 
-def spread(
-    rows: Iterable[Row], by: Callable[[Row], tuple], value: Callable[[Row], float] = validation_loss
-) -> list[tuple]:
-    """For each key that `by` gives, in rising order: the key's parts, the number of trials, mean, minimum, maximum."""
-    groups: dict[tuple, list[float]] = {}
-    for row in rows:
-        groups.setdefault(by(row), []).append(value(row))
-    return [(*key, len(group), float(np.mean(group)), min(group), max(group)) for key, group in sorted(groups.items())]
+def spread(frame: pd.DataFrame, by: Sequence[str], value: str = "validation_loss") -> pd.DataFrame:
+    """For each group that the columns `by` make: number of trials, mean, minimum and maximum of a value."""
+    found = frame.groupby(list(by))[value].agg(["size", "mean", "min", "max"]).reset_index()
+    return found.rename(columns={"size": "trials", "min": "minimum", "max": "maximum"})
 
 
 #: Name and unit of each of the 13 components of y.

@@ -6,10 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from sidm.config import ConfigError
-from sidm.experiments.engine.store import Row
 from sidm.experiments.figures.style import (
     LOSS_LABEL,
     METHOD_STYLES,
@@ -21,13 +18,17 @@ from sidm.experiments.figures.style import (
 from sidm.experiments.methods import CHOICES, COMPARED, METHODS, change
 from sidm.experiments.methods import PATIENCE as LONG_PATIENCE
 from sidm.experiments.presets import Preset
+from sidm.experiments.statistics.tables import spread
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
 from sidm.systems import SYSTEMS
 from sidm.trajectory import trajectories_for
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
+
+EMPTY: Mapping[str, float] = MappingProxyType({})
 
 #: Values of p_e; None stands for 'proportional to the data'.
 P_EXPERT = (0.0, 0.25, 0.5, 0.75, 0.9, None)
@@ -47,27 +48,27 @@ PATIENCE = (50_000, 150_000, 450_000)
 
 
 #: p_e with as much novice data as there is; section 5 advises less than with little.
-AMPLE_P_EXPERT = 0.25
+MOST_DATA_P_EXPERT = 0.25
 
 
-def ample(study: Study, system: str) -> dict[str, list[Trial]]:
+def most_data(study: Study, system: str) -> dict[str, list[Trial]]:
     """SIDM on the largest novice dataset as section 5 advises there: the expert and the adversary count for less.
 
     Patience is among it because it counts the samples of both systems: at a p_e of 0.75 a quarter are the novice's.
     """
     sizes = [max(study.preset.novice_minutes(system))]
-    changed = change(METHODS["sidm"].training(study.preset, system), p_expert=AMPLE_P_EXPERT)
+    changed = change(METHODS["sidm"].training(study.preset, system), p_expert=MOST_DATA_P_EXPERT)
     patient = study.changed(**CHOICES[LONG_PATIENCE][0])
     return {
-        f"p_e of {AMPLE_P_EXPERT:g}": study.points(system, ["sidm"], sizes, changed),
+        f"p_e of {MOST_DATA_P_EXPERT:g}": study.points(system, ["sidm"], sizes, changed),
         METHODS["no_regularisation"].label: study.points(system, ["no_regularisation"], sizes),
         LONG_PATIENCE: patient.points(system, ["sidm"], sizes),
     }
 
 
-def ample_trials(study: Study, system: str) -> list[Trial]:
-    """All trials of `ample`."""
-    return [trial for trials in ample(study, system).values() for trial in trials]
+def most_data_trials(study: Study, system: str) -> list[Trial]:
+    """All trials of `most_data`."""
+    return [trial for trials in most_data(study, system).values() for trial in trials]
 
 
 def proportional(preset: Preset, minutes: float) -> float:
@@ -134,29 +135,18 @@ def patience(study: Study, system: str) -> list[Trial]:
     return setting(study, system, "patience", PATIENCE)
 
 
-def ablated(trial: Trial, name: str) -> float:
-    """A trial's value in the ablation of `name`, of its training or network; without regularisation, 0 matching."""
-    if name == "matching_iterations" and not trial.training.regularise:
-        return 0.0
-    return float(getattr(trial.network if name == "pixels" else trial.training, name))
-
-
-def ablation_lines(
-    rows: Iterable[Row], name: str, by_method: bool = False
-) -> dict[tuple[str, float, str], dict[float, list[float]]]:
-    """Validation losses by value, of each line: a system, a size, and a method or ''.
+def table(frame: pd.DataFrame, name: str, by_method: bool = False) -> pd.DataFrame:
+    """Number, mean, minimum and maximum of validation losses by system, size, method if asked for, and `value`.
 
     Args:
-        rows: of the ablation of `name`.
-        name: of the value, as `ablated` takes it.
-        by_method: whether each method is a line; else what a value leaves of the method is on one line with the rest.
+        frame: of the ablation of `name`.
+        name: of the value, a setting of the training or the network.
+        by_method: whether each method has lines of its own; else what a value makes of it stands with the rest.
     """
-    lines: dict[tuple[str, float, str], dict[float, list[float]]] = {}
-    for row in rows:
-        t = row.trial
-        line = lines.setdefault((t.system, t.novice_minutes, t.method if by_method else ""), {})
-        line.setdefault(ablated(t, name), []).append(row.outcome.validation_loss)
-    return lines
+    value = frame[name]
+    if name == "matching_iterations":  # none without regularisation
+        value = value.where(frame.regularise, 0)
+    return spread(frame.assign(value=value), ["system", "novice_minutes", *["method"] * by_method, "value"])
 
 
 #: What the values of an ablation count; those of the phases are iterations a phase.
@@ -164,45 +154,37 @@ _COUNTED = {"p_expert": "probability", "pixels": "a side of the map", "patience"
 
 
 @styled
-def ablation(
-    rows: Sequence[Row],
-    name: str,
-    systems: Sequence[str] = tuple(SYSTEMS),
-    by_method: bool = False,
-    usual: Mapping[str, float] = MappingProxyType({}),
+def figure(
+    table: pd.DataFrame, name: str, systems: Sequence[str] = tuple(SYSTEMS), usual: Mapping[str, float] = EMPTY
 ) -> Figure:
-    """Validation loss against an ablated value: mean over seeds with minimum to maximum.
+    """Validation loss against an ablated value, a line a size and method: mean over seeds with minimum to maximum.
 
     A probability has an axis of its own; of other values each that was tried has a place, in their order.
 
     Args:
-        rows: the ablation's.
-        name: of the value, as `ablated` takes it.
+        table: as `table` makes it.
+        name: of the value.
         systems: a plot each.
-        by_method: whether each method has a line for each size; else all of a size are one line.
         usual: each system's value in Figure 3, which a vertical line marks.
     """
     figure, panels = side_by_side(len(systems))
-    tried = sorted({ablated(row.trial, name) for row in rows} | set(usual.values()))
+    tried = sorted({*table.value, *usual.values()})
     place = {value: value if name == "p_expert" else float(number) for number, value in enumerate(tried)}
     for axes, system in zip(panels, systems, strict=True):
-        unit = _COUNTED.get(name, "a phase")
+        unit, mine = _COUNTED.get(name, "a phase"), table[table.system == system]
         axes.set(xlabel=f"{name.replace('_', ' ')} ({unit})", ylabel=LOSS_LABEL, title=system)
-        lines = ablation_lines([row for row in rows if row.trial.system == system], name, by_method)
-        for number, ((_, minutes, method), found) in enumerate(sorted(lines.items())):
+        lines = mine.groupby([one for one in ("novice_minutes", "method") if one in table])
+        for number, ((minutes, *method), line) in enumerate(lines):
+            ends = [(line["mean"] - line.minimum).clip(0), (line.maximum - line["mean"]).clip(0)]
+            words = ", ".join([*(METHOD_STYLES[one]["label"] for one in method), f"{minutes:g} min"])
             style = SIZE_STYLES[number % len(SIZE_STYLES)]
-            values = sorted(found)
-            means = np.array([np.mean(found[v]) for v in values])
-            lowest, highest = (np.array([end(found[v]) for v in values]) for end in (min, max))
-            spread = np.clip([means - lowest, highest - means], 0, None)
-            words = f"{METHOD_STYLES[method]['label']}, {minutes:g} min" if method else f"{minutes:g} min"
-            axes.errorbar([place[value] for value in values], means, spread, capsize=3, label=words, **style)
-        if lines and system in usual:
+            axes.errorbar(line.value.map(place), line["mean"], ends, capsize=3, label=words, **style)
+        if len(mine) and system in usual:
             axes.axvline(place[usual[system]], color="0.6", linestyle=":", marker="", zorder=0, label="as in Figure 3")
         finish(axes)
-        if lines and name == "p_expert":
+        if len(mine) and name == "p_expert":
             axes.set_xlim(-0.03, 1.03)
-        elif lines:
+        elif len(mine):
             axes.set_xticks(list(place.values()), [f"{value:,.0f}" for value in place])
             axes.set_xlim(-0.3, len(place) - 0.7)
     return figure

@@ -2,123 +2,91 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from sidm.experiments.engine.store import Row
-from sidm.experiments.figures.style import (
-    METHOD_STYLES,
-    SIZE_STYLES,
-    finish,
-    side_by_side,
-    styled,
-)
-from sidm.experiments.methods import METHODS
-from sidm.experiments.statistics.intervals import Interval, interval
+from sidm.experiments.figures.style import METHOD_STYLES, SIZE_STYLES, finish, side_by_side, styled
+from sidm.experiments.methods import BASELINES, COMPARED, FIGURE3, METHODS
+from sidm.experiments.statistics.pairs import beside
 from sidm.experiments.studies.throughput import Pace, seconds
+from sidm.experiments.study import Study
+from sidm.experiments.trials import Trial
 from sidm.systems import SYSTEMS
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
-
-class Neighbour(NamedTuple):
-    """A method on one system and size."""
-
-    system: str
-    minutes: float  # of novice data
-    method: str
-    seeds: int
-    loss: float  # mean validation loss
-    lowest: float
-    highest: float
-    differences: tuple[Interval | None, ...]  # from each comparison, paired by seed, below zero where the method is
-    # better; none from itself, nor where no seed has both
-    samples: float  # mean, of prediction and pretraining
-    compute_minutes: float  # mean, of a trial, beside whatever ran then
-    paced_minutes: float | None  # mean, of the samples at the paces of one measurement; none without it
+POINT = ["system", "novice_minutes", "method"]
 
 
-def neighbours(
-    rows: Iterable[Row], against: Sequence[str] = ("sidm", "novice_only"), paces: Mapping[str, Pace] | None = None
-) -> list[Neighbour]:
+def trials(study: Study, system: str) -> list[Trial]:
+    """Figure 3's methods and their neighbours on a small and a middle dataset; the expert alone has no size."""
+    sizes = study.preset.baseline_minutes
+    named = [one for one in (*FIGURE3, *BASELINES) if one != "expert_only"]
+    largest = max(study.preset.novice_minutes(system))  # 'all_data'
+    return [
+        *study.points(system, named, sizes),
+        *study.points(system, ["expert_only"], sizes[:1]),
+        *study.points(system, ["novice_only"], [largest]),
+    ]
+
+
+def table(frame: pd.DataFrame, paces: Mapping[str, Pace] | None = None) -> pd.DataFrame:
     """A line a system, size and method, in the order of METHODS.
 
     Args:
-        rows: at most one a system, size, method and seed.
-        against: methods that the others are compared with.
-        paces: seconds of 1,000 samples by method, as `pace.read` finds them.
+        frame: of stored results, at most one a system, size, method and seed.
+        paces: seconds of 1,000 samples by method, as `throughput.read` finds them.
+
+    Returns:
+        `seeds`; mean `loss`, `lowest` and `highest`; mean `samples` of prediction and pretraining; `minutes` of a core,
+        at those paces or, where a method has none, as the trials took beside whatever ran then; and the ratio of the
+        loss to that of each of the paper's methods with its interval, `to_sidm`, `to_sidm_low` and so on.
 
     Raises:
-        ValueError: two different trials stand for the same point.
+        ValueError: two results stand for the same point.
     """
-    groups: dict[tuple[str, float, str], dict[int, Row]] = {}
-    for row in rows:
-        t = row.trial
-        group = groups.setdefault((t.system, t.novice_minutes, t.method), {})
-        if group.setdefault(t.seed, row).trial != t:
-            raise ValueError(f"two different trials of {t}; give the rows of one grid at a time")
-    order = list(METHODS)
-    found = []
-    for (system, minutes, method), group in sorted(groups.items(), key=lambda i: (*i[0][:2], order.index(i[0][2]))):
-        losses = [row.outcome.validation_loss for row in group.values()]
-        samples = [row.outcome.samples + row.outcome.pretraining_samples for row in group.values()]
-        differences = tuple(
-            None if other == method else _difference(group, groups.get((system, minutes, other), {}))
-            for other in against
-        )
-        mean, lowest, highest = float(np.mean(losses)), min(losses), max(losses)
-        cost = float(np.mean([row.provenance.seconds for row in group.values()])) / 60
-        paced = [spent for row in group.values() if (spent := seconds(row, paces or {})) is not None]
-        found.append(
-            Neighbour(
-                system, minutes, method, len(group), mean, lowest, highest, differences,
-                samples=float(np.mean(samples)),
-                compute_minutes=cost,
-                paced_minutes=float(np.mean(paced)) / 60 if paced else None,
-            )
-        )  # fmt: skip
-    return found
-
-
-def _difference(group: dict[int, Row], other: dict[int, Row]) -> Interval | None:
-    """Of the mean losses of the seeds that both have."""
-    seeds = sorted(group.keys() & other.keys())
-    if not seeds:
-        return None
-    pairs = np.array([[side[seed].outcome.validation_loss for side in (group, other)] for seed in seeds])
-    return interval(lambda some: float((some[:, 0] - some[:, 1]).mean()), pairs)
+    frame = frame.assign(
+        samples=frame.samples + frame.pretraining_samples,
+        minutes=seconds(frame, paces or {}).fillna(frame.seconds) / 60,
+    )
+    found = frame.groupby(POINT, sort=False).agg(
+        seeds=("seed", "size"), loss=("validation_loss", "mean"), lowest=("validation_loss", "min"),
+        highest=("validation_loss", "max"), samples=("samples", "mean"), minutes=("minutes", "mean"),
+    ).reset_index()  # fmt: skip
+    for other in COMPARED:
+        ratios = beside(frame[frame.method != other], frame[frame.method == other])
+        names = {"ratio": f"to_{other}", "low": f"to_{other}_low", "high": f"to_{other}_high"}
+        found = found.merge(ratios[[*POINT, *names]].rename(columns=names), how="left", on=POINT)
+    order = found.method.map(list(METHODS).index)
+    return found.assign(order=order).sort_values(["system", "novice_minutes", "order"]).drop(columns="order")
 
 
 @styled
-def neighbours_figure(
-    found: Sequence[Neighbour], sizes: Sequence[float], systems: Sequence[str] = tuple(SYSTEMS)
-) -> Figure:
+def figure(table: pd.DataFrame, sizes: Sequence[float], systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
     """Validation loss of each method, mean with minimum to maximum: a plot a system, a colour a size.
 
     Args:
-        found: as `neighbours` finds them.
+        table: as `table` makes it.
         sizes: that the methods are compared at, min; those with other sizes are vertical lines.
         systems: a plot each.
     """
     figure, panels = side_by_side(len(systems))
-    methods = [name for name in METHODS if any(one.method == name for one in found)]
+    methods = [name for name in METHODS if name in set(table.method)]
     figure.set_size_inches(figure.get_size_inches()[0], 1.2 + 0.34 * max(len(methods), 5))
     for axes, system in zip(panels, systems, strict=True):
+        mine = table[table.system == system]
         for number, minutes in enumerate(sizes):
-            here = [one for one in found if (one.system, one.minutes) == (system, minutes)]
-            if here:
-                means = np.array([one.loss for one in here])
-                ends = np.array([(one.loss - one.lowest, one.highest - one.loss) for one in here]).T.clip(0)
-                height = [methods.index(one.method) + 0.16 * (number - (len(sizes) - 1) / 2) for one in here]
+            here = mine[mine.novice_minutes == minutes]
+            if len(here):
+                ends = [(here.loss - here.lowest).clip(0), (here.highest - here.loss).clip(0)]
+                height = here.method.map(methods.index) + 0.16 * (number - (len(sizes) - 1) / 2)
                 style = SIZE_STYLES[number % len(SIZE_STYLES)] | {"linestyle": ""}
-                axes.errorbar(means, height, xerr=ends, capsize=2, label=f"{minutes:g} min", **style)
-        for one in found:
-            if one.system == system and one.minutes not in sizes:
-                label = f"{METHOD_STYLES[one.method]['label']}, {one.minutes:g} min"
-                axes.axvline(one.loss, color="0.5", linestyle=":", marker="", label=label)
+                axes.errorbar(here.loss, height, xerr=ends, capsize=2, label=f"{minutes:g} min", **style)
+        for one in mine[~mine.novice_minutes.isin(sizes)].itertuples():
+            label = f"{METHOD_STYLES[one.method]['label']}, {one.novice_minutes:g} min"
+            axes.axvline(one.loss, color="0.5", linestyle=":", marker="", label=label)
         axes.set(xlabel="validation loss, equation (1)", title=system, ylim=(len(methods) - 0.5, -0.5))
         finish(axes)
         labels = [METHOD_STYLES[name]["label"] for name in methods] if axes is panels[0] else [""] * len(methods)

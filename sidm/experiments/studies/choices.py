@@ -6,65 +6,57 @@ and with the released code's choices together, at every size.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any, NamedTuple
-
-import numpy as np
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
 
 from sidm.experiments.engine.store import Results
-from sidm.experiments.methods import CHOICES, RELEASED
-from sidm.experiments.statistics.intervals import Interval, ratio_of_means
+from sidm.experiments.methods import CHOICES, FIGURE3, RELEASED
+from sidm.experiments.statistics.pairs import beside
 from sidm.experiments.study import Study
+from sidm.experiments.trials import Trial
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Choices = Mapping[str, tuple[dict[str, Any], tuple[str, ...]]]
+
+OURS = "as in Figure 3"
 
 
-class Worth(NamedTuple):
-    """A choice changed."""
-
-    system: str
-    choice: str
-    method: str
-    minutes: float  # of novice data
-    seeds: int
-    chosen: float  # mean validation loss as chosen
-    changed: float  # and as changed
-    ratio: Interval  # changed by chosen, above 1 where the choice is the better
+def changed(study: Study, system: str, choices: Choices = CHOICES) -> dict[str, list[Trial]]:
+    """The trials of a system with each of the choices changed: CHOICES on a small dataset, RELEASED at every size."""
+    small, every = study.preset.ablation_minutes[:1], study.preset.novice_minutes(system)
+    sizes = {words: small if words in CHOICES else every for words in choices}
+    return {
+        words: study.changed(**changes).points(system, methods, sizes[words])
+        for words, (changes, methods) in choices.items()
+    }
 
 
-def worth(study: Study, systems: Iterable[str], store: Results) -> list[Worth]:
-    """A line a system, choice and method of which both sides are stored, on the small size."""
-    size = study.preset.ablation_minutes[0]
-    return [
-        one
-        for system in systems
-        for words, (changes, methods) in CHOICES.items()
-        for method in methods
-        for one in _worth(study, store, system, words, changes, method, size)
-    ]
+def trials(study: Study, system: str) -> list[Trial]:
+    """Figure 3's methods on a small dataset with one of our choices changed at a time."""
+    return sum(changed(study, system).values(), [])
 
 
-def worth_together(study: Study, systems: Iterable[str], store: Results) -> list[Worth]:
-    """The same of the released code's choices together, a line a size."""
-    return [
-        one
-        for system in systems
-        for words, (changes, methods) in RELEASED.items()
-        for method in methods
-        for minutes in study.preset.novice_minutes(system)
-        for one in _worth(study, store, system, words, changes, method, minutes)
-    ]
+def released(study: Study, system: str) -> list[Trial]:
+    """Figure 3 with choices of the released code made together."""
+    return sum(changed(study, system, RELEASED).values(), [])
 
 
-def _worth(
-    study: Study, store: Results, system: str, choice: str, changes: dict[str, Any], method: str, minutes: float
-) -> list[Worth]:
-    """One line, of the seeds that have both sides; none where no seed has."""
-    losses = []
-    for one in (study, study.changed(**changes)):
-        rows = store.rows(one.points(system, [method], [minutes]))
-        losses.append({row.trial.seed: row.outcome.validation_loss for row in rows})
-    seeds = sorted(losses[0].keys() & losses[1].keys())
-    if not seeds:
-        return []
-    pairs = np.array([[side[seed] for side in losses] for seed in seeds])  # (S, 2)
-    chosen, changed = pairs.mean(0).tolist()
-    return [Worth(system, choice, method, minutes, len(pairs), chosen, changed, ratio_of_means(pairs))]
+def frame(study: Study, store: Results, systems: Iterable[str], choices: Choices = CHOICES) -> pd.DataFrame:
+    """Stored results by `choice`, those of Figure 3's own sizes and methods among them as OURS."""
+    import pandas as pd
+
+    parts = []
+    for system in systems:
+        own = {OURS: study.points(system, FIGURE3, study.preset.novice_minutes(system))}
+        for words, some in (own | changed(study, system, choices)).items():
+            parts.append(store.frame(some).assign(choice=words))
+    return pd.concat(parts)
+
+
+def table(frame: pd.DataFrame) -> pd.DataFrame:
+    """Losses with a choice changed beside OURS: `pairs.beside`, a ratio above 1 where ours is the better."""
+    return beside(
+        frame[frame.choice != OURS], frame[frame.choice == OURS], ["system", "method", "novice_minutes"], ["choice"]
+    )

@@ -128,9 +128,9 @@ def grid(study: Study, system: str) -> Iterator[Change]:
             sidm = [trial for trial in trials if trial.method == "sidm"]
             yield Change(FIRST_LAYER, f"maps of {pixels} pixels", "pixels", sidm)
     alone = METHODS["no_regularisation"].label
-    whom = {f"p_e of {ablations.AMPLE_P_EXPERT:g}": P_EXPERT, alone: ADVERSARY, PATIENCE: STOPPING}
-    for words, trials in ablations.ample(study, system).items():
-        yield Change(whom[words], words, "ample", trials)
+    whom = {f"p_e of {ablations.MOST_DATA_P_EXPERT:g}": P_EXPERT, alone: ADVERSARY, PATIENCE: STOPPING}
+    for words, trials in ablations.most_data(study, system).items():
+        yield Change(whom[words], words, "most-data", trials)
 
 
 def suspects(

@@ -5,27 +5,16 @@ A store of such trials lies in results/again, under the digests of its own data.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
-import numpy as np
+from sidm.experiments.engine.frame import frame_of
+from sidm.experiments.engine.store import Results
+from sidm.experiments.statistics.pairs import beside
+from sidm.experiments.trials import Trial
 
-from sidm.experiments.engine.store import Results, Row
-from sidm.experiments.methods import METHODS
-from sidm.experiments.statistics.intervals import Interval, ratio_of_means
-
-
-class Again(NamedTuple):
-    """A method at one size, on the data of the results and on those made again, the same seeds."""
-
-    system: str
-    method: str
-    minutes: float
-    seeds: int
-    stored: float  # mean validation loss
-    again: float
-    ratio: Interval  # of the second to the first, paired by seed
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def store_of(results: str | Path = "results") -> Results:
@@ -33,27 +22,13 @@ def store_of(results: str | Path = "results") -> Results:
     return Results(Path(results) / "again")
 
 
-def compared(store: Results, again: Results) -> list[Again]:
-    """A line a system, method and size of which both sides are stored."""
-    known = {_but_for_data(row): row for row in store.all()}
-    pairs: dict[tuple[str, str, float], list[tuple[float, float]]] = {}
-    for row in again.all():
-        own = known.get(_but_for_data(row))
-        if own is not None:
-            key = row.trial.system, row.trial.method, row.trial.novice_minutes
-            pairs.setdefault(key, []).append((own.outcome.validation_loss, row.outcome.validation_loss))
-    lines = []
-    for key in _in_order(pairs):
-        values = np.array(pairs[key])
-        stored, made_again = values.mean(0).tolist()
-        lines.append(Again(*key, len(values), stored, made_again, ratio_of_means(values)))
-    return lines
+def table(stored: Results, again: Results) -> pd.DataFrame:
+    """Losses of one store beside those of another, of the trials that differ in their data alone: `pairs.beside`."""
+    own, other = ({_but_for_data(row.trial): row for row in store.all()} for store in (stored, again))
+    both = own.keys() & other.keys()
+    there, here = (frame_of(side[trial] for trial in sorted(both)) for side in (other, own))
+    return beside(there, here, ["system", "novice_minutes", "method"])
 
 
-def _but_for_data(row: Row) -> str:
-    return row.trial.replace(**{f"{kind}_data": "any" for kind in row.trial.digests}).key
-
-
-def _in_order(keys: Iterable[tuple[str, str, float]]) -> list[tuple[str, str, float]]:
-    order = list(METHODS)
-    return sorted(keys, key=lambda key: (key[0], key[2], order.index(key[1])))
+def _but_for_data(trial: Trial) -> str:
+    return trial.replace(**{f"{kind}_data": "any" for kind in trial.digests}).key

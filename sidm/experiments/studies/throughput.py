@@ -10,19 +10,19 @@ import argparse
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from sidm.experiments.engine.execute import THREADS, perform
-from sidm.experiments.engine.provenance import here
-from sidm.experiments.engine.store import Row
+from sidm.experiments.engine.provenance import THREADS, here
 from sidm.experiments.methods import BASELINES, FIGURE3, METHODS, change
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
-from sidm.learning.training import Tested
 from sidm.storage import read_record, write_record
 from sidm.trajectory import STEPS
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 NAME = "pace.json"
 SYSTEM = "system1"  # on the other one the same networks see batches of the same size
@@ -43,6 +43,9 @@ class Pace(NamedTuple):
 
 def timed(trial: Trial, data: str | Path) -> float:
     """Seconds of 1,000 samples of a trial's training, over one phase of each algorithm with its tests."""
+    from sidm.experiments.engine.execute import perform  # brings PyTorch, which reading does without
+    from sidm.learning.stopping import Tested
+
     training, events = trial.training, list[tuple[int, float]]()
 
     def note(tested: Tested) -> None:
@@ -104,13 +107,13 @@ def pace_note(results: Path | str, preset: str) -> str:
     return f"Seconds of 1,000 samples in {rounds} rounds, {where}; again: {command}."
 
 
-def seconds(row: Row, paces: Mapping[str, Pace]) -> float | None:
-    """What the samples of a trial and of its pretraining take at the methods' median paces; None without a pace."""
-    counts = (row.trial.method, row.outcome.samples), (PRETRAINING, row.outcome.pretraining_samples)
-    spent = [(method, count) for method, count in counts if count]
-    if not spent or any(method not in paces for method, _ in spent):
-        return None
-    return sum(count * paces[method].median for method, count in spent) / 1000
+def seconds(frame: pd.DataFrame, paces: Mapping[str, Pace]) -> pd.Series:
+    """What samples of trials and of their pretrainings take at the methods' median paces; NaN without a pace."""
+    pace = {method: one.median / 1000 for method, one in paces.items()}
+    own = frame.samples * frame.method.map(pace).astype(float)
+    first = frame.pretraining_samples * pace.get(PRETRAINING, float("nan"))
+    spent = own.where(frame.samples > 0, 0.0) + first.where(frame.pretraining_samples > 0, 0.0)
+    return spent.where(frame.samples + frame.pretraining_samples > 0)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,8 @@ from sidm.experiments.engine.store import Results, Row
 from sidm.experiments.methods import METHODS
 from sidm.experiments.presets import Preset
 from sidm.experiments.study import Study
-from sidm.experiments.tries import TRIES, TUNING_SEED
+from sidm.experiments.trials import Trial
+from sidm.experiments.tries import TRIES, TUNING_SEED, tried
 from sidm.systems import SYSTEMS
 
 
@@ -26,11 +27,22 @@ class Try(NamedTuple):
     used: bool  # what the preset has
 
 
+def trials(study: Study, system: str) -> list[Trial]:
+    """Every try of every method at each of the tuning's sizes, with a seed that no figure has."""
+    base = study.preset.for_tuning()
+    every = [(method, words) for method, tries in TRIES.items() for words in tries]
+    return [
+        study.of(tried(base, method, words)).trial(system, method, minutes, TUNING_SEED)
+        for minutes in base.tuning_minutes
+        for method, words in every
+    ]
+
+
 def tries_table(study: Study, systems: Iterable[str], store: Results) -> list[Try]:
     """The stored tries of some systems."""
     systems, base = list(systems), study.of(study.preset.for_tuning())
     words = [one for tries in TRIES.values() for one in tries] * len(base.preset.tuning_minutes)
-    every = [pair for system in systems for pair in zip(study.tuning(system), words, strict=True)]
+    every = [pair for system in systems for pair in zip(trials(study, system), words, strict=True)]
     found = [(row, one) for trial, one in every if (row := store.get(trial)) is not None]
     used = {
         base.trial(system, method, minutes, TUNING_SEED).key

@@ -13,7 +13,7 @@ from sidm.experiments import Results, Study
 from sidm.experiments.figures.animation import rollout_film
 from sidm.experiments.figures.curves import changed_choices, efficiency_curves, figure3, learning_curves
 from sidm.experiments.figures.paths import figure4
-from sidm.experiments.methods import ALL_RELEASED, FIGURE3, METHODS, change
+from sidm.experiments.methods import ALL_RELEASED, FIGURE3, METHODS, RELEASED, change
 from sidm.experiments.statistics.claims import (
     CONTRARY,
     DIRECTION,
@@ -32,9 +32,8 @@ from sidm.experiments.statistics.claims import (
     verdict,
 )
 from sidm.experiments.statistics.intervals import Interval
-from sidm.experiments.statistics.tables import costs_table, gather, overview, provenance_line
-from sidm.experiments.studies import ablations
-from sidm.experiments.studies.ablations import ablation
+from sidm.experiments.statistics.tables import gather, overview, provenance_line
+from sidm.experiments.studies import ablations, choices
 
 
 def power_law(trial) -> float:
@@ -103,7 +102,7 @@ def test_the_experts_model_alone_is_a_level(rows, study, make_row):
 
 def test_changed_choices_stand_beside_ours(rows, study, make_row):
     """Each of the paper's methods twice, told apart by hollow marks and by words."""
-    trials = [t for system in ("system1", "system2") for t in study.released(system, [ALL_RELEASED])]
+    trials = [t for system in ("system1", "system2") for t in choices.changed(study, system, RELEASED)[ALL_RELEASED]]
     changed = [make_row(t, 2 * power_law(t)) for t in trials]
     for axes in changed_choices(rows, changed, "as released").axes:
         labels = [line.get_label() for line in axes.get_lines()]
@@ -116,7 +115,7 @@ def test_changed_choices_stand_beside_ours(rows, study, make_row):
 
 def test_empty_figures_say_so():
     """Where nothing is stored a figure is drawn all the same."""
-    for figure in (figure3([]), figure4([]), efficiency_curves([]), learning_curves([]), ablation([], "p_expert")):
+    for figure in (figure3([]), figure4([]), efficiency_curves([]), learning_curves([])):
         assert all(axes.texts[0].get_text() == "no trials stored" for axes in figure.axes)
 
 
@@ -130,30 +129,12 @@ def test_figure4_draws_means_and_paths(rows, study):
     assert len({(line.get_color(), line.get_linestyle()) for line in left.get_lines()}) == 6
 
 
-def test_other_figures(rows, study, make_row):
-    """Efficiency is 4 where both curves reach; an ablation has a point a value."""
+def test_other_figures(rows):
+    """Efficiency is 4 where both curves reach."""
     left = efficiency_curves(rows).axes[0]
     exact = next(line for line in left.get_lines() if line.get_label() == "ratio")
     assert exact.get_ydata() == pytest.approx(4)
     assert learning_curves(rows[:4]).axes[0].get_lines()
-    some = [make_row(t, 1 + t.training.p_expert) for t in ablations.p_expert(study, "system1")]
-    line = ablation(some, "p_expert", ["system1"]).axes[0].get_lines()[0]
-    assert line.get_ydata() == pytest.approx(1 + line.get_xdata()) and len(line.get_xdata()) == 6
-    matching = ablations.iterations(study, "system1", "matching_iterations")
-    assert sorted({ablations.ablated(t, "matching_iterations") for t in matching}) == [0, 5, 20, 100]
-    some = [make_row(t, t.network.pixels / (1 + (t.method == "sidm"))) for t in ablations.pixels(study, "system1")]
-    lines = ablation(some, "pixels", ["system1"], by_method=True).axes[0].get_lines()
-    means = [line.get_ydata().tolist() for line in lines if line.get_linestyle() != "None"]  # the others are caps
-    assert means == [[16, 32, 64], [8, 16, 32]]  # without SIDM, with it
-
-
-def test_an_ablation_marks_the_usual_value(study, make_row):
-    """Values but probabilities have a place each, at equal distances, with the value of Figure 3 marked."""
-    some = [make_row(t, 1) for t in ablations.iterations(study, "system1", "prediction_iterations", [20, 500])]
-    axes = ablation(some, "prediction_iterations", ["system1"], usual={"system1": 100}).axes[0]
-    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["20", "100", "500"]
-    marked = next(line for line in axes.get_lines() if line.get_label() == "as in Figure 3")
-    assert set(marked.get_xdata()) == {1.0} and axes.get_lines()[0].get_xdata().tolist() == [0.0, 2.0]
 
 
 def test_differences_in_words():
@@ -219,9 +200,6 @@ def test_words_about_rows(rows, study, tmp_path):
     assert line.startswith("108 trials; ") and "older code" not in line
     assert line.endswith("; again: `sidm run`.")
     assert provenance_line([], "cmd") == "No trials stored; `cmd` runs them."
-    costs = costs_table(rows)
-    assert [(c.system, c.method, c.trials) for c in costs][0] == ("system1", "novice_only", 18)
-    assert costs[0].mean_minutes == pytest.approx(0.2)
     store = Results(tmp_path)
     store.put(rows[0])
     lines = overview(store, ablations.p_expert(study, "system1"), study)

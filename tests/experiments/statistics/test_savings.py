@@ -15,13 +15,13 @@ from sidm.experiments.statistics.savings import (
     expert_first,
     more_and_less,
     no_network,
-    paired,
     ratio_words,
     rivals,
     savings,
     savings_summary,
 )
 from sidm.experiments.statistics.tables import COMPONENTS, gather
+from sidm.experiments.studies import variants
 
 RATIO = {"sidm": 4.0, "novice_only": 1.0, "pretrain_finetune": 8.0}  # of each method's data, in effect
 NOISE = {("sidm", 1): 1.05, ("novice_only", 2): 1.05}  # of single seeds, not paired
@@ -55,20 +55,6 @@ def test_the_expert_first_in_one_line(rows):
     assert expert_first([row for row in rows if row.trial.method != "sidm"], "system1") == "not run"
 
 
-def test_two_methods_are_paired_by_seed(rows):
-    """Four times the data halve the loss; at 1 min seed 1 is noisy with SIDM, and seed 2 without."""
-    first, *_, last = paired(rows, "system1")
-    assert (first.minutes, last.minutes, first.seeds, first.lower) == (1, 120, 3, 3)
-    assert first.ratio.value == pytest.approx(0.5) and first.losses[1] == pytest.approx(3.05 / 3)
-    assert first.words("with SIDM", "without it").startswith(
-        "at 1 min the loss with SIDM is lower: 0.508 against 1.017 without it, 0.5 ["
-    )
-    assert paired([row for row in rows if row.trial.method == "sidm"], "system1") == []
-    assert paired(rows, "system2") == []
-    two = [row for row in rows if row.trial.seed < 2]
-    assert "is not told from it: " in paired(two, "system1")[0].words("with SIDM", "without it")
-
-
 def test_savings_are_told_by_whole_intervals(rows):
     found = savings(rows, "system1")
     words = savings_summary({"system1": found, "system2": []})
@@ -83,7 +69,7 @@ def test_savings_are_told_by_whole_intervals(rows):
 
 def test_no_network_in_one_line(rows, make_row, tmp_path):
     """With 1 min as good as SIDM with 25; lower than either method at every size."""
-    plain = Study("laptop", tmp_path, tmp_path).yardsticks("system1")
+    plain = Study("laptop", tmp_path, tmp_path).references("system1")
     mine = [make_row(t, max(t.novice_minutes * 16.0, 100.0) ** -0.5) for t in plain if t.method == "least_squares"]
     words = no_network([*rows, *mine], "system1")
     assert words.startswith("system1: with 1 min a loss of 0.1, as with SIDM on 2") and "at 6 of 6 sizes" in words
@@ -158,7 +144,7 @@ def test_the_band_holds_the_curve(rows):
 def test_rivals_are_held_against_both(rows, make_row, tmp_path):
     """A method of 16 times the data in effect needs a quarter of SIDM's, half of the pretrained one's."""
     study = Study("laptop", tmp_path, tmp_path)
-    mine = [t for t in study.variants("system1") if t.method in ("mirrored", "tethered")]
+    mine = [t for t in variants.trials(study, "system1") if t.method in ("mirrored", "tethered")]
     power = {"mirrored": 16.0, "tethered": 8.0}
     beaten = [row for row in rows if row.trial.method != "novice_only"]
     found = rivals(

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from sidm.experiments import Results, Study
+from sidm.experiments.engine.frame import frame_of
 from sidm.experiments.statistics.tables import (
     COMPONENTS,
     component_lines,
+    costs,
     html_list,
     markdown_table,
     provenance_block,
@@ -60,10 +62,17 @@ def test_a_table_rounds_floats_and_keeps_all_else():
 def test_spread_is_over_the_rows_of_a_key(trials, make_row):
     pairs = zip(trials[3:], (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), strict=True)
     rows = [make_row(trial, loss) for trial, loss in pairs]
-    found = spread(rows, lambda row: (row.trial.system,))
-    assert found == [("system1", 3, 2.0, 1.0, 3.0), ("system2", 3, 5.0, 4.0, 6.0)]
-    assert spread(rows[:1], lambda row: (0,), lambda row: row.outcome.position_error[-1]) == [(0, 1, 0.25, 0.25, 0.25)]
-    assert spread([], lambda row: ()) == []
+    found = spread(frame_of(rows), ["system"])
+    assert found.values.tolist() == [["system1", 3, 2.0, 1.0, 3.0], ["system2", 3, 5.0, 4.0, 6.0]]
+    assert list(found.columns) == ["system", "trials", "mean", "minimum", "maximum"]
+    assert len(spread(frame_of([]), ["system"])) == 0
+
+
+def test_costs_are_by_system_and_method(trials, make_row):
+    rows = [make_row(trial) for trial in trials if trial.system == "system1"]  # of 12 s each
+    found = costs(frame_of(rows))
+    assert set(found.method) == {"sidm", "novice_only", "pretrain_finetune"} and found.trials.sum() == len(rows)
+    assert set(found["mean (min)"]) == set(found["longest (min)"]) == {0.2}
 
 
 def test_component_lines_are_roots_of_mean_squares():

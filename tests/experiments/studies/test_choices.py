@@ -13,7 +13,7 @@ from sidm.experiments.methods import (
     RELEASED,
     change,
 )
-from sidm.experiments.studies.choices import worth, worth_together
+from sidm.experiments.studies import choices
 from sidm.systems import SYSTEMS
 
 
@@ -24,16 +24,16 @@ def test_a_choice_is_compared_seed_by_seed(tmp_path, make_row):
     for one, factor in ((study, 1.0), (changed, 2.0)):
         for trial in one.points("system1", ["sidm"], [5.0]):
             store.put(make_row(trial, factor * (1 + trial.seed)))
-    (line,) = worth(study, ["system1", "system2"], store)
-    assert (line.choice, line.method, line.minutes, line.seeds) == (PYTORCH_WEIGHTS, "sidm", 5, 3)
-    assert (line.chosen, line.changed) == (2, 4) and line.ratio == pytest.approx((2, 2, 2))
+    (line,) = choices.table(choices.frame(study, store, ["system1", "system2"])).itertuples()
+    assert (line.choice, line.method, line.novice_minutes, line.seeds) == (PYTORCH_WEIGHTS, "sidm", 5, 3)
+    assert (line.reference, line.mean) == (2, 4) and (line.ratio, line.low, line.high) == pytest.approx((2, 2, 2))
 
 
 def test_every_choice_changes_the_trials_it_names():
     """One thing at a time, from the trials of Figure 3."""
     study = Study("laptop")
     base = {trial.key for trial in study.figure3("system1")}
-    trials = study.choices("system1")
+    trials = choices.trials(study, "system1")
     assert len(trials) == 3 * sum(len(methods) for _, methods in CHOICES.values())
     assert not base & {trial.key for trial in trials} and len({trial.key for trial in trials}) == len(trials)
 
@@ -46,9 +46,9 @@ def test_choices_made_together_are_compared_at_every_size(tmp_path, make_row):
         for one, factor in ((study, 1.0), (study.changed(**changes), minutes)):
             for trial in one.points("system2", ["sidm"], [minutes]):
                 store.put(make_row(trial, factor * (1 + trial.seed)))
-    lines = worth_together(study, SYSTEMS, store)
-    assert [(one.system, one.choice, one.minutes, one.changed / one.chosen) for one in lines] == [
-        ("system2", BOTH_OF_SIDM, 1, 1), ("system2", BOTH_OF_SIDM, 20, 20)
+    lines = choices.table(choices.frame(study, store, SYSTEMS, RELEASED)).itertuples()
+    assert [(one.system, one.choice, one.novice_minutes, one.ratio) for one in lines] == [
+        ("system2", BOTH_OF_SIDM, 1, pytest.approx(1)), ("system2", BOTH_OF_SIDM, 20, pytest.approx(20))
     ]  # fmt: skip
 
 
@@ -59,7 +59,9 @@ def test_released_choices_are_made_together_at_every_size():
     assert RELEASED[ALL_RELEASED][0].keys() == settings
     for system in SYSTEMS:
         sizes = study.preset.novice_minutes(system)
-        every, two = (study.released(system, [words]) for words in (ALL_RELEASED, BOTH_OF_SIDM))
+        found = choices.changed(study, system, RELEASED)
+        every, two = (found[words] for words in (ALL_RELEASED, BOTH_OF_SIDM))
+        assert choices.released(study, system) == [*two, *every]
         assert {(t.method, t.novice_minutes) for t in every} == {(method, m) for method in COMPARED for m in sizes}
         assert {(t.method, t.novice_minutes) for t in two} == {("sidm", m) for m in sizes}
         assert {t.network.initialisation for t in every} == {"pytorch"}

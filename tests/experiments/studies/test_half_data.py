@@ -4,6 +4,7 @@ import pytest
 
 from sidm.experiments import Study
 from sidm.experiments.statistics.tables import final_position_error
+from sidm.experiments.studies import variants
 from sidm.experiments.studies.half_data import AGAINST, EQUAL, by_method, halved_words, halves
 
 POWER = {"sidm": 1.0, "pretrain_finetune": 4.0, "mirrored": 16.0, "averaged": 6.0, "tethered": 16.0}  # of the data
@@ -17,7 +18,8 @@ def rows(make_row, tmp_path):
     def loss(trial):
         return (1 + 0.01 * trial.seed) * (POWER[trial.method] * trial.novice_minutes) ** -0.5
 
-    trials = [trial for trial in Study("laptop", tmp_path, tmp_path).variants("system1") if trial.method in POWER]
+    every = variants.trials(Study("laptop", tmp_path, tmp_path), "system1")
+    trials = [trial for trial in every if trial.method in POWER]
     few = [trial for trial in trials if trial.method != "tethered" or trial.seed < 2]
     return [make_row(t, loss(t)) for t in few if (t.method, t.novice_minutes) != ("sidm", 10)]
 

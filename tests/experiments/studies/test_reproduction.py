@@ -4,7 +4,7 @@ import pytest
 
 from sidm.__main__ import main
 from sidm.experiments import Results, Study
-from sidm.experiments.studies.reproduction import compared, store_of
+from sidm.experiments.studies.reproduction import store_of, table
 
 
 def test_the_same_trials_are_found_by_all_but_their_data(tmp_path, make_row):
@@ -15,9 +15,9 @@ def test_the_same_trials_are_found_by_all_but_their_data(tmp_path, make_row):
         if trial.novice_minutes == 5 and trial.method == "sidm":
             again = trial.replace(novice_data="0123", expert_data="4567")
             store_of(tmp_path).put(make_row(again, 0.98 * (1 + trial.seed)))
-    (line,) = compared(store, store_of(tmp_path))
-    assert (line.system, line.method, line.minutes, line.seeds) == ("system1", "sidm", 5, 3)
-    assert line.ratio == pytest.approx((0.98, 0.98, 0.98)) and line.stored == pytest.approx(2)
+    (line,) = table(store, store_of(tmp_path)).itertuples()
+    assert (line.system, line.method, line.novice_minutes, line.seeds) == ("system1", "sidm", 5, 3)
+    assert (line.ratio, line.low, line.high) == pytest.approx((0.98, 0.98, 0.98)) and line.reference == pytest.approx(2)
 
 
 def test_the_command_line_holds_results_against_others(tmp_path, make_row, capsys):

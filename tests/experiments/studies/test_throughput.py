@@ -5,6 +5,7 @@ import dataclasses
 import pytest
 
 from sidm.experiments import Study
+from sidm.experiments.engine.frame import frame_of
 from sidm.experiments.studies.throughput import Pace, measure, pace_note, read, seconds, timed
 from sidm.learning import training
 
@@ -42,6 +43,6 @@ def test_samples_take_their_own_pace(study, make_row):
     paces = {"sidm": Pace(4.0, 3.0, 5.0), "pretrain_finetune": Pace(3.0, 2.0, 4.0), "novice_only": Pace(2.0, 1.0, 3.0)}
     row = make_row(study.trial("system1", "pretrain_finetune", 0.25))
     row = dataclasses.replace(row, outcome=dataclasses.replace(row.outcome, pretraining_samples=1000))
-    assert seconds(row, paces) == pytest.approx(0.3 * 3 + 1.0 * 2)
-    assert seconds(make_row(study.trial("system1", "sidm", 0.25)), paces) == pytest.approx(0.3 * 4)
-    assert seconds(row, {}) is None
+    rows = frame_of([row, make_row(study.trial("system1", "sidm", 0.25))])
+    assert list(seconds(rows, paces)) == pytest.approx([0.3 * 3 + 1.0 * 2, 0.3 * 4])
+    assert seconds(rows, {}).isna().all()

@@ -8,6 +8,7 @@ import pytest
 from sidm.experiments import Results, Study, load_preset
 from sidm.experiments.methods import METHODS
 from sidm.experiments.studies.tuning import TUNED, check, settings_table, tries_table
+from sidm.experiments.studies.tuning import trials as trials_of
 from sidm.experiments.tries import TRIES, TUNING_SEED, tried
 
 ROOT = Path(__file__).parents[3]
@@ -15,7 +16,7 @@ ROOT = Path(__file__).parents[3]
 
 def test_every_method_is_tuned_with_the_same_number_of_tries(tiny, tmp_path):
     """On one seed that no figure has, the expert's part of a method with its tries' values."""
-    trials = Study(tiny.replace(tuning_minutes=[0.5]), tmp_path, tmp_path).tuning("system1")
+    trials = trials_of(Study(tiny.replace(tuning_minutes=[0.5]), tmp_path, tmp_path), "system1")
     assert len({len(tries) for tries in TRIES.values()}) == 1 and {t.seed for t in trials} == {TUNING_SEED}
     assert [t.method for t in trials] == [method for method, tries in TRIES.items() for _ in tries]
     assert all((t.pretraining is None) == (not METHODS[t.method].pretrained) for t in trials)
@@ -25,7 +26,7 @@ def test_every_method_is_tuned_with_the_same_number_of_tries(tiny, tmp_path):
 def test_the_lowest_test_loss_is_marked(tiny, make_row, tmp_path):
     preset = tiny.replace(tuning_minutes=[0.5], test_interval=25)  # so that the base is what it uses, untuned
     study, store = Study(preset, tmp_path, tmp_path), Results(tmp_path)
-    trials = study.tuning("system1")
+    trials = trials_of(study, "system1")
     for number, trial in enumerate(trials):
         row = make_row(trial, 100 - number)  # the validation loss has no say
         outcome = dataclasses.replace(row.outcome, best_test_loss=1.0 + abs(number - 3.5))  # a tie of 3 and 4
@@ -46,7 +47,7 @@ def test_the_laptop_is_tuned_to_its_best_tries(monkeypatch, method):
     """By the rule: the lowest test loss on system 1."""
     monkeypatch.chdir(ROOT)
     preset, store = load_preset("laptop"), Results("results")
-    trials = [t for t in Study("laptop", "no data", "results").tuning("system1") if t.method == method]
+    trials = [t for t in trials_of(Study("laptop", "no data", "results"), "system1") if t.method == method]
     losses = [row.outcome.best_test_loss for row in store.rows(trials)]
     assert len(losses) == len(TRIES[method])
     best = tried(preset, method, list(TRIES[method])[losses.index(min(losses))])

@@ -20,8 +20,8 @@ from sklearn.linear_model import LogisticRegression
 
 from sidm.config import ConfigError, config, from_mapping
 from sidm.experiments.engine.confirm import Confirmed, make_again
-from sidm.experiments.engine.execute import THREADS, Library, perform
-from sidm.experiments.engine.provenance import Provenance, here
+from sidm.experiments.engine.execute import Library, perform
+from sidm.experiments.engine.provenance import THREADS, Provenance, here
 from sidm.experiments.engine.store import StoreError, rounded
 from sidm.experiments.presets import PRESETS, load_preset
 from sidm.experiments.studies.latent_space.latents import (

@@ -1,0 +1,31 @@
+"""Words of a page held against the results that they speak of: a sentence that no longer holds stops the page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+
+class Outdated(AssertionError):
+    """A sentence that the results do not bear out; the message names it."""
+
+
+def hold(claims: Mapping[str, Callable[[], bool]], preset: str, written_for: str = "laptop") -> str:
+    """Check the claims of a page that was written for the stored results of a preset.
+
+    Args:
+        claims: a claim in the page's own words -> whether the results bear it out, asked for these results alone.
+        preset: whose results the page shows now.
+        written_for: whose results the words are about.
+
+    Returns:
+        Nothing to say, or for other results that the words are not about them.
+
+    Raises:
+        Outdated: a claim does not hold.
+    """
+    if preset != written_for:
+        return f"*The words of this page were written for the preset `{written_for}`; these are results of `{preset}`.*"
+    for claim, holds in claims.items():
+        if not holds():
+            raise Outdated(f"the stored results no longer bear out '{claim}': write the page anew")
+    return ""

@@ -1,0 +1,18 @@
+"""Words are held against results."""
+
+import pytest
+
+from sidm.book.guard import Outdated, hold
+
+
+def test_words_that_hold_need_no_word():
+    assert hold({"more is less": lambda: True}, "laptop") == ""
+
+
+def test_a_sentence_that_no_longer_holds_is_named():
+    with pytest.raises(Outdated, match="no longer bear out 'more is less': write the page anew"):
+        hold({"less is more": lambda: True, "more is less": lambda: False}, "laptop")
+
+
+def test_words_are_about_the_results_that_they_were_written_for():
+    assert "written for the preset `laptop`" in hold({"more is less": lambda: False}, "smoke")
