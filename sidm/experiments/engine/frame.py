@@ -30,7 +30,7 @@ def frame_of(rows: Iterable[Row]) -> pd.DataFrame:
     """Rows as a table, by the key of their trial.
 
     Values of the trial, its network, training, outcome and provenance are columns of their own names; those of a
-    pretraining have 'pretraining_' before them and are missing where there is none. `columns` says what each is, with
+    pretraining have ``pretraining_`` before them and are missing where there is none. `columns` says what each is, with
     its unit. Curves and paths are tuples in a cell. `stale` tells what older code made.
     """
     import pandas as pd
@@ -74,7 +74,7 @@ def records_frame(found: Iterable[Any]) -> pd.DataFrame:
     """Records of a study as a table, a row a record: what it is about, what was found, what made it.
 
     Values of what a record is about are columns of their own names; those of its parts, such as a trial, have the
-    part's name before them ('trial_seed').
+    part's name before them (``trial_seed``).
     """
     import pandas as pd
 

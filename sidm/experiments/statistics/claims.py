@@ -19,6 +19,7 @@ DIRECTION = "In the same direction"
 NOT_SEEN = "Not seen"
 CONTRARY = "Contrary"
 UNCLEAR = "Unclear in the paper"
+BETTER, WORSE, NO_DIFFERENCE = "better", "worse", "no difference seen"
 NO_VERDICT = "No verdict"  # not run, fewer than three seeds, or sizes from which no figure follows
 
 

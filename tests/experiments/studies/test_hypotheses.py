@@ -1,117 +1,74 @@
-"""Each suspect beside SIDM as it is: paired ratios, verdicts by rule, what was learnt by heart."""
+"""Each hypothesis beside SIDM as it is: paired ratios, verdicts by rule, what was learnt by heart."""
 
 import dataclasses
 
-import numpy as np
+import pandas as pd
 import pytest
 
 from sidm.experiments import Results, Study, load_preset
-from sidm.experiments.statistics.claims import NO_VERDICT
-from sidm.experiments.studies.hypotheses import (
-    ADVERSARY,
-    APART,
-    BETTER,
-    CROSSED,
-    NO_DIFFERENCE,
-    WORSE,
-    grid,
-    judged,
-    learnt,
-    not_run,
-    suspects,
-)
+from sidm.experiments import grid as figure
+from sidm.experiments.engine.frame import frame_of
+from sidm.experiments.studies import hypotheses as h
 
 STUDY = Study(load_preset("laptop"))
 
 
-def test_verdicts_follow_the_interval():
-    sidm = np.array([1.0, 1.1, 1.2])
-    for factor, said in ((0.5, BETTER), (2.0, WORSE), (1.0, NO_DIFFERENCE)):
-        one = judged("", "system1", 5.0, "", np.stack([sidm, factor * sidm], axis=1))
-        assert one.verdict == said and one.ratio == pytest.approx([factor] * 3)
-    noisy = judged("", "system1", 5.0, "", np.stack([sidm, [2.0, 0.5, 1.0]], axis=1))
-    assert noisy.verdict == NO_DIFFERENCE and noisy.ratio.low < 1 < noisy.ratio.high
-    assert judged("", "system1", 5.0, "", np.array([[1.0, 0.5], [1.0, 0.6]])).verdict == NO_VERDICT
+@pytest.fixture
+def store(make_row, tmp_path):
+    """One network halves the loss; stronger matching doubles it; MMD changes nothing, noisily; CORAL has two seeds."""
+    factors = {"sidm": (1, 1, 1), "pooled": (0.5, 0.5, 0.5), "strong_matching": (2, 2, 2), "mmd": (0.8, 1.2, 1.05),
+               "coral": (0.5, 0.6)}  # fmt: skip
+    store = Results(tmp_path)
+    for trial in STUDY.points("system1", list(factors), [5]):
+        if trial.seed < len(factors[trial.method]):
+            store.put(make_row(trial, factors[trial.method][trial.seed] * (1 + trial.seed)))
+    return store
 
 
-def test_every_suspect_is_another_trial_than_sidms():
+def test_verdicts_follow_the_interval(store):
+    """Seeds pair: what a seed makes of both is no noise; fewer than three make no verdict."""
+    table = h.table(h.frame(STUDY, store, ["system1"])).set_index("change")
+    assert list(table.ratio) == sorted(table.ratio) and set(table.novice_minutes) == {5}
+    assert table.verdict.to_dict() == {
+        "one network": "better", "SIDM, CORAL": "No verdict", "SIDM, MMD": "no difference seen",
+        "SIDM, stronger matching": "worse",
+    }  # fmt: skip
+    assert table.ratio["one network"] == pytest.approx(0.5) and table.seeds["SIDM, CORAL"] == 2
+
+
+def test_changes_are_ranked_by_what_they_gain(store):
+    ranking = h.ranking(h.table(h.frame(STUDY, store, ["system1"]))).set_index("change")
+    assert list(ranking.index) == ["one network", "SIDM, MMD", "SIDM, stronger matching"]
+    assert list(ranking.better) == [1, 0, 0] and list(ranking.worse) == [0, 0, 1]
+    assert ranking.hypothesis["one network"] == h.APART and set(ranking.comparisons) == {1}
+
+
+def test_nothing_stored_is_an_empty_table(tmp_path):
+    table = h.table(h.frame(STUDY, Results(tmp_path), ["system1", "system2"]))
+    assert len(table) == 0 and len(h.ranking(table)) == 0
+
+
+def test_every_change_is_another_trial_than_sidms():
     base = {t.key for t in STUDY.points("system1", ["sidm"], STUDY.preset.novice_minutes("system1"))}
-    changes = list(grid(STUDY, "system1"))
-    points = [(c.instead, t.novice_minutes, t.seed) for c in changes for t in c.trials]
+    changes = list(h.changes(STUDY, "system1"))
+    points = [(c.change, t.novice_minutes, t.seed) for c in changes for t in c.trials]
     assert len(set(points)) == len(points) and len(changes) > 20
     for change in changes:
-        assert change.trials and not base & {t.key for t in change.trials}, change.instead
+        assert change.trials and not base & {t.key for t in change.trials}, change.change
 
 
 def test_the_figure_that_runs_a_change_has_its_trials():
-    from sidm.experiments import grid as figure
-
-    for change in grid(STUDY, "system2"):
+    for change in h.changes(STUDY, "system2"):
         known = {trial.key for trial in figure(STUDY.preset, change.figure, "system2")}
-        assert {trial.key for trial in change.trials} <= known, change.instead
+        assert {trial.key for trial in change.trials} <= known, change.change
 
 
-def test_what_is_missing_is_counted(make_row, tmp_path):
-    """By suspect and figure; a model that was diagnosed instead is not missing."""
-    store = Results(tmp_path)
-    before = not_run(STUDY, store, systems=["system1"])
-    for trial in STUDY.points("system1", ["pooled"], [5]):
-        store.put(make_row(trial, 1.0))
-
-    @dataclasses.dataclass
-    class Found:
-        trial: object
-
-    apart = [Found(t) for t in STUDY.points("system1", ["no_regularisation"], [5])]
-    after = not_run(STUDY, store, apart, ["system1"])
-    assert after[APART]["baselines"] == before[APART]["baselines"] - 3
-    assert after[ADVERSARY]["baselines"] == before[ADVERSARY]["baselines"] - 3
-
-
-def test_only_what_is_stored_has_a_line(make_row, tmp_path):
-    """Seeds pair: what a seed adds to both is no noise; a seed that one side lacks is left out."""
-    store = Results(tmp_path)
-    for trial in STUDY.points("system1", ["sidm", "pooled"], [5]):
-        if (trial.method, trial.seed) != ("pooled", 2):
-            store.put(make_row(trial, (1 + trial.seed) * (0.5 if trial.method == "pooled" else 1)))
-    (one,) = suspects(STUDY, store)
-    assert (one.system, one.minutes, one.seeds, one.verdict) == ("system1", 5, 2, NO_VERDICT)
-    assert one.ratio.value == pytest.approx(0.5) and one.instead == "one network"
-
-
-def test_parts_of_the_experts_are_suspects_too(make_row, tmp_path):
-    @dataclasses.dataclass
-    class Found:
-        trial: object
-        validation_loss: float = 2.0
-        expert_encoder_loss: float = 1.0
-        expert_decoder_loss: float = 4.0
-        expert_path_loss: float = 2.0
-
-    found = [Found(t) for t in STUDY.points("system2", ["sidm", "no_regularisation"], [20])]
-    lines = suspects(STUDY, Results(tmp_path), found, ["system2"])
-    assert {one.suspect for one in lines} == {APART}
-    assert [one.instead for one in lines] == [CROSSED[name] for name in (
-        "expert_encoder_loss", "expert_path_loss", "expert_decoder_loss"
-    )]  # fmt: skip
-    assert [one.ratio.value for one in lines] == pytest.approx([0.5, 1.0, 2.0])
-    assert {one.seeds for one in lines} == {3}
-
-
-def test_a_diagnosed_model_stands_in_for_a_trial(make_row, tmp_path):
-    """The diagnosis trained what the trial would: its loss is the trial's where no row is stored."""
-
-    @dataclasses.dataclass
-    class Found:
-        trial: object
-        validation_loss: float = 0.5
-
-    store = Results(tmp_path)
-    for trial in STUDY.points("system1", ["sidm"], [5]):
-        store.put(make_row(trial, 1.0))
-    found = [Found(t) for t in STUDY.points("system1", ["no_regularisation"], [5])]
-    (one,) = suspects(STUDY, store, found, ["system1"])
-    assert (one.suspect, one.instead, one.seeds, one.ratio.value) == (ADVERSARY, "SIDM, no adversary", 3, 0.5)
+def test_parts_of_the_experts_are_held_against_the_novices_own():
+    losses = {"validation_loss": 2.0, "expert_encoder_loss": 1.0, "expert_decoder_loss": 4.0, "expert_path_loss": 2.0}
+    models = [losses | {"system": "system2", "novice_minutes": 20.0, "seed": seed} for seed in range(3)]
+    lines = h.crossings(pd.DataFrame(models)).set_index("change")
+    assert lines.ratio.to_dict() == pytest.approx(dict(zip(h.CROSSED.values(), (0.5, 2.0, 1.0), strict=True)))
+    assert set(lines.seeds) == {3}
 
 
 def test_what_was_learnt_by_heart(make_row):
@@ -123,7 +80,7 @@ def test_what_was_learnt_by_heart(make_row):
         curve = dict(curve_samples=(1, 2, 3, 4, 5, 6), curve_test_loss=tests, curve_training_loss=trainings)
         for some, samples in ((rows, trial.training.max_samples), (stopped, 3 + trial.training.patience)):
             some.append(dataclasses.replace(row, outcome=dataclasses.replace(row.outcome, samples=samples, **curve)))
-    assert {one.training for one in learnt(stopped)} == {4.0}
-    lines = learnt(rows)
-    assert [one.method for one in lines] == ["sidm", "novice_only"]
-    assert {(one.minutes, one.training, one.validation) for one in lines} == {(5, 2.0, 3.0)}
+    assert set(h.memorised(frame_of(stopped)).training) == {4.0}
+    table = h.memorised(frame_of(rows))
+    assert list(table.method) == ["sidm", "novice_only"]
+    assert set(table.training) == {2.0} and set(table.validation) == {3.0} and set(table.ratio) == {1.5}

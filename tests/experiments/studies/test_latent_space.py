@@ -81,10 +81,9 @@ def test_a_trial_is_diagnosed_and_stored(tiny, data, tmp_path, golden):
     d.write(found, tmp_path)
     back = d.read(trial, tmp_path)
     assert back.trial == trial and back.mmd == pytest.approx(found.mmd, rel=1e-5) and d.read(trial, data) is None
-    (line,) = d.diagnosis_lines([found])
+    (line,) = d.table(d.frame([found]), [*d.ALIKE, *d.CROSSED]).itertuples(index=False)
     assert line[:5] == ("system1", 0.25, "sidm", 1, found.linear_accuracy)
-    (line,) = d.diagnosis_lines([found], d.CROSSED)
-    assert line[4:] == tuple(getattr(found, name) for name in d.CROSSED)
+    assert line[-4:] == tuple(getattr(found, name) for name in d.CROSSED)
     assert len(latent_pictures([found, found]).axes) == 2 and latent_pictures([]).axes[0].texts
     d.path(trial, tmp_path).write_text("{}")
     with pytest.raises(StoreError, match="damaged"):

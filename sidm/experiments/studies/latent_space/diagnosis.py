@@ -14,6 +14,7 @@ import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor, as_completed
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from sklearn.linear_model import LogisticRegression
@@ -42,6 +43,9 @@ from sidm.pool import local_pool
 from sidm.progress import progress_bar
 from sidm.storage import Damaged, read_record, write_record
 from sidm.systems import ROLES, SYSTEMS, find_system
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 METHODS_COMPARED = ("sidm", "no_regularisation")
 
@@ -168,6 +172,7 @@ def run(
             bar.update()
 
 
+POINT = ["system", "novice_minutes", "method"]
 ALIKE = ("linear_accuracy", "network_accuracy", "raw_accuracy", "a_distance", "mmd", "discriminator_accuracy")
 CROSSED = ("validation_loss", "expert_encoder_loss", "expert_decoder_loss", "expert_path_loss")
 
@@ -181,17 +186,24 @@ def confirm_diagnoses(
     return make_again(stored, executor, work, functools.partial(write, results=results), progress)
 
 
-def diagnosis_lines(found: Iterable[Diagnosis], measures: Sequence[str] = ALIKE) -> list[tuple]:
-    """A line a system, size and method: those, the number of models, and the means of some measures of a Diagnosis."""
-    groups: dict[tuple[str, float, str], list[Diagnosis]] = {}
-    for one in found:
-        groups.setdefault((one.trial.system, one.trial.novice_minutes, one.trial.method), []).append(one)
+def frame(found: Sequence[Diagnosis]) -> pd.DataFrame:
+    """Diagnoses as a table, a row a model: its `system`, `novice_minutes`, `method` and `seed`, and the measures."""
+    import pandas as pd
 
-    def mean(group: list[Diagnosis], name: str) -> float | str:
-        values = [getattr(one, name) for one in group]
-        return "-" if None in values else float(np.mean(values))
+    lines = [
+        {name: getattr(one.trial, name) for name in ("system", "novice_minutes", "method", "seed")}
+        | {name: getattr(one, name) for name in (*CROSSED, *ALIKE)}
+        for one in found
+    ]
+    return pd.DataFrame(lines, columns=[*POINT, "seed", *dict.fromkeys((*CROSSED, *ALIKE))])
 
-    return [(*key, len(group), *(mean(group, name) for name in measures)) for key, group in sorted(groups.items())]
+
+def table(frame: pd.DataFrame, measures: Sequence[str]) -> pd.DataFrame:
+    """Number of models and means of some measures by system, size and method."""
+    groups = frame.astype({name: float for name in measures}).groupby(POINT)
+    found = groups[list(measures)].mean()
+    found.insert(0, "trials", groups.size())
+    return found.reset_index()
 
 
 def main() -> None:

@@ -10,10 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sidm.experiments.figures.style import LOSS_LABEL, METHOD_STYLES, finish, legend_below, side_by_side, styled
-from sidm.experiments.statistics.claims import NO_VERDICT, Claim, few, ratio_claim
+from sidm.experiments.statistics.claims import BETTER, NO_DIFFERENCE, NO_VERDICT, WORSE, Claim, few, ratio_claim
 from sidm.experiments.statistics.intervals import FEWEST_SEEDS, Interval, mean_ratio, ratio_of_means
 from sidm.experiments.statistics.savings import Saving, minutes_words, savings_between
-from sidm.experiments.studies.hypotheses import BETTER, NO_DIFFERENCE, WORSE
 from sidm.experiments.studies.recorded_targets.transfer import METHODS_HERE, Proxy, Transferred
 from sidm.systems import SYSTEMS
 
