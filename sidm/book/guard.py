@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from IPython.display import Markdown
+
 
 class Outdated(AssertionError):
     """A sentence that the results do not bear out; the message names it."""
 
 
-def hold(claims: Mapping[str, Callable[[], bool]], preset: str, written_for: str = "laptop") -> str:
+def hold(claims: Mapping[str, Callable[[], bool]], preset: str, written_for: str = "laptop") -> Markdown | None:
     """Check the claims of a page that was written for the stored results of a preset.
 
     Args:
@@ -18,14 +20,15 @@ def hold(claims: Mapping[str, Callable[[], bool]], preset: str, written_for: str
         written_for: whose results the words are about.
 
     Returns:
-        Nothing to say, or for other results that the words are not about them.
+        Nothing, or for other results a line that the words are not about them.
 
     Raises:
         Outdated: a claim does not hold.
     """
     if preset != written_for:
-        return f"*The words of this page were written for the preset `{written_for}`; these are results of `{preset}`.*"
+        words = f"The words of this page are about results of the preset `{written_for}`; these are of `{preset}`."
+        return Markdown(f"*{words}*")
     for claim, holds in claims.items():
         if not holds():
             raise Outdated(f"the stored results no longer bear out '{claim}': write the page anew")
-    return ""
+    return None
