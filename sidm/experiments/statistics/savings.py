@@ -18,7 +18,7 @@ from sidm.experiments.statistics.efficiency import (
     minutes_needed,
 )
 from sidm.experiments.statistics.intervals import Interval, interval
-from sidm.experiments.statistics.tables import COMPONENTS, gather, validation_loss
+from sidm.experiments.statistics.tables import gather, validation_loss
 
 
 class Saving(NamedTuple):
@@ -80,19 +80,6 @@ def savings_between(
     ]
 
 
-def component_savings(
-    rows: Sequence[Row], system: str, method: str = "sidm", against: str = "novice_only"
-) -> list[tuple[str, list[Saving]]]:
-    """`savings` for the loss of each of the 13 components alone, by the component's name."""
-    def component(number: int) -> Callable[[Row], float]:
-        return lambda row: row.outcome.component_losses[number]
-
-    return [
-        (name, savings(rows, system, method, against, component(number)))
-        for number, (name, _) in enumerate(COMPONENTS)
-    ]
-
-
 def expert_alone(rows: Sequence[Row], system: str) -> str:
     """What the expert's model is worth as it is, in the novice data that a training without SIDM needs for as much.
 
@@ -145,12 +132,6 @@ def no_network(rows: Sequence[Row], system: str) -> str:
         f"and without SIDM on {data[1]} times the data; a lower mean loss than with SIDM at {lower[0]} of "
         f"{own.minutes.size} sizes, and than without at {lower[1]}"
     )
-
-
-def more_and_less(savings: Sequence[Saving]) -> str:
-    """How many intervals lie wholly above 1, and how many wholly below, as '3 above, 1 below'."""
-    sides = [one.ratio.side(1) for one in savings]
-    return f"{sides.count(1)} above, {sides.count(-1)} below"
 
 
 def savings_summary(found: Mapping[str, Sequence[Saving]]) -> str:

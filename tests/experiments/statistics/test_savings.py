@@ -1,6 +1,5 @@
 """Ratios at each size and component, on curves whose ratio is known."""
 
-import dataclasses
 
 import numpy as np
 import pytest
@@ -9,18 +8,16 @@ from sidm.experiments import Study
 from sidm.experiments.statistics.intervals import Interval
 from sidm.experiments.statistics.savings import (
     Saving,
-    component_savings,
     efficiency_band,
     expert_alone,
     expert_first,
-    more_and_less,
     no_network,
     ratio_words,
     rivals,
     savings,
     savings_summary,
 )
-from sidm.experiments.statistics.tables import COMPONENTS, gather
+from sidm.experiments.statistics.tables import gather
 from sidm.experiments.studies import variants
 
 RATIO = {"sidm": 4.0, "novice_only": 1.0, "pretrain_finetune": 8.0}  # of each method's data, in effect
@@ -76,11 +73,6 @@ def test_no_network_in_one_line(rows, make_row, tmp_path):
     assert no_network(rows, "system1") == "system1: not run"
 
 
-def test_intervals_to_either_side_are_counted():
-    ends = ((1.1, 2.0), (0.5, 0.9), (0.5, 2.0), (np.nan, np.nan))
-    assert more_and_less([Saving(1, 1, Interval(1, *both), "=") for both in ends]) == "1 above, 1 below"
-
-
 def test_a_known_ratio_comes_out_at_each_size(rows):
     found = savings(rows, "system1")
     assert [one.minutes for one in found] == [1, 2, 5, 20, 60, 120]
@@ -113,20 +105,6 @@ def test_a_level_curve_saves_nothing_at_its_right_end(make_row, trials):
     losses = {"sidm": sidm, "novice_only": novice, "pretrain_finetune": sidm}
     found = savings([make_row(t, losses[t.method][t.novice_minutes]) for t in trials], "system1")
     assert found[2].ratio.value == pytest.approx(4) and found[3].ratio.value == pytest.approx(1)
-
-
-def test_each_component_has_its_own(rows):
-    """Component 3 of SIDM alone is a quarter: 16 times the data of the power law."""
-    changed = []
-    for row in rows:
-        losses = list(row.outcome.component_losses)
-        losses[3] *= 0.5 if row.trial.method == "sidm" else 1.0
-        outcome = dataclasses.replace(row.outcome, component_losses=tuple(losses))
-        changed.append(dataclasses.replace(row, outcome=outcome))
-    found = component_savings(changed, "system1")
-    assert [name for name, _ in found] == [name for name, _ in COMPONENTS]
-    wanted = [16.0 if number == 3 else 4.0 for number in range(13)]
-    assert [one[0].ratio.value for _, one in found] == pytest.approx(wanted, rel=0.1)
 
 
 def test_words_for_a_table():
