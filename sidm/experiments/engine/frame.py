@@ -19,11 +19,11 @@ from sidm.learning.settings import Network, Training
 if TYPE_CHECKING:
     import pandas as pd
 
-#: Parts of a row -> what stands before their columns' names.
-PARTS: tuple[tuple[type, str], ...] = (
+# Parts of a row -> what stands before their columns' names.
+_PARTS: tuple[tuple[type, str], ...] = (
     (Trial, ""), (Network, ""), (Training, ""), (Training, "pretraining_"), (Outcome, ""), (Provenance, "")
 )  # fmt: skip
-NESTED = ("network", "training", "pretraining")  # of a Trial, whose values are columns themselves
+_NESTED = ("network", "training", "pretraining")  # of a Trial, whose values are columns themselves
 
 
 def frame_of(rows: Iterable[Row]) -> pd.DataFrame:
@@ -45,9 +45,9 @@ def columns() -> list[tuple[str, str, str]]:
     """Name, type and description, with its unit, of every column of `frame_of`."""
     found = [
         (f"{prefix}{name}", kind, words)
-        for cls, prefix in PARTS
+        for cls, prefix in _PARTS
         for name, (kind, words) in _described(cls).items()
-        if (cls, name) not in {(Trial, nested) for nested in NESTED}
+        if (cls, name) not in {(Trial, nested) for nested in _NESTED}
     ]
     return [*found, ("stale", "bool", "whether today's code would come to other figures")]
 

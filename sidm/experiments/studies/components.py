@@ -30,8 +30,8 @@ def trials(study: Study, system: str) -> list[Trial]:
 def table(frame: pd.DataFrame) -> pd.DataFrame:
     """The loss of each component with SIDM beside that without: `pairs.beside`, below 1 where SIDM predicts better."""
     long = frame.assign(component=[NAMES] * len(frame)).explode(["component", "component_losses"])
-    sides = (long[long.method == method].astype({"component_losses": float}) for method in COMPARED)
-    return beside(*sides, on=["system", "novice_minutes", "component"], value="component_losses")
+    sidm, alone = (long[long.method == method].astype({"component_losses": float}) for method in COMPARED)
+    return beside(sidm, alone, on=["system", "novice_minutes", "component"], value="component_losses")
 
 
 @styled
