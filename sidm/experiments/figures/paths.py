@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,6 +11,7 @@ from matplotlib.figure import Figure
 from sidm.experiments.engine.store import Row
 from sidm.experiments.figures.curves import by_method_and_size, size_style
 from sidm.experiments.figures.style import METHOD_STYLES, finish, side_by_side, styled
+from sidm.experiments.statistics.tables import final_position_error
 from sidm.trajectory import CONTROL_STEP
 
 
@@ -46,3 +48,23 @@ def figure4(rows: Sequence[Row], seed: int = 0) -> Figure:
     finish(left)
     finish(right)
     return figure
+
+
+class Example(NamedTuple):
+    """Figure 4's example beside all test trajectories, m."""
+
+    driven: float  # how far the robot goes
+    nearest: float  # from where it comes to, of the predicted paths of a seed's models
+    farthest: float
+    mean: float  # of that distance over all test trajectories and trials
+
+
+def example(rows: Sequence[Row], seed: int) -> Example | None:
+    """The example with the models of `seed`; None where they are not stored."""
+    shown = [row.outcome for row in rows if row.trial.seed == seed]
+    if not shown:
+        return None
+    actual = np.array(shown[0].example_actual)
+    parted = [float(np.linalg.norm(one.example_predicted[-1] - actual[-1])) for one in shown]
+    driven = float(np.linalg.norm(np.diff(actual, axis=0), axis=1).sum())
+    return Example(driven, min(parted), max(parted), float(np.mean([final_position_error(row) for row in rows])))

@@ -91,11 +91,6 @@ def by(found: Interval, above: str, below: str, unit: str = "") -> str:
     return f"{below} by {-found.value:.3g}{unit} [{-found.high:.3g}, {-found.low:.3g}]"
 
 
-def in_words(claims: Sequence[Claim]) -> str:
-    """The claims as a list in Markdown: ours, the paper's figure, the verdict."""
-    return "".join(f"- *{one.claim}*: {one.ours} (the paper: {one.paper}). **{one.verdict}**\n" for one in claims)
-
-
 def _meeting(rows: Sequence[Row], system: str, paper: str) -> Claim:
     """Claim 3: where the curves meet."""
     claim, losses = f"{system}: the curves become comparable", gather(rows, system)

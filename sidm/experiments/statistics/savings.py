@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from sidm.experiments.engine.store import Row
-from sidm.experiments.methods import COMPARED, FIGURE3
 from sidm.experiments.statistics.efficiency import (
     Efficiency,
     efficiency,
@@ -80,74 +79,10 @@ def savings_between(
     ]
 
 
-def expert_alone(rows: Sequence[Row], system: str) -> str:
-    """What the expert's model is worth as it is, in the novice data that a training without SIDM needs for as much.
-
-    Args:
-        rows: of `expert_only`, and of `novice_only` at the sizes of Figure 3.
-        system: whose.
-    """
-    alone, other = (
-        gather([row for row in rows if row.trial.method == method], system, [method])
-        for method in ("expert_only", "novice_only")
-    )
-    if not (alone.values.size and other.values.size):
-        return f"{system}: not run"
-    loss = float(alone.values.mean())
-    return f"{system}: {loss:.3g}, as without SIDM on {minutes_words(other.minutes, other.values[:, 0].mean(0), loss)}"
-
-
 def minutes_words(minutes: np.ndarray, losses: np.ndarray, loss: float) -> str:
     """With how much data a method has a loss, by its own mean losses (M,) at sizes (M,), as 'more than 20 min'."""
     much, sign = minutes_needed(minutes, falling(losses), loss)
     return {"=": "", "<=": "at most ", ">": "more than "}[sign] + f"{float(f'{much:.2g}'):g} min"
-
-
-def expert_first(rows: Sequence[Row], system: str) -> str:
-    """How learning from the expert first compares: at how many sizes its loss is the lowest, and what it saves."""
-    found = {method: gather(rows, system, [method]) for method in FIGURE3}
-    saved, beside = (savings(rows, system, "pretrain_finetune", other) for other in ("novice_only", "sidm"))
-    if not (saved and beside) or any(not np.array_equal(one.minutes, found["sidm"].minutes) for one in found.values()):
-        return "not run"
-    means = {method: one.values[:, 0].mean(0) for method, one in found.items()}
-    lowest = int((means["pretrain_finetune"] < np.minimum(means["sidm"], means["novice_only"])).sum())
-    return (
-        f"the lowest mean loss at {lowest} of {len(saved)} sizes; with {saved[0].minutes:g} min as good as "
-        f"without SIDM on {ratio_words(saved[0])} times the data, and as with SIDM on {ratio_words(beside[0])} times"
-    )
-
-
-def no_network(rows: Sequence[Row], system: str) -> str:
-    """How least squares on the novice alone compare with the paper's methods: what they save, and at how many sizes."""
-    found = {method: gather(rows, system, [method]) for method in ("least_squares", *COMPARED)}
-    saved = [savings(rows, system, "least_squares", method) for method in COMPARED]
-    own = found["least_squares"]
-    if not all(saved) or any(not np.array_equal(one.minutes, own.minutes) for one in found.values()):
-        return f"{system}: not run"
-    means = {method: one.values[:, 0].mean(0) for method, one in found.items()}
-    lower = [int((means["least_squares"] < means[method]).sum()) for method in COMPARED]
-    data = [ratio_words(one[0]) for one in saved]
-    return (
-        f"{system}: with {own.minutes[0]:g} min a loss of {means['least_squares'][0]:.3g}, as with SIDM on {data[0]} "
-        f"and without SIDM on {data[1]} times the data; a lower mean loss than with SIDM at {lower[0]} of "
-        f"{own.minutes.size} sizes, and than without at {lower[1]}"
-    )
-
-
-def savings_summary(found: Mapping[str, Sequence[Saving]]) -> str:
-    """Where the comparison needs more data than the method, and where less, by whole intervals; by system."""
-    if not any(np.isfinite(one.ratio.low) for every in found.values() for one in every):
-        return "cannot be told: bounds alone, or fewer than three seeds"
-    said = []
-    for side, words in ((1, "more"), (-1, "less")):
-        told = [
-            f"{system}, {one.minutes:g} min ({one.ratio} times)"
-            for system, every in found.items()
-            for one in every
-            if one.ratio.side(1) == side
-        ]
-        said += [f"needs {words} data for the same loss at {'; '.join(told)}"] if told else []
-    return ", and ".join(said) or "no difference seen"
 
 
 class Rival(NamedTuple):

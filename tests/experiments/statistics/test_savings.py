@@ -9,13 +9,9 @@ from sidm.experiments.statistics.intervals import Interval
 from sidm.experiments.statistics.savings import (
     Saving,
     efficiency_band,
-    expert_alone,
-    expert_first,
-    no_network,
     ratio_words,
     rivals,
     savings,
-    savings_summary,
 )
 from sidm.experiments.statistics.tables import gather
 from sidm.experiments.studies import variants
@@ -35,42 +31,6 @@ def rows(make_row, trials):
         return NOISE.get((trial.method, trial.seed), 1) * (RATIO[trial.method] * trial.novice_minutes) ** -0.5
 
     return [make_row(trial, loss(trial)) for trial in trials]
-
-
-def test_the_expert_alone_in_novice_data(rows, make_row, tmp_path):
-    study = Study("laptop", tmp_path, tmp_path)
-    for loss, words in ((0.25, "0.25, as without SIDM on 17 min"), (5.0, "at most 1 min"), (0.01, "more than 120")):
-        alone = [make_row(t, loss) for t in study.points("system1", ["expert_only"], [5])]
-        assert words in expert_alone([*rows, *alone], "system1")
-    assert expert_alone(rows, "system1") == "system1: not run"
-
-
-def test_the_expert_first_in_one_line(rows):
-    words = expert_first(rows, "system1")
-    assert words.startswith("the lowest mean loss at 6 of 6 sizes; with 1 min as good as without SIDM on")
-    assert "times the data, and as with SIDM on" in words
-    assert expert_first([row for row in rows if row.trial.method != "sidm"], "system1") == "not run"
-
-
-def test_savings_are_told_by_whole_intervals(rows):
-    found = savings(rows, "system1")
-    words = savings_summary({"system1": found, "system2": []})
-    assert words.startswith("needs more data for the same loss at system1, 1 min (4 [") and "less" not in words
-    other = savings(rows, "system1", "novice_only", "sidm")
-    assert savings_summary({"system1": other}).startswith("needs less data for the same loss at system1, ")
-    assert savings_summary({"system1": [Saving(1, 1, Interval(1.1, 0.9, 1.3), "=")]}) == "no difference seen"
-    few = [Saving(1, 1, Interval(1.1, np.nan, np.nan), ">=")]
-    assert savings_summary({}) == savings_summary({"system1": few})
-    assert savings_summary({}).startswith("cannot be told")
-
-
-def test_no_network_in_one_line(rows, make_row, tmp_path):
-    """With 1 min as good as SIDM with 25; lower than either method at every size."""
-    plain = Study("laptop", tmp_path, tmp_path).references("system1")
-    mine = [make_row(t, max(t.novice_minutes * 16.0, 100.0) ** -0.5) for t in plain if t.method == "least_squares"]
-    words = no_network([*rows, *mine], "system1")
-    assert words.startswith("system1: with 1 min a loss of 0.1, as with SIDM on 2") and "at 6 of 6 sizes" in words
-    assert no_network(rows, "system1") == "system1: not run"
 
 
 def test_a_known_ratio_comes_out_at_each_size(rows):
