@@ -45,7 +45,7 @@ def table(
     return every[every.seeds >= FEWEST_SEEDS].reset_index(drop=True)
 
 
-def verdicts(table: pd.DataFrame, points: int) -> pd.DataFrame:
+def by_method(table: pd.DataFrame, points: int) -> pd.DataFrame:
     """A line a method: in how many of its comparisons with each other it is better, and whether it always is.
 
     Args:

@@ -5,7 +5,7 @@ import pytest
 from sidm.experiments import Study
 from sidm.experiments.engine.frame import frame_of
 from sidm.experiments.studies import variants
-from sidm.experiments.studies.half_data import AGAINST, EQUAL, table, verdicts
+from sidm.experiments.studies.half_data import AGAINST, EQUAL, by_method, table
 
 POWER = {"sidm": 1.0, "pretrain_finetune": 4.0, "mirrored": 16.0, "averaged": 6.0, "tethered": 16.0}  # of the data
 SIZES = (1, 2, 5, 10)
@@ -49,10 +49,10 @@ def test_a_method_that_saves_less_is_not_sure(frame):
 def test_the_verdict_needs_every_point(frame):
     found = table(frame, ["mirrored", "averaged", "tethered", "adapters"])
     said = {"averaged": ["4 of 4", "0 of 4", "no"], "mirrored": ["4 of 4", "4 of 4", "yes"]}
-    assert verdicts(found, 4).set_index("method").T.to_dict("list") == said
-    assert verdicts(found, 8).set_index("method").half["mirrored"] == "not all run"
+    assert by_method(found, 4).set_index("method").T.to_dict("list") == said
+    assert by_method(found, 8).set_index("method").half["mirrored"] == "not all run"
 
 
 def test_where_nothing_is_known_there_is_no_line(frame):
     assert len(table(frame[frame.system == "system2"], ["mirrored"])) == 0
-    assert len(verdicts(table(frame[:0], ["mirrored"]), 4)) == 0
+    assert len(by_method(table(frame[:0], ["mirrored"]), 4)) == 0
