@@ -1,4 +1,4 @@
-"""The command line: sidm collect | train | run | study | show | confirm | notebook.
+"""The command line: sidm collect | train | run | study | show | merge | confirm | notebook.
 
 Exit status: 0; 1 when something failed or is still missing; 2 for arguments that cannot be used.
 """
@@ -24,7 +24,7 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
     parser = notebook.Parser(prog="sidm", description=(__doc__ or "").split("\n\n")[1])
     parser.add_argument("--version", action="version", version=__version__)
-    commands = parser.add_subparsers(metavar="collect | train | run | study | show | confirm | notebook", required=True)
+    commands = parser.add_subparsers(metavar="collect | train | run | study | show | merge | confirm | notebook", required=True)
 
     def command(name: str, work: Callable[[argparse.Namespace], int], help: str) -> argparse.ArgumentParser:
         made = commands.add_parser(name, help=help, description=help)
@@ -78,6 +78,10 @@ def build_parser() -> argparse.ArgumentParser:
     _add_grid(show)
     show.add_argument("--csv", metavar="FILE", help="write the stored ones there as a table, a line a trial")
     show.add_argument("--against", metavar="DIR", help="other results: how the losses differ where both have a point")
+
+    merge = command("merge", run_merge, "Take in the results of another store, such as one that was filled elsewhere.")
+    merge.add_argument("other", metavar="DIR", help="its folder")
+    merge.add_argument("--results", default="results", metavar="DIR", help="the store that takes it in (%(default)s)")
 
     confirm = command("confirm", run_confirm, "Run one of each kind of stale trial again; if the same, all are fresh.")
     _add_preset(confirm)
@@ -327,6 +331,16 @@ def _show_against(stored: Any, made: Any) -> int:
         ratio = Interval(one.ratio, one.low, one.high).words(3)
         print(f"{words}  stored {one.reference:.4g}  here {one.mean:.4g}  ratio {ratio}")
     print(f"points in both: {len(points)}")
+    return 0
+
+
+def run_merge(arguments: argparse.Namespace) -> int:
+    """`merge`: prints how many rows came."""
+    from sidm.experiments import Results
+
+    if not Path(arguments.other).is_dir():
+        raise ConfigError(f"there is no folder '{arguments.other}'")
+    print(f"{Results(arguments.results).take_in(Results(arguments.other))} results taken in")
     return 0
 
 

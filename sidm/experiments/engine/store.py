@@ -1,7 +1,7 @@
 """The results store: one small JSON file a trial, written whole or not at all.
 
 A row holds its trial, what came out, and what made it. Floats of the outcome carry 6 significant digits. Every file has
-its checksum. Two stores merge by copying files: those of different trials have different names.
+its checksum. Files of different trials have different names, so that one store takes in another.
 """
 
 from __future__ import annotations
@@ -163,6 +163,26 @@ class Results:
     def all(self) -> list[Row]:
         """Every stored row, whatever its trial, in the order of the keys."""
         return [read_row(path) for path in sorted((self.folder / "trials").glob("*.json"))]
+
+    def take_in(self, other: Results) -> int:
+        """Copy what another store has and this one lacks: rows, failures, digests of datasets; how many rows came.
+
+        Raises:
+            StoreError: a row there is damaged.
+        """
+        came = 0
+        for path in sorted((other.folder / "trials").glob("*.json")):
+            row = read_row(path)
+            if row.trial not in self:
+                self.put(row)
+                came += 1
+        for name in ("failures", "datasets"):
+            for path in (other.folder / name).rglob("*.json"):
+                target = self.folder / path.relative_to(other.folder)
+                if not target.exists() and not (name == "failures" and (self.folder / "trials" / path.name).exists()):
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    target.write_bytes(path.read_bytes())
+        return came
 
     def rekey(self) -> int:
         """Move rows to the keys that their trials have today, and return how many moved.

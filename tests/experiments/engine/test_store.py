@@ -8,8 +8,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sidm.experiments import Results, StoreError, Study
-from sidm.experiments.engine.datasets import note_datasets
+from sidm.__main__ import main
+from sidm.experiments import Failure, Results, StoreError, Study
+from sidm.experiments.digests import find_digest
+from sidm.experiments.engine.datasets import note_committed, note_datasets
 from sidm.experiments.engine.store import rounded
 from sidm.numerics import NUMERICS
 from sidm.storage import read_record, write_record
@@ -142,3 +144,20 @@ def test_rounding():
     """Floats alone are rounded, at any depth."""
     given = {"a": [1.23456789, 3, "x", True], "b": (1e-9 / 3,)}
     assert rounded(given) == {"a": [1.23457, 3, "x", True], "b": [3.33333e-10]}
+
+
+def test_a_store_takes_in_what_it_lacks(tmp_path, tiny, make_row, capsys):
+    """Rows of trials that are here stay as they are; digests and failures come along."""
+    trials = Study(tiny, tmp_path, tmp_path).figure3("system1")[:3]
+    mine, other = Results(tmp_path / "mine"), Results(tmp_path / "other")
+    mine.put(make_row(trials[0], 1.0))
+    for trial in trials[:2]:
+        other.put(make_row(trial, 2.0))
+    other.put(Failure(trial=trials[2], what="test", loss="nan", iteration=3, provenance=make_row(trials[2]).provenance))
+    note_committed(trials[0].datasets["expert"], "0123", tmp_path, other.folder)
+    assert main(["merge", str(other.folder), "--results", str(mine.folder)]) == 0
+    assert capsys.readouterr().out == "1 results taken in\n"
+    assert [row.outcome.validation_loss for row in mine.rows(trials)] == [1.0, 2.0]
+    assert mine.failure(trials[2]).loss == "nan"
+    assert find_digest(trials[0].datasets["expert"], tmp_path / "none", mine.folder) == "0123"
+    assert main(["merge", str(tmp_path / "nowhere"), "--results", str(mine.folder)]) == 2
