@@ -24,7 +24,8 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
     parser = notebook.Parser(prog="sidm", description=(__doc__ or "").split("\n\n")[1])
     parser.add_argument("--version", action="version", version=__version__)
-    commands = parser.add_subparsers(metavar="collect | train | run | study | show | merge | confirm | notebook", required=True)
+    names = "collect | train | run | study | show | merge | confirm | notebook"
+    commands = parser.add_subparsers(metavar=names, required=True)
 
     def command(name: str, work: Callable[[argparse.Namespace], int], help: str) -> argparse.ArgumentParser:
         made = commands.add_parser(name, help=help, description=help)
