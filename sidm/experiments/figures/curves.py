@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,9 +25,6 @@ from sidm.experiments.statistics.intervals import summarise
 from sidm.experiments.statistics.savings import efficiency_band
 from sidm.experiments.statistics.tables import gather
 from sidm.systems import SYSTEMS
-
-if TYPE_CHECKING:  # scikit-learn need not be there to draw the others
-    pass
 
 MOST_INSIDE = 4  # methods whose names have room within a plot
 
