@@ -17,10 +17,10 @@ import torch
 from simulation import collecting
 from work import random_data
 
+from sidm.book.pages import markdown_table
 from sidm.experiments.engine.provenance import peak_memory
 from sidm.experiments.grids import grid
 from sidm.experiments.presets import PRESETS, Preset, load_preset
-from sidm.experiments.statistics.tables import markdown_table
 from sidm.learning.learner import Learner
 from sidm.learning.regularisation import discriminator_iteration, matching_iteration
 from sidm.learning.training import predict_phase

@@ -1,4 +1,4 @@
-"""The command line: sidm collect | train | run | study | show | merge | confirm | notebook.
+"""The command line: sidm collect | train | run | study | show | merge | notebook.
 
 Exit status: 0; 1 when something failed or is still missing; 2 for arguments that cannot be used.
 """
@@ -20,11 +20,15 @@ from sidm.config import ConfigError
 from sidm.systems import SYSTEMS
 
 
+#: As the catalogue has them, which would bring PyTorch.
+_STUDIES = "latent-space, recorded-targets, driving, uncertainty, several-experts"
+
+
 def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
     parser = notebook.Parser(prog="sidm", description=(__doc__ or "").split("\n\n")[1])
     parser.add_argument("--version", action="version", version=__version__)
-    names = "collect | train | run | study | show | merge | confirm | notebook"
+    names = "collect | train | run | study | show | merge | notebook"
     commands = parser.add_subparsers(metavar=names, required=True)
 
     def command(name: str, work: Callable[[argparse.Namespace], int], help: str) -> argparse.ArgumentParser:
@@ -69,7 +73,7 @@ def build_parser() -> argparse.ArgumentParser:
         trainer.add_argument("--log", metavar="DIR", help="write TensorBoard event files there, to watch it learn")
 
     study = command("study", run_study, "Simulate, train and measure what a study beyond the trials lacks.")
-    study.add_argument("name", metavar="NAME", help="elsewhere, driving, uncertainty or experts")
+    study.add_argument("name", metavar="NAME", help=f"one of {_STUDIES}")
     _add_preset(study)
     _add_system(study)
     _add_workers(study)
@@ -83,14 +87,6 @@ def build_parser() -> argparse.ArgumentParser:
     merge = command("merge", run_merge, "Take in the results of another store, such as one that was filled elsewhere.")
     merge.add_argument("other", metavar="DIR", help="its folder")
     merge.add_argument("--results", default="results", metavar="DIR", help="the store that takes it in (%(default)s)")
-
-    confirm = command("confirm", run_confirm, "Run one of each kind of stale trial again; if the same, all are fresh.")
-    _add_preset(confirm)
-    _add_grid(confirm)
-    instead = confirm.add_mutually_exclusive_group()
-    instead.add_argument("--diagnoses", action="store_true", help="the stored diagnoses of these trials instead")
-    instead.add_argument("--study", metavar="NAME", help="the records of a study beyond the trials instead")
-    _add_workers(confirm)
 
     runner = commands.add_parser("notebook", help="Run a notebook with checked parameters.")
     notebook.add_arguments(runner)
@@ -281,15 +277,11 @@ def _systems(arguments: argparse.Namespace) -> list[str]:
 
 def run_study(arguments: argparse.Namespace) -> int:
     """`study`: 1 when results are missing at the end."""
-    from sidm.experiments.studies.catalogue import find_study, run_study
-    from sidm.pool import local_pool
+    from sidm.experiments.studies.catalogue import run_study
 
-    preset, systems = _preset(arguments), _systems(arguments)
-    find_study(arguments.name)
-    with local_pool(arguments.workers) as pool:
-        have, wanted = run_study(
-            arguments.name, preset, systems, pool, Path(arguments.data), Path(arguments.results)
-        )
+    have, wanted = run_study(
+        arguments.name, _preset(arguments), _systems(arguments), arguments.workers, arguments.data, arguments.results
+    )
     print(f"{have} of {wanted} results stored")
     return 0 if have == wanted else 1
 
@@ -343,36 +335,6 @@ def run_merge(arguments: argparse.Namespace) -> int:
         raise ConfigError(f"there is no folder '{arguments.other}'")
     print(f"{Results(arguments.results).take_in(Results(arguments.other))} results taken in")
     return 0
-
-
-def run_confirm(arguments: argparse.Namespace) -> int:
-    """`confirm`: 1 when a trial came out otherwise."""
-    from sidm.experiments import Results
-    from sidm.experiments.engine.confirm import confirm
-    from sidm.experiments.studies.catalogue import confirm_study, find_study
-    from sidm.pool import local_pool
-
-    preset, what = _preset(arguments), "diagnoses" if arguments.diagnoses else "rows"
-    if arguments.study:
-        if arguments.figure != "3" or arguments.minutes or arguments.seeds:
-            raise ConfigError("--study goes with --system, not with --figure, --minutes or --seeds")
-        find_study(arguments.study)
-        what = "records"
-    with local_pool(arguments.workers) as pool:
-        if arguments.study:
-            count, differing = confirm_study(
-                arguments.study, preset, _systems(arguments), pool, Path(arguments.data), Path(arguments.results)
-            )
-        elif arguments.diagnoses:
-            from sidm.experiments.studies.latent_space.diagnosis import confirm_diagnoses  # needs scikit-learn
-
-            count, differing = confirm_diagnoses(_trials(arguments, preset), arguments.results, pool, arguments.data)
-        else:
-            count, differing = confirm(_trials(arguments, preset), Results(arguments.results), pool, arguments.data)
-    for subject in differing:
-        print(f"{subject}: comes out otherwise; delete the results of its kind and make them again")
-    print(f"{count} {what} confirmed")
-    return 1 if differing else 0
 
 
 def main(words: Sequence[str] | None = None) -> int:

@@ -9,6 +9,7 @@ from __future__ import annotations
 #: Kind of work -> version of its figures.
 NUMERICS: dict[str, int] = {
     "simulation": 1,  # a collection's values -> its trajectories
+    "free_struts": 1,  # the same of robots whose struts no motor brakes
     "training": 1,  # trajectories -> a trial's outcome: maps, networks, Algorithms 1 and 2, evaluation
     "bundle": 1,  # the same of many trials as one computation
     "least_squares": 1,  # weights in closed form
@@ -22,6 +23,7 @@ NUMERICS: dict[str, int] = {
 #: Kind of work -> the kinds that its results depend on besides itself.
 _FROM: dict[str, tuple[str, ...]] = {
     "simulation": (),
+    "free_struts": ("simulation",),
     "training": ("simulation",),
     "elsewhere": ("simulation", "training", "least_squares"),
     "driving": ("simulation", "training", "least_squares"),

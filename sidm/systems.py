@@ -146,9 +146,21 @@ SYSTEMS = {
     ),
 }
 
+FREE_STRUTS = "_free_struts"  # ends the names of the systems whose struts no motor brakes
+
+#: The same robots as the paper describes them, springs and dampers alone; of the presets that name them.
+FREE_SYSTEMS = {
+    name + FREE_STRUTS: System(
+        name=name + FREE_STRUTS, novice=system.novice, expert=system.expert, terrain=system.terrain,
+        physics=Physics(strut_motors=False),
+    )
+    for name, system in SYSTEMS.items()
+}  # fmt: skip
+
 
 def find_system(name: str) -> System:
     """The system of that name; ConfigError naming the known ones otherwise."""
-    if name not in SYSTEMS:
-        raise ConfigError(f"unknown system '{name}'; known: {', '.join(SYSTEMS)}")
-    return SYSTEMS[name]
+    known = SYSTEMS | FREE_SYSTEMS
+    if name not in known:
+        raise ConfigError(f"unknown system '{name}'; known: {', '.join(known)}")
+    return known[name]

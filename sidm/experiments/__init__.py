@@ -12,7 +12,7 @@ from sidm.experiments.trials import UNKNOWN, Dataset, Trial
 from sidm.lazy import on_demand
 
 if TYPE_CHECKING:
-    from sidm.experiments.engine.closed_form import perform, run_trial
+    from sidm.experiments.engine.execute import perform, run_trial
     from sidm.experiments.engine.run import run
 
 __all__ = [
@@ -21,4 +21,4 @@ __all__ = [
     "run_trial",
 ]  # fmt: skip
 
-on_demand(__name__, **{"engine.run": "run", "engine.closed_form": "perform run_trial"})
+on_demand(__name__, **{"engine.run": "run", "engine.execute": "perform run_trial"})

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from sidm.config import ConfigError, config, conform, refuse_nonsense, unknown_name
 from sidm.experiments.trials import Dataset, datasets
 from sidm.learning.settings import PAPER_NETWORK, RELEASED_NETWORK, Network, Training
-from sidm.systems import find_system
+from sidm.systems import FREE_STRUTS, find_system
 
 #: The exploration policies of `sidm.simulation`, which need not be installed to read results.
 POLICIES = ("ornstein_uhlenbeck", "sinusoid", "bounded_noise", "held")
@@ -84,7 +84,8 @@ class Preset:
 
     def _of(self, system: str, name: str) -> Any:
         """A value that differs between the paper's systems; a system of your own has system 1's."""
-        return getattr(self, f"{name}_{find_system(system).name}", getattr(self, f"{name}_system1"))
+        base = find_system(system).name.removesuffix(FREE_STRUTS)
+        return getattr(self, f"{name}_{base}", getattr(self, f"{name}_system1"))
 
     def novice_minutes(self, system: str) -> tuple[float, ...]:
         """The novice dataset sizes of a system's Figure 3, in minutes of motion."""

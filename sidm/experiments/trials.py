@@ -57,7 +57,7 @@ def datasets(
     }
 
 
-#: Values that a Trial did not have from the first, and what they are where it does not say.
+#: Values that a trial, its network or trainings did not have from the first, and what they are where it does not say.
 LATER = (("fit", "gradients"), ("motion", "figures"))
 
 
@@ -138,9 +138,18 @@ class Trial:
 
     def to_json(self) -> dict[str, Any]:
         """All its values as plain nested mappings, without those of LATER by default, so that older keys still hold."""
-        return {name: value for name, value in to_mapping(self).items() if (name, value) not in LATER}
+        return _without_later(to_mapping(self))
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Trial:
         """The trial that `to_json` wrote; ConfigError when a name or a type is not right."""
         return from_mapping(cls, values)
+
+
+def _without_later(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values without those of LATER, at any depth."""
+    return {
+        name: _without_later(value) if isinstance(value, Mapping) else value
+        for name, value in values.items()
+        if (name, value) not in LATER
+    }

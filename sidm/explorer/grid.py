@@ -118,7 +118,7 @@ def make(folder: Path = FOLDER, workers: int = 2) -> None:
     sizes = [len(knob.values) for knob in SET_UP]
     rides, robots = every[: -len(PAPERS)], every[-len(PAPERS) :]
     write_arrays(folder / "rides.npz", {"rides": rides.reshape(*sizes, *rides.shape[1:]), "robots": robots})
-    write_record(folder / "rides.json", {"numerics": versions("simulation")})
+    write_record(folder / "rides.json", {"numerics": versions("free_struts")})
     read.cache_clear()
 
 

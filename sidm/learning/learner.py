@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import torch
@@ -31,9 +31,21 @@ MIRRORING = {purpose: f"{purpose} mirrored" for purpose in PURPOSES[1:]}  # what
 class Learner:
     """A model in training: weights, optimisers, generators, counters, the best weights so far.
 
+    Args:
+        datasets: what is learnt from and tested on.
+        network: sizes of the networks.
+        training: the settings.
+        seed: of weights and draws.
+        standardisation: units inside the networks; computed from the expert's data by default.
+        device: where to compute.
+        start: initial weights; fresh ones by default.
+        roles: the systems that the model has; by default the novice, and the expert where it is learnt from.
+
     Raises:
         ConfigError: the settings do not fit each other, or want data of the expert that are not there.
     """
+
+    kind: type[DynamicsModel] = DynamicsModel
 
     def __init__(
         self,
@@ -44,6 +56,7 @@ class Learner:
         standardisation: Standardisation | None = None,
         device: str | torch.device = "cpu",
         start: Mapping[str, Tensor] | None = None,
+        roles: Iterable[str] = (),
     ):
         if training.regularise and network.own == "none":
             raise ConfigError("Network.own='none' leaves one encoder, with nothing to match: regularise=False")
@@ -59,8 +72,8 @@ class Learner:
         self.device = torch.device(device)
         self.test = datasets.test.first(training.test_trajectories)
         self.validation = datasets.validation.first(training.test_trajectories)
-        roles = ROLES if training.needs_expert else ("novice",)
-        self.model = DynamicsModel(network, standardisation, seed, roles).to(self.device)
+        roles = tuple(roles) or (ROLES if training.needs_expert else ("novice",))
+        self.model = self.kind(network, standardisation, seed, roles).to(self.device)
         if start is not None:
             self.model.start(start)
         self.model.sidm.requires_grad_(training.frozen != "sidm")
@@ -68,7 +81,7 @@ class Learner:
         self.prediction = make_optimiser(self.model, training)
         self.follower = Follower(self.model, training)
         self.discrimination = make_optimiser(self.discriminator, training)
-        own = training.matching_optimiser == "own"
+        own = training.matching_optimiser == "own" and "novice" in self.model.encoders
         self.matching = make_optimiser(self.model.encoders["novice"], training) if own else self.prediction
         self.generators = {purpose: generator(seed, purpose) for purpose in (*PURPOSES, *MIRRORING.values())}
         self.stopper = Stopper(training.stopping, training.smoothing, training.patience, training.max_samples)

@@ -40,6 +40,9 @@ class DynamicsModel(Predictor):
         roles: the systems, 'novice' and 'expert' or one of them.
     """
 
+    #: Encoder, SIDM and decoder.
+    parts: tuple[type[Encoder], type[SIDM], type[Decoder]] = (Encoder, SIDM, Decoder)
+
     def __init__(
         self,
         network: Network,
@@ -49,12 +52,13 @@ class DynamicsModel(Predictor):
     ):
         super().__init__()
         roles = tuple(roles)
+        encoder, sidm, decoder = self.parts
         self.encoders = nn.ModuleDict(
-            {role: seeded(seed, f"{role} encoder", lambda: Encoder(network, standardisation)) for role in roles}
+            {role: seeded(seed, f"{role} encoder", lambda: encoder(network, standardisation)) for role in roles}
         )
-        self.sidm = seeded(seed, "sidm", lambda: SIDM(network))
+        self.sidm = seeded(seed, "sidm", lambda: sidm(network))
         self.decoders = nn.ModuleDict(
-            {role: seeded(seed, f"{role} decoder", lambda: Decoder(network, standardisation)) for role in roles}
+            {role: seeded(seed, f"{role} decoder", lambda: decoder(network, standardisation)) for role in roles}
         )
         if len(roles) > 1 and network.own != "all":
             for parts, own in ((self.encoders, OWN_OF_ENCODER), (self.decoders, OWN_OF_DECODER)):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
@@ -23,6 +23,9 @@ from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import Components, Tested, TrainingError
 
 __all__ = ["Tested", "Trained", "Training", "TrainingError", "result", "train"]
+
+Progress = Callable[[Tested], None]  # called after each test
+Losses = Callable[[Any, dict[str, Motion], dict[str, Tensor]], dict[str, Tensor]]  # as `batch_losses`
 
 
 class Trained(NamedTuple):
@@ -46,7 +49,7 @@ def train(
     *,
     standardisation: Standardisation | None = None,
     checkpoint: Path | None = None,
-    progress: Callable[[Tested], None] | None = None,
+    progress: Progress | None = None,
     device: str | torch.device = "cpu",
     start: Mapping[str, Tensor] | None = None,
 ) -> Trained:
@@ -76,24 +79,37 @@ def train(
     if checkpoint is not None:
         learner.restore(checkpoint)
     with products(training.precision):
-        while not learner.finished:
-            predict_phase(learner, progress)
-            if training.regularise and not training.reverses and not learner.finished:
-                regularise_phase(learner)
-            if checkpoint is not None:
-                learner.save(checkpoint)
-        if not learner.history:
-            _test(learner, progress)
+        return learn(learner, progress, checkpoint)
+
+
+def learn(
+    learner: Learner, progress: Progress | None = None, checkpoint: Path | None = None, losses_of: Losses | None = None
+) -> Trained:
+    """Algorithms 1 and 2 in turn until a learner is finished; `losses_of` as of `predict_phase`."""
+    while not learner.finished:
+        predict_phase(learner, progress, losses_of)
+        if learner.training.regularise and not learner.training.reverses and not learner.finished:
+            regularise_phase(learner)
+        if checkpoint is not None:
+            learner.save(checkpoint)
+    if not learner.history:
+        _test(learner, progress)
     return result(learner)
 
 
-def predict_phase(learner: Learner, progress: Callable[[Tested], None] | None = None) -> None:
-    """Algorithm 1: the parts of the systems drawn, and the SIDM, learn to predict."""
+def predict_phase(learner: Learner, progress: Progress | None = None, losses_of: Losses | None = None) -> None:
+    """Algorithm 1: the parts of the systems drawn, and the SIDM, learn to predict.
+
+    Args:
+        learner: in training.
+        progress: called after each test.
+        losses_of: another loss than equation (1), as `batch_losses` takes its arguments.
+    """
     training = learner.training
     for _ in range(training.prediction_iterations):
         batch = learner.draw_batch()
         latents = encode_batch(learner, batch)
-        losses = batch_losses(learner, batch, latents)
+        losses = (losses_of or batch_losses)(learner, batch, latents)
         loss = torch.cat(list(losses.values())).mean()  # over the whole batch, whatever the system
         aim = loss / TARGET_SIZE if training.reduction == "mean" else loss
         learner.prediction.zero_grad()
@@ -125,7 +141,7 @@ def batch_losses(learner: Learner, batch: dict[str, Motion], latents: dict[str, 
     }
 
 
-def _test(learner: Learner, progress: Callable[[Tested], None] | None) -> None:
+def _test(learner: Learner, progress: Progress | None) -> None:
     tested = learner.take_test()
     if progress is not None:
         progress(tested)

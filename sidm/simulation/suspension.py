@@ -18,7 +18,6 @@ import numpy as np
 from sidm.simulation.linkage import AxleJoints, axle_joints
 from sidm.systems import Physics, Robot
 
-LINK_DAMPING = 2.0  # N m s/rad, beside the links' stiffness; goes with the mass scale
 BRAKE_LIMIT = 550.0  # N, a strut: the motors' 500 N; the closed mechanism yields at this load
 STOP_BLEND = 0.004  # m: an axle rolled from stop to stop shares the force among both where they are as near as this
 
@@ -30,6 +29,7 @@ class Brake(NamedTuple):
     heave_damping: float  # of each strut in heave, N s/m
     roll_damping: float  # of the struts in roll, N m s/rad; a large one is a slow creep
     link_stiffness: float  # of the links in roll, N m/rad, in series with the struts; goes with the mass scale
+    link_damping: float = 2.0  # beside their stiffness, N m s/rad; goes with the mass scale
     roll_line: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None  # direction; point, m
 
 
@@ -40,7 +40,9 @@ BRAKED = {
     ),
     "front": Brake(heave_share=0.49, heave_damping=1050.0, roll_damping=2.2, link_stiffness=105.0),
 }
-FREE = Brake(heave_share=1.0, heave_damping=0.0, roll_damping=0.0, link_stiffness=105.0)
+#: With struts that give way at once, more damping of the links is unstable: it acts on the chassis, whose moment of
+#: inertia is 0.003 kg m^2, by explicit steps of 2 ms, and robots of 1.5 times the mass would leap from their stops.
+FREE = Brake(heave_share=1.0, heave_damping=0.0, roll_damping=0.0, link_stiffness=105.0, link_damping=0.5)
 
 
 class Suspension:
@@ -66,7 +68,7 @@ class Suspension:
         # of each strut, in N/m and N s/m: the joint's torque is twice a strut's force a rate
         per_strut = scale * self.joints.roll_rate(0.0) ** 2 / 2
         self._brake = per_strut * law.roll_damping
-        self._link_stiffness, self._link_damping = per_strut * law.link_stiffness, per_strut * LINK_DAMPING
+        self._link_stiffness, self._link_damping = per_strut * law.link_stiffness, per_strut * law.link_damping
 
     def travel(self, heave_angle: float) -> tuple[float, float]:
         """Travel of the right and the left strut, m; on an axle without heave the one that gives extends."""

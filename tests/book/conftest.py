@@ -13,6 +13,7 @@ from pdf import chromium
 from playwright.sync_api import sync_playwright
 
 from sidm.experiments import collect_datasets, load_preset
+from tests.experiments.conftest import figure3_frame, figure3_rows, laptop, make_row, power_law  # noqa: F401
 
 
 def shared_by_workers(tmp_path_factory: pytest.TempPathFactory) -> Path:

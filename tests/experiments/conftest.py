@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sidm.experiments import Outcome, Row, load_preset
+from sidm.experiments import Outcome, Row, Study, Trial, load_preset
 from sidm.experiments.engine.datasets import note_digest
+from sidm.experiments.engine.frame import frame_of
 from sidm.experiments.engine.provenance import here
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain, height_at
@@ -97,3 +98,33 @@ def make_row():
         return Row(trial=trial, outcome=outcome, provenance=here(seconds=12.0, threads=1, resumed=False))
 
     return make
+
+
+@pytest.fixture(scope="session")
+def laptop(tmp_path_factory) -> Study:
+    """The laptop's study without data."""
+    nowhere = tmp_path_factory.mktemp("empty")
+    return Study("laptop", nowhere, nowhere)
+
+
+@pytest.fixture(scope="session")
+def power_law():
+    """Loss of a trial: without SIDM that of 4 times less data, in every seed a little different."""
+
+    def law(trial: Trial) -> float:
+        data = trial.novice_minutes * (4 if trial.method == "sidm" else 1)
+        return (1 + 0.01 * trial.seed) * data**-0.5
+
+    return law
+
+
+@pytest.fixture(scope="session")
+def figure3_rows(laptop, make_row, power_law) -> list[Row]:
+    """All of Figure 3, by the power law."""
+    return [make_row(t, power_law(t)) for system in ("system1", "system2") for t in laptop.figure3(system)]
+
+
+@pytest.fixture(scope="session")
+def figure3_frame(figure3_rows):
+    """The same as a table."""
+    return frame_of(figure3_rows)

@@ -1,4 +1,4 @@
-"""Run one trial: load its data, train, validate, roll out."""
+"""Run one trial: load its data, train it or solve for its weights, validate, roll out."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from sidm.experiments.engine.pretrained import start_of
 from sidm.experiments.engine.provenance import THREADS, Provenance
 from sidm.experiments.engine.store import Failure, Outcome, Row
 from sidm.experiments.trials import Trial
+from sidm.learning.beyond.least_squares import fit
 from sidm.learning.beyond.pretraining import Start
 from sidm.learning.beyond.residual import Corrected, left_over, units
 from sidm.learning.dataset import Datasets, Motion, Standardisation, load_motion, novice_split
@@ -85,7 +86,7 @@ def perform(
     progress: Progress | None = None,
     device: str = "cpu",
 ) -> tuple[Outcome, Trained]:
-    """Train and evaluate one trial.
+    """Train and evaluate one trial; one that is solved knows neither checkpoint nor progress, and is on the CPU.
 
     Args:
         trial: what to run.
@@ -100,8 +101,11 @@ def perform(
     with one_thread():
         library = Library(data)
         sets, rollouts = library.datasets(trial), library.rollouts(trial)
-        start = start_of(trial, sets, data, device)
-        trained = _train(trial, sets, start, checkpoint=checkpoint, progress=progress, device=device)
+        start = start_of(trial, sets, data, "cpu" if trial.solved else device)
+        if trial.solved:
+            trained = _solve(trial, sets, start)
+        else:
+            trained = _train(trial, sets, start, checkpoint=checkpoint, progress=progress, device=device)
         return evaluate(trial, trained, sets.validation, rollouts, start), trained
 
 
@@ -109,14 +113,27 @@ def _train(trial: Trial, sets: Datasets, start: Start | None, **how: Any) -> Tra
     """`train` a trial's model from what it starts from, or as a correction of it."""
     if start is None or not trial.residual:
         return train(sets, trial.network, trial.training, trial.seed, start=start and start.weights, **how)
-    assert sets.expert is not None
-    base = DynamicsModel(trial.network, Standardisation.of(sets.expert), roles=["novice"])
-    base.start(start.weights)
-    sets = left_over(sets, base.to(how["device"]).eval().requires_grad_(False))
+    base = _frozen(trial, sets, start).to(how["device"])
+    sets = left_over(sets, base)
     trained = train(
         sets, trial.network, trial.training, trial.seed, standardisation=units(sets), **how
     )
     return trained._replace(model=Corrected(base, trained.model))
+
+
+def _solve(trial: Trial, sets: Datasets, start: Start | None) -> Trained:
+    """Least squares in the expert's units as every method, alone or on top of the expert's model."""
+    assert sets.expert is not None
+    base = None if start is None else _frozen(trial, sets, start)
+    return fit(sets, Standardisation.of(sets.expert), base, trial.training.mirror)
+
+
+def _frozen(trial: Trial, sets: Datasets, start: Start) -> DynamicsModel:
+    """The pretrained model, as it is."""
+    assert sets.expert is not None
+    base = DynamicsModel(trial.network, Standardisation.of(sets.expert), roles=["novice"])
+    base.start(start.weights)
+    return base.eval().requires_grad_(False)
 
 
 def evaluate(
@@ -165,7 +182,9 @@ def run_trial(
             found: Outcome | TrainingError = perform(trial, data, checkpoint, tell, device)[0]
     except TrainingError as error:
         found = error
-    return stored_as(trial, found, provenance.here(time.perf_counter() - start, THREADS, resumed, device))
+    seconds, kind = time.perf_counter() - start, "least_squares" if trial.solved else "training"
+    where = "cpu" if trial.solved else device
+    return stored_as(trial, found, provenance.here(seconds, THREADS, resumed, where, kind=kind))
 
 
 def stored_as(trial: Trial, found: Outcome | TrainingError, made: Provenance) -> Row | Failure:

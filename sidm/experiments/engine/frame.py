@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import functools
 import inspect
 import re
 import textwrap
+import typing
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -70,19 +72,40 @@ def numbers_and_words(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.loc[:, [bool(frame[name].map(is_scalar).all()) for name in frame]]
 
 
-def records_frame(found: Iterable[Any]) -> pd.DataFrame:
-    """Records of a study as a table, a row a record: what it is about, what was found, what made it.
+def records_frame(kind: type, found: Iterable[Any]) -> pd.DataFrame:
+    """Records of one kind as a table, a row a record: what it is about, what was found, what made it.
 
     Values of what a record is about are columns of their own names; those of its parts, such as a trial, have the
-    part's name before them (``trial_seed``).
+    part's name before them (``trial_seed``), and are missing where there is no such part. What was found under a name
+    that the provenance has too is a column with ``found_`` before it (``found_seconds``).
     """
     import pandas as pd
 
+    about, made_by = typing.get_type_hints(kind)["about"], list(_names(Provenance))
+    fields = [field.name for field in dataclasses.fields(kind) if field.name not in ("about", "provenance")]
+    own = {name: f"found_{name}" if name in made_by else name for name in fields}
     lines = []
     for one in found:
-        own = {name: value for name, value in vars(one).items() if name not in ("about", "provenance")}
-        lines.append(_flat(to_mapping(one.about)) | own | to_mapping(one.provenance))
-    return pd.DataFrame(lines)
+        values = {column: getattr(one, name) for name, column in own.items()}
+        made = to_mapping(one.provenance) | {"stale": one.provenance.stale}
+        lines.append(_flat(to_mapping(one.about)) | values | made)
+    return pd.DataFrame(lines, columns=[*_names(about), *own.values(), *made_by, "stale"])
+
+
+def of_trials(frame: pd.DataFrame) -> pd.DataFrame:
+    """Records that are about trials, with the trials' columns by their own names, ``seed`` for ``trial_seed``."""
+    own = {name: name.removeprefix("trial_") for name in frame if name.removeprefix("trial_") not in frame}
+    return frame.rename(columns=own)
+
+
+def _names(cls: type, prefix: str = "") -> Iterator[str]:
+    """Columns of a `config` class's values, those of its parts with the part's name before them."""
+    hints = typing.get_type_hints(cls)
+    for field in dataclasses.fields(cls):
+        hint = hints[field.name]
+        part = next((one for one in (hint, *typing.get_args(hint)) if dataclasses.is_dataclass(one)), None)
+        is_part = part is not None and typing.get_origin(hint) is not tuple
+        yield from _names(part, f"{prefix}{field.name}_") if is_part else [f"{prefix}{field.name}"]  # type: ignore
 
 
 def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

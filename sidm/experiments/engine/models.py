@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sidm.experiments.engine.closed_form import perform
+from sidm.experiments.engine.execute import perform
 from sidm.experiments.trials import Trial
 from sidm.learning import checkpoint
 from sidm.learning.model import DynamicsModel, Predictor

@@ -107,7 +107,7 @@ class Records(Generic[F]):
         """The stored ones, all unless given, as a table: `frame.records_frame`."""
         from sidm.experiments.engine.frame import records_frame
 
-        return records_frame(self.all() if abouts is None else self.stored(abouts))
+        return records_frame(self.kind, self.all() if abouts is None else self.stored(abouts))
 
     def run(
         self, abouts: Sequence[Any], work: Callable[[Any], F], executor: Executor, what: str, progress: bool = True

@@ -18,9 +18,9 @@ from pathlib import Path
 
 from sidm.config import ConfigError
 from sidm.experiments.engine.bundles import Hooks, bundles, fits, run_bundle
-from sidm.experiments.engine.closed_form import run_trial
 from sidm.experiments.engine.datasets import note_datasets, others
 from sidm.experiments.engine.event_log import EventLog
+from sidm.experiments.engine.execute import run_trial
 from sidm.experiments.engine.store import Failure, Results, Row, StoreError
 from sidm.experiments.trials import UNKNOWN, Trial
 from sidm.learning.training import Tested, TrainingError

@@ -184,21 +184,6 @@ class Results:
                     target.write_bytes(path.read_bytes())
         return came
 
-    def rekey(self) -> int:
-        """Move rows to the keys that their trials have today, and return how many moved.
-
-        For the day when a Trial learns a new value whose default is what was done before: the stored trials take that
-        default, and their keys change with it. An existing row is never replaced.
-        """
-        moved = 0
-        for path in sorted((self.folder / "trials").glob("*.json")):
-            row = read_row(path)
-            if self.path(row.trial) != path and row.trial not in self:
-                self.put(row)
-                path.unlink()
-                moved += 1
-        return moved
-
 
 def read_row(path: Path) -> Row:
     """The row in a file of the store; StoreError when it is damaged."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -13,36 +13,37 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from sidm.experiments.engine.store import Row
 from sidm.experiments.figures.style import GROUND_SPACING, METHOD_STYLES, STYLE, half_width, lay_ground, legend_below
 from sidm.trajectory import CONTROL_STEP
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MARGIN = 0.7  # m of ground shown around the paths
 HELD = 1.5  # s that the last picture stays
 LINES = ("-", "--", ":")  # by size of the novice data
 
 
-def rollout_film(rows: Sequence[Row], heights: np.ndarray, seed: int = 0) -> bytes:
+def rollout_film(frame: pd.DataFrame, heights: np.ndarray, seed: int = 0) -> bytes:
     """An animated GIF in real time, seen from above.
 
     Args:
-        rows: of one system, the example's trials among them.
+        frame: results of one system, the example's trials among them.
         heights: (H, W), m, the ground of the example, higher drawn darker.
         seed: whose trials predict.
 
     Raises:
-        ValueError: no row has that seed.
+        ValueError: no result has that seed.
     """
-    shown = sorted((row for row in rows if row.trial.seed == seed), key=lambda row: row.trial.novice_minutes)
-    if not shown:
+    shown = frame[frame.seed == seed].sort_values("novice_minutes", kind="stable")
+    if not len(shown):
         raise ValueError(f"no trial of seed {seed} is stored")
-    sizes = sorted({row.trial.novice_minutes for row in shown})
-    paths = [np.array(shown[0].outcome.example_actual)] + [np.array(row.outcome.example_predicted) for row in shown]
+    sizes = sorted(shown.novice_minutes.unique())
+    paths = [np.array(path) for path in (shown.example_actual.iloc[0], *shown.example_predicted)]
     looks = [{"color": "black", "label": "the robot", "linewidth": 2.5}]
-    for row in shown:
-        style = METHOD_STYLES[row.trial.method]
-        label = f"{style['label']}, {row.trial.novice_minutes:g} min"
-        line = LINES[sizes.index(row.trial.novice_minutes) % len(LINES)]
+    for one in shown.itertuples():
+        style, line = METHOD_STYLES[one.method], LINES[sizes.index(one.novice_minutes) % len(LINES)]
+        label = f"{style['label']}, {one.novice_minutes:g} min"
         looks.append({"color": style["color"], "label": label, "linestyle": line})
     return film(paths, looks, heights)
 

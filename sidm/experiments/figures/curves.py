@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sidm.experiments.engine.store import Row
 from sidm.experiments.figures.style import (
     EFFICIENCY_MARKS,
     LOSS_LABEL,
@@ -22,25 +21,28 @@ from sidm.experiments.figures.style import (
 from sidm.experiments.methods import COMPARED, FIGURE3
 from sidm.experiments.statistics.efficiency import efficiency, falling
 from sidm.experiments.statistics.intervals import summarise
+from sidm.experiments.statistics.pairs import complete
 from sidm.experiments.statistics.savings import efficiency_band
-from sidm.experiments.statistics.tables import gather
 from sidm.systems import SYSTEMS
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MOST_INSIDE = 4  # methods whose names have room within a plot
 
 
 @styled
-def figure3(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS), methods: Sequence[str] = FIGURE3) -> Figure:
+def figure3(frame: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS), methods: Sequence[str] = FIGURE3) -> Figure:
     """Figure 3: validation loss against novice data; lines are means over seeds, shades minimum to maximum.
 
-    A dotted level marks the method `expert_only` where it is among the rows: it has no novice data. The names of more
+    A dotted level marks the method `expert_only` where its results are there: it has no novice data. The names of more
     than MOST_INSIDE methods stand below the plots.
     """
     figure, panels = side_by_side(len(systems))
     crowded = len(methods) > MOST_INSIDE
     for axes, system in zip(panels, systems, strict=True):
-        drawn = _curves(axes, rows, system, methods)
-        alone = gather([row for row in rows if row.trial.method == "expert_only"], system, ["expert_only"]).values
+        drawn = _curves(axes, frame, system, methods)
+        alone = complete(frame, system, ["expert_only"]).values
         if alone.size:
             style = METHOD_STYLES["expert_only"] | {"marker": "", "linestyle": ":"}
             axes.axhline(alone.mean(), **style)
@@ -52,13 +54,13 @@ def figure3(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS), method
 
 
 def _curves(
-    axes: Axes, rows: Sequence[Row], system: str, methods: Sequence[str], words: str = "", **other: Any
+    axes: Axes, frame: pd.DataFrame, system: str, methods: Sequence[str], words: str = "", **other: Any
 ) -> set[float]:
     """Figure 3's curves of some methods, and the sizes that they have; `words` after the labels, `other` styles."""
     axes.set(xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL, title=system)
     drawn: set[float] = set()
     for method in methods:
-        found = gather([row for row in rows if row.trial.method == method], system, [method])
+        found = complete(frame, system, [method])
         if found.values.size:
             summary, style = summarise(found.values[:, 0]), METHOD_STYLES[method] | other
             one = ", one seed" if words and len(found.seeds) == 1 else ""
@@ -71,25 +73,25 @@ def _curves(
 
 @styled
 def changed_choices(
-    rows: Sequence[Row], changed: Sequence[Row], words: str, systems: Sequence[str] = tuple(SYSTEMS)
+    frame: pd.DataFrame, changed: pd.DataFrame, words: str, systems: Sequence[str] = tuple(SYSTEMS)
 ) -> Figure:
     """Figure 3's curves of the paper's methods, beside those with a choice changed with hollow marks and `words`."""
     figure, panels = side_by_side(len(systems))
     for axes, system in zip(panels, systems, strict=True):
-        drawn = _curves(axes, rows, system, COMPARED)
+        drawn = _curves(axes, frame, system, COMPARED)
         drawn |= _curves(axes, changed, system, COMPARED, words=f", {words}", mfc="white", linewidth=1)
         finish(axes, drawn)
     return figure
 
 
 @styled
-def efficiency_curves(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
+def efficiency_curves(frame: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
     """Data-efficiency ratio against the loss to be reached, its 95 % interval shaded; triangles mark bounds."""
     figure, panels = side_by_side(len(systems))
     for axes, system in zip(panels, systems, strict=True):
         axes.set(yscale="log", xlabel="validation loss to reach\n(squared m, m/s and rad/s, summed)", title=system)
         axes.set_ylabel("data without SIDM / data with SIDM (-)")
-        losses = gather(rows, system)
+        losses = complete(frame, system)
         if losses.values.size:
             sidm, novice = losses.values.mean(0)
             reach = np.concatenate([falling(sidm), falling(novice)])
@@ -105,12 +107,10 @@ def efficiency_curves(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEM
     return figure
 
 
-def by_method_and_size(rows: Sequence[Row]) -> list[tuple[str, float, list[Row]]]:
-    """Rows by method and size, both in order."""
-    groups: dict[tuple[str, float], list[Row]] = {}
-    for row in rows:
-        groups.setdefault((row.trial.method, row.trial.novice_minutes), []).append(row)
-    return [(method, minutes, group) for (method, minutes), group in sorted(groups.items(), reverse=True)]
+def by_method_and_size(frame: pd.DataFrame) -> Iterator[tuple[str, float, pd.DataFrame]]:
+    """Results by method and size, both in order, the last method of the alphabet first."""
+    for (method, minutes), group in reversed(list(frame.groupby(["method", "novice_minutes"]))):
+        yield str(method), float(minutes), group
 
 
 def size_style(method: str, index: int) -> dict[str, Any]:
@@ -120,19 +120,19 @@ def size_style(method: str, index: int) -> dict[str, Any]:
 
 
 @styled
-def learning_curves(rows: Sequence[Row], systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
+def learning_curves(frame: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
     """Novice test loss against samples seen, a thin line a trial."""
     figure, panels = side_by_side(len(systems))
     for axes, system in zip(panels, systems, strict=True):
         axes.set(xscale="log", yscale="log", xlabel="samples seen (control steps)", title=system)
         axes.set_ylabel("novice test loss, equation (1)\n(raw units squared)")
-        here = [row for row in rows if row.trial.system == system]
-        sizes = sorted({row.trial.novice_minutes for row in here})
+        here = frame[frame.system == system]
+        sizes = sorted(here.novice_minutes.unique())
         for method, minutes, group in by_method_and_size(here):
             style = size_style(method, sizes.index(minutes))
-            for number, row in enumerate(group):
+            for number, one in enumerate(group.itertuples()):
                 label = f"{METHOD_STYLES[method]['label']}, {minutes:g} min" if number == 0 else None
-                axes.plot(row.outcome.curve_samples, row.outcome.curve_test_loss, lw=0.9, label=label, **style)
+                axes.plot(one.curve_samples, one.curve_test_loss, lw=0.9, label=label, **style)
         finish(axes, legend=False)
     drawn = dict(zip(*reversed(_legend_entries(panels)), strict=True))
     if drawn:

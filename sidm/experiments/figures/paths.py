@@ -2,48 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from sidm.experiments.engine.store import Row
 from sidm.experiments.figures.curves import by_method_and_size, size_style
 from sidm.experiments.figures.style import METHOD_STYLES, finish, side_by_side, styled
-from sidm.experiments.statistics.tables import final_position_error
 from sidm.trajectory import CONTROL_STEP
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @styled
-def figure4(rows: Sequence[Row], seed: int = 0) -> Figure:
+def figure4(frame: pd.DataFrame, seed: int = 0) -> Figure:
     """Figure 4: deviation of the predicted from the actual path over time, and one example seen from above.
 
     Args:
-        rows: of one system; lines are means over the trials, shades their standard error.
+        frame: of one system; lines are means over the trials, shades their standard error.
         seed: whose trials draw the example's paths.
     """
     figure, (left, right) = side_by_side(2)
     left.set(xlabel="time (s)", ylabel="deviation from the actual position (m)", title="mean and standard error")
     right.set(xlabel="x (m)", ylabel="y (m)", title="one example from above")
-    sizes = sorted({row.trial.novice_minutes for row in rows})
-    for method, minutes, group in by_method_and_size(rows):
+    sizes = sorted(frame.novice_minutes.unique())
+    for method, minutes, group in by_method_and_size(frame):
         style = size_style(method, sizes.index(minutes))
         label = f"{METHOD_STYLES[method]['label']}, {minutes:g} min"
-        errors = np.array([(0.0, *row.outcome.position_error) for row in group])  # (S, K + 1)
+        errors = np.array([(0.0, *error) for error in group.position_error])  # (S, K + 1)
         time, mean = CONTROL_STEP * np.arange(errors.shape[1]), errors.mean(0)
         left.plot(time, mean, label=label, **style)
         if len(errors) > 1:
             spread = errors.std(0, ddof=1) / np.sqrt(len(errors))
             left.fill_between(time, mean - spread, mean + spread, color=style["color"], alpha=0.15, lw=0)
-        for row in group:
-            if row.trial.seed == seed:
-                right.plot(*np.array(row.outcome.example_predicted).T, **style)  # lines as on the left
-    shown = [row for row in rows if row.trial.seed == seed]
-    if shown:
-        right.plot(
-            *np.array(shown[0].outcome.example_actual).T, color="black", linestyle="-", marker="", label="actual"
-        )
+        for path in group[group.seed == seed].example_predicted:
+            right.plot(*np.array(path).T, **style)  # lines as on the left
+    for path in frame[frame.seed == seed].example_actual[:1]:
+        right.plot(*np.array(path).T, color="black", linestyle="-", marker="", label="actual")
         right.set_aspect("equal", adjustable="datalim")
     finish(left)
     finish(right)
@@ -59,12 +55,12 @@ class Example(NamedTuple):
     mean: float  # of that distance over all test trajectories and trials
 
 
-def example(rows: Sequence[Row], seed: int) -> Example | None:
+def example(frame: pd.DataFrame, seed: int) -> Example | None:
     """The example with the models of `seed`; None where they are not stored."""
-    shown = [row.outcome for row in rows if row.trial.seed == seed]
-    if not shown:
+    shown = frame[frame.seed == seed]
+    if not len(shown):
         return None
-    actual = np.array(shown[0].example_actual)
-    parted = [float(np.linalg.norm(one.example_predicted[-1] - actual[-1])) for one in shown]
+    actual = np.array(shown.example_actual.iloc[0])
+    parted = [float(np.linalg.norm(path[-1] - actual[-1])) for path in map(np.array, shown.example_predicted)]
     driven = float(np.linalg.norm(np.diff(actual, axis=0), axis=1).sum())
-    return Example(driven, min(parted), max(parted), float(np.mean([final_position_error(row) for row in rows])))
+    return Example(driven, min(parted), max(parted), float(frame.position_error.str[-1].astype(float).mean()))

@@ -10,13 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sidm.experiments.statistics.efficiency import efficiency, greatest_ratio, known
-from sidm.experiments.statistics.intervals import MANY_SEEDS, Interval, bootstrap, interval, leave_one_out
+from sidm.experiments.statistics.intervals import Interval, bootstrap, interval, leave_one_out
 from sidm.storage import read_record, write_record
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MINUTES = np.array([1.0, 2, 5, 20, 60, 120])
 RATIO = 4.0  # between the data that the two methods need
@@ -53,6 +56,9 @@ def by_leaving_out(pairs: np.ndarray) -> Interval:
     return leave_one_out(log_ratio, pairs)
 
 
+METHODS = {"percentile": by_resampling, "leave_one_out": by_leaving_out}
+
+
 def coverage(method: Callable[[np.ndarray], Interval], seeds: int, studies: int = STUDIES) -> tuple[float, float]:
     """Share of synthetic studies (S, 2, M) whose interval holds the true ratio, and the median width in log ratio."""
     rng = np.random.default_rng(seeds)
@@ -83,33 +89,25 @@ def log_greatest(pairs: np.ndarray) -> float:
 
 def measure(seeds: Sequence[int] = SEEDS) -> dict[str, Any]:
     """Coverage and width by method and number of seeds, and what looks like a saving where there is none."""
-    methods = {"percentile": by_resampling, "leave_one_out": by_leaving_out}
     found: dict[str, Any] = {
-        name: {str(n): [round(x, 4) for x in coverage(one, n)] for n in seeds} for name, one in methods.items()
+        name: {str(n): [round(x, 4) for x in coverage(one, n)] for n in seeds} for name, one in METHODS.items()
     }
     return found | {"nothing_saved": [round(x, 4) for x in nothing_saved(min(seeds))]}
 
 
-def coverage_note(file: Path = FILE) -> str:
-    """What the stored measurement says of the intervals in a table, as a sentence."""
+def table(file: Path = FILE) -> pd.DataFrame:
+    """As stored: the `share` of 95 % intervals that hold the true ratio, a line a method and number of seeds."""
+    import pandas as pd
+
     found = read_record(file)
-    shares = {n: (found["percentile"][n][0], found["leave_one_out"][n][0]) for n in found["percentile"]}
-    parts = [f"with {n} seeds {100 * one:.0f} % and {100 * other:.0f} %" for n, (one, other) in shares.items()]
-    return (
-        f"How often 95 % intervals hold the true ratio, in {STUDIES} synthetic studies each: percentiles of resampled "
-        f"seeds and Student's with one seed left out, {'; '.join(parts)}. "
-        f"Below {MANY_SEEDS} seeds the tables have the latter."
-    )
+    lines = [(name, int(n), *one) for name in METHODS for n, one in found[name].items()]
+    return pd.DataFrame(lines, columns=["interval", "seeds", "share", "width"])
 
 
-def greatest_note(file: Path = FILE) -> str:
-    """What the stored measurement says of claims 1 and 2, as a sentence."""
+def greatest(file: Path = FILE) -> tuple[float, float]:
+    """As `nothing_saved`, as it is stored."""
     share, median = read_record(file)["nothing_saved"]
-    return (
-        "The ratio of the first two claims is the greatest over the sizes, as 'up to' is read. In synthetic studies of "
-        f"{min(SEEDS)} seeds that save nothing, as noisy as ours, it is {median:.2g} in the median, and in {share:.0%} "
-        "of them its whole interval lies above 1, where a ratio at a size chosen beforehand would in 2.5 %."
-    )
+    return share, median
 
 
 if __name__ == "__main__":

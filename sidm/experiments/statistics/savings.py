@@ -1,13 +1,12 @@
-"""How much novice data a method saves, at each size and for each component of the transition."""
+"""How much novice data a method saves, at each of its sizes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sidm.experiments.engine.store import Row
 from sidm.experiments.statistics.efficiency import (
     Efficiency,
     efficiency,
@@ -17,98 +16,89 @@ from sidm.experiments.statistics.efficiency import (
     minutes_needed,
 )
 from sidm.experiments.statistics.intervals import Interval, interval
-from sidm.experiments.statistics.tables import gather, validation_loss
+from sidm.experiments.statistics.pairs import Losses, complete
 
+if TYPE_CHECKING:
+    import pandas as pd
 
-class Saving(NamedTuple):
-    """Data-efficiency ratio where a method has seen so much of the novice."""
-
-    minutes: float  # of novice data that the method has
-    loss: float  # that it reaches with them, along its isotonic fit
-    ratio: Interval  # of the data that the comparison needs for that loss; no ends where a seed left out makes a bound
-    bound: str  # of the ratio: '=', '>=' or '<='
-    seeds: int = 0
+COLUMNS = ["system", "method", "against", "novice_minutes", "seeds", "loss", "ratio", "low", "high", "bound"]
 
 
 def savings(
-    rows: Sequence[Row],
-    system: str,
-    method: str = "sidm",
-    against: str = "novice_only",
-    value: Callable[[Row], float] = validation_loss,
-) -> list[Saving]:
-    """At each size of a method: how many times its data the comparison, on its own sizes, needs to do as well.
+    frame: pd.DataFrame, methods: Sequence[str] = ("sidm",), against: Sequence[str] = ("novice_only",),
+    value: str = "validation_loss",
+) -> pd.DataFrame:  # fmt: skip
+    """How many times a method's data others, on their own sizes, need to do as well as it does at each size.
 
     Args:
-        rows: of Figure 3, or of the variants; seeds that lack one of a method's sizes are left out.
-        system: whose.
-        method: that saves.
-        against: the comparison.
-        value: the loss that is compared.
+        frame: of Figure 3, or of the variants; seeds that lack one of a method's sizes are left out.
+        methods: that save.
+        against: the comparisons.
+        value: the column that is compared.
+
+    Returns:
+        A line a system, method, comparison and size: `loss`, that the method reaches along its isotonic fit, and the
+        `ratio` of the data that the comparison needs for it, with the ends of its 95 % interval, NaN where a seed left
+        out makes a bound, and how the ratio is to be read: `bound` is '=', '>=' or '<='.
     """
-    own, other = (gather(rows, system, (name,), value) for name in (method, against))
-    seeds = np.intersect1d(own.seeds, other.seeds)
-    if not (seeds.size and own.minutes.size and other.minutes.size):
+    import pandas as pd
+
+    lines: list[tuple] = []
+    for system in dict.fromkeys(frame.system):
+        for method in methods:
+            own = complete(frame, system, [method], value)
+            for other in against:
+                found = savings_between(own, complete(frame, system, [other], value))
+                lines += [(system, method, other, *line) for line in found]
+    found = pd.DataFrame(lines, columns=COLUMNS)
+    return found.astype({name: float for name in ("novice_minutes", "seeds", "loss", "ratio", "low", "high")})
+
+
+def savings_between(own: Losses, other: Losses) -> list[tuple]:
+    """The same of two sides of one method each: size, seeds, loss, ratio, its ends, bound."""
+    seeds, count = np.intersect1d(own.seeds, other.seeds), len(own.minutes)
+    if not (seeds.size and count and len(other.minutes)):
         return []
-    sides = [side.values[np.isin(side.seeds, seeds), 0] for side in (own, other)]
-    return savings_between(own.minutes, sides[0], other.minutes, sides[1])
-
-
-def savings_between(
-    own_minutes: np.ndarray, own: np.ndarray, other_minutes: np.ndarray, other: np.ndarray
-) -> list[Saving]:
-    """The same from losses: `own` (S, M) at the method's sizes (M,), `other` (S, N) at the comparison's (N,)."""
-    both = np.hstack([own, other])  # (S, M + N)
-    count = len(own_minutes)
+    both = np.hstack([side.values[np.isin(side.seeds, seeds), 0] for side in (own, other)])  # (S, M + N)
 
     def at_sizes(some: np.ndarray) -> Efficiency:
         mean = some.mean(0)
-        return efficiency_at_sizes(own_minutes, mean[:count], mean[count:], other_minutes)
+        return efficiency_at_sizes(own.minutes, mean[:count], mean[count:], other.minutes)
 
-    def at(size: int) -> Interval:
+    def ends(size: int) -> np.ndarray:
         def ratio(some: np.ndarray) -> float:
             again = at_sizes(some)
             return known(again.ratio[size], str(again.bound[size]))
 
-        return Interval(float(found.ratio[size]), *np.exp(interval(ratio, both)[1:]))
+        return np.exp(interval(ratio, both)[1:])
 
     found = at_sizes(both)
     return [
-        Saving(float(minutes), float(found.loss[size]), at(size), str(found.bound[size]), len(own))
-        for size, minutes in enumerate(own_minutes)
-    ]
+        (float(minutes), len(seeds), float(found.loss[size]), float(found.ratio[size]), *ends(size).tolist(),
+         str(found.bound[size]))
+        for size, minutes in enumerate(own.minutes)
+    ]  # fmt: skip
+
+
+def written(table: pd.DataFrame) -> list[str]:
+    """The ratios of a table of `savings` for a page: 'at least 3.2 [1.9, 5.4]', no brackets where no interval is."""
+    words = {"=": "", ">=": "at least ", "<=": "at most "}
+    columns = table[["bound", "ratio", "low", "high"]]
+    return [f"{words[bound]}{Interval(*ends)}" for bound, *ends in columns.itertuples(index=False)]
+
+
+def rivals(frame: pd.DataFrame, methods: Sequence[str], against: Sequence[str]) -> pd.DataFrame:
+    """`savings` of methods against several others side by side: a line a system, method and size, ratios as texts."""
+    found = savings(frame, methods, against)
+    found = found.assign(loss=found.loss.map("{:.3f}".format), times=written(found))
+    wide = found.pivot(index=["system", "method", "novice_minutes", "loss"], columns="against", values="times")
+    return wide.reindex(columns=list(against)).dropna().reset_index().rename_axis(columns=None)
 
 
 def minutes_words(minutes: np.ndarray, losses: np.ndarray, loss: float) -> str:
     """With how much data a method has a loss, by its own mean losses (M,) at sizes (M,), as 'more than 20 min'."""
     much, sign = minutes_needed(minutes, falling(losses), loss)
     return {"=": "", "<=": "at most ", ">": "more than "}[sign] + f"{float(f'{much:.2g}'):g} min"
-
-
-class Rival(NamedTuple):
-    """A method on one system and size, and how much data two others need to do as well."""
-
-    system: str
-    method: str
-    saving: dict[str, Saving]  # by the name of the other
-
-
-def rivals(
-    rows: Sequence[Row], system: str, methods: Sequence[str], against: Sequence[str] = ("sidm", "pretrain_finetune")
-) -> list[Rival]:
-    """A line a method and size, for the methods that have rows."""
-    found = []
-    for method in methods:
-        columns = {other: savings(rows, system, method, other) for other in against}
-        if all(columns.values()):
-            for size in zip(*columns.values(), strict=True):
-                found.append(Rival(system, method, dict(zip(columns, size, strict=True))))
-    return found
-
-
-def ratio_words(saving: Saving) -> str:
-    """A ratio for a table: 'at least 3.2 [1.9, 5.4]', without brackets where there is no interval."""
-    return {"=": "", ">=": "at least ", "<=": "at most "}[saving.bound] + str(saving.ratio)
 
 
 def efficiency_band(minutes: np.ndarray, pairs: np.ndarray, losses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

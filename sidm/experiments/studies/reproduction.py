@@ -1,6 +1,6 @@
 """The same trials on data that were made again on another machine: what its rounding does to their losses.
 
-A store of such trials lies in results/again, under the digests of its own data.
+A store of such trials lies in results/reproduction, under the digests of its own data.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def store_of(results: str | Path = "results") -> Results:
     """Where the trials on other data are kept."""
-    return Results(Path(results) / "again")
+    return Results(Path(results) / "reproduction")
 
 
 def table(stored: Results, again: Results) -> pd.DataFrame:

@@ -1,85 +1,102 @@
-"""What the tries of the tuning came to: their losses, a check on the other system, and the settings that follow."""
+"""How the methods were tuned: the same number of tries each, at middle sizes, with a seed that no figure has.
+
+The try of the lowest test loss on system 1 is what the preset `laptop` has; those on system 2 are a check.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
 
-from sidm.experiments.engine.store import Results, Row
+from sidm.experiments.engine.store import Results
 from sidm.experiments.methods import METHODS
-from sidm.experiments.presets import Preset
+from sidm.experiments.presets import MOST_SEEDS, Preset
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
-from sidm.experiments.tries import TRIES, TUNING_SEED, tried
 from sidm.systems import SYSTEMS
 
+if TYPE_CHECKING:
+    import pandas as pd
 
-class Try(NamedTuple):
-    """A line of the table of tries."""
+TUNING_SEED = MOST_SEEDS  # no figure's: theirs are below
 
-    system: str
-    method: str
-    words: str
-    test_loss: float  # smoothed, of the weights that were kept: what the choice goes by
-    validation_loss: float
-    samples: int  # of prediction, the pretraining's among them
-    lowest: bool  # the first of the lowest test loss of its method and system
-    used: bool  # what the preset has
+
+def _rate(batch: int, learning_rate: float) -> dict[str, Any]:
+    """A batch and a rate, tests as often in samples as the preset's, the phases of Algorithm 2 with the same batch."""
+    return dict(
+        batch=batch, discriminator_batch=batch, matching_batch=batch,
+        learning_rate=learning_rate, test_interval=200 // batch,
+    )  # fmt: skip
+
+
+_ALL: dict[str, dict[str, Any]] = {
+    "batch 8, rate 0.001 (the base)": _rate(8, 1e-3),
+    "batch 8, rate 0.0005": _rate(8, 5e-4),
+    "batch 4, rate 0.001": _rate(4, 1e-3),
+    "batch 4, rate 0.0005": _rate(4, 5e-4),
+    "patience 450,000": {"patience": 450_000},
+}
+
+#: Method -> its tries, in words and as changes of the untuned preset, for all trainings of the method.
+TRIES: dict[str, dict[str, dict[str, Any]]] = {
+    "novice_only": _ALL | {"batch 2, rate 0.0003": _rate(2, 3e-4), "weight decay 0.1": {"weight_decay": 0.1}},
+    "sidm": _ALL | {
+        "the other system's p_e": {"p_expert_system1": 0.5, "p_expert_system2": 0.75},
+        "5 matching iterations": {"matching_iterations": 5},
+    },
+    "pretrain_finetune": _ALL | {
+        "rate 0.0003 of the fine-tuning alone": {"tuned": (("pretrain_finetune", "learning_rate", 3e-4),)},
+        "rate 0.0001 of the fine-tuning alone": {"tuned": (("pretrain_finetune", "learning_rate", 1e-4),)},
+    },
+}  # fmt: skip
+
+
+def tried(preset: Preset, method: str, words: str) -> Preset:
+    """The preset of a try of a method: untuned but for the try's changes."""
+    return preset.replace(**({"tuned": ()} | TRIES[method][words]))
+
+
+def tries(study: Study, system: str) -> list[tuple[str, Trial]]:
+    """Every try of every method at each of the tuning's sizes: its words, and its trial."""
+    base = study.preset.for_tuning()
+    return [
+        (words, study.of(tried(base, method, words)).trial(system, method, minutes, TUNING_SEED))
+        for minutes in base.tuning_minutes
+        for method, its in TRIES.items()
+        for words in its
+    ]
 
 
 def trials(study: Study, system: str) -> list[Trial]:
-    """Every try of every method at each of the tuning's sizes, with a seed that no figure has."""
-    base = study.preset.for_tuning()
-    every = [(method, words) for method, tries in TRIES.items() for words in tries]
-    return [
-        study.of(tried(base, method, words)).trial(system, method, minutes, TUNING_SEED)
-        for minutes in base.tuning_minutes
-        for method, words in every
-    ]
+    """The trials of all tries."""
+    return [trial for _, trial in tries(study, system)]
 
 
-def tries_table(study: Study, systems: Iterable[str], store: Results) -> list[Try]:
-    """The stored tries of some systems."""
-    systems, base = list(systems), study.of(study.preset.for_tuning())
-    words = [one for tries in TRIES.values() for one in tries] * len(base.preset.tuning_minutes)
-    every = [pair for system in systems for pair in zip(trials(study, system), words, strict=True)]
-    found = [(row, one) for trial, one in every if (row := store.get(trial)) is not None]
-    used = {
-        base.trial(system, method, minutes, TUNING_SEED).key
-        for system in systems for method in TRIES for minutes in base.preset.tuning_minutes
-    }  # fmt: skip
-    best: dict[tuple[str, str, float], Row] = {}
-    for row, _ in found:
-        key = row.trial.system, row.trial.method, row.trial.novice_minutes
-        if key not in best or row.outcome.best_test_loss < best[key].outcome.best_test_loss:
-            best[key] = row
-    return [
-        Try(
-            row.trial.system,
-            row.trial.method,
-            one,
-            row.outcome.best_test_loss,
-            row.outcome.validation_loss,
-            row.outcome.samples + row.outcome.pretraining_samples,
-            row is best[row.trial.system, row.trial.method, row.trial.novice_minutes],
-            row.trial.key in used,
-        )
-        for row, one in found
-    ]
+def frame(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
+    """Stored tries, with their words as `try` and whether they are what the preset has as `used`."""
+    import pandas as pd
+
+    base, parts = study.of(study.preset.for_tuning()), []
+    for system in systems:
+        for words, trial in tries(study, system):
+            own = base.trial(system, trial.method, trial.novice_minutes, TUNING_SEED)
+            parts.append(store.frame([trial]).assign(**{"try": words, "used": own.key == trial.key}))
+    return pd.concat(parts)
 
 
-def check(tries: Sequence[Try]) -> str:
-    """Whether what the preset has is the best on each system too, as a sentence a system."""
-    said = []
-    for system in dict.fromkeys(one.system for one in tries):
-        lowest = {one.method: one for one in tries if one.system == system and one.lowest}
-        used = {one.method: one for one in tries if one.system == system and one.used}
-        common = lowest.keys() & used.keys()
-        same = sum(lowest[method].words == used[method].words for method in common)
-        above = max((used[method].test_loss / lowest[method].test_loss - 1 for method in common), default=0.0)
-        far = f", and at most {above:.1%} above it for the others" if same < len(common) else ""
-        said.append(f"On {system} the try used has the lowest test loss for {same} of {len(common)} methods{far}.")
-    return " ".join(said)
+def table(frame: pd.DataFrame) -> pd.DataFrame:
+    """A line a try, its losses and samples; `lowest` marks the first lowest test loss of a system, size and method.
+
+    The test loss is the smoothed one of the weights that were kept, which the choice goes by; samples are those of the
+    prediction and of the pretraining.
+    """
+    groups = frame.groupby(["system", "novice_minutes", "method"]).best_test_loss
+    found = frame.assign(
+        samples=frame.samples + frame.pretraining_samples,
+        lowest=frame.index == groups.transform("idxmin"),
+    )
+    names = ["system", "novice_minutes", "method", "try", "best_test_loss", "validation_loss", "samples", "lowest"]
+    return found[[*names, "used"]].reset_index(drop=True)
 
 
 #: What was tuned, as a training names it.
@@ -89,21 +106,22 @@ TUNED = (
 )  # fmt: skip
 
 
-def settings_table(preset: Preset) -> list[tuple]:
-    """What each method came to, a line a setting: its name, then the value of each method of TRIES.
+def settings(preset: Preset) -> pd.DataFrame:
+    """What each method came to: a line a setting, a column a method of TRIES.
 
     A pretraining's value stands before the fine-tuning's where they differ, p_e before the systems.
     """
-    lines: list[tuple] = [("p_expert", *(_p_expert(preset, method) for method in TRIES))]
-    for name in TUNED:
-        line: list[str] = []
-        for method in TRIES:
-            training, first = METHODS[method].training(preset, "system1"), METHODS[method].pretraining(preset)
-            both = [getattr(one, name) for one in (first, training) if one is not None]
-            silent = name in TUNED[-2:] and not training.regularise or name == TUNED[-3] and not METHODS[method].expert
-            line.append("-" if silent else ", then ".join(dict.fromkeys(f"{value:,g}" for value in both)))
-        lines.append((name, *line))
-    return lines
+    import pandas as pd
+
+    found = {method: [_p_expert(preset, method), *(_tuned(preset, method, one) for one in TUNED)] for method in TRIES}
+    return pd.DataFrame(found, index=pd.Index(["p_expert", *TUNED], name="setting"))
+
+
+def _tuned(preset: Preset, method: str, name: str) -> str:
+    training, first = METHODS[method].training(preset, "system1"), METHODS[method].pretraining(preset)
+    both = [getattr(one, name) for one in (first, training) if one is not None]
+    silent = name in TUNED[-2:] and not training.regularise or name == TUNED[-3] and not METHODS[method].expert
+    return "-" if silent else ", then ".join(dict.fromkeys(f"{value:,g}" for value in both))
 
 
 def _p_expert(preset: Preset, method: str) -> str:

@@ -7,7 +7,6 @@ gives mean and standard deviation of the transition. Without a generator the lat
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import NamedTuple, Protocol
 
 import torch
@@ -15,11 +14,10 @@ from torch import Tensor, nn
 
 from sidm.learning.dataset import Standardisation
 from sidm.learning.initialisation import scale_last
-from sidm.learning.model import DynamicsModel, Predictor
-from sidm.learning.networks import SIDM, Decoder, Encoder, Memory, seeded
+from sidm.learning.model import DynamicsModel
+from sidm.learning.networks import SIDM, Decoder, Encoder, Memory
 from sidm.learning.observation import TARGET_SIZE
 from sidm.learning.settings import Network
-from sidm.systems import ROLES
 
 QUIETEST, LOUDEST = -6.0, 2.0  # logarithm of a standard deviation, in the networks' units
 QUIET = -3.0  # of the latents' at the start: about a twentieth of what they vary by
@@ -110,32 +108,13 @@ class Stochastic(Protocol):
         """The transition's distribution (B, T, 13), raw units, given one draw of all latents; and the memory."""
 
 
-class DistributionModel(Predictor):
+class DistributionModel(DynamicsModel):
     """Figure 1 with distributions in the place of values; called, it gives the mean that the latents' means lead to.
 
-    Args:
-        network: the sizes; each latent has a standard deviation beside it.
-        standardisation: units of inputs and outputs; none by default.
-        seed: of the initial weights, one for each part; the means begin as those of the deterministic twin.
-        roles: the systems.
+    Each latent has a standard deviation beside it; the means begin as those of the deterministic twin.
     """
 
-    def __init__(
-        self,
-        network: Network,
-        standardisation: Standardisation | None = None,
-        seed: int = 0,
-        roles: Iterable[str] = ROLES,
-    ):
-        super().__init__()
-        roles = tuple(roles)
-        self.encoders = nn.ModuleDict(
-            {role: seeded(seed, f"{role} encoder", lambda: GaussianEncoder(network, standardisation)) for role in roles}
-        )
-        self.sidm = seeded(seed, "sidm", lambda: GaussianSIDM(network))
-        self.decoders = nn.ModuleDict(
-            {role: seeded(seed, f"{role} decoder", lambda: GaussianDecoder(network, standardisation)) for role in roles}
-        )
+    parts = (GaussianEncoder, GaussianSIDM, GaussianDecoder)
 
     def encode(self, role: str, inputs: Tensor, maps: Tensor, generator: torch.Generator | None = None) -> Tensor:
         """Latent state-actions (B, T, latent): a draw, or their means."""
@@ -145,7 +124,7 @@ class DistributionModel(Predictor):
         self, latents: Tensor, memory: Memory | None = None, generator: torch.Generator | None = None
     ) -> tuple[Tensor, Memory]:
         """Latent state transitions (B, T, latent_transition), a draw or their means, and the memory."""
-        found, memory = self.sidm.distribution(latents, memory)
+        found, memory = self.sidm.distribution(latents, memory)  # type: ignore[operator]
         return found.sample(generator), memory
 
     def predict(

@@ -12,13 +12,10 @@ from sidm.learning.beyond.distributions import DistributionModel
 from sidm.learning.dataset import Datasets, Motion, Part, Standardisation
 from sidm.learning.evaluation import EVALUATION_BATCH
 from sidm.learning.learner import Learner
-from sidm.learning.regularisation import regularise_phase
 from sidm.learning.seeds import generator
 from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import Tested
-from sidm.learning.training import Trained, result
-from sidm.learning.weights import Follower, make_optimiser
-from sidm.systems import ROLES
+from sidm.learning.training import Trained, learn
 
 #: Settings that have one value here.
 ONLY = {
@@ -34,29 +31,19 @@ class DistributionLearner(Learner):
         ConfigError: a setting that a likelihood does not know.
     """
 
+    kind = DistributionModel
+    model: DistributionModel
+
     def __init__(
-        self,
-        datasets: Datasets,
-        network: Network,
-        training: Training,
-        seed: int,
-        standardisation: Standardisation,
+        self, datasets: Datasets, network: Network, training: Training, seed: int, standardisation: Standardisation,
         start: Mapping[str, Tensor] | None = None,
-    ):
+    ):  # fmt: skip
         for name, only in ONLY.items():
             value = getattr(training, name, getattr(network, name, None))
             if value != only:
                 raise ConfigError(f"training by likelihood has no {name}={value!r}, only {only!r}")
-        super().__init__(datasets, network, training, seed, standardisation)
-        roles = ROLES if training.needs_expert else ("novice",)
-        self.model: DistributionModel = DistributionModel(network, standardisation, seed, roles)  # type: ignore
-        if start is not None:
-            self.model.load_state_dict(dict(start))
-        self.prediction, self.follower = make_optimiser(self.model, training), Follower(self.model, training)
-        own = training.matching_optimiser == "own"
-        self.matching = make_optimiser(self.model.encoders["novice"], training) if own else self.prediction
+        super().__init__(datasets, network, training, seed, standardisation, start=start)
         self.noise = generator(seed, "latents")
-        self.best = self.weights()
 
     def encode(self, role: str, motion: Motion) -> Tensor:
         """A draw of latent state-actions (b, T, 128)."""
@@ -99,37 +86,15 @@ def train_distributions(
         TrainingError: a test found a loss that is not finite; the message names the iteration.
     """
     learner = DistributionLearner(datasets, network, training, seed, standardisation, start)
-    while not learner.finished:
-        predict_phase(learner, progress)
-        if training.regularise and not learner.finished:
-            regularise_phase(learner)
-    if not learner.history:
-        learner.take_test()
-    return result(learner)
+    return learn(learner, progress, losses_of=batch_nll)
 
 
-def predict_phase(learner: DistributionLearner, progress: Callable[[Tested], None] | None = None) -> None:
-    """Algorithm 1 with equation (1) replaced by the negative log-likelihood."""
-    for _ in range(learner.training.prediction_iterations):
-        batch = learner.draw_batch()
-        losses = batch_nll(learner, batch)
-        learner.prediction.zero_grad()
-        torch.cat(list(losses.values())).mean().backward()
-        learner.update()
-        learner.note(losses)
-        if learner.iteration % learner.training.test_interval == 0:
-            tested = learner.take_test()
-            if progress is not None:
-                progress(tested)
-        if learner.finished:
-            return
-
-
-def batch_nll(learner: DistributionLearner, batch: dict[str, Motion]) -> dict[str, Tensor]:
-    """Negative log-likelihood of each sample of a batch by system, (b, T) each; the SIDM sees all at once."""
+def batch_nll(
+    learner: DistributionLearner, batch: dict[str, Motion], latents: dict[str, Tensor]
+) -> dict[str, Tensor]:
+    """Negative log-likelihood of each sample of a batch and its latents by system, (b, T) each, as `batch_losses`."""
     model = learner.model
-    latents = [learner.encode(role, motion) for role, motion in batch.items()]
-    transitions, _ = model.transit(torch.cat(latents), generator=learner.noise)
+    transitions, _ = model.transit(torch.cat(list(latents.values())), generator=learner.noise)
     parts = transitions.split([len(motion) for motion in batch.values()])
     return {
         role: model.decoders[role].distribution(part).nll(motion.targets)  # type: ignore[operator]

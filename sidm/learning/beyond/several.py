@@ -20,8 +20,7 @@ from sidm.learning.model import DynamicsModel
 from sidm.learning.seeds import generator
 from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import Tested
-from sidm.learning.training import Trained, predict_phase, result
-from sidm.learning.weights import Follower, make_optimiser
+from sidm.learning.training import Trained, learn
 
 Parts = Mapping[str, Tensor]  # weights and buffers by name
 
@@ -49,11 +48,8 @@ class SeveralLearner(Learner):
         self.testing = {role: experts[role].part(testing).first(count) for role, (_, testing) in parts.items()}
         first = next(iter(experts))
         sets = Datasets(self.learning[first], self.testing[first], experts[first])
-        super().__init__(sets, network, training, seed, standardisation)
-        self.model = DynamicsModel(network, standardisation, seed, experts)
-        self.prediction, self.follower = make_optimiser(self.model, training), Follower(self.model, training)
+        super().__init__(sets, network, training, seed, standardisation, roles=experts)
         self.generators |= {role: generator(seed, role) for role in experts}
-        self.best = self.weights()
 
     def part(self, role: str) -> Motion | Part:
         """The trajectories of an expert to learn from."""
@@ -95,12 +91,7 @@ def train_several(
         ConfigError: settings with a novice.
         TrainingError: a test found a loss that is not finite.
     """
-    learner = SeveralLearner(experts, network, training, seed, standardisation)
-    while not learner.finished:
-        predict_phase(learner)
-    if not learner.history:
-        learner.take_test()
-    return result(learner)
+    return learn(SeveralLearner(experts, network, training, seed, standardisation))
 
 
 def as_novice(model: DynamicsModel, role: str) -> Parts:

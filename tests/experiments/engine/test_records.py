@@ -79,7 +79,9 @@ def test_a_record_says_what_it_depends_on():
 
 
 def test_a_study_goes_by_its_name():
-    assert set(STUDIES) == {"elsewhere", "driving", "uncertainty", "experts"}
+    assert find_study("driving") is STUDIES["driving"]
+    with pytest.raises(ConfigError, match="study 'elsewhere' is called 'recorded-targets' now"):
+        find_study("elsewhere")
     with pytest.raises(ConfigError, match="did you mean 'driving'?"):
         find_study("drivng")
 
@@ -87,6 +89,6 @@ def test_a_study_goes_by_its_name():
 @pytest.mark.parametrize("name", STUDIES)
 def test_stored_records_are_found_under_their_keys(name):
     """What they are about may gain values: those that older records do not have must leave keys as they are."""
-    records = STUDIES[name].stored(ROOT / "results")
+    records = STUDIES[name].records(ROOT / "results")
     paths = {records.path(one.about) for one in records.all()}
     assert paths == set(records.folder.glob("*.json")) != set()

@@ -127,19 +127,6 @@ def test_divergence_is_not_stored(trials, make_row, tmp_path):
     assert Results(tmp_path).missing(trials) == trials
 
 
-def test_rekey_moves_rows_whose_trial_learnt_a_value(trials, make_row, tmp_path):
-    """A row stored before Trial had one of its values takes the default and today's key."""
-    store = Results(tmp_path)
-    path = store.put(make_row(trials[0]))
-    old = read_record(path)
-    del old["trial"]["policy"]
-    path.unlink()
-    write_record(path.with_stem("0" * 20), old)
-    assert store.missing(trials[:1]) and store.rekey() == 1
-    assert not store.missing(trials[:1]) and store.rekey() == 0
-    assert store.get(trials[0]).trial == trials[0]
-
-
 def test_rounding():
     """Floats alone are rounded, at any depth."""
     given = {"a": [1.23456789, 3, "x", True], "b": (1e-9 / 3,)}

@@ -5,7 +5,8 @@ import pytest
 
 from sidm.experiments import Study
 from sidm.experiments.engine.frame import frame_of
-from sidm.experiments.statistics.pairs import beside, written
+from sidm.experiments.methods import change
+from sidm.experiments.statistics.pairs import beside, complete, together, written
 
 
 @pytest.fixture
@@ -48,3 +49,39 @@ def test_a_table_for_a_page_has_intervals_as_text(frame):
         "system", "novice data (min)", "method", "seeds", "without", "with", "ratio [95 % interval]"
     ]  # fmt: skip
     assert page.iloc[0, -1] == "0.5 [0.5, 0.5]"
+
+
+def test_differences_are_of_pairs(frame):
+    """1, 2, 3 less 0.5, 1, 1.5."""
+    sides = frame[frame.method == "sidm"], frame[frame.method == "novice_only"]
+    found = beside(*sides, difference=True).iloc[0]
+    assert found.difference == pytest.approx(-1) and found.low < -1 < found.high
+    assert "difference [95 % interval]" in written(beside(*sides, difference=True))
+
+
+def test_sizes_are_taken_together_by_the_geometric_mean(frame):
+    """A half at one size and two at the other are one; a seed that lacks a size is left out."""
+    sidm = frame[frame.method == "sidm"]
+    sidm = sidm.assign(validation_loss=sidm.validation_loss * np.where(sidm.novice_minutes > 0.5, 4, 1))
+    found = together(sidm, frame[frame.method == "novice_only"]).iloc[0]
+    assert found.ratio == pytest.approx(1) and found.seeds == 3 and found.sizes == (0.25, 0.75)
+    less = sidm[(sidm.seed != 2) | (sidm.novice_minutes < 0.5)]
+    assert together(less, frame[frame.method == "novice_only"]).seeds[0] == 2
+    assert not len(together(sidm[:0], sidm))
+
+
+def test_what_is_complete_is_kept(figure3_frame, figure3_rows, make_row):
+    """Sizes that a method lacks go first, then seeds that lack one of the others."""
+    found = complete(figure3_frame, "system1")
+    assert found.minutes.tolist() == [1, 2, 5, 20, 60, 120] and found.values.shape == (3, 2, 6)
+    assert found.values[0, 0] == pytest.approx((4 * found.minutes) ** -0.5)
+    part = figure3_frame[(figure3_frame.method != "sidm") | (figure3_frame.novice_minutes != 60)]
+    part = part[(part.seed != 2) | (part.novice_minutes != 5)]
+    assert complete(part, "system1").minutes.tolist() == [1, 2, 5, 20, 120]
+    assert complete(part, "system1").values.shape == (2, 2, 5)
+    assert complete(part, "system1").seeds.tolist() == [0, 1]
+    assert complete(part[:0], "system1").values.size == 0
+    first = figure3_rows[0].trial
+    other = make_row(first.replace(training=change(first.training, p_expert=0.1)))
+    with pytest.raises(ValueError, match="two results of system1 at one point"):
+        complete(frame_of([*figure3_rows, other]), "system1")

@@ -3,6 +3,7 @@
 import dataclasses
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 
@@ -11,10 +12,11 @@ from sidm.control.drivers import Driver, ride, try_out
 from sidm.control.planning import Planning
 from sidm.experiments import Study
 from sidm.experiments.engine import models
+from sidm.experiments.engine.frame import records_frame
 from sidm.experiments.engine.provenance import here
-from sidm.experiments.studies.driving import drive as d
-from sidm.experiments.studies.driving.figures import SHOWN, arrivals_figure, driving_film, paths_figure
-from sidm.experiments.studies.driving.results import beside, claims, drivers, in_short, score
+from sidm.experiments.studies.driving import measure as d
+from sidm.experiments.studies.driving.figures import SHOWN, driving_film, figure, paths_figure
+from sidm.experiments.studies.driving.results import claims, rivals, scores, table
 from sidm.simulation import Simulator
 
 
@@ -34,7 +36,7 @@ def jobs(tiny, data, tmp_path_factory):
 
 
 def test_every_size_and_method_is_driven_beside_a_floor_and_a_ceiling(tmp_path):
-    jobs = d.drives(Study("laptop", tmp_path, tmp_path), "system2")
+    jobs = d.jobs(Study("laptop", tmp_path, tmp_path), "system2")
     assert [(job.trial.novice_minutes, job.trial.seed, job.trial.method) for job in jobs if job.trial] == [
         (minutes, seed, method) for minutes in (1, 5, 60) for seed in range(3)
         for method in ("sidm", "novice_only", "corrected_averaged")
@@ -55,8 +57,8 @@ def test_episodes_are_the_same_for_all_and_differ():
 
 @pytest.mark.parametrize("driver", ["model", "corrected", "simulator", "straight"])
 def test_a_drive_is_stored_as_it_was(jobs, data, tmp_path, golden, driver):
-    job, store = jobs[driver], d.stored(tmp_path)
-    found = d.drive(job, data)
+    job, store = jobs[driver], d.records(tmp_path)
+    found = d.measure(job, data)
     assert found.ended == ("time",) and found.seconds == pytest.approx((0.5,)) and not found.provenance.stale
     path, goal = np.array(found.paths[0]), d.episode("system1", 0).goal
     assert path.shape == (6, 2)
@@ -166,6 +168,10 @@ def driven(about: d.Drive, arrived: int, episodes: int = 10, seed: int = 0) -> d
     )
 
 
+def frame_of(found) -> pd.DataFrame:
+    return records_frame(d.Driven, found)
+
+
 @pytest.fixture
 def made_up(jobs):
     """Better the more data, and better with SIDM, in each of three seeds."""
@@ -179,83 +185,72 @@ def made_up(jobs):
 
 
 def test_scores_are_shares_and_medians(made_up):
-    every = drivers(made_up, "system1")
-    best, floor = score(every[2]), score(every[4])
-    assert (best.models, best.episodes, best.arrived.value) == (3, 30, 0.9)
-    assert 0.74 < best.arrived.low < 0.75 and 0.96 < best.arrived.high < 0.97  # Wilson's
-    assert best.seconds == 4 and best.detour == pytest.approx(1.1) and best.ends == {"stuck": 3} and best.length == 6.6
-    assert best.plans_per_second == pytest.approx((12.5, 10)) and floor.plans_per_second == (0, 0)
-    assert floor.arrived.value == 0 and np.isnan(floor.seconds) and floor.ends == {"stuck": 10} and floor.models == 0
+    every = list(scores(frame_of(made_up)).itertuples())
+    best, floor = every[2], every[4]
+    assert (best.method, best.novice_minutes, floor.driver) == ("sidm", 0.75, "straight")
+    assert (best.models, best.episodes, best.arrived) == (3, 30, 0.9)
+    assert 0.74 < best.low < 0.75 and 0.96 < best.high < 0.97  # Wilson's
+    assert best.seconds == 4 and best.detour == pytest.approx(1.1) and best.ends == "stuck 3" and best.length == 6.6
+    assert (best.often, best.seldom) == pytest.approx((12.5, 10)) and (floor.often, floor.seldom) == (0, 0)
+    assert floor.arrived == 0 and np.isnan(floor.seconds) and floor.ends == "stuck 10" and floor.models == 0
     assert np.isnan(floor.surprise) and best.surprise == pytest.approx(0.1)
-
-
-def test_in_short_says_whether_a_plan_helps(made_up, jobs):
-    words = in_short(made_up, "system1")
-    assert words.startswith("system1, goals reached: with SIDM 12, 27 of 30 (0.25, 0.75 min); without SIDM 6, 21 of")
-    assert "10 episodes of the planner in the simulator, who steers straight reaches 0, and the planner 10." in words
-    told = "McNemar's test finds {} that reach fewer goals than who steers straight in the same episodes, and {} that"
-    assert told.format(0, 2) in words
-    better = [one for one in made_up if one.about.driver != "straight"] + [driven(jobs["straight"], 10)]
-    assert told.format(2, 0) in in_short(better, "system1")
-    alone = [one for one in made_up if one.about.driver == "simulator"]
-    assert in_short(alone, "system1") == "system1, goals reached: planned in the simulator 10 of 10."
-    assert in_short(made_up, "system2") == "system2: not run"
 
 
 def test_claims_pair_seeds(made_up):
     """Two goals more of ten in each, at both sizes; as soon where both arrive."""
-    table = claims(made_up, "system1")
-    assert [claim.interval.value for claim in table] == pytest.approx([0.2, 0.0])
-    assert [claim.verdict for claim in table] == ["In the same direction", "Not seen"]
-    assert claims(made_up, "system2") == [] == claims(made_up[:1], "system1")  # of one side
+    found = claims(table(frame_of(made_up)))
+    assert found.value.tolist() == pytest.approx([-0.2, 0.0])
+    assert found.verdict.tolist() == ["In the same direction", "Not seen"]
+    assert not any(len(claims(table(frame_of(some)))) for some in (made_up[:1], []))  # of one side, of none
 
 
-def test_one_model_that_differs_makes_no_verdict(made_up, jobs):
+@pytest.mark.parametrize(
+    ("pairs", "more", "chance", "verdict"),
+    [
+        (((17, 3), (8, 8), (0, 0)), 14, 2**-13, "Not seen"), (((9, 7), (9, 7)), 4, 0.125, "No verdict"),
+        (((0, 0),) * 3, 0, 1, "Not seen"),
+    ],
+)  # fmt: skip
+def test_one_model_that_differs_makes_no_verdict(jobs, pairs, more, chance, verdict):
     """Of three, by however many episodes; nor do two that differ alike, nor models that never arrive."""
     trials = [jobs["model"].trial.replace(method=method) for method in ("sidm", "novice_only")]
-    counts = {"one": ((17, 3), (8, 8), (0, 0)), "two": ((9, 7), (9, 7)), "none": ((0, 0),) * 3}
-    table = {}
-    for name, pairs in counts.items():
-        found = [
-            driven(dataclasses.replace(jobs["model"], trial=trial), count, 17, seed)
-            for seed, pair in enumerate(pairs)
-            for trial, count in zip(trials, pair, strict=True)
-        ]
-        table[name] = [claim[2:4] for claim in claims(found, "system1")]
-        one = beside(found, "system1")[0]
-        assert (one.more, one.fewer) == {"one": (14, 0), "two": (4, 0), "none": (0, 0)}[name]
-        assert one.chance == pytest.approx({"one": 2**-13, "two": 0.125, "none": 1}[name])
-    assert table["one"][0][1] == "Not seen"
-    assert table["two"][0] == ("smaller by 0.118 (2 only)", "No verdict")
-    assert table["none"] == [("smaller by 0 [0, 0]", "Not seen"), ("no goal that both reach", "No verdict")]
+    found = table(frame_of(
+        driven(dataclasses.replace(jobs["model"], trial=trial), count, 17, seed)
+        for seed, pair in enumerate(pairs)
+        for trial, count in zip(trials, pair, strict=True)
+    ))  # fmt: skip
+    one = rivals(found).iloc[0]
+    assert (one.more, one.fewer) == (more, 0) and one.chance == pytest.approx(chance)
+    judged = claims(found)
+    assert judged.verdict[0] == verdict and len(judged) == 1 + (pairs[0][0] > 0)  # no goal, no time
 
 
 def test_models_stand_beside_floor_and_ceiling(made_up):
     """Of the episodes that both drove, here every third; and those with SIDM beside those without."""
-    table = {(one.way.label, one.other.kind): one for one in beside(made_up, "system1")}
-    assert len(beside(made_up, "system1")) == 4 * 2 + 2
-    best = table[drivers(made_up, "system1")[2].label, "straight"]
-    assert (best.episodes, best.more, best.fewer) == (10, 9, 0)
-    assert (best.both, best.sooner, best.sooner_words) == (0, None, "-")
-    ceiling = table[best.way.label, "simulator"]
+    found = rivals(table(frame_of(made_up)))
+    assert len(found) == 4 * 2 + 2
+    best = found[(found.method == "sidm") & (found.novice_minutes == 0.75)].set_index("other")
+    floor, ceiling = best.loc["straight to the goal"], best.loc["planned in the simulator"]
+    assert (floor.episodes, floor.more, floor.fewer, floor.both) == (10, 9, 0, 0) and np.isnan(floor.sooner)
     assert (ceiling.more, ceiling.fewer, ceiling.chance) == (0, 1, 1)
-    assert ceiling.both == 9 and ceiling.sooner_words == "0 [0, 0] (9)"
-    assert table[best.way.label, "model"].more == 6
+    assert ceiling.both == 9 and (ceiling.sooner, ceiling.low, ceiling.high) == (0, 0, 0)
+    assert best.more["without SIDM, 0.75 min"] == 6
     apart = [one for one in made_up if not one.about.trial or one.about.trial.seed == 1]
-    assert beside(apart, "system1")[0].other.kind == "model"  # no episode is the floor's, too
+    assert set(rivals(table(frame_of(apart))).other) == {"without SIDM, 0.25 min", "without SIDM, 0.75 min"}
 
 
 def test_figures_draw_all_drivers(made_up):
-    left, right = arrivals_figure(made_up).axes
+    frame = frame_of(made_up)
+    left, right = figure(scores(frame)).axes
     assert [line[0].get_ydata().tolist() for line in left.containers] == [[0.4, 0.9], [0.2, 0.7]]
     assert right.texts[0].get_text() == "no trials stored"
-    panels, every = paths_figure(made_up, "system1").axes, drivers(made_up, "system1")
-    labels = [line.get_label() for line in panels[0].get_lines()]
-    assert len(panels) == SHOWN and labels == [one.label for one in every]
+    panels = paths_figure(table(frame), "system1").axes
+    assert len(panels) == SHOWN and len(panels[0].get_lines()) == 6
     assert len(panels[1].get_lines()) == 4  # those whose seed drove episode 1
-    assert driving_film(made_up, "system1")[:6] == b"GIF89a"
+    assert driving_film(table(frame), "system1")[:6] == b"GIF89a"
     with pytest.raises(ValueError, match="no driver of system2"):
-        driving_film(made_up, "system2")
+        driving_film(table(frame), "system2")
+    assert not len(scores(frame[:0])) and paths_figure(table(frame[:0]), "system1").axes[0].texts
 
 
 def test_a_drive_has_an_episode(jobs):

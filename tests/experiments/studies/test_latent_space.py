@@ -1,22 +1,14 @@
 """Latents that are alike and apart, and a diagnosis of a tiny trial that is stored."""
 
-import dataclasses
-import sys
-from concurrent.futures import ThreadPoolExecutor
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 import torch
 from sklearn.linear_model import LogisticRegression
 
 from sidm.config import ConfigError
-from sidm.experiments import StoreError, Study, run_trial
+from sidm.experiments import Study, run_trial
 from sidm.experiments.engine.execute import Library
-from sidm.experiments.studies.latent_space import diagnosis as d
-from sidm.experiments.studies.latent_space import latents
-from sidm.experiments.studies.latent_space.diagnosis import confirm_diagnoses
-from sidm.experiments.studies.latent_space.figures import latent_pictures
+from sidm.experiments.studies.latent_space import latents, measure, results
 from sidm.learning import DynamicsModel, validation_loss
 from sidm.systems import ROLES
 from tests.experiments.conftest import write_motion
@@ -70,24 +62,22 @@ def test_mmd_is_that_of_its_definition(pair):
 
 def test_a_trial_is_diagnosed_and_stored(tiny, data, tmp_path, golden):
     """On data that its model has not seen; what comes back is what was stored, and damage is named."""
-    trial = d.diagnosed(Study(tiny, data, tmp_path), ["system1"])[0]
-    write_motion(data, d.held_out_expert(trial))
-    found = d.diagnose(trial, data)
+    trial = measure.jobs(Study(tiny, data, tmp_path), "system1")[0]
+    write_motion(data, measure.held_out_expert(trial))
+    found = measure.measure(trial, data)
     assert found.validation_loss == run_trial(trial, data).outcome.validation_loss
     assert found.a_distance == pytest.approx(max(0, 4 * found.network_accuracy - 2))
     assert 0 <= found.discriminator_accuracy <= 1 and not found.provenance.stale
-    names = ("linear_accuracy", "network_accuracy", "raw_accuracy", "mmd", *d.CROSSED)
+    names = ("linear_accuracy", "network_accuracy", "raw_accuracy", "mmd", *results.CROSSED)
     golden.hold("diagnosis", "diagnosis", {name: getattr(found, name) for name in names}, rel=0.05, abs=0.02)
-    d.write(found, tmp_path)
-    back = d.read(trial, tmp_path)
-    assert back.trial == trial and back.mmd == pytest.approx(found.mmd, rel=1e-5) and d.read(trial, data) is None
-    (line,) = d.table(d.frame([found]), [*d.ALIKE, *d.CROSSED]).itertuples(index=False)
-    assert line[:5] == ("system1", 0.25, "sidm", 1, found.linear_accuracy)
-    assert line[-4:] == tuple(getattr(found, name) for name in d.CROSSED)
-    assert len(latent_pictures([found, found]).axes) == 2 and latent_pictures([]).axes[0].texts
-    d.path(trial, tmp_path).write_text("{}")
-    with pytest.raises(StoreError, match="damaged"):
-        d.read(trial, tmp_path)
+    store = measure.records(tmp_path)
+    store.put(found)
+    frame = store.frame([trial])
+    assert frame.mmd[0] == pytest.approx(found.mmd, rel=1e-5) and not frame.stale[0]
+    (line,) = results.table(frame).itertuples(index=False)
+    assert line[:4] == ("system1", 0.25, "sidm", 1)
+    assert line[4:] == pytest.approx([getattr(found, name) for name in (*results.ALIKE, *results.CROSSED)], rel=1e-5)
+    assert len(results.figure(frame).axes) == 1 and results.figure(frame[:0]).axes[0].texts
 
 
 def test_one_systems_parts_are_crossed_with_the_others(make_model, make_motion):
@@ -99,34 +89,18 @@ def test_one_systems_parts_are_crossed_with_the_others(make_model, make_motion):
     assert len(set(losses.values())) == 4
 
 
-def test_a_sample_confirms_what_older_code_found(tiny, data, tmp_path):
-    """Of each method one is diagnosed again; what comes out otherwise stays stale with its kind."""
-    trials = d.diagnosed(Study(tiny, data, tmp_path), ["system1"])
-    write_motion(data, d.held_out_expert(trials[0]))
-    for trial in trials:
-        found = d.diagnose(trial, data)
-        made = dataclasses.replace(found.provenance, numerics={"diagnosis": 0})
-        loss = found.validation_loss * (1.5 if trial.method == "no_regularisation" else 1.0)
-        d.write(dataclasses.replace(found, provenance=made, validation_loss=loss), tmp_path)
-    with ThreadPoolExecutor(1) as pool:
-        confirmed, differing = confirm_diagnoses(trials, tmp_path, pool, data, progress=False)
-    assert confirmed == 1 and [trial.method for trial in differing] == ["no_regularisation"]
-    stale = {t.method: d.read(t, tmp_path).provenance.stale for t in trials}
-    assert stale == {"sidm": False, "no_regularisation": True}
-
-
 def test_what_is_held_out_was_not_learnt_from(tiny, data, tmp_path, monkeypatch):
     """The latents are those of the expert's trajectories after the trial's, and of the validation set."""
-    trial = d.diagnosed(Study(tiny, data, tmp_path), ["system1"])[1]
-    write_motion(data, d.held_out_expert(trial))
-    seen, true = {}, d.latents_of
+    trial = measure.jobs(Study(tiny, data, tmp_path), "system1")[1]
+    write_motion(data, measure.held_out_expert(trial))
+    seen, true = {}, measure.latents_of
 
     def latents_of(model, role, motion):
         seen[role] = motion
         return true(model, role, motion)
 
-    monkeypatch.setattr(d, "latents_of", latents_of)
-    d.diagnose(trial, data)
+    monkeypatch.setattr(measure, "latents_of", latents_of)
+    measure.measure(trial, data)
     library = Library(data)
     learnt = library.motion(trial, "expert").inputs
     assert len(seen["expert"]) == trial.datasets["validation"].count
@@ -134,17 +108,6 @@ def test_what_is_held_out_was_not_learnt_from(tiny, data, tmp_path, monkeypatch)
     assert torch.equal(seen["novice"].inputs, library.motion(trial, "validation").inputs)
 
 
-def test_what_is_diagnosed_is_not_diagnosed_again(tiny, data, tmp_path, monkeypatch):
-    trials = d.diagnosed(Study(tiny, data, tmp_path), ["system1"])
-    write_motion(data, d.held_out_expert(trials[0]))
-    monkeypatch.setitem(sys.modules, "sidm.simulation", SimpleNamespace(collect=lambda *_, **__: None))
-    with ThreadPoolExecutor(1) as pool:
-        d.run(trials, pool, data, tmp_path, progress=False)
-        assert all(d.read(trial, tmp_path) for trial in trials)
-        monkeypatch.setattr(d, "diagnose", None)
-        d.run(trials, pool, data, tmp_path, progress=False)
-
-
 def test_a_novice_alone_has_nothing_to_compare(tiny, data, tmp_path):
     with pytest.raises(ConfigError, match="no expert whose latents"):
-        d.diagnose(Study(tiny, data, tmp_path).trial("system1", "novice_only", 0.25), data)
+        measure.measure(Study(tiny, data, tmp_path).trial("system1", "novice_only", 0.25), data)

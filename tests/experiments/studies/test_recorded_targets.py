@@ -1,31 +1,29 @@
-"""A target from elsewhere, on sliding bodies."""
+"""Recorded targets, on sliding bodies."""
 
 import dataclasses
-import functools
 
 import numpy as np
 import pytest
 
-from sidm.__main__ import main
 from sidm.config import ConfigError
 from sidm.experiments import METHODS, StoreError, Study
+from sidm.experiments.engine.frame import records_frame
 from sidm.experiments.engine.provenance import here
 from sidm.experiments.engine.records import key_of
-from sidm.experiments.studies.catalogue import STUDIES
-from sidm.experiments.studies.recorded_targets import transfer as e
+from sidm.experiments.studies.recorded_targets import measure as e
 from sidm.experiments.studies.recorded_targets.recorded import checksum_of, load_recorded, subsets
 from sidm.experiments.studies.recorded_targets.results import (
     SHOWN,
     WITHOUT,
     best_alone,
+    by_size,
+    claims,
     compare,
-    elsewhere_figure,
-    gather,
+    figure,
     grounds_agree,
-    hoped,
-    in_short,
     label,
-    lines,
+    table,
+    written,
 )
 from sidm.recordings import Ground, Recording, RecordingError, read_recordings, write_recordings
 from sidm.systems import find_system
@@ -59,7 +57,7 @@ def data(tiny, tmp_path_factory):
 @pytest.fixture(scope="module")
 def jobs(tiny, data, recordings, tmp_path_factory):
     study = Study(tiny, data, tmp_path_factory.mktemp("results"))
-    return [dataclasses.replace(job, held_out=2) for job in e.transfers(study, "system1", recordings, [0.25])]
+    return [dataclasses.replace(job, held_out=2) for job in e.jobs(study, "system1", recordings, [0.25])]
 
 
 def test_every_method_and_proxy_has_its_training(jobs):
@@ -87,8 +85,8 @@ def test_simulated_robots_are_driven_as_the_recorded_ones_were(jobs):
 @pytest.mark.parametrize("number", range(len(e.METHODS_HERE)))
 def test_a_transfer_is_trained_judged_and_stored(jobs, data, recordings, tmp_path, golden, number):
     """Also as it is before any recorded data, where a pretraining makes that possible; kept bit for bit."""
-    job, store = jobs[number], e.stored(tmp_path)
-    found = e.transfer(job, data, recordings)
+    job, store = jobs[number], e.records(tmp_path)
+    found = e.measure(job, data, recordings)
     assert found.minutes == ((0.0, 0.25) if job.pretraining else (0.25,))
     for losses, whole in zip(found.component_losses, found.validation_loss, strict=True):
         assert sum(losses) == pytest.approx(whole) and len(losses) == 13
@@ -103,28 +101,6 @@ def test_a_transfer_is_trained_judged_and_stored(jobs, data, recordings, tmp_pat
     store.put(found)
     again = store.get(job)
     assert again.about == job and again.validation_loss == pytest.approx(found.validation_loss, rel=1e-5)
-
-
-def test_a_sample_confirms_what_older_code_found(jobs, data, recordings, tmp_path, monkeypatch, capsys):
-    """Of each kind, equal but for its seed, one is made again; its times may differ, its findings may not."""
-    quick = [job for job in jobs if job.method in ("least_squares", "least_squares_mirrored")]
-    store, work = e.stored(tmp_path), functools.partial(e.transfer, data=data, recordings=recordings)
-    twice = [dataclasses.replace(job, seed=seed) for job in quick for seed in (0, 1)]
-    for job in twice:
-        found = work(job)
-        wrong = 0.5 if job.method == "least_squares" else 0.0
-        made = dataclasses.replace(found.provenance, numerics=found.provenance.numerics | {"elsewhere": 0})
-        loss = tuple(one + wrong for one in found.validation_loss)
-        store.put(dataclasses.replace(found, provenance=made, validation_loss=loss, seconds=(9.0,)))
-    changes = dict(jobs=lambda *_: twice, work=work, stored=lambda _: store, collect=lambda *_: None)
-    monkeypatch.setitem(STUDIES, "elsewhere", STUDIES["elsewhere"]._replace(**changes))
-    words = ["confirm", "--study", "elsewhere", "--data", str(data), "--system", "system1", "--workers", "1"]
-    assert main(words) == 1
-    said = capsys.readouterr().out
-    assert "2 records confirmed" in said and said.count("comes out otherwise") == 1
-    assert any(f"{store.path(job)}: comes out" in said for job in twice if job.method == "least_squares")
-    assert [store.get(job).provenance.stale for job in twice] == [job.method == "least_squares" for job in twice]
-    assert {store.get(job).seconds for job in twice} == {(9.0,)}
 
 
 def test_training_stopping_and_judging_have_grounds_of_their_own(recordings):
@@ -165,10 +141,10 @@ def test_a_checksum_is_of_what_recordings_hold(recordings, tmp_path):
 
 
 def test_a_damaged_record_is_named(jobs, tmp_path):
-    store = e.stored(tmp_path)
+    store = e.records(tmp_path)
     store.path(jobs[0]).parent.mkdir(parents=True)
     store.path(jobs[0]).write_text("{}")
-    with pytest.raises(StoreError, match="damaged .*; delete it and run 'sidm study elsewhere'"):
+    with pytest.raises(StoreError, match="damaged .*; delete it and run 'sidm study recorded-targets'"):
         store.get(jobs[0])
 
 
@@ -205,77 +181,71 @@ def made_up(jobs):
                     provenance=here(1.0, 1, False),
                 )
             )
-    return found
+    return table(records_frame(e.Transferred, found))
 
 
-def test_a_line_is_held_against_the_best_alone(made_up):
+def test_a_size_is_held_against_the_best_alone(made_up):
     """Which are least squares here, made up to be worth 1.25 times the data of the network."""
-    assert best_alone(made_up, "system1") == ("least_squares", "none") and best_alone(made_up, "system2") is None
-    table = {(one.method, one.proxy, one.minutes): one for one in lines(made_up, "system1")}
-    assert len(table) == 11 * 3 + 6 and all(one.seeds == 3 for one in table.values())
-    half = table["sidm", "expert", 2.0]
-    assert half.saving.ratio.value == pytest.approx(1.6) and half.saving.bound == "="
-    assert half.ratio.value == pytest.approx(0.625) and half.ratio.high == pytest.approx(0.625)
-    assert half.error == pytest.approx(half.loss / 10)
-    assert table["pretrain_finetune", "novice", 5.0].saving.bound == ">="
-    assert table["novice_only", "none", 1.0].ratio.value == pytest.approx(1.25)
-    assert table["least_squares", "none", 1.0].saving is None
-    nothing = table["pretrain_finetune", "expert", 0.0]
-    assert nothing.saving is None and nothing.worth == "at most 1 min" and half.worth == ""
+    best = best_alone(made_up, "system1")
+    assert best == ("least_squares", "none") and best_alone(made_up, "system2") is None
+    found = by_size(made_up, best).set_index(["method", "proxy", "novice_minutes"])
+    assert len(found) == 11 * 3 + 6 and set(found.seeds) == {3}
+    half = found.loc["sidm", "expert", 2.0]
+    assert half.saved == pytest.approx(1.6) and half.bound == "=" and half.worth == ""
+    assert (half.ratio, half.high, half.error) == pytest.approx((0.625, 0.625, half.loss / 10))
+    assert found.bound["pretrain_finetune", "novice", 5.0] == ">="
+    assert found.ratio["novice_only", "none", 1.0] == pytest.approx(1.25)
+    nothing = found.loc["pretrain_finetune", "expert", 0.0]
+    assert np.isnan(nothing.saved) and nothing.worth == "at most 1 min"
+    assert np.isnan(found.saved["least_squares", "none", 1.0])
+    page = written(by_size(made_up, best)).set_index(["method", "recorded (min)"])
+    assert page["times the data"][label("sidm", "expert"), 2.0] == "1.6 [1.6, 1.6]"
+    assert page["times the data"][label("pretrain_finetune", "expert"), 0.0] == "at most 1 min"
+    assert page["ratio [95 % interval]"][label(*best), 1.0] == page["times the data"][label(*best), 1.0] == "-"
 
 
 def test_the_hope_can_come_true_and_be_disappointed(made_up):
     """Half the loss surely; twice; and no verdict from two seeds or none."""
-    expert, novice = hoped(made_up, "system1")
-    assert expert.interval == pytest.approx((0.5, 0.5, 0.5)) and expert.verdict == "In the same direction"
-    assert novice.ours == "0.5 [0.5, 0.5] times the loss"
-    worse = [dataclasses.replace(one, validation_loss=tuple(4 * loss for loss in one.validation_loss))
-             if one.about.method == "sidm" else one for one in made_up]  # fmt: skip
-    assert [claim.verdict for claim in hoped(worse, "system1")] == ["Contrary"] * 2
-    two = [one for one in made_up if one.about.seed < 2]
-    assert [claim[2:4] for claim in hoped(two, "system1")] == [("0.5 times the loss (2 seeds)", "No verdict")] * 2
-    assert [(claim.ours, claim.verdict) for claim in hoped(made_up, "system2")] == [("not run", "No verdict")] * 2
+    found = claims(made_up)
+    assert found.ours.tolist() == ["0.5 [0.5, 0.5]"] * 2 and set(found.verdict) == {"In the same direction"}
+    worse = made_up.assign(loss=made_up.loss.where(made_up.method != "sidm", 4 * made_up.loss))
+    assert claims(worse).verdict.tolist() == ["Contrary"] * 2
+    two = claims(made_up[made_up.seed < 2])
+    assert two.verdict.tolist() == ["No verdict"] * 2 and two.ours.tolist() == ["0.5"] * 2
+    assert not len(claims(made_up[:0]))
 
 
 def test_methods_are_compared_over_all_sizes(made_up):
-    first = compare(made_up, "system1", ("pretrain_finetune", "novice"), best_alone(made_up, "system1"))
-    assert first.ratio.value == pytest.approx(1.25 / 8) and first.said == "better"
-    assert compare(made_up, "system1", WITHOUT, WITHOUT).said == "no difference seen"
-    assert compare(made_up, "system2", WITHOUT, WITHOUT).words == "not run"
-    one = [one for one in made_up if one.about.seed == 0]
-    assert compare(one, "system1", ("sidm", "expert"), WITHOUT).words == "0.5 times the loss (one seed)"
+    found = compare(made_up, best_alone(made_up, "system1")).set_index(["method", "proxy"])
+    first = found.loc["pretrain_finetune", "novice"]
+    assert first.ratio == pytest.approx(1.25 / 8) and first.verdict == "better" and len(found) == 10
+    assert found.verdict["novice_only", "none"] == "worse"
+    one = compare(made_up[made_up.seed == 0], WITHOUT)
+    assert set(one.verdict) == {"no difference seen"} and set(one.seeds) == {1}
 
 
 def test_the_network_without_sidm_can_be_what_is_compared_with(made_up):
     """Twice the data at each size; the larger two are beyond what was recorded."""
-    table = [one for one in lines(made_up, "system1", WITHOUT) if (one.method, one.proxy) == ("sidm", "expert")]
-    assert [one.saving.ratio.value for one in table] == pytest.approx([2, 2, 1])
-    assert [one.saving.bound for one in table] == ["=", "=", ">="] and table[0].ratio.value == pytest.approx(0.5)
+    found = by_size(made_up, WITHOUT)
+    found = found[(found.method == "sidm") & (found.proxy == "expert")]
+    assert found.saved.tolist() == pytest.approx([2, 2, 1]) and found.bound.tolist() == ["=", "=", ">="]
+    assert found.ratio.iloc[0] == pytest.approx(0.5)
 
 
 def test_grounds_are_counted_apart(made_up):
     """Four pieces on three grounds; on the last, of two pieces, the SIDM is made three times as bad."""
     grounds = np.array([4, 5, 7, 7])
-    worse = [
-        dataclasses.replace(one, piece_losses=tuple((*some[:2], 3 * some[2], 3 * some[3]) for some in one.piece_losses))
-        if one.about.method == "sidm" else one for one in made_up
-    ]  # fmt: skip
-    assert grounds_agree(worse, "system1", ("sidm", "expert"), WITHOUT, grounds) == "2 of 3"
-    assert grounds_agree(made_up, "system1", ("pretrain_finetune", "expert"), WITHOUT, grounds) == "3 of 3"
-    assert grounds_agree(made_up, "system2", ("sidm", "expert"), WITHOUT, grounds) == "-"
-
-
-def test_in_short_names_the_best(made_up):
-    said = in_short(made_up, "system1")
-    assert said.startswith("system1: with SIDM 0.5 [0.5, 0.5] times the loss") and "(simulated novice)" in said
-    assert "times that of the best alone" in said and "Without any recorded data a model of the simulated" in said
-    assert in_short(made_up, "system2") == "system2: not run"
+    pieces = [(*some[:2], 3 * some[2], 3 * some[3]) if method == "sidm" else some
+              for some, method in zip(made_up.pieces, made_up.method, strict=True)]  # fmt: skip
+    assert grounds_agree(made_up.assign(pieces=pieces), ("sidm", "expert"), WITHOUT, grounds) == (2, 3)
+    assert grounds_agree(made_up, ("pretrain_finetune", "expert"), WITHOUT, grounds) == (3, 3)
+    assert grounds_agree(made_up[:0], ("sidm", "expert"), WITHOUT, grounds) is None
 
 
 def test_the_figure_draws_every_method_and_what_needs_no_data(made_up):
-    left, right = elsewhere_figure(made_up).axes
+    left, right = figure(made_up).axes
     labels = [line.get_label() for line in left.get_lines()]
     assert [one for one in labels if "no recorded" not in one] == [label(*one) for one in SHOWN]
     assert len(labels) == len(SHOWN) + 2 and right.texts[0].get_text() == "no trials stored"
-    own = gather(made_up, "system1", "sidm", "expert")
-    assert np.allclose(left.get_lines()[1].get_ydata(), own.values.mean(0))
+    own = made_up[(made_up.method == "sidm") & (made_up.proxy == "expert")].groupby("novice_minutes").loss.mean()
+    assert np.allclose(left.get_lines()[1].get_ydata(), own)

@@ -9,20 +9,20 @@ import pytest
 from sidm.experiments import Study
 from sidm.experiments.digests import find_digest
 from sidm.experiments.engine.datasets import load_dataset
+from sidm.experiments.engine.frame import frame_of, records_frame
 from sidm.experiments.engine.provenance import here
 from sidm.experiments.studies.several_experts import family
-from sidm.experiments.studies.several_experts import pretrain as x
+from sidm.experiments.studies.several_experts import measure as x
 from sidm.experiments.studies.several_experts.family import LINEAR, LOGARITHMIC, collect_members, dataset, member
 from sidm.experiments.studies.several_experts.results import (
-    MEMBERS,
+    MEMBER,
     PAPERS,
-    Experts,
     as_they_are,
-    beside_lines,
     claims,
-    experts_figure,
-    in_short,
-    needed_lines,
+    costs,
+    figure,
+    needed,
+    table,
 )
 from sidm.systems import ROLES, SYSTEMS
 from sidm.trajectory import STEPS
@@ -54,10 +54,10 @@ def test_a_members_motion_is_collected_once(tmp_path):
 @pytest.fixture(scope="module")
 def jobs(tiny, data, tmp_path_factory):
     study = Study(tiny, data, tmp_path_factory.mktemp("results"))
-    for job in x.pretrainings(study, "system1", [1, 2], [0.25, 0.75]):
+    for job in x.jobs(study, "system1", [1, 2], [0.25, 0.75]):
         for own in job.members:
             write_motion(data, own)
-    return x.pretrainings(study, "system1", [1, 2], [0.25, 0.75])
+    return x.jobs(study, "system1", [1, 2], [0.25, 0.75])
 
 
 def test_all_experts_together_have_the_data_of_one(jobs, tiny):
@@ -77,8 +77,8 @@ def test_another_robot_has_a_folder_of_its_own(monkeypatch):
 
 @pytest.mark.parametrize("number", [0, 1, 2])
 def test_novices_are_learnt_every_way_and_stored(jobs, data, tmp_path, golden, number):
-    job, store = jobs[number], x.stored(tmp_path)
-    found = x.pretrain(job, data)
+    job, store = jobs[number], x.records(tmp_path)
+    found = x.measure(job, data)
     assert np.array(found.validation_loss).shape == np.array(found.samples).shape == (3, 2)
     assert not found.provenance.stale
     assert np.array(found.component_losses).sum(-1) == pytest.approx(np.array(found.validation_loss))
@@ -94,16 +94,16 @@ def test_novices_are_learnt_every_way_and_stored(jobs, data, tmp_path, golden, n
 
 def test_the_sidm_of_the_experts_is_trained_once(jobs, data, monkeypatch):
     """The second time it is read, and gives the same."""
-    first = x.pretrain(jobs[0], data)
+    first = x.measure(jobs[0], data)
     monkeypatch.setattr(x, "train_several", None)
-    again = x.pretrain(jobs[0], data)
+    again = x.measure(jobs[0], data)
     assert again.before == first.before and again.validation_loss == first.validation_loss
     assert again.experts_curve_test_loss == first.experts_curve_test_loss
 
 
 def test_the_single_experts_novice_has_more_data_besides(tmp_path):
     """And all are tested more often than elsewhere."""
-    jobs = x.pretrainings(Study("laptop", tmp_path, tmp_path), "system1")
+    jobs = x.jobs(Study("laptop", tmp_path, tmp_path), "system1")
     assert {(job.experts, job.paper, job.sizes) for job in jobs} == {
         (1, True, (1.0, 5.0, 20.0, 60.0)), (1, False, (1.0, 5.0, 20.0)),
         *((count, True, (1.0, 5.0, 20.0)) for count in (2, 4, 8)),
@@ -141,76 +141,65 @@ def made_up(jobs):
                     provenance=here(1.0, 1, False),
                 )
             )
-    return found
+    return records_frame(x.Pretrained, found)
 
 
-def test_lines_compare_with_the_single_expert(made_up):
-    table = {(one.experts, one.way, one.minutes): one for one in needed_lines(made_up)}
-    assert len(table) == 3 * 4 + 3 * 3 + 3 * 3
-    two = table[Experts(2, True), "parts", 5.0]
-    assert two.seeds == 3 and two.saving.ratio.value == pytest.approx(2) and two.ratio.value == pytest.approx(0.5)
-    assert two.compute_minutes == 1 and two.samples == 2000 and table[PAPERS, "parts", 5.0].saving is None
-    assert table[MEMBERS, "all", 1.0].ratio.value == pytest.approx(1)
+def test_experts_are_compared_with_the_single_one(made_up):
+    found = needed(table(made_up)).set_index(["experts", "way", "novice_minutes"])
+    assert len(found) == 3 * 4 + 3 * 3 + 3 * 3
+    two = found.loc["2 experts", "parts", 5.0]
+    assert two.seeds == 3 and two.saved == pytest.approx(2) and two.ratio == pytest.approx(0.5)
+    assert two.minutes == 1 and two.samples == 2000 and np.isnan(found.saved[PAPERS, "parts", 5.0])
+    assert found.ratio[MEMBER, "all", 1.0] == pytest.approx(1)
+    assert list(dict.fromkeys(found.reset_index().experts)) == [PAPERS, MEMBER, "2 experts"]
 
 
 @pytest.fixture
-def joint(made_up, make_row):
-    """Figure 3's rows of the same sizes: 300 samples each, and a loss of 2 without SIDM."""
-    trials = [
-        one.about.trial.replace(method=method, novice_minutes=minutes, pool_minutes=60.0)
-        for one in made_up
-        if one.about.experts == 2
+def joint(jobs, make_row):
+    """Figure 3's results of the same sizes: 300 samples each, and a loss of 2 without SIDM."""
+    return frame_of(
+        make_row(jobs[0].trial.replace(method=method, novice_minutes=minutes, pool_minutes=60.0, seed=seed))
+        for seed in range(3)
         for method in ("sidm", "novice_only")
-        for minutes in one.about.sizes
-    ]
-    return [make_row(trial) for trial in trials]
+        for minutes in (1.0, 5.0, 20.0)
+    )
 
 
 def test_the_claims_are_of_most_experts_and_one(made_up, joint):
-    table = claims(made_up, joint)
-    assert len(table) == 8 and claims(made_up[:1])[0].ours == "not run"
-    assert {claim.verdict for claim in table[:6]} == {"In the same direction"}
-    assert [claim.verdict for claim in table[6:]] == ["Contrary"] * 2
-    assert table[1].claim == (
-        "system1: a smaller loss with 2 experts' SIDM than with that of 1 of the family, all parts, from the nearest "
-        "expert's, at 1, 5, 20 min"
-    )
-    assert table[1].ours == "0.5 [0.5, 0.5] times the loss" and table[7].ours == "6.67 [6.67, 6.67] times the samples"
-    assert [claim.ours for claim in claims(made_up)[6:]] == ["not run"] * 2
-    alone = claims([one for one in made_up if one.about.paper])
-    assert [claim.ours for claim in alone if "of the family" in claim.claim] == ["not run"] * 3
+    found = claims(table(made_up), joint)
+    assert len(found) == 8 and not len(claims(table(made_up[:1]), joint))
+    assert found.verdict.tolist() == ["In the same direction"] * 6 + ["Contrary"] * 2
+    assert found.claim[1] == "loss after 2 experts / after 1 of the family; all parts, from the nearest expert's"
+    assert found.ours[1] == "0.5 [0.5, 0.5]" and found.ours[7] == "6.67 [6.67, 6.67]"
+    assert len(claims(table(made_up), joint[:0])) == 6
+    alone = claims(table(made_up[made_up.paper]), joint)
+    assert not alone.claim.str.contains("of the family").any()
 
 
 def test_figure_3_stands_beside(made_up, joint):
-    lines = beside_lines(joint, "system1")
-    assert [line[:2] for line in lines[::3]] == [("without SIDM", 1.0), ("with SIDM, all at once", 1.0)]
-    assert {line[2:] for line in lines} == {(3, "2.000", "300", "0.2")} and not beside_lines(joint, "system2")
-    labels = [line.get_label() for line in experts_figure(made_up, joint).axes[0].get_lines()]
+    found = costs(joint)
+    assert set(found.method) == {"sidm", "novice_only"} and not len(costs(joint[:0]))
+    assert found[["seeds", "loss", "samples", "minutes"]].to_numpy() == pytest.approx(np.tile([3, 2, 300, 0.2], (6, 1)))
+    labels = [line.get_label() for line in figure(table(made_up), joint).axes[0].get_lines()]
     assert labels[-2:] == ["without SIDM", "with SIDM, all at once"]
 
 
-def test_in_short_stands_beside_both_single_experts(made_up):
-    assert in_short(made_up) == (
-        "system1: after an SIDM of 2 experts the loss of a novice that learns on with all parts is 0.5 [0.5, 0.5] "
-        "times that after the paper's expert, and 0.5 [0.5, 0.5] times that after 1 of the family, its sizes together. "
-        "With 1 min it is 2.05, learning on with encoder and decoder alone 2.05, and with fresh ones 2.05."
-    )
-    first = [one for one in made_up if one.about.trial.seed == 0]
-    assert "0.5 times that after 1 of the family, its sizes together (one seed). With" in in_short(first)
-    alone = [one for one in made_up if one.about.paper]
-    assert in_short(alone) == in_short(made_up[:1]) == in_short([]) == "not run"
+def test_the_nearest_experts_loss_is_that_of_its_place(made_up):
+    """Experts are named in the order of the losses before: the paper's, if it is one of them, then the members."""
+    two = made_up[(made_up.experts == 2) & (made_up.trial_seed == 0)]
+    before, role = ((9.0, 1.0), (9.0, 2.0), (9.0, 3.0)), "member0"
+    found = as_they_are(two.assign(nearest=[(role,) * 3], before=[before]))
+    assert found.loss.tolist() == [1, 2, 3] and set(found.nearest) == {role}
+    assert found.novice_minutes.tolist() == [1, 5, 20] and set(found.experts) == {"2 experts"}
 
 
-def test_the_figure_has_a_plot_for_each_way(made_up):
-    several = next(one for one in made_up if one.about.experts == 2)
-    before = tuple((9.0, float(size)) for size in range(len(several.before)))
-    role = "member0" if several.about.paper else "member1"
-    found = dataclasses.replace(several, nearest=(role,) * len(before), before=before)
-    assert as_they_are(found) == [float(size) for size in range(len(before))]
-    axes = experts_figure(made_up).axes
-    looks = [(line.get_color(), line.get_linestyle()) for line in axes[0].get_lines()]
-    few = experts_figure([one for one in made_up if one.about.experts == 2]).axes[0].get_lines()
-    assert len(set(looks)) == 3 and [(line.get_color(), line.get_linestyle()) for line in few] == looks[2:]
+def test_the_figure_has_a_plot_for_each_way(made_up, joint):
+    axes = figure(table(made_up), joint[:0]).axes
+    looks = [(line.get_color(), line.get_linestyle()) for line in axes[0].get_lines()][:3]
+    few = figure(table(made_up[made_up.experts == 2]), joint[:0]).axes[0].get_lines()
+    assert len(set(looks)) == 3 and (few[0].get_color(), few[0].get_linestyle()) == looks[2]
     assert [one.get_title(loc="left") for one in axes] == list(x.WAYS.values())
-    assert [line.get_label() for line in axes[0].get_lines()] == ["the paper's expert", "1 of the family", "2 experts"]
-    assert experts_figure([]).axes[0].texts[0].get_text() == "no trials stored"
+    labels = [line.get_label() for line in axes[0].get_lines()]
+    assert labels[:3] == ["the paper's expert", "1 of the family", "2 experts"]
+    nothing = table(made_up[:0])
+    assert figure(nothing, joint).axes[0].texts[0].get_text() == "no trials stored" and not len(needed(nothing))

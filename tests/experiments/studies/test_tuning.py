@@ -7,9 +7,8 @@ import pytest
 
 from sidm.experiments import Results, Study, load_preset
 from sidm.experiments.methods import METHODS
-from sidm.experiments.studies.tuning import TUNED, check, settings_table, tries_table
+from sidm.experiments.studies.tuning import TRIES, TUNED, TUNING_SEED, frame, settings, table, tried
 from sidm.experiments.studies.tuning import trials as trials_of
-from sidm.experiments.tries import TRIES, TUNING_SEED, tried
 
 ROOT = Path(__file__).parents[3]
 
@@ -31,15 +30,12 @@ def test_the_lowest_test_loss_is_marked(tiny, make_row, tmp_path):
         row = make_row(trial, 100 - number)  # the validation loss has no say
         outcome = dataclasses.replace(row.outcome, best_test_loss=1.0 + abs(number - 3.5))  # a tie of 3 and 4
         store.put(dataclasses.replace(row, outcome=outcome))
-    table = tries_table(study, ["system1"], store)
-    assert [t.lowest for t in table[:7]] == [number == 3 for number in range(7)]
-    assert [t.words for t in table if t.used] == [next(iter(tries)) for tries in TRIES.values()]
-    assert check(table) == (
-        "On system1 the try used has the lowest test loss for 2 of 3 methods, "
-        f"and at most {4.5 / 1.5 - 1:.1%} above it for the others."
-    )
-    assert [t.words for t in table] == [words for tries in TRIES.values() for words in tries]
-    assert table[6].words == "weight decay 0.1" and trials[6].training.weight_decay == 0.1
+    found = table(frame(study, store, ["system1"]))
+    assert found.lowest[:7].tolist() == [number == 3 for number in range(7)] and found.lowest.sum() == 3
+    assert found["try"][found.used].tolist() == [next(iter(tries)) for tries in TRIES.values()]
+    assert found["try"].tolist() == [words for tries in TRIES.values() for words in tries]
+    assert found["try"][6] == "weight decay 0.1" and trials[6].training.weight_decay == 0.1
+    assert not len(table(frame(study, Results(tmp_path / "nothing"), ["system1"])))
 
 
 @pytest.mark.parametrize("method", TRIES)
@@ -57,9 +53,9 @@ def test_the_laptop_is_tuned_to_its_best_tries(monkeypatch, method):
 
 
 def test_the_settings_that_each_method_came_to():
-    table = {name: values for name, *values in settings_table(load_preset("laptop"))}
-    assert list(table) == ["p_expert", *TUNED] and all(len(values) == len(TRIES) for values in table.values())
-    novice_only, sidm, finetuned = (dict(zip(table, one, strict=True)) for one in zip(*table.values(), strict=True))
-    assert novice_only["weight_decay"] == "0.1" and novice_only["matching_iterations"] == novice_only["p_expert"] == "-"
-    assert sidm["matching_iterations"] == "5" and sidm["p_expert"] == "0.75 (system1), 0.5 (system2)"
-    assert finetuned["learning_rate"] == "0.001, then 0.0001" and finetuned["patience"] == "150,000"
+    found = settings(load_preset("laptop"))
+    assert list(found.index) == ["p_expert", *TUNED] and list(found) == list(TRIES)
+    assert found.novice_only.weight_decay == "0.1" and found.novice_only.matching_iterations == "-"
+    assert found.sidm.matching_iterations == "5" and found.sidm.p_expert == "0.75 (system1), 0.5 (system2)"
+    assert found.pretrain_finetune.learning_rate == "0.001, then 0.0001" and found.novice_only.p_expert == "-"
+    assert found.pretrain_finetune.patience == "150,000"

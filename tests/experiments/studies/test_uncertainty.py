@@ -10,22 +10,15 @@ from scipy import stats
 from sidm.experiments import Study
 from sidm.experiments.engine import models
 from sidm.experiments.engine.execute import Library
+from sidm.experiments.engine.frame import records_frame
 from sidm.experiments.engine.provenance import here
-from sidm.experiments.studies.uncertainty import fit as u
-from sidm.experiments.studies.uncertainty.results import (
-    claims,
-    coverage_figure,
-    in_short,
-    likelihood_lines,
-    loss_figure,
-    nll_lines,
-    shares,
-)
+from sidm.experiments.studies.uncertainty import measure as u
+from sidm.experiments.studies.uncertainty.results import claims, coverage, coverage_figure, figure, quantiles, table
 
 
 @pytest.fixture(scope="module")
 def jobs(tiny, data, tmp_path_factory):
-    return u.fits(Study(tiny, data, tmp_path_factory.mktemp("results")), "system1", [0.75], particles=8)
+    return u.jobs(Study(tiny, data, tmp_path_factory.mktemp("results")), "system1", [0.75], particles=8)
 
 
 def test_every_model_has_its_twin(jobs):
@@ -36,8 +29,8 @@ def test_every_model_has_its_twin(jobs):
 
 @pytest.mark.parametrize("number", [0, 3])
 def test_a_fit_is_judged_and_stored(jobs, data, tmp_path, golden, number):
-    job, store = jobs[number], u.stored(tmp_path)
-    found = u.fit(job, data)
+    job, store = jobs[number], u.records(tmp_path)
+    found = u.measure(job, data)
     assert np.isfinite([found.nll, found.validation_loss]).all() and not found.provenance.stale
     half, most = np.array(found.coverage)
     assert half.shape == (13,) and (half >= 0).all() and (half <= most).all() and (most <= 1).all()
@@ -101,48 +94,50 @@ def made_up(jobs):
                     provenance=here(1.0, 1, False),
                 )
             )
-    return found
+    return records_frame(u.Fitted, found)
 
 
-def test_lines_compare_with_the_twin_seed_by_seed(made_up):
-    table = {(one.method, one.likelihood): one for one in likelihood_lines(made_up, "system1")}
-    mine, twin = table["sidm", True], table["sidm", False]
-    assert mine.seeds == 3 and twin.less is None
-    assert shares(mine.coverage) == ["50% (50% to 50%)", "90% (90% to 90%)"]
-    assert mine.nll == pytest.approx(3.1) and mine.less.value == pytest.approx(-2) and mine.less.high < -1.9
-    assert mine.loss == pytest.approx(2.1) and likelihood_lines(made_up, "system2") == []
-    assert mine.constant == pytest.approx(13 * stats.norm(0, 0.1**0.5).entropy()) and mine.error == pytest.approx(0.1)
-    assert mine.last_width.shape == (2, 3)
+def test_models_are_compared_with_their_twins_seed_by_seed(made_up):
+    found = table(made_up).set_index(["method", "likelihood"])
+    mine, twin = found.loc[("sidm", True)], found.loc[("sidm", False)]
+    assert mine.seeds == 3 and np.isnan(twin.difference)
+    assert mine.nll == pytest.approx(3.1) and mine.difference == pytest.approx(-2) and mine.high < -1.9
+    assert mine.loss == pytest.approx(2.1) and len(found) == 4 and set(found.system) == {"system1"}
+    assert mine.constant == pytest.approx(13 * stats.norm(0, 0.1**0.5).entropy())
+
+
+def test_coverage_is_a_mean_over_seeds_with_the_least_and_most_of_its_components(made_up):
+    cover = list(made_up.coverage)
+    cover[0] = ((0.2, *[0.5] * 12), cover[0][1])  # of the first seed of the first model
+    found = coverage(made_up.assign(coverage=cover)).set_index(["method", "likelihood", "level"])
+    half = found.loc[("sidm", True, 0.5)]
+    assert (half.least, half.most, half.rollout) == pytest.approx((0.4, 0.5, 0.5))
+    assert half.one_step == pytest.approx((12 * 0.5 + 0.4) / 13) and half.position == pytest.approx(0.1)
+    assert found.one_step["sidm", False, 0.9] == pytest.approx(0.95) and half.width.shape == (3,)
 
 
 def test_steps_and_the_redundant_component_have_lines(made_up):
-    first, twin, *_ = nll_lines(made_up, "system1")
-    assert first == ("with SIDM", "by likelihood", 0.75, "4.0", "5.0", "6.0", "7.0", "3.1", "0.5")
-    assert twin[1] == "deterministic" and nll_lines(made_up, "system2") == []
+    first, twin, *_ = quantiles(made_up).itertuples(index=False)
+    assert first[:4] == ("system1", 0.75, "sidm", True) and first[4:] == pytest.approx((4, 5, 6, 7, 3.1, 0.5))
+    assert twin.likelihood == False  # noqa: E712 - a NumPy bool
 
 
 def test_the_claim_is_of_the_pairs(made_up):
-    (claim,) = claims(made_up, "system1")
-    assert claim.interval == pytest.approx((2, 2, 2)) and "nats" in claim.ours
+    (claim,) = claims(table(made_up)).itertuples()
+    assert claim.value == pytest.approx(-2) and claim.ours.endswith(" nats")
     assert claim.verdict == "In the same direction"
-
-
-def test_in_short_names_sizes_and_means_shares(made_up):
-    """One size, at which distributions are 2 nats likelier in every seed; losses are 2.1 and 1.1."""
-    assert in_short(made_up, "system1") == (
-        "system1, with SIDM: a transition is likelier under distributions than under the twin with 0.75 min; the loss "
-        "of their means is 1.91 to 1.91 times the twin's. In the mean over sizes, intervals of 50% and 90% hold 50% "
-        "and 90% (the twin's 70% and 95%) of what happens in one step, and "
-        "50% and 90% (the twin's 70% and 95%) of the way and turn after 2.5 s."
-    )
-    assert in_short(made_up, "system2") == "system2: not run"
-    twins = [one for one in made_up if not one.about.likelihood]
-    assert in_short(twins, "system1") == "system1: not run"
 
 
 def test_figures_draw_all(made_up):
     left, right = coverage_figure(made_up, 0.75, ["system1", "system2"]).axes
     assert len([line for line in left.get_lines() if len(line.get_ydata()) == 25]) == 8
     assert right.texts[0].get_text() == "no trials stored"
-    axes = loss_figure(made_up, ["system1"]).axes[0]
+    axes = figure(table(made_up), ["system1"]).axes[0]
     assert len(axes.get_lines()) == 4 and axes.get_lines()[0].get_ydata()[0] == pytest.approx(2.1)
+
+
+def test_nothing_stored_makes_empty_tables(made_up):
+    nothing = records_frame(u.Fitted, [])
+    assert not any(map(len, (table(nothing), coverage(nothing), quantiles(nothing), claims(table(nothing)))))
+    twins = table(made_up[~made_up.likelihood])
+    assert len(twins) == 2 and not len(claims(twins))

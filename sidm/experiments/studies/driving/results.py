@@ -1,235 +1,153 @@
-"""Who arrives, how fast and on which ways: tables and claims from the records of `driving`."""
+"""Who arrives, how fast and on which ways: tables and claims from the records of `measure`."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.stats import binomtest
 
 from sidm.control.drivers import ARRIVED
+from sidm.experiments.engine.frame import of_trials
 from sidm.experiments.figures.style import METHOD_STYLES
 from sidm.experiments.methods import COMPARED
-from sidm.experiments.statistics.claims import NO_VERDICT, Claim, difference_claim
-from sidm.experiments.statistics.intervals import FEWEST_SEEDS, Interval, interval
-from sidm.experiments.studies.driving.drive import KEPT, Driven
+from sidm.experiments.statistics.claims import COLUMNS, judged
+from sidm.experiments.statistics.intervals import Interval, interval
+from sidm.experiments.statistics.pairs import beside
+from sidm.experiments.studies.driving.measure import KEPT
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PAPER = "not measured"
 SHORT = {"corrected_averaged": "expert corrected"}  # of labels that would fill a picture
 OTHERS = {"simulator": "planned in the simulator", "straight": "straight to the goal"}
-UNLIKELY = 0.05  # of a difference between equals, which is told from less on
+DRIVER = ["system", "driver", "method", "novice_minutes"]  # what tells the drivers apart; of a model's data, min
+OF_EPISODE = ("ended", "length", "away", "top_speed", "surprise")  # values of a record that have one an episode
 
 
-class Way(NamedTuple):
-    """One way to drive: all models of a method and size, or one of the others."""
-
-    system: str
-    kind: str  # 'model', 'simulator' or 'straight'
-    method: str  # of a model
-    minutes: float  # of a model's data; 0 of the others
-    parts: list[Driven]  # the records, one a seed
-
-    @property
-    def label(self) -> str:
-        """For figures and tables."""
-        return f"{self.name}, {self.minutes:g} min" if self.method else self.name
-
-    @property
-    def name(self) -> str:
-        """The same without the size."""
-        if not self.method:
-            return OTHERS[self.kind]
-        return str(SHORT.get(self.method) or METHOD_STYLES[self.method]["label"])
-
-    def path(self, number: int) -> np.ndarray | None:
-        """The way (K + 1, 2) of an episode below KEPT; None where it was not driven."""
-        for one in self.parts:
-            kept = [episode for episode in one.about.episodes if episode < KEPT]
-            if number in kept:
-                return np.array(one.paths[kept.index(number)])
-        return None
+def name(driver: str, method: str) -> str:
+    """Of a driver, for figures and tables."""
+    if driver != "model":
+        return OTHERS[driver]
+    return str(SHORT.get(method) or METHOD_STYLES[method]["label"])
 
 
-def drivers(found: Iterable[Driven], system: str) -> list[Way]:
-    """A system's ways to drive, in the order in which they are first met."""
-    groups: dict[tuple[str, str, float], list[Driven]] = {}
-    for one in found:
-        if one.about.system == system:
-            trial = one.about.trial
-            key = (one.about.driver, trial.method, trial.novice_minutes) if trial else (one.about.driver, "", 0.0)
-            groups.setdefault(key, []).append(one)
-    return [Way(system, *key, parts) for key, parts in groups.items()]
+def label(driver: str, method: str, minutes: float) -> str:
+    """The same with the size of the model's data."""
+    return name(driver, method) + (f", {minutes:g} min" if method else "")
 
 
-class Score(NamedTuple):
-    """A driver's episodes in numbers; times and lengths are medians over those in which it arrived, NaN without."""
+def table(frame: pd.DataFrame) -> pd.DataFrame:
+    """A line an episode of a driver.
 
-    models: int  # that share the episodes, one a seed; 0 of the drivers without
-    episodes: int
-    arrived: Interval  # share of the episodes, with Wilson's 95 % interval: of these models, over episodes
-    seconds: float
-    length: float  # m
-    detour: float  # path length by straight distance
-    ends: dict[str, int]  # of the others, by cause
-    surprise: float  # m, from where a plan led to where the robot was at the next, mean over the episodes; NaN of none
-    top_speed: float  # m/s, mean over the episodes
-    plans_per_second: tuple[float, float]  # of the median plan, and of the slowest 5 %; 0 where none is made
+    DRIVER, with '' and 0 where there is no model, the model's `seed`, the `episode`, whether the goal was `missed`, the
+    cause that `ended` it, `seconds` until then, `length` of the path, m, `away`, how far the goal was, m, `top_speed`,
+    m/s, `surprise`, m, from where a plan led to where the robot was at the next, NaN of no plan; and the `path`
+    (K + 1, 2), m, where it is stored.
+    """
+    import pandas as pd
 
-
-def score(driver: Way) -> Score:
-    """The numbers of one driver."""
-
-    def of(name: str) -> np.ndarray:
-        return np.array([value for one in driver.parts for value in getattr(one, name)])
-
-    here, ends = of("ended") == "arrived", Counter(of("ended").tolist())
-    ends.pop("arrived", None)
-    count, total = int(here.sum()), len(here)
-    shares = binomtest(count, total).proportion_ci(method="wilson")
-    ways = (of("seconds"), of("length"), of("length") / (of("away") - ARRIVED))
-    seconds, length, detour = (float(np.median(some[here])) if count else float("nan") for some in ways)
-    pace = [(one.plan_seconds, one.slowest_plan_seconds) for one in driver.parts if one.plans]
-    often, seldom = 1 / np.median(pace, axis=0) if pace else (0.0, 0.0)
-    return Score(
-        models=len(driver.parts) if driver.method else 0,
-        episodes=total,
-        arrived=Interval(count / total, shares.low, shares.high),
-        seconds=seconds,
-        length=length,
-        detour=detour,
-        ends=dict(ends),
-        surprise=float(of("surprise").mean()) if pace else float("nan"),
-        top_speed=float(of("top_speed").mean()),
-        plans_per_second=(float(often), float(seldom)),
-    )
+    lines = []
+    for one in of_trials(frame).itertuples():
+        trial = (one.method, one.novice_minutes, one.seed) if one.driver == "model" else ("", 0.0, 0)
+        kept = [number for number in one.episodes if number < KEPT]
+        for number, episode in enumerate(one.episodes):
+            values = {name: getattr(one, name)[number] for name in OF_EPISODE} | {"seconds": one.found_seconds[number]}
+            path = np.array(one.paths[kept.index(episode)]) if episode in kept else None
+            values |= {"episode": episode, "path": path} | ({} if one.plans else {"surprise": np.nan})
+            lines.append(dict(zip([*DRIVER, "seed"], (one.system, one.driver, *trial), strict=True)) | values)
+    names = [*DRIVER, "seed", "episode", "path", *OF_EPISODE, "seconds"]
+    found = pd.DataFrame(lines, columns=names).astype({"novice_minutes": float, "seconds": float})
+    return found.assign(missed=(found.ended != "arrived").astype(float))
 
 
-def in_short(found: Iterable[Driven], system: str) -> str:
-    """How many goals each driver reached, and how many models do better or worse than who steers straight for them."""
-    found = list(found)
-    every = drivers(found, system)
-    if not every:
-        return f"{system}: not run"
-    groups: dict[str, list[Way]] = {}
-    for one in every:
-        groups.setdefault(one.name, []).append(one)
-    said = f"{system}, goals reached: {'; '.join(_reached(name, some) for name, some in groups.items())}."
-    simulated, straight = (next((one for one in every if one.kind == kind), None) for kind in ("simulator", "straight"))
-    if simulated and straight:
-        ends = 1 - paired(simulated, straight)
-        said += f" In the {len(ends)} episodes of the planner in the simulator, who steers straight reaches "
-        said += f"{ends[:, 1].sum():.0f}, and the planner {ends[:, 0].sum():.0f}."
-    rivals = [one for one in beside(found, system) if one.other.kind == "straight"]
-    if rivals:
-        told = [one for one in rivals if one.chance < UNLIKELY]
-        more = sum(one.more > one.fewer for one in told)
-        said += f" Of {len(rivals)} planners with models, McNemar's test finds {len(told) - more} that reach fewer "
-        said += f"goals than who steers straight in the same episodes, and {more} that reach more (p < {UNLIKELY})."
-    return said
+def scores(frame: pd.DataFrame) -> pd.DataFrame:
+    """A line a driver, in the order in which they are first met.
+
+    `models` that share the `episodes`, one a seed; the share that `arrived` with `low` and `high`, Wilson's 95 %
+    interval, of these models over episodes; medians over those in which it arrived of `seconds`, `length`, m, and
+    `detour`, path by straight distance; the other `ends` by cause; means of `surprise` and `top_speed`; and plans a
+    second, `often` by the median plan and `seldom` by the slowest 5 %.
+    """
+    import pandas as pd
+
+    pace = of_trials(frame[frame.plans > 0]).assign(method=lambda f: f.method.where(f.driver == "model", ""))
+    pace = pace.assign(novice_minutes=pace.novice_minutes.where(pace.method != "", 0.0).astype(float))
+    often = 1 / pace.groupby(DRIVER)[["plan_seconds", "slowest_plan_seconds"]].median()
+    lines = []
+    for key, some in table(frame).groupby(DRIVER, sort=False):
+        here = some[some.missed == 0]
+        share = binomtest(len(here), len(some)).proportion_ci(method="wilson")
+        ends = some.ended[some.missed == 1].value_counts(sort=False)
+        plans = often.loc[key].tolist() if key in often.index else [0.0, 0.0]
+        lines.append((
+            *key, some.seed.nunique() if key[2] else 0, len(some), len(here) / len(some), share.low, share.high,
+            here.seconds.median(), here.length.median(), (here.length / (here.away - ARRIVED)).median(),
+            ", ".join(f"{cause} {count}" for cause, count in ends.items()), some.surprise.mean(), some.top_speed.mean(),
+            *plans,
+        ))  # fmt: skip
+    names = ["models", "episodes", "arrived", "low", "high", "seconds", "length", "detour", "ends", "surprise",
+             "top_speed", "often", "seldom"]  # fmt: skip
+    return pd.DataFrame(lines, columns=[*DRIVER, *names])
 
 
-def _reached(name: str, some: Sequence[Way]) -> str:
-    """'with SIDM 24, 40 of 50 (1, 60 min)'."""
-    ends = [[missed for missed, _ in outcomes(one).values()] for one in some]
-    counts = ", ".join(f"{len(missed) - sum(missed)}" for missed in ends)
-    totals = ", ".join(dict.fromkeys(f"{len(missed)}" for missed in ends))
-    sizes = ", ".join(f"{one.minutes:g}" for one in some if one.method)
-    return f"{name} {counts} of {totals}" + (f" ({sizes} min)" if sizes else "")
+def rivals(table: pd.DataFrame) -> pd.DataFrame:
+    """Every model beside the drivers without, and with SIDM beside without of the same data, on the same episodes.
+
+    DRIVER and the `other`'s label; `episodes` that both drove; `more` goals, which the other missed, and `fewer`;
+    `chance` of such a difference or a greater one between equals, by McNemar's exact test; goals that `both` reached,
+    and how much `sooner` there, s, with `low` and `high`, over episodes.
+    """
+    import pandas as pd
+
+    lines = []
+    for system, every in table.groupby("system", sort=False):
+        groups = list(every.groupby(DRIVER[1:], sort=False))
+        for mine, own in groups:
+            for theirs, other in groups:
+                same_data = (mine[1], theirs[1]) == COMPARED and mine[2] == theirs[2]
+                if mine[1] and (same_data or not theirs[1]):
+                    lines.append((system, *mine, label(*theirs), *_paired(own, other)))
+    names = ["other", "episodes", "more", "fewer", "chance", "both", "sooner", "low", "high"]
+    found = pd.DataFrame(lines, columns=[*DRIVER, *names])
+    return found[found.episodes > 0].reset_index(drop=True)
 
 
-def outcomes(driver: Way) -> dict[int, tuple[bool, float]]:
-    """Of each episode by its number, whether the goal was missed, and how many seconds were driven."""
-    return {
-        number: (end != "arrived", seconds)
-        for one in driver.parts
-        for number, end, seconds in zip(one.about.episodes, one.ended, one.seconds, strict=True)
-    }
+def _paired(own: pd.DataFrame, other: pd.DataFrame) -> tuple:
+    """Two drivers in the episodes that both drove."""
+    both = own.merge(other, on="episode").sort_values("episode")
+    more, fewer = int((both.missed_x < both.missed_y).sum()), int((both.missed_x > both.missed_y).sum())
+    chance = float(binomtest(more, more + fewer).pvalue) if more + fewer else 1.0
+    reached = both[(both.missed_x == 0) & (both.missed_y == 0)]
+    times = (reached.seconds_y - reached.seconds_x).to_numpy(float)
+    early = interval(lambda some: float(some.mean()), times) if len(times) else Interval(np.nan, np.nan, np.nan)
+    return len(both), more, fewer, chance, len(times), *early
 
 
-def paired(one: Way, other: Way) -> np.ndarray:
-    """(E, 2) of 1 for a goal that was missed, over the episodes that both drove."""
-    mine, theirs = outcomes(one), outcomes(other)
-    common = sorted(mine.keys() & theirs.keys())
-    return np.array([(mine[number][0], theirs[number][0]) for number in common], float).reshape(-1, 2)
-
-
-def sooner(one: Way, other: Way) -> np.ndarray:
-    """(E, 2) of s until the goal, over the episodes in which both reached it."""
-    mine, theirs = (
-        {number: seconds for number, (missed, seconds) in outcomes(way).items() if not missed} for way in (one, other)
-    )
-    return np.array([(mine[number], theirs[number]) for number in sorted(mine.keys() & theirs.keys())]).reshape(-1, 2)
-
-
-class Beside(NamedTuple):
-    """How many more goals a driver reached than another, of the same episodes, and how much sooner: of these models."""
-
-    way: Way
-    other: Way
-    episodes: int  # that both drove
-    more: int  # goals that the other missed
-    fewer: int  # goals that only the other reached
-    both: int  # goals that both reached
-    sooner: Interval | None  # s, mean over these, interval over these; None where there are fewer than three
-
-    @property
-    def chance(self) -> float:
-        """Probability of such a difference or a greater one between equals, by McNemar's exact test."""
-        return float(binomtest(self.more, self.more + self.fewer).pvalue) if self.more + self.fewer else 1.0
-
-    @property
-    def sooner_words(self) -> str:
-        """For a table."""
-        return f"{self.sooner.words(2)} ({self.both})" if self.sooner else "-"
-
-
-def beside(found: Iterable[Driven], system: str) -> list[Beside]:
-    """Every model beside the floor and the ceiling, and with SIDM beside without, of the same data."""
-    every, table = drivers(found, system), []
-    for way in every:
-        for other in every:
-            rivals = (way.method, other.method) == COMPARED and way.minutes == other.minutes
-            ends = paired(way, other)
-            if way.method and (rivals or not other.method) and len(ends):
-                (mine, theirs), times = ends.T.astype(bool), sooner(way, other)
-                more, fewer = int((~mine & theirs).sum()), int((mine & ~theirs).sum())
-                early = interval(_less, times) if len(times) >= FEWEST_SEEDS else None
-                table.append(Beside(way, other, len(ends), more, fewer, len(times), early))
-    return table
-
-
-def _less(pairs: np.ndarray) -> float:
-    """By how much the first of paired values (E, 2) is smaller, mean over the pairs."""
-    return float((pairs[:, 1] - pairs[:, 0]).mean())
-
-
-def claims(found: Iterable[Driven], system: str) -> list[Claim]:
+def claims(table: pd.DataFrame) -> pd.DataFrame:
     """Whether models with SIDM miss fewer goals than those without, and get sooner to those that both reach.
 
     A seed is a pair: the means over its episodes, of all sizes that both sides have driven.
     """
-    every = {(driver.method, driver.minutes): driver for driver in drivers(found, system) if driver.method}
-    one, other = COMPARED
-    sizes = sorted({size for method, size in every if method == one and (other, size) in every})
-    sides = [(every[one, size], every[other, size]) for size in sizes]
-    words = f"{system}: {{}} with the SIDM's models than without, at {', '.join(f'{size:g}' for size in sizes)} min"
-    fewer, quicker = words.format("fewer goals missed"), words.format("a shorter time to the goals that both reach")
-    if not sizes:
-        return []
-    missed, times = _by_seed(sides, paired), _by_seed(sides, sooner)
-    if len(missed) and not len(times):
-        return [difference_claim(fewer, PAPER, missed), Claim(quicker, PAPER, "no goal that both reach", NO_VERDICT)]
-    return [difference_claim(fewer, PAPER, missed), difference_claim(quicker, PAPER, times, " s")]
+    import pandas as pd
+
+    point = ["system", "novice_minutes", "episode"]
+    own, other = (table[table.method == method] for method in COMPARED)
+    both = own.merge(other[[*point, "missed", "seconds"]], on=point, suffixes=("", "_other"))
+    reached = both[(both.missed == 0) & (both.missed_other == 0)]
+    parts = []
+    for words, some, value, unit in (("goals missed (share)", both, "missed", ""),
+                                     ("time to the goals that both reach", reached, "seconds", "s")):  # fmt: skip
+        means = some.groupby(["system", "seed"])[[value, f"{value}_other"]].mean().reset_index()
+        without = means.drop(columns=value).rename(columns={f"{value}_other": value})
+        found = beside(means, without, on=["system"], by=[], value=value, difference=True)
+        sizes = [_sizes(both[both.system == system].novice_minutes.unique()) for system in found.system]
+        names = [f"{words}, with SIDM's models less without, {some} min" for some in sizes]
+        parts.append(judged(found, names, PAPER, unit=unit))
+    return pd.concat(parts).sort_values("system", kind="stable", ignore_index=True)[list(COLUMNS)]
 
 
-def _by_seed(sides: Iterable[tuple[Way, Way]], how: Callable[[Way, Way], np.ndarray]) -> np.ndarray:
-    """(S, 2) means over a seed's episodes of what `how` pairs, all sizes together."""
-    found: dict[int, list[np.ndarray]] = {}
-    for one, other in sides:
-        for part in one.parts:
-            if part.about.trial:
-                found.setdefault(part.about.trial.seed, []).append(how(one._replace(parts=[part]), other))
-    pairs = [np.concatenate(some) for some in found.values()]
-    return np.array([some.mean(0) for some in pairs if len(some)]).reshape(-1, 2)
+def _sizes(minutes: Sequence[float]) -> str:
+    return ", ".join(f"{one:g}" for one in sorted(minutes))

@@ -1,20 +1,20 @@
-"""What a novice needs when its SIDM learnt from several experts: a table and a figure from the records of `experts`."""
+"""What a novice needs when its SIDM learnt from several experts: tables and a figure from the records of `measure`."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from matplotlib.figure import Figure
 
-from sidm.experiments.engine.store import Row
+from sidm.experiments.engine.frame import of_trials
 from sidm.experiments.figures.style import LOSS_LABEL, METHOD_STYLES, SIZE_STYLES, finish, side_by_side, styled
-from sidm.experiments.statistics.claims import NO_VERDICT, Claim, few, ratio_claim
-from sidm.experiments.statistics.intervals import FEWEST_SEEDS, Interval, mean_ratio, ratio_of_means
-from sidm.experiments.statistics.savings import Saving, savings_between
-from sidm.experiments.statistics.tables import gather
-from sidm.experiments.studies.several_experts.pretrain import WAYS, Pretrained
+from sidm.experiments.statistics.claims import COLUMNS, judged
+from sidm.experiments.statistics.pairs import Losses, beside, complete, together
+from sidm.experiments.statistics.savings import savings_between
+from sidm.experiments.studies.several_experts.measure import WAYS
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PAPER = "'may lead to a more accurate' one"
 FASTER = "'may also lead to faster training'"
@@ -23,204 +23,133 @@ BESIDE: dict[str, dict[str, Any]] = {
     "novice_only": {"label": METHOD_STYLES["novice_only"]["label"], "color": "#555555", "linestyle": ":", "marker": ""},
     "sidm": {"label": "with SIDM, all at once", "color": "#555555", "linestyle": "-", "lw": 1, "marker": ""},
 }
-ALL = list(WAYS).index("all")
+PAPERS, MEMBER = "the paper's expert", "1 of the family"  # the single experts
 
 
-class Experts(NamedTuple):
-    """Those that an SIDM learnt from."""
-
-    number: int
-    paper: bool  # whether the paper's is one of them
-
-    @property
-    def label(self) -> str:
-        """For figures and tables."""
-        single = "the paper's expert" if self.paper else "1 of the family"
-        return f"{self.number} experts" if self.number > 1 else single
+def label(number: int, paper: bool) -> str:
+    """Of the experts that an SIDM learnt from, for figures and tables."""
+    return f"{number} experts" if number > 1 else PAPERS if paper else MEMBER
 
 
-PAPERS, MEMBERS = Experts(1, True), Experts(1, False)  # the single ones
+def table(frame: pd.DataFrame) -> pd.DataFrame:
+    """A line for each of the `experts` that an SIDM learnt from, way to go on, size of the novice's data and seed.
 
+    With `number` of the experts, validation `loss`, `samples` seen by the novice's training with its patience, and the
+    processor's `minutes` for it.
+    """
+    import pandas as pd
 
-class Line(NamedTuple):
-    """Experts, a way to go on and a size of the novice's data, means over seeds."""
-
-    experts: Experts
-    way: str  # of WAYS
-    minutes: float  # of the novice's data
-    seeds: int
-    loss: float  # validation
-    ratio: Interval | None  # to that of the paper's expert alone, paired by seed; None for it
-    saving: Saving | None  # how many times the novice's data its SIDM needs; None for it
-    samples: float  # seen by the novice's training, its patience included
-    compute_minutes: float  # of a processor, for the novice's training
-
-
-def experts_of(one: Pretrained) -> Experts:
-    """Whom the SIDM of a record learnt from."""
-    return Experts(one.about.experts, one.about.paper)
-
-
-def as_they_are(one: Pretrained) -> list[float]:
-    """Validation loss with the parts of each size's nearest expert, before the novice learnt anything."""
-    names = [*(["expert"] if one.about.paper else []), *(f"member{number}" for number in range(len(one.about.roles)))]
-    return [losses[names.index(role)] for role, losses in zip(one.nearest, one.before, strict=True)]
-
-
-def _groups(found: Sequence[Pretrained]) -> list[Experts]:
-    """Those that are stored: the single ones first, the paper's before the other."""
-    return sorted({experts_of(one) for one in found}, key=lambda some: (some.number, not some.paper))
-
-
-def _by_seed(found: Sequence[Pretrained], experts: Experts) -> dict[int, Pretrained]:
-    return {one.about.trial.seed: one for one in found if experts_of(one) == experts}
-
-
-def _values(some: Sequence[Pretrained], name: str, way: int) -> np.ndarray:
-    """(S, M) of one way."""
-    return np.array([getattr(one, name)[way] for one in some], float)
-
-
-def needed_lines(found: Sequence[Pretrained]) -> list[Line]:
-    """A line a number of experts, way and size, of one system; seeds that one side lacks are left out of the ratios."""
     lines = []
-    single = _by_seed(found, PAPERS)
-    for experts in _groups(found):
-        mine = _by_seed(found, experts)
-        common, sizes = sorted(mine.keys() & single.keys()), np.array(next(iter(mine.values())).about.sizes)
+    for one in of_trials(frame).itertuples():
+        known = one.system, label(one.experts, one.paper), one.experts, one.seed
         for number, way in enumerate(WAYS):
-            some = list(mine.values())
-            loss, samples, seconds = (
-                _values(some, name, number).mean(0) for name in ("validation_loss", "samples", "seconds")
-            )
-            ratios: list[Interval | None] = [None] * len(sizes)
-            saved: list[Saving | None] = [None] * len(sizes)
-            if experts != PAPERS and common:
-                own, other = (_values([side[s] for s in common], "validation_loss", number) for side in (mine, single))
-                singles = np.array(single[common[0]].about.sizes)
-                saved = list(savings_between(sizes, own, singles, other))
-                beside = other[:, [singles.tolist().index(minutes) for minutes in sizes]]
-                ratios = [ratio_of_means(np.stack([beside[:, k], own[:, k]], axis=1)) for k in range(len(sizes))]
-            for k, minutes in enumerate(sizes.tolist()):
-                numbers = float(loss[k]), ratios[k], saved[k], float(samples[k]), float(seconds[k]) / 60
-                lines.append(Line(experts, way, minutes, len(mine), *numbers))
-    return lines
+            values = (one.sizes, one.validation_loss[number], one.samples[number], one.found_seconds[number])
+            lines += [(*known, way, *line) for line in zip(*values, strict=True)]
+    names = ["system", "experts", "number", "seed", "way", "novice_minutes", "loss", "samples", "seconds"]
+    found = pd.DataFrame(lines, columns=names).astype({name: float for name in names[5:]})
+    order = found.experts.map({PAPERS: 0, MEMBER: 1}).fillna(found.number)
+    found = found.assign(order=order, minutes=found.seconds / 60).sort_values(["order", "seed"], kind="stable")
+    return found.drop(columns=["order", "seconds"]).reset_index(drop=True)
 
 
-def beside_lines(rows: Sequence[Row], system: str) -> list[tuple]:
-    """A line of a table for each of Figure 3's methods and size: seeds, means of loss, samples and minutes."""
+def needed(table: pd.DataFrame) -> pd.DataFrame:
+    """A line for each experts, way and size: means, and how they stand beside the paper's expert alone.
+
+    `seeds`, mean `loss`, `samples` and `minutes`; the `ratio` of the losses with `low` and `high`; and `saved`,
+    `saved_low`, `saved_high` and `bound`: how many times the novice's data the paper's expert's SIDM needs.
+    """
+    import pandas as pd
+
+    point = ["system", "experts", "way", "novice_minutes"]
+    found = table.groupby(point, sort=False)[["loss", "samples", "minutes"]].mean()
+    found.insert(0, "seeds", table.groupby(point, sort=False).size())
+    papers = table[table.experts == PAPERS]
+    others = table[table.experts != PAPERS]
+    ratios = beside(others, papers, on=["system", "way", "novice_minutes"], by=["experts"], value="loss")
     lines = []
-    for method, look in BESIDE.items():
-        mine = [row for row in rows if (row.trial.system, row.trial.method) == (system, method)]
-        for minutes in sorted({row.trial.novice_minutes for row in mine}):
-            some = [row for row in mine if row.trial.novice_minutes == minutes]
-            columns = [(row.outcome.validation_loss, row.outcome.samples, row.provenance.seconds / 60) for row in some]
-            loss, samples, taken = np.mean(columns, axis=0)
-            lines.append((look["label"], minutes, len(some), f"{loss:.3f}", f"{samples:,.0f}", f"{taken:.1f}"))
-    return lines
+    for (system, experts, way), own in others.groupby(point[:3], sort=False):
+        single = _complete(papers[papers.way == way], system)
+        lines += [(system, experts, way, *line) for line in savings_between(_complete(own, system), single)]
+    names = ["saved", "saved_low", "saved_high", "bound"]
+    saved = pd.DataFrame(lines, columns=[*point, "_seeds", "_loss", *names]).astype(ratios[point].dtypes)
+    found = found.reset_index().merge(ratios[[*point, "ratio", "low", "high"]], how="left", on=point)
+    return found.merge(saved[[*point, *names]], how="left", on=point)
 
 
-def claims(found: Sequence[Pretrained], rows: Sequence[Row] = ()) -> list[Claim]:
+def _complete(lines: pd.DataFrame, system: str) -> Losses:
+    """Losses of one way by seed and size."""
+    return complete(lines.assign(method="own"), system, ["own"], "loss")
+
+
+def as_they_are(frame: pd.DataFrame) -> pd.DataFrame:
+    """A line a record and size: the `nearest` expert, and the validation `loss` with its parts as they are."""
+    import pandas as pd
+
+    lines = []
+    for one in of_trials(frame).itertuples():
+        names = [*(["expert"] if one.paper else []), *(f"member{number}" for number in range(len(one.roles)))]
+        for minutes, role, losses in zip(one.sizes, one.nearest, one.before, strict=True):
+            lines.append((label(one.experts, one.paper), one.seed, minutes, role, losses[names.index(role)]))
+    return pd.DataFrame(lines, columns=["experts", "seed", "novice_minutes", "nearest", "loss"])
+
+
+def costs(joint: pd.DataFrame) -> pd.DataFrame:
+    """The same means of Figure 3's methods, of which `joint` are results: a line a method and size."""
+    found = joint.assign(minutes=joint.seconds / 60).groupby(["method", "novice_minutes"], sort=False).agg(
+        seeds=("seed", "size"), loss=("validation_loss", "mean"), samples=("samples", "mean"),
+        minutes=("minutes", "mean"),
+    ).reset_index()  # fmt: skip
+    return found[found.method.isin(list(BESIDE))]
+
+
+def claims(table: pd.DataFrame, joint: pd.DataFrame) -> pd.DataFrame:
     """Whether the SIDM of most experts gives a smaller loss than that of one, and the novice a shorter training.
 
     The loss beside the paper's expert, and beside one of the family, which is as near to the novice as the others are,
     by way, the sizes together; the training of encoder and decoder alone beside that of all together with an SIDM that
-    is not learnt before, of which `rows` are.
+    is not learnt before, of which `joint` are results.
     """
-    most = max((experts_of(one) for one in found), default=PAPERS)
-    if most.number < 2:
-        return [Claim("a smaller loss with several experts' SIDM than with one's", PAPER, "not run", NO_VERDICT)]
-    system, sizes = found[0].about.trial.system, next(one.about.sizes for one in found if experts_of(one) == most)
-    every, table = ", ".join(f"{minutes:g}" for minutes in sizes), []
-    for number, words in enumerate(WAYS.values()):
-        for single in (PAPERS, MEMBERS):
-            claim = f"{system}: a smaller loss with {most.label}' SIDM than with that of {single.label}"
-            values = _common(found, most, single, "validation_loss", number)
-            table.append(ratio_claim(f"{claim}, {words}, at {every} min", PAPER, *values))
-    for number, words in enumerate(WAYS.values()):
-        if number != ALL:
-            claim = f"{system}: a shorter training with {most.label}' SIDM, {words}, than with SIDM as in Figure 3"
-            values = _samples(list(_by_seed(found, most).values()), rows, number)
-            table.append(ratio_claim(f"{claim}, at {every} min", FASTER, *values, "samples"))
-    return table
+    import pandas as pd
 
-
-def in_short(found: Sequence[Pretrained]) -> str:
-    """What a novice with the fewest data gets from most experts' SIDM beside the single ones', and how to go on."""
-    most = max((experts_of(one) for one in found), default=PAPERS)
-    if most.number < 2:
-        return "not run"
-    sides = {one: _common(found, most, one, "validation_loss", ALL) for one in (PAPERS, MEMBERS)}
-    if not all(own.size for own, _ in sides.values()):
-        return "not run"
-    lines = [line for line in needed_lines(found) if line.experts == most]
-    least = min(line.minutes for line in lines)
-    loss = {line.way: line.loss for line in lines if line.minutes == least}
-    beside = ", and ".join(f"{mean_ratio(*both).words(3)} times that after {one.label}" for one, both in sides.items())
-    seeds = min(len(own) for own, _ in sides.values())
-    return (
-        f"{found[0].about.trial.system}: after an SIDM of {most.label} the loss of a novice that learns on with all "
-        f"parts is {beside}, its sizes together{f' ({few(seeds)})' if seeds < FEWEST_SEEDS else ''}. With {least:g} "
-        f"min it is {loss['all']:.3g}, learning on with encoder and decoder alone {loss['parts']:.3g}, and with fresh "
-        f"ones {loss['fresh_parts']:.3g}."
-    )
-
-
-def _common(
-    found: Sequence[Pretrained], one: Experts, other: Experts, name: str, way: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """(S, M) of either with the seeds that both have, at the sizes M of the first."""
-    mine, theirs = _by_seed(found, one), _by_seed(found, other)
-    common = sorted(mine.keys() & theirs.keys())
-    count = len(next(iter(mine.values())).about.sizes)  # which the others' begin with
-    own, beside = (
-        np.array([getattr(side[seed], name)[way][:count] for seed in common], float).reshape(len(common), count)
-        for side in (mine, theirs)
-    )
-    return own, beside
-
-
-def _samples(some: Sequence[Pretrained], rows: Sequence[Row], way: int) -> tuple[np.ndarray, np.ndarray]:
-    """(S, M) samples of one way to learn the novice, and of training with SIDM, where a seed has all sizes of both."""
-    joint = {
-        (row.trial.system, row.trial.seed, row.trial.novice_minutes): row.outcome.samples
-        for row in rows
-        if row.trial.method == "sidm"
-    }
-    pairs = []
-    for one in some:
-        keys = [(one.about.trial.system, one.about.trial.seed, minutes) for minutes in one.about.sizes]
-        if all(key in joint for key in keys):
-            pairs.append((one.samples[way], [joint[key] for key in keys]))
-    return np.array([own for own, _ in pairs], float), np.array([beside for _, beside in pairs], float)
-
-
-def _style(experts: Experts) -> dict[str, Any]:
-    """A line's look, the same whatever else is stored."""
-    number = 0 if experts == PAPERS else experts.number.bit_length()  # 1, 2, 4, 8: one after the other
-    return SIZE_STYLES[number % len(SIZE_STYLES)]
+    most = table[(table.number == table.number.max()) & (table.number > 1)]
+    if not len(most):
+        return pd.DataFrame(columns=list(COLUMNS))
+    name, parts = most.experts.iloc[0], []
+    for way, words in WAYS.items():
+        own = most[most.way == way]
+        for single in (PAPERS, MEMBER):
+            found = together(own, table[(table.experts == single) & (table.way == way)], by=["way"], value="loss")
+            parts.append(judged(found, f"loss after {name} / after {single}; {words}", PAPER))
+    alone = joint[joint.method == "sidm"]
+    for way, words in WAYS.items():
+        if way != "all":
+            found = together(most[most.way == way], alone, by=["way"], value="samples")
+            parts.append(judged(found, f"samples after {name} / with SIDM as in Figure 3; {words}", FASTER))
+    return pd.concat(parts, ignore_index=True)
 
 
 @styled
-def experts_figure(found: Sequence[Pretrained], rows: Sequence[Row] = ()) -> Figure:
+def figure(table: pd.DataFrame, joint: pd.DataFrame) -> Figure:
     """Validation loss against the novice's data, a plot for each way to go on, a line for each number of experts.
 
-    `rows` of Figure 3's methods on the same sizes make lines for comparison.
+    `joint`, results of Figure 3's methods on the same sizes, make lines for comparison.
     """
     figure, panels = side_by_side(len(WAYS))
-    for number, (axes, words) in enumerate(zip(panels, WAYS.values(), strict=True)):
+    for number, (axes, (way, words)) in enumerate(zip(panels, WAYS.items(), strict=True)):
         axes.set(xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL, title=words)
-        sizes: set[float] = set()
-        for experts in _groups(found):
-            style = _style(experts)
-            some = list(_by_seed(found, experts).values())
-            values, minutes = _values(some, "validation_loss", number), some[0].about.sizes
-            axes.plot(minutes, values.mean(0), label=experts.label, **style)
-            axes.fill_between(minutes, values.min(0), values.max(0), color=style["color"], alpha=0.15, lw=0)
-            sizes |= set(minutes)
-        for method, look in BESIDE.items():
-            beside = gather(rows, found[0].about.trial.system, [method]) if found and rows else None
-            if beside is not None and beside.values.size:
-                axes.plot(beside.minutes, beside.values[:, 0].mean(0), **look)
-        finish(axes, sizes, legend=number == len(WAYS) - 1)  # one for all: it would lie over lines
+        mine = table[table.way == way]
+        for experts, own in mine.groupby("experts", sort=False):
+            losses, style = own.groupby("novice_minutes").loss.agg(["mean", "min", "max"]), _style(str(experts), own)
+            axes.plot(losses.index, losses["mean"], label=experts, **style)
+            axes.fill_between(losses.index, losses["min"], losses["max"], color=style["color"], alpha=0.15, lw=0)
+        for method, look in BESIDE.items() if len(mine) else ():
+            means = joint[joint.method == method].groupby("novice_minutes").validation_loss.mean()
+            axes.plot(means.index, means, **look)
+        finish(axes, mine.novice_minutes, legend=number == len(WAYS) - 1)  # one for all: it would lie over lines
     return figure
+
+
+def _style(experts: str, own: pd.DataFrame) -> dict[str, Any]:
+    """A line's look, the same whatever else is stored."""
+    number = 0 if experts == PAPERS else int(own.number.iloc[0]).bit_length()  # 1, 2, 4, 8: one after the other
+    return SIZE_STYLES[number % len(SIZE_STYLES)]

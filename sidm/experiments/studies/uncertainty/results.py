@@ -1,157 +1,90 @@
-"""How sure the models are, and whether rightly so: tables and figures from the records of `uncertainty`."""
+"""How sure the models are, and whether rightly so: tables and figures from the records of `measure`."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from sidm.experiments.engine.frame import of_trials
 from sidm.experiments.figures.style import LOSS_LABEL, METHOD_STYLES, finish, side_by_side, styled
-from sidm.experiments.methods import COMPARED
-from sidm.experiments.statistics.claims import Claim, difference_claim
-from sidm.experiments.statistics.intervals import Interval, interval
-from sidm.experiments.studies.uncertainty.fit import Fitted
-from sidm.learning.beyond.particles import LEVELS
+from sidm.experiments.statistics.claims import judged
+from sidm.experiments.statistics.pairs import beside
+from sidm.learning.beyond.particles import LEVELS, QUANTILES
 from sidm.systems import SYSTEMS
 from sidm.trajectory import CONTROL_STEP, QUATERNION
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 WORDS = {True: "by likelihood", False: "deterministic"}
+DATA = ["system", "novice_minutes", "method"]
+POINT = [*DATA, "likelihood"]
 
 
-class Line(NamedTuple):
-    """Models of one kind at one size, means over seeds."""
+def table(frame: pd.DataFrame) -> pd.DataFrame:
+    """Models by likelihood and their deterministic twins: a line a system, size, method and way of training.
 
-    system: str
-    method: str
-    likelihood: bool
-    minutes: float
-    seeds: int
-    loss: float  # equation (1)
-    nll: float  # nats a sample
-    constant: float  # nats a sample: the NLL with its own means and the best spread that is the same everywhere
-    less: Interval | None  # the NLL less the twin's, paired by seed; None for the twin
-    coverage: np.ndarray  # (L, 13) of one step
-    last_coverage: np.ndarray  # (L, 3) after the last step of the rollouts
-    last_width: np.ndarray  # (L, 3) of the intervals there: forward, sideways, m, heading, rad
-    error: float  # m, position after the rollouts of the means
-
-
-def likelihood_lines(found: Sequence[Fitted], system: str) -> list[Line]:
-    """A line a method, size and way of training that is stored."""
-    mine = [one for one in found if one.about.trial.system == system]
-    sizes = sorted({one.about.trial.novice_minutes for one in mine})
-    lines = []
-    for minutes in sizes:
-        for method in COMPARED:
-            sides = {by: _seeds(mine, method, minutes, by) for by in (True, False)}
-            for by, some in sides.items():
-                if not some:
-                    continue
-                common = sorted(sides[True].keys() & sides[False].keys())
-                less = None
-                if by and common:
-                    pairs = np.array([[side[seed].nll for side in sides.values()] for seed in common])
-                    less = interval(lambda p: float((p[:, 0] - p[:, 1]).mean()), pairs)
-                lines.append(_line(system, method, by, minutes, list(some.values()), less))
-    return lines
+    Returns:
+        POINT, `seeds`; means of the `loss` of equation (1), the `nll`, nats a sample, and `constant`: the NLL about the
+        same means with the best spread that is the same everywhere; and of models by likelihood the `difference` of the
+        NLL to the twin's, paired by seed, with the ends `low` and `high` of its interval.
+    """
+    mine = of_trials(frame)
+    mine = mine.assign(constant=[constant_spread(losses) for losses in mine.component_losses])
+    found = mine.groupby(POINT, sort=False).agg(
+        seeds=("seed", "size"), loss=("validation_loss", "mean"), nll=("nll", "mean"), constant=("constant", "mean")
+    ).reset_index()  # fmt: skip
+    by = mine.likelihood.astype(bool)
+    less = beside(mine[by], mine[~by], on=DATA, by=["likelihood"], value="nll", difference=True)
+    return found.merge(less[[*POINT, "difference", "low", "high"]], how="left", on=POINT)
 
 
-def _seeds(found: Sequence[Fitted], method: str, minutes: float, likelihood: bool) -> dict[int, Fitted]:
-    """Those of one kind, by seed."""
-    wanted = method, minutes, likelihood
-    return {
-        one.about.trial.seed: one
-        for one in found
-        if (one.about.trial.method, one.about.trial.novice_minutes, one.about.likelihood) == wanted
-    }
-
-
-def _of(lines: Sequence[Line], method: str, likelihood: bool) -> list[Line]:
-    """Those of one kind, a line a size."""
-    return [line for line in lines if (line.method, line.likelihood) == (method, likelihood)]
-
-
-def _line(
-    system: str, method: str, likelihood: bool, minutes: float, some: Sequence[Fitted], less: Interval | None
-) -> Line:
-    loss, nll = (float(np.mean([getattr(one, name) for one in some])) for name in ("validation_loss", "nll"))
-    constant = float(np.mean([constant_spread(one) for one in some]))
-    coverage = np.mean([one.coverage for one in some], axis=0)
-    last, width = (np.mean([getattr(one, f"steps_{name}") for one in some], axis=0)[:, -1] for name in
-                   ("coverage", "width"))  # fmt: skip
-    error = float(np.mean([one.position_error[-1] for one in some]))
-    return Line(system, method, likelihood, minutes, len(some), loss, nll, constant, less, coverage, last, width, error)
-
-
-def constant_spread(one: Fitted) -> float:
+def constant_spread(component_losses: Sequence[float]) -> float:
     """The NLL of normal distributions about a model's means, their spreads the best that are the same everywhere."""
-    return float(0.5 * np.log(2 * math.pi * math.e * np.array(one.component_losses)).sum())
+    return float(0.5 * np.log(2 * math.pi * math.e * np.array(component_losses)).sum())
 
 
-def nll_lines(found: Sequence[Fitted], system: str) -> list[tuple]:
-    """A line of a table a method, way and size, means over seeds: NLL of single steps by quantile, their mean, of w."""
-    mine = [one for one in found if one.about.trial.system == system]
+def coverage(frame: pd.DataFrame) -> pd.DataFrame:
+    """How much of what happened the central intervals hold, means over seeds: a line a model and level.
+
+    Returns:
+        POINT, `level`; the share held in `one_step`, the mean over the 13 components, and its `least` and `most` of
+        them; the same after the `rollout`, of forward, sideways and heading, `rollout_least` and `rollout_most`; the
+        intervals' `width` there, (3,) m, m, rad; and the `position` error there, m.
+    """
+    import pandas as pd
+
     lines = []
-    for minutes in sorted({one.about.trial.novice_minutes for one in mine}):
-        for method in COMPARED:
-            for by in (True, False):
-                some = list(_seeds(mine, method, minutes, by).values())
-                if some:
-                    numbers = [(*one.nll_quantiles, one.nll, one.component_nll[QUATERNION][-1]) for one in some]
-                    words = (f"{value:.1f}" for value in np.mean(numbers, axis=0))
-                    lines.append((METHOD_STYLES[method]["label"], WORDS[by], minutes, *words))
-    return lines
+    for point, some in of_trials(frame).groupby(POINT, sort=False):
+        one_step = np.mean(some.coverage.tolist(), axis=0)  # (L, 13)
+        rollout, width = (np.mean(steps.tolist(), axis=0)[:, -1] for steps in (some.steps_coverage, some.steps_width))
+        position = float(some.position_error.str[-1].mean())
+        for number, level in enumerate(LEVELS):
+            held = [of(share[number]) for share in (one_step, rollout) for of in (np.mean, np.min, np.max)]
+            lines.append((*point, level, *held, width[number], position))
+    names = ["one_step", "least", "most", "rollout", "rollout_least", "rollout_most", "width", "position"]
+    return pd.DataFrame(lines, columns=[*POINT, "level", *names])
 
 
-def in_short(found: Sequence[Fitted], system: str) -> str:
-    """Whether distributions are likelier than the twin with SIDM, what they cost in loss, what their intervals hold."""
-    lines = {way: _of(likelihood_lines(found, system), "sidm", way) for way in WORDS}
-    by, twin = lines[True], lines[False]
-    if not by or [line.minutes for line in by] != [line.minutes for line in twin]:
-        return f"{system}: not run"
-    likelier, less, unseen = (
-        " and ".join(f"{line.minutes:g}" for line in by if line.less and line.less.side(0) == side)
-        for side in (-1, 1, 0)
-    )
-    told = {"a transition is likelier under distributions than under the twin": likelier, "less likely": less,
-            "no difference is seen": unseen}  # fmt: skip
-    cost = [mine.loss / other.loss for mine, other in zip(by, twin, strict=True)]
-    levels = " and ".join(f"{level:.0%}" for level in LEVELS)
-    held, along = (
-        "{} (the twin's {})".format(*(_mean_shares(some, name) for some in (by, twin)))
-        for name in ("coverage", "last_coverage")
-    )
-    return (
-        f"{system}, with SIDM: "
-        + ", ".join(f"{words} with {sizes} min" for words, sizes in told.items() if sizes)
-        + f"; the loss of their means is {min(cost):.3g} to {max(cost):.3g} times the twin's. In the mean over sizes, "
-        f"intervals of {levels} hold {held} of what happens in one step, and {along} of the way and turn after 2.5 s."
-    )
+def quantiles(frame: pd.DataFrame) -> pd.DataFrame:
+    """NLL of single steps by quantile, its `mean` and that of the quaternion's `w` alone: means over seeds by POINT."""
+    mine = of_trials(frame)
+    names = [f"{level:.0%}" for level in QUANTILES]
+    values = {name: mine.nll_quantiles.str[number].astype(float) for number, name in enumerate(names)}
+    last = range(13)[QUATERNION][-1]
+    mine = mine.assign(**values, mean=mine.nll, w=mine.component_nll.str[last].astype(float))
+    return mine.groupby(POINT, sort=False)[[*names, "mean", "w"]].mean().reset_index()
 
 
-def _mean_shares(lines: Sequence[Line], name: str) -> str:
-    """Coverage of each level, the mean over lines and quantities."""
-    return " and ".join(f"{share:.0%}" for share in np.mean([getattr(line, name) for line in lines], axis=(0, -1)))
-
-
-def claims(found: Sequence[Fitted], system: str) -> list[Claim]:
+def claims(table: pd.DataFrame) -> pd.DataFrame:
     """Whether a transition is likelier under distributions than under the twin, at each size with SIDM."""
-    mine = [one for one in found if one.about.trial.system == system]
-    table = []
-    for minutes in sorted({one.about.trial.novice_minutes for one in mine}):
-        by, twin = (_seeds(mine, "sidm", minutes, way) for way in (True, False))
-        pairs = np.array([(by[seed].nll, twin[seed].nll) for seed in sorted(by.keys() & twin.keys())]).reshape(-1, 2)
-        words = f"{system}: a smaller negative log-likelihood by distributions than the twin's, SIDM at {minutes:g} min"
-        table.append(difference_claim(words, "an alternative (section 3.2)", pairs, " nats"))
-    return table
-
-
-def shares(coverage: np.ndarray) -> list[str]:
-    """Coverage (L, N) for a table, a cell a level: the mean over N quantities, and the least and the most of them."""
-    return [f"{level.mean():.0%} ({level.min():.0%} to {level.max():.0%})" for level in coverage]
+    mine = table[(table.method == "sidm") & table.likelihood.astype(bool)]
+    words = [f"NLL with distributions less the twin's, SIDM, {minutes:g} min" for minutes in mine.novice_minutes]
+    return judged(mine, words, "an alternative (section 3.2)", unit="nats")
 
 
 def _look(method: str, likelihood: bool) -> dict[str, Any]:
@@ -161,39 +94,33 @@ def _look(method: str, likelihood: bool) -> dict[str, Any]:
 
 
 @styled
-def loss_figure(found: Sequence[Fitted], systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
+def figure(table: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
     """Figure 3's points: the loss of equation (1) of the means, trained by likelihood and deterministically."""
     figure, panels = side_by_side(len(systems))
     for axes, system in zip(panels, systems, strict=True):
         axes.set(xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL, title=system)
-        lines = likelihood_lines(found, system)
-        for method in COMPARED:
-            for by in WORDS:
-                some = _of(lines, method, by)
-                if some:
-                    axes.plot([line.minutes for line in some], [line.loss for line in some], **_look(method, by))
-        finish(axes, {line.minutes for line in lines})
+        mine = table[table.system == system]
+        for (method, by), line in mine.groupby(["method", "likelihood"], sort=False):
+            axes.plot(line.novice_minutes, line.loss, **_look(method, bool(by)))
+        finish(axes, mine.novice_minutes)
     return figure
 
 
 @styled
-def coverage_figure(found: Sequence[Fitted], minutes: float, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
+def coverage_figure(frame: pd.DataFrame, minutes: float, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
     """How often what happened lies within the particles' intervals, along rollouts of models of one size."""
     figure, panels = side_by_side(len(systems))
+    every = of_trials(frame)
     for axes, system in zip(panels, systems, strict=True):
         axes.set(xlabel="time (s)", ylabel="share within the interval (-)", ylim=(0, 1))
         axes.set_title(f"{system}, {minutes:g} min")
-        drawn = False
-        for method in COMPARED:
-            for by in WORDS:
-                some = list(_seeds([o for o in found if o.about.trial.system == system], method, minutes, by).values())
-                if some:
-                    mean, look = np.mean([one.steps_coverage for one in some], axis=(0, -1)), _look(method, by)
-                    time = CONTROL_STEP * (1 + np.arange(mean.shape[1]))
-                    for number, level in enumerate(mean):
-                        axes.plot(time, level, **look | {"marker": "", "label": None if number else look["label"]})
-                    drawn = True
-        for level in LEVELS if drawn else ():
+        mine = every[(every.system == system) & (every.novice_minutes == minutes)]
+        for (method, by), some in mine.groupby(["method", "likelihood"], sort=False):
+            mean, look = np.mean(some.steps_coverage.tolist(), axis=(0, -1)), _look(method, bool(by))
+            time = CONTROL_STEP * (1 + np.arange(mean.shape[1]))
+            for number, level in enumerate(mean):
+                axes.plot(time, level, **look | {"marker": "", "label": None if number else look["label"]})
+        for level in LEVELS if len(mine) else ():
             axes.axhline(level, color="0.5", lw=1, linestyle="-", marker="")
         finish(axes)
     return figure
