@@ -19,7 +19,6 @@ from sidm import __version__, notebook
 from sidm.config import ConfigError
 from sidm.systems import SYSTEMS
 
-
 #: As the catalogue has them, which would bring PyTorch.
 _STUDIES = "latent-space, recorded-targets, driving, uncertainty, several-experts"
 

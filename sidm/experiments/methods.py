@@ -57,13 +57,13 @@ METHODS: dict[str, Method] = {
     # The paper's method, and its comparison on novice data alone (section 4).
     "sidm": Method("with SIDM", "sidm", expert=True, regularise=True),
     "novice_only": Method("without SIDM", "novice_only"),
-    # The expert first; section 4 says that the SIDM cannot be pretrained so.
-    "pretrain_finetune": Method("expert first, then novice", "pretrain_finetune", pretrained=True),
+    # Pretraining on the expert; section 4 says that the SIDM cannot be pretrained so.
+    "pretrain_finetune": Method("pretraining + fine-tuning", "pretrain_finetune", pretrained=True),
     "finetune_parts": Method(
-        "expert first, then encoder and decoder", "pretrain_finetune", pretrained=True, changes=(("frozen", "sidm"),)
+        "pretraining + fine-tuning of encoder and decoder", "pretrain_finetune", pretrained=True, changes=(("frozen", "sidm"),)
     ),
     "expert_only": Method(
-        "expert alone", "pretrain_finetune", pretrained=True, changes=(("max_samples", 0),)
+        "expert's model as it is", "pretrain_finetune", pretrained=True, changes=(("max_samples", 0),)
     ),
     "residual": Method("expert's model, corrected by a network", "novice_only", pretrained=True, residual=True),
     # No network for the novice at all.
@@ -80,37 +80,37 @@ METHODS: dict[str, Method] = {
         "SIDM, gradient reversal", "sidm", expert=True, regularise=True, changes=(("matching", "reversal"),)
     ),
     # One network for both systems.
-    "pooled": Method("one network", "sidm", expert=True, own="none"),
-    "pooled_flag": Method("one network, told the system", "sidm", expert=True, own="flag"),
-    # Beyond the paper: the expert first, and then...
-    "copies": Method("SIDM from copies", "copies", expert=True, regularise=True, pretrained=True),
+    "pooled": Method("joint training (one network)", "sidm", expert=True, own="none"),
+    "pooled_flag": Method("joint training with a system flag", "sidm", expert=True, own="flag"),
+    # Beyond the paper: pretraining, and then...
+    "copies": Method("pretraining + SIDM", "copies", expert=True, regularise=True, pretrained=True),
     "copies_no_regularisation": Method(
-        "SIDM from copies, no adversary", "copies", expert=True, pretrained=True
+        "pretraining + SIDM, no adversary", "copies", expert=True, pretrained=True
     ),
     "adapters": Method(
-        "one network, biases apart", "pretrain_finetune", expert=True, pretrained=True, own="biases"
+        "pretraining + joint training, own biases", "pretrain_finetune", expert=True, pretrained=True, own="biases"
     ),
     "tethered": Method(
-        "expert first, then tethered", "pretrain_finetune", pretrained=True, changes=(("tether", 100.0),)
+        "pretraining + fine-tuning, tethered (L2-SP)", "pretrain_finetune", pretrained=True, changes=(("tether", 100.0),)
     ),
     "averaged": Method(
-        "expert first, both averaged", "pretrain_finetune", pretrained=True, all_changes=(("averaging", 0.99),)
+        "pretraining + fine-tuning, averaged", "pretrain_finetune", pretrained=True, all_changes=(("averaging", 0.99),)
     ),
     "mirrored": Method(
-        "expert first, both mirrored", "pretrain_finetune", pretrained=True, all_changes=(("mirror", True),)
+        "pretraining + fine-tuning, mirrored", "pretrain_finetune", pretrained=True, all_changes=(("mirror", True),)
     ),
     "corrected": Method(
-        "expert first, then least squares", "", pretrained=True, residual=True, fit="least_squares"
+        "pretraining + least squares", "", pretrained=True, residual=True, fit="least_squares"
     ),
     "corrected_mirrored": Method(
-        "expert first, then least squares, both mirrored", "", pretrained=True, residual=True, fit="least_squares",
+        "pretraining + least squares, mirrored", "", pretrained=True, residual=True, fit="least_squares",
         all_changes=(("mirror", True),),
     ),
     "corrected_averaged": Method(
-        "expert first, then least squares, mirrored and averaged", "", pretrained=True, residual=True,
+        "pretraining + least squares, mirrored and averaged", "", pretrained=True, residual=True,
         fit="least_squares", all_changes=(("mirror", True), ("averaging", 0.99)),
     ),
-    # What mirror images do for methods that are not the expert first.
+    # What mirror images do for methods without pretraining.
     "sidm_mirrored": Method("with SIDM, mirrored", "sidm", expert=True, regularise=True, changes=(("mirror", True),)),
     "novice_only_mirrored": Method("without SIDM, mirrored", "novice_only", changes=(("mirror", True),)),
     "least_squares_mirrored": Method("least squares, mirrored", "", fit="least_squares", changes=(("mirror", True),)),

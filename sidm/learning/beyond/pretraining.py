@@ -1,4 +1,4 @@
-"""The expert first: weights that learnt from the expert alone, for a novice to start from.
+"""Pretraining: weights that learnt from the expert alone, for a novice to start from.
 
 The expert's trajectories stand in the novice's place of the same training loop: three of four to learn from, one of
 four to stop by.

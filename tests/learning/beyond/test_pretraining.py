@@ -1,4 +1,4 @@
-"""The expert first: its data in the novice's place, and what the novice starts from."""
+"""Pretraining: its data in the novice's place, and what the novice starts from."""
 
 import pytest
 import torch
