@@ -9,10 +9,10 @@ from typing import NamedTuple
 from sidm.config import ConfigError, unknown_name
 from sidm.experiments.engine.store import Results
 from sidm.experiments.presets import Preset
-from sidm.experiments.studies import ablations, baselines, choices, duration, tuning, variants
+from sidm.experiments.studies import ablations, baselines, choices, duration, network_size, tuning, variants
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
-from sidm.systems import SYSTEMS, find_system
+from sidm.systems import FREE_SYSTEMS, SYSTEMS, find_system
 
 #: Figure -> what makes its trials of one system, and the systems that it has.
 FIGURES: dict[str, tuple[Callable[[Study, str], list[Trial]], tuple[str, ...]]] = {
@@ -29,11 +29,13 @@ FIGURES: dict[str, tuple[Callable[[Study, str], list[Trial]], tuple[str, ...]]] 
     "iterations": (ablations.phases, tuple(SYSTEMS)),
     "pixels": (ablations.pixels, tuple(SYSTEMS)),
     "patience": (ablations.patience, tuple(SYSTEMS)),
+    "free-struts": (Study.free_struts, tuple(FREE_SYSTEMS)),
+    "network-size": (network_size.trials, ("system1",)),
     "most-data": (ablations.most_data_trials, tuple(SYSTEMS)),
 }
 
 #: Grids of presets that name them.
-NAMED = ("duration",)
+NAMED = ("duration", "free-struts", "network-size")
 
 #: What grids were called before.
 FORMER = {"yardsticks": "references", "ample": "most-data"}

@@ -40,15 +40,15 @@ class Method(NamedTuple):
 
     def training(self, preset: Preset, system: str) -> Training:
         """Its training on a system's novice: the preset's, with what it was tuned to and what it changes."""
-        values = preset.tuned_values(self.tuned_as) | dict(self.all_changes) | dict(self.changes)
+        values = preset.tuned_values(self.tuned_as, system) | dict(self.all_changes) | dict(self.changes)
         p_expert = preset.p_expert(system) if self.expert else 0.0
         return change(preset.training, **(dict(p_expert=p_expert, regularise=self.regularise) | values))
 
-    def pretraining(self, preset: Preset) -> Training | None:
+    def pretraining(self, preset: Preset, system: str = "system1") -> Training | None:
         """Its training on the expert alone; None for a method that begins afresh."""
         if not self.pretrained:
             return None
-        values = preset.tuned_values("pretraining") | dict(self.all_changes)
+        values = preset.tuned_values("pretraining", system) | dict(self.all_changes)
         return change(preset.training, **values, p_expert=0.0, regularise=False)
 
 
@@ -60,7 +60,8 @@ METHODS: dict[str, Method] = {
     # Pretraining on the expert; section 4 says that the SIDM cannot be pretrained so.
     "pretrain_finetune": Method("pretraining + fine-tuning", "pretrain_finetune", pretrained=True),
     "finetune_parts": Method(
-        "pretraining + fine-tuning of encoder and decoder", "pretrain_finetune", pretrained=True, changes=(("frozen", "sidm"),)
+        "pretraining + fine-tuning of encoder and decoder", "pretrain_finetune", pretrained=True,
+        changes=(("frozen", "sidm"),),
     ),
     "expert_only": Method(
         "expert's model as it is", "pretrain_finetune", pretrained=True, changes=(("max_samples", 0),)
@@ -91,7 +92,8 @@ METHODS: dict[str, Method] = {
         "pretraining + joint training, own biases", "pretrain_finetune", expert=True, pretrained=True, own="biases"
     ),
     "tethered": Method(
-        "pretraining + fine-tuning, tethered (L2-SP)", "pretrain_finetune", pretrained=True, changes=(("tether", 100.0),)
+        "pretraining + fine-tuning, tethered (L2-SP)", "pretrain_finetune", pretrained=True,
+        changes=(("tether", 100.0),),
     ),
     "averaged": Method(
         "pretraining + fine-tuning, averaged", "pretrain_finetune", pretrained=True, all_changes=(("averaging", 0.99),)

@@ -52,6 +52,10 @@ class Preset:
     network: Network = Network()
     training: Training = Training()
     tuned: tuple[tuple[str, str, Any], ...] = ()  # method, setting of its training, value instead of `training`'s
+    tuned_system2: tuple[tuple[str, str, Any], ...] | None = None  # of system 2 where it is another
+    references: tuple[str, ...] = ("least_squares",)  # methods that stand beside Figure 3 at every size
+    free_strut_minutes: tuple[float, ...] = (1.0, 5.0, 20.0, 60.0)  # sizes of Figure 3 with free struts
+    free_strut_seeds: int = 5  # trials a point of it
 
     def __post_init__(self) -> None:
         """Refuse sizes that the pools do not hold."""
@@ -71,12 +75,12 @@ class Preset:
             if not 0 <= getattr(self, name) <= 1:
                 raise ConfigError(f"{name} must be from 0 to 1, not {getattr(self, name)}")
         names = {field.name for field in dataclasses.fields(Training)} - {"p_expert", "regularise"}  # type: ignore
-        for _, setting, _ in self.tuned:
+        for _, setting, _ in (*self.tuned, *(self.tuned_system2 or ())):
             if setting not in names:
                 raise unknown_name(setting, names, "what a method is tuned in")
         if self.policy not in POLICIES:
             raise unknown_name(self.policy, POLICIES, "the exploration policies")
-        for name in ("seeds", "figure4_seeds", "ablation_seeds"):
+        for name in ("seeds", "figure4_seeds", "ablation_seeds", "free_strut_seeds"):
             if not 1 <= getattr(self, name) <= MOST_SEEDS:
                 raise ConfigError(f"{name} must be from 1 to {MOST_SEEDS}, not {getattr(self, name)}")
         if self.rollouts < 1:
@@ -99,9 +103,11 @@ class Preset:
         """The paper's p_e for a system."""
         return self._of(system, "p_expert")
 
-    def tuned_values(self, method: str) -> dict[str, Any]:
+    def tuned_values(self, method: str, system: str = "system1") -> dict[str, Any]:
         """The settings of its training that a method was tuned to; 'pretraining' stands for that on the expert."""
-        return {setting: value for name, setting, value in self.tuned if name == method}
+        second = find_system(system).name.removesuffix(FREE_STRUTS) == "system2" and self.tuned_system2 is not None
+        values = self.tuned_system2 if second else self.tuned
+        return {setting: value for name, setting, value in values or () if name == method}
 
     def datasets(self, system: str) -> dict[str, Dataset]:
         """What all trials of a system need: 'novice' (the pool), 'expert', 'validation', 'rollout'."""
@@ -144,7 +150,9 @@ class Preset:
                 `regularise` are the method's to set and not known here.
         """
         own = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}  # type: ignore[arg-type]
-        own["tuned"] = tuple(one for one in self.tuned if one[1] not in changes)
+        for name in ("tuned", "tuned_system2"):
+            if own[name] is not None:
+                own[name] = tuple(one for one in own[name] if one[1] not in changes)
         parts = {"network": dict(_values(self.network)), "training": dict(_values(self.training))}
         groups = [own, *parts.values()]
         hidden = {"name", "p_expert", "regularise", *parts}
@@ -230,7 +238,8 @@ PRESETS: dict[str, Preset] = {
             name="study",
             **_PAPER_SIZES | dict(seeds=5),
             more_seeds=((1, 10), (5, 10)),
-            figures=("duration", "tuning", "3", "references", "4"),
+            figures=("duration", "tuning", "3", "references", "4", "free-struts", "network-size"),
+            references=("least_squares", "corrected_averaged"),
             tuning_minutes=(5, 60),
             tuning_pool_minutes=60,
             network=Network(pixels=32, layers=3, hidden=256),

@@ -71,7 +71,7 @@ class Study:
             policy=preset.policy,
             network=dataclasses.replace(preset.network, own=one.own),  # type: ignore
             training=training or one.training(preset, system),
-            pretraining=one.pretraining(preset),
+            pretraining=one.pretraining(preset, system),
             residual=one.residual,
             fit=one.fit,
             motion=preset.motion,
@@ -99,11 +99,15 @@ class Study:
         return self.points(system, FIGURE3, self.preset.novice_minutes(system))
 
     def references(self, system: str) -> list[Trial]:
-        """What stands beside Figure 3: no network at all, at every size, and the expert's model, which has no size."""
+        """What stands beside Figure 3: the preset's at every size, and the expert's model, which has no size."""
         return [
-            *self.points(system, ["least_squares"], self.preset.novice_minutes(system)),
+            *self.points(system, self.preset.references, self.preset.novice_minutes(system)),
             *self.points(system, ["expert_only"], self.preset.baseline_minutes[:1]),
         ]
+
+    def free_struts(self, system: str) -> list[Trial]:
+        """Figure 3's methods on robots whose struts no motor brakes, as the paper describes them."""
+        return self.points(system, FIGURE3, self.preset.free_strut_minutes, seeds=self.preset.free_strut_seeds)
 
     def figure4(self, system: str = "system1") -> list[Trial]:
         """Figure 4: Figure 3's methods with little and with much novice data; the paper's is of system 1."""

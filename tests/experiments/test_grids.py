@@ -2,8 +2,9 @@
 
 import pytest
 
-from sidm.experiments import Results, Study
-from sidm.experiments.grids import figure_costs, figures_of
+from sidm.experiments import Results, Study, load_preset
+from sidm.experiments.grids import figure_costs, figures_of, grid
+from sidm.systems import FREE_SYSTEMS, SYSTEMS
 
 
 def test_a_figure_costs_what_its_stored_trials_took(tmp_path, make_row):
@@ -19,3 +20,21 @@ def test_a_figure_costs_what_its_stored_trials_took(tmp_path, make_row):
     assert lines["3"].peak_memory == max(row.provenance.peak_memory for row in rows)
     assert lines["3"].devices == (rows[0].provenance.device,)
     assert lines["tuning"][2:] == (0, 0, 0, (), 0) and lines["3"].resumed == 0
+
+
+def test_robots_with_free_struts_are_in_no_other_preset(tmp_path):
+    """They have the settings of the robots that they are, and motion of their own."""
+    free = grid("study", "free-struts", data=tmp_path, results=tmp_path)
+    assert {trial.system for trial in free} == set(FREE_SYSTEMS)
+    own = {trial.datasets["expert"].collection for trial in free}
+    for name in ("smoke", "laptop"):
+        every = grid(name, "all", data=tmp_path, results=tmp_path)
+        assert {trial.system for trial in every} == set(SYSTEMS)
+        assert own.isdisjoint(trial.datasets["expert"].collection for trial in every)
+    preset = load_preset("study", tuned_system2=[["sidm", "learning_rate", 0.5]])
+    rates = {
+        trial.system: trial.training.learning_rate
+        for trial in grid(preset, "free-struts", data=tmp_path, results=tmp_path)
+        if trial.method == "sidm"
+    }
+    assert rates["system2_free_struts"] == 0.5 != rates["system1_free_struts"]

@@ -1,6 +1,7 @@
-"""How the methods were tuned: the same number of tries each, at middle sizes, with a seed that no figure has.
+"""How the methods were tuned: the same number of tries each, with a seed that no figure has, by test loss alone.
 
-The try of the lowest test loss on system 1 is what the preset `laptop` has; those on system 2 are a check.
+The preset `laptop` has the try of the lowest test loss on system 1, at one middle size; those on system 2 are a check.
+A preset with motion of its own for it, as `study`, has for each system what does best over several sizes.
 """
 
 from __future__ import annotations
@@ -51,9 +52,48 @@ TRIES: dict[str, dict[str, dict[str, Any]]] = {
 }  # fmt: skip
 
 
+def _alone(method: str, **values: Any) -> dict[str, Any]:
+    """Settings of a method's own training, not of its pretraining."""
+    return {"tuned": tuple((method, name, value) for name, value in values.items())}
+
+
+#: The same of presets that have motion of their own for tuning; the base has a rate of 0.001, batches of 8, the paper's
+#: p_e and 20 matching iterations.
+SEVERAL_SIZES: dict[str, dict[str, dict[str, Any]]] = {
+    "novice_only": {
+        "the base": {}, "rate 0.0003": {"learning_rate": 3e-4}, "batch 4": _rate(4, 1e-3),
+        "batch 4, rate 0.0003": _rate(4, 3e-4), "weight decay 0.1": {"weight_decay": 0.1},
+        "weight decay 0.1, rate 0.0003": {"weight_decay": 0.1, "learning_rate": 3e-4},
+    },
+    "sidm": {
+        "the base": {}, "rate 0.0003": {"learning_rate": 3e-4},
+        "p_e 0.9": {"p_expert_system1": 0.9, "p_expert_system2": 0.9},
+        "5 matching iterations": {"matching_iterations": 5}, "100 matching iterations": {"matching_iterations": 100},
+        "p_e 0.9, 100 matching iterations": {
+            "p_expert_system1": 0.9, "p_expert_system2": 0.9, "matching_iterations": 100,
+        },
+    },
+    "pretrain_finetune": {
+        "the base": {},
+        "fine-tuning at 0.0003": _alone("pretrain_finetune", learning_rate=3e-4),
+        "fine-tuning at 0.0001": _alone("pretrain_finetune", learning_rate=1e-4),
+        "fine-tuning at 0.00003": _alone("pretrain_finetune", learning_rate=3e-5),
+        "fine-tuning at 0.0001, weight decay 0.1": _alone("pretrain_finetune", learning_rate=1e-4, weight_decay=0.1),
+        "pretraining at 0.0003, fine-tuning at 0.0001": {
+            "tuned": (("pretraining", "learning_rate", 3e-4), ("pretrain_finetune", "learning_rate", 1e-4)),
+        },
+    },
+}  # fmt: skip
+
+
+def tries_of(preset: Preset) -> dict[str, dict[str, dict[str, Any]]]:
+    """The tries of a preset's methods."""
+    return SEVERAL_SIZES if preset.tuning_pool_minutes or preset.motion == "tuning" else TRIES
+
+
 def tried(preset: Preset, method: str, words: str) -> Preset:
     """The preset of a try of a method: untuned but for the try's changes."""
-    return preset.replace(**({"tuned": ()} | TRIES[method][words]))
+    return preset.replace(**({"tuned": (), "tuned_system2": None} | tries_of(preset)[method][words]))
 
 
 def tries(study: Study, system: str) -> list[tuple[str, Trial]]:
@@ -62,7 +102,7 @@ def tries(study: Study, system: str) -> list[tuple[str, Trial]]:
     return [
         (words, study.of(tried(base, method, words)).trial(system, method, minutes, TUNING_SEED))
         for minutes in base.tuning_minutes
-        for method, its in TRIES.items()
+        for method, its in tries_of(base).items()
         for words in its
     ]
 
@@ -97,6 +137,18 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     )
     names = ["system", "novice_minutes", "method", "try", "best_test_loss", "validation_loss", "samples", "lowest"]
     return found[[*names, "used"]].reset_index(drop=True)
+
+
+def chosen(table: pd.DataFrame) -> pd.DataFrame:
+    """The try of each system and method that does best over all sizes, by the sum of its ranks among the tries.
+
+    Of equal sums the first try is taken; `sizes` are those that it was tried at, `ranks` the sum.
+    """
+    ranks = table.groupby(["system", "novice_minutes", "method"]).best_test_loss.rank()
+    tries = table.assign(rank=ranks).groupby(["system", "method", "try"], sort=False)
+    sums = tries.agg(sizes=("rank", "size"), ranks=("rank", "sum")).reset_index()
+    best = sums.groupby(["system", "method"]).ranks.transform("min")
+    return sums[sums.ranks == best].drop_duplicates(["system", "method"]).reset_index(drop=True)
 
 
 #: What was tuned, as a training names it.

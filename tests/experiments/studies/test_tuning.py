@@ -3,11 +3,22 @@
 import dataclasses
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from sidm.experiments import Results, Study, load_preset
 from sidm.experiments.methods import METHODS
-from sidm.experiments.studies.tuning import TRIES, TUNED, TUNING_SEED, frame, settings, table, tried
+from sidm.experiments.studies.tuning import (
+    SEVERAL_SIZES,
+    TRIES,
+    TUNED,
+    TUNING_SEED,
+    chosen,
+    frame,
+    settings,
+    table,
+    tried,
+)
 from sidm.experiments.studies.tuning import trials as trials_of
 
 ROOT = Path(__file__).parents[3]
@@ -36,6 +47,27 @@ def test_the_lowest_test_loss_is_marked(tiny, make_row, tmp_path):
     assert found["try"].tolist() == [words for tries in TRIES.values() for words in tries]
     assert found["try"][6] == "weight decay 0.1" and trials[6].training.weight_decay == 0.1
     assert not len(table(frame(study, Results(tmp_path / "nothing"), ["system1"])))
+
+
+def test_what_does_best_over_all_sizes_is_chosen():
+    """By ranks, so that one size with larger losses has no more say; the first of equals."""
+    losses = {"a": (1.0, 9.0), "b": (2.0, 8.0), "c": (3.0, 10.0)}
+    lines = [
+        ("system1", size, "sidm", words, both[number]) for words, both in losses.items()
+        for number, size in enumerate((5.0, 60.0))
+    ]  # fmt: skip
+    found = chosen(pd.DataFrame(lines, columns=["system", "novice_minutes", "method", "try", "best_test_loss"]))
+    assert found.values.tolist() == [["system1", "sidm", "a", 2, 3.0]]
+
+
+def test_the_study_has_tries_of_its_own_on_motion_of_their_own(tmp_path):
+    """At two sizes, as many for each method; p_e is among the SIDM's, and nothing was tuned before."""
+    trials = trials_of(Study("study", tmp_path, tmp_path), "system2")
+    counts = {len(its) for its in SEVERAL_SIZES.values()}
+    assert len(trials) == 2 * 3 * counts.pop() and not counts and len({t.key for t in trials}) == len(trials)
+    assert {t.motion for t in trials} == {"tuning"} and {t.novice_minutes for t in trials} == {5, 60}
+    assert {t.training.p_expert for t in trials if t.method == "sidm"} == {0.5, 0.9}
+    assert {t.training.matching_iterations for t in trials if t.method == "sidm"} == {5, 20, 100}
 
 
 @pytest.mark.parametrize("method", TRIES)

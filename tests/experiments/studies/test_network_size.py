@@ -1,0 +1,28 @@
+"""Networks of several sizes."""
+
+import pytest
+
+from sidm.experiments import Study
+from sidm.experiments.engine.frame import frame_of
+from sidm.experiments.studies.network_size import LSTMS, PIXELS, table, trials
+
+
+@pytest.fixture
+def every(tmp_path):
+    return trials(Study("study", tmp_path, tmp_path), "system1")
+
+
+def test_each_size_is_trained_once_with_all_methods(every):
+    """Maps and LSTMs meet in one size."""
+    sizes = {(t.network.pixels, t.network.layers, t.network.hidden) for t in every}
+    assert len(sizes) == len(PIXELS) + len(LSTMS) - 1 and len(every) == 9 * len(sizes)
+    assert {t.novice_minutes for t in every} == {5.0} and {t.seed for t in every} == {0, 1, 2}
+
+
+def test_methods_stand_beside_training_without_sidm_of_the_same_size(every, make_row):
+    """Made up: an SIDM saves more the larger the map."""
+    found = table(frame_of(
+        make_row(t, 1.0 if t.method == "novice_only" else 16 / t.network.pixels) for t in every
+    )).set_index(["method", "pixels", "layers"])  # fmt: skip
+    assert [found.ratio["sidm", pixels, 3] for pixels in PIXELS] == pytest.approx([1, 0.5, 0.25, 0.125])
+    assert len(found) == 2 * 6
