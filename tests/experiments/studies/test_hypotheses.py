@@ -30,17 +30,17 @@ def test_verdicts_follow_the_interval(store):
     table = h.table(h.frame(STUDY, store, ["system1"])).set_index("change")
     assert list(table.ratio) == sorted(table.ratio) and set(table.novice_minutes) == {5}
     assert table.verdict.to_dict() == {
-        "one network": "better", "SIDM, CORAL": "No verdict", "SIDM, MMD": "no difference seen",
+        "joint training (one network)": "better", "SIDM, CORAL": "No verdict", "SIDM, MMD": "no difference seen",
         "SIDM, stronger matching": "worse",
     }  # fmt: skip
-    assert table.ratio["one network"] == pytest.approx(0.5) and table.seeds["SIDM, CORAL"] == 2
+    assert table.ratio["joint training (one network)"] == pytest.approx(0.5) and table.seeds["SIDM, CORAL"] == 2
 
 
 def test_changes_are_ranked_by_what_they_gain(store):
     ranking = h.ranking(h.table(h.frame(STUDY, store, ["system1"]))).set_index("change")
-    assert list(ranking.index) == ["one network", "SIDM, MMD", "SIDM, stronger matching"]
+    assert list(ranking.index) == ["joint training (one network)", "SIDM, MMD", "SIDM, stronger matching"]
     assert list(ranking.better) == [1, 0, 0] and list(ranking.worse) == [0, 0, 1]
-    assert ranking.hypothesis["one network"] == h.APART and set(ranking.comparisons) == {1}
+    assert ranking.hypothesis["joint training (one network)"] == h.APART and set(ranking.comparisons) == {1}
 
 
 def test_nothing_stored_is_an_empty_table(tmp_path):

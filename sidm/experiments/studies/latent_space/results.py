@@ -19,7 +19,7 @@ ALIKE = ("linear_accuracy", "network_accuracy", "raw_accuracy", "a_distance", "m
 CROSSED = ("validation_loss", "expert_encoder_loss", "expert_decoder_loss", "expert_path_loss")
 
 
-def table(frame: pd.DataFrame, measures: Sequence[str] = (*ALIKE, *CROSSED)) -> pd.DataFrame:
+def table(frame: pd.DataFrame, measures: Sequence[str] = ALIKE) -> pd.DataFrame:
     """Number of models and means of some measures by system, size and method."""
     groups = frame.astype({name: float for name in measures}).groupby(["system", "novice_minutes", "method"])
     found = groups[list(measures)].mean()
