@@ -277,7 +277,7 @@ def _systems(arguments: argparse.Namespace) -> list[str]:
 
 def run_study(arguments: argparse.Namespace) -> int:
     """`study`: 1 when results are missing at the end."""
-    from sidm.experiments.studies.catalogue import run_study
+    from sidm.experiments.catalogue import run_study
 
     have, wanted = run_study(
         arguments.name, _preset(arguments), _systems(arguments), arguments.workers, arguments.data, arguments.results

@@ -13,7 +13,7 @@ import pytest
 
 from sidm.__main__ import main
 from sidm.experiments import FIGURES, Results, Study, grid, load_preset
-from sidm.experiments.studies.catalogue import STUDIES
+from sidm.experiments.catalogue import STUDIES
 from sidm.trajectory import read_shard
 
 ROOT = Path(__file__).parents[1]

@@ -7,8 +7,8 @@ import pytest
 
 from sidm.__main__ import main
 from sidm.experiments import Results, Study
+from sidm.experiments.catalogue import STUDIES
 from sidm.experiments.engine.frame import columns, numbers_and_words
-from sidm.experiments.studies.catalogue import STUDIES
 
 ROOT = Path(__file__).parents[3]
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from sidm.config import ConfigError, config
+from sidm.experiments.catalogue import STUDIES, find_study
 from sidm.experiments.engine.provenance import Provenance, here
 from sidm.experiments.engine.records import Making, Records, key_of
 from sidm.experiments.engine.store import StoreError
-from sidm.experiments.studies.catalogue import STUDIES, find_study
 from sidm.numerics import versions
 
 ROOT = Path(__file__).parents[3]

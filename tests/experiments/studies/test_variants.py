@@ -5,7 +5,7 @@ import pytest
 from sidm.experiments import Study
 from sidm.experiments.engine.frame import frame_of
 from sidm.experiments.studies import variants
-from sidm.experiments.studies.half_data import AGAINST, EQUAL, by_method, table
+from sidm.experiments.studies.variants import AGAINST, EQUAL, by_method, table
 
 POWER = {"sidm": 1.0, "pretrain_finetune": 4.0, "mirrored": 16.0, "averaged": 6.0, "tethered": 16.0}  # of the data
 SIZES = (1, 2, 5, 10)
