@@ -17,10 +17,11 @@ import yaml
 
 from sidm import __version__, notebook
 from sidm.config import ConfigError
-from sidm.systems import FREE_SYSTEMS, SYSTEMS
+from sidm.systems import FAMILY_PAIRS, FREE_SYSTEMS, SYSTEMS
 
 #: As the catalogue has them, which would bring PyTorch.
 _STUDIES = "latent-space, recorded-targets, driving, uncertainty, several-experts"
+_PAIRS = (*SYSTEMS, *FREE_SYSTEMS, *FAMILY_PAIRS)
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -48,7 +49,7 @@ def build_parser() -> argparse.ArgumentParser:
 
     train = command("train", run_train, "Run one trial and store its result; goes on from its checkpoint.")
     _add_preset(train)
-    train.add_argument("--system", required=True, choices=(*SYSTEMS, *FREE_SYSTEMS), help="the pair of robots")
+    train.add_argument("--system", required=True, choices=_PAIRS, help="the pair of robots")
     train.add_argument("--method", default="sidm", help="sidm, novice_only, ... (%(default)s)")
     train.add_argument("--minutes", type=float, required=True, help="novice data, minutes of motion")
     train.add_argument(
@@ -129,14 +130,14 @@ def _executor(arguments: argparse.Namespace) -> Iterator[Executor | None]:
 
 
 def _add_system(parser: argparse.ArgumentParser) -> None:
-    names = (*SYSTEMS, *FREE_SYSTEMS)
-    parser.add_argument("--system", choices=names, help="only this one; all that are asked for unless given")
+    parser.add_argument("--system", choices=_PAIRS, help="only this one; all that are asked for unless given")
 
 
 def _add_grid(parser: argparse.ArgumentParser) -> None:
     _add_system(parser)
     figures = "duration, 3, references, 4, tuning, choices, released, baselines, variants, "
-    figures += "p-expert, iterations, pixels, patience, free-struts, network-size, most-data or all"
+    figures += "p-expert, iterations, pixels, patience, free-struts, network-size, corrected-claim, "
+    figures += "most-data or all"
     parser.add_argument("--figure", default="3", help=f"{figures} (%(default)s)")
     parser.add_argument("--minutes", type=float, nargs="+", help="only these novice dataset sizes, minutes of motion")
     parser.add_argument("--seeds", type=int, nargs="+", help="only these seeds")

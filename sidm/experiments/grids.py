@@ -9,7 +9,16 @@ from typing import NamedTuple
 from sidm.config import ConfigError, unknown_name
 from sidm.experiments.engine.store import Results
 from sidm.experiments.presets import Preset
-from sidm.experiments.studies import ablations, baselines, choices, duration, network_size, tuning, variants
+from sidm.experiments.studies import (
+    ablations,
+    baselines,
+    choices,
+    corrected_claim,
+    duration,
+    network_size,
+    tuning,
+    variants,
+)
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
 from sidm.systems import FREE_SYSTEMS, SYSTEMS, find_system
@@ -31,11 +40,12 @@ FIGURES: dict[str, tuple[Callable[[Study, str], list[Trial]], tuple[str, ...]]] 
     "patience": (ablations.patience, tuple(SYSTEMS)),
     "free-struts": (Study.free_struts, tuple(FREE_SYSTEMS)),
     "network-size": (network_size.trials, ("system1",)),
+    "corrected-claim": (corrected_claim.trials, corrected_claim.PAIRS),
     "most-data": (ablations.most_data_trials, tuple(SYSTEMS)),
 }
 
 #: Grids of presets that name them.
-NAMED = ("duration", "free-struts", "network-size")
+NAMED = ("duration", "free-struts", "network-size", "corrected-claim")
 
 #: What grids were called before.
 FORMER = {"yardsticks": "references", "ample": "most-data"}

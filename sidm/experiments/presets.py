@@ -44,7 +44,7 @@ class Preset:
     tuning_minutes: tuple[float, ...] = (20.0,)  # the sizes at which the methods are tuned
     tuning_pool_minutes: float = 0.0  # of a pool that only settings are chosen by; 0: it is the figures'
     tuning_validation_minutes: float = 20.0  # beside such a pool
-    motion: Literal["figures", "tuning"] = "figures"  # what the novice's motion serves
+    motion: Literal["figures", "tuning", "claim"] = "figures"  # what the novice's motion serves
     figures: tuple[str, ...] = ()  # names of its grids; none: those that every preset has
     p_expert_system1: float = 0.75  # section 4: the systems are similar
     p_expert_system2: float = 0.5  # section 4: they differ greatly
@@ -121,16 +121,18 @@ class Preset:
             self.motion,
         )
 
+    def with_motion(self, motion: str, pool_minutes: float, validation_minutes: float) -> Preset:
+        """The same with motion of the novice that serves something else than figures."""
+        pools = dict.fromkeys(("pool_minutes_system1", "pool_minutes_system2"), pool_minutes)
+        largest = {name: () for name in ("novice_minutes_system1", "novice_minutes_system2")}
+        return self.replace(motion=motion, validation_minutes=validation_minutes, **pools, **largest)
+
     def for_tuning(self) -> Preset:
         """The same with the motion that settings are chosen by."""
         if not self.tuning_pool_minutes:
             return self
-        pools = dict.fromkeys(("pool_minutes_system1", "pool_minutes_system2"), self.tuning_pool_minutes)
-        largest = {name: () for name in ("novice_minutes_system1", "novice_minutes_system2")}
-        return self.replace(
-            motion="tuning", tuning_pool_minutes=0.0, validation_minutes=self.tuning_validation_minutes,
-            **pools, **largest,
-        )  # fmt: skip
+        chosen = self.with_motion("tuning", self.tuning_pool_minutes, self.tuning_validation_minutes)
+        return chosen.replace(tuning_pool_minutes=0.0)
 
     def every_dataset(self, system: str) -> list[Dataset]:
         """Those of all trials of a system, each once."""
@@ -238,7 +240,7 @@ PRESETS: dict[str, Preset] = {
             name="study",
             **_PAPER_SIZES | dict(seeds=5),
             more_seeds=((1, 10), (5, 10)),
-            figures=("duration", "tuning", "3", "references", "4", "free-struts", "network-size"),
+            figures=("duration", "tuning", "3", "references", "4", "free-struts", "network-size", "corrected-claim"),
             references=("least_squares", "corrected_averaged"),
             tuning_minutes=(5, 60),
             tuning_pool_minutes=60,

@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from sidm import systems
 from sidm.experiments import Study
 from sidm.experiments.digests import find_digest
 from sidm.experiments.engine.datasets import load_dataset
@@ -13,7 +14,7 @@ from sidm.experiments.engine.frame import frame_of, records_frame
 from sidm.experiments.engine.provenance import here
 from sidm.experiments.studies.several_experts import family
 from sidm.experiments.studies.several_experts import measure as x
-from sidm.experiments.studies.several_experts.family import LINEAR, LOGARITHMIC, collect_members, dataset, member
+from sidm.experiments.studies.several_experts.family import collect_members, dataset
 from sidm.experiments.studies.several_experts.results import (
     MEMBER,
     PAPERS,
@@ -24,7 +25,7 @@ from sidm.experiments.studies.several_experts.results import (
     needed,
     table,
 )
-from sidm.systems import ROLES, SYSTEMS
+from sidm.systems import LINEAR, LOGARITHMIC, ROLES, SYSTEMS, member
 from sidm.trajectory import STEPS
 from tests.experiments.conftest import write_motion
 
@@ -70,7 +71,7 @@ def test_all_experts_together_have_the_data_of_one(jobs, tiny):
 
 def test_another_robot_has_a_folder_of_its_own(monkeypatch):
     before = dataset("system1", 0, "held", 1)
-    monkeypatch.setattr(family, "FAMILY_SEED", 6)
+    monkeypatch.setattr(systems, "FAMILY_SEED", 6)
     assert dataset("system1", 0, "held", 1).collection != before.collection
     assert dataset("system2", 0, "held", 1).collection.role != dataset("system1", 0, "held", 1).collection.role
 

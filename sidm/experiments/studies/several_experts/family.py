@@ -1,10 +1,9 @@
-"""A family of robots around the paper's four, and their motion."""
+"""The motion of the family of robots around the paper's four."""
 
 from __future__ import annotations
 
 import functools
 import hashlib
-import math
 from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor, as_completed
 from pathlib import Path
@@ -14,31 +13,8 @@ import numpy as np
 from sidm.experiments.engine.datasets import note_collected, note_digest
 from sidm.experiments.trials import EXPERT_SEED, Dataset
 from sidm.progress import progress_bar
-from sidm.systems import Robot, System, find_system
+from sidm.systems import System, find_system, member
 from sidm.trajectory import DISCARDS, SHARD_SIZE, Collection, load, write_shard
-
-FAMILY_SEED = 5  # of the robots drawn
-
-#: Ranges that hold the paper's four robots, drawn from evenly in the logarithm or, where they reach 0, in the number.
-LOGARITHMIC = {
-    "throttle_scale": (30.0, 60.0),
-    "steering_scale": (0.5, 0.8),
-    "damping": (1.0, 100.0),
-    "spring": (75.0, 50_000.0),
-    "friction": (1.0, 1.25),
-    "mass_scale": (1.0, 1.5),
-}
-LINEAR = {"spring_offset": (-0.002, 0.0), "travel_lower": (-0.02, -0.01), "travel_upper": (0.0, 0.003)}
-
-
-def member(number: int) -> Robot:
-    """Robot `number` of the family."""
-    rng = np.random.default_rng(np.random.SeedSequence(FAMILY_SEED, spawn_key=(number,)))
-    values = {
-        name: math.exp(rng.uniform(math.log(low), math.log(high))) for name, (low, high) in LOGARITHMIC.items()
-    }
-    values |= {name: rng.uniform(low, high) for name, (low, high) in LINEAR.items()}
-    return Robot(**{name: float(f"{value:.4g}") for name, value in values.items()})
 
 
 def own_system(system: str, number: int) -> System:

@@ -1,0 +1,62 @@
+"""A claim about a method of ours, its protocol written before its trials were run: half the data of the best rival.
+
+`corrected_averaged` (the expert's model corrected by least squares, mirrored and averaged) was chosen on the validation
+data that it was first judged on. So it is judged again, by a rule that stands here, on data that nothing was chosen by:
+seeds from FIRST_SEED on, a pool and validation motion of their own, and beside the paper's pairs with both suspensions
+two pairs of the family. The rivals have its aids, as far as they are theirs to have, and the settings that the preset's
+tuning gave them.
+
+The claim: with m minutes of novice data its mean validation loss is below that of the best rival with 2 m, the rival of
+the lowest mean at that pair and size, the whole paired 95 % interval of the ratio below 1, at every m of SIZES and for
+every pair of PAIRS.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from sidm.experiments.methods import RIVAL
+from sidm.experiments.statistics.intervals import FEWEST_SEEDS
+from sidm.experiments.statistics.pairs import beside
+from sidm.experiments.study import Study
+from sidm.experiments.trials import Trial
+from sidm.systems import FAMILY_PAIRS, FREE_SYSTEMS, SYSTEMS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+METHOD = "corrected_averaged"
+RIVALS = ("sidm", "sidm_mirrored", "pretrain_finetune", RIVAL)
+SIZES = (1.0, 2.0, 5.0, 10.0)  # m, min; the rivals have twice as much
+PAIRS = (*SYSTEMS, *FREE_SYSTEMS, *FAMILY_PAIRS)
+FIRST_SEED, SEEDS = 100, 10
+POOL_MINUTES, VALIDATION_MINUTES = 20.0, 60.0
+
+
+def trials(study: Study, system: str) -> list[Trial]:
+    """The method with m minutes and its rivals with 2 m, on motion that serves this alone."""
+    own = study.of(study.preset.with_motion("claim", POOL_MINUTES, VALIDATION_MINUTES))
+    found = own.points(system, [METHOD], SIZES, seeds=SEEDS)
+    found += own.points(system, RIVALS, [2 * minutes for minutes in SIZES], seeds=SEEDS)
+    return [trial.replace(seed=FIRST_SEED + trial.seed) for trial in found]
+
+
+def table(frame: pd.DataFrame) -> pd.DataFrame:
+    """The method beside the best rival with twice its data: `pairs.beside` by pair and size, with that `rival`.
+
+    `holds` says whether the claim does there: the whole interval of the ratio lies below 1.
+    """
+    own, rivals = frame[frame.method == METHOD], frame[frame.method.isin(RIVALS)]
+    rivals = rivals.assign(novice_minutes=rivals.novice_minutes / 2)
+    means = rivals.groupby(["system", "novice_minutes", "method"]).validation_loss.mean()
+    best = means.groupby(level=[0, 1]).idxmin().map(lambda key: key[2]).rename("rival").reset_index()
+    chosen = rivals.merge(best, left_on=["system", "novice_minutes", "method"], right_on=[*best.columns])
+    found = beside(own, chosen).merge(best, on=["system", "novice_minutes"])
+    return found.assign(holds=found.high < 1)
+
+
+def verdict(table: pd.DataFrame) -> bool | None:
+    """Whether the claim holds at every pair and size; None where one is not run with FEWEST_SEEDS or more."""
+    run = table[table.seeds >= FEWEST_SEEDS]
+    whole = len(run) == len(PAIRS) * len(SIZES)
+    return bool(run.holds.all()) if whole else None
