@@ -150,7 +150,7 @@ SYSTEMS = {
 
 FREE_STRUTS = "_free_struts"  # ends the names of the systems whose struts no motor brakes
 
-#: The same robots as the paper describes them, springs and dampers alone; of the presets that name them.
+# The same robots as the paper describes them, springs and dampers alone; of the presets that name them.
 FREE_SYSTEMS = {
     name + FREE_STRUTS: System(
         name=name + FREE_STRUTS, novice=system.novice, expert=system.expert, terrain=system.terrain,
@@ -161,7 +161,7 @@ FREE_SYSTEMS = {
 
 FAMILY_SEED = 5  # of the robots drawn
 
-#: Ranges that hold the paper's four robots, drawn from evenly in the logarithm or, where they reach 0, in the number.
+# Ranges that hold the paper's four robots, drawn from evenly in the logarithm or, where they reach 0, in the number.
 LOGARITHMIC = {
     "throttle_scale": (30.0, 60.0),
     "steering_scale": (0.5, 0.8),
@@ -185,7 +185,7 @@ def member(number: int) -> Robot:
     return Robot(**{name: float(f"{value:.4g}") for name, value in values.items()})
 
 
-#: Pairs of the family that nothing was tuned on: numbers of novice and expert, and whose ground they drive on.
+# Pairs of the family that nothing was tuned on: numbers of novice and expert, and whose ground they drive on.
 FAMILY_PAIRS = {"family20_21": (20, 21, "system1"), "family22_23": (22, 23, "system2")}
 
 

@@ -52,7 +52,7 @@ class Preset:
     network: Network = Network()
     training: Training = Training()
     tuned: tuple[tuple[str, str, Any], ...] = ()  # method, setting of its training, value instead of `training`'s
-    tuned_system2: tuple[tuple[str, str, Any], ...] | None = None  # of system 2 where it is another
+    tuned_system2: tuple[tuple[str, str, Any], ...] = ()  # of system 2; none: as system 1
     references: tuple[str, ...] = ("least_squares",)  # methods that stand beside Figure 3 at every size
     free_strut_minutes: tuple[float, ...] = (1.0, 5.0, 20.0, 60.0)  # sizes of Figure 3 with free struts
     free_strut_seeds: int = 5  # trials a point of it
@@ -75,7 +75,7 @@ class Preset:
             if not 0 <= getattr(self, name) <= 1:
                 raise ConfigError(f"{name} must be from 0 to 1, not {getattr(self, name)}")
         names = {field.name for field in dataclasses.fields(Training)} - {"p_expert", "regularise"}  # type: ignore
-        for _, setting, _ in (*self.tuned, *(self.tuned_system2 or ())):
+        for _, setting, _ in (*self.tuned, *self.tuned_system2):
             if setting not in names:
                 raise unknown_name(setting, names, "what a method is tuned in")
         if self.policy not in POLICIES:
@@ -105,9 +105,9 @@ class Preset:
 
     def tuned_values(self, method: str, system: str = "system1") -> dict[str, Any]:
         """The settings of its training that a method was tuned to; 'pretraining' stands for that on the expert."""
-        second = find_system(system).name.removesuffix(FREE_STRUTS) == "system2" and self.tuned_system2 is not None
-        values = self.tuned_system2 if second else self.tuned
-        return {setting: value for name, setting, value in values or () if name == method}
+        second = find_system(system).name.removesuffix(FREE_STRUTS) == "system2"
+        values = (second and self.tuned_system2) or self.tuned
+        return {setting: value for name, setting, value in values if name == method}
 
     def datasets(self, system: str) -> dict[str, Dataset]:
         """What all trials of a system need: 'novice' (the pool), 'expert', 'validation', 'rollout'."""
@@ -153,8 +153,7 @@ class Preset:
         """
         own = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}  # type: ignore[arg-type]
         for name in ("tuned", "tuned_system2"):
-            if own[name] is not None:
-                own[name] = tuple(one for one in own[name] if one[1] not in changes)
+            own[name] = tuple(one for one in own[name] if one[1] not in changes)
         parts = {"network": dict(_values(self.network)), "training": dict(_values(self.training))}
         groups = [own, *parts.values()]
         hidden = {"name", "p_expert", "regularise", *parts}

@@ -40,7 +40,7 @@ class DynamicsModel(Predictor):
         roles: the systems, 'novice' and 'expert' or one of them.
     """
 
-    #: Encoder, SIDM and decoder.
+    # Encoder, SIDM and decoder.
     parts: tuple[type[Encoder], type[SIDM], type[Decoder]] = (Encoder, SIDM, Decoder)
 
     def __init__(

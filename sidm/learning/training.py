@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -25,7 +25,7 @@ from sidm.learning.stopping import Components, Tested, TrainingError
 __all__ = ["Tested", "Trained", "Training", "TrainingError", "result", "train"]
 
 Progress = Callable[[Tested], None]  # called after each test
-Losses = Callable[[Any, dict[str, Motion], dict[str, Tensor]], dict[str, Tensor]]  # as `batch_losses`
+Losses = Callable[..., dict[str, Tensor]]  # as `batch_losses`
 
 
 class Trained(NamedTuple):

@@ -93,7 +93,7 @@ def tries_of(preset: Preset) -> dict[str, dict[str, dict[str, Any]]]:
 
 def tried(preset: Preset, method: str, words: str) -> Preset:
     """The preset of a try of a method: untuned but for the try's changes."""
-    return preset.replace(**({"tuned": (), "tuned_system2": None} | tries_of(preset)[method][words]))
+    return preset.replace(**({"tuned": (), "tuned_system2": ()} | tries_of(preset)[method][words]))
 
 
 def tries(study: Study, system: str) -> list[tuple[str, Trial]]:
