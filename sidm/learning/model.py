@@ -41,7 +41,7 @@ class DynamicsModel(Predictor):
     """
 
     # Encoder, SIDM and decoder.
-    parts: tuple[type[Encoder], type[SIDM], type[Decoder]] = (Encoder, SIDM, Decoder)
+    _parts: tuple[type[Encoder], type[SIDM], type[Decoder]] = (Encoder, SIDM, Decoder)
 
     def __init__(
         self,
@@ -52,7 +52,7 @@ class DynamicsModel(Predictor):
     ):
         super().__init__()
         roles = tuple(roles)
-        encoder, sidm, decoder = self.parts
+        encoder, sidm, decoder = self._parts
         self.encoders = nn.ModuleDict(
             {role: seeded(seed, f"{role} encoder", lambda: encoder(network, standardisation)) for role in roles}
         )

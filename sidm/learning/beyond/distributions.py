@@ -114,7 +114,7 @@ class DistributionModel(DynamicsModel):
     Each latent has a standard deviation beside it; the means begin as those of the deterministic twin.
     """
 
-    parts = (GaussianEncoder, GaussianSIDM, GaussianDecoder)
+    _parts = (GaussianEncoder, GaussianSIDM, GaussianDecoder)
 
     def encode(self, role: str, inputs: Tensor, maps: Tensor, generator: torch.Generator | None = None) -> Tensor:
         """Latent state-actions (B, T, latent): a draw, or their means."""
