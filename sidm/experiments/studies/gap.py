@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sidm.config import to_mapping
-from sidm.experiments.figures.style import SIZE_STYLES, finish, side_by_side, styled
+from sidm.experiments.figures.style import SIZE_STYLES, finish, legend_below, side_by_side, styled
 from sidm.numerics import versions
 from sidm.pool import local_pool
 from sidm.storage import read_record, write_record
@@ -123,10 +123,13 @@ def figure(table: pd.DataFrame, time: float = 1.0) -> Figure:
         height = mine.component.map(names.index) + 0.15 * (number - 1.5)
         axes.plot(mine.ratio, height, **SIZE_STYLES[number % len(SIZE_STYLES)] | {"linestyle": "", "label": system})
     axes.set(xlabel=f"gap after {time:g} s by the novice's own spread (-)", xscale="log")
-    finish(axes)
+    finish(axes, legend=False)
     if len(at):
+        axes.axvline(1, color="0.5", lw=1, linestyle="-", marker="", zorder=0)
+        axes.set_xticks([0.5, 1, 2, 5, 10], ["0.5", "1", "2", "5", "10"])
         axes.set_yticks(range(len(names)), names)
         axes.set_ylim(len(names) - 0.5, -0.5)
+    legend_below(figure, [axes])
     return figure
 
 
