@@ -7,7 +7,6 @@ novice and expert are the paper's (section 5).
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 
 from sidm.config import ConfigError, config
@@ -189,7 +188,6 @@ def member(number: int) -> Robot:
 FAMILY_PAIRS = {"family20_21": (20, 21, "system1"), "family22_23": (22, 23, "system2")}
 
 
-@functools.cache
 def find_system(name: str) -> System:
     """The system of that name; ConfigError naming the known ones otherwise."""
     if name in FAMILY_PAIRS:
