@@ -15,6 +15,7 @@ from sidm.progress import progress_bar
 SECONDS = {"04-training": 50, "19-own-data": 35, "02-collecting": 15, "01-robots": 10, "20-driving": 8, "05-figure3": 6}
 OTHERS = 4  # s that any other takes
 QUIET = ["--log-level=ERROR"]  # of the kernel, which would warn that it listens on this machine's own ports
+STARTS = 3  # tries at a kernel
 LATEST = 60  # s after a cell's end until its outputs must be there
 
 
@@ -112,10 +113,8 @@ async def _execute(run: Run, root: Path, environment: Mapping[str, str], more: C
         resources={"metadata": {"path": str(root)}}, extra_arguments=list(QUIET),
     )  # fmt: skip
     client.reset_execution_trackers()
-    kernel = client.create_kernel_manager()
     try:
-        await client.async_start_new_kernel(env=dict(environment))
-        await client.async_start_new_kernel_client()
+        await _start(client, environment)
         for index, cell in enumerate(notebook.cells):
             await client.async_execute_cell(cell, index, execution_count=client.code_cells_executed + 1)
             more(run.seconds / len(notebook.cells))
@@ -127,8 +126,25 @@ async def _execute(run: Run, root: Path, environment: Mapping[str, str], more: C
     finally:
         if client.kc is not None:
             client.kc.stop_channels()
-        await ensure_async(kernel.shutdown_kernel(now=not ended))
+        if client.km is not None:
+            await ensure_async(client.km.shutdown_kernel(now=not ended))
     _write(run, notebook)
+
+
+async def _start(client: Any, environment: Mapping[str, str]) -> None:
+    """Start a kernel that answers; once more where another process was quicker to take a port that was free."""
+    from nbclient.util import ensure_async
+
+    for left in reversed(range(STARTS)):
+        kernel = client.create_kernel_manager()
+        try:
+            await client.async_start_new_kernel(env=dict(environment))
+            await client.async_start_new_kernel_client()
+            return
+        except RuntimeError:
+            await ensure_async(kernel.shutdown_kernel(now=True))
+            if not left:
+                raise
 
 
 def _load(run: Run) -> Any:

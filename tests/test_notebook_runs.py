@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from nbclient import NotebookClient
 from test_notebook import printed, write_notebook
 
 from sidm import notebook, progress
@@ -129,3 +130,19 @@ def test_what_stands_in_the_environment_stays(project, monkeypatch):
     assert notebook.notebook_command(["all", "out", "--jobs", "2"]) == 0
     assert os.environ["OMP_NUM_THREADS"] == "3"
     assert printed(project / "out" / "1.ipynb") == "3\n"
+
+
+@pytest.mark.parametrize(("failures", "status"), [(2, 0), (3, 1)])
+def test_a_kernel_that_does_not_answer_is_started_again(project, monkeypatch, capsys, failures, status):
+    """Kernels choose ports that are free before they take them; one of two that chose the same dies."""
+    path, real, left = add(project, "01-one", "print('here')"), NotebookClient.async_start_new_kernel_client, [failures]
+
+    async def start(client):
+        if left[0]:
+            left[0] -= 1
+            raise RuntimeError("Kernel died before replying to kernel_info")
+        return await real(client)
+
+    monkeypatch.setattr(NotebookClient, "async_start_new_kernel_client", start)
+    assert notebook.notebook_command([str(path), "--in-place"]) == status
+    assert ("its kernel did not start" in capsys.readouterr().err) == bool(status)

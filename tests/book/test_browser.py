@@ -10,6 +10,7 @@ EXPLORER = "book/explorer"
 AXE = {"preload": False, "resultTypes": ["violations"]}  # nothing is fetched, and what passes is not described
 COLOURS = "color-contrast"  # the rule that takes most of the time
 SCROLLING = "scrollable-region-focusable"  # what narrow windows make of tables and pictures
+MARKED = "() => [...document.querySelectorAll('pre')].every(p => p.scrollWidth <= p.clientWidth || p.tabIndex === 0)"
 FRAMES = "() => new Promise(requestAnimationFrame).then(() => new Promise(requestAnimationFrame))"  # two are drawn
 REFERENCE, ALIKE = "book/api-", "article > section > section:nth-of-type(n + 4)"  # sections that look as those before
 PLAIN = """spans => {
@@ -75,6 +76,7 @@ def test_a_page_has_no_serious_barriers(visit, name):
     page.evaluate(FRAMES)
     found = [f"on a phone: {words}" for words in barriers(page, {"runOnly": [SCROLLING]})]
     page.set_viewport_size(DESK)
+    page.wait_for_function(MARKED)  # the theme marks what scrolls a while after the window's change
     page.add_style_tag(content="* { transition: none !important }")
     found += barriers(page, {"rules": {COLOURS: {"enabled": False}}})
     page.eval_on_selector_all(".highlight span", PLAIN)
