@@ -13,10 +13,10 @@ import torch
 from torch import Tensor, nn
 
 from sidm.learning.dataset import Standardisation
-from sidm.learning.initialisation import scale_columns, scale_last, scale_layers, scale_recurrence
 from sidm.learning.observation import INPUT_SIZE, TARGET_SIZE
 from sidm.learning.seeds import derive
 from sidm.learning.settings import Network
+from sidm.learning.weights import scale_columns, scale_last, scale_layers, scale_recurrence
 
 M = TypeVar("M", bound=nn.Module)
 Memory = tuple[Tensor, Tensor]  # the LSTM's hidden and cell state, each (layers, B, hidden)

@@ -5,7 +5,8 @@ The comparison without SIDM is the same loop with p_expert = 0 and regularise = 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,7 +18,6 @@ from sidm.learning.learner import Learner
 from sidm.learning.losses import prediction_loss
 from sidm.learning.model import Predictor
 from sidm.learning.observation import TARGET_SIZE
-from sidm.learning.precision import products
 from sidm.learning.regularisation import regularise_phase, reversed_loss
 from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import Components, Tested, TrainingError
@@ -80,6 +80,21 @@ def train(
         learner.restore(checkpoint)
     with products(training.precision):
         return learn(learner, progress, checkpoint)
+
+
+@contextlib.contextmanager
+def products(precision: str) -> Iterator[None]:
+    """Inside the block a GPU rounds products to TensorFloat-32 where `precision` is 'tf32', and nowhere else.
+
+    PyTorch rounds convolutions and LSTMs by default and matrix products not. A CPU knows no such rounding.
+    """
+    matrices, networks = torch.backends.cuda.matmul, torch.backends.cudnn
+    before = matrices.allow_tf32, networks.allow_tf32
+    matrices.allow_tf32 = networks.allow_tf32 = precision == "tf32"
+    try:
+        yield
+    finally:
+        matrices.allow_tf32, networks.allow_tf32 = before
 
 
 def learn(

@@ -13,11 +13,11 @@ import torch
 from torch import Tensor, nn
 
 from sidm.learning.dataset import Standardisation
-from sidm.learning.initialisation import scale_last
 from sidm.learning.model import DynamicsModel
 from sidm.learning.networks import SIDM, Decoder, Encoder, Memory
 from sidm.learning.observation import TARGET_SIZE
 from sidm.learning.settings import Network
+from sidm.learning.weights import scale_last
 
 QUIETEST, LOUDEST = -6.0, 2.0  # logarithm of a standard deviation, in the networks' units
 QUIET = -3.0  # of the latents' at the start: about a twentieth of what they vary by

@@ -14,10 +14,9 @@ from sidm.learning.bundle.bundle import Bundle
 from sidm.learning.bundle.seat import Run, Seat
 from sidm.learning.bundle.shelf import Shelf
 from sidm.learning.checkpoint import CheckpointError
-from sidm.learning.precision import products
 from sidm.learning.settings import Network
 from sidm.learning.stopping import Tested, TrainingError
-from sidm.learning.training import Trained, result
+from sidm.learning.training import Trained, products, result
 from sidm.systems import ROLES
 
 #: What the trials of a bundle have in common; they may differ in all other settings.

@@ -13,7 +13,7 @@ from sidm.learning.bundle.recurrence import Recurrence, lstm
 from sidm.learning.bundle.shelf import Shelf
 from sidm.learning.bundle.stack import Stack
 from sidm.learning.learner import Learner
-from sidm.learning.precision import products
+from sidm.learning.training import products
 
 ROUNDING = 1e-4  # relative, of losses: sums run in another order; two tests of a run here are never as near
 
