@@ -64,6 +64,12 @@ def wrap(angle: Tensor) -> Tensor:
     return torch.atan2(torch.sin(angle), torch.cos(angle))
 
 
+def turn(v: Tensor, angle: Tensor) -> Tensor:
+    """Vectors `v` (..., 2) of the plane, turned to the left by `angle` (...), rad."""
+    cos, sin = torch.cos(angle), torch.sin(angle)
+    return torch.stack([cos * v[..., 0] - sin * v[..., 1], sin * v[..., 0] + cos * v[..., 1]], dim=-1)
+
+
 def _cross(u: Tensor, v: Tensor) -> Tensor:
     """Vector product (..., 3), broadcasting."""
     return torch.linalg.cross(*torch.broadcast_tensors(u, v))

@@ -33,7 +33,7 @@ CHANGES = (
     Planted("systems.py", "smoothing: float = 0.7", "smoothing: float = 0.72", SIMULATION, "ground"),
     Planted("simulation/suspension.py", "heave_damping=1050.0", "heave_damping=1040.0", SIMULATION, "robot"),
     Planted("simulation/exploration.py", "keep=0.99", "keep=0.98", SIMULATION, "policy"),
-    Planted("learning/observation.py", "MAP_SIZE = 5.0", "MAP_SIZE = 4.9", METHODS, "sidm or novice_only"),
+    Planted("body.py", "map_size=5.0", "map_size=4.9", METHODS, "sidm or novice_only"),
     Planted("learning/networks.py", "slope: float = 0.01", "slope: float = 0.03", METHODS, "sidm or novice_only"),
     Planted("learning/dataset.py", "np.arange(count) % TEST_EVERY == 1", "np.arange(count) % TEST_EVERY == 0", METHODS,
             "novice_only"),

@@ -32,6 +32,7 @@ class Method(NamedTuple):
     expert: bool = False  # whether it learns from the expert's data too, with the preset's p_e
     regularise: bool = False  # whether the latents are made alike
     pretrained: bool = False  # whether it starts from weights that learnt from the expert alone
+    carried: Literal["all", "sidm"] = "all"  # what of those weights it starts from; 'sidm': the shared part alone
     residual: bool = False  # whether it learns to correct them instead
     fit: Literal["gradients", "least_squares"] = "gradients"  # what it learns by
     own: Literal["all", "biases", "flag", "none"] = "all"  # what each system has of encoder and decoder for itself
@@ -120,6 +121,14 @@ METHODS: dict[str, Method] = {
     "sidm_mirrored": Method("with SIDM, mirrored", "sidm", expert=True, regularise=True, changes=(("mirror", True),)),
     "novice_only_mirrored": Method("without SIDM, mirrored", "novice_only", changes=(("mirror", True),)),
     "least_squares_mirrored": Method("least squares, mirrored", "", fit="least_squares", changes=(("mirror", True),)),
+    # What is left of pretraining where the two robots' bodies differ.
+    "core_finetune": Method(
+        "pretrained recurrent core, fine-tuned", "pretrain_finetune", pretrained=True, carried="sidm"
+    ),
+    "core_frozen": Method(
+        "pretrained recurrent core, frozen", "pretrain_finetune", pretrained=True, carried="sidm",
+        changes=(("frozen", "sidm"),),
+    ),
 }  # fmt: skip
 
 #: The two methods that the paper compares.
@@ -140,8 +149,12 @@ MIRRORED = ("sidm_mirrored", "novice_only_mirrored", "least_squares_mirrored")
 #: A rival that the claim about `corrected_averaged` is held against, with its aids.
 RIVAL = "mirrored_averaged"
 
+#: What is left of pretraining where the two robots' bodies differ, and all that such a pair can be learnt by.
+CORES = ("core_finetune", "core_frozen")
+ANY_BODIES = (*COMPARED, "no_regularisation", *CORES)
+
 #: The other methods that SIDM is put among.
-BASELINES = tuple(name for name in METHODS if name not in (*FIGURE3, *VARIANTS, *MIRRORED, RIVAL))
+BASELINES = tuple(name for name in METHODS if name not in (*FIGURE3, *VARIANTS, *MIRRORED, *CORES, RIVAL))
 
 PYTORCH_WEIGHTS, PATIENCE = "PyTorch's initial weights", "patience of 450,000 samples"
 ONE_SYSTEM, ONE_OPTIMISER = "one system a batch", "matching by the prediction's optimiser"

@@ -239,7 +239,10 @@ PRESETS: dict[str, Preset] = {
             name="study",
             **_PAPER_SIZES | dict(seeds=5),
             more_seeds=((1, 10), (5, 10)),
-            figures=("duration", "tuning", "3", "references", "4", "free-struts", "network-size", "corrected-claim"),
+            figures=(
+                "duration", "tuning", "3", "references", "4", "free-struts", "network-size", "other-bodies",
+                "corrected-claim",
+            ),
             references=("least_squares", "corrected_averaged"),
             tuning_minutes=(5, 60),
             tuning_pool_minutes=60,

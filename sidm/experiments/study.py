@@ -72,6 +72,7 @@ class Study:
             network=dataclasses.replace(preset.network, own=one.own),  # type: ignore
             training=training or one.training(preset, system),
             pretraining=one.pretraining(preset, system),
+            pretrained=one.carried,
             residual=one.residual,
             fit=one.fit,
             motion=preset.motion,

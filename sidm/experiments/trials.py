@@ -58,7 +58,9 @@ def datasets(
 
 
 #: Values that a trial, its network or trainings did not have from the first, and what they are where it does not say.
-LATER = (("fit", "gradients"), ("motion", "figures"))
+LATER = (
+    ("fit", "gradients"), ("motion", "figures"), ("novice_body", None), ("expert_body", None), ("pretrained", "all")
+)  # fmt: skip
 
 
 @config
@@ -81,6 +83,7 @@ class Trial:
     network: Network = Network()  # sizes of all networks
     training: Training = Training()  # of the method
     pretraining: Training | None = None  # on the expert alone, whose weights the novice starts from; none: fresh ones
+    pretrained: Literal["all", "sidm"] = "all"  # what of those weights it starts from; 'sidm': the shared part alone
     residual: bool = False  # the pretrained model stays as it is; what is learnt, from fresh weights, corrects it
     fit: Literal["gradients", "least_squares"] = "gradients"  # the training loop, or weights in closed form
     motion: Literal["figures", "tuning", "claim"] = "figures"  # what the novice's motion serves, of MOTION
@@ -98,6 +101,14 @@ class Trial:
             raise ConfigError(f"Trial.rollouts must be at least 1, not {self.rollouts}")
         if self.pretraining is not None and self.pretraining.needs_expert:
             raise ConfigError("Trial.pretraining has the expert in the novice's place: p_expert=0 and regularise=False")
+        if self.pretraining is not None and self.pretrained == "all" and not self.network.alike:
+            novice, expert = self.network.body("novice"), self.network.body("expert")
+            raise ConfigError(
+                f"{self.method} copies the expert's encoder and decoder, which needs robots of one body; "
+                f"'{novice.name}' is not '{expert.name}'"
+            )
+        if self.pretrained == "sidm" and (self.pretraining is None or self.residual):
+            raise ConfigError("Trial.pretrained='sidm' goes with a pretraining, and not with residual")
         if self.residual and (self.pretraining is None or self.training.needs_expert):
             raise ConfigError("Trial.residual goes with a pretraining, and with p_expert=0 and regularise=False")
         if self.solved and (self.training.needs_expert or self.residual != (self.pretraining is not None)):

@@ -1,8 +1,8 @@
-"""From trajectories to tensors: maps cached on disk, the nested novice split, standardisation, random batches."""
+"""From trajectories to tensors: maps cached on disk, the nested novice split."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from sidm.body import ROVER, Body
 from sidm.config import ConfigError
 from sidm.learning import observation
 from sidm.storage import write_atomically
@@ -29,16 +30,14 @@ from sidm.trajectory import (
 TEST_EVERY = 4  # one trajectory of four is for testing: 75 % train, 25 % test (section 4)
 Indices = Tensor | np.ndarray | Sequence[int]
 
-SMALLEST_STD = 1e-6  # of a component that changes; one that does not keeps its raw unit
-
 
 @dataclass(frozen=True, eq=False)
 class Motion:
     """N trajectories of T steps as the networks see them."""
 
-    inputs: Tensor  # (N, T, 11) float32, raw units
-    targets: Tensor  # (N, T, 13) float32, raw units
-    maps: Tensor  # (N, T, P, P) float16, m
+    inputs: Tensor  # (N, T, X) float32, raw units; X is 11 of the paper's body
+    targets: Tensor  # (N, T, Y) float32, raw units; Y is 13 of the paper's body
+    maps: Tensor  # (N, T, P, P) float16, m; P is 0 of a body without a map
 
     def __len__(self) -> int:
         """N."""
@@ -80,12 +79,12 @@ class Part:
 
     @property
     def inputs(self) -> Tensor:
-        """(N, T, 11) float32, raw units."""
+        """(N, T, X) float32, raw units."""
         return self.whole.inputs[self.indices]
 
     @property
     def targets(self) -> Tensor:
-        """(N, T, 13) float32, raw units."""
+        """(N, T, Y) float32, raw units."""
         return self.whole.targets[self.indices]
 
     def take(self, indices: Indices) -> Motion:
@@ -106,60 +105,40 @@ class Datasets(NamedTuple):
 
     train: Motion | Part  # the novice's, to learn from
     test: Motion | Part  # the novice's, to stop by
-    validation: Motion  # the novice's, to judge by
+    validation: Motion | Part  # the novice's, to judge by
     expert: Motion | None = None
 
 
-class Standardisation(NamedTuple):
-    """Units in which the networks work: (raw - mean) / std."""
-
-    input_mean: Tensor  # (11,) float32
-    input_std: Tensor  # (11,)
-    map_mean: Tensor  # (), m
-    map_std: Tensor  # (), m
-    target_mean: Tensor  # (13,)
-    target_std: Tensor  # (13,)
-
-    @classmethod
-    def none(cls) -> Standardisation:
-        """Raw units."""
-        zeros, ones = torch.zeros, torch.ones
-        x, y = observation.INPUT_SIZE, observation.TARGET_SIZE
-        return cls(zeros(x), ones(x), zeros(()), ones(()), zeros(y), ones(y))
-
-    @classmethod
-    def of(cls, motion: Motion, maps_from: int = 256) -> Standardisation:
-        """Mean and standard deviation over the steps of `motion`, the expert's; maps: of its first `maps_from`."""
-        input_mean, input_std = _moments([motion.inputs.flatten(0, 1)])
-        map_mean, map_std = _moments(maps.reshape(-1, 1) for maps in motion.maps[:maps_from])
-        target_mean, target_std = _moments([motion.targets.flatten(0, 1)])
-        return cls(input_mean, input_std, map_mean[0], map_std[0], target_mean, target_std)
-
-
-def _moments(parts: Iterable[Tensor]) -> tuple[Tensor, Tensor]:
-    """Mean and standard deviation (K,), float32, of the rows of all `parts`, each (., K)."""
-    count, total, squares = 0, torch.zeros(()), torch.zeros(())
-    for part in parts:
-        wide = part.double()
-        count, total, squares = count + len(wide), total + wide.sum(0), squares + wide.square().sum(0)
-    mean = total / count
-    std = (squares / count - mean.square()).clamp_min(0).sqrt()
-    return mean.float(), torch.where(std > SMALLEST_STD, std, 1.0).float()
-
-
-def prepare(trajectories: Sequence[Trajectory], terrain: Terrain, pixels: int) -> Motion:
-    """Trajectories of equal length T as tensors, with maps of `pixels` a side.
+def prepare(trajectories: Sequence[Trajectory], terrain: Terrain, pixels: int, body: Body = ROVER) -> Motion:
+    """Trajectories of equal length T as tensors, as `body` has them, with maps of `pixels` a side unless it says.
 
     Raises:
         ShardError: a terrain that cannot be made again as it was; one line.
         ValueError: no trajectories.
     """
-    maps = np.stack([_maps(trajectory, terrain, pixels) for trajectory in _some(trajectories)])
-    return _motion(trajectories, torch.from_numpy(maps))
+    view = _View(body, body.pixels(pixels))
+    maps = np.stack([_maps(trajectory, terrain, view) for trajectory in _some(trajectories)])
+    return _motion(trajectories, torch.from_numpy(maps), body)
 
 
-def load_motion(root: str | Path, collection: Collection, count: int, terrain: Terrain, pixels: int) -> Motion:
-    """The first `count` trajectories of a collection as tensors.
+class _View(NamedTuple):
+    """How a trajectory is seen."""
+
+    body: Body
+    pixels: int  # a side of the map; 0: none
+
+    @property
+    def name(self) -> str:
+        """Of a file of maps."""
+        body = self.body
+        other = "" if (body.map_size, body.pose) == (ROVER.map_size, ROVER.pose) else f"-{body.map_size:g}m-{body.pose}"
+        return f"maps-{self.pixels}{other}"
+
+
+def load_motion(
+    root: str | Path, collection: Collection, count: int, terrain: Terrain, pixels: int, body: Body = ROVER
+) -> Motion:
+    """The first `count` trajectories of a collection as tensors, as `body` has them.
 
     Their maps are computed once, written beside the shards and read by memory map, so that processes share them: a step
     takes 96 bytes of memory, and 2 P^2 bytes of a file.
@@ -168,17 +147,20 @@ def load_motion(root: str | Path, collection: Collection, count: int, terrain: T
         ShardError: a shard is missing or damaged, or a terrain cannot be made again as it was; one line.
     """
     trajectories = _some(load(Path(root), collection, count))
-    path = collection.folder(Path(root)) / f"maps-{pixels}-{digest(trajectories)}.npy"
-    shape = (len(trajectories), len(trajectories[0].actions), pixels, pixels)
+    view = _View(body, body.pixels(pixels))
+    shape = (len(trajectories), len(trajectories[0].actions), view.pixels, view.pixels)
+    if not view.pixels:
+        return _motion(trajectories, torch.zeros(shape, dtype=torch.float16), body)
+    path = collection.folder(Path(root)) / f"{view.name}-{digest(trajectories)}.npy"
     if not path.exists():
-        write_atomically(path, lambda file: _write_maps(file, shape, trajectories, terrain))
+        write_atomically(path, lambda file: _write_maps(file, shape, trajectories, terrain, view))
     try:
         maps = np.load(path, mmap_mode="c", allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
         raise ShardError(f"{path}: the maps are damaged ({error}); delete the file to make it anew") from None
     if maps.shape != shape or maps.dtype != np.float16:
         raise ShardError(f"{path}: maps {maps.shape} where {shape} were expected; delete the file to make it anew")
-    return _motion(trajectories, torch.from_numpy(maps))
+    return _motion(trajectories, torch.from_numpy(maps), body)
 
 
 def _some(trajectories: Sequence[Trajectory]) -> Sequence[Trajectory]:
@@ -187,15 +169,17 @@ def _some(trajectories: Sequence[Trajectory]) -> Sequence[Trajectory]:
     return trajectories
 
 
-def _write_maps(file, shape: tuple[int, ...], trajectories: Sequence[Trajectory], terrain: Terrain) -> None:
+def _write_maps(
+    file, shape: tuple[int, ...], trajectories: Sequence[Trajectory], terrain: Terrain, view: _View
+) -> None:
     """Write an array (N, T, P, P), one trajectory after the other."""
     header = {"descr": np.lib.format.dtype_to_descr(np.dtype(np.float16)), "fortran_order": False, "shape": shape}
     np.lib.format.write_array_header_1_0(file, header)
     for trajectory in trajectories:
-        file.write(_maps(trajectory, terrain, shape[-1]).data)
+        file.write(_maps(trajectory, terrain, view).data)
 
 
-def _maps(trajectory: Trajectory, terrain: Terrain, pixels: int) -> np.ndarray:
+def _maps(trajectory: Trajectory, terrain: Terrain, view: _View) -> np.ndarray:
     """(T, P, P) float16: the maps at the start of each step."""
     heights = generate_terrain(terrain, trajectory.terrain_seed)
     if not is_ground_of(heights, trajectory):
@@ -203,15 +187,26 @@ def _maps(trajectory: Trajectory, terrain: Terrain, pixels: int) -> np.ndarray:
             f"trajectory {trajectory.index}: terrain {trajectory.terrain_seed} is no longer the one it drove on; "
             "delete the collection's folder and collect again"
         )
-    maps = observation.robot_centred_map(heights, trajectory.states[:-1], pixels, spacing=terrain.spacing)
+    body = view.body
+    states, _ = observation.seen_as(body, *map(torch.from_numpy, (trajectory.states[:-1], trajectory.actions)))
+    maps = observation.robot_centred_map(heights, states, view.pixels, body.map_size, terrain.spacing, body)
     return maps.numpy().astype(np.float16)
 
 
-def _motion(trajectories: Sequence[Trajectory], maps: Tensor) -> Motion:
+def _motion(trajectories: Sequence[Trajectory], maps: Tensor, body: Body) -> Motion:
     states = torch.from_numpy(np.stack([t.states for t in trajectories])).double()  # (N, T + 1, 13)
     actions = torch.from_numpy(np.stack([t.actions for t in trajectories])).double()  # (N, T, 2)
-    inputs = observation.encode_inputs(states[:, :-1], actions)
-    targets = observation.transition(states[:, :-1], states[:, 1:])
+    last = actions[:, -1:]  # stands behind the last step, where no action is
+    states, actions = observation.seen_as(body, states, torch.cat([actions, last], 1))
+    return motion_of(body, states, actions[:, :-1], maps)
+
+
+def motion_of(body: Body, states: Tensor, actions: Tensor, maps: Tensor | None = None) -> Motion:
+    """States (N, T + 1, S) and actions (N, T, A) of a body as the networks see them, with maps (N, T, P, P) if any."""
+    inputs = observation.encode_inputs(states[:, :-1], actions, body)
+    targets = observation.transition(states[:, :-1], states[:, 1:], body)
+    if maps is None:
+        maps = torch.zeros(*actions.shape[:2], 0, 0, dtype=torch.float16)
     return Motion(inputs.float(), targets.float(), maps)
 
 

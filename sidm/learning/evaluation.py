@@ -7,44 +7,46 @@ import torch
 from torch import Tensor
 
 from sidm import rotations
+from sidm.body import ROVER, Body
 from sidm.learning.dataset import Motion, Part
 from sidm.learning.losses import component_losses, prediction_loss
 from sidm.learning.model import Predictor
-from sidm.learning.observation import TARGET_SIZE, encode_inputs, integrate, robot_centred_map
-from sidm.trajectory import ACTION_SIZE, POSITION, QUATERNION, STATE_SIZE
+from sidm.learning.observation import encode_inputs, heading_of, integrate, robot_centred_map
 
 EVALUATION_BATCH = 32  # trajectories at a time where no gradient is needed
 
 
 def mean_loss(model: Predictor, motion: Motion | Part, role: str = "novice") -> float:
     """Equation (1) averaged over the steps of `motion`."""
-    total = 0.0
-    with torch.inference_mode():
-        for part in motion.split(EVALUATION_BATCH):
-            part = part.to(model.device)
-            total += float(prediction_loss(model(role, part.inputs, part.maps)[0], part.targets).double().sum())
-    return total / motion.targets[..., 0].numel()
-
-
-def validation_loss(model: Predictor, motion: Motion | Part, role: str = "novice") -> Tensor:
-    """Mean over all steps of `motion` of each term of equation (1): (13,) float64, raw units; their sum is the loss."""
-    total = torch.zeros(TARGET_SIZE, dtype=torch.float64)
+    total, weights = 0.0, model.loss_weights(role)
     with torch.inference_mode():
         for part in motion.split(EVALUATION_BATCH):
             part = part.to(model.device)
             predicted, _ = model(role, part.inputs, part.maps)
-            total += component_losses(predicted, part.targets).double().sum((0, 1)).cpu()
+            total += float(prediction_loss(predicted, part.targets, weights).double().sum())
+    return total / motion.targets[..., 0].numel()
+
+
+def validation_loss(model: Predictor, motion: Motion | Part, role: str = "novice") -> Tensor:
+    """Mean over all steps of `motion` of each term of equation (1): (Y,) float64; their sum is the loss."""
+    total, weights = torch.zeros(motion.targets.shape[-1], dtype=torch.float64), model.loss_weights(role)
+    with torch.inference_mode():
+        for part in motion.split(EVALUATION_BATCH):
+            part = part.to(model.device)
+            predicted, _ = model(role, part.inputs, part.maps)
+            total += component_losses(predicted, part.targets, weights).double().sum((0, 1)).cpu()
     return total / motion.targets[..., 0].numel()
 
 
 def rollout(
     model: Predictor,
-    heights: Tensor | np.ndarray,
+    heights: Tensor | np.ndarray | None,
     state: Tensor,
     actions: Tensor,
     pixels: int,
     role: str = "novice",
     spacing: float = 0.1,
+    body: Body = ROVER,
 ) -> Tensor:
     """Predict many steps ahead: each prediction is integrated and the next one starts from there.
 
@@ -52,49 +54,66 @@ def rollout(
 
     Args:
         model: the trained model.
-        heights: (H, W), m; or (B, H, W), a terrain each.
-        state: (13,), or (B, 13): where the robots start.
-        actions: (K, 2), or (B, K, 2).
+        heights: (H, W), m; or (B, H, W), a terrain each; None for a body without a map.
+        state: (S,), or (B, S): where the robots start.
+        actions: (K, A), or (B, K, A).
         pixels: P of the model's maps.
         role: whose encoder and decoder.
         spacing: of the terrain's grid, m.
+        body: what states and actions are made of; S is 13 and A is 2 by default.
 
     Returns:
-        Predicted states (K + 1, 13), or (B, K + 1, 13), the given one first, in the type of `state`.
+        Predicted states (K + 1, S), or (B, K + 1, S), the given one first, in the type of `state`.
 
     Raises:
         ValueError: shapes that do not fit each other.
     """
     state, actions = torch.as_tensor(state), torch.as_tensor(actions)
-    heights = torch.as_tensor(heights)
     single = state.ndim == 1
     if single:
-        heights, state, actions = heights[None], state[None], actions[None]
-    if (
-        heights.ndim != 3 or state.shape != (len(heights), STATE_SIZE) or actions.ndim != 3
-        or (len(actions), actions.shape[-1]) != (len(heights), ACTION_SIZE)
-    ):  # fmt: skip
-        raise ValueError(
-            "heights (B, H, W), state (B, 13) and actions (B, K, 2) of one B, not "
-            f"{tuple(heights.shape)}, {tuple(state.shape)} and {tuple(actions.shape)}"
-        )
+        state, actions = state[None], actions[None]
+    grounds = None if heights is None else torch.as_tensor(heights)
+    if single and grounds is not None:
+        grounds = grounds[None]
+    _expect_rollout(grounds, state, actions, body)
     states, memory = [state.double()], None
     with torch.inference_mode():
         for action in actions.double().unbind(1):
-            inputs = encode_inputs(states[-1], action).float()[:, None]  # (B, 1, 11)
-            maps = robot_centred_map(heights, states[-1], pixels, spacing=spacing).half()[:, None]  # (B, 1, P, P)
+            inputs = encode_inputs(states[-1], action, body).float()[:, None]  # (B, 1, X)
+            maps = _maps_at(grounds, states[-1], body, pixels, spacing)[:, None]  # (B, 1, P, P)
             predicted, memory = model(role, inputs.to(model.device), maps.to(model.device), memory)
-            states.append(integrate(states[-1], predicted[:, 0].cpu().double()))
+            states.append(integrate(states[-1], predicted[:, 0].cpu().double(), body))
     path = torch.stack(states, dim=1).to(state.dtype).clone()
     return path[0] if single else path
 
 
-def rollout_errors(predicted: Tensor, actual: Tensor) -> tuple[Tensor, Tensor]:
+def _maps_at(grounds: Tensor | None, states: Tensor, body: Body, pixels: int, spacing: float) -> Tensor:
+    """Maps (B, P, P) of states (B, S), float16; P is 0 without a map."""
+    if not body.map_size:
+        return torch.zeros(len(states), 0, 0, dtype=torch.float16)
+    assert grounds is not None
+    return robot_centred_map(grounds, states, body.pixels(pixels), body.map_size, spacing, body).half()
+
+
+def _expect_rollout(grounds: Tensor | None, state: Tensor, actions: Tensor, body: Body) -> None:
+    """ValueError naming all shapes unless they fit each other and the body."""
+    given = [one for one in (grounds if body.map_size else None, state, actions) if one is not None]
+    dimensions = [one.ndim for one in given] == [3, 2, 3][-2 - bool(body.map_size) :]
+    sizes = (state.shape[-1], actions.shape[-1]) == (len(body.state), len(body.actions))
+    if not (dimensions and sizes and len({len(one) for one in given}) == 1):
+        wanted = f"state (B, {len(body.state)}) and actions (B, K, {len(body.actions)}) of one B"
+        *first, last = (str(tuple(one.shape)) for one in given)
+        shapes = f"{', '.join(first)} and {last}"
+        raise ValueError(f"{'heights (B, H, W), ' if body.map_size else ''}{wanted}, not {shapes}")
+
+
+def rollout_errors(predicted: Tensor, actual: Tensor, body: Body = ROVER) -> tuple[Tensor, Tensor]:
     """How far predicted paths stray from the actual ones, step by step.
 
     Args:
-        predicted: states (..., K + 1, 13), the common start first.
+        predicted: states (..., K + 1, S), the common start first.
         actual: the same shape.
+        body: what a state is made of; it has a pose.
 
     Returns:
         Distance between positions, m, and absolute difference of headings, rad in [0, pi], each (..., K): without the
@@ -103,11 +122,12 @@ def rollout_errors(predicted: Tensor, actual: Tensor) -> tuple[Tensor, Tensor]:
     Raises:
         ValueError: the shapes differ or are not of states.
     """
-    if predicted.shape != actual.shape or predicted.ndim < 2 or predicted.shape[-1] != STATE_SIZE:
+    if predicted.shape != actual.shape or predicted.ndim < 2 or predicted.shape[-1] != len(body.state):
         raise ValueError(
-            f"predicted and actual states (..., K + 1, 13), not {tuple(predicted.shape)} and {tuple(actual.shape)}"
+            f"predicted and actual states (..., K + 1, {len(body.state)}), not {tuple(predicted.shape)} and "
+            f"{tuple(actual.shape)}"
         )
     predicted, actual = predicted[..., 1:, :].double(), actual[..., 1:, :].double()
-    position = (predicted[..., POSITION] - actual[..., POSITION]).norm(dim=-1)
-    turn = rotations.yaw(predicted[..., QUATERNION]) - rotations.yaw(actual[..., QUATERNION])
-    return position, rotations.wrap(turn).abs()
+    place = slice(0, 2 if body.pose == "planar" else 3)
+    position = (predicted[..., place] - actual[..., place]).norm(dim=-1)
+    return position, rotations.wrap(heading_of(predicted, body) - heading_of(actual, body)).abs()

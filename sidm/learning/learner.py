@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -10,9 +11,9 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from sidm.config import ConfigError
+from sidm.config import ConfigError, to_mapping
 from sidm.learning import checkpoint
-from sidm.learning.dataset import Datasets, Motion, Part, Standardisation
+from sidm.learning.dataset import Datasets, Motion, Part
 from sidm.learning.evaluation import mean_loss, validation_loss
 from sidm.learning.mirror import mirrored
 from sidm.learning.model import DynamicsModel
@@ -20,6 +21,7 @@ from sidm.learning.networks import Discriminator, seeded
 from sidm.learning.seeds import generator
 from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import SPACING, Components, Stopper, Tested, TrainingError
+from sidm.learning.units import Standardisation, Units, units_of
 from sidm.learning.weights import Follower, make_optimiser
 from sidm.systems import ROLES
 
@@ -36,7 +38,7 @@ class Learner:
         network: sizes of the networks.
         training: the settings.
         seed: of weights and draws.
-        standardisation: units inside the networks; computed from the expert's data by default.
+        standardisation: units inside the networks, of all systems or of each; by default those of `units_of`.
         device: where to compute.
         start: initial weights; fresh ones by default.
         roles: the systems that the model has; by default the novice, and the expert where it is learnt from.
@@ -53,7 +55,7 @@ class Learner:
         network: Network,
         training: Training,
         seed: int,
-        standardisation: Standardisation | None = None,
+        standardisation: Units | None = None,
         device: str | torch.device = "cpu",
         start: Mapping[str, Tensor] | None = None,
         roles: Iterable[str] = (),
@@ -62,17 +64,17 @@ class Learner:
             raise ConfigError("Network.own='none' leaves one encoder, with nothing to match: regularise=False")
         if training.needs_expert and datasets.expert is None:
             raise ConfigError("p_expert above 0 and regularise need the expert's data, but datasets.expert is None")
+        roles = tuple(roles) or (ROLES if training.needs_expert else ("novice",))
+        for role in roles:
+            training.refuse_for(network.body(role))
         if standardisation is None:
-            if datasets.expert is None:
-                raise ConfigError("without the expert's data pass `standardisation`, the same for all methods compared")
-            standardisation = Standardisation.of(datasets.expert)
+            standardisation = units_of(datasets, network)
         self.datasets, self.network, self.training, self.seed = datasets, network, training, seed
-        self.units = checkpoint.digest(standardisation)
+        self.units = checkpoint.digest(_tensors(standardisation))
         self.start = start and checkpoint.digest(start.values())
         self.device = torch.device(device)
         self.test = datasets.test.first(training.test_trajectories)
         self.validation = datasets.validation.first(training.test_trajectories)
-        roles = tuple(roles) or (ROLES if training.needs_expert else ("novice",))
         self.model = self.kind(network, standardisation, seed, roles).to(self.device)
         if start is not None:
             self.model.start(start)
@@ -274,10 +276,21 @@ class Learner:
         """What makes this run another than the next: configuration, seed, units, initial weights, data."""
         motions = {"train": self.datasets.train, "test": self.datasets.test, "expert": self.datasets.expert}
         return {
-            "network": dataclasses.asdict(self.network) | {"channels": list(self.network.channels)},  # type: ignore
+            "network": _plain(self.network),
             "training": dataclasses.asdict(self.training),  # type: ignore[call-overload]
             "seed": self.seed,
             "units": self.units,
             "start": self.start,
             "data": {k: checkpoint.digest((m.inputs, m.targets)) for k, m in motions.items() if m is not None},
         }
+
+
+def _tensors(units: Units) -> list[Tensor]:
+    """All numbers of the units, system by system."""
+    return [*units] if isinstance(units, Standardisation) else [one for role in sorted(units) for one in units[role]]
+
+
+def _plain(network: Network) -> dict:
+    """A network's sizes as JSON gives them back, without bodies that are the paper's."""
+    values = {name: value for name, value in to_mapping(network).items() if value is not None}
+    return json.loads(json.dumps(values))

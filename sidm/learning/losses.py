@@ -11,12 +11,13 @@ import torch.nn.functional as F
 from torch import Tensor
 
 
-def prediction_loss(predicted: Tensor, target: Tensor) -> Tensor:
+def prediction_loss(predicted: Tensor, target: Tensor, weights: Tensor | None = None) -> Tensor:
     """Equation (1): squared 2-norm of y' - y.
 
     Args:
-        predicted: (..., 13), raw units, the quaternion as the decoder gives it.
-        target: (..., 13), raw units, the quaternion with w >= 0.
+        predicted: (..., Y), raw units, the quaternion as the decoder gives it.
+        target: (..., Y), raw units, the quaternion with w >= 0.
+        weights: (Y,), of the components' squares; all 1 as in the paper by default.
 
     Returns:
         (...), one loss a sample.
@@ -24,14 +25,15 @@ def prediction_loss(predicted: Tensor, target: Tensor) -> Tensor:
     Raises:
         ValueError: the shapes differ.
     """
-    return component_losses(predicted, target).sum(-1)
+    return component_losses(predicted, target, weights).sum(-1)
 
 
-def component_losses(predicted: Tensor, target: Tensor) -> Tensor:
-    """The terms (..., 13) of the sum of equation (1); ValueError for shapes that differ."""
+def component_losses(predicted: Tensor, target: Tensor, weights: Tensor | None = None) -> Tensor:
+    """The terms (..., Y) of the sum of equation (1); ValueError for shapes that differ."""
     if predicted.shape != target.shape:
         raise ValueError(f"predicted {tuple(predicted.shape)} and target {tuple(target.shape)} must have one shape")
-    return (predicted - target).square()
+    squares = (predicted - target).square()
+    return squares if weights is None else squares * weights
 
 
 def discriminator_loss(expert_logits: Tensor, novice_logits: Tensor) -> Tensor:

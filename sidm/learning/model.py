@@ -8,9 +8,9 @@ import torch
 from torch import Tensor, nn
 
 from sidm.config import ConfigError
-from sidm.learning.dataset import Standardisation
 from sidm.learning.networks import SIDM, Decoder, Encoder, Memory, seeded
 from sidm.learning.settings import Network
+from sidm.learning.units import Units, units_for
 from sidm.systems import ROLES
 
 Own = Callable[[str], bool]  # whether each system has the parameter of that name for itself
@@ -29,13 +29,17 @@ class Predictor(nn.Module):
         """Where the weights are."""
         return next(self.parameters()).device
 
+    def loss_weights(self, role: str) -> Tensor | None:
+        """Weights (Y,) of a system's components in equation (1); None: all 1, as in the paper's body."""
+        return None
+
 
 class DynamicsModel(Predictor):
     """Figure 1: an encoder and a decoder for each system around one SIDM.
 
     Args:
         network: the sizes.
-        standardisation: units of inputs and outputs; none by default.
+        standardisation: units of inputs and outputs, of all systems or of each; none by default.
         seed: of the initial weights; each part has its own, so that parts are equal whatever else the model has.
         roles: the systems, 'novice' and 'expert' or one of them.
     """
@@ -46,19 +50,21 @@ class DynamicsModel(Predictor):
     def __init__(
         self,
         network: Network,
-        standardisation: Standardisation | None = None,
+        standardisation: Units | None = None,
         seed: int = 0,
         roles: Iterable[str] = ROLES,
     ):
         super().__init__()
         roles = tuple(roles)
         encoder, sidm, decoder = self._parts
+        units = {role: None if standardisation is None else units_for(standardisation, role) for role in roles}
+        of = {role: (network, units[role], network.body(role)) for role in roles}
         self.encoders = nn.ModuleDict(
-            {role: seeded(seed, f"{role} encoder", lambda: encoder(network, standardisation)) for role in roles}
+            {role: seeded(seed, f"{role} encoder", lambda: encoder(*of[role])) for role in roles}  # noqa: B023
         )
         self.sidm = seeded(seed, "sidm", lambda: sidm(network))
         self.decoders = nn.ModuleDict(
-            {role: seeded(seed, f"{role} decoder", lambda: decoder(network, standardisation)) for role in roles}
+            {role: seeded(seed, f"{role} decoder", lambda: decoder(*of[role])) for role in roles}  # noqa: B023
         )
         if len(roles) > 1 and network.own != "all":
             for parts, own in ((self.encoders, OWN_OF_ENCODER), (self.decoders, OWN_OF_DECODER)):
@@ -71,12 +77,12 @@ class DynamicsModel(Predictor):
 
         Args:
             role: 'novice' or 'expert'.
-            inputs: (B, T, 11), raw units.
+            inputs: (B, T, X), raw units.
             maps: (B, T, P, P), m.
             memory: of the SIDM after the step before; None where the trajectories begin.
 
         Returns:
-            State transitions y' (B, T, 13) in raw units, and the memory after the last step.
+            State transitions y' (B, T, Y) in raw units, and the memory after the last step.
 
         Raises:
             ConfigError: a system that the model does not have.
@@ -87,10 +93,19 @@ class DynamicsModel(Predictor):
         transitions, memory = self.sidm(self.encoders[role](inputs, maps), memory)
         return self.decoders[role](transitions), memory
 
+    def loss_weights(self, role: str) -> Tensor | None:
+        """Weights (Y,) of a system's components in equation (1); None: all 1, as in the paper's body."""
+        return self.decoders[role].weights  # type: ignore[return-value]
+
     def start(self, weights: Mapping[str, Tensor]) -> None:
-        """Take over weights; from those of a model that has the novice's parts alone, the expert's become copies."""
-        names = self.state_dict()
-        self.load_state_dict({n: weights[n if n in weights else n.replace(".expert.", ".novice.")] for n in names})
+        """Take over weights; from those of a model that has the novice's parts alone, the expert's become copies.
+
+        Weights of the SIDM alone leave encoders and decoders as they are.
+        """
+        own = self.state_dict()
+        if all(name.startswith("sidm.") for name in weights):
+            weights = own | dict(weights)
+        self.load_state_dict({n: weights[n if n in weights else n.replace(".expert.", ".novice.")] for n in own})
 
 
 def share(part: nn.Module, other: nn.Module, own: Own) -> None:

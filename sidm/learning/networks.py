@@ -12,10 +12,10 @@ from typing import TypeVar
 import torch
 from torch import Tensor, nn
 
-from sidm.learning.dataset import Standardisation
-from sidm.learning.observation import INPUT_SIZE, TARGET_SIZE
+from sidm.body import ROVER, Body
 from sidm.learning.seeds import derive
 from sidm.learning.settings import Network
+from sidm.learning.units import Standardisation, loss_weights
 from sidm.learning.weights import scale_columns, scale_last, scale_layers, scale_recurrence
 
 M = TypeVar("M", bound=nn.Module)
@@ -30,41 +30,46 @@ class Encoder(nn.Module):
     map_mean: Tensor
     map_std: Tensor
 
-    def __init__(self, network: Network, standardisation: Standardisation | None = None):
+    def __init__(self, network: Network, standardisation: Standardisation | None = None, body: Body = ROVER):
         super().__init__()
         first, second = network.channels
-        self.pixels = network.pixels
-        self.convolutions = nn.Sequential(
+        self.size, self.pixels = len(body.inputs), body.pixels(network.pixels)
+        layers = [
             nn.Conv2d(1, first, network.kernel), nn.LeakyReLU(network.slope, inplace=True),
             nn.Conv2d(first, second, network.kernel), nn.LeakyReLU(network.slope, inplace=True),
-        ).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        ] if self.pixels else []
+        self.convolutions = nn.Sequential(*layers).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        features = second * network.map_side(body) ** 2
         self.dense = nn.Sequential(
-            nn.Linear(second * network.map_side**2 + INPUT_SIZE, network.encoder_hidden), nn.LeakyReLU(network.slope),
+            nn.Linear(features + self.size, network.encoder_hidden), nn.LeakyReLU(network.slope),
             nn.Linear(network.encoder_hidden, network.latent), nn.LeakyReLU(network.slope),
         )
         if network.initialisation == "scaled":
             scale_layers(self, network.slope)
-            scale_columns(self.dense[0], slice(-INPUT_SIZE, None), network.slope)
-        units = standardisation or Standardisation.none()
+            scale_columns(self.dense[0], slice(-self.size, None), network.slope)
+        units = standardisation or Standardisation.none(body)
         self.register_buffer("input_mean", units.input_mean.clone())
         self.register_buffer("input_std", units.input_std.clone())
         self.register_buffer("map_mean", units.map_mean.clone())
         self.register_buffer("map_std", units.map_std.clone())
 
     def forward(self, inputs: Tensor, maps: Tensor) -> Tensor:
-        """Latent state-actions (B, T, latent) of inputs (B, T, 11), raw units, and maps (B, T, P, P), m.
+        """Latent state-actions (B, T, latent) of inputs (B, T, X), raw units, and maps (B, T, P, P), m.
 
         Under `torch.autocast` the layers compute in its precision; the latents have the inputs' all the same.
         """
-        expect(inputs, ("B", "T", INPUT_SIZE), "inputs")
+        expect(inputs, ("B", "T", self.size), "inputs")
         expect(maps, (*inputs.shape[:2], self.pixels, self.pixels), "maps")
-        pixels = (maps.flatten(0, 1).to(inputs.dtype) - self.map_mean) / self.map_std  # (B T, P, P)
+        numbers = ((inputs - self.input_mean) / self.input_std).flatten(0, 1)  # (B T, X)
+        if self.pixels:
+            features = self._features((maps.flatten(0, 1).to(inputs.dtype) - self.map_mean) / self.map_std)
+            numbers = torch.cat([features, numbers.to(features.dtype)], dim=-1)
+        return self.dense(numbers).to(inputs.dtype).unflatten(0, inputs.shape[:2])
+
+    def _features(self, pixels: Tensor) -> Tensor:
+        """Map features (B T, 4 (P - 6)^2) of maps (B T, P, P)."""
         # The channel is made the last dimension in memory: twice as fast on a CPU as the default layout.
-        features = self.convolutions(pixels.unsqueeze(-1).movedim(-1, 1))  # (B T, 4, P - 6, P - 6)
-        features = features.movedim(1, -1).flatten(1)  # (B T, 4 (P - 6)^2), a view
-        numbers = ((inputs - self.input_mean) / self.input_std).flatten(0, 1)  # (B T, 11)
-        latents = self.dense(torch.cat([features, numbers.to(features.dtype)], dim=-1))
-        return latents.to(inputs.dtype).unflatten(0, inputs.shape[:2])
+        return self.convolutions(pixels.unsqueeze(-1).movedim(-1, 1)).movedim(1, -1).flatten(1)
 
 
 class SIDM(nn.Module):
@@ -92,22 +97,25 @@ class SIDM(nn.Module):
 class Decoder(nn.Module):
     """D_e or D_n: latent state transitions to state transitions in raw units."""
 
-    def __init__(self, network: Network, standardisation: Standardisation | None = None):
+    weights: Tensor | None  # (Y,), of the components in equation (1); None: all 1
+
+    def __init__(self, network: Network, standardisation: Standardisation | None = None, body: Body = ROVER):
         super().__init__()
         self.size = network.latent_transition
         self.dense = nn.Sequential(
             nn.Linear(network.latent_transition, network.decoder_hidden), nn.LeakyReLU(network.slope),
-            nn.Linear(network.decoder_hidden, TARGET_SIZE),
+            nn.Linear(network.decoder_hidden, len(body.targets)),
         )
         if network.initialisation == "scaled":
             scale_layers(self, network.slope)
             scale_last(self.dense[-1])
-        units = standardisation or Standardisation.none()
+        units = standardisation or Standardisation.none(body)
         self.register_buffer("target_mean", units.target_mean.clone())
         self.register_buffer("target_std", units.target_std.clone())
+        self.register_buffer("weights", loss_weights(body, units), persistent=False)  # its own, whatever it starts from
 
     def forward(self, transitions: Tensor) -> Tensor:
-        """State transitions y' (..., 13) of latent state transitions (..., 64)."""
+        """State transitions y' (..., Y) of latent state transitions (..., 64)."""
         expect(transitions, (*transitions.shape[:-1], self.size), "latent transitions")
         return self.target_mean + self.target_std * self.dense(transitions)
 

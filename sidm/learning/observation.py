@@ -1,7 +1,7 @@
 """From states to what the networks see and predict, and back (section 4 of the paper).
 
-The state vector is the table of `sidm.trajectory`. The input x is 11 numbers and a robot-centred height map; the output
-y, a transition, is 13 numbers:
+What they are made of is a body's (`sidm.body`). The paper's state is the table of `sidm.trajectory`; its input x is 11
+numbers and a robot-centred height map, its output y, a transition, 13 numbers:
 
 =====  ========================================  ==========  =======================
 index  quantity of x                             unit        frame
@@ -27,11 +27,11 @@ import torch
 from torch import Tensor
 
 from sidm import rotations
+from sidm.body import ROVER, UP, Body
+from sidm.config import unknown_name
 from sidm.trajectory import ACTION_SIZE, POSITION, QUATERNION, STATE_SIZE, TWIST
 
-INPUT_SIZE = 11
-TARGET_SIZE = 13
-MAP_SIZE = 5.0  # side of the robot-centred map, m
+INPUT_SIZE, TARGET_SIZE = len(ROVER.inputs), len(ROVER.targets)  # 11 and 13, of the paper
 
 
 def require(tensor: Tensor, size: int, name: str) -> None:
@@ -40,62 +40,113 @@ def require(tensor: Tensor, size: int, name: str) -> None:
         raise ValueError(f"{name} must have shape (..., {size}), not {tuple(tensor.shape)}")
 
 
-def encode_inputs(states: Tensor, actions: Tensor) -> Tensor:
-    """The 11 numbers of x.
+def encode_inputs(states: Tensor, actions: Tensor, body: Body = ROVER) -> Tensor:
+    """The numbers of x.
 
     Args:
-        states: (..., 13).
-        actions: (..., 2), throttle and steering in [-1, 1].
+        states: (..., S), the paper's (..., 13).
+        actions: (..., A), the paper's (..., 2): throttle and steering in [-1, 1].
+        body: what they are made of.
 
     Returns:
-        (..., 11): up direction in the body frame, twist, action.
+        (..., X), the paper's (..., 11): up direction in the body frame, twist, action.
 
     Raises:
         ValueError: wrong shapes.
     """
-    require(states, STATE_SIZE, "states")
-    require(actions, ACTION_SIZE, "actions")
-    up = rotations.rotate_inverse(states[..., QUATERNION], states.new_tensor([0.0, 0.0, 1.0]))
-    return torch.cat([up, states[..., TWIST], actions], dim=-1)
+    require(states, len(body.state), "states")
+    require(actions, len(body.actions), "actions")
+    up = [_up(states)] if body.tilt else []
+    return torch.cat([*up, states[..., body.pose_size :], actions], dim=-1)
 
 
-def transition(states: Tensor, next_states: Tensor) -> Tensor:
-    """The output y (..., 13) that leads from `states` to `next_states`, each (..., 13); its quaternion has w >= 0."""
-    require(states, STATE_SIZE, "states")
-    require(next_states, STATE_SIZE, "next_states")
+def _up(states: Tensor) -> Tensor:
+    """The up direction (..., 3) in the body's frame, of states whose pose is spatial."""
+    return rotations.rotate_inverse(states[..., QUATERNION], states.new_tensor([0.0, 0.0, 1.0]))
+
+
+def transition(states: Tensor, next_states: Tensor, body: Body = ROVER) -> Tensor:
+    """The output y (..., Y) that leads from `states` to `next_states`, each (..., S); a quaternion has w >= 0."""
+    require(states, len(body.state), "states")
+    require(next_states, len(body.state), "next_states")
+    new, way = next_states[..., body.pose_size :], next_states[..., :3] - states[..., :3]
+    if body.pose == "none":
+        return new
+    if body.pose == "planar":
+        turn = rotations.wrap(way[..., 2:])
+        return torch.cat([rotations.turn(way[..., :2], -states[..., 2]), turn, new], dim=-1)
     before = states[..., QUATERNION]
-    translation = rotations.rotate_inverse(before, next_states[..., POSITION] - states[..., POSITION])
     rotation = rotations.multiply(rotations.conjugate(before), next_states[..., QUATERNION])
-    return torch.cat([translation, rotations.canonical(rotation), next_states[..., TWIST]], dim=-1)
+    return torch.cat([rotations.rotate_inverse(before, way), rotations.canonical(rotation), new], dim=-1)
 
 
-def integrate(states: Tensor, transitions: Tensor) -> Tensor:
-    """The states (..., 13) that `transitions` (..., 13) lead to from `states` (..., 13); quaternions are normalised."""
-    require(states, STATE_SIZE, "states")
-    require(transitions, TARGET_SIZE, "transitions")
+def integrate(states: Tensor, transitions: Tensor, body: Body = ROVER) -> Tensor:
+    """The states (..., S) that `transitions` (..., Y) lead to from `states` (..., S); quaternions are normalised."""
+    require(states, len(body.state), "states")
+    require(transitions, len(body.targets), "transitions")
+    new = transitions[..., body.pose_size :]
+    if body.pose == "none":
+        return new
+    if body.pose == "planar":
+        place = states[..., :2] + rotations.turn(transitions[..., :2], states[..., 2])
+        return torch.cat([place, rotations.wrap(states[..., 2:3] + transitions[..., 2:3]), new], dim=-1)
     before = states[..., QUATERNION]
     position = states[..., POSITION] + rotations.rotate(before, transitions[..., POSITION])
     relative = rotations.normalise(transitions[..., QUATERNION])
     quaternion = rotations.normalise(rotations.multiply(before, relative))
-    return torch.cat([position, quaternion, transitions[..., TWIST]], dim=-1)
+    return torch.cat([position, quaternion, new], dim=-1)
+
+
+def seen_as(body: Body, states: Tensor, actions: Tensor) -> tuple[Tensor, Tensor]:
+    """The paper's states (..., 13) and actions (..., 2) as a robot of another body has them.
+
+    Returns:
+        States (..., S) and actions (..., A): the pose of the body's kind; of columns those of the paper's state and of
+        the up direction, `up_x` to `up_z`; of actions throttle and steering, or `left` and `right`, their sum and
+        their difference.
+
+    Raises:
+        ConfigError: a column that the paper's robots do not have.
+    """
+    require(states, STATE_SIZE, "states")
+    require(actions, ACTION_SIZE, "actions")
+    known = dict(zip((name for name, _ in ROVER.columns), states[..., TWIST].unbind(-1), strict=True))
+    known |= dict(zip((name.replace(" ", "_") for name in UP), _up(states).unbind(-1), strict=True))
+    throttle, steering = actions.unbind(-1)
+    commands = {"throttle": throttle, "steering": steering, "left": throttle + steering, "right": throttle - steering}
+
+    def chosen(columns: tuple[tuple[str, str], ...], some: dict[str, Tensor], like: Tensor) -> Tensor:
+        for name, _ in columns:
+            if name not in some:
+                raise unknown_name(name, some, f"what the paper's robots have for body '{body.name}'")
+        return torch.stack([some[name] for name, _ in columns], -1) if columns else like[..., :0]
+
+    pose = {
+        "none": lambda: states[..., :0],
+        "planar": lambda: torch.cat([states[..., :2], rotations.yaw(states[..., QUATERNION])[..., None]], -1),
+        "spatial": lambda: states[..., : QUATERNION.stop],
+    }[body.pose]()
+    return torch.cat([pose, chosen(body.columns, known, states)], -1), chosen(body.actions, commands, actions)
 
 
 def robot_centred_map(
     heights: Tensor | np.ndarray,
     states: Tensor | np.ndarray,
     pixels: int,
-    size: float = MAP_SIZE,
+    size: float = ROVER.map_size,
     spacing: float = 0.1,
+    body: Body = ROVER,
 ) -> Tensor:
     """The terrain around the robot, turned with its heading, relative to its own height.
 
     Args:
         heights: (H, W), m, index [y, x], centred on the world's origin; or (N, H, W), one terrain for each first index
             of `states`. Beyond the grid the height of the border goes on.
-        states: (..., 13), or (N, ..., 13) with N terrains.
+        states: (..., S), or (N, ..., S) with N terrains; the paper's S is 13.
         pixels: P, a side of the map.
         size: side of the square that the map covers, m.
         spacing: of the terrain's grid, m.
+        body: what a state is made of; a planar pose has no height, the ground's under it stands for it.
 
     Returns:
         (..., P, P), m, in the wider of the two types. Axis -2 runs along the body's y (to the left), axis -1 along
@@ -105,10 +156,10 @@ def robot_centred_map(
         ValueError: shapes that do not fit each other.
     """
     heights, states = torch.as_tensor(heights), torch.as_tensor(states)
-    several = heights.ndim == 3
-    if heights.ndim not in (2, 3) or states.ndim < 1 + several or states.shape[-1] != STATE_SIZE:
+    several, count = heights.ndim == 3, len(body.state)
+    if heights.ndim not in (2, 3) or states.ndim < 1 + several or states.shape[-1] != count:
         raise ValueError(
-            "heights (H, W) with states (..., 13), or heights (N, H, W) with states (N, ..., 13), "
+            f"heights (H, W) with states (..., {count}), or heights (N, H, W) with states (N, ..., {count}), "
             f"not heights {tuple(heights.shape)} with states {tuple(states.shape)}"
         )
     if several and heights.shape[0] != states.shape[0]:
@@ -117,25 +168,32 @@ def robot_centred_map(
             f"with states {tuple(states.shape)}"
         )
     dtype = torch.promote_types(heights.dtype, states.dtype)
-    heights, states = heights.to(dtype), states.to(dtype)
-    x, y = _pixel_positions(states, pixels, size)  # each (..., P, P), world
-    if several:
-        flat = (heights.shape[0], -1)
-        ground = surface(heights, x.reshape(flat), y.reshape(flat), spacing).reshape(x.shape)
-    else:
-        ground = surface(heights[None], x.reshape(1, -1), y.reshape(1, -1), spacing).reshape(x.shape)
-    return ground - states[..., 2, None, None]
+    heights, states = (heights if several else heights[None]).to(dtype), states.to(dtype)
+    x, y = _pixel_positions(states, pixels, size, body)  # each (..., P, P), world
+    own = states[..., 2] if body.pose == "spatial" else _ground(heights, states[..., 0], states[..., 1], spacing)
+    return _ground(heights, x, y, spacing) - own[..., None, None]
 
 
-def _pixel_positions(states: Tensor, pixels: int, size: float) -> tuple[Tensor, Tensor]:
-    """World x and y, each (..., P, P), m, of the pixels of maps centred on `states` (..., 13)."""
+def _ground(heights: Tensor, x: Tensor, y: Tensor, spacing: float) -> Tensor:
+    """Heights (N, ...) of N terrains (N, H, W) at `x`, `y` (N, ...); or (...) of one terrain (1, H, W)."""
+    flat = (len(heights), -1)
+    return surface(heights, x.reshape(flat), y.reshape(flat), spacing).reshape(x.shape)
+
+
+def _pixel_positions(states: Tensor, pixels: int, size: float, body: Body) -> tuple[Tensor, Tensor]:
+    """World x and y, each (..., P, P), m, of the pixels of maps centred on `states` (..., S)."""
     offset = ((torch.arange(pixels, dtype=states.dtype, device=states.device) + 0.5) / pixels - 0.5) * size
     forward, left = offset[None, :], offset[:, None]
-    heading = rotations.yaw(states[..., QUATERNION])[..., None, None]
+    heading = heading_of(states, body)[..., None, None]
     cos, sin = torch.cos(heading), torch.sin(heading)
     x = states[..., 0, None, None] + cos * forward - sin * left
     y = states[..., 1, None, None] + sin * forward + cos * left
     return x, y
+
+
+def heading_of(states: Tensor, body: Body = ROVER) -> Tensor:
+    """Yaw (...), rad, of states (..., S) with a pose."""
+    return rotations.yaw(states[..., QUATERNION]) if body.pose == "spatial" else states[..., 2]
 
 
 def surface(heights: Tensor, x: Tensor, y: Tensor, spacing: float = 0.1) -> Tensor:

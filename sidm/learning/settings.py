@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+from sidm.body import ROVER, Body
 from sidm.config import ConfigError, config, refuse_nonsense
 
 
@@ -28,6 +29,8 @@ class Network:
     initialisation: Literal["scaled", "pytorch"] = "scaled"  # of weights; 'pytorch': its own
     own: Literal["all", "biases", "flag", "none"] = "all"  # what each system has of encoder and decoder for itself, the
     # rest being common to both; 'flag': the bias of the encoder's first dense layer, as if the system were an input
+    novice_body: Body | None = None  # the novice's X and Y; none: the paper's
+    expert_body: Body | None = None  # the expert's
 
     def __post_init__(self) -> None:
         """Refuse sizes that make no network."""
@@ -40,16 +43,27 @@ class Network:
             raise ConfigError(f"Network.channels must be at least 1, not {self.channels}")
         if not 0 <= self.slope < 1:
             raise ConfigError(f"Network.slope must be in [0, 1), not {self.slope}")
-        if self.map_side < 1:
-            raise ConfigError(
-                f"Network.pixels must be at least {2 * self.kernel - 1} for two kernels of {self.kernel}, "
-                f"not {self.pixels}"
-            )
+        for pixels in {self.body(role).pixels(self.pixels) or self.pixels for role in ("novice", "expert")}:
+            if pixels <= 2 * (self.kernel - 1):
+                raise ConfigError(
+                    f"Network.pixels must be at least {2 * self.kernel - 1} for two kernels of {self.kernel}, "
+                    f"not {pixels}"
+                )
+        if self.own != "all" and not self.alike:
+            raise ConfigError(f"Network.own='{self.own}' shares weights, which needs robots of one body")
+
+    def body(self, role: str) -> Body:
+        """The body of the novice, or of an expert."""
+        return (self.novice_body if role == "novice" else self.expert_body) or ROVER
 
     @property
-    def map_side(self) -> int:
-        """A side of what the convolutions leave of the map."""
-        return self.pixels - 2 * (self.kernel - 1)
+    def alike(self) -> bool:
+        """Whether novice and expert have one body, so that weights of one fit the other."""
+        return self.body("novice") == self.body("expert")
+
+    def map_side(self, body: Body) -> int:
+        """A side of what the convolutions leave of a body's map; 0 without one."""
+        return max(0, body.pixels(self.pixels) - 2 * (self.kernel - 1))
 
 
 PAPER_NETWORK = Network(pixels=300, layers=4, hidden=1024)
@@ -129,3 +143,10 @@ class Training:
     def needs_expert(self) -> bool:
         """Whether any phase draws the expert's data."""
         return self.p_expert > 0 or self.regularise
+
+    def refuse_for(self, body: Body) -> None:
+        """ConfigError naming the first setting that has a meaning for the paper's body alone."""
+        if body != ROVER and self.mirror:
+            raise ConfigError(f"Training.mirror knows left and right of the paper's robots alone, not of '{body.name}'")
+        if body != ROVER and self.reduction == "mean":
+            raise ConfigError(f"Training.reduction='mean' is the released code's for its 13 numbers, not '{body.name}'")

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from sidm.learning.dataset import Datasets, Motion, Standardisation
+from sidm.learning.dataset import Datasets, Motion
 from sidm.learning.learner import Learner
 from sidm.learning.losses import prediction_loss
 from sidm.learning.model import Predictor
@@ -21,6 +21,7 @@ from sidm.learning.observation import TARGET_SIZE
 from sidm.learning.regularisation import regularise_phase, reversed_loss
 from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import Components, Tested, TrainingError
+from sidm.learning.units import Standardisation
 
 __all__ = ["Tested", "Trained", "Training", "TrainingError", "result", "train"]
 
@@ -151,7 +152,7 @@ def batch_losses(learner: Learner, batch: dict[str, Motion], latents: dict[str, 
     transitions, _ = model.sidm(torch.cat(list(latents.values())))
     parts = transitions.split([len(motion) for motion in batch.values()])
     return {
-        role: prediction_loss(model.decoders[role](part), motion.targets)
+        role: prediction_loss(model.decoders[role](part), motion.targets, model.loss_weights(role))
         for (role, motion), part in zip(batch.items(), parts, strict=True)
     }
 

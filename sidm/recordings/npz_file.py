@@ -23,8 +23,9 @@ from typing import Any
 
 import numpy as np
 
+from sidm.body import UNITS
 from sidm.config import unknown_name
-from sidm.recordings.recording import ACTION, COLUMNS, RATE, STATE, UNITS, Ground, Recording, RecordingError
+from sidm.recordings.recording import ACTION, COLUMNS, RATE, STATE, Ground, Recording, RecordingError
 from sidm.recordings.table import from_table
 from sidm.storage import write_atomically
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -12,15 +11,6 @@ from sidm.trajectory import POSITION, QUATERNION, STEPS, TWIST
 RATE = 10.0  # Hz, of the control steps
 STATE = ("x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz", "wx", "wy", "wz")
 ACTION = ("throttle", "steering")
-
-#: Kind of quantity -> unit -> what it is in the SI's.
-UNITS = {
-    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
-    "velocity": {"m/s": 1.0, "cm/s": 1e-2, "km/h": 1 / 3.6},
-    "angular velocity": {"rad/s": 1.0, "deg/s": math.pi / 180},
-    "number": {"1": 1.0},
-    "time": {"s": 1.0, "ms": 1e-3},
-}
 
 #: Column -> kind of quantity; all but the time have to be there.
 COLUMNS = (

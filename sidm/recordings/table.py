@@ -7,9 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sidm.body import UNITS
 from sidm.config import unknown_name
 from sidm.recordings.frames import refuse_other_maps, refuse_other_rates, refuse_other_velocities
-from sidm.recordings.recording import ACTION, COLUMNS, RATE, STATE, UNITS, Ground, Recording, RecordingError
+from sidm.recordings.recording import ACTION, COLUMNS, RATE, STATE, Ground, Recording, RecordingError
 from sidm.trajectory import ACTION_SIZE, QUATERNION, STEPS
 
 LATE = 0.5  # of a row, that a row's time may be off; a row that is missing is off by more

@@ -5,11 +5,12 @@ import pytest
 import torch
 
 from sidm.learning import losses
-from sidm.learning.dataset import Standardisation, prepare
+from sidm.learning.dataset import prepare
 from sidm.learning.evaluation import validation_loss
 from sidm.learning.model import DynamicsModel
 from sidm.learning.networks import Discriminator
 from sidm.learning.settings import PAPER_NETWORK, Network
+from sidm.learning.units import Standardisation
 
 CLOSE = dict(rel=1e-4, abs=1e-6)  # float32 sums of some thousand terms
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import torch
 
+from sidm.body import ROVER
 from sidm.config import ConfigError
 from sidm.experiments.engine import provenance
 from sidm.experiments.engine.execute import Library, evaluate, stored_as
@@ -20,6 +21,7 @@ from sidm.learning.beyond.pretraining import STATE, Start, expert_in_place, star
 from sidm.learning.bundle import ONLY, SHARED, Run, train_bundle
 from sidm.learning.checkpoint import CheckpointError
 from sidm.learning.training import Tested, Trained, TrainingError
+from sidm.systems import ROLES
 from sidm.trajectory import ShardError
 
 
@@ -28,7 +30,8 @@ def fits(trial: Trial) -> bool:
     trainings = [training for training in (trial.training, trial.pretraining) if training is not None]
     plain = all(getattr(training, name) == only for training in trainings for name, only in ONLY.items())
     gradients = not trial.solved and trial.training.max_samples > 0
-    return plain and gradients and trial.network.own == "all" and not trial.residual
+    bodies = {trial.network.body(role) for role in ROLES} == {ROVER}
+    return plain and gradients and bodies and trial.network.own == "all" and not trial.residual
 
 
 def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:

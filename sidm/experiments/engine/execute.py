@@ -21,10 +21,12 @@ from sidm.experiments.trials import Trial
 from sidm.learning.beyond.least_squares import fit
 from sidm.learning.beyond.pretraining import Start
 from sidm.learning.beyond.residual import Corrected, left_over, units
-from sidm.learning.dataset import Datasets, Motion, Standardisation, load_motion, novice_split
+from sidm.learning.dataset import Datasets, Motion, Part, load_motion, novice_split
 from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
 from sidm.learning.model import DynamicsModel, Predictor
+from sidm.learning.observation import seen_as
 from sidm.learning.training import Tested, Trained, TrainingError, train
+from sidm.learning.units import Standardisation, loss_weights, units_for, units_of
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain
 from sidm.trajectory import Trajectory
@@ -65,11 +67,12 @@ class Library:
     def motion(self, trial: Trial, kind: str) -> Motion:
         """One of the trial's datasets; ShardError when it is missing, damaged, or not that of the trial."""
         dataset, pixels = trial.datasets[kind], trial.network.pixels
-        key = dataset, trial.digests[kind], pixels
+        body = trial.network.body(dataset.collection.role)
+        key = dataset, trial.digests[kind], pixels, body
         if key not in self._motions:
             load_dataset(dataset, trial.digests[kind], self.data)
             terrain = find_system(trial.system).terrain
-            self._motions[key] = load_motion(self.data, dataset.collection, dataset.count, terrain, pixels)
+            self._motions[key] = load_motion(self.data, dataset.collection, dataset.count, terrain, pixels, body)
         return self._motions[key]
 
     def datasets(self, trial: Trial) -> Datasets:
@@ -122,10 +125,10 @@ def _train(trial: Trial, sets: Datasets, start: Start | None, **how: Any) -> Tra
 
 
 def _solve(trial: Trial, sets: Datasets, start: Start | None) -> Trained:
-    """Least squares in the expert's units as every method, alone or on top of the expert's model."""
-    assert sets.expert is not None
+    """Least squares in the units of every method, alone or on top of the expert's model."""
     base = None if start is None else _frozen(trial, sets, start)
-    return fit(sets, Standardisation.of(sets.expert), base, trial.training.mirror)
+    body, units = trial.network.body("novice"), units_for(units_of(sets, trial.network), "novice")
+    return fit(sets, units, base, trial.training.mirror, loss_weights(body, units))
 
 
 def _frozen(trial: Trial, sets: Datasets, start: Start) -> DynamicsModel:
@@ -137,12 +140,12 @@ def _frozen(trial: Trial, sets: Datasets, start: Start) -> DynamicsModel:
 
 
 def evaluate(
-    trial: Trial, trained: Trained, validation: Motion, rollouts: list[Trajectory], start: Start | None = None
+    trial: Trial, trained: Trained, validation: Motion | Part, rollouts: list[Trajectory], start: Start | None = None
 ) -> Outcome:
     """How good a trained model is, where it is; `start` is what it was trained from."""
     losses = validation_loss(trained.model, validation)
     predicted, actual = roll_out(trained.model, trial, rollouts)
-    position, heading = rollout_errors(predicted, actual)
+    position, heading = rollout_errors(predicted, actual, trial.network.body("novice"))
     samples, test, training = summary_curve(trained)
     return Outcome(
         validation_loss=float(losses.sum()),
@@ -195,12 +198,15 @@ def stored_as(trial: Trial, found: Outcome | TrainingError, made: Provenance) ->
 
 
 def roll_out(model: Predictor, trial: Trial, trajectories: list[Trajectory]) -> tuple[torch.Tensor, torch.Tensor]:
-    """Predicted and actual states, each (B, K + 1, 13), of trajectories under their own actions; K = ROLLOUT_STEPS."""
-    terrain = find_system(trial.system).terrain
+    """Predicted and actual states, each (B, K + 1, S), of trajectories under their own actions; K = ROLLOUT_STEPS."""
+    terrain, body = find_system(trial.system).terrain, trial.network.body("novice")
     heights = torch.tensor(np.stack([generate_terrain(terrain, t.terrain_seed) for t in trajectories]))
     states = torch.tensor(np.stack([t.states[: ROLLOUT_STEPS + 1] for t in trajectories]))
     actions = torch.tensor(np.stack([t.actions[:ROLLOUT_STEPS] for t in trajectories]))
-    return rollout(model, heights, states[:, 0], actions, trial.network.pixels), states
+    last = actions[:, -1:]  # stands behind the last state, where no action is
+    states, actions = seen_as(body, states, torch.cat([actions, last], 1))
+    pixels, spacing = trial.network.pixels, terrain.spacing
+    return rollout(model, heights, states[:, 0], actions[:, :-1], pixels, spacing=spacing, body=body), states
 
 
 def summary_curve(trained: Trained) -> tuple[tuple[int, ...], tuple[float, ...], tuple[float, ...]]:
@@ -220,10 +226,10 @@ def _floats(values: torch.Tensor) -> tuple[float, ...]:
 
 
 def _nested(states: torch.Tensor) -> tuple[tuple[tuple[float, ...], ...], ...]:
-    """(R, K + 1, 13) states."""
+    """(R, K + 1, S) states."""
     return tuple(tuple(map(tuple, path)) for path in states.double().tolist())
 
 
 def _path(states: torch.Tensor) -> tuple[tuple[float, float], ...]:
-    """(K + 1, 13) states as x and y, m."""
+    """(K + 1, S) states as x and y, m."""
     return tuple((x, y) for x, y in states[:, :2].double().tolist())

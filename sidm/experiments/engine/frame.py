@@ -12,6 +12,7 @@ import typing
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from sidm.body import Body
 from sidm.config import to_mapping
 from sidm.experiments.engine.provenance import Provenance
 from sidm.experiments.engine.store import Outcome, Row
@@ -61,8 +62,13 @@ def _values(row: Row) -> Iterator[tuple[str, Any]]:
         (row.outcome, ""), (row.provenance, ""),
     ):  # fmt: skip
         if part is not None:
-            yield from ((f"{prefix}{name}", value) for name, value in to_mapping(part).items())
+            yield from ((f"{prefix}{name}", _leaf(name, value)) for name, value in to_mapping(part).items())
     yield "stale", row.provenance.stale
+
+
+def _leaf(name: str, value: Any) -> Any:
+    """A body by its name, any other value as it is."""
+    return value["name"] if name.endswith("_body") and isinstance(value, Mapping) else value
 
 
 def numbers_and_words(frame: pd.DataFrame) -> pd.DataFrame:
@@ -104,13 +110,13 @@ def _names(cls: type, prefix: str = "") -> Iterator[str]:
     for field in dataclasses.fields(cls):
         hint = hints[field.name]
         part = next((one for one in (hint, *typing.get_args(hint)) if dataclasses.is_dataclass(one)), None)
-        is_part = part is not None and typing.get_origin(hint) is not tuple
+        is_part = part not in (None, Body) and typing.get_origin(hint) is not tuple
         yield from _names(part, f"{prefix}{field.name}_") if is_part else [f"{prefix}{field.name}"]  # type: ignore
 
 
 def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     found: dict[str, Any] = {}
-    for name, value in values.items():
+    for name, value in ((name, _leaf(name, value)) for name, value in values.items()):
         found |= _flat(value, f"{prefix}{name}_") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
     return found
 

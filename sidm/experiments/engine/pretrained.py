@@ -9,6 +9,7 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 
+from sidm.config import to_mapping
 from sidm.experiments.trials import Trial
 from sidm.learning.beyond import pretraining
 from sidm.learning.beyond.pretraining import Start, expert_in_place, start_from
@@ -28,7 +29,7 @@ def folder(trial: Trial, data: str | Path, kind: str = "training") -> Path:
     made_from = {
         "dataset": trial.datasets["expert"].name,
         "digest": trial.digests["expert"],
-        "network": dataclasses.asdict(network_of(trial)),  # type: ignore[call-overload]
+        "network": {name: one for name, one in to_mapping(network_of(trial)).items() if one is not None},
         "training": dataclasses.asdict(trial.pretraining),  # type: ignore
         "seed": trial.seed,
     }
@@ -37,8 +38,8 @@ def folder(trial: Trial, data: str | Path, kind: str = "training") -> Path:
 
 
 def network_of(trial: Trial) -> Network:
-    """That of a trial's pretraining, in which one system is alone and shares nothing."""
-    return dataclasses.replace(trial.network, own="all")  # type: ignore[type-var]
+    """That of a trial's pretraining, in which the expert is alone, in the novice's place, and shares nothing."""
+    return dataclasses.replace(trial.network, own="all", novice_body=trial.network.expert_body)  # type: ignore
 
 
 def start_of(trial: Trial, datasets: Datasets, data: str | Path, device: str = "cpu") -> Start | None:
@@ -59,7 +60,7 @@ def start_of(trial: Trial, datasets: Datasets, data: str | Path, device: str = "
                 train(sets, network_of(trial), trial.pretraining, trial.seed, checkpoint=state, device=device)
             )
             pretraining.keep(where, found)
-        return found
+        return found.core() if trial.pretrained == "sidm" else found
 
 
 @contextlib.contextmanager

@@ -12,11 +12,11 @@ from typing import NamedTuple, Protocol
 import torch
 from torch import Tensor, nn
 
-from sidm.learning.dataset import Standardisation
+from sidm.body import ROVER, Body
 from sidm.learning.model import DynamicsModel
 from sidm.learning.networks import SIDM, Decoder, Encoder, Memory
-from sidm.learning.observation import TARGET_SIZE
 from sidm.learning.settings import Network
+from sidm.learning.units import Standardisation
 from sidm.learning.weights import scale_last
 
 QUIETEST, LOUDEST = -6.0, 2.0  # logarithm of a standard deviation, in the networks' units
@@ -62,8 +62,8 @@ class Spread(nn.Module):
 class GaussianEncoder(Encoder):
     """E_e or E_n: a distribution of latent state-actions about those of the deterministic twin."""
 
-    def __init__(self, network: Network, standardisation: Standardisation | None = None):
-        super().__init__(network, standardisation)
+    def __init__(self, network: Network, standardisation: Standardisation | None = None, body: Body = ROVER):
+        super().__init__(network, standardisation, body)
         self.spread = Spread(network.latent)
 
     def distribution(self, inputs: Tensor, maps: Tensor) -> Gaussian:
@@ -87,9 +87,9 @@ class GaussianSIDM(SIDM):
 class GaussianDecoder(Decoder):
     """D_e or D_n with a second number for each component: the logarithm of its standard deviation."""
 
-    def __init__(self, network: Network, standardisation: Standardisation | None = None):
-        super().__init__(network, standardisation)
-        self.spread = nn.Linear(network.decoder_hidden, TARGET_SIZE)
+    def __init__(self, network: Network, standardisation: Standardisation | None = None, body: Body = ROVER):
+        super().__init__(network, standardisation, body)
+        self.spread = nn.Linear(network.decoder_hidden, len(body.targets))
         scale_last(self.spread)
 
     def distribution(self, transitions: Tensor) -> Gaussian:

@@ -14,14 +14,14 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-from sidm.learning.dataset import Datasets, Standardisation
+from sidm.learning.dataset import Datasets
 from sidm.learning.evaluation import EVALUATION_BATCH
 from sidm.learning.mirror import mirrored
 from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.networks import Memory
-from sidm.learning.observation import INPUT_SIZE, TARGET_SIZE
 from sidm.learning.stopping import Tested
 from sidm.learning.training import Trained
+from sidm.learning.units import Standardisation
 
 FOLDS = 5  # of the cross-validation, at most
 PENALTIES = tuple(10.0**power for power in range(-4, 1))  # of weights of the numbers themselves
@@ -37,32 +37,41 @@ class LeastSquares(Predictor):
     Args:
         units: in which the functions are computed.
         base: the expert's model, with the novice's parts alone, which stays as it is; None to stand alone.
+        scale: weights (Y,) of the components in equation (1); all 1 by default.
     """
+
+    loss_scale: Tensor | None
 
     low: Tensor  # (N,), of what the fit has seen
     high: Tensor
 
-    def __init__(self, units: Standardisation, base: DynamicsModel | None = None):
+    def __init__(self, units: Standardisation, base: DynamicsModel | None = None, scale: Tensor | None = None):
         super().__init__()
         self.base, self.units = base, units
-        self.count = INPUT_SIZE + (TARGET_SIZE if base is not None else 0)  # N, of numbers
+        inputs, self.targets = len(units.input_mean), len(units.target_mean)
+        self.count = inputs + (self.targets if base is not None else 0)  # N, of numbers
         functions = 1 + self.count + self.count * (self.count + 1) // 2  # F
-        self.weights = nn.Parameter(torch.zeros(functions, TARGET_SIZE), requires_grad=False)
+        self.weights = nn.Parameter(torch.zeros(functions, self.targets), requires_grad=False)
+        self.register_buffer("loss_scale", scale, persistent=False)
         self.register_buffer("low", torch.full((self.count,), -torch.inf))
         self.register_buffer("high", torch.full((self.count,), torch.inf))
 
+    def loss_weights(self, role: str) -> Tensor | None:
+        """Weights (Y,) of the components in equation (1)."""
+        return self.loss_scale
+
     def forward(self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None):
-        """Transitions (B, T, 13), raw units, as DynamicsModel; the memory is the base's, None without one."""
+        """Transitions (B, T, Y), raw units, as DynamicsModel; the memory is the base's, None without one."""
         numbers, predicted, memory = self.numbers(role, inputs, maps, memory)
         return predicted + self.functions(numbers) @ self.weights, memory
 
     def numbers(
         self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None
     ) -> tuple[Tensor, Tensor, Memory | None]:
-        """What the functions are of, (B, T, N), what they are added to, (B, T, 13) in raw units, the base's memory."""
+        """What the functions are of, (B, T, N), what they are added to, (B, T, Y) in raw units, the base's memory."""
         numbers = (inputs - self.units.input_mean) / self.units.input_std
         if self.base is None:
-            return numbers, inputs.new_zeros(*inputs.shape[:-1], TARGET_SIZE), memory
+            return numbers, inputs.new_zeros(*inputs.shape[:-1], self.targets), memory
         predicted, memory = self.base(role, inputs, maps, memory)
         standard = (predicted - self.units.target_mean) / self.units.target_std
         return torch.cat([numbers, standard], dim=-1), predicted, memory
@@ -84,7 +93,7 @@ class Moments(NamedTuple):
     """All that least squares have to know of some steps: sums over them, float64."""
 
     gram: Tensor  # (F, F), of products of functions
-    cross: Tensor  # (F, 13), of functions times what is to be explained
+    cross: Tensor  # (F, Y), of functions times what is to be explained
     squares: float  # of what is to be explained
     steps: int
 
@@ -101,22 +110,25 @@ class Moments(NamedTuple):
         )
 
     def solve(self, penalties: Tensor) -> Tensor:
-        """Weights (F, 13) of the lowest mean squared error with `penalties` (F,) on their squares."""
+        """Weights (F, Y) of the lowest mean squared error with `penalties` (F,) on their squares."""
         return torch.linalg.solve(self.gram / self.steps + penalties.diag(), self.cross / self.steps)
 
     def loss(self, weights: Tensor) -> float:
-        """Equation (1) with `weights` (F, 13), mean over the steps."""
+        """Equation (1) with `weights` (F, Y), mean over the steps."""
         explained = 2 * (weights * self.cross).sum() - (weights * (self.gram @ weights)).sum()
         return (self.squares - float(explained)) / self.steps
 
 
 def moments(functions: Tensor, left: Tensor) -> Moments:
-    """Those of functions (..., F) and of what they are to explain, (..., 13), both float64."""
+    """Those of functions (..., F) and of what they are to explain, (..., Y), both float64."""
     rows, left = functions.flatten(0, -2), left.flatten(0, -2)
     return Moments(rows.T @ rows, rows.T @ left, float(left.square().sum()), len(rows))
 
 
-def fit(datasets: Datasets, units: Standardisation, base: DynamicsModel | None = None, mirror: bool = False) -> Trained:
+def fit(
+    datasets: Datasets, units: Standardisation, base: DynamicsModel | None = None, mirror: bool = False,
+    scale: Tensor | None = None,
+) -> Trained:  # fmt: skip
     """The weights of the lowest cross-validated loss on the novice's data, train and test together.
 
     Args:
@@ -124,15 +136,17 @@ def fit(datasets: Datasets, units: Standardisation, base: DynamicsModel | None =
         units: in which the functions are computed, the same for every method.
         base: what is corrected; none by default.
         mirror: whether to learn from mirror images too.
+        scale: weights (Y,) of the components in equation (1); all 1 by default.
 
     Returns:
         The model, and how it came about: the test loss is that of the cross-validation.
     """
-    model = LeastSquares(units, base).eval()
+    model = LeastSquares(units, base, scale).eval()
+    root = torch.ones(model.targets) if scale is None else scale.sqrt()
     numbers, left = _observed(model, datasets, mirror)
     model.low, model.high = numbers.amin((0, 1)), numbers.amax((0, 1))
     parts = [slice(fold, None, FOLDS) for fold in range(min(FOLDS, len(numbers)))]  # of whole trajectories
-    folds = [moments(model.functions(numbers[part].double()), left[part].double()) for part in parts]
+    folds = [moments(model.functions(numbers[part].double()), (left[part] * root).double()) for part in parts]
     total = functools.reduce(Moments.plus, folds)
 
     def validated(penalties: Tensor) -> float:
@@ -142,13 +156,13 @@ def fit(datasets: Datasets, units: Standardisation, base: DynamicsModel | None =
     losses = [validated(penalties) for penalties in tried]
     lowest = min(losses)
     weights = total.solve(tried[losses.index(lowest)])
-    model.weights.copy_(weights)
+    model.weights.copy_(weights / root)
     curve = [Tested(total.steps, total.loss(weights), lowest, None)]
     return Trained(model, curve, total.steps, 0, lowest, total.steps, True)
 
 
 def _observed(model: LeastSquares, datasets: Datasets, mirror: bool) -> tuple[Tensor, Tensor]:
-    """Of the novice's trajectories: numbers (n, T, N), and what is left to explain, (n, T, 13); 2 T with `mirror`."""
+    """Of the novice's trajectories: numbers (n, T, N), and what is left to explain, (n, T, Y); 2 T with `mirror`."""
     numbers, left = [], []
     for part in (*datasets.train.split(EVALUATION_BATCH), *datasets.test.split(EVALUATION_BATCH)):
         images = [part, *([mirrored(part, torch.ones(len(part), dtype=torch.bool))] if mirror else [])]

@@ -9,13 +9,14 @@ from torch import Tensor
 
 from sidm.config import ConfigError
 from sidm.learning.beyond.distributions import DistributionModel
-from sidm.learning.dataset import Datasets, Motion, Part, Standardisation
+from sidm.learning.dataset import Datasets, Motion, Part
 from sidm.learning.evaluation import EVALUATION_BATCH
 from sidm.learning.learner import Learner
 from sidm.learning.seeds import generator
 from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import Tested
 from sidm.learning.training import Trained, learn
+from sidm.learning.units import Standardisation
 
 #: Settings that have one value here.
 ONLY = {

@@ -27,14 +27,19 @@ class Start(NamedTuple):
     weights: Mapping[str, Tensor]  # of a model that has the novice's parts alone
     samples: int  # of the expert's, seen by it
 
+    def core(self) -> Start:
+        """The shared SIDM alone, for a novice whose encoder and decoder begin afresh."""
+        return self._replace(weights={name: one for name, one in self.weights.items() if name.startswith("sidm.")})
+
 
 def expert_in_place(datasets: Datasets, seed: int) -> Datasets:
-    """The same data with the expert's trajectories in the novice's place; ConfigError without the expert's."""
+    """The expert's data in the novice's place, where nothing of the novice is left; ConfigError without them."""
     expert = datasets.expert
     if expert is None:
         raise ConfigError("pretraining needs the expert's data, but datasets.expert is None")
     train_part, test_part = split(len(expert), len(expert), seed)
-    return datasets._replace(train=expert.part(train_part), test=expert.part(test_part))
+    testing = expert.part(test_part)
+    return Datasets(expert.part(train_part), testing, testing, expert)
 
 
 def start_from(trained: Trained) -> Start:

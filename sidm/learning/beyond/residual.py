@@ -6,9 +6,10 @@ import torch
 from torch import Tensor
 
 from sidm.config import ConfigError
-from sidm.learning.dataset import Datasets, Motion, Part, Standardisation
+from sidm.learning.dataset import Datasets, Motion, Part
 from sidm.learning.evaluation import EVALUATION_BATCH
 from sidm.learning.model import DynamicsModel, Predictor
+from sidm.learning.units import Standardisation
 
 
 class Corrected(Predictor):

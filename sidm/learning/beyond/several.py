@@ -13,7 +13,7 @@ from torch import Tensor
 
 from sidm.config import ConfigError
 from sidm.learning import checkpoint
-from sidm.learning.dataset import Datasets, Motion, Part, Standardisation, split
+from sidm.learning.dataset import Datasets, Motion, Part, split
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.learner import Learner
 from sidm.learning.model import DynamicsModel
@@ -21,6 +21,7 @@ from sidm.learning.seeds import generator
 from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import Tested
 from sidm.learning.training import Trained, learn
+from sidm.learning.units import Standardisation
 
 Parts = Mapping[str, Tensor]  # weights and buffers by name
 

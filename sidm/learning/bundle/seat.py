@@ -10,10 +10,11 @@ import torch
 from torch import Tensor
 
 from sidm.learning.bundle.shelf import Shelf
-from sidm.learning.dataset import Datasets, Standardisation
+from sidm.learning.dataset import Datasets
 from sidm.learning.learner import Learner
 from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import TrainingError
+from sidm.learning.units import Standardisation
 
 
 class Run(NamedTuple):

@@ -5,7 +5,7 @@ import pytest
 
 from sidm.experiments import METHODS, Study, load_preset
 from sidm.experiments.engine.frame import frame_of
-from sidm.experiments.methods import BASELINES, MIRRORED, RIVAL, VARIANTS
+from sidm.experiments.methods import BASELINES, CORES, MIRRORED, RIVAL, VARIANTS
 from sidm.experiments.studies import baselines
 from sidm.experiments.studies.throughput import Pace
 
@@ -71,7 +71,7 @@ def test_rows_of_two_grids_are_refused(rows, make_row):
 def test_the_figure_has_every_method(rows):
     sizes, table = STUDY.preset.baseline_minutes, baselines.table(frame_of(rows))
     left, right = baselines.figure(table, sizes).axes
-    others = (*VARIANTS, *MIRRORED, RIVAL)
+    others = (*VARIANTS, *MIRRORED, *CORES, RIVAL)
     labels = [method.label for name, method in METHODS.items() if name not in others]
     assert [text.get_text() for text in left.get_yticklabels()] == labels
     points = left.get_lines()[0]

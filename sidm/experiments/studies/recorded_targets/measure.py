@@ -37,11 +37,12 @@ from sidm.experiments.trials import Dataset
 from sidm.learning.beyond import pretraining
 from sidm.learning.beyond.least_squares import fit
 from sidm.learning.beyond.pretraining import Start, expert_in_place, start_from
-from sidm.learning.dataset import Datasets, Motion, Standardisation, load_motion
+from sidm.learning.dataset import Datasets, Motion, load_motion
 from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.networks import Network
 from sidm.learning.settings import Training
 from sidm.learning.training import Trained, train
+from sidm.learning.units import Standardisation
 from sidm.numerics import numbered
 from sidm.recordings import read_recordings
 from sidm.systems import find_system

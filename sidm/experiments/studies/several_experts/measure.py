@@ -28,11 +28,12 @@ from sidm.experiments.study import Study
 from sidm.experiments.trials import Dataset, Trial
 from sidm.learning import checkpoint
 from sidm.learning.beyond.several import Parts, as_novice, fresh_around, nearest, train_several
-from sidm.learning.dataset import Datasets, Motion, Part, Standardisation, load_motion, split
+from sidm.learning.dataset import Datasets, Motion, Part, load_motion, split
 from sidm.learning.evaluation import mean_loss, rollout_errors, validation_loss
 from sidm.learning.model import DynamicsModel
 from sidm.learning.settings import Training
 from sidm.learning.training import train
+from sidm.learning.units import Standardisation
 from sidm.numerics import numbered
 from sidm.systems import find_system
 

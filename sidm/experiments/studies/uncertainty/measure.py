@@ -26,11 +26,12 @@ from sidm.experiments.trials import Trial
 from sidm.learning.beyond.distributions import QUIETEST, ConstantSpread, DistributionModel, Stochastic
 from sidm.learning.beyond.likelihood import train_distributions
 from sidm.learning.beyond.particles import DRAWS, LEVELS, Along, covered, one_step, particle_rollout
-from sidm.learning.dataset import Datasets, Motion, Part, Standardisation
+from sidm.learning.dataset import Datasets, Motion, Part
 from sidm.learning.evaluation import EVALUATION_BATCH, rollout_errors, validation_loss
 from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.seeds import generator
 from sidm.learning.training import Trained
+from sidm.learning.units import Standardisation
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain
 
@@ -153,7 +154,7 @@ def _nested(values: Tensor) -> Any:
     return values.tolist() if values.ndim == 0 else tuple(_nested(part) for part in values)
 
 
-def latents_of(model: DistributionModel, motion: Motion) -> dict[str, Any]:
+def latents_of(model: DistributionModel, motion: Motion | Part) -> dict[str, Any]:
     """How the spreads of encoder and SIDM compare with what their means vary by, and how many are at the bound."""
     lowest = math.exp(QUIETEST) * (1 + 1e-5)
     encoded, moved, quiet = [], [], []
