@@ -12,6 +12,7 @@ from sidm.experiments.trials import Trial
 LONG: dict[str, Any] = {"patience": 2_500_000, "max_samples": 6_000_000}
 MINUTES, SEEDS = (5.0,), 3
 MANY_EXPERTS = 0.9  # p_e
+RELEASED_MINUTES = (5.0, 20.0, 1.0, 60.0)  # of system 1's novice, as the authors train; in the order of worth
 
 #: Batches and rate of the authors' code, with a test as often in samples as ours.
 RELEASED_PACE = dict(
@@ -30,5 +31,5 @@ def trials(study: Study, system: str) -> list[Trial]:
         found += [first.replace(seed=seed) for first in firsts]
     if system == "system1":
         changes = RELEASED[ALL_RELEASED][0] | RELEASED_PACE
-        found += long.changed(tuned=(), **changes).points(system, COMPARED, MINUTES, seeds=1)
+        found += long.changed(tuned=(), **changes).points(system, COMPARED, RELEASED_MINUTES, seeds=SEEDS)
     return found
