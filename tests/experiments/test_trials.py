@@ -9,10 +9,11 @@ from typing import get_args, get_type_hints
 import pytest
 import yaml
 
+from sidm.body import ROVER
 from sidm.config import ConfigError
 from sidm.experiments import METHODS, PRESETS, UNKNOWN, Study, Trial, grid, load_preset
 from sidm.experiments.engine.datasets import differing
-from sidm.experiments.methods import COMPARED, MIRRORED, RIVAL, VARIANTS, change
+from sidm.experiments.methods import COMPARED, CORES, MIRRORED, RIVAL, VARIANTS, change
 from sidm.experiments.presets import POLICIES
 from sidm.experiments.studies import ablations, baselines, choices, duration, tuning, variants
 from sidm.storage import write_record
@@ -32,6 +33,8 @@ OTHER = {
 
 def changed(value, kind):
     """Another value of the same type."""
+    if value is None:
+        return ROVER  # of a body
     if isinstance(value, bool):
         return not value
     if isinstance(value, str):
@@ -151,7 +154,7 @@ def test_grids():
         assert len({t.key for t in name(study, "system1")} & figure3) == 2 * 3  # both methods
     neighbours = baselines.trials(study, "system1")
     assert len({t.key for t in neighbours} & figure3) == 3 * 2 * 3 + 3  # three methods, two sizes, and all data
-    assert {t.method for t in neighbours} == set(METHODS) - {*VARIANTS, *MIRRORED, RIVAL}
+    assert {t.method for t in neighbours} == set(METHODS) - {*VARIANTS, *MIRRORED, *CORES, RIVAL}
     found = variants.trials(study, "system1")
     assert len(found) == len({t.key for t in found}) == 15 * 4 * 3 + 2 * 3 * 3  # two at 20, 60, 120, too
     assert {t.key for t in variants.correction(study, "system1")} < {t.key for t in found}
