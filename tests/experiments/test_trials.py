@@ -66,7 +66,9 @@ def test_key_feels_every_field():
         variants.append(TRIAL.replace(**without, pretraining=without["training"], residual=residual))
     variants += [variants[-2].replace(pretraining=None, fit="least_squares"), variants[-1].replace(fit="least_squares")]
     variants.append(TRIAL.replace(motion="tuning"))
-    assert names == {*OTHER, "network", "training", "pretraining", "residual", "fit", "motion"}
+    core = TRIAL.replace(**without, pretraining=without["training"])
+    variants.append(core.replace(pretrained="sidm"))
+    assert names == {*OTHER, "network", "training", "pretraining", "residual", "fit", "motion", "pretrained"}
     assert len({trial.key for trial in variants}) == len(variants)
 
 
