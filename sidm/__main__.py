@@ -281,7 +281,7 @@ def run_study(arguments: argparse.Namespace) -> int:
     from sidm.experiments.catalogue import run_study
 
     have, wanted = run_study(
-        arguments.name, _preset(arguments), _systems(arguments), arguments.workers, arguments.data, arguments.results
+        arguments.name, _preset(arguments), arguments.system, arguments.workers, arguments.data, arguments.results
     )
     print(f"{have} of {wanted} results stored")
     return 0 if have == wanted else 1

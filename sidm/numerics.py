@@ -18,6 +18,7 @@ NUMERICS: dict[str, int] = {
     "driving": 1,  # planning and driving
     "uncertainty": 1,  # training by likelihood
     "experts": 1,  # several experts before the novice
+    "fitting": 1,  # recorded drives of any body, learnt
 }
 
 #: Kind of work -> the kinds that its results depend on besides itself.
@@ -27,6 +28,7 @@ _FROM: dict[str, tuple[str, ...]] = {
     "training": ("simulation",),
     "elsewhere": ("simulation", "training", "least_squares"),
     "driving": ("simulation", "training", "least_squares"),
+    "fitting": ("training", "least_squares"),
 }
 
 

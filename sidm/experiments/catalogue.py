@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,11 +14,13 @@ from sidm.experiments.engine.records import Records
 from sidm.experiments.presets import Preset
 from sidm.experiments.studies.driving import measure as driving
 from sidm.experiments.studies.latent_space import measure as latent_space
+from sidm.experiments.studies.real_robots import measure as real_robots
 from sidm.experiments.studies.recorded_targets import measure as recorded_targets
 from sidm.experiments.studies.several_experts import measure as several_experts
 from sidm.experiments.studies.uncertainty import measure as uncertainty
 from sidm.experiments.study import Study
 from sidm.pool import local_pool
+from sidm.systems import SYSTEMS
 
 
 def collect_preset(study: Study, system: str, executor: Executor) -> None:
@@ -33,6 +35,7 @@ class Beyond(NamedTuple):
     measure: Callable[..., Any]  # of one of them, with the folder of the data
     records: Callable[[Path], Records]
     collect: tuple[Callable[[Study, str, Executor], None], ...] = (collect_preset,)  # simulate what the jobs need
+    systems: tuple[str, ...] = tuple(SYSTEMS)  # or pairs, that it is about
 
 
 STUDIES = {
@@ -47,6 +50,9 @@ STUDIES = {
     "several-experts": Beyond(
         several_experts.jobs, several_experts.measure, several_experts.records,
         (collect_preset, several_experts.collect_family),
+    ),
+    "real-robots": Beyond(
+        real_robots.jobs, real_robots.measure, real_robots.records, (), tuple(real_robots.PAIRS)
     ),
 }  # fmt: skip
 
@@ -64,10 +70,20 @@ def find_study(name: str) -> Beyond:
 
 
 def run_study(
-    name: str, preset: Preset, systems: Iterable[str], workers: int, data: str | Path, results: str | Path
+    name: str, preset: Preset, system: str | None, workers: int, data: str | Path, results: str | Path
 ) -> tuple[int, int]:
-    """Simulate and make what a study lacks, on so many processes; how many results it has, and should have."""
-    found, systems, data, results = find_study(name), tuple(systems), Path(data), Path(results)
+    """Simulate and make what a study lacks, of one system or of all that it is about, on so many processes.
+
+    Returns:
+        How many results it has, and should have.
+
+    Raises:
+        ConfigError: no such study, or none of this system.
+    """
+    found, data, results = find_study(name), Path(data), Path(results)
+    if system is not None and system not in found.systems:
+        raise ConfigError(f"study '{name}' is about {', '.join(found.systems)}, not {system}")
+    systems = found.systems if system is None else (system,)
     with local_pool(workers) as pool:
         for system in systems:
             for collect in found.collect:

@@ -5,6 +5,7 @@ Without PyTorch, so that results can be read without it.
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Literal
 
 from sidm.body import ROVER, Body
@@ -59,7 +60,8 @@ class Network:
     @property
     def alike(self) -> bool:
         """Whether novice and expert have one body, so that weights of one fit the other."""
-        return self.body("novice") == self.body("expert")
+        novice, expert = (self.body(role) for role in ("novice", "expert"))
+        return novice == dataclasses.replace(expert, name=novice.name)  # type: ignore[type-var]
 
     def map_side(self, body: Body) -> int:
         """A side of what the convolutions leave of a body's map; 0 without one."""

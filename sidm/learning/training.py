@@ -21,7 +21,7 @@ from sidm.learning.observation import TARGET_SIZE
 from sidm.learning.regularisation import regularise_phase, reversed_loss
 from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import Components, Tested, TrainingError
-from sidm.learning.units import Standardisation
+from sidm.learning.units import Units
 
 __all__ = ["Tested", "Trained", "Training", "TrainingError", "result", "train"]
 
@@ -48,7 +48,7 @@ def train(
     training: Training,
     seed: int,
     *,
-    standardisation: Standardisation | None = None,
+    standardisation: Units | None = None,
     checkpoint: Path | None = None,
     progress: Progress | None = None,
     device: str | torch.device = "cpu",
@@ -61,7 +61,7 @@ def train(
         network: sizes of the networks; `pixels` are those of the datasets' maps.
         training: every choice of the algorithms.
         seed: of the initial weights and all draws; what two methods share begins and is drawn alike.
-        standardisation: units inside the networks; computed from the expert's data by default.
+        standardisation: units inside the networks, of all systems or of each; by default those of `units_of`.
         checkpoint: a folder to go on from, bit for bit on one thread, and to write the state to after each phase.
         progress: called after each test.
         device: where to compute.

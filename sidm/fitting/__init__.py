@@ -1,0 +1,1 @@
+"""A model of your own robot from its recorded drives: fit, evaluate, predict."""
