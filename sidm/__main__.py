@@ -1,4 +1,4 @@
-"""The command line: sidm collect | train | run | study | show | merge | notebook.
+"""The command line: sidm collect | train | run | study | show | merge | fit | evaluate | predict | notebook.
 
 Exit status: 0; 1 when something failed or is still missing; 2 for arguments that cannot be used.
 """
@@ -17,10 +17,11 @@ import yaml
 
 from sidm import __version__, notebook
 from sidm.config import ConfigError
+from sidm.fitting.command import add_commands
 from sidm.systems import FAMILY_PAIRS, FREE_SYSTEMS, SYSTEMS
 
 #: As the catalogue has them, which would bring PyTorch.
-_STUDIES = "latent-space, recorded-targets, driving, uncertainty, several-experts"
+_STUDIES = "latent-space, recorded-targets, driving, uncertainty, several-experts, real-robots"
 _PAIRS = (*SYSTEMS, *FREE_SYSTEMS, *FAMILY_PAIRS)
 
 
@@ -28,7 +29,7 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
     parser = notebook.Parser(prog="sidm", description=(__doc__ or "").split("\n\n")[1])
     parser.add_argument("--version", action="version", version=__version__)
-    names = "collect | train | run | study | show | merge | notebook"
+    names = "collect | train | run | study | show | merge | fit | evaluate | predict | notebook"
     commands = parser.add_subparsers(metavar=names, required=True)
 
     def command(name: str, work: Callable[[argparse.Namespace], int], help: str) -> argparse.ArgumentParser:
@@ -88,6 +89,7 @@ def build_parser() -> argparse.ArgumentParser:
     merge.add_argument("other", metavar="DIR", help="its folder")
     merge.add_argument("--results", default="results", metavar="DIR", help="the store that takes it in (%(default)s)")
 
+    add_commands(command)
     runner = commands.add_parser("notebook", help="Run a notebook with checked parameters.")
     notebook.add_arguments(runner)
     runner.set_defaults(work=notebook.run_from_arguments)

@@ -31,11 +31,14 @@ from sidm.config import unknown_name
 from sidm.recordings.recording import RecordingError
 
 HEADER = {"rate": "rows a second, Hz", "origin": "where the drives are from, for people"}
+SUFFIXES = (".csv", ".csv.gz")
 EXTRA = ("time", "drive", "session")
 GAP = 3.0  # median spacings between two rows: more is a gap
 STILL = 2  # rows, at most, that a slower sensor's pose repeats itself
-JUMP, FASTER = 1.0, 20.0  # m in a step, and times the 99th percentile of the file: more of both is no driving
+JUMP, FASTER = 1.0, 5.0  # m in a step, and times the 90th percentile of the file: more of both is no driving
 FEWEST_STEPS = 8  # of a drive
+SLOW_TURN, SLOW = 0.05, 0.05  # rad/s and m/s, root mean squares: less is too little motion to judge columns by
+OFF = 1.7  # times as much motion as a column says, or as little, is taken for another unit
 
 
 class Drive(NamedTuple):
@@ -63,17 +66,35 @@ def read_drives(path: str | Path, body: Body) -> list[Drive]:
         RecordingError: there are none, or the first fault; one line that names file, place and fault.
     """
     path = Path(path)
-    if path.is_dir():
-        files = sorted(file for file in path.iterdir() if file.name.endswith((".csv", ".csv.gz")))
-        if not files:
-            raise RecordingError(f"{path}: no .csv or .csv.gz file in this folder")
-    elif path.is_file():
-        files = [path]
-    else:
+    if not path.exists():
         raise RecordingError(f"{path}: there is no such file")
-    found = [drive for file in files for drive in drives_of(read_table(file, body), body)]
+    files = sorted(file for file in path.iterdir() if is_drives(file)) if path.is_dir() and not is_bag(path) else [path]
+    if not files:
+        raise RecordingError(f"{path}: no file of drives ({', '.join(SUFFIXES)}) and no ROS bag in this folder")
+    found = [drive for file in files for drive in drives_of(_table(file, body), body)]
     refuse_constant(str(path), found, body)
+    refuse_other_rates(str(path), found, body)
     return found
+
+
+def is_drives(path: Path) -> bool:
+    """Whether a file or folder is one of drives, by its name."""
+    return path.name.endswith(SUFFIXES) or is_bag(path)
+
+
+def _table(path: Path, body: Body) -> Table:
+    if is_bag(path):
+        from sidm.recordings.bags import read_bag  # whose library not everyone has
+
+        return read_bag(path, body)
+    if path.name.endswith(SUFFIXES):
+        return read_table(path, body)
+    raise RecordingError(f"{path}: drives are {', '.join(SUFFIXES)} or ROS bags")
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path is a ROS bag: a file of ROS 1, or a folder of ROS 2."""
+    return path.suffix == ".bag" or (path.is_dir() and (path / "metadata.yaml").is_file())
 
 
 def read_table(path: Path, body: Body) -> Table:
@@ -263,7 +284,7 @@ def _refuse_jumps(name: str, drives: Sequence[Drive], body: Body) -> None:
     if body.pose == "none":
         return
     steps = [np.linalg.norm(np.diff(drive.states[:, :2], axis=0), axis=1) for drive in drives]
-    most = max(JUMP, FASTER * float(np.quantile(np.concatenate(steps), 0.99)))
+    most = max(JUMP, FASTER * float(np.quantile(np.concatenate(steps), 0.9)))
     for drive, step in zip(drives, steps, strict=True):
         far = np.flatnonzero(step > most)
         if far.size:
@@ -281,6 +302,40 @@ def refuse_constant(name: str, drives: Sequence[Drive], body: Body) -> None:
             assert values is not None
             if np.ptp(values[:, number]) == 0:
                 raise RecordingError(f"{name}: '{column}' never changes; mend it, or leave it out of the body")
+
+
+def refuse_other_rates(name: str, drives: Sequence[Drive], body: Body) -> None:
+    """RecordingError where a yaw rate or a forward velocity is not that of the poses: another sign, unit or frame."""
+    if body.pose == "none":
+        return
+    names = [column for column, _ in body.columns]
+    moved_all = [_motion(drive, body) for drive in drives]
+    heading, forward = (np.concatenate(parts) for parts in zip(*moved_all, strict=True))
+    for column, moved, least in (("yaw_rate", heading, SLOW_TURN), ("wz", heading, SLOW_TURN), ("vx", forward, SLOW)):
+        if column not in names:
+            continue
+        number = body.pose_size + names.index(column)
+        told = np.concatenate([(drive.states[1:, number] + drive.states[:-1, number]) / 2 for drive in drives])
+        if max(np.mean(told**2), np.mean(moved**2)) < least**2:
+            continue
+        slope = float((told * moved).sum() / max((told**2).sum(), 1e-12))
+        if not 1 / OFF < slope < OFF:
+            what = "of the other sign" if slope < 0 else "in another unit or frame"
+            raise RecordingError(
+                f"{name}: the poses move {slope:.2g} times as '{column}' says; is it {what}, or does its sensor fail?"
+            )
+
+
+def _motion(drive: Drive, body: Body) -> tuple[np.ndarray, np.ndarray]:
+    """Turning, rad/s, and forward motion, m/s, (K,) each, by the poses of a drive."""
+    states = drive.states
+    if body.pose == "planar":
+        yaw = states[:, 2]
+    else:
+        x, y, z, w = states[:, 3:7].T
+        yaw = np.unwrap(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2)))
+    way = np.diff(states[:, :2], axis=0) * body.rate
+    return np.diff(yaw) * body.rate, way[:, 0] * np.cos(yaw[:-1]) + way[:, 1] * np.sin(yaw[:-1])
 
 
 def write_drives(path: str | Path, drives: Sequence[Drive], body: Body, origin: str) -> None:

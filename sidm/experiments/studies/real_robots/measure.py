@@ -1,4 +1,4 @@
-"""Real robots as novice and expert: what is learnt from seconds to minutes of a robot's motion, with and without another.
+"""Real robots as novice and expert: what is learnt from seconds to minutes of motion, with and without another robot.
 
 `sidm study real-robots` makes what is not stored of it in results/real_robots. Sessions, contiguous in time, are never
 parted between learning and judging; each seed judges by others.
@@ -184,7 +184,7 @@ def _pretrained(name: str, steps: int, body: Body, seed: int, preset: Preset) ->
 
 
 def _errors(model: Predictor, judge: Pieces, seen: bool) -> tuple[list[float], list[float]]:
-    """Mean displacement, m, and heading error, rad, (15,) each, after the WARM_UP, which the model has `seen` or not."""
+    """Mean displacement, m, and heading error, rad, (15,) each, after the WARM_UP, which the model has seen or not."""
     states, actions, body = judge.states, judge.actions, judge.body
     memory = warm_up(model, states[:, :WARM_UP], actions[:, :WARM_UP], body=body) if seen else None
     start, ahead = states[:, WARM_UP], actions[:, WARM_UP : WARM_UP + HORIZON]

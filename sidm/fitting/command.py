@@ -1,0 +1,82 @@
+"""The commands of your own robot: `sidm fit`, `sidm evaluate`, `sidm predict`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+Adds = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
+
+_DRIVES = "drives: a file, a ROS bag, or a folder of files"
+
+
+def add_commands(command: Adds) -> None:
+    """Add the three to a command line."""
+    fit = command("fit", run_fit, "Learn a robot from recorded drives; can be stopped and goes on.")
+    fit.add_argument("--novice", metavar="PATH", required=True, help=_DRIVES)
+    fit.add_argument("--expert", metavar="PATH", help="drives of another robot, whose motion is cheaper")
+    fit.add_argument("--body", metavar="FILE", required=True, help="what the drives are made of, YAML")
+    fit.add_argument("--expert-body", metavar="FILE", help="the same of the expert's (the novice's unless given)")
+    fit.add_argument("--method", help="sidm, novice_only, ... (sidm with an expert, novice_only without)")
+    fit.add_argument("--seed", type=int, default=0, help="of choice, weights and batches (%(default)s)")
+    fit.add_argument("--out", metavar="DIR", required=True, help="folder of the model")
+    evaluate = command("evaluate", run_evaluate, "How well a fitted model predicts other drives, with a figure.")
+    predict = command("predict", run_predict, "What a fitted model predicts of drives, as CSV.")
+    for one in (evaluate, predict):
+        one.add_argument("model", metavar="MODEL", help="folder of a model that 'sidm fit' made")
+        one.add_argument("drives", metavar="PATH", help=_DRIVES)
+    evaluate.add_argument("--figure", metavar="FILE", help="of the report (evaluation.png in the model's folder)")
+    predict.add_argument("--out", metavar="FILE", help="where to write (standard output)")
+
+
+def run_fit(arguments: argparse.Namespace) -> int:
+    """`fit`: a line of what was learnt."""
+    from sidm.fitting.fit import fit
+
+    found = fit(
+        arguments.novice, arguments.expert, arguments.body, arguments.expert_body, arguments.method, arguments.out,
+        arguments.seed, progress=True,
+    )  # fmt: skip
+    mean = len(found.body.targets)
+    print(
+        f"{arguments.out}: {found.method}, from {found.minutes:.2g} min in pieces of {found.steps} steps; "
+        f"test loss {found.test_loss:.3g}, where predicting the mean costs {mean}"
+    )
+    return 0
+
+
+def run_evaluate(arguments: argparse.Namespace) -> int:
+    """`evaluate`: the table, and its figure."""
+    from sidm.fitting.fit import evaluate
+    from sidm.fitting.model import load
+    from sidm.fitting.report import figure
+
+    table = evaluate(load(arguments.model), arguments.drives)
+    print(shown(table))
+    path = Path(arguments.figure or Path(arguments.model) / "evaluation.png")
+    figure(table).savefig(path)
+    print(f"figure: {path}")
+    return 0
+
+
+def shown(table: Any) -> str:
+    """The table of `evaluate` for people: of horizons every fifth."""
+    some = table[(table.horizon == 1) | (table.horizon % 5 == 0)]
+    return some.to_string(index=False, float_format="{:.3g}".format)
+
+
+def run_predict(arguments: argparse.Namespace) -> int:
+    """`predict`: CSV."""
+    from sidm.fitting.fit import predict
+    from sidm.fitting.model import load
+    from sidm.storage import write_atomically
+
+    text = predict(load(arguments.model), arguments.drives).to_csv(index=False, float_format="%.6g")
+    if arguments.out:
+        write_atomically(Path(arguments.out), lambda file: file.write(text.encode()))
+    else:
+        sys.stdout.write(text)
+    return 0
