@@ -201,7 +201,7 @@ def drives_of(table: Table, body: Body) -> list[Drive]:
     changes = np.flatnonzero((session[1:] != session[:-1]) | (drive[1:] != drive[:-1])) + 1
     found = []
     for number, rows in enumerate(np.split(np.arange(count), changes)):
-        label = drive[rows[0]] or str(number)
+        label = "/".join(filter(None, (session[rows[0]], drive[rows[0]]))) or str(number)
         where = f"{table.name}: drive {label}" if len(changes) else table.name
         part = {name: values[rows] for name, values in table.columns.items()}
         states, actions = _resampled(where, part, body, table.rate)

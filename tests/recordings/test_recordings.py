@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sidm.body import UNITS
 from sidm.recordings import Ground, RecordingError, from_table, read_recordings, write_recordings
-from sidm.recordings.recording import ACTION, COLUMNS, STATE, UNITS
+from sidm.recordings.recording import ACTION, COLUMNS, STATE
 from sidm.terrain import height_at
 
 ROOT = Path(__file__).parents[2]

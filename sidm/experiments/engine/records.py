@@ -40,7 +40,7 @@ F = TypeVar("F", bound=Found)
 
 
 #: Values of what records are about that older ones do not have, where they are as they were then.
-LATER = (("motion", "figures"),)
+LATER = (("motion", "figures"), ("novice_body", None), ("expert_body", None), ("pretrained", "all"))
 
 
 def key_of(about: Any) -> str:

@@ -1,0 +1,56 @@
+"""Real robots: their recordings learnt by every method, judged by sessions that none has seen, and told as a table."""
+
+import pytest
+
+from sidm.config import ConfigError
+from sidm.experiments import Study
+from sidm.experiments.catalogue import run_study
+from sidm.experiments.presets import load_preset
+from sidm.experiments.studies.real_robots import measure as m
+from sidm.experiments.studies.real_robots import results as r
+from sidm.fitting.pieces import learn_and_test, session_order
+
+JOBS = {(job.expert, job.method): job for pair in m.PAIRS for job in m.jobs(Study("smoke"), pair, (4, 8), 1)}
+
+
+def test_only_robots_of_one_body_are_asked_for_what_copies_weights():
+    assert ("husky", "pretrain_finetune") in JOBS and ("hunter", "pretrain_finetune") not in JOBS
+    assert ("hunter", "sidm") in JOBS and ("", "rotation_centres") in JOBS
+
+
+JUDGED = [("", "rotation_centres"), ("", "least_squares"), ("hunter", "sidm"), ("husky", "corrected")]
+
+
+@pytest.mark.parametrize("job", JUDGED)
+def test_a_robot_is_learnt_judged_and_stored(job, tmp_path, golden):
+    found, store = m.measure(JOBS[job]), m.records(tmp_path)
+    assert len(found.loss) == len(found.minutes) == 2 and len(found.displacement[0]) == len(found.heading[0]) == 15
+    assert found.loss == pytest.approx([sum(parts) for parts in found.components])
+    figures = {"loss": found.loss, "displacement": [one[-1] for one in found.displacement]}
+    golden.hold(" ".join(filter(None, ("real robots", *job))), "fitting", figures, rel=0.1, abs=0.02)
+    store.put(found)
+    assert store.get(JOBS[job]).about == JOBS[job] and not found.provenance.stale
+
+
+def test_sessions_are_never_parted():
+    pieces = m.robot("warthog", 19)
+    order = session_order(pieces, 3)
+    learning, testing = learn_and_test(pieces, order[:12])
+    assert not set(learning.sessions) & set(testing.sessions)
+    assert set(learning.sessions) | set(testing.sessions) == set(order[:12])
+    more, _ = learn_and_test(pieces, order[:16])
+    assert set(learning.sessions) <= set(more.sessions)
+
+
+def test_the_stored_study_is_whole_and_its_table_pairs_the_seeds():
+    jobs = list(dict.fromkeys(job for pair in m.PAIRS for job in m.jobs(Study("laptop"), pair)))
+    frame = m.records("results").frame(jobs)
+    assert len(frame) == len(jobs) and not frame.stale.any()
+    table = r.table(frame)
+    assert set(table.system) == set(m.PAIRS) and (table.seeds == m.SEEDS).all()
+    assert len(r.figure(frame).axes) == 3
+
+
+def test_a_study_is_asked_for_its_own_systems_alone(tmp_path):
+    with pytest.raises(ConfigError, match="is about husky to warthog"):
+        run_study("real-robots", load_preset("smoke"), "system1", 1, tmp_path, tmp_path)

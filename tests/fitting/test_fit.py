@@ -1,0 +1,99 @@
+"""A model of one's own robot: fitted, kept, evaluated and asked, by function and by command."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from sidm import __main__ as command_line
+from sidm.body import read_body
+from sidm.config import ConfigError
+from sidm.fitting import fit as fitting
+from sidm.fitting import learning, model
+from sidm.recordings.drives import read_drives
+
+RECORDINGS = Path(__file__).parents[2] / "recordings"
+BODY = RECORDINGS / "skid_steer.yaml"
+SKID = read_body(BODY)
+
+
+@pytest.fixture(autouse=True)
+def few_samples(monkeypatch):
+    small = learning.SETTINGS.replace(max_samples=4_000, hidden=16)
+    monkeypatch.setattr(fitting, "SETTINGS", small)
+    for name in ("learn", "pretrain"):
+        own = getattr(learning, name)
+        monkeypatch.setattr(fitting, name, lambda *given, own=own, **how: own(*given, preset=small, **how))
+
+
+@pytest.fixture(scope="module")
+def drives():
+    return {name: read_drives(RECORDINGS / f"{name}.csv.gz", SKID)[:40] for name in ("warthog", "husky")}
+
+
+@pytest.mark.parametrize("method", learning.FITTED)
+def test_a_model_is_the_same_after_it_was_kept(drives, tmp_path, method):
+    expert = None if method in ("novice_only", "least_squares") else drives["husky"]
+    found = fitting.fit(drives["warthog"], expert, SKID, method=method, out=tmp_path / "model")
+    back = model.load(tmp_path / "model")
+    assert (back.method, back.steps, back.body) == (method, 19, SKID)
+    assert sorted(path.name for path in (tmp_path / "model").iterdir()) == ["model.json", "model.safetensors"]
+    one, other = (fitting.evaluate(some, drives["warthog"]) for some in (found, back))
+    pd.testing.assert_frame_equal(one, other)
+    assert np.isfinite(one.error).all() and list(one.quantity[:6]) == list(SKID.targets)
+
+
+def test_predictions_stand_beside_what_was_recorded(drives):
+    found = fitting.fit(drives["warthog"], body=SKID, method="least_squares")
+    table = fitting.predict(found, drives["warthog"])
+    assert len(table) == 40 * 19 and table.drive.nunique() == 40
+    assert np.allclose(table.actual_yaw_rate[:19], drives["warthog"][0].states[1:, 3], atol=1e-5)
+    assert np.corrcoef(table.predicted_yaw_rate, table.actual_yaw_rate)[0, 1] > 0.9
+
+
+def test_robots_of_two_bodies_are_learnt_together(drives):
+    hunter = read_body(RECORDINGS / "hunter.yaml")
+    expert = [drive._replace(states=drive.states, actions=drive.actions) for drive in drives["husky"]]
+    found = fitting.fit(drives["warthog"], expert, SKID, hunter)
+    assert found.method == "sidm" and found.predictor.encoders.keys() == {"novice", "expert"}
+
+
+@pytest.mark.parametrize(
+    "how, words",
+    [
+        ({"method": "sidm"}, "learns from an expert's drives too"),
+        ({"method": "sdim"}, "did you mean 'sidm'"),
+        ({"body": None}, "say what the drives are made of"),
+    ],
+)
+def test_what_cannot_be_fitted_is_one_line(drives, how, words):
+    with pytest.raises(ConfigError, match=words):
+        fitting.fit(drives["warthog"], **{"body": SKID} | how)
+
+
+def test_copying_between_two_bodies_is_refused(drives):
+    with pytest.raises(ConfigError, match="needs robots of one body"):
+        fitting.fit(drives["warthog"], drives["husky"], SKID, RECORDINGS / "hunter.yaml", "pretrain_finetune")
+
+
+def test_a_damaged_model_is_named(drives, tmp_path):
+    fitting.fit(drives["warthog"], body=SKID, method="least_squares", out=tmp_path)
+    (tmp_path / "model.safetensors").write_bytes(b"no weights")
+    with pytest.raises(ConfigError, match="the model is damaged"):
+        model.load(tmp_path)
+    with pytest.raises(ConfigError, match="no model is there"):
+        model.load(tmp_path / "other")
+
+
+def test_the_commands_lead_from_file_to_predictions(tmp_path, capsys):
+    path, out = str(RECORDINGS / "warthog.csv.gz"), str(tmp_path / "model")
+    words = ["fit", "--novice", path, "--body", str(BODY), "--method", "least_squares", "--out", out]
+    assert command_line.main(words) == 0
+    assert command_line.main(["evaluate", out, path]) == 0
+    assert (tmp_path / "model" / "evaluation.png").stat().st_size > 10_000
+    assert "wheel_left" in capsys.readouterr().out
+    assert command_line.main(["predict", out, path, "--out", str(tmp_path / "found.csv")]) == 0
+    assert len(pd.read_csv(tmp_path / "found.csv")) == 287 * 19
+    assert command_line.main(["evaluate", out, str(RECORDINGS / "hunter.csv.gz")]) == 1
+    assert "column 'command_left' of body 'skid-steered' is missing" in capsys.readouterr().err
