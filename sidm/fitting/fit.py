@@ -15,7 +15,7 @@ from sidm.body import Body, read_body
 from sidm.config import ConfigError
 from sidm.experiments.engine.execute import one_thread
 from sidm.fitting.learning import SETTINGS, datasets, learn, network_for, pretrain, refuse_method
-from sidm.fitting.model import Fitted, save
+from sidm.fitting.model import RobotModel, save
 from sidm.fitting.pieces import Pieces, common_length, cut, learn_and_test, session_order
 from sidm.learning.evaluation import rollout, rollout_errors, warm_up
 from sidm.learning.losses import component_losses
@@ -42,7 +42,7 @@ def fit(
     out: str | Path | None = None,
     seed: int = 0,
     progress: bool = False,
-) -> Fitted:
+) -> RobotModel:
     """Learn a robot from its drives, with another robot's if there are any.
 
     Args:
@@ -83,7 +83,7 @@ def fit(
         with _watched(f"fitting {method}, at most", progress) as tell:
             trained = learn(method, sets, network, seed, start=start, folder=folders[1], progress=tell)
     scale = units_for(units_of(sets, network), "novice").target_std.square().reciprocal()
-    model = Fitted(
+    model = RobotModel(
         trained.model.eval(), mine, method, steps, pieces.minutes, float(trained.best_test_loss), network, scale
     )
     if out is not None:
@@ -110,7 +110,7 @@ def _drives(drives: Drives, body: Body) -> Sequence[Drive]:
     return read_drives(drives, body) if isinstance(drives, (str, Path)) else drives
 
 
-def evaluate(model: Fitted, drives: Drives) -> pd.DataFrame:
+def evaluate(model: RobotModel, drives: Drives) -> pd.DataFrame:
     """How well a model predicts drives that it has not learnt from.
 
     Returns:
@@ -147,7 +147,7 @@ def _pose_units(body: Body) -> list[str]:
     return {"none": [], "planar": ["m", "m", "rad"], "spatial": ["m", "m", "m", "1", "1", "1", "1"]}[body.pose]
 
 
-def _horizons(model: Fitted, pieces: Pieces) -> list[tuple[str, int, str, float, float]]:
+def _horizons(model: RobotModel, pieces: Pieces) -> list[tuple[str, int, str, float, float]]:
     """Lines of `evaluate` for open loop."""
     body, ahead = model.body, pieces.actions.shape[1] - WARM_UP
     if body.pose == "none" or ahead < 1:
@@ -168,7 +168,7 @@ def _horizons(model: Fitted, pieces: Pieces) -> list[tuple[str, int, str, float,
     ]
 
 
-def predict(model: Fitted, drive: Drives) -> pd.DataFrame:
+def predict(model: RobotModel, drive: Drives) -> pd.DataFrame:
     """What a model predicts of drives, each step from the recorded state before it.
 
     Returns:

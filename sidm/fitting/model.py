@@ -23,7 +23,7 @@ from sidm.storage import write_atomically
 WEIGHTS, ABOUT = "model.safetensors", "model.json"
 
 
-class Fitted(NamedTuple):
+class RobotModel(NamedTuple):
     """A robot's model, ready to predict."""
 
     predictor: Predictor
@@ -36,7 +36,7 @@ class Fitted(NamedTuple):
     scale: Tensor  # (Y,) weights of the components in equation (1)
 
 
-def save(model: Fitted, folder: str | Path) -> None:
+def save(model: RobotModel, folder: str | Path) -> None:
     """Write a model; the folder is made where it lacks, and nothing half-written stays.
 
     Raises:
@@ -61,7 +61,7 @@ def save(model: Fitted, folder: str | Path) -> None:
     write_atomically(folder / ABOUT, lambda file: file.write(text.encode()))
 
 
-def load(folder: str | Path) -> Fitted:
+def load(folder: str | Path) -> RobotModel:
     """A model that `save` wrote.
 
     Raises:
@@ -84,7 +84,7 @@ def load(folder: str | Path) -> Fitted:
         values = {name: about[name] for name in ("method", "steps", "minutes", "test_loss")}
     except (ValueError, KeyError, TypeError, RuntimeError, SafetensorError) as error:
         raise ConfigError(f"{folder}: the model is damaged ({str(error).splitlines()[0]}); fit it again") from None
-    return Fitted(predictor.eval(), body, network=network, scale=scale, **values)
+    return RobotModel(predictor.eval(), body, network=network, scale=scale, **values)
 
 
 def _predictor(method: str, network: Network, tensors: dict[str, Tensor], scale: Tensor) -> Predictor:
