@@ -282,8 +282,9 @@ def run_study(arguments: argparse.Namespace) -> int:
     """`study`: 1 when results are missing at the end."""
     from sidm.experiments.catalogue import run_study
 
+    systems = [arguments.system] if arguments.system else None
     have, wanted = run_study(
-        arguments.name, _preset(arguments), arguments.system, arguments.workers, arguments.data, arguments.results
+        arguments.name, _preset(arguments), systems, arguments.workers, arguments.data, arguments.results
     )
     print(f"{have} of {wanted} results stored")
     return 0 if have == wanted else 1

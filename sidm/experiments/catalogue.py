@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -70,20 +70,21 @@ def find_study(name: str) -> Beyond:
 
 
 def run_study(
-    name: str, preset: Preset, system: str | None, workers: int, data: str | Path, results: str | Path
+    name: str, preset: Preset, systems: Sequence[str] | None, workers: int, data: str | Path, results: str | Path
 ) -> tuple[int, int]:
-    """Simulate and make what a study lacks, of one system or of all that it is about, on so many processes.
+    """Simulate and make what a study lacks, of some systems or of all that it is about, on so many processes.
 
     Returns:
         How many results it has, and should have.
 
     Raises:
-        ConfigError: no such study, or none of this system.
+        ConfigError: no such study, or none of such a system.
     """
     found, data, results = find_study(name), Path(data), Path(results)
-    if system is not None and system not in found.systems:
-        raise ConfigError(f"study '{name}' is about {', '.join(found.systems)}, not {system}")
-    systems = found.systems if system is None else (system,)
+    systems = found.systems if systems is None else systems
+    for system in systems:
+        if system not in found.systems:
+            raise ConfigError(f"study '{name}' is about {', '.join(found.systems)}, not {system}")
     with local_pool(workers) as pool:
         for system in systems:
             for collect in found.collect:

@@ -53,4 +53,4 @@ def test_the_stored_study_is_whole_and_its_table_pairs_the_seeds():
 
 def test_a_study_is_asked_for_its_own_systems_alone(tmp_path):
     with pytest.raises(ConfigError, match="is about husky to warthog"):
-        run_study("real-robots", load_preset("smoke"), "system1", 1, tmp_path, tmp_path)
+        run_study("real-robots", load_preset("smoke"), ["system1"], 1, tmp_path, tmp_path)
