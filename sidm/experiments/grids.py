@@ -39,15 +39,15 @@ FIGURES: dict[str, tuple[Callable[[Study, str], list[Trial]], tuple[str, ...]]] 
     "iterations": (ablations.phases, tuple(SYSTEMS)),
     "pixels": (ablations.pixels, tuple(SYSTEMS)),
     "patience": (ablations.patience, tuple(SYSTEMS)),
+    "other-bodies": (other_bodies.trials, ("system1",)),
     "free-struts": (Study.free_struts, tuple(FREE_SYSTEMS)),
     "network-size": (network_size.trials, ("system1",)),
-    "other-bodies": (other_bodies.trials, ("system1",)),
     "corrected-claim": (corrected_claim.trials, corrected_claim.PAIRS),
     "most-data": (ablations.most_data_trials, tuple(SYSTEMS)),
 }
 
 #: Grids of presets that name them.
-NAMED = ("duration", "free-struts", "network-size", "other-bodies", "corrected-claim")
+NAMED = ("duration", "free-struts", "network-size", "corrected-claim")
 
 #: What grids were called before.
 FORMER = {"yardsticks": "references", "ample": "most-data"}

@@ -40,6 +40,7 @@ class Preset:
     baseline_minutes: tuple[float, ...] = (5.0, 20.0)  # a small and a middle size: of the baselines and the diagnostics
     variant_minutes: tuple[float, ...] = (1.0, 2.0, 5.0, 10.0)
     ablation_minutes: tuple[float, ...] = (5.0, 20.0)  # a small and a middle size
+    other_body_minutes: tuple[float, ...] = (1.0, 5.0)  # of novices that see or act otherwise than their expert
     ablation_seeds: int = 10  # trials a point of the ablations
     tuning_minutes: tuple[float, ...] = (20.0,)  # the sizes at which the methods are tuned
     tuning_pool_minutes: float = 0.0  # of a pool that only settings are chosen by; 0: it is the figures'
@@ -68,7 +69,7 @@ class Preset:
             if not 0 < getattr(self, name) < float("inf"):
                 raise ConfigError(f"{name} must be positive and finite, not {getattr(self, name)}")
         for name in ("novice_minutes_system1", "novice_minutes_system2", "figure4_minutes", "baseline_minutes",
-                     "variant_minutes", "ablation_minutes", "tuning_minutes"):  # fmt: skip
+                     "variant_minutes", "ablation_minutes", "tuning_minutes", "other_body_minutes"):  # fmt: skip
             if not all(minutes > 0 for minutes in getattr(self, name)):
                 raise ConfigError(f"{name} must be positive, not {getattr(self, name)}")
         for name in ("p_expert_system1", "p_expert_system2"):
@@ -209,6 +210,7 @@ PRESETS: dict[str, Preset] = {
             baseline_minutes=(0.5,),
             variant_minutes=(0.5,),
             ablation_minutes=(0.5,),
+            other_body_minutes=(0.5,),
             ablation_seeds=1,
             network=Network(pixels=16, layers=1, hidden=32),
             training=Training(
@@ -240,8 +242,7 @@ PRESETS: dict[str, Preset] = {
             **_PAPER_SIZES | dict(seeds=5),
             more_seeds=((1, 10), (5, 10)),
             figures=(
-                "duration", "tuning", "3", "references", "4", "free-struts", "network-size", "other-bodies",
-                "corrected-claim",
+                "duration", "tuning", "3", "references", "4", "free-struts", "network-size", "corrected-claim",
             ),
             references=("least_squares", "corrected_averaged"),
             tuning_minutes=(5, 60),

@@ -17,7 +17,6 @@ from sidm.experiments.trials import Trial
 if TYPE_CHECKING:
     import pandas as pd
 
-MINUTES, SEEDS = (1.0, 5.0), 3
 TILT = (("up_x", "1"), ("up_y", "1"), ("up_z", "1"))
 
 #: What the novice is like -> its body.
@@ -42,7 +41,7 @@ def trials(study: Study, system: str) -> list[Trial]:
     for body in NOVICES.values():
         network = dataclasses.replace(study.preset.network, novice_body=body)  # type: ignore[type-var]
         own = study.of(dataclasses.replace(study.preset, network=network))  # type: ignore[type-var]
-        found += own.points(system, ANY_BODIES, MINUTES, seeds=SEEDS)
+        found += own.points(system, ANY_BODIES, study.preset.other_body_minutes, seeds=study.preset.seeds)
     return found
 
 
