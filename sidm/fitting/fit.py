@@ -16,13 +16,13 @@ from sidm.config import ConfigError
 from sidm.experiments.engine.execute import one_thread
 from sidm.fitting.learning import SETTINGS, datasets, learn, network_for, pretrain, refuse_method
 from sidm.fitting.model import RobotModel, save
-from sidm.fitting.pieces import Pieces, common_length, cut, learn_and_test, session_order
-from sidm.learning.evaluation import rollout, rollout_errors, warm_up
+from sidm.learning.beyond.recorded import Pieces, common_length, cut, learn_and_test, session_order
+from sidm.learning.evaluation import rollout_errors
 from sidm.learning.losses import component_losses
 from sidm.learning.stopping import Tested
 from sidm.learning.units import units_for, units_of
 from sidm.progress import progress_bar
-from sidm.recordings.drives import Drive, read_drives
+from sidm.recordings import Drive, read_drives
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,8 +73,8 @@ def fit(
     steps = common_length(own, *([other] if other else []))
     pieces = cut(own, mine, steps)
     parts = learn_and_test(pieces, session_order(pieces, seed))
-    sets = datasets(*parts, parts[1], None if other is None else cut(other, theirs, steps))
     network = network_for(SETTINGS, mine, theirs)
+    sets = datasets(*parts, parts[1], None if other is None else cut(other, theirs, steps), network.pixels)
     state = None if out is None else Path(out) / UNFINISHED
     folders = [state / name if state else None for name in ("pretraining", "training")]
     with one_thread():
@@ -100,10 +100,7 @@ def _watched(title: str, shown: bool) -> Iterator[Callable[[Tested], None]]:
 
 
 def _body(body: Body | str | Path) -> Body:
-    found = body if isinstance(body, Body) else read_body(body)
-    if found.map_size:
-        raise ConfigError(f"body '{found.name}' has a height map; 'sidm notebook own-data' learns robots that have one")
-    return found
+    return body if isinstance(body, Body) else read_body(body)
 
 
 def _drives(drives: Drives, body: Body) -> Sequence[Drive]:
@@ -127,7 +124,7 @@ def evaluate(model: RobotModel, drives: Drives) -> pd.DataFrame:
     body = model.body
     found = _drives(drives, body)
     pieces = cut(found, body, common_length(found))
-    motion = pieces.motion()
+    motion = pieces.motion(model.network.pixels)
     with torch.inference_mode():
         predicted, _ = model.predictor("novice", motion.inputs, motion.maps)
     wrong = component_losses(predicted, motion.targets).double().mean((0, 1)).sqrt()
@@ -152,12 +149,7 @@ def _horizons(model: RobotModel, pieces: Pieces) -> list[tuple[str, int, str, fl
     body, ahead = model.body, pieces.actions.shape[1] - WARM_UP
     if body.pose == "none" or ahead < 1:
         return []
-    states, actions = pieces.states, pieces.actions
-    memory = warm_up(model.predictor, states[:, :WARM_UP], actions[:, :WARM_UP], body=body)
-    path = rollout(
-        model.predictor, None, states[:, WARM_UP], actions[:, WARM_UP:], 0, body=body, memory=memory
-    )
-    actual = states[:, WARM_UP:]
+    path, actual = pieces.rollout(model.predictor, WARM_UP, ahead, model.network.pixels), pieces.states[:, WARM_UP:]
     stays = actual[:, :1].expand_as(actual)
     both = [[one.square().mean(0).sqrt() for one in rollout_errors(some, actual, body)] for some in (path, stays)]
     names = (("position", "m"), ("heading", "rad"))
@@ -178,8 +170,7 @@ def predict(model: RobotModel, drive: Drives) -> pd.DataFrame:
 
     body, lines = model.body, []
     for one in _drives(drive, body):
-        states, actions = (torch.from_numpy(part)[None] for part in (one.states, one.actions))
-        motion = Pieces(states, actions, np.array([one.session]), body).motion()
+        motion = cut([one], body, len(one.actions)).motion(model.network.pixels)
         with torch.inference_mode():
             predicted, _ = model.predictor("novice", motion.inputs, motion.maps)
         time = np.arange(1, len(one.actions) + 1) / body.rate

@@ -9,9 +9,9 @@ from sidm.body import Body
 from sidm.config import ConfigError, unknown_name
 from sidm.experiments.methods import CORES, METHODS
 from sidm.experiments.presets import Preset, load_preset
-from sidm.fitting.pieces import Pieces
 from sidm.learning.beyond.least_squares import fit as fit_least_squares
 from sidm.learning.beyond.pretraining import Start, expert_in_place, start_from
+from sidm.learning.beyond.recorded import Pieces
 from sidm.learning.dataset import Datasets
 from sidm.learning.model import DynamicsModel
 from sidm.learning.settings import Network
@@ -49,11 +49,12 @@ def network_for(preset: Preset, novice: Body, expert: Body | None = None) -> Net
     return dataclasses.replace(preset.network, novice_body=novice, expert_body=expert or novice)  # type: ignore
 
 
-def datasets(train_part: Pieces, test_part: Pieces, validation: Pieces, expert: Pieces | None) -> Datasets:
-    """What a method learns from and is judged by."""
-    return Datasets(
-        train_part.motion(), test_part.motion(), validation.motion(), None if expert is None else expert.motion()
-    )
+def datasets(
+    train_part: Pieces, test_part: Pieces, validation: Pieces, expert: Pieces | None, pixels: int = 0
+) -> Datasets:
+    """What a method learns from and is judged by, with maps of `pixels` a side where a body does not say how many."""
+    own, stops, judges = (part.motion(pixels) for part in (train_part, test_part, validation))
+    return Datasets(own, stops, judges, None if expert is None else expert.motion(pixels))
 
 
 def pretrain(

@@ -64,7 +64,7 @@ def rollout(
         role: whose encoder and decoder.
         spacing: of the terrain's grid, m.
         body: what states and actions are made of; S is 13 and A is 2 by default.
-        memory: of the model before the start, as `warm_up` gives it; none by default.
+        memory: of the model before the start; none by default.
 
     Returns:
         Predicted states (K + 1, S), or (B, K + 1, S), the given one first, in the type of `state`.
@@ -89,13 +89,6 @@ def rollout(
             states.append(integrate(states[-1], predicted[:, 0].cpu().double(), body))
     path = torch.stack(states, dim=1).to(state.dtype).clone()
     return path[0] if single else path
-
-
-def warm_up(model: Predictor, states: Tensor, actions: Tensor, role: str = "novice", body: Body = ROVER) -> Any:
-    """A model's memory after it has seen states (B, K, S) and actions (B, K, A) of robots without a map."""
-    with torch.inference_mode():
-        inputs = encode_inputs(states, actions, body).float()
-        return model(role, inputs, inputs.new_zeros(*inputs.shape[:2], 0, 0))[1]
 
 
 def _maps_at(grounds: Tensor | None, states: Tensor, body: Body, pixels: int, spacing: float) -> Tensor:

@@ -24,8 +24,7 @@ import numpy as np
 
 from sidm.body import Body
 from sidm.config import unknown_name
-from sidm.recordings.drives import Table
-from sidm.recordings.recording import RecordingError
+from sidm.recordings.drive import RecordingError, Table
 
 Read = Callable[[Any], dict[str, float]]
 
@@ -148,6 +147,4 @@ def _joined(path: Path, body: Body, poses: Series, sensors: list[Series], comman
         if name not in columns:
             hint = str(unknown_name(name, columns, "the bag")).partition("; ")[2]
             raise RecordingError(f"{path}: column '{name}' of body '{body.name}' is in no topic; {hint}")
-        if not np.isfinite(columns[name]).all():
-            raise RecordingError(f"{path}: '{name}' is not finite in every message")
     return Table(str(path), {name: columns[name] for name in wanted} | {"time": time}, {}, None)

@@ -1,25 +1,30 @@
-"""A recording as a CSV file, with the heights of its ground in a file beside it.
+"""Drives as a CSV file, which may be compressed, with the heights of their ground in a file beside it.
 
 The file begins with lines `# name: value`, of HEADER, and then has the names of its columns, units in brackets:
 
-    # rate: 50 Hz
-    # heights: meadow.csv
-    # spacing: 0.1 m
-    x [m],y [m],z [m],qx,qy,qz,qw,vx [m/s],...,throttle,steering
+    # rate: 20 Hz
+    drive,x [m],y [m],yaw [deg],yaw_rate [rad/s],left [rad/s],right [rad/s]
+
+Columns are those of the body's state and actions, in any order and any unit of their kind; those that no body names are
+left out. Three more may be there: `time`, in place of a rate, `drive`, which changes where another drive begins, and
+`session`, whose drives belong together and are never parted between learning and judging. A body with a height map asks
+for `heights` and `spacing` in the header.
 """
 
 from __future__ import annotations
 
 import csv
+import gzip
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from sidm.body import UNITS, Body
 from sidm.config import unknown_name
-from sidm.recordings.recording import Ground, Recording, RecordingError
-from sidm.recordings.table import from_table
+from sidm.recordings.drive import Drive, Ground, RecordingError, Table
+from sidm.storage import write_atomically
 
 #: Names of the header: what each is.
 HEADER = {
@@ -28,56 +33,80 @@ HEADER = {
     "the smallest first",
     "spacing": "of the ground's grid, m",
     "centre": "x and y of the ground's middle, m; 0 0 unless given",
-    "origin": "where the recording is from, for people",
+    "origin": "where the drives are from, for people",
 }
-
+EXTRA = ("time", "drive", "session")
 SEPARATORS = {";": "semicolons", "\t": "tabs"}  # that are none here
 
 
-def has_header(path: Path) -> bool:
-    """Whether a file begins like a recording; what cannot be read does not."""
-    try:
-        with open(path, encoding="utf-8-sig") as file:
-            return file.readline().startswith("#")
-    except (OSError, UnicodeDecodeError):
-        return False
-
-
-def read_header(path: Path) -> dict[str, str]:
-    """The values of a file's header; RecordingError names its first fault."""
+def read_csv(path: Path, body: Body) -> Table:
+    """The rows of a file that a body names; RecordingError names the first fault."""
     lines = _lines(path)
-    return _header(path, lines[: _first_row(lines)])
+    first = next((number for number, line in enumerate(lines) if not line.startswith("#")), len(lines))
+    header = _header(path, lines[:first])
+    rows = list(csv.reader(lines[first:]))
+    if len(rows) < 3:
+        raise RecordingError(f"{path}: it has no rows of numbers")
+    named = [re.fullmatch(r"\s*(.*?)\s*(?:\[(.*)\])?\s*", cell) for cell in rows[0]]
+    names, units = [match[1] for match in named if match], [(match[2] or "").strip() for match in named if match]
+    cells = _cells(path, rows[1:], first + 2, names)
+    timed = "time" in names or "rate" not in header
+    factors = scales(str(path), names, units, body, timed)
+    columns = {name: _numbers(path, name, cells[names.index(name)], first + 2) * factors[name] for name in factors}
+    labels = {name: np.array(cells[names.index(name)]) for name in ("drive", "session") if name in names}
+    rate = None if timed else _number(path, header, "rate", "Hz")
+    return Table(str(path), columns, labels, rate, _ground(path, header) if body.map_size else None)
+
+
+def scales(name: str, names: Sequence[str], units: Sequence[str], body: Body, timed: bool) -> dict[str, float]:
+    """Columns that a body names, and the time if it is wanted -> times which numbers in these units are in the SI's.
+
+    Raises:
+        RecordingError: one is missing, there twice, or in another unit; `name` is the file's.
+    """
+    wanted = dict((*body.state, *body.actions)) | ({"time": "s"} if timed else {})
+    for column in wanted:
+        if column not in names:
+            hint = str(unknown_name(column, names, "the file")).partition("; ")[2]
+            raise RecordingError(f"{name}: column '{column}' of body '{body.name}' is missing; {hint}")
+    for column in (*wanted, *EXTRA):
+        if names.count(column) > 1:
+            raise RecordingError(f"{name}: two columns '{column}'")
+    return {column: _scale(name, column, units[names.index(column)], unit) for column, unit in wanted.items()}
+
+
+def _scale(file: str, name: str, unit: str, wanted: str) -> float:
+    """Times which numbers of a column in `unit` are in the SI unit of the kind that `wanted` is of."""
+    kind = next(kind for kind, units in UNITS.items() if wanted in units)
+    unit = unit or ("1" if kind == "number" else "")
+    if unit not in UNITS[kind]:
+        shown, article = f"in '{unit}'" if unit else "without a unit", "an" if kind[0] in "aeiou" else "a"
+        raise RecordingError(f"{file}: '{name}' {shown}; {article} {kind} is in {' or '.join(UNITS[kind])}")
+    return UNITS[kind][unit]
+
+
+def heights_file(path: Path) -> Path | None:
+    """The file of heights that the header of a file of drives names; None where it names none, or is no header."""
+    try:
+        lines = _lines(path)
+        first = next((number for number, line in enumerate(lines) if not line.startswith("#")), len(lines))
+        return path.parent / _header(path, lines[:first])["heights"]
+    except (RecordingError, KeyError):
+        return None
 
 
 def _lines(path: Path) -> list[str]:
     try:
+        if path.suffix == ".gz":
+            with gzip.open(path, "rt", encoding="utf-8-sig") as file:
+                return file.read().splitlines()
         return path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, EOFError, UnicodeDecodeError) as error:
         raise RecordingError(f"{path}: cannot be read as text ({error})") from None
 
 
-def _first_row(lines: Sequence[str]) -> int:
-    """Number of the line after the header."""
-    return next((number for number, line in enumerate(lines) if not line.startswith("#")), len(lines))
-
-
-def read_csv(path: Path) -> Recording:
-    """The recording of a file; RecordingError names its first fault."""
-    lines = _lines(path)
-    start, header = _first_row(lines), read_header(path)
-    if start == len(lines):
-        raise RecordingError(f"{path}: no line with the names of the columns")
-    named = [re.fullmatch(r"\s*(.*?)\s*(?:\[(.*)\])?\s*", cell) for cell in next(csv.reader([lines[start]]))]
-    columns = [match[1] for match in named if match]
-    units = [(match[2] or "1").strip() for match in named if match]
-    rows = _numbers(path, lines[start + 1 :], start + 2, len(columns))
-    rate, spacing = _number(path, header, "rate", "Hz"), _number(path, header, "spacing", "m")
-    ground = Ground(_heights(path.parent / header["heights"]), spacing, _centre(path, header))
-    return from_table(str(path), columns, units, rate, rows, ground)
-
-
 def _header(path: Path, lines: Sequence[str]) -> dict[str, str]:
-    header = {}
+    header: dict[str, str] = {}
     for line in lines:
         name, colon, value = line.lstrip("#").partition(":")
         name = name.strip()
@@ -88,49 +117,64 @@ def _header(path: Path, lines: Sequence[str]) -> dict[str, str]:
         if name in header:
             raise RecordingError(f"{path}: the header has two lines '# {name}: ...'")
         header[name] = value.strip()
-    for name in ("rate", "heights", "spacing"):
-        if name not in header:
-            raise RecordingError(f"{path}: the header has no line '# {name}: ...' ({HEADER[name]})")
     return header
 
 
 def _number(path: Path, header: Mapping[str, str], name: str, unit: str) -> float:
     try:
-        return float(header[name].removesuffix(unit))
+        number = float(header[name].removesuffix(unit))
     except ValueError:
-        raise RecordingError(f"{path}: '{name}: {header[name]}' is not a number in {unit}") from None
+        number = float("nan")
+    if not 0 < number < float("inf"):
+        raise RecordingError(f"{path}: '{name}: {header[name]}' is not a positive number in {unit}")
+    return number
 
 
-def _centre(path: Path, header: Mapping[str, str]) -> tuple[float, float]:
-    try:
-        x, y = (float(one) for one in header.get("centre", "0 0").removesuffix("m").split())
-    except ValueError:
-        raise RecordingError(f"{path}: 'centre: {header['centre']}' is not an x and a y in m") from None
-    return x, y
-
-
-def _numbers(path: Path, lines: Sequence[str], first: int, count: int | None = None) -> np.ndarray:
-    """The rows of lines, of which the first has the number `first` in its file; empty ones are passed over."""
-    rows: list[list[float]] = []
-    for number, cells in enumerate(csv.reader(lines), start=first):
-        if cells:
-            count = count or len(cells)
-            if len(cells) != count:
-                raise RecordingError(f"{path}: line {number} has {len(cells)} numbers, not {count}{_separated(cells)}")
-            try:
-                rows.append([float(cell) for cell in cells])
-            except ValueError as error:
-                raise RecordingError(f"{path}: line {number}: {error}{_separated(cells)}") from None
-    if not rows:
-        raise RecordingError(f"{path}: it has no rows of numbers")
-    return np.array(rows)
+def _cells(path: Path, rows: Sequence[Sequence[str]], first: int, names: Sequence[str]) -> list[Sequence[str]]:
+    """Columns of text; `first` is the number of the first row's line."""
+    for number, row in enumerate(rows, start=first):
+        if len(row) != len(names):
+            raise RecordingError(f"{path}: line {number} has {len(row)} cells, not {len(names)}{_separated(row)}")
+    return list(zip(*rows, strict=True))
 
 
 def _separated(cells: Sequence[str]) -> str:
     """What to do about a line that another sign than a comma separates; nothing for any other."""
-    line = ",".join(cells).strip()
+    line = ",".join(cells)
     other = [words for sign, words in SEPARATORS.items() if sign in line]
     return f"; it seems to be separated by {other[0]}: use commas, and points in numbers" if other else ""
+
+
+def _numbers(path: Path, name: str, cells: Sequence[str], first: int) -> np.ndarray:
+    """A column; `first` is the number of its first line."""
+    try:
+        values = np.array(cells, float)
+    except ValueError:
+        number, cell = next((n, cell) for n, cell in enumerate(cells) if not _is_number(cell))
+        raise RecordingError(f"{path}: line {first + number}: '{cell}' of '{name}' is no number") from None
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        raise RecordingError(f"{path}: line {first + bad[0]}: '{name}' is not finite")
+    return values
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _ground(path: Path, header: Mapping[str, str]) -> Ground:
+    for name in ("heights", "spacing"):
+        if name not in header:
+            raise RecordingError(f"{path}: the header has no line '# {name}: ...' ({HEADER[name]})")
+    try:
+        x, y = (float(one) for one in header.get("centre", "0 0").removesuffix("m").split())
+    except ValueError:
+        raise RecordingError(f"{path}: 'centre: {header['centre']}' is not an x and a y in m") from None
+    return Ground(_heights(path.parent / header["heights"]), _number(path, header, "spacing", "m"), (x, y))
 
 
 def _heights(path: Path) -> np.ndarray:
@@ -138,9 +182,21 @@ def _heights(path: Path) -> np.ndarray:
     try:
         if path.suffix == ".npy":
             return np.load(path, allow_pickle=False)
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        return np.loadtxt(path, delimiter=",", ndmin=2, encoding="utf-8-sig")
     except FileNotFoundError:
         raise RecordingError(f"{path}: there is no such file of heights") from None
     except (OSError, ValueError, EOFError) as error:
-        raise RecordingError(f"{path}: the heights cannot be read ({error})") from None
-    return _numbers(path, lines, 1)
+        raise RecordingError(f"{path}: the heights cannot be read ({str(error).splitlines()[0]})") from None
+
+
+def write_csv(path: Path, drives: Sequence[Drive], body: Body, origin: str) -> None:
+    """Write drives of a body without a height map, compressed where the name ends in .gz."""
+    columns = [f"{name} [{unit}]" for name, unit in (*body.state, *body.actions)]
+    lines = [f"# origin: {origin}", f"# rate: {body.rate:g} Hz", ",".join(["session", "drive", *columns])]
+    for number, drive in enumerate(drives):
+        actions = np.vstack([drive.actions, drive.actions[-1:]])
+        for row in np.hstack([drive.states, actions]):
+            lines.append(",".join([drive.session, str(number), *(f"{value:.5g}" for value in row)]))
+    text = ("\n".join(lines) + "\n").encode()
+    packed = gzip.compress(text, mtime=0) if path.suffix == ".gz" else text
+    write_atomically(path, lambda file: file.write(packed))

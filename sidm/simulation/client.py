@@ -22,7 +22,7 @@ class Client:
 
     def close(self) -> None:
         """End it; further calls fail. One that nobody holds is ended too, for PyBullet has room for a thousand."""
-        if self._number >= 0:
+        if self._number >= 0 and pybullet.disconnect is not None:  # as the interpreter ends, names are taken away
             pybullet.disconnect(physicsClientId=self._number)
             self._number = -1
 

@@ -11,7 +11,7 @@ from sidm.body import read_body
 from sidm.config import ConfigError
 from sidm.fitting import fit as fitting
 from sidm.fitting import learning, model
-from sidm.recordings.drives import read_drives
+from sidm.recordings import read_drives
 
 RECORDINGS = Path(__file__).parents[2] / "recordings"
 BODY = RECORDINGS / "skid_steer.yaml"

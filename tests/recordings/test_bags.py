@@ -7,8 +7,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from sidm.body import Body
-from sidm.recordings import RecordingError
-from sidm.recordings.drives import read_drives
+from sidm.recordings import RecordingError, read_drives
 
 BODY = Body(
     name="rover", pose="planar", columns=(("vx", "m/s"), ("yaw_rate", "rad/s")),

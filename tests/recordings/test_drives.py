@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from sidm.body import Body
-from sidm.recordings import RecordingError
-from sidm.recordings.drives import read_drives, write_drives
+from sidm.recordings import RecordingError, read_drives, write_drives
 
 BODY = Body(
     name="cart", pose="planar", columns=(("yaw_rate", "rad/s"), ("wheel", "rad/s")), actions=(("left", "1"),),

@@ -1,4 +1,4 @@
-"""Recorded motion from elsewhere: what comes in, and every fault by its line."""
+"""Recorded motion of the paper's robots on their ground: what comes in, and every fault by its line."""
 
 import json
 from pathlib import Path
@@ -6,14 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sidm.body import UNITS
-from sidm.recordings import Ground, RecordingError, from_table, read_recordings, write_recordings
-from sidm.recordings.recording import ACTION, COLUMNS, STATE
+from sidm.body import ROVER, SI
+from sidm.recordings import Drive, Ground, RecordingError, read_drives, write_drives
 from sidm.terrain import height_at
 
 ROOT = Path(__file__).parents[2]
-NAMES = (*STATE, *ACTION)
-PLAIN = [next(iter(UNITS[COLUMNS[name]])) for name in NAMES]
+COLUMNS = dict((*ROVER.state, *ROVER.actions))
+NAMES, PLAIN = list(COLUMNS), [SI[unit] for unit in COLUMNS.values()]
 
 
 def circle(rate: float = 10.0, seconds: float = 7.0) -> np.ndarray:
@@ -33,9 +32,22 @@ def ground() -> Ground:
     return Ground(np.zeros((81, 81)), 0.1, (0.0, 2.0))
 
 
-def made(rows: np.ndarray | None = None, columns=NAMES, units=PLAIN, rate: float = 10.0, where: Ground | None = None):
-    """A recording of the circle, or of something else."""
-    return from_table("drive", columns, units, rate, circle() if rows is None else rows, where or ground())
+@pytest.fixture
+def made(tmp_path):
+    """A drive around the circle, or of something else, as it is read from an .npz file."""
+
+    def make(rows: np.ndarray | None = None, columns=NAMES, units=PLAIN, rate: float = 10.0, where=None) -> Drive:
+        rows, where = circle() if rows is None else rows, where or ground()
+        header = dict(columns=list(columns), units=list(units), rate=rate, spacing=where.spacing, height_unit="m",
+                      origin="here", centres=[list(where.centre)])  # fmt: skip
+        np.savez(
+            tmp_path / "drive.npz", rows=rows, lengths=np.array([len(rows)]), ground=np.array([0]),
+            heights=where.heights[None], header=np.array(json.dumps(header)),
+        )  # fmt: skip
+        (found,) = read_drives(tmp_path / "drive.npz", ROVER)
+        return found
+
+    return make
 
 
 def changed(row: int, column: str, value: float) -> np.ndarray:
@@ -45,21 +57,21 @@ def changed(row: int, column: str, value: float) -> np.ndarray:
     return rows
 
 
-def test_positions_are_relative_to_the_middle_of_the_ground():
+def test_positions_are_relative_to_the_middle_of_the_ground(made):
     found = made()
-    assert found.states.shape == (71, 13) and found.actions.shape == (70, 2) and found.pieces == 1
+    assert found.states.shape == (71, 13) and found.actions.shape == (70, 2)
     assert found.states[0, :3] == pytest.approx((0, -2, 0.17)) and found.ground.centre == (0, 0)
     assert np.linalg.norm(found.states[:, :2], axis=1) == pytest.approx(2)
 
 
-def test_a_faster_rate_is_brought_to_10_hz():
+def test_a_faster_rate_is_brought_to_10_hz(made):
     """Every fifth row, and the mean action of five."""
     fast, slow = made(circle(50.0), rate=50.0), made()
     assert np.allclose(fast.states, slow.states)
     assert fast.actions[:, 1] == pytest.approx(circle(50.0)[:350, 14].reshape(70, 5).mean(1))
 
 
-def test_units_are_those_of_the_header():
+def test_units_are_those_of_the_header(made):
     """Millimetres, km/h and degrees a second, in another order, with times."""
     rows = circle()
     rows[:, :3] *= 1000
@@ -114,39 +126,41 @@ def over(where: Ground) -> np.ndarray:
     return rows
 
 
-def test_a_hilly_drive_with_noise_is_taken():
+def test_a_hilly_drive_with_noise_is_taken(made):
     """Three centimetres and ten milliseconds of noise on every row are no fault."""
     rng, rows = np.random.default_rng(0), over(hill())
     rows[:, :3] += rng.normal(0, 0.03, (len(rows), 3))
     time = 0.1 * np.arange(len(rows)) + rng.normal(0, 0.01, len(rows))
-    found = from_table("drive", [*NAMES, "time"], [*PLAIN, "s"], 10.0, np.hstack([rows, time[:, None]]), hill())
-    assert found.pieces == 1
+    found = made(np.hstack([rows, time[:, None]]), [*NAMES, "time"], [*PLAIN, "s"], where=hill())
+    assert len(found.actions) >= 69
 
 
-def test_a_rate_that_is_a_little_off_is_noticed():
-    rows, time = circle(seconds=30.0), 0.11 * np.arange(301)
-    with pytest.raises(RecordingError, match="row 7 is at 0.66 s, not at 0.6 s as the rate of 10 Hz has it"):
-        made(np.hstack([rows, time[:, None]]), [*NAMES, "time"], [*PLAIN, "s"])
+def test_attitudes_of_either_sign_are_one(made):
+    """q and -q are the same attitude; between them nothing is interpolated."""
+    rows = circle(30.0)
+    rows[40:, 3:7] *= -1
+    assert np.allclose(made(rows, rate=30.0).states, made(circle(30.0), rate=30.0).states)
 
 
 FAULTS = {
-    "column 'qw' is missing": no("qw"),
-    "unknown parameter 'throtle' of the columns; did you mean 'throttle'?": {
-        "columns": [*STATE, "throtle", "steering"]},
-    "two columns 'x'": {"columns": ["x", "x", *NAMES[2:]]},
+    "column 'qw' of body 'rover' is missing": no("qw"),
+    "column 'throttle' of body 'rover' is missing; did you mean 'throtle'?": {
+        "columns": [*NAMES[:13], "throtle", "steering"]},
+    "two columns 'x'": {
+        "columns": [*NAMES, "x"], "units": [*PLAIN, "m"], "rows": np.hstack([circle(), circle()[:, :1]])},
     "'x' in 'feet'; a length is in m or cm or mm": {"units": ["feet", *PLAIN[1:]]},
     "15 columns, 14 units": {"units": PLAIN[1:]},
-    "a rate of 25 Hz is no whole multiple of 10 Hz": {"rate": 25.0},
     "a rate of nan Hz": {"rate": float("nan")},
+    "a rate of -10 Hz": {"rate": -10.0},
     "'vx' in row 4 is not finite": {"rows": changed(3, "vx", np.nan)},
     "the quaternion in row 1 has length 0.5, not 1": {"rows": changed(0, "qw", 0.5)},
-    "steering in row 8 is 35, not in [-1, 1]; scale it": {"rows": changed(7, "steering", 35.0)},
-    "60 steps of 0.1 s, fewer than the 64": {"rows": circle(seconds=6.0)},
-    "0 steps of 0.1 s, fewer than the 64": {"rows": circle()[:0]},
-    "drive: 0 steps of 0.1 s, fewer": {
+    "steering in step 8 is 35, not in [-1, 1]; scale it": {"rows": changed(7, "steering", 35.0)},
+    "7 steps of 0.1 s; a drive has 8": {"rows": circle(seconds=0.7)},
+    "0 rows are no drive": {"rows": circle()[:0]},
+    "drive 0: 0 rows are no drive": {
         "rows": np.zeros((0, 16)), "columns": [*NAMES, "time"], "units": [*PLAIN, "s"]},
     "a spacing of 0": {"where": ground()._replace(spacing=0.0)},
-    "not a grid of heights": {"where": ground()._replace(heights=np.zeros(5))},
+    "not a grid of heights": {"where": ground()._replace(heights=np.zeros((1, 5)))},
     "the height in row 3, column 5 is not finite": {"where": ground()._replace(heights=np.where(
         np.arange(81 * 81).reshape(81, 81) == 2 * 81 + 4, np.inf, 0.0))},
     "from the middle of its ground, which ends at 4.00 m, 4.00 m": {"where": ground()._replace(centre=(9.0, 2.0))},
@@ -165,16 +179,15 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_is_named_in_one_line(fault):
+def test_a_fault_is_named_in_one_line(made, fault):
     with pytest.raises(RecordingError) as error:
         made(**FAULTS[fault])
-    assert str(error.value).startswith("drive: ") and fault in str(error.value) and "\n" not in str(error.value)
+    assert "drive.npz" in str(error.value) and fault in str(error.value) and "\n" not in str(error.value)
 
 
-def test_a_missing_row_is_noticed_by_its_time():
-    time = np.delete(0.1 * np.arange(80), 40)
-    rows = np.delete(circle(seconds=7.9), 40, axis=0)
-    with pytest.raises(RecordingError, match="row 41 comes 0.2 s after the row before, not 0.1 s"):
+def test_missing_rows_are_noticed_by_their_time(made):
+    time, rows = np.delete(0.1 * np.arange(80), range(40, 43)), np.delete(circle(seconds=7.9), range(40, 43), axis=0)
+    with pytest.raises(RecordingError, match="row 41 comes 0.4 s after the row before, where rows are 0.1 s apart"):
         made(np.hstack([rows, time[:, None]]), [*NAMES, "time"], [*PLAIN, "s"])
 
 
@@ -191,10 +204,11 @@ def write_csv(folder: Path, header: str = "", names: str = "", rows: np.ndarray 
     return path
 
 
-def test_a_csv_file_is_read_with_its_ground(tmp_path):
-    (found,) = read_recordings(write_csv(tmp_path))
+def test_a_csv_file_is_read_with_its_ground(tmp_path, made):
+    (tmp_path / "csv").mkdir()
+    (found,) = read_drives(write_csv(tmp_path / "csv"), ROVER)
     assert np.allclose(found.states, made().states, atol=1e-8) and np.allclose(found.actions, made().actions, atol=1e-8)
-    (again,) = read_recordings(tmp_path)  # the ground is no recording
+    (again,) = read_drives(tmp_path / "csv", ROVER)  # the ground is no drive
     assert again.name == found.name and np.array_equal(again.ground.heights, ground().heights)
 
 
@@ -204,42 +218,43 @@ def test_a_csv_file_is_read_with_its_ground(tmp_path):
         ({"header": "# rate: 10 Hz\n# spacing: 0.1 m"}, "the header has no line '# heights: ...'"),
         ({"header": "# rat: 10 Hz"}, "unknown parameter 'rat' of the header; did you mean 'rate'?"),
         ({"header": "# a drive"}, "'# a drive' in the header is not '# name: value'"),
-        ({"header": "# rate: fast\n# heights: meadow.csv\n# spacing: 1"}, "'rate: fast' is not a number in Hz"),
+        ({"header": "# rate: fast\n# heights: meadow.csv\n# spacing: 1"}, "'rate: fast' is not a positive number"),
         ({"header": "# rate: 10\n# heights: x.npy\n# spacing: 1"}, "x.npy: there is no such file of heights"),
         ({"header": "# rate: 10\n# heights: meadow.csv\n# spacing: 1\n# centre: 3"}, "'centre: 3' is not an x and a y"),
         ({"header": "# rate: 10 Hz\n# rate: 20 Hz"}, "the header has two lines '# rate: ...'"),
-        ({"names": "x,y"}, "line 7 has 15 numbers, not 2"),
-        ({"names": ",".join(NAMES)}, "'x' in '1'; a length is in m or cm or mm"),
+        ({"names": "x,y"}, "line 7 has 15 cells, not 2"),
+        ({"names": ",".join(NAMES)}, "'x' without a unit; a length is in m or cm or mm"),
         ({"rows": circle()[:0]}, "it has no rows of numbers"),
     ],
 )
 def test_a_fault_of_a_csv_file_is_named_in_one_line(tmp_path, changes, fault):
     path = write_csv(tmp_path, **changes)
     with pytest.raises(RecordingError) as error:
-        read_recordings(path)
+        read_drives(path, ROVER)
     assert fault in str(error.value) and str(tmp_path) in str(error.value) and "\n" not in str(error.value)
 
 
 def test_what_is_no_number_is_named_by_its_line(tmp_path):
     path = write_csv(tmp_path)
     path.write_text(path.read_text().replace("0.17", "n/a", 1))
-    with pytest.raises(RecordingError, match="line 7: could not convert string to float: 'n/a'"):
-        read_recordings(path)
+    with pytest.raises(RecordingError, match="line 7: 'n/a' of 'z' is no number"):
+        read_drives(path, ROVER)
 
 
 @pytest.mark.parametrize(("sign", "words"), [(";", "semicolons"), ("\t", "tabs")])
 def test_another_separator_is_named(tmp_path, sign, words):
     path = write_csv(tmp_path)
-    path.write_text(path.read_text().replace(",", sign))
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:6], *(line.replace(",", sign) for line in lines[6:])]) + "\n")
     with pytest.raises(RecordingError, match=f"line 7.* it seems to be separated by {words}: use commas, and points"):
-        read_recordings(path)
+        read_drives(path, ROVER)
 
 
-def test_recordings_are_packed_and_come_back(tmp_path):
+def test_drives_are_packed_and_come_back(tmp_path, made):
     """Numbers to float32's seventh digit, heights to half a millimetre, a shared ground once."""
     rough = made(where=ground()._replace(heights=np.random.default_rng(0).uniform(0, 0.1, (81, 81))))
-    write_recordings(tmp_path / "a.npz", [made(), rough, made()], "two circles")
-    back = read_recordings(tmp_path / "a.npz")
+    write_drives(tmp_path / "a.npz", [made(), rough, made()], ROVER, "two circles")
+    back = read_drives(tmp_path / "a.npz", ROVER)
     for one, other in zip(back, (made(), rough, made()), strict=True):
         assert np.allclose(one.states, other.states, atol=1e-6) and np.allclose(one.actions, other.actions, atol=1e-6)
         assert np.abs(one.ground.heights - other.ground.heights).max() <= 0.0005001
@@ -261,7 +276,7 @@ def members(**changes) -> dict:
     [
         ({"lengths": np.array([70])}, "do not belong together"),
         ({"lengths": np.array([71.0])}, "'lengths' of shape (1,) and float64, not a row of whole numbers"),
-        ({"ground": np.array([1])}, "1 heights, but 'ground' goes up to 1"),
+        ({"ground": np.array([1])}, "1 heights, but 'ground' of 1 drives goes up to 1"),
         ({"header": {"rate": None}}, "the header has no 'rate'"),
         ({"header": {"rate": "fast"}}, "'rate' of the header is 'fast'"),
         ({"header": {"rate": 10**400}}, "'rate' of the header is 1000"),
@@ -270,7 +285,7 @@ def members(**changes) -> dict:
         ({"header": {"height_unit": "feet"}}, "height_unit 'feet'; heights are in m or cm or mm"),
         ({"header": np.array("{")}, "the header is not JSON"),
         ({"rows": circle().astype(str)}, "not of numbers"),
-        ({"heights": np.full((1, 81, 81), "high")}, "heights of <U4, not of numbers"),
+        ({"heights": np.full((1, 81, 81), "high")}, "of <U4, not of numbers"),
         ({"header": {"centres": [["a", "b"]]}}, "centres of the header are not an x and a y"),
         ({"header": {"columns": list(range(15))}}, "columns and units of the header are not all text"),
     ],
@@ -280,24 +295,24 @@ def test_a_fault_of_an_npz_file_is_named_in_one_line(tmp_path, changes, fault):
     given = changes.pop("header") if isinstance(changes.get("header"), np.ndarray) else None
     np.savez(tmp_path / "a.npz", **(members(**changes) | ({} if given is None else {"header": given})))
     with pytest.raises(RecordingError) as error:
-        read_recordings(tmp_path / "a.npz")
+        read_drives(tmp_path / "a.npz", ROVER)
     assert fault in str(error.value) and "\n" not in str(error.value)
 
 
-def test_a_whole_npz_file_is_read_and_a_member_missed(tmp_path):
+def test_a_whole_npz_file_is_read_and_a_member_missed(tmp_path, made):
     np.savez(tmp_path / "a.npz", **members())
-    (found,) = read_recordings(tmp_path / "a.npz")
+    (found,) = read_drives(tmp_path / "a.npz", ROVER)
     assert np.allclose(found.states, made().states)
     np.savez(tmp_path / "a.npz", **{name: value for name, value in members().items() if name != "heights"})
     with pytest.raises(RecordingError, match="member 'heights' is missing"):
-        read_recordings(tmp_path / "a.npz")
+        read_drives(tmp_path / "a.npz", ROVER)
 
 
 def test_an_npy_file_by_another_name_is_named(tmp_path):
     with open(tmp_path / "a.npz", "wb") as file:
         np.save(file, circle())
     with pytest.raises(RecordingError, match="cannot be read as .npz .it holds one array, as .npy files do"):
-        read_recordings(tmp_path / "a.npz")
+        read_drives(tmp_path / "a.npz", ROVER)
 
 
 @pytest.mark.parametrize(
@@ -305,50 +320,50 @@ def test_an_npy_file_by_another_name_is_named(tmp_path):
     [
         ("a.npz", b"no archive", "cannot be read as .npz"),
         ("a.npz", None, "there is no such file"),
-        ("a.bag", b"", "recordings are .npz or .csv files"),
+        ("a.txt", b"", "drives are .csv, .csv.gz, .npz or ROS bags"),
         ("a.csv", b"\xff\xfe\x00", "cannot be read as text"),
-        ("a.csv", b"# rate: 10\n# heights: x\n# spacing: 1\n", "no line with the names of the columns"),
+        ("a.csv", b"# rate: 10\n# heights: x\n# spacing: 1\n", "it has no rows of numbers"),
     ],
 )
 def test_a_file_that_is_none_is_named(tmp_path, name, content, fault):
     if content is not None:
         (tmp_path / name).write_bytes(content)
     with pytest.raises(RecordingError, match=fault):
-        read_recordings(tmp_path / name)
+        read_drives(tmp_path / name, ROVER)
 
 
-def test_a_file_with_a_mark_of_byte_order_is_a_recording(tmp_path):
+def test_a_file_with_a_mark_of_byte_order_is_read(tmp_path):
     """As some spreadsheets write it."""
     path = write_csv(tmp_path)
     path.write_text("\ufeff" + path.read_text(), encoding="utf-8")
-    assert len(read_recordings(tmp_path)) == 1
+    assert len(read_drives(tmp_path, ROVER)) == 1
 
 
 def test_a_file_that_is_no_recording_is_not_passed_over(tmp_path):
     write_csv(tmp_path)
     (tmp_path / "notes.csv").write_text("monday,rain\n")
-    with pytest.raises(RecordingError, match="notes.csv: neither a recording, for it has no header, nor the ground"):
-        read_recordings(tmp_path)
+    with pytest.raises(RecordingError, match="notes.csv: it has no rows of numbers"):
+        read_drives(tmp_path, ROVER)
 
 
-def test_high_mountains_are_packed(tmp_path):
+def test_high_mountains_are_packed(tmp_path, made):
     """Forty metres of height do not wrap around."""
     high = Ground(np.full((81, 81), 40.0), 0.1, (0.0, 2.0))
     rows = circle()
     rows[:, 2] += 40.0
-    write_recordings(tmp_path / "a.npz", [made(rows, where=high)], "up")
-    assert read_recordings(tmp_path / "a.npz")[0].ground.heights.max() == pytest.approx(40)
+    write_drives(tmp_path / "a.npz", [made(rows, where=high)], ROVER, "up")
+    assert read_drives(tmp_path / "a.npz", ROVER)[0].ground.heights.max() == pytest.approx(40)
 
 
 def test_a_folder_without_recordings_is_named(tmp_path):
-    with pytest.raises(RecordingError, match="no .csv file in this folder"):
-        read_recordings(tmp_path)
+    with pytest.raises(RecordingError, match="no file of drives"):
+        read_drives(tmp_path, ROVER)
 
 
 @pytest.mark.parametrize(("system", "count"), [("system1", 99), ("system2", 94)])
 def test_the_recordings_kept_here_are_whole(system, count):
     """Of 25 terrains, in 64 steps each, within the size that the repository gives them."""
     path = ROOT / "recordings" / f"{system}.npz"
-    found = read_recordings(path)
-    assert len(found) == count and {one.pieces for one in found} == {1} and path.stat().st_size < 5e6
+    found = read_drives(path, ROVER)
+    assert len(found) == count and {len(one.actions) for one in found} == {64} and path.stat().st_size < 5e6
     assert len({one.ground.heights.tobytes() for one in found}) == 25

@@ -7,6 +7,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from sidm.body import ROVER
 from sidm.config import ConfigError, unknown_name
 from sidm.experiments.methods import change
 from sidm.experiments.trials import EXPERT_SEED, POOL_SEED
@@ -15,7 +16,7 @@ from sidm.learning.beyond.recorded import Pieces, cut
 from sidm.learning.dataset import Datasets, Motion, novice_split
 from sidm.learning.settings import Network, Training
 from sidm.learning.training import Trained, train
-from sidm.recordings import Ground, Recording, read_recordings
+from sidm.recordings import Drive, Ground, read_drives
 from sidm.systems import ROLES, SYSTEMS, System
 from sidm.terrain import generate_terrain
 from sidm.trajectory import Collection, Trajectory, trajectories_for
@@ -24,11 +25,11 @@ from sidm.trajectory import Collection, Trajectory, trajectories_for
 SIMULATED = {f"{system} {role}": (system, role) for system in SYSTEMS for role in ROLES}
 
 
-def as_recording(trajectory: Trajectory, system: System) -> Recording:
-    """A simulated trajectory as a recording, with its ground."""
+def as_drive(trajectory: Trajectory, system: System) -> Drive:
+    """A simulated trajectory as a recorded one, with its ground."""
     ground = Ground(generate_terrain(system.terrain, trajectory.terrain_seed), system.terrain.spacing)
     name = f"{system.name} trajectory {trajectory.index}"
-    return Recording(name, trajectory.states.astype(float), trajectory.actions.astype(float), ground)
+    return Drive(name, name, trajectory.states.astype(float), trajectory.actions.astype(float), ground)
 
 
 def pieces_of(
@@ -55,11 +56,11 @@ def pieces_of(
         found = collect(
             data, Collection(system=system, role=role, policy=policy, seed=seed), trajectories_for(minutes)
         )
-        return cut([as_recording(trajectory, SYSTEMS[system]) for trajectory in found])
+        return cut([as_drive(trajectory, SYSTEMS[system]) for trajectory in found])
     if not Path(source).exists():
         error = unknown_name(source, SIMULATED, "the simulated robots")
         raise ConfigError(f"'{source}' is no file of recordings, and {error}")
-    return cut(read_recordings(source))
+    return cut(read_drives(source, ROVER))
 
 
 def learn(

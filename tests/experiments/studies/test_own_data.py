@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import torch
 
+from sidm.body import ROVER
 from sidm.config import ConfigError
-from sidm.experiments.studies.own_data import as_recording, learn, pieces_of
+from sidm.experiments.studies.own_data import as_drive, learn, pieces_of
 from sidm.learning import validation_loss
-from sidm.learning.beyond.recorded import recorded_motion
-from sidm.recordings import read_recordings, write_recordings
+from sidm.recordings import read_drives, write_drives
 from sidm.systems import SYSTEMS
 from sidm.trajectory import STEPS, load
 
@@ -24,21 +24,21 @@ def test_a_simulated_robot_goes_by_its_name(data, tiny):
 
 def test_recordings_go_by_their_file(tmp_path, data, tiny):
     trajectories = load(data, tiny.datasets("system1")["novice"].collection, 3)
-    some = [as_recording(trajectory, SYSTEMS["system1"]) for trajectory in trajectories]
-    write_recordings(tmp_path / "mine.npz", some, "made up")
+    some = [as_drive(trajectory, SYSTEMS["system1"]) for trajectory in trajectories]
+    write_drives(tmp_path / "mine.npz", some, ROVER, "made up")
     pieces = pieces_of(str(tmp_path / "mine.npz"), 1.0, data)
-    assert len(pieces.states) == len(read_recordings(tmp_path / "mine.npz")) == 3
+    assert len(pieces.states) == len(read_drives(tmp_path / "mine.npz", ROVER)) == 3
     assert np.allclose(pieces.states, np.stack([t.states for t in trajectories]), atol=1e-6)
 
 
 def test_a_file_may_be_the_expert_too(tmp_path, data, tiny, small_network, small_training):
     """What is learnt with it is another with another file; a run with the same file repeats."""
     trajectories = load(data, tiny.datasets("system1")["novice"].collection, 8)
-    recordings = [as_recording(trajectory, SYSTEMS["system1"]) for trajectory in trajectories]
+    recordings = [as_drive(trajectory, SYSTEMS["system1"]) for trajectory in trajectories]
     for name, some in (("mine", recordings[:4]), ("other", recordings[4:6]), ("third", recordings[6:])):
-        write_recordings(tmp_path / f"{name}.npz", some, "made up")
+        write_drives(tmp_path / f"{name}.npz", some, ROVER, "made up")
     mine, *experts = (
-        recorded_motion(pieces_of(str(tmp_path / f"{name}.npz"), 1.0, data), small_network.pixels)
+        pieces_of(str(tmp_path / f"{name}.npz"), 1.0, data).motion(small_network.pixels)
         for name in ("mine", "other", "third", "other")
     )
     parts, minutes = torch.tensor([0, 1, 2]), 3 * 6.4 / 60

@@ -8,7 +8,7 @@ from sidm.experiments.catalogue import run_study
 from sidm.experiments.presets import load_preset
 from sidm.experiments.studies.real_robots import measure as m
 from sidm.experiments.studies.real_robots import results as r
-from sidm.fitting.pieces import learn_and_test, session_order
+from sidm.learning.beyond.recorded import learn_and_test, session_order
 
 JOBS = {(job.expert, job.method): job for pair in m.PAIRS for job in m.jobs(Study("smoke"), pair, (4, 8), 1)}
 

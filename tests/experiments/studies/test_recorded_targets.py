@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from sidm.body import ROVER
 from sidm.config import ConfigError
 from sidm.experiments import METHODS, StoreError, Study
 from sidm.experiments.engine.frame import records_frame
@@ -25,7 +26,7 @@ from sidm.experiments.studies.recorded_targets.results import (
     table,
     written,
 )
-from sidm.recordings import Ground, Recording, RecordingError, read_recordings, write_recordings
+from sidm.recordings import Drive, Ground, RecordingError, read_drives, write_drives
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain
 from sidm.trajectory import STEPS
@@ -40,8 +41,8 @@ def recordings(tmp_path_factory):
     for number in range(12):
         heights = generate_terrain(find_system("system1").terrain, number // 2)
         actions = np.tile(rng.uniform(-1, 1, 2), (STEPS, 1))
-        found.append(Recording("a", glide(heights, actions, rng).astype(float), actions, Ground(heights, 0.1)))
-    write_recordings(folder / "system1.npz", found, "made up")
+        found.append(Drive("a", "", glide(heights, actions, rng).astype(float), actions, Ground(heights, 0.1)))
+    write_drives(folder / "system1.npz", found, ROVER, "made up")
     return folder
 
 
@@ -75,7 +76,7 @@ def test_every_method_and_proxy_has_its_training(jobs):
 def test_simulated_robots_are_driven_as_the_recorded_ones_were(jobs):
     """Undone, the law of `bounded_noise` leaves shocks of the standard deviation that it prescribes."""
     assert {one.collection.policy for job in jobs for one in job.datasets.values()} == {"bounded_noise"}
-    actions = np.stack([one.actions for one in read_recordings("recordings/system1.npz")])
+    actions = np.stack([one.actions for one in read_drives("recordings/system1.npz", ROVER)])
     seen = np.arctanh(np.clip(actions, -1 + 1e-9, 1 - 1e-9))
     walk = (seen[:, 1:] - 0.8 * seen[:, :-1]) / 0.2
     shocks = walk[:, 1:] - 0.9 * walk[:, :-1]
@@ -130,9 +131,9 @@ def test_other_recordings_are_refused(recordings):
 
 def test_a_checksum_is_of_what_recordings_hold(recordings, tmp_path):
     """Not of their file: packed by another version they are the same, with another state or ground they are not."""
-    found = read_recordings(recordings / "system1.npz")
-    write_recordings(tmp_path / "again.npz", found, "packed again")
-    again = read_recordings(tmp_path / "again.npz")
+    found = read_drives(recordings / "system1.npz", ROVER)
+    write_drives(tmp_path / "again.npz", found, ROVER, "packed again")
+    again = read_drives(tmp_path / "again.npz", ROVER)
     assert (tmp_path / "again.npz").read_bytes() != (recordings / "system1.npz").read_bytes()
     assert len(checksum_of(found)) == 16 and checksum_of(again) == checksum_of(found)
     higher = found[0].ground._replace(heights=found[0].ground.heights + 0.001)

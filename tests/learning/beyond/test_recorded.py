@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 import torch
 
+from sidm.config import ConfigError
 from sidm.learning import prepare
-from sidm.learning.beyond.recorded import apart, apart_by_ground, cut, recorded_motion
-from sidm.recordings import Ground, Recording
+from sidm.learning.beyond.recorded import apart, apart_by_ground, cut
+from sidm.recordings import Drive, Ground
 from sidm.terrain import generate_terrain
 from sidm.trajectory import STEPS
 
@@ -17,7 +18,7 @@ def recordings(make_trajectories, small_terrain):
     found = []
     for one in make_trajectories(5, steps=2 * STEPS + 10):
         ground = Ground(generate_terrain(small_terrain, one.index // 2), small_terrain.spacing)
-        found.append(Recording(f"drive {one.index}", one.states.astype(float), one.actions.astype(float), ground))
+        found.append(Drive(f"drive {one.index}", "", one.states.astype(float), one.actions.astype(float), ground))
     return found
 
 
@@ -26,10 +27,10 @@ def test_pieces_are_those_that_a_simulated_robot_would_have(make_trajectories, s
     trajectories = make_trajectories(3, steps=STEPS)
     grounds = [Ground(generate_terrain(small_terrain, t.terrain_seed), small_terrain.spacing) for t in trajectories]
     some = [
-        Recording("a", t.states.astype(float), t.actions.astype(float), ground)
+        Drive("a", "", t.states.astype(float), t.actions.astype(float), ground)
         for t, ground in zip(trajectories, grounds, strict=True)
     ]
-    ours, theirs = recorded_motion(cut(some), 8), prepare(trajectories, small_terrain, 8)
+    ours, theirs = cut(some).motion(8), prepare(trajectories, small_terrain, 8)
     assert torch.allclose(ours.inputs, theirs.inputs, atol=1e-6)  # float32
     assert torch.allclose(ours.targets, theirs.targets, atol=1e-6)
     assert torch.allclose(ours.maps.float(), theirs.maps.float(), atol=2e-3)  # float16
@@ -60,6 +61,6 @@ def test_a_share_is_of_grounds_or_of_pieces(recordings):
         apart(cut(recordings), 1.0)
 
 
-def test_no_recordings_are_refused():
-    with pytest.raises(ValueError, match="at least one recording"):
+def test_no_drives_are_refused():
+    with pytest.raises(ConfigError, match="no drive has 64 steps"):
         cut([])

@@ -23,18 +23,18 @@ from sidm.experiments.methods import METHODS
 from sidm.experiments.presets import Preset
 from sidm.experiments.study import Study
 from sidm.fitting.learning import SETTINGS, datasets, learn, network_for, pretrain
-from sidm.fitting.pieces import Pieces, common_length, cut, learn_and_test, session_order
 from sidm.learning.beyond.kinematics import identify
 from sidm.learning.beyond.pretraining import Start
+from sidm.learning.beyond.recorded import Pieces, common_length, cut, learn_and_test, session_order
 from sidm.learning.dataset import Datasets
-from sidm.learning.evaluation import rollout, rollout_errors, warm_up
+from sidm.learning.evaluation import rollout_errors
 from sidm.learning.losses import component_losses
 from sidm.learning.model import Predictor
 from sidm.learning.networks import Network
 from sidm.learning.settings import Training
 from sidm.learning.training import Trained
 from sidm.learning.units import Standardisation, loss_weights, units_for, units_of
-from sidm.recordings.drives import read_drives
+from sidm.recordings import read_drives
 from sidm.trajectory import checksum
 
 #: Robot -> its body's file.
@@ -185,11 +185,8 @@ def _pretrained(name: str, steps: int, body: Body, seed: int, preset: Preset) ->
 
 def _errors(model: Predictor, judge: Pieces, seen: bool) -> tuple[list[float], list[float]]:
     """Mean displacement, m, and heading error, rad, (15,) each, after the WARM_UP, which the model has seen or not."""
-    states, actions, body = judge.states, judge.actions, judge.body
-    memory = warm_up(model, states[:, :WARM_UP], actions[:, :WARM_UP], body=body) if seen else None
-    start, ahead = states[:, WARM_UP], actions[:, WARM_UP : WARM_UP + HORIZON]
-    path = rollout(model, None, start, ahead, 0, body=body, memory=memory)
-    errors = rollout_errors(path, states[:, WARM_UP : WARM_UP + HORIZON + 1], body)
+    path = judge.rollout(model, WARM_UP, HORIZON, seen=seen)
+    errors = rollout_errors(path, judge.states[:, WARM_UP : WARM_UP + HORIZON + 1], judge.body)
     displacement, heading = (error.mean(0).tolist() for error in errors)
     return displacement, heading
 

@@ -14,6 +14,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+from sidm.body import ROVER
 from sidm.config import config
 from sidm.experiments.digests import find_digest
 from sidm.experiments.engine.datasets import collect_dataset, load_dataset, note_collected
@@ -44,7 +45,7 @@ from sidm.learning.settings import Training
 from sidm.learning.training import Trained, train
 from sidm.learning.units import Standardisation
 from sidm.numerics import numbered
-from sidm.recordings import read_recordings
+from sidm.recordings import read_drives
 from sidm.systems import find_system
 
 SIZES = (1.0, 2.0, 5.0)  # of the recorded novice, train and test together, min
@@ -146,7 +147,7 @@ def jobs(
     """All trainings of a system, those of a seed side by side; `sizes` are minutes of recorded data."""
     preset, sets = study.preset, proxies(study.preset, system)
     expert, novice = (find_digest(one, study.data, study.results) for one in sets.values())
-    recorded = checksum_of(read_recordings(recordings_of(system, recordings)))
+    recorded = checksum_of(read_drives(recordings_of(system, recordings), ROVER))
     found = []
     for seed in range(preset.seeds):
         for method, proxy in METHODS_HERE:

@@ -11,13 +11,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from sidm.body import ROVER
 from sidm.config import ConfigError
 from sidm.experiments.engine.execute import ROLLOUT_STEPS
-from sidm.learning.beyond.recorded import Pieces, apart_by_ground, cut, recorded_motion
+from sidm.learning.beyond.recorded import Pieces, apart_by_ground, cut
 from sidm.learning.dataset import TEST_EVERY, Motion
-from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
+from sidm.learning.evaluation import rollout_errors, validation_loss
 from sidm.learning.model import Predictor
-from sidm.recordings import Recording, RecordingError, read_recordings
+from sidm.recordings import Drive, RecordingError, read_drives
 from sidm.trajectory import trajectories_for
 
 
@@ -26,10 +27,11 @@ def recordings_of(system: str, folder: str | Path = "recordings") -> Path:
     return Path(folder) / f"{system}.npz"
 
 
-def checksum_of(recordings: Sequence[Recording]) -> str:
+def checksum_of(drives: Sequence[Drive]) -> str:
     """16 hexadecimal digits for what was read: states, actions and grounds, to the sixth decimal."""
     digest = hashlib.sha256()
-    for one in recordings:
+    for one in drives:
+        assert one.ground is not None
         for values in (one.states, one.actions, one.ground.heights, np.array(one.ground.spacing)):
             digest.update((np.round(values, 6) + 0.0).astype("<f8").tobytes())  # + 0.0: no -0.0
     return digest.hexdigest()[:16]
@@ -58,11 +60,11 @@ def load_recorded(
         RecordingError: they have a fault, or another checksum than is `wanted`.
     """
     path = recordings_of(system, folder)
-    recordings = read_recordings(path)
-    if wanted not in (None, found := checksum_of(recordings)):
+    drives = read_drives(path, ROVER)
+    if wanted not in (None, found := checksum_of(drives)):
         raise RecordingError(f"{path}: has checksum {found}, the training wants {wanted}")
-    pieces = cut(recordings)
-    return Recorded(pieces, recorded_motion(pieces, pixels), *apart_by_ground(pieces, held_out))
+    pieces = cut(drives)
+    return Recorded(pieces, pieces.motion(pixels), *apart_by_ground(pieces, held_out))
 
 
 def subsets(recorded: Recorded, minutes: float, seed: int) -> tuple[Tensor, Tensor]:
@@ -96,10 +98,7 @@ def piece_losses(model: Predictor, recorded: Recorded) -> Tensor:
 
 def path_errors(model: Predictor, recorded: Recorded, pixels: int) -> tuple[Tensor, Tensor]:
     """(K,) m and (K,) rad, K = ROLLOUT_STEPS: position and heading from the start of each piece that judges, mean."""
-    pieces, judging = recorded.pieces, recorded.judging
-    states = pieces.states[judging, : ROLLOUT_STEPS + 1]
-    heights = torch.stack([pieces.grounds[number] for number in pieces.ground[judging].tolist()])
-    actions = pieces.actions[judging, :ROLLOUT_STEPS]
-    path = rollout(model, heights, states[:, 0], actions, pixels, spacing=pieces.spacing[0])
+    judges = recorded.pieces.take(recorded.judging)
+    path, states = judges.rollout(model, 0, ROLLOUT_STEPS, pixels), judges.states[:, : ROLLOUT_STEPS + 1]
     position, heading = rollout_errors(path, states)
     return position.mean(0), heading.mean(0)

@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sidm.recordings import Recording, RecordingError, read_recordings
-from sidm.recordings.frames import refuse_other_rates, refuse_other_steering, refuse_other_velocities
+from sidm.body import ROVER
+from sidm.recordings import Drive, RecordingError, read_drives
+from sidm.recordings.checks import refuse_other_steering, refuse_other_turning, refuse_other_velocities
 
 ROOT = Path(__file__).parents[2]
 RATES, LEFT_AND_UP = slice(10, 13), [8, 9, 11, 12]  # of the state: wx, wy, wz; vy, vz, wy, wz
 
 
 @pytest.fixture(scope="module", params=["system1", "system2"])
-def drives(request) -> list[Recording]:
+def drives(request) -> list[Drive]:
     """Every recording of a system that is kept here; reading them is itself a test that none is refused."""
-    return read_recordings(ROOT / "recordings" / f"{request.param}.npz")
+    return read_drives(ROOT / "recordings" / f"{request.param}.npz", ROVER)
 
 
 def scaled(*factors: float):
@@ -54,8 +55,8 @@ CHANGES = {
 def fault_of(states: np.ndarray, rate: float = 10.0) -> str:
     """What is said of the velocities, nothing where they are taken."""
     try:
-        refuse_other_velocities("drive", states[:: round(rate / 10)])
-        refuse_other_rates("drive", states, rate)
+        refuse_other_velocities("drive", states[:: round(rate / 10)], ROVER)
+        refuse_other_turning("drive", states, ROVER, rate)
     except RecordingError as error:
         return str(error)
     return ""
