@@ -93,10 +93,10 @@ def per_second(work: Callable[[], int], device: torch.device, seconds: float) ->
 def make_bundle(case: Case, device: torch.device, phase: int = PHASE) -> Bundle:
     """A bundle of trials that differ in their seeds."""
     sets, training = random_data(case.network.pixels), settings(case, phase)
-    shelf = Shelf([sets.train], device)
-    bundle = Bundle(shelf, case.network, training, ROLES, case.trials, device)
+    shelves = dict.fromkeys(ROLES, Shelf([sets.train], device))
+    bundle = Bundle(shelves, case.network, training, ROLES, case.trials, device)
     for seed in range(case.trials):
-        bundle.join(Seat(seed, Run(sets, training, seed), case.network, shelf))
+        bundle.join(Seat(seed, Run(sets, training, seed), case.network, shelves))
     return bundle
 
 
@@ -104,7 +104,7 @@ def bundle_phase(bundle: Bundle) -> int:
     """A phase of prediction of a bundle, in samples."""
     bundle.predict_phase()
     training = bundle.training
-    return len(bundle.seats) * training.prediction_iterations * training.batch * bundle.shelf.steps
+    return len(bundle.seats) * training.prediction_iterations * training.batch * bundle.shelves["novice"].steps
 
 
 def single(case: Case, device: torch.device) -> Callable[[], int]:

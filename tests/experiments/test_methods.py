@@ -5,7 +5,7 @@ import pytest
 from sidm.config import ConfigError
 from sidm.experiments import METHODS, Study, perform, run, run_trial
 from sidm.experiments.engine.bundles import bundles, fits
-from sidm.experiments.methods import FIGURE3
+from sidm.experiments.methods import ANY_BODIES, FIGURE3
 from sidm.learning import DynamicsModel
 from sidm.learning.beyond.least_squares import LeastSquares
 from sidm.learning.beyond.residual import Corrected
@@ -56,9 +56,9 @@ def test_what_is_solved_depends_on_how_it_is_solved(trial, data):
     assert not solved.stale and not trained.stale
 
 
-def test_bundles_take_the_methods_of_figure_3_and_refuse_the_others(trial):
-    assert all(fits(trial(method)) for method in FIGURE3)
-    for method in ("pooled", "mmd", "residual", "expert_only", "finetune_parts", "least_squares", "corrected"):
+def test_bundles_take_the_methods_of_figure_3_and_of_any_bodies_and_refuse_others(trial):
+    assert all(fits(trial(method)) for method in (*FIGURE3, *ANY_BODIES, "finetune_parts"))
+    for method in ("pooled", "mmd", "residual", "expert_only", "least_squares", "corrected"):
         assert not fits(trial(method))
         with pytest.raises(ConfigError, match=f"{method} .*train it alone"):
             bundles([trial(method)])

@@ -9,11 +9,10 @@ from typing import NamedTuple
 
 import torch
 
-from sidm.body import ROVER
 from sidm.config import ConfigError
 from sidm.experiments.engine import provenance
 from sidm.experiments.engine.execute import Library, evaluate, stored_as
-from sidm.experiments.engine.pretrained import folder
+from sidm.experiments.engine.pretrained import carried, folder, network_of
 from sidm.experiments.engine.store import Failure, Outcome, Row
 from sidm.experiments.trials import Trial
 from sidm.learning.beyond import pretraining
@@ -21,7 +20,6 @@ from sidm.learning.beyond.pretraining import STATE, Start, expert_in_place, star
 from sidm.learning.bundle import ONLY, SHARED, Run, train_bundle
 from sidm.learning.checkpoint import CheckpointError
 from sidm.learning.training import Tested, Trained, TrainingError
-from sidm.systems import ROLES
 from sidm.trajectory import ShardError
 
 
@@ -30,8 +28,7 @@ def fits(trial: Trial) -> bool:
     trainings = [training for training in (trial.training, trial.pretraining) if training is not None]
     plain = all(getattr(training, name) == only for training in trainings for name, only in ONLY.items())
     gradients = not trial.solved and trial.training.max_samples > 0
-    bodies = {trial.network.body(role) for role in ROLES} == {ROVER}
-    return plain and gradients and bodies and trial.network.own == "all" and not trial.residual
+    return plain and gradients and trial.network.own == "all" and not trial.residual
 
 
 def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:
@@ -93,7 +90,7 @@ def run_bundle(
             hooks.fault(trial, given)
         else:
             run = Run(library.datasets(trial), trial.training, trial.seed, checkpoint=checkpoint(trial))
-            runs.append(run._replace(start=given.weights) if given else run)
+            runs.append(run._replace(start=carried(trial, given).weights) if given else run)
             going.append((trial, given))
     ready = [trial for trial, _ in going]
     resumed = [checkpoint(trial).exists() for trial in ready]
@@ -139,7 +136,7 @@ def _pretrained(
         if one.pretraining is not None
     ]
     folders, made = list(lacking), {}
-    for number, found, _ in train_bundle(runs, lacking[folders[0]].network, seats, device) if runs else ():
+    for number, found, _ in train_bundle(runs, network_of(lacking[folders[0]]), seats, device) if runs else ():
         where = folders[number]
         made[where] = start_from(found) if isinstance(found, Trained) else found
         if isinstance(found, Trained):

@@ -60,7 +60,12 @@ def start_of(trial: Trial, datasets: Datasets, data: str | Path, device: str = "
                 train(sets, network_of(trial), trial.pretraining, trial.seed, checkpoint=state, device=device)
             )
             pretraining.keep(where, found)
-        return found.core() if trial.pretrained == "sidm" else found
+        return carried(trial, found)
+
+
+def carried(trial: Trial, start: Start) -> Start:
+    """What a trial takes of a pretraining's weights."""
+    return start.core() if trial.pretrained == "sidm" else start
 
 
 @contextlib.contextmanager

@@ -22,10 +22,10 @@ from sidm.learning.stopping import Tested
 class Bundle:
     """Seats for M trials."""
 
-    def __init__(self, shelf: Shelf, network: Network, training: Training, roles: Sequence[str], seats: int,
-                 device: torch.device):  # fmt: skip
-        self.shelf, self.network, self.training, self.roles, self.device = shelf, network, training, roles, device
-        self.stacked = StackedLearners(shelf, network, training, roles, seats, device)
+    def __init__(self, shelves: Mapping[str, Shelf], network: Network, training: Training, roles: Sequence[str],
+                 seats: int, device: torch.device):  # fmt: skip
+        self.shelves, self.network, self.training, self.roles, self.device = shelves, network, training, roles, device
+        self.stacked = StackedLearners(shelves, network, training, roles, seats, device)
         self.seats: list[Seat | None] = [None] * seats
 
     @property
@@ -61,7 +61,7 @@ class Bundle:
         """A bundle of the same trials without empty seats, in place of this one."""
         seats = [self.leave(index) for index in self.taken]
         self.close()
-        small = Bundle(self.shelf, self.network, self.training, self.roles, len(seats), self.device)
+        small = Bundle(self.shelves, self.network, self.training, self.roles, len(seats), self.device)
         for seat in seats:
             small.join(seat)
         return small
@@ -151,7 +151,7 @@ class Bundle:
             places[index, : len(mine)], counted[index, : len(mine)] = mine, True
         parts = zip(counted.split(size, dim=1), places.split(size, dim=1), strict=True)
         sums = sum(self.stacked.test(some.to(self.device), at.to(self.device)).cpu() for some, at in parts)
-        return [float(sums[index]) / (len(mine) * self.shelf.steps) for index, mine in tests.items()]
+        return [float(sums[index]) / (len(mine) * self.taken[index].steps) for index, mine in tests.items()]
 
     def _flags(self, indices: Iterable[int]) -> Tensor:
         """(M,) bool, on the device: True at `indices`."""

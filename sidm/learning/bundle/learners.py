@@ -1,12 +1,12 @@
 """What a `Learner` changes on the device, for M of them at once: weights, moments, best weights, losses.
 
 The updates are those of `training`: Algorithm 1 and the two halves of Algorithm 2. Trajectories are named by their
-places on a `Shelf`. M trials, b trajectories of T steps.
+places on their system's `Shelf`. M trials, b trajectories of T steps.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import torch
 from torch import Tensor, nn
@@ -14,8 +14,8 @@ from torch import Tensor, nn
 from sidm.learning import checkpoint
 from sidm.learning.bundle.adam import StackedAdam
 from sidm.learning.bundle.recorded import Recorded
-from sidm.learning.bundle.shelf import Shelf
-from sidm.learning.bundle.stack import Stack, within
+from sidm.learning.bundle.shelf import BLANK, Shelf
+from sidm.learning.bundle.stack import Stack, tensors_of, trailing, within
 from sidm.learning.learner import Learner
 from sidm.learning.losses import discriminator_loss, matching_loss, prediction_loss
 from sidm.learning.observation import TARGET_SIZE
@@ -28,10 +28,10 @@ NOVICE_ENCODER = "model.encoders.novice"
 class StackedLearners:
     """M trials of one Network on one device."""
 
-    def __init__(self, shelf: Shelf, network: Network, training: Training, roles: Iterable[str], trials: int,
-                 device: torch.device):  # fmt: skip
+    def __init__(self, shelves: Mapping[str, Shelf], network: Network, training: Training, roles: Iterable[str],
+                 trials: int, device: torch.device):  # fmt: skip
         """Room for `trials` trials of these `roles`; of `training` they share what `bundle.SHARED` names."""
-        self.shelf, self.training, self.roles = shelf, training, tuple(roles)
+        self.shelves, self.training, self.roles = shelves, training, tuple(roles)
         systems = (f"model.{part}.{role}" for part in ("encoders", "decoders") for role in self.roles)
         self.parts = ["model.sidm", *systems]
         self.stack = Stack(network, self.roles, trials, device, low=training.precision == "bfloat16")
@@ -41,6 +41,7 @@ class StackedLearners:
         self.discrimination = StackedAdam(self.stack.learnt("discriminator"), decoupled)
         own = training.matching_optimiser == "own"
         self.matching = StackedAdam(self.stack.learnt(NOVICE_ENCODER), decoupled) if own else self.prediction
+        self.frozen = torch.zeros(trials, dtype=torch.bool, device=device)  # whose SIDM stays as it is
         self.totals = torch.zeros(trials, 2, dtype=torch.float64, device=device)  # of losses since a test, by role
         self.right = torch.zeros(trials, device=device)  # share of latents that the discriminators told apart
         works = self._predict, self._discriminate, self._match, self._test
@@ -49,18 +50,33 @@ class StackedLearners:
 
     def _predict(self, moving: Tensor, places: Tensor, of_expert: Tensor) -> None:
         """An iteration of Algorithm 1 on the trajectories at `places` (M, b), the expert's where `of_expert`."""
-        batch = self.shelf.motion.take(places)
-        who = of_expert if len(self.roles) > 1 else "novice"
-        losses = prediction_loss(self.stack.predict(who, batch.inputs, batch.maps), batch.targets)  # (M, b, T)
+        losses = self._losses(places, of_expert)
         total = losses.mean((1, 2)).sum()  # each trial's gradient is that of its own mean
         gradients = self._gradients(total / TARGET_SIZE if self.training.reduction == "mean" else total, "model")
-        for part in self.parts:  # a system's own parts only learn where its trajectories were drawn
-            met = of_expert if part.endswith("expert") else ~of_expert if part.endswith("novice") else moving[:, None]
+        # A system's own parts only learn where its trajectories were drawn.
+        learning = {"novice": (~of_expert).any(1), "expert": of_expert.any(1), "sidm": ~self.frozen}
+        for part in self.parts:
             own = {name: one for name, one in gradients.items() if name.startswith(f"{part}.")}
-            self.prediction.step(own, moving & met.any(1))
+            self.prediction.step(own, moving & learning[part.rpartition(".")[2]])
         sums = losses.detach().double().sum(2)
         by_role = torch.stack([torch.where(of, sums, 0.0).sum(1) for of in (~of_expert, of_expert)], dim=1)
         self.totals.add_(torch.where(moving[:, None], by_role, 0.0))
+
+    def _losses(self, places: Tensor, of_expert: Tensor) -> Tensor:
+        """Equation (1), (M, b, T), of the trajectories at `places` (M, b), the expert's where `of_expert`."""
+        if len(self.roles) > 1 and self.shelves["expert"] is self.shelves["novice"]:
+            batch = self.shelves["novice"].motion.take(places)
+            return prediction_loss(self.stack.predict(of_expert, batch.inputs, batch.maps), batch.targets)
+        # Systems that differ in shapes or units compute on all places, on blanks where the other's trajectory stands.
+        own = {role: torch.where(mine, places, BLANK)
+               for role, mine in zip(self.roles, (~of_expert, of_expert), strict=False)}  # fmt: skip
+        transitions = self.stack.transitions(chosen(of_expert, [self._latents(role, at) for role, at in own.items()]))
+        targets = {role: self.shelves[role].motion.targets[at] for role, at in own.items()}
+        losses = (self._loss(role, self.stack.decode(role, transitions), one) for role, one in targets.items())
+        return chosen(of_expert, list(losses))
+
+    def _loss(self, role: str, predicted: Tensor, targets: Tensor) -> Tensor:
+        return prediction_loss(predicted, targets, self.stack.loss_weights(role))
 
     def _discriminate(self, moving: Tensor, expert_places: Tensor, novice_places: Tensor) -> None:
         """One update of A alone, equation (2)."""
@@ -79,14 +95,14 @@ class StackedLearners:
 
     def _test(self, counted: Tensor, places: Tensor) -> Tensor:
         """(M,) float64: sums of equation (1) over the trajectories at `places` (M, b) that are `counted`."""
-        batch = self.shelf.motion.take(places)
+        batch = self.shelves["novice"].motion.take(places)
         with torch.no_grad():
             predicted = self.stack.predict("novice", batch.inputs, batch.maps, exact=True)
-        losses = prediction_loss(predicted, batch.targets).double().sum(2)
+        losses = self._loss("novice", predicted, batch.targets).double().sum(2)
         return torch.where(counted, losses, 0.0).sum(1)
 
     def _latents(self, role: str, places: Tensor) -> Tensor:
-        batch = self.shelf.motion.take(places)
+        batch = self.shelves[role].motion.take(places)
         return self.stack.encode(role, batch.inputs, batch.maps)
 
     def _gradients(self, loss: Tensor, part: str) -> dict[str, Tensor]:
@@ -107,9 +123,10 @@ class StackedLearners:
     def put(self, trial: int, learner: Learner) -> None:
         """Take over what `learner` has learnt so far."""
         modules = nn.ModuleDict({"model": learner.model, "discriminator": learner.discriminator})
-        self.stack.put(trial, modules.state_dict())
+        self.stack.put(trial, tensors_of(modules))
         for name, best in self.best.items():
             best[trial] = learner.best.get(name.removeprefix("model."), torch.zeros(()))
+        self.frozen[trial] = learner.training.frozen == "sidm"
         self.totals[trial] = self.right[trial] = 0.0
         for stacked, single, names in self._optimisers(learner):
             state = {}
@@ -148,4 +165,9 @@ class StackedLearners:
         if self.matching is not self.prediction:
             pairs.append((self.matching, learner.matching, NOVICE_ENCODER, learner.model.encoders["novice"]))
         for stacked, single, prefix, module in pairs:
-            yield stacked, single, [f"{prefix}.{name}" for name, _ in module.named_parameters()]
+            yield stacked, single, [f"{prefix}.{name}" for name, one in module.named_parameters() if one.requires_grad]
+
+
+def chosen(of_expert: Tensor, by_role: Sequence[Tensor]) -> Tensor:
+    """(M, b, ...) of the novice's and the expert's, where there is one, by whose trajectory stands at (M, b)."""
+    return torch.where(trailing(of_expert, by_role[0].ndim), by_role[-1], by_role[0])

@@ -14,7 +14,7 @@ from sidm.learning.dataset import Datasets
 from sidm.learning.learner import Learner
 from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import TrainingError
-from sidm.learning.units import Standardisation
+from sidm.learning.units import Units
 
 
 class Run(NamedTuple):
@@ -23,7 +23,7 @@ class Run(NamedTuple):
     datasets: Datasets
     training: Training
     seed: int
-    standardisation: Standardisation | None = None
+    standardisation: Units | None = None
     checkpoint: Path | None = None  # a folder to go on from and to write to
     start: Mapping[str, Tensor] | None = None  # initial weights; fresh ones by default
 
@@ -31,7 +31,7 @@ class Run(NamedTuple):
 class Seat:
     """A trial in the bundle: its learner, where its data stand, what became of it."""
 
-    def __init__(self, number: int, run: Run, network: Network, shelf: Shelf):
+    def __init__(self, number: int, run: Run, network: Network, shelves: Mapping[str, Shelf]):
         """Run `number` from its initial weights, or from its checkpoint."""
         self.number, self.run = number, run
         self.learner = Learner(
@@ -39,9 +39,9 @@ class Seat:
         )
         if run.checkpoint is not None:
             self.learner.restore(run.checkpoint)
-        self.places = {role: shelf.places(self.learner.part(role)) for role in self.learner.model.encoders}
-        self.tests = shelf.places(run.datasets.test)[: len(self.learner.test)]
-        self.steps = shelf.steps
+        self.places = {role: shelves[role].places(self.learner.part(role)) for role in self.learner.model.encoders}
+        self.tests = shelves["novice"].places(run.datasets.test)[: len(self.learner.test)]
+        self.steps = shelves["novice"].steps
         self.error: TrainingError | None = None
         self.seconds = 0.0  # its share of the bundle's time
 
@@ -51,7 +51,7 @@ class Seat:
         return self.error is not None or self.learner.finished
 
     def draw_batches(self, iterations: int) -> tuple[Tensor, Tensor]:
-        """Places on the shelf of batches' trajectories, and which are the expert's, each (iterations, b)."""
+        """Places on their system's shelf of batches' trajectories, and which are the expert's, each (iterations, b)."""
         places, of_expert = [], []
         for _ in range(iterations):
             for role, which in self.learner.draw_batch_indices().items():

@@ -10,9 +10,11 @@ from torch import Tensor
 from sidm.config import ConfigError
 from sidm.learning.dataset import Motion, Part
 
+BLANK = 0  # the place of a trajectory of zeros, for places of a batch where none was drawn
+
 
 class Shelf:
-    """All trajectories that some trials learn from and test on."""
+    """All trajectories that some trials learn from and test on, of systems of one body."""
 
     def __init__(self, motions: Iterable[Motion | Part], device: torch.device):
         """Copy the data of `motions` to `device`.
@@ -25,7 +27,7 @@ class Shelf:
         if len(shapes) > 1:
             raise ConfigError(f"the maps (T, P, P) of a bundle must have one shape, not {sorted(shapes)}")
         refuse_too_much(self._wholes.values(), device)
-        self._first, count = {}, 0
+        self._first, count = {}, BLANK + 1
         for key, whole in self._wholes.items():
             self._first[key], count = count, count + len(whole)
         self.motion = Motion(*(_copied([getattr(whole, name) for whole in self._wholes.values()], count, device)
@@ -57,9 +59,10 @@ def _whole(motion: Motion | Part) -> Motion:
 
 
 def _copied(tensors: list[Tensor], count: int, device: torch.device) -> Tensor:
-    """All rows in one tensor on the device; piece by piece, so that files are never held twice."""
+    """All rows in one tensor on the device, behind a blank one; piece by piece, so that files are never held twice."""
     together = torch.empty(count, *tensors[0].shape[1:], dtype=tensors[0].dtype, device=device)
-    start = 0
+    together[BLANK] = 0
+    start = BLANK + 1
     for tensor in tensors:
         for piece in tensor.split(256):
             together[start : start + len(piece)] = piece

@@ -38,10 +38,9 @@ class Stack:
         with torch.device("meta"):  # shapes without numbers
             parts = {"model": DynamicsModel(network, roles=roles), "discriminator": Discriminator(network)}
         self.modules = nn.ModuleDict(parts)
-        learnt = {name for name, _ in self.modules.named_parameters()}
         self.weights = {
-            name: torch.zeros(trials, *one.shape, device=device, requires_grad=name in learnt)
-            for name, one in self.modules.state_dict().items()
+            name: torch.zeros(trials, *one.shape, device=device, requires_grad=isinstance(one, nn.Parameter))
+            for name, one in tensors_of(self.modules).items()
         }  # e.g. 'model.sidm.lstm.weight_ih_l0': (M, 4 H, K)
 
     def learnt(self, part: str) -> dict[str, Tensor]:
@@ -55,34 +54,34 @@ class Stack:
                 weights[trial] = tensors.get(name, torch.zeros(()))
 
     def encode(self, who: Who, inputs: Tensor, maps: Tensor, exact: bool = False) -> Tensor:
-        """Latent state-actions (M, B, T, latent) of inputs (M, B, T, 11), raw units, and maps (M, B, T, P, P), m."""
+        """Latent state-actions (M, B, T, latent) of inputs (M, B, T, X), raw units, and maps (M, B, T, P, P), m."""
         if isinstance(who, str):  # one system's weights serve all rows of a trial
             latents = self._encode(who, inputs.flatten(1, 2)[:, None], maps.flatten(1, 2)[:, None], exact)
             return latents.reshape(*inputs.shape[:3], -1)
         return self._encode(who, inputs, maps, exact)
 
     def _encode(self, who: Who, inputs: Tensor, maps: Tensor, exact: bool) -> Tensor:
-        units = {name: self._units(f"encoders.novice.{name}", inputs.ndim) for name in
+        units = {name: self._buffer(f"encoders.{role_of(who)}.{name}", inputs.ndim) for name in
                  ("input_mean", "input_std", "map_mean", "map_std")}  # fmt: skip
-        numbers = (inputs - units["input_mean"]) / units["input_std"]  # (M, B, T, 11)
+        rows = (inputs - units["input_mean"]) / units["input_std"]  # (M, B, T, X)
         pixels = (maps.to(inputs.dtype) - units["map_mean"][..., None]) / units["map_std"][..., None]
         # Without the cache of weights in low precision, which a recorded graph would outlive.
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.low and not exact, cache_enabled=False):
-            features = self._convolve(who, pixels)
-            rows = torch.cat([features, numbers.to(features.dtype)], dim=-1)
+            if pixels.shape[-1]:
+                features = self._convolve(who, pixels)
+                rows = torch.cat([features, rows.to(features.dtype)], dim=-1)
             return self._dense("encoders", who, rows).to(inputs.dtype)
 
     def _convolve(self, who: Who, pixels: Tensor) -> Tensor:
         """Map features (M, B, T, 4 (P - 6)^2); every trajectory is convolved with the kernels of its system."""
-        kernels = {}
-        for name, mine in within("model.encoders.novice.convolutions", self.weights).items():
-            if isinstance(who, str):
-                mine = self.weights[f"model.encoders.{who}.convolutions.{name}"][:, None]
-            else:
+        kernels, path = {}, f"model.encoders.{role_of(who)}.convolutions"
+        for name, mine in within(path, self.weights).items():
+            mine = mine[:, None]
+            if not isinstance(who, str):
                 theirs = self.weights[f"model.encoders.expert.convolutions.{name}"]
-                mine = torch.where(trailing(who, mine.ndim + 1), theirs[:, None], mine[:, None])
+                mine = torch.where(trailing(who, mine.ndim), theirs[:, None], mine)
             kernels[name] = mine.expand(-1, pixels.shape[1], *mine.shape[2:]).flatten(0, 1)  # (M B, ...)
-        module = self.modules.get_submodule("model.encoders.novice.convolutions")
+        module = self.modules.get_submodule(path)
         rows = pixels.flatten(0, 1).unsqueeze(2)  # (M B, T, 1, P, P)
         widest = len(rows) * kernels["0.weight"].shape[1] * pixels.shape[-1] ** 2  # numbers a step, rather more
         pieces = [over(module, kernels, piece) for piece in rows.split(max(1, LARGEST // widest), dim=1)]
@@ -101,21 +100,43 @@ class Stack:
         flat = over(self.modules.get_submodule(path), within(path, self.weights), rows.flatten(1, 2))
         return flat.unflatten(1, rows.shape[1:3])
 
-    def _units(self, name: str, ndim: int) -> Tensor:
+    def _buffer(self, name: str, ndim: int) -> Tensor:
         """A buffer of the trials, (M, 1, 1, .) for `ndim` of 4."""
         buffer = self.weights[f"model.{name}"]
         return buffer.reshape(len(buffer), *[1] * (ndim - 2), -1)
 
     def predict(self, who: Who, inputs: Tensor, maps: Tensor, exact: bool = False) -> Tensor:
-        """State transitions y' (M, B, T, 13), raw units."""
-        hidden = lstm(within("model.sidm.lstm", self.weights), self.encode(who, inputs, maps, exact))
-        scaled = self._dense("decoders", who, self._layers("model.sidm.output", hidden))
-        mean, std = (self._units(f"decoders.novice.{name}", scaled.ndim) for name in ("target_mean", "target_std"))
+        """State transitions y' (M, B, T, Y), raw units."""
+        return self.decode(who, self.transitions(self.encode(who, inputs, maps, exact)))
+
+    def transitions(self, latents: Tensor) -> Tensor:
+        """Latent state transitions (M, B, T, 64) of latents (M, B, T, latent)."""
+        return self._layers("model.sidm.output", lstm(within("model.sidm.lstm", self.weights), latents))
+
+    def decode(self, who: Who, transitions: Tensor) -> Tensor:
+        """State transitions y' (M, B, T, Y), raw units, of latent ones (M, B, T, 64)."""
+        scaled, path = self._dense("decoders", who, transitions), f"decoders.{role_of(who)}"
+        mean, std = (self._buffer(f"{path}.{name}", scaled.ndim) for name in ("target_mean", "target_std"))
         return mean + std * scaled
+
+    def loss_weights(self, role: str) -> Tensor | None:
+        """Weights (M, 1, 1, Y) of a system's components in equation (1); None: all 1."""
+        name = f"decoders.{role}.weights"
+        return self._buffer(name, 4) if f"model.{name}" in self.weights else None
 
     def logits(self, latents: Tensor) -> Tensor:
         """The discriminators' log odds (M, B, T) of latents (M, B, T, latent)."""
         return self._layers("discriminator.dense", latents).squeeze(-1)
+
+
+def tensors_of(module: nn.Module) -> dict[str, Tensor]:
+    """Parameters and buffers by name, those too that no checkpoint keeps."""
+    return {**dict(module.named_parameters()), **dict(module.named_buffers())}
+
+
+def role_of(who: Who) -> str:
+    """Whose shapes and units hold for `who`: where both systems stand in one batch, they have the same."""
+    return who if isinstance(who, str) else "novice"
 
 
 def within(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import torch
 
+from sidm.body import ROVER
 from sidm.config import ConfigError
 from sidm.learning.bundle.bundle import Bundle
 from sidm.learning.bundle.seat import Run, Seat
@@ -26,7 +27,7 @@ SHARED = (
 )  # fmt: skip
 
 #: What a bundle cannot vary: the settings' only values in it.
-ONLY = {"matching": "adversary", "frozen": "nothing", "tether": 0.0, "averaging": 0.0, "mirror": False}
+ONLY = {"matching": "adversary", "tether": 0.0, "averaging": 0.0, "mirror": False}
 
 SAVE_INTERVAL = 600.0  # s between two writings of all checkpoints
 SHRINK = 8  # the bundle is made smaller when one of so many seats is empty and no trial waits
@@ -68,12 +69,10 @@ def train_bundle(
     if not runs:
         return
     training, needs_expert = runs[0].training, any(run.training.needs_expert for run in runs)
-    roles, names = (ROLES, ("train", "test", "expert")) if needs_expert else (ROLES[:1], ("train", "test"))
-    motions = [getattr(run.datasets, name) for run in runs for name in names]
-    device = torch.device(device)
-    shelf = Shelf([motion for motion in motions if motion is not None], device)
+    roles, device = ROLES if needs_expert else ROLES[:1], torch.device(device)
+    shelves = shelves_of(runs, network, roles, device)
     waiting = deque(enumerate(runs))
-    bundle = Bundle(shelf, network, training, roles, min(seats, len(runs)), device)
+    bundle = Bundle(shelves, network, training, roles, min(seats, len(runs)), device)
     with products(training.precision):
         yield from _train(bundle, waiting, progress)
 
@@ -88,7 +87,7 @@ def _train(
             while waiting and None in bundle.seats:
                 number, run = waiting.popleft()
                 try:
-                    bundle.join(Seat(number, run, bundle.network, bundle.shelf))
+                    bundle.join(Seat(number, run, bundle.network, bundle.shelves))
                 except CheckpointError as error:
                     yield Ended(number, error, 0.0)
             bundle.timed_phase(progress)
@@ -102,6 +101,19 @@ def _train(
                 bundle = bundle.shrunk()
     finally:
         bundle.close()
+
+
+def shelves_of(
+    runs: Sequence[Run], network: Network, roles: Sequence[str], device: torch.device
+) -> dict[str, Shelf]:
+    """The data of each system; on one shelf where both have the paper's body, and so the same shapes and units."""
+    novice = [motion for run in runs for motion in (run.datasets.train, run.datasets.test)]
+    if len(roles) == 1:
+        return {"novice": Shelf(novice, device)}
+    expert = [run.datasets.expert for run in runs if run.datasets.expert is not None]
+    if network.body("novice") == network.body("expert") == ROVER:
+        return dict.fromkeys(roles, Shelf([*novice, *expert], device))
+    return {"novice": Shelf(novice, device), "expert": Shelf(expert, device)}
 
 
 def check_shared(runs: Sequence[Run], network: Network) -> None:

@@ -11,8 +11,10 @@ from sidm.__main__ import main
 from sidm.config import ConfigError
 from sidm.experiments import Failure, Results, Study, run, run_trial
 from sidm.experiments.engine import bundles as bundled
-from sidm.experiments.engine.bundles import bundles
+from sidm.experiments.engine.bundles import bundles, fits
 from sidm.experiments.engine.run import checkpoint_folder, run_here
+from sidm.experiments.methods import ANY_BODIES
+from sidm.experiments.studies.other_bodies import NOVICES
 from sidm.learning import TrainingError
 
 
@@ -39,6 +41,21 @@ def test_a_bundle_stores_what_trials_alone_give(study, data, tmp_path):
         assert row.outcome.position_error == pytest.approx(alone.position_error, rel=0.1)  # grows over 25 steps
         assert row.outcome.samples == alone.samples
         assert not checkpoint_folder(data, trial, "bundle").exists()
+
+
+@pytest.mark.parametrize("novice", ["no map", "planar"])
+def test_a_bundle_stores_what_pairs_of_two_bodies_give(tiny, study, data, tmp_path, novice):
+    """By every method that learns them; what pretrained the core is the expert alone, of its own body."""
+    network = dataclasses.replace(tiny.network, novice_body=NOVICES[novice])
+    trials = study.of(dataclasses.replace(tiny, network=network)).points("system1", ANY_BODIES, [0.25], seeds=1)
+    assert len(trials) == 5 and all(map(fits, trials)) and sorted(map(len, bundles(trials))) == [2, 3]
+    store = run(trials, data=data, results=tmp_path, progress=False, bundle=3)
+    for trial, row in zip(trials, store.rows(trials), strict=True):
+        alone = run_trial(trial, data).outcome
+        assert row.provenance.bundle == 3 and row.outcome.samples == alone.samples
+        assert row.outcome.pretraining_samples == alone.pretraining_samples
+        assert row.outcome.validation_loss == pytest.approx(alone.validation_loss, rel=1e-3)
+        assert row.outcome.curve_test_loss == pytest.approx(alone.curve_test_loss, rel=1e-3)
 
 
 def test_what_goes_into_one_bundle(study):
