@@ -14,13 +14,13 @@ import torch
 from sidm.body import Body, read_body
 from sidm.config import ConfigError
 from sidm.experiments.engine.execute import one_thread
-from sidm.fitting.learning import SETTINGS, datasets, learn, network_for, pretrain, refuse_method
+from sidm.fitting.learning import SETTINGS, datasets, learn, network_for, pretrain, refuse_method, units_in
 from sidm.fitting.model import RobotModel, save
 from sidm.learning.beyond.recorded import Pieces, common_length, cut, learn_and_test, session_order
 from sidm.learning.evaluation import rollout_errors
 from sidm.learning.losses import component_losses
 from sidm.learning.stopping import Tested
-from sidm.learning.units import units_for, units_of
+from sidm.learning.units import units_for
 from sidm.progress import progress_bar
 from sidm.recordings import Drive, read_drives
 
@@ -82,7 +82,7 @@ def fit(
             start = pretrain(method, sets, network, seed, folder=folders[0], progress=tell)
         with _watched(f"fitting {method}, at most", progress) as tell:
             trained = learn(method, sets, network, seed, start=start, folder=folders[1], progress=tell)
-    scale = units_for(units_of(sets, network), "novice").target_std.square().reciprocal()
+    scale = units_for(units_in(sets, network), "novice").target_std.square().reciprocal()
     model = RobotModel(
         trained.model.eval(), mine, method, steps, pieces.minutes, float(trained.best_test_loss), network, scale
     )

@@ -16,7 +16,7 @@ from sidm.learning.dataset import Datasets
 from sidm.learning.model import DynamicsModel
 from sidm.learning.settings import Network
 from sidm.learning.training import Progress, Trained, train
-from sidm.learning.units import Standardisation, loss_weights, units_for, units_of
+from sidm.learning.units import Standardisation, Units, loss_weights, units_for, units_of
 
 #: Methods that recorded robots are learnt by.
 FITTED = (
@@ -57,6 +57,11 @@ def datasets(
     return Datasets(own, stops, judges, None if expert is None else expert.motion(pixels))
 
 
+def units_in(sets: Datasets, network: Network) -> Units:
+    """Units inside the networks: `units_of`, or the novice's own where it is alone."""
+    return {"novice": Standardisation.of(sets.train)} if sets.expert is None else units_of(sets, network)
+
+
 def pretrain(
     method: str, sets: Datasets, network: Network, seed: int = 0, preset: Preset = SETTINGS,
     folder: Path | None = None, progress: Progress | None = None,
@@ -91,7 +96,7 @@ def learn(
         ConfigError: a method for other robots than these.
     """
     refuse_method(method, network.body("novice"), None if sets.expert is None else network.body("expert"))
-    one, units = METHODS[method], units_of(sets, network)
+    one, units = METHODS[method], units_in(sets, network)
     if start is not None and one.carried == "sidm":
         start = start.core()
     if one.fit == "least_squares":

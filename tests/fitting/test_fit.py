@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 
 from sidm import __main__ as command_line
-from sidm.body import read_body
+from sidm.body import ROVER, read_body
 from sidm.config import ConfigError
 from sidm.fitting import fit as fitting
 from sidm.fitting import learning, model
-from sidm.recordings import read_drives
+from sidm.recordings import read_drives, write_drives
 
 RECORDINGS = Path(__file__).parents[2] / "recordings"
 BODY = RECORDINGS / "skid_steer.yaml"
@@ -97,3 +97,22 @@ def test_the_commands_lead_from_file_to_predictions(tmp_path, capsys):
     assert len(pd.read_csv(tmp_path / "found.csv")) == 287 * 19
     assert command_line.main(["evaluate", out, str(RECORDINGS / "hunter.csv.gz")]) == 1
     assert "column 'command_left' of body 'skid-steered' is missing" in capsys.readouterr().err
+
+
+def test_a_robot_on_rough_ground_is_learnt_with_its_map(tmp_path):
+    """The paper's body, from an .npz with grounds; it drives open loop over the map."""
+    some = read_drives(RECORDINGS / "system1.npz", ROVER)[:12]
+    write_drives(tmp_path / "mine.npz", some, ROVER, "some")
+    found = fitting.fit(tmp_path / "mine.npz", body=RECORDINGS / "rover.yaml", out=tmp_path / "model")
+    table = fitting.evaluate(model.load(tmp_path / "model"), tmp_path / "mine.npz")
+    assert found.body == ROVER and found.steps == 64
+    assert np.isfinite(table.error).all() and table[table.quantity == "position"].horizon.max() == 60
+    assert len(fitting.predict(found, tmp_path / "mine.npz")) == 12 * 64
+
+
+@pytest.mark.parametrize("name", ["warthog", "husky", "hunter"])
+def test_the_models_kept_here_predict_their_robots(name):
+    """Better than the mean by far; they have learnt from these drives."""
+    found = model.load(RECORDINGS / "models" / name)
+    drives = read_drives(RECORDINGS / f"{name}.csv.gz", found.body)
+    assert fitting.evaluate(found, drives[:50]).share.iloc[len(found.body.targets) - 1] < 0.3

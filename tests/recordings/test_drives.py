@@ -102,6 +102,19 @@ def test_what_is_written_reads_back(write, tmp_path):
     assert np.allclose(again.states, drives[0].states, rtol=1e-3, atol=1e-4)
 
 
+def test_a_file_of_many_drives_keeps_their_sessions(write, tmp_path):
+    (drive,) = read_drives(write(text(circle())), BODY)
+    write_drives(tmp_path / "many.npz", [drive._replace(session=name) for name in "aab"], BODY, "a test")
+    found = read_drives(tmp_path / "many.npz", BODY)
+    assert [one.session for one in found] == ["a", "a", "b"]
+    assert all(np.allclose(one.states, drive.states, atol=1e-5) and one.ground is None for one in found)
+
+
+def test_drives_are_not_written_as_what_cannot_hold_them(tmp_path):
+    with pytest.raises(ValueError, match="0 drives of body 'cart'; they are written as .csv, .csv.gz, .npz"):
+        write_drives(tmp_path / "none.csv", [], BODY, "nobody")
+
+
 def with_value(column: int, row: int, value: float) -> np.ndarray:
     rows = circle()
     rows[row, column] = value

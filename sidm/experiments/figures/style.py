@@ -41,6 +41,7 @@ _LOOKS |= {  # of what might do better, and of no network
     "adapters": {"color": "#8C6D00", "linestyle": "-.", "marker": "P"},
     "copies": {"color": "#E69F00", "linestyle": "-", "marker": "^"},
     "copies_no_regularisation": {"color": "#56B4E9", "linestyle": "--", "marker": "<"},
+    "core_finetune": {"color": "#E69F00", "linestyle": "-.", "marker": "v"},
 }
 _PLAIN = {"color": "#555555", "linestyle": "-", "marker": "."}  # of methods that no curve shows
 

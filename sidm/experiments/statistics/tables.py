@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sidm.body import Body
 from sidm.experiments.engine.store import Results
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
@@ -62,7 +63,8 @@ def differences(trial: Trial, base: Trial) -> str:
         one, other = getattr(trial, part), getattr(base, part)
         if one is not None and other is not None:
             names = [field.name for field in dataclasses.fields(one)]
-            words += [f"{n}={getattr(one, n)}" for n in names if getattr(one, n) != getattr(other, n)]
+            values = {n: getattr(one, n) for n in names if getattr(one, n) != getattr(other, n)}
+            words += [f"{n}={v.name if isinstance(v, Body) else v}" for n, v in values.items()]
     return ", ".join(dict.fromkeys(words))
 
 

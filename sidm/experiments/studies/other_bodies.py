@@ -8,7 +8,10 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from sidm.body import DRIVE, ROVER, TWIST, Body
+from sidm.experiments.figures.style import METHOD_STYLES, finish, legend_below, side_by_side, styled
 from sidm.experiments.methods import ANY_BODIES
 from sidm.experiments.statistics.pairs import beside
 from sidm.experiments.study import Study
@@ -16,6 +19,7 @@ from sidm.experiments.trials import Trial
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 TILT = (("up_x", "1"), ("up_y", "1"), ("up_z", "1"))
 
@@ -54,3 +58,33 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     others = [name for name in ANY_BODIES if name != "sidm"]
     found = [beside(sidm, frame[frame.method == other], on=point).assign(against=other) for other in others]
     return pd.concat(found, ignore_index=True)
+
+
+def by_novice(frame: pd.DataFrame) -> pd.DataFrame:
+    """Results of the novice as it is told apart by its body, a system each."""
+    return frame.assign(system=frame.novice_body)
+
+
+SHOWN = ("novice_only", "core_finetune")  # that an SIDM is drawn against
+
+
+@styled
+def figure(table: pd.DataFrame) -> Figure:
+    """The loss with an SIDM by that of SHOWN, below 1 where the SIDM is better: a plot a size, a line a novice."""
+    sizes = sorted(table.novice_minutes.unique())
+    figure, panels = side_by_side(max(len(sizes), 1))
+    names = list(NOVICES)
+    for axes, minutes in zip(panels, sizes, strict=False):
+        for number, other in enumerate(SHOWN):
+            mine = table[(table.novice_minutes == minutes) & (table.against == other)]
+            height = mine.novice_body.map(names.index) + 0.2 * (number - 0.5)
+            off = np.clip([mine.ratio - mine.low, mine.high - mine.ratio], 0, None)
+            style = METHOD_STYLES[other] | {"linestyle": "", "label": f"against {METHOD_STYLES[other]['label']}"}
+            axes.errorbar(mine.ratio, height, xerr=off, capsize=2, elinewidth=1, **style)
+        axes.axvline(1, color="0.5", lw=1, linestyle="-", marker="", zorder=0)
+        axes.set(xlabel="loss with SIDM by the other's (-)", title=f"{minutes:g} min of novice data")
+        axes.set_yticks(range(len(names)), names)
+        axes.set_ylim(len(names) - 0.5, -0.5)
+        finish(axes, legend=False)
+    legend_below(figure, panels)
+    return figure

@@ -1,11 +1,14 @@
 """Real robots: their recordings learnt by every method, judged by sessions that none has seen, and told as a table."""
 
+import numpy as np
 import pytest
+import torch
 
 from sidm.config import ConfigError
 from sidm.experiments import Study
 from sidm.experiments.catalogue import run_study
 from sidm.experiments.presets import load_preset
+from sidm.experiments.studies.real_robots import jitter
 from sidm.experiments.studies.real_robots import measure as m
 from sidm.experiments.studies.real_robots import results as r
 from sidm.learning.beyond.recorded import learn_and_test, session_order
@@ -54,3 +57,27 @@ def test_the_stored_study_is_whole_and_its_table_pairs_the_seeds():
 def test_a_study_is_asked_for_its_own_systems_alone(tmp_path):
     with pytest.raises(ConfigError, match="is about husky to warthog"):
         run_study("real-robots", load_preset("smoke"), ["system1"], 1, tmp_path, tmp_path)
+
+
+def test_jitter_is_found_in_a_smooth_path(rng):
+    """Noise of 2 cm, 1 cm and 0.01 rad on a curve of 20 steps; the curve itself is no jitter."""
+    piece, time = m.robot("warthog", 19), 0.1 * np.arange(20)
+    yaw = np.tile(0.5 * time, (300, 1))
+    smooth = np.stack([2 * np.sin(yaw), 2 - 2 * np.cos(yaw), yaw, *np.zeros((3, 300, 20))], -1)
+    first, size = piece._replace(states=torch.from_numpy(smooth)), (0.02, 0.01, 0.01)
+    assert jitter.jitter(first).max() < 1e-4
+    forward, left, turn = (scale * rng.normal(size=yaw.shape) for scale in size)
+    noisy = smooth.copy()
+    noisy[..., 0] += np.cos(yaw) * forward - np.sin(yaw) * left
+    noisy[..., 1] += np.sin(yaw) * forward + np.cos(yaw) * left
+    noisy[..., 2] += turn
+    assert jitter.jitter(piece._replace(states=torch.from_numpy(noisy))) == pytest.approx(size, rel=0.1)
+
+
+def test_jitter_costs_at_least_half_of_what_it_costs_without_memory():
+    found = jitter.floor(m.robot("warthog"))
+    assert found.loss[1] == 2 * found.loss[0] and 0.1 < found.loss[0] < 0.2
+    assert 0.02 < found.displacement[0] < found.displacement[1] < 0.1 and found.heading[1] > found.heading[0]
+    floors = {"warthog": found.loss, "husky": jitter.floor(m.robot("husky")).loss}
+    figure = r.figure(m.records("results").frame(), "loss", floors)
+    assert [line.get_text() for line in figure.legends[0].get_texts()][-1] == "jitter of the pose"

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from sidm.experiments.figures.style import METHOD_STYLES, finish, side_by_side, styled
+from sidm.experiments.figures.style import METHOD_STYLES, finish, legend_below, side_by_side, styled
 from sidm.experiments.statistics.pairs import beside
 from sidm.experiments.studies.real_robots.measure import ALONE, PAIRS
 
@@ -13,6 +14,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SIZED = ("minutes", "loss", "displacement", "heading", "cold_displacement", "cold_heading")
+LABELS = {"loss": "loss (6: that of the mean)", "displacement": "displacement error after 1.5 s (m)",
+          "heading": "heading error after 1.5 s (rad)"}  # fmt: skip
+SHOWN = ("novice_only", "sidm", "core_finetune", "pretrain_finetune", "least_squares", "differential_drive")
+KINEMATIC = {"color": "#000000", "linestyle": (0, (1, 1)), "marker": ""}
 NAMES = {"differential_drive": "ideal differential drive", "rotation_centres": "instantaneous centres of rotation"}
 
 
@@ -49,16 +54,25 @@ def table(frame: pd.DataFrame, value: str = "loss", against: str = "novice_only"
 
 
 @styled
-def figure(frame: pd.DataFrame, value: str = "loss", label: str = "loss, 1 a component is the mean's") -> Figure:
-    """Means over seeds against minutes of the novice's motion: a plot a pair, a line a method."""
+def figure(frame: pd.DataFrame, value: str = "loss", floors: Mapping[str, tuple[float, float]] | None = None) -> Figure:
+    """Means over seeds against minutes of the novice's motion: a plot a pair, a line a method.
+
+    Args:
+        frame: of records.
+        value: a key of LABELS.
+        floors: by the novice, what the jitter of its pose alone costs, at least and at most.
+    """
     every = long(frame)
     figure, panels = side_by_side(len(PAIRS))
-    for axes, pair in zip(panels, PAIRS, strict=True):
+    for axes, (pair, (_, novice)) in zip(panels, PAIRS.items(), strict=True):
         mine = every[every.system == pair]
-        for method, some in mine.groupby("method", sort=False):
-            means = some.groupby("sessions")[["minutes", value]].mean()
-            style = METHOD_STYLES.get(method, {"label": NAMES.get(method, method)})
-            axes.plot(means.minutes, means[value], **style)
-        axes.set(xscale="log", yscale="log", xlabel="novice data (min)", ylabel=label, title=pair)
-        finish(axes)
+        for method in SHOWN:
+            means = mine[mine.method == method].groupby("sessions")[["minutes", value]].mean()
+            style = METHOD_STYLES.get(method, KINEMATIC | {"label": NAMES.get(method, method)})
+            axes.plot(means.minutes, means[value], **style if len(means) else {})
+        if floors and len(mine):
+            axes.axhspan(*floors[novice], color="0.5", alpha=0.3, lw=0, label="jitter of the pose")
+        axes.set(xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LABELS[value], title=pair)
+        finish(axes, (0.2, 0.5, 1, 2, 5), legend=False)
+    legend_below(figure, panels)
     return figure
