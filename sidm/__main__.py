@@ -273,11 +273,6 @@ def run_run(arguments: argparse.Namespace) -> int:
     return 1 if missing else 0
 
 
-def _systems(arguments: argparse.Namespace) -> list[str]:
-    """The one of --system, or both."""
-    return [arguments.system] if arguments.system else list(SYSTEMS)
-
-
 def run_study(arguments: argparse.Namespace) -> int:
     """`study`: 1 when results are missing at the end."""
     from sidm.experiments.catalogue import run_study

@@ -199,19 +199,6 @@ def _read_file(path: Path) -> dict[str, Any]:
     return values
 
 
-def run_notebook(
-    path: Path, output: Path, parameters: Mapping[str, Any] | None = None, parameter_files: Iterable[Path] = ()
-) -> Path:
-    """Execute a notebook into `output` with checked parameters; its working folder is the project's.
-
-    ConfigError before anything runs when a parameter cannot be used; NotebookError when a cell fails, and then `output`
-    holds all up to that cell.
-    """
-    values = merge_parameters(Path(path), parameters or {}, parameter_files)
-    execute([Run(Path(path), Path(output), values)], project_root(), shown=False)
-    return Path(output)
-
-
 def refresh(path: Path) -> Path:
     """Execute a notebook with its defaults and keep the outputs in it, without the times that change at each run.
 

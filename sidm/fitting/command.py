@@ -25,6 +25,9 @@ def add_commands(command: Adds) -> None:
     fit.add_argument("--out", metavar="DIR", required=True, help="folder of the model")
     evaluate = command("evaluate", run_evaluate, "How well a fitted model predicts other drives, with a figure.")
     predict = command("predict", run_predict, "What a fitted model predicts of drives, as CSV.")
+    for one in (fit, evaluate, predict):
+        words = "topics of ROS bags that are read, where several could be meant (all)"
+        one.add_argument("--topics", metavar="NAME", nargs="+", default=[], help=words)
     for one in (evaluate, predict):
         one.add_argument("model", metavar="MODEL", help="folder of a model that 'sidm fit' made")
         one.add_argument("drives", metavar="PATH", help=_DRIVES)
@@ -38,7 +41,7 @@ def run_fit(arguments: argparse.Namespace) -> int:
 
     found = fit(
         arguments.novice, arguments.expert, arguments.body, arguments.expert_body, arguments.method, arguments.out,
-        arguments.seed, progress=True,
+        arguments.seed, arguments.topics, progress=True,
     )  # fmt: skip
     mean = len(found.body.targets)
     print(
@@ -54,7 +57,7 @@ def run_evaluate(arguments: argparse.Namespace) -> int:
     from sidm.fitting.model import load
     from sidm.fitting.report import figure
 
-    table = evaluate(load(arguments.model), arguments.drives)
+    table = evaluate(load(arguments.model), arguments.drives, arguments.topics)
     print(shown(table))
     path = Path(arguments.figure or Path(arguments.model) / "evaluation.png")
     figure(table).savefig(path)
@@ -74,7 +77,7 @@ def run_predict(arguments: argparse.Namespace) -> int:
     from sidm.fitting.model import load
     from sidm.storage import write_atomically
 
-    text = predict(load(arguments.model), arguments.drives).to_csv(index=False, float_format="%.6g")
+    text = predict(load(arguments.model), arguments.drives, arguments.topics).to_csv(index=False, float_format="%.6g")
     if arguments.out:
         write_atomically(Path(arguments.out), lambda file: file.write(text.encode()))
     else:

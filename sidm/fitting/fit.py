@@ -41,6 +41,7 @@ def fit(
     method: str | None = None,
     out: str | Path | None = None,
     seed: int = 0,
+    topics: Sequence[str] = (),
     progress: bool = False,
 ) -> RobotModel:
     """Learn a robot from its drives, with another robot's if there are any.
@@ -53,6 +54,7 @@ def fit(
         method: one of `learning.FITTED`; 'sidm' with an expert and 'novice_only' without one by default.
         out: a folder for the model; it also keeps an unfinished training, which the same call goes on with.
         seed: of the choice of drives to stop by, the initial weights and the batches.
+        topics: of ROS bags that are read, where several could be meant.
         progress: whether to show it, with the time left at most.
 
     Returns:
@@ -68,8 +70,8 @@ def fit(
     theirs = mine if expert_body is None else _body(expert_body)
     method = method or ("sidm" if expert is not None else "novice_only")
     refuse_method(method, mine, None if expert is None else theirs)
-    own = _drives(novice, mine)
-    other = None if expert is None else _drives(expert, theirs)
+    own = _drives(novice, mine, topics)
+    other = None if expert is None else _drives(expert, theirs, topics)
     steps = common_length(own, *([other] if other else []))
     pieces = cut(own, mine, steps)
     parts = learn_and_test(pieces, session_order(pieces, seed))
@@ -103,12 +105,12 @@ def _body(body: Body | str | Path) -> Body:
     return body if isinstance(body, Body) else read_body(body)
 
 
-def _drives(drives: Drives, body: Body) -> Sequence[Drive]:
-    return read_drives(drives, body) if isinstance(drives, (str, Path)) else drives
+def _drives(drives: Drives, body: Body, topics: Sequence[str]) -> Sequence[Drive]:
+    return read_drives(drives, body, topics) if isinstance(drives, (str, Path)) else drives
 
 
-def evaluate(model: RobotModel, drives: Drives) -> pd.DataFrame:
-    """How well a model predicts drives that it has not learnt from.
+def evaluate(model: RobotModel, drives: Drives, topics: Sequence[str] = ()) -> pd.DataFrame:
+    """How well a model predicts drives that it has not learnt from; `topics` as of `fit`.
 
     Returns:
         A line a component of y and a line a horizon: `quantity`, `horizon` in steps (1 for components), `error`, the
@@ -122,7 +124,7 @@ def evaluate(model: RobotModel, drives: Drives) -> pd.DataFrame:
     import pandas as pd
 
     body = model.body
-    found = _drives(drives, body)
+    found = _drives(drives, body, topics)
     pieces = cut(found, body, common_length(found))
     motion = pieces.motion(model.network.pixels)
     with torch.inference_mode():
@@ -160,8 +162,8 @@ def _horizons(model: RobotModel, pieces: Pieces) -> list[tuple[str, int, str, fl
     ]
 
 
-def predict(model: RobotModel, drive: Drives) -> pd.DataFrame:
-    """What a model predicts of drives, each step from the recorded state before it.
+def predict(model: RobotModel, drive: Drives, topics: Sequence[str] = ()) -> pd.DataFrame:
+    """What a model predicts of drives, each step from the recorded state before it; `topics` as of `fit`.
 
     Returns:
         A line a step: `drive`, `time` s, and each component of y as `predicted_...` and `actual_...`.
@@ -169,7 +171,7 @@ def predict(model: RobotModel, drive: Drives) -> pd.DataFrame:
     import pandas as pd
 
     body, lines = model.body, []
-    for one in _drives(drive, body):
+    for one in _drives(drive, body, topics):
         motion = cut([one], body, len(one.actions)).motion(model.network.pixels)
         with torch.inference_mode():
             predicted, _ = model.predictor("novice", motion.inputs, motion.maps)

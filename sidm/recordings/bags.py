@@ -16,7 +16,7 @@ All in SI units. The table has a row for each pose; other sensors are interpolat
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -64,8 +64,8 @@ SENSORS: dict[str, Read] = {
 COMMANDS: dict[str, Read] = {"geometry_msgs/msg/Twist": _twist, "geometry_msgs/msg/TwistStamped": _twist}
 
 
-def read_bag(path: Path, body: Body) -> Table:
-    """The table of a bag that a body names.
+def read_bag(path: Path, body: Body, topics: Sequence[str] = ()) -> Table:
+    """The table of a bag that a body names, of all its topics or of some by name.
 
     Raises:
         RecordingError: a topic is missing or there are several of its kind, the bag is cut off, or a column of the body
@@ -79,9 +79,9 @@ def read_bag(path: Path, body: Body) -> Table:
         raise ImportError("ROS bags are read with the library rosbags: pip install rosbags") from None
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-            poses = _series(path, reader, POSES, "pose")
-            commands = _series(path, reader, COMMANDS, "command")
-            sensors = [found for kind in SENSORS for found in _optional(path, reader, {kind: SENSORS[kind]}, kind)]
+            bag = _Bag(path, reader, topics)
+            poses, commands = bag.series(POSES, "pose"), bag.series(COMMANDS, "command")
+            sensors = [found for kind in SENSORS for found in bag.optional({kind: SENSORS[kind]}, kind)]
     except RecordingError:
         raise
     except (AnyReaderError, OSError, ValueError, KeyError, IndexError, RuntimeError) as error:
@@ -98,34 +98,41 @@ def _first(error: Exception) -> str:
 Series = tuple[np.ndarray, dict[str, np.ndarray]]  # times, s, and columns
 
 
-def _topics(reader: Any, kinds: dict[str, Read]) -> list[Any]:
-    return [one for one in reader.connections if one.msgtype in kinds]
+class _Bag:
+    """An open bag, of which all topics are read or some by name."""
 
+    def __init__(self, path: Path, reader: Any, topics: Sequence[str]):
+        self.path, self.reader = path, reader
+        known = {one.topic for one in reader.connections}
+        for name in topics:
+            if name not in known:
+                raise RecordingError(f"{path}: {unknown_name(name, sorted(known), 'the topics')}")
+        self.connections = [one for one in reader.connections if not topics or one.topic in topics]
 
-def _series(path: Path, reader: Any, kinds: dict[str, Read], what: str) -> Series:
-    """The only topic of some kinds."""
-    found = list(_optional(path, reader, kinds, what))
-    if not found:
-        there = ", ".join(sorted({f"{one.topic} ({one.msgtype})" for one in reader.connections})) or "none"
-        raise RecordingError(f"{path}: no topic with a {what} ({', '.join(kinds)}); there are {there}")
-    return found[0]
+    def series(self, kinds: dict[str, Read], what: str) -> Series:
+        """The only topic of some kinds."""
+        found = list(self.optional(kinds, what))
+        if not found:
+            there = ", ".join(sorted({f"{one.topic} ({one.msgtype})" for one in self.connections})) or "none"
+            raise RecordingError(f"{self.path}: no topic with a {what} ({', '.join(kinds)}); there are {there}")
+        return found[0]
 
-
-def _optional(path: Path, reader: Any, kinds: dict[str, Read], what: str) -> Iterator[Series]:
-    """The topic of some kinds, if there is one."""
-    topics = _topics(reader, kinds)
-    names = sorted({one.topic for one in topics})
-    if len(names) > 1:
-        raise RecordingError(f"{path}: {len(names)} topics with a {what}, {', '.join(names)}; keep one of them")
-    if not names:
-        return
-    times, rows = [], []
-    for connection, time, raw in reader.messages(connections=topics):
-        rows.append(kinds[connection.msgtype](reader.deserialize(raw, connection.msgtype)))
-        times.append(time * 1e-9)
-    if len(rows) < 2:
-        raise RecordingError(f"{path}: {len(rows)} messages on {names[0]}, too few for a drive")
-    yield np.array(times), {name: np.array([row.get(name, np.nan) for row in rows]) for name in rows[0]}
+    def optional(self, kinds: dict[str, Read], what: str) -> Iterator[Series]:
+        """The topic of some kinds, if there is one."""
+        mine = [one for one in self.connections if one.msgtype in kinds]
+        names = sorted({one.topic for one in mine})
+        if len(names) > 1:
+            which = f"{len(names)} topics with a {what}, {', '.join(names)}"
+            raise RecordingError(f"{self.path}: {which}; name those that are meant with --topics")
+        if not names:
+            return
+        times, rows = [], []
+        for connection, time, raw in self.reader.messages(connections=mine):
+            rows.append(kinds[connection.msgtype](self.reader.deserialize(raw, connection.msgtype)))
+            times.append(time * 1e-9)
+        if len(rows) < 2:
+            raise RecordingError(f"{self.path}: {len(rows)} messages on {names[0]}, too few for a drive")
+        yield np.array(times), {name: np.array([row.get(name, np.nan) for row in rows]) for name in rows[0]}
 
 
 def _joined(path: Path, body: Body, poses: Series, sensors: list[Series], commands: Series) -> Table:

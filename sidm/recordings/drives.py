@@ -23,8 +23,13 @@ STILL = 2  # rows, at most, that a slower sensor's pose repeats itself
 FEWEST_STEPS = 8  # of a drive
 
 
-def read_drives(path: str | Path, body: Body) -> list[Drive]:
+def read_drives(path: str | Path, body: Body, topics: Sequence[str] = ()) -> list[Drive]:
     """The drives of a file or a ROS bag, or of all files of a folder.
+
+    Args:
+        path: of it.
+        body: what they are made of.
+        topics: of bags that are read, where several could be meant; all unless given.
 
     Raises:
         RecordingError: there are none, or the first fault; one line that names file, place and fault.
@@ -35,7 +40,7 @@ def read_drives(path: str | Path, body: Body) -> list[Drive]:
     files = _files(path, body) if path.is_dir() and not is_bag(path) else [path]
     if not files:
         raise RecordingError(f"{path}: no file of drives ({', '.join(SUFFIXES)}) and no ROS bag in this folder")
-    found = [drive for file in files for table in _tables(file, body) for drive in drives_of(table, body)]
+    found = [drive for file in files for table in _tables(file, body, topics) for drive in drives_of(table, body)]
     checks.refuse_together(str(path), found, body)
     return found
 
@@ -49,11 +54,11 @@ def _files(folder: Path, body: Body) -> list[Path]:
     return [file for file in every if file.resolve() not in heights]
 
 
-def _tables(path: Path, body: Body) -> Iterable[Table]:
+def _tables(path: Path, body: Body, topics: Sequence[str]) -> Iterable[Table]:
     if is_bag(path):
         from sidm.recordings.bags import read_bag  # whose library not everyone has
 
-        return [read_bag(path, body)]
+        return [read_bag(path, body, topics)]
     if path.suffix == ".npz":
         return read_npz(path, body)
     if path.name.endswith(SUFFIXES):

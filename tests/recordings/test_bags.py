@@ -86,7 +86,7 @@ def test_a_bag_is_read_as_a_drive(make_bag, ros):
     [
         ({"topics": ("/odom",)}, "no topic with a command (geometry_msgs/msg/Twist"),
         ({"topics": ("/cmd_vel",)}, "no topic with a pose"),
-        ({"twice": "/other"}, "2 topics with a pose, /odom, /other"),
+        ({"twice": "/other"}, "2 topics with a pose, /odom, /other; name those that are meant with --topics"),
         ({"turned": True}, "'vx' says; is it of the other sign"),
     ],
 )
@@ -111,3 +111,11 @@ def test_a_bag_that_is_cut_off_is_named(make_bag, ros):
     with pytest.raises(RecordingError) as error:
         read_drives(path, BODY)
     assert str(path) in str(error.value) and "\n" not in str(error.value)
+
+
+def test_of_several_topics_those_that_are_named_are_read(make_bag):
+    path = make_bag(twice="/other")
+    (drive,) = read_drives(path, BODY, ["/other", "/cmd_vel"])
+    assert len(drive.actions) >= 38
+    with pytest.raises(RecordingError, match="unknown parameter '/odon' of the topics; did you mean '/odom'"):
+        read_drives(path, BODY, ["/odon", "/cmd_vel"])
