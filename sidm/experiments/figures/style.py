@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import functools
 import io
+import json
 from collections.abc import Callable, Iterable
 from html import escape
 from pathlib import Path
@@ -72,6 +73,13 @@ def html_picture(figure: Figure, words: str) -> str:
     figure.savefig(file, format="png")
     data = base64.b64encode(file.getvalue()).decode()
     return f'<img src="data:image/png;base64,{data}" alt="{escape(words)}">'
+
+
+def html_chart(specification: dict[str, Any], figure: Figure, words: str) -> str:
+    """A chart of Vega's as HTML, which book/static/charts.js draws, and until then a figure in its place."""
+    text = json.dumps(specification, separators=(",", ":")).replace("</", "<\\/")
+    script = f'<script type="application/json">{text}</script>'
+    return f'<div class="vega-chart">{html_picture(figure, words)}{script}</div>'
 
 
 def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from sidm.experiments.figures.style import METHOD_STYLES, finish, side_by_side, styled
 from sidm.experiments.methods import ALL_RELEASED, COMPARED, METHODS, RELEASED, change
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 #: Until so many samples bring no lower test loss.
 LONG: dict[str, Any] = {"patience": 2_500_000, "max_samples": 6_000_000}
@@ -33,3 +40,49 @@ def trials(study: Study, system: str) -> list[Trial]:
         changes = RELEASED[ALL_RELEASED][0] | RELEASED_PACE
         found += long.changed(tuned=(), **changes).points(system, COMPARED, RELEASED_MINUTES, seeds=SEEDS)
     return found
+
+
+OURS, THEIRS = "as this book trains, to the end", "as the authors train"
+
+
+def table(frame: pd.DataFrame) -> pd.DataFrame:
+    """A line a trial: `trained`, OURS or THEIRS, and where it ended: losses, samples and iterations."""
+    names = ["system", "method", "p_expert", "novice_minutes", "seed"]
+    ends = ["validation_loss", "best_test_loss", "samples", "iterations"]
+    trained = np.where(frame.batch == RELEASED_PACE["batch"], THEIRS, OURS)
+    found = frame[[*names, *ends]].assign(trained=trained)
+    return found.sort_values(["trained", "novice_minutes", "method", "p_expert", "seed"]).reset_index(drop=True)
+
+
+def curves(frame: pd.DataFrame) -> pd.DataFrame:
+    """A line a trial and test along its training: `samples` and validation `loss`, equation (1)."""
+    names = ["system", "method", "p_expert", "novice_minutes", "seed", "batch"]
+    long = frame[[*names, "component_samples", "component_validation"]].explode(
+        ["component_samples", "component_validation"]
+    )  # fmt: skip
+    long["trained"] = np.where(long.batch == RELEASED_PACE["batch"], THEIRS, OURS)
+    losses = [float(np.sum(one)) for one in long.component_validation]
+    return long.assign(samples=long.component_samples.astype(float), loss=losses).drop(
+        columns=["component_samples", "component_validation", "batch"]
+    )
+
+
+@styled
+def figure(curves: pd.DataFrame, minutes: float = MINUTES[0]) -> Figure:
+    """Validation loss along the training, a plot a way to train: lines are means over seeds, shades their range."""
+    figure, panels = side_by_side(2)
+    mine = curves[(curves.novice_minutes == minutes) & (curves.p_expert != MANY_EXPERTS)]
+    for axes, trained in zip(panels, (THEIRS, OURS), strict=True):
+        axes.set(xscale="log", yscale="log", xlabel="samples seen", ylabel="validation loss", title=trained)
+        for method, some in mine[mine.trained == trained].groupby("method", sort=False):
+            points = some.groupby("samples").loss.agg(["mean", "min", "max", "size"])
+            points = points[points["size"] == points["size"].max()]  # which all seeds came to
+            style = METHOD_STYLES[method] | {"marker": ""}
+            axes.plot(points.index, points["mean"], **style)
+            axes.fill_between(points.index, points["min"], points["max"], color=style["color"], alpha=0.2, lw=0)
+    if len(mine):
+        for axes in panels:
+            axes.set_ylim(0.95 * mine.loss.min(), 1.05 * mine[mine.samples > 3e4].loss.max())
+    for axes in panels:
+        finish(axes)
+    return figure
