@@ -81,14 +81,12 @@ def refuse_times(name: str, time: np.ndarray) -> float:
 
 
 def unit_quaternions(name: str, given: np.ndarray) -> np.ndarray:
-    """Quaternions (R, 4) at unit length, each of the sign nearer to the one before; RecordingError for what is none."""
+    """Quaternions (R, 4) at unit length; RecordingError where one is far from it."""
     length = np.linalg.norm(given, axis=1)
     off = np.flatnonzero(np.abs(length - 1) > NOT_UNIT)
     if off.size:
         raise RecordingError(f"{name}: the quaternion in row {off[0] + 1} has length {length[off[0]]:.4g}, not 1")
-    turned = (given[1:] * given[:-1]).sum(1) < 0
-    signs = np.cumprod(np.r_[1.0, np.where(turned, -1.0, 1.0)])
-    return given * (signs / length)[:, None]
+    return given / length[:, None]
 
 
 def within_limits(name: str, actions: np.ndarray, body: Body) -> np.ndarray:

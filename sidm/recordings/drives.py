@@ -112,6 +112,8 @@ def _resampled(
     states[:, angles] = np.unwrap(states[:, angles], axis=0)
     if body.pose == "spatial":
         states[:, 3:7] = checks.unit_quaternions(where, states[:, 3:7])
+        if len(grid) != len(time) or not np.allclose(grid, time):  # else nothing is interpolated, and signs stay
+            states[:, 3:7] *= _signs(states[:, 3:7])
     checks.refuse_other_turning(where, states, body, 1 / spacing)
     size = body.pose_size
     fresh = _fresh(states[:, :size]) if size else np.ones(len(time), bool)
@@ -124,6 +126,12 @@ def _resampled(
     held = np.searchsorted(time, grid + 1e-6 * spacing, side="right") - 1  # the row whose action holds at each time
     means = [actions[a : max(b, a + 1)].mean(0) for a, b in zip(held[:-1], held[1:], strict=True)]
     return new, np.reshape(means, (len(grid) - 1, actions.shape[1]))
+
+
+def _signs(quaternions: np.ndarray) -> np.ndarray:
+    """(R, 1): what makes each of quaternions (R, 4) the nearer of its two signs to the one before."""
+    turned = (quaternions[1:] * quaternions[:-1]).sum(1) < 0
+    return np.cumprod(np.r_[1.0, np.where(turned, -1.0, 1.0)])[:, None]
 
 
 def _fresh(pose: np.ndarray) -> np.ndarray:
