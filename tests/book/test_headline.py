@@ -2,27 +2,22 @@
 
 from pathlib import Path
 
-import pytest
-
-from sidm.book.headline import BEGIN, END, headline, refresh, stored
-from sidm.experiments.engine.frame import frame_of
+from sidm.book.headline import FIGURE, numbers, stated, stored
 
 ROOT = Path(__file__).parents[2]
 
 
 def test_the_readme_says_what_is_stored(monkeypatch):
     monkeypatch.chdir(ROOT)
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert refresh(text, *stored("no data")) == text, "out of date: make figures"
+    frame, _ = stored("no data")
+    assert stated((ROOT / "README.md").read_text(encoding="utf-8")) == numbers(frame), "write its sentences anew"
+    assert (ROOT / FIGURE).stat().st_size < 200_000
 
 
-def test_only_the_block_between_the_marks_changes():
-    text = f"before\n{BEGIN}\nold\n{END}\nafter"
-    nothing = frame_of([])
-    assert refresh(text, nothing, nothing) == f"before\n{headline(nothing, nothing)}\nafter"
-    assert "No trials stored" in headline(nothing, nothing)
-
-
-def test_a_readme_without_its_marks_is_refused():
-    with pytest.raises(ValueError, match="headline: begin"):
-        refresh("nothing here", frame_of([]), frame_of([]))
+def test_another_store_would_have_other_numbers(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    frame, _ = stored("no data")
+    loss = frame.validation_loss
+    better = frame.assign(validation_loss=loss.where(frame.method != "sidm", loss / 2))
+    assert numbers(better) != numbers(frame) and len(numbers(frame)) == 8
+    assert numbers(frame[:0]) == []
