@@ -19,7 +19,7 @@ help:
 	@echo 'make notebooks                                   refresh the outputs in notebooks/ themselves'
 	@echo "make figures                                     Figures 3 and 4 into _build/figures, and that of the README"
 	@echo 'make explore                                     the suspension explorer as an app in your browser'
-	@echo 'make pdf                                         the rendered book as one PDF: _build/sidm-companion.pdf'
+	@echo 'make pdf                                         the core of the rendered book as one PDF: _build/sidm-companion.pdf'
 	@echo 'make test [JOBS=3]                               package, notebooks and book'
 	@echo 'make lint                                        style and types'
 	@echo 'make bench                                       the scripts of benchmarks/'

@@ -1,4 +1,4 @@
-"""The rendered book as one PDF: Chromium prints its pages, pypdf binds them.
+"""The core of the rendered book as one PDF: Chromium prints its pages, pypdf binds them.
 
 Usage: python book/pdf.py _build/html _build/sidm-companion.pdf
 """
@@ -21,6 +21,7 @@ SHEET = {"format": "A4", "print_background": True}
 MARGIN = {"top": "16mm", "bottom": "18mm", "left": "15mm", "right": "15mm"}
 SCALE = 0.72  # of a page that is made for screens
 CONTENTS = Path(__file__).parents[1] / "_toc.yml"
+CORE = Path(__file__).with_name("core.txt")  # the pages that are bound, one a line
 
 
 def chromium() -> str | None:
@@ -29,10 +30,12 @@ def chromium() -> str | None:
 
 
 def chapters() -> list[tuple[str, list[str]]]:
-    """The book's parts, each with its pages in reading order."""
+    """The book's parts, each with its core pages in reading order; parts without one are left out."""
     toc = yaml.safe_load(CONTENTS.read_text(encoding="utf-8"))
     parts = [(part["caption"], [chapter["file"] for chapter in part["chapters"]]) for part in toc["parts"]]
-    return [("Start", [toc["root"]]), *parts]
+    core = CORE.read_text(encoding="utf-8").split()
+    chosen = [(name, [file for file in files if file in core]) for name, files in (("Start", [toc["root"]]), *parts)]
+    return [(name, files) for name, files in chosen if files]
 
 
 def prepare(browser: Browser, path: Path) -> Page:
@@ -41,9 +44,11 @@ def prepare(browser: Browser, path: Path) -> Page:
     page.emulate_media(media="print", color_scheme="light")
     page.goto(path.resolve().as_uri(), wait_until="load")
     page.evaluate("() => window.MathJax?.startup?.promise")
-    page.evaluate("() => document.querySelectorAll('.below-input').forEach(folded => (folded.open = true))")  # tables
+    page.evaluate("() => document.querySelectorAll('details').forEach(folded => (folded.open = true))")
     if page.locator("#explorer").count():
         page.wait_for_selector("#explorer[data-shown]")
+    for number in range(page.locator(".vega-chart").count()):
+        page.locator(".vega-chart").nth(number).locator("canvas").wait_for()
     return page
 
 
@@ -112,7 +117,7 @@ def make_pdf(browser: Browser, html: Path, parts: list[tuple[str, list[str]]], o
 
 
 def main(html: Path, output: Path) -> None:
-    """Bind the whole book."""
+    """Bind the core."""
     found = chromium()
     if found is None:
         raise SystemExit("make pdf needs Chromium: install it, for example Debian's package 'chromium'")
