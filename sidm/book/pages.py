@@ -62,7 +62,7 @@ def provenance_line(frame: pd.DataFrame, command: str = "") -> str:
         f"{len(frame)} trials",
         " to ".join(dict.fromkeys((days[0], days[-1]))),
         f"code {', '.join(codes)}" + (f", {stale} of them made by older code" if stale else "")
-        + (f", {elsewhere} from data made again on another machine" if elsewhere else ""),
+        + (f", {elsewhere} from data reproduced on another machine" if elsewhere else ""),
         f"{', '.join(sorted(frame.device.unique()))}, {frame.seconds.sum() / 3600:.2g} h in all",
     ]  # fmt: skip
     return "; ".join(parts) + (f"; again: `{command}`." if command else ".")

@@ -39,7 +39,7 @@ def test_a_provenance_line_counts_trials_and_names_the_command(figure3_frame):
     line = provenance_line(figure3_frame, "sidm run")
     assert line.startswith("108 trials; ") and "older code" not in line and line.endswith("; again: `sidm run`.")
     older = figure3_frame.assign(stale=True, other_data=[("novice 1",)] * 108)
-    assert "108 of them made by older code, 108 from data made again on another machine" in provenance_line(older)
+    assert "108 of them made by older code, 108 from data reproduced on another machine" in provenance_line(older)
     assert provenance_line(figure3_frame[:0], "cmd") == "No trials stored; `cmd` runs them."
 
 
