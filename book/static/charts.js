@@ -22,6 +22,9 @@
       panel.className = "vega-chart-drawn";
       chart.append(panel);
       await vegaEmbed(panel, spec, { actions: false, renderer: "canvas", logLevel: 1 /* errors */ });
+      const canvas = panel.querySelector("canvas");
+      canvas.setAttribute("role", "img");
+      canvas.setAttribute("aria-label", spec.description);
       chart.querySelector("img")?.remove();
       chart.dataset.drawn = "";
     }

@@ -136,3 +136,15 @@ def test_choosing_a_robot_sets_the_sliders_and_draws_both(visit):
     page.wait_for_function("() => document.getElementById('explorer').dataset.shown.endsWith('-3')")
     assert page.locator("#explorer-spring").get_attribute("aria-valuetext") == "75 N/m"
     assert "system2 expert" in page.locator("#explorer table").inner_text() and pictures(page) != before
+
+
+def test_figure_3_can_be_touched(visit):
+    """Another pair of robots is another picture; the first page has the chart, drawn in place of its picture."""
+    page = visit("book/intro")
+    page.wait_for_selector(".vega-chart[data-drawn] canvas")
+    assert page.locator(".vega-chart > img").count() == 0
+    assert "novice data" in page.locator(".vega-chart canvas").get_attribute("aria-label")
+    first = page.evaluate("() => document.querySelector('.vega-chart canvas').toDataURL()")
+    page.get_by_label("system2").check()
+    page.evaluate(FRAMES)
+    assert page.evaluate("() => document.querySelector('.vega-chart canvas').toDataURL()") != first

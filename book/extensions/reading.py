@@ -1,0 +1,32 @@
+"""Sphinx extension: under its title, how long a page takes to read; what is folded, code and tables do not count."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from sphinx.application import Sphinx
+
+PACE = 200  # words a minute
+UNREAD = re.compile(r"<(details|pre|table|script|style|math)\b.*?</\1>", re.DOTALL)
+REFERENCE = ("book/api", "CHANGELOG", "CONTRIBUTING", "genindex", "search")  # that nobody reads through
+
+
+def minutes(body: str) -> int:
+    """Minutes to read a page's HTML, at least 1."""
+    words = re.sub(r"<[^>]+>", " ", UNREAD.sub(" ", body)).split()
+    return max(1, round(len(words) / PACE))
+
+
+def add_minutes(app: Sphinx, name: str, template: str, context: dict[str, Any], doctree: Any) -> None:
+    """Put the minutes behind the page's title."""
+    body = context.get("body")
+    if body and not name.startswith(REFERENCE):
+        words = f'</h1>\n<p class="reading-time">{minutes(body)} min to read</p>'
+        context["body"] = body.replace("</h1>", words, 1)
+
+
+def setup(app: Sphinx) -> dict[str, object]:
+    """Register with Sphinx."""
+    app.connect("html-page-context", add_minutes)
+    return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
