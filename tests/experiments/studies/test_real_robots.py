@@ -51,7 +51,7 @@ def test_the_stored_study_is_whole_and_its_table_pairs_the_seeds():
     assert len(frame) == len(jobs) and not frame.stale.any()
     table = r.table(frame)
     assert set(table.system) == set(m.PAIRS) and (table.seeds == m.SEEDS).all()
-    assert len(r.figure(frame).axes) == 3
+    assert len(r.figure(frame).axes) == 4
 
 
 def test_a_study_is_asked_for_its_own_systems_alone(tmp_path):
@@ -80,4 +80,4 @@ def test_jitter_costs_at_least_half_of_what_it_costs_without_memory():
     assert 0.02 < found.displacement[0] < found.displacement[1] < 0.1 and found.heading[1] > found.heading[0]
     floors = {"warthog": found.loss, "husky": jitter.floor(m.robot("husky")).loss}
     figure = r.figure(m.records("results").frame(), "loss", floors)
-    assert [line.get_text() for line in figure.legends[0].get_texts()][-1] == "jitter of the pose"
+    assert [line.get_text() for line in figure.axes[-1].get_legend().get_texts()][-1] == "jitter of the pose"

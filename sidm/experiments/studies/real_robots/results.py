@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from sidm.experiments.figures.style import METHOD_STYLES, finish, legend_below, side_by_side, styled
+from sidm.experiments.figures.style import METHOD_STYLES, finish, side_by_side, styled
 from sidm.experiments.statistics.pairs import beside
 from sidm.experiments.studies.real_robots.measure import ALONE, PAIRS
 
@@ -63,7 +63,7 @@ def figure(frame: pd.DataFrame, value: str = "loss", floors: Mapping[str, tuple[
         floors: by the novice, what the jitter of its pose alone costs, at least and at most.
     """
     every = long(frame)
-    figure, panels = side_by_side(len(PAIRS))
+    figure, (*panels, beside) = side_by_side(len(PAIRS) + 1, 2)
     for axes, (pair, (_, novice)) in zip(panels, PAIRS.items(), strict=True):
         mine = every[every.system == pair]
         for method in SHOWN:
@@ -74,5 +74,6 @@ def figure(frame: pd.DataFrame, value: str = "loss", floors: Mapping[str, tuple[
             axes.axhspan(*floors[novice], color="0.5", alpha=0.3, lw=0, label="jitter of the pose")
         axes.set(xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LABELS[value], title=pair)
         finish(axes, (0.2, 0.5, 1, 2, 5), legend=False)
-    legend_below(figure, panels)
+    beside.axis("off")
+    beside.legend(*panels[0].get_legend_handles_labels(), loc="center", frameon=False)
     return figure
