@@ -12,7 +12,10 @@ from typing import Any, NamedTuple
 from sidm.progress import progress_bar
 
 #: About how long the longest notebooks take, s: they begin first, and the time left is told by it.
-SECONDS = {"04-training": 50, "19-own-data": 35, "02-collecting": 15, "01-robots": 10, "20-driving": 8, "05-figure3": 6}
+SECONDS = {
+    "04-training": 50, "19-own-data": 35, "02-collecting": 15, "09-suspension": 15, "01-robots": 10, "20-driving": 8,
+    "05-figure3": 6,
+}  # fmt: skip
 OTHERS = 4  # s that any other takes
 QUIET = ["--log-level=ERROR"]  # of the kernel, which would warn that it listens on this machine's own ports
 STARTS = 3  # tries at a kernel

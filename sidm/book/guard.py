@@ -11,13 +11,16 @@ class Outdated(AssertionError):
     """A sentence that the results do not bear out; the message names it."""
 
 
-def hold(claims: Mapping[str, Callable[[], bool]], preset: str, written_for: str = "laptop") -> Markdown | None:
+def hold(
+    claims: Mapping[str, Callable[[], bool]], preset: str, written_for: str = "laptop", of: str = "the preset"
+) -> Markdown | None:
     """Check the claims of a page that was written for the stored results of a preset.
 
     Args:
         claims: a claim in the page's own words -> whether the results bear it out, asked for these results alone.
         preset: whose results the page shows now.
         written_for: whose results the words are about.
+        of: what the two are, where it is no preset.
 
     Returns:
         Nothing, or for other results a line that the words are not about them.
@@ -26,7 +29,7 @@ def hold(claims: Mapping[str, Callable[[], bool]], preset: str, written_for: str
         Outdated: a claim does not hold.
     """
     if preset != written_for:
-        words = f"The words of this page are about results of the preset `{written_for}`; these are of `{preset}`."
+        words = f"The words of this page are about results of {of} `{written_for}`; these are of `{preset}`."
         return Markdown(f"*{words}*")
     for claim, holds in claims.items():
         if not holds():
