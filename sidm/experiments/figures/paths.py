@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sidm.experiments.figures.curves import by_method_and_size, size_style
-from sidm.experiments.figures.style import METHOD_STYLES, finish, side_by_side, styled
+from sidm.experiments.figures.style import METHOD_STYLES, finish, legend_below, side_by_side, styled
 from sidm.trajectory import CONTROL_STEP
 
 if TYPE_CHECKING:
@@ -24,8 +24,8 @@ def figure4(frame: pd.DataFrame, seed: int = 0) -> Figure:
         seed: whose trials draw the example's paths.
     """
     figure, (left, right) = side_by_side(2)
-    left.set(xlabel="time (s)", ylabel="deviation from the actual position (m)", title="mean and standard error")
-    right.set(xlabel="x (m)", ylabel="y (m)", title="one example from above")
+    left.set(xlabel="time (s)", ylabel="distance from the actual position (m)", title="all test drives")
+    right.set(xlabel="x (m)", ylabel="y (m)", title="one of them from above")
     sizes = sorted(frame.novice_minutes.unique())
     for method, minutes, group in by_method_and_size(frame):
         style = size_style(method, sizes.index(minutes))
@@ -39,10 +39,11 @@ def figure4(frame: pd.DataFrame, seed: int = 0) -> Figure:
         for path in group[group.seed == seed].example_predicted:
             right.plot(*np.array(path).T, **style)  # lines as on the left
     for path in frame[frame.seed == seed].example_actual[:1]:
-        right.plot(*np.array(path).T, color="black", linestyle="-", marker="", label="actual")
+        right.plot(*np.array(path).T, color="black", linestyle="-", marker="", label="actual path")
         right.set_aspect("equal", adjustable="datalim")
-    finish(left)
-    finish(right)
+    finish(left, legend=False)
+    finish(right, legend=False)
+    legend_below(figure, [left, right])
     return figure
 
 

@@ -7,11 +7,13 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from sidm.config import ConfigError
+from sidm.experiments.figures.curves import size_style
 from sidm.experiments.figures.style import (
     LOSS_LABEL,
     METHOD_STYLES,
     SIZE_STYLES,
     finish,
+    legend_below,
     side_by_side,
     styled,
 )
@@ -26,6 +28,7 @@ from sidm.trajectory import trajectories_for
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 EMPTY: Mapping[str, float] = MappingProxyType({})
@@ -149,8 +152,15 @@ def table(frame: pd.DataFrame, name: str, by_method: bool = False) -> pd.DataFra
     return spread(frame.assign(value=value), ["system", "novice_minutes", *["method"] * by_method, "value"])
 
 
-#: What the values of an ablation count; those of the phases are iterations a phase.
-_COUNTED = {"p_expert": "probability", "pixels": "a side of the map", "patience": "samples"}
+#: What is ablated, on its axis.
+_AXES = {
+    "p_expert": "$p_e$, probability of drawing the expert (-)",
+    "prediction_iterations": "prediction iterations a phase",
+    "discriminator_iterations": "discriminator iterations a phase",
+    "matching_iterations": "matching iterations a phase",
+    "pixels": "pixels a side of the height map",
+    "patience": "patience (samples)",
+}
 
 
 @styled
@@ -168,23 +178,63 @@ def figure(
         usual: each system's value in Figure 3, which a vertical line marks.
     """
     figure, panels = side_by_side(len(systems))
+    for axes, system in zip(panels, systems, strict=True):
+        _draw(axes, table, name, system, usual)
+        axes.set(ylabel=LOSS_LABEL, title=system)
+    return figure
+
+
+@styled
+def compared(
+    tables: Mapping[str, pd.DataFrame],
+    systems: Sequence[str] = tuple(SYSTEMS),
+    usual: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
+) -> Figure:
+    """Several ablations as `figure` draws each, a column each and a row for each system, whose losses share an axis.
+
+    Args:
+        tables: by the name of the value.
+        systems: a row each.
+        usual: by the same names, each system's value in Figure 3.
+    """
+    figure, panels = side_by_side(len(systems) * len(tables), len(tables))
+    figure.set_size_inches(10.4, 3.3 * len(systems))
+    for number, axes in enumerate(panels):
+        row, column = divmod(number, len(tables))
+        system, name = systems[row], list(tables)[column]
+        if column and len(tables[name]):
+            axes.sharey(panels[row * len(tables)])
+        _draw(axes, tables[name], name, system, usual.get(name, EMPTY), legend=False)
+        axes.set_title(system)
+        axes.tick_params(labelleft=not column)
+        if not column:
+            axes.set_ylabel(LOSS_LABEL)
+    legend_below(figure, panels)
+    return figure
+
+
+def _draw(
+    axes: Axes, table: pd.DataFrame, name: str, system: str, usual: Mapping[str, float], legend: bool = True
+) -> None:
+    """One system's lines of an ablation."""
     tried = sorted({*table.value, *usual.values()})
     place = {value: value if name == "p_expert" else float(number) for number, value in enumerate(tried)}
-    for axes, system in zip(panels, systems, strict=True):
-        unit, mine = _COUNTED.get(name, "a phase"), table[table.system == system]
-        axes.set(xlabel=f"{name.replace('_', ' ')} ({unit})", ylabel=LOSS_LABEL, title=system)
-        lines = mine.groupby([one for one in ("novice_minutes", "method") if one in table])
-        for number, ((minutes, *method), line) in enumerate(lines):
-            ends = [(line["mean"] - line.minimum).clip(0), (line.maximum - line["mean"]).clip(0)]
-            words = ", ".join([*(METHOD_STYLES[one]["label"] for one in method), f"{minutes:g} min"])
-            style = SIZE_STYLES[number % len(SIZE_STYLES)]
-            axes.errorbar(line.value.map(place), line["mean"], ends, capsize=3, label=words, **style)
-        if len(mine) and system in usual:
-            axes.axvline(place[usual[system]], color="0.6", linestyle=":", marker="", zorder=0, label="as in Figure 3")
-        finish(axes)
-        if len(mine) and name == "p_expert":
-            axes.set_xlim(-0.03, 1.03)
-        elif len(mine):
-            axes.set_xticks(list(place.values()), [f"{value:,.0f}" for value in place])
-            axes.set_xlim(-0.3, len(place) - 0.7)
-    return figure
+    mine = table[table.system == system]
+    axes.set_xlabel(_AXES.get(name, name))
+    lines = mine.groupby([one for one in ("novice_minutes", "method") if one in table])
+    for number, ((minutes, *method), line) in enumerate(lines):
+        ends = [(line["mean"] - line.minimum).clip(0), (line.maximum - line["mean"]).clip(0)]
+        words = ", ".join([*(METHOD_STYLES[one]["label"] for one in method), f"{minutes:g} min"])
+        style = SIZE_STYLES[number % len(SIZE_STYLES)]
+        if method:  # in its own colour
+            size = sorted(mine.novice_minutes.unique()).index(minutes)
+            style = size_style(method[0], size) | {"marker": METHOD_STYLES[method[0]]["marker"]}
+        axes.errorbar(line.value.map(place), line["mean"], ends, capsize=3, label=words, **style)
+    if len(mine) and system in usual:
+        axes.axvline(place[usual[system]], color="0.6", linestyle=":", marker="", zorder=0, label="as in Figure 3")
+    finish(axes, legend=legend)
+    if len(mine) and name == "p_expert":
+        axes.set_xlim(-0.03, 1.03)
+    elif len(mine):
+        axes.set_xticks(list(place.values()), [f"{value:,.0f}" for value in place])
+        axes.set_xlim(-0.3, len(place) - 0.7)

@@ -49,6 +49,20 @@ def test_the_figure_marks_the_usual_value(study, make_row):
     assert set(marked.get_xdata()) == {1.0} and axes.get_lines()[0].get_xdata().tolist() == [0.0, 2.0]
 
 
+def test_ablations_stand_side_by_side_on_one_axis_of_losses(study, make_row):
+    """A column a value and a row a system; the loss of each row has the same ends everywhere."""
+    names = list(ablations.ITERATIONS)
+    trials = {name: ablations.iterations(study, "system1", name) for name in names}
+    rows = {name: [make_row(t, place + t.seed) for t in trials[name]] for place, name in enumerate(names, 1)}
+    tables = {name: ablations.table(frame_of(some), name) for name, some in rows.items()}
+    panels = ablations.compared(tables, ["system1"], {names[0]: {"system1": 100.0}}).axes
+    assert [axes.get_lines()[0].get_ydata()[0] for axes in panels] == [2, 3, 4]
+    assert len({axes.get_ylim() for axes in panels}) == 1
+    marked = [[line.get_label() for line in axes.get_lines()].count("as in Figure 3") for axes in panels]
+    assert marked == [1, 0, 0]
+
+
 def test_nothing_stored_is_an_empty_figure():
     empty = ablations.table(frame_of([]), "pixels")
     assert ablations.figure(empty, "pixels").axes[0].texts[0].get_text() == "no trials stored"
+    assert ablations.compared({"pixels": empty, "patience": empty}).axes[3].texts[0].get_text() == "no trials stored"

@@ -78,6 +78,9 @@ def test_a_trial_is_diagnosed_and_stored(tiny, data, tmp_path, golden):
     assert line[:4] == ("system1", 0.25, "sidm", 1)
     assert line[4:] == pytest.approx([getattr(found, name) for name in (*results.ALIKE, *results.CROSSED)], rel=1e-5)
     assert len(results.figure(frame).axes) == 1 and results.figure(frame[:0]).axes[0].texts
+    (drawn,) = results.crossed_figure(frame, ["system1"]).axes[0].get_lines()
+    assert list(drawn.get_ydata()) == pytest.approx([getattr(found, name) for name in results.CROSSED], rel=1e-5)
+    assert results.crossed_figure(frame[:0], ["system1"]).axes[0].texts[0].get_text() == "no trials stored"
 
 
 def test_one_systems_parts_are_crossed_with_the_others(make_model, make_motion):

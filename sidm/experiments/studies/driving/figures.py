@@ -42,7 +42,8 @@ def figure(scores: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Fig
     for axes, system in zip(panels, systems, strict=True):
         mine = scores[scores.system == system]
         models = mine[mine.method != ""]
-        axes.set(xlabel="novice data of the model (min)", ylabel="goals reached (-)", title=system, ylim=(-0.03, 1.03))
+        axes.set(xlabel="novice data of the model (min)", ylabel="goals reached (share)", title=system)
+        axes.set_ylim(-0.03, 1.03)
         for number, (method, some) in enumerate(models.groupby("method", sort=False)):
             reach = np.abs(some[["low", "high"]].sub(some.arrived, axis=0)).T
             look = METHOD_STYLES[str(method)] | ({"label": SHORT[str(method)]} if method in SHORT else {})

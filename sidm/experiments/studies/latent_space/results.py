@@ -9,14 +9,29 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from sidm.experiments.figures.style import METHOD_STYLES, SIZE_STYLES, finish, side_by_side, styled
-from sidm.systems import ROLES
+from sidm.experiments.figures.curves import size_style
+from sidm.experiments.figures.style import (
+    LOSS_LABEL,
+    METHOD_STYLES,
+    SIZE_STYLES,
+    finish,
+    legend_below,
+    side_by_side,
+    styled,
+)
+from sidm.systems import ROLES, SYSTEMS
 
 if TYPE_CHECKING:
     import pandas as pd
 
 ALIKE = ("linear_accuracy", "network_accuracy", "raw_accuracy", "a_distance", "mmd", "discriminator_accuracy")
-CROSSED = ("validation_loss", "expert_encoder_loss", "expert_decoder_loss", "expert_path_loss")
+#: Losses on the novice's motion, and the parts that it is sent through.
+CROSSED = {
+    "validation_loss": "novice's\nown parts",
+    "expert_encoder_loss": "expert's\nencoder",
+    "expert_decoder_loss": "expert's\ndecoder",
+    "expert_path_loss": "both of the\nexpert's",
+}
 
 
 def table(frame: pd.DataFrame, measures: Sequence[str] = ALIKE) -> pd.DataFrame:
@@ -29,9 +44,9 @@ def table(frame: pd.DataFrame, measures: Sequence[str] = ALIKE) -> pd.DataFrame:
 
 @styled
 def figure(frame: pd.DataFrame) -> Figure:
-    """Latents of both systems in the plane of their first two principal components, a plot a model."""
+    """Latents of both systems in the plane of their first two principal components, a plot a model, two in a row."""
     ordered = list(frame.sort_values(["system", "novice_minutes", "method"]).itertuples())
-    figure, panels = side_by_side(max(len(ordered), 1), min(max(len(ordered), 1), 4))
+    figure, panels = side_by_side(max(len(ordered), 1), min(max(len(ordered), 1), 2))
     if not ordered:
         finish(panels[0])
         return figure
@@ -40,9 +55,29 @@ def figure(frame: pd.DataFrame) -> Figure:
             axes.set_axis_off()
             continue
         axes.set(xlabel="first component (-)", ylabel="second component (-)")
-        axes.set_title(f"{one.system}, {one.novice_minutes:g} min\n{METHOD_STYLES[one.method]['label']}")
+        axes.set_title(f"{one.system}, {one.novice_minutes:g} min, {METHOD_STYLES[one.method]['label']}")
         for role, style in zip(ROLES, SIZE_STYLES, strict=False):
             points = np.array(getattr(one, f"{role}_picture")).T
             axes.plot(*points, style["marker"], color=style["color"], ms=3, alpha=0.5, label=role)
         finish(axes)
+    return figure
+
+
+@styled
+def crossed_figure(frame: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
+    """The loss on the novice's motion through each system's encoder and decoder: means over seeds, a line a model."""
+    figure, panels = side_by_side(len(systems))
+    means = table(frame, tuple(CROSSED))
+    for axes, system in zip(panels, systems, strict=True):
+        mine = means[means.system == system]
+        sizes = sorted(mine.novice_minutes.unique())
+        for one in mine.sort_values(["method", "novice_minutes"]).itertuples():
+            line, style = size_style(one.method, sizes.index(one.novice_minutes)), METHOD_STYLES[one.method]
+            look = line | {"marker": style["marker"], "label": f"{style['label']}, {one.novice_minutes:g} min"}
+            axes.plot(range(len(CROSSED)), [getattr(one, name) for name in CROSSED], **look)
+        axes.set(yscale="log", ylabel=LOSS_LABEL, title=system)
+        finish(axes, legend=False)
+        if len(mine):
+            axes.set_xticks(range(len(CROSSED)), list(CROSSED.values()))
+    legend_below(figure, panels)
     return figure

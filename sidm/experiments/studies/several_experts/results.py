@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Any
 from matplotlib.figure import Figure
 
 from sidm.experiments.engine.frame import of_trials
-from sidm.experiments.figures.style import LOSS_LABEL, METHOD_STYLES, SIZE_STYLES, finish, side_by_side, styled
+from sidm.experiments.figures.style import (
+    LOSS_LABEL,
+    METHOD_STYLES,
+    SIZE_STYLES,
+    finish,
+    legend_below,
+    side_by_side,
+    styled,
+)
 from sidm.experiments.statistics.claims import COLUMNS, judged
 from sidm.experiments.statistics.pairs import Losses, beside, complete, together
 from sidm.experiments.statistics.savings import savings_between
@@ -135,9 +143,12 @@ def figure(table: pd.DataFrame, joint: pd.DataFrame) -> Figure:
     `joint`, results of Figure 3's methods on the same sizes, make lines for comparison.
     """
     figure, panels = side_by_side(len(WAYS))
-    for number, (axes, (way, words)) in enumerate(zip(panels, WAYS.items(), strict=True)):
-        axes.set(xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL, title=words)
+    figure.set_size_inches(11.5, 4.2)
+    for axes, (way, words) in zip(panels, WAYS.items(), strict=True):
         mine = table[table.way == way]
+        if len(mine) and axes is not panels[0]:
+            axes.sharey(panels[0])
+        axes.set(xscale="log", yscale="log", xlabel="novice data (min)", title=words.replace(", ", ",\n"))
         for experts, own in mine.groupby("experts", sort=False):
             losses, style = own.groupby("novice_minutes").loss.agg(["mean", "min", "max"]), _style(str(experts), own)
             axes.plot(losses.index, losses["mean"], label=experts, **style)
@@ -145,7 +156,9 @@ def figure(table: pd.DataFrame, joint: pd.DataFrame) -> Figure:
         for method, look in BESIDE.items() if len(mine) else ():
             means = joint[joint.method == method].groupby("novice_minutes").validation_loss.mean()
             axes.plot(means.index, means, **look)
-        finish(axes, mine.novice_minutes, legend=number == len(WAYS) - 1)  # one for all: it would lie over lines
+        finish(axes, mine.novice_minutes, legend=False)
+    panels[0].set_ylabel(LOSS_LABEL)
+    legend_below(figure, panels)
     return figure
 
 

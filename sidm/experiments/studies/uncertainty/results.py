@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sidm.experiments.engine.frame import of_trials
-from sidm.experiments.figures.style import LOSS_LABEL, METHOD_STYLES, finish, side_by_side, styled
+from sidm.experiments.figures.style import LOSS_LABEL, METHOD_STYLES, finish, legend_below, side_by_side, styled
 from sidm.experiments.statistics.claims import judged
 from sidm.experiments.statistics.pairs import beside
 from sidm.learning.beyond.particles import LEVELS, QUANTILES
@@ -112,7 +112,7 @@ def coverage_figure(frame: pd.DataFrame, minutes: float, systems: Sequence[str] 
     figure, panels = side_by_side(len(systems))
     every = of_trials(frame)
     for axes, system in zip(panels, systems, strict=True):
-        axes.set(xlabel="time (s)", ylabel="share within the interval (-)", ylim=(0, 1))
+        axes.set(xlabel="time (s)", ylabel="share of the truth within the interval (-)", ylim=(0, 1))
         axes.set_title(f"{system}, {minutes:g} min")
         mine = every[(every.system == system) & (every.novice_minutes == minutes)]
         for (method, by), some in mine.groupby(["method", "likelihood"], sort=False):
@@ -122,5 +122,7 @@ def coverage_figure(frame: pd.DataFrame, minutes: float, systems: Sequence[str] 
                 axes.plot(time, level, **look | {"marker": "", "label": None if number else look["label"]})
         for level in LEVELS if len(mine) else ():
             axes.axhline(level, color="0.5", lw=1, linestyle="-", marker="")
-        finish(axes)
+            axes.text(2.5, level - 0.01, f"{level:.0%} intervals should hold this", ha="right", va="top", fontsize=9)
+        finish(axes, legend=False)
+    legend_below(figure, panels)
     return figure
