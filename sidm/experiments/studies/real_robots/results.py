@@ -66,10 +66,10 @@ def figure(frame: pd.DataFrame, value: str = "loss", floors: Mapping[str, tuple[
     figure, (*panels, beside) = side_by_side(len(PAIRS) + 1, 2)
     for axes, (pair, (_, novice)) in zip(panels, PAIRS.items(), strict=True):
         mine = every[every.system == pair]
-        for method in SHOWN:
+        for method in SHOWN if len(mine) else ():
             means = mine[mine.method == method].groupby("sessions")[["minutes", value]].mean()
             style = METHOD_STYLES.get(method, KINEMATIC | {"label": NAMES.get(method, method)})
-            axes.plot(means.minutes, means[value], **style if len(means) else {})
+            axes.plot(means.minutes, means[value], **style)
         if floors and len(mine):
             axes.axhspan(*floors[novice], color="0.5", alpha=0.3, lw=0, label="jitter of the pose")
         axes.set(xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LABELS[value], title=pair)
