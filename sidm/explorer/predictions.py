@@ -33,7 +33,7 @@ from sidm.recordings import Ground
 from sidm.trajectory import CONTROL_STEP, POSITION, QUATERNION, Collection
 
 FOLDER = Path("results/explorer")
-TRUTH = "#3A3F47"  # the robot that really drove, beside the methods' own colours
+TRUTH = "#F2F2EE"  # the robot that really drove, beside the methods' own colours
 METHODS = ("novice_only", "sidm", "pretrain_finetune")
 SEED = 0  # whose trials predict
 WARTHOG_DRIVE = 23  # it turns more than most

@@ -7,6 +7,7 @@ window.sidmGround = (() => {
     dark: { low: 0x3f4a42, middle: 0x6b6252, high: 0x9b9484, line: 0xd8cdb0 },
   };
   const CONTOUR = 0.1; // m from line to line; every fifth is stronger
+  const TILE = 24; // cells a side of a piece of the mesh
   const [TRAIL, FINER] = [0.018, 4]; // m, half as wide as a trail is; its pieces a moment
 
   /** Of a number that grows over the ground: how near it is to a whole one, as lines of so many pixels. */
@@ -39,15 +40,35 @@ window.sidmGround = (() => {
     constructor(from) {
       Object.assign(this, from);
       this.line = { value: new THREE.Color() };
-      const geometry = new THREE.BufferGeometry();
-      geometry.setAttribute("position", new THREE.BufferAttribute(this.points(), 3));
-      geometry.setAttribute("color", new THREE.BufferAttribute(new Float32Array(3 * this.rows * this.columns), 3));
-      geometry.setIndex(new THREE.BufferAttribute(this.triangles(), 1));
-      geometry.computeVertexNormals();
+      const whole = new THREE.BufferGeometry();
+      whole.setAttribute("position", new THREE.BufferAttribute(this.points(), 3));
+      whole.setAttribute("color", new THREE.BufferAttribute(new Float32Array(3 * this.rows * this.columns), 3));
+      whole.setIndex(new THREE.BufferAttribute(this.triangles(0, 0, this.rows, this.columns), 1));
+      whole.computeVertexNormals();
+      this.attributes = whole.attributes;
       const level = this.heights.every((height) => height === this.heights[0]);
-      const material = withLines(new THREE.MeshLambertMaterial({ vertexColors: true }), { line: this.line }, level);
-      this.mesh = new THREE.Mesh(geometry, material);
-      this.mesh.receiveShadow = true;
+      this.material = withLines(new THREE.MeshLambertMaterial({ vertexColors: true }), { line: this.line }, level);
+      this.mesh = new THREE.Group();
+      for (let i = 0; i < this.rows - 1; i += TILE) for (let j = 0; j < this.columns - 1; j += TILE) this.addTile(i, j);
+    }
+
+    /** A piece of the mesh, to be left out where the camera does not see it. */
+    addTile(i, j) {
+      const geometry = new THREE.BufferGeometry();
+      for (const [name, values] of Object.entries(this.attributes)) geometry.setAttribute(name, values);
+      const index = this.triangles(i, j, Math.min(i + TILE + 1, this.rows), Math.min(j + TILE + 1, this.columns));
+      geometry.setIndex(new THREE.BufferAttribute(index, 1));
+      const points = Array.from(new Set(index), (k) => new THREE.Vector3().fromArray(this.attributes.position.array, 3 * k));
+      geometry.boundingSphere = new THREE.Sphere().setFromPoints(points);
+      const tile = new THREE.Mesh(geometry, this.material);
+      tile.receiveShadow = true;
+      this.mesh.add(tile);
+    }
+
+    dispose() {
+      this.mesh.removeFromParent();
+      this.mesh.children.forEach((tile) => tile.geometry.dispose());
+      this.material.dispose();
     }
 
     points() {
@@ -60,11 +81,11 @@ window.sidmGround = (() => {
       return points;
     }
 
-    /** Two to a cell, cut as the simulation cuts them. */
-    triangles() {
+    /** Those between rows and columns, two to a cell, cut as the simulation cuts them. */
+    triangles(low, left, high, right) {
       const found = [];
-      for (let i = 0; i < this.rows - 1; i++) {
-        for (let j = 0; j < this.columns - 1; j++) {
+      for (let i = low; i < high - 1; i++) {
+        for (let j = left; j < right - 1; j++) {
           const k = i * this.columns + j;
           found.push(k, k + 1, k + this.columns, k + this.columns + 1, k + this.columns, k + 1);
         }
@@ -79,7 +100,7 @@ window.sidmGround = (() => {
       const [bottom, top] = [0.03, 0.97].map((share) => sorted[Math.floor(share * (sorted.length - 1))]);
       const reach = Math.max(top - bottom, 0.15);
       const level = top === bottom ? 0.5 : 0;
-      const { color } = this.mesh.geometry.attributes;
+      const { color } = this.attributes;
       const mixed = new THREE.Color();
       this.heights.forEach((height, i) => {
         const share = Math.min(Math.max(level + (height - bottom) / reach, 0), 1);

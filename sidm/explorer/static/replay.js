@@ -26,16 +26,16 @@ window.sidmReplay = (() => {
     return asks("prefers-color-scheme: dark") ? "dark" : "light";
   }
 
-  /** Whether WebGL has no graphics card here: then smooth edges and soft shadows take too long. */
-  function byProcessor() {
-    byProcessor.known ??= (() => {
-      const gl = document.createElement("canvas").getContext("webgl");
+  /** What draws here: a 'card', the 'processor', for which smooth edges and soft shadows take too long, or null. */
+  function drawnBy() {
+    if (drawnBy.known === undefined) {
+      const gl = document.createElement("canvas").getContext("webgl2");
       const asked = gl?.getExtension("WEBGL_debug_renderer_info");
       const name = asked ? gl.getParameter(asked.UNMASKED_RENDERER_WEBGL) : "";
       gl?.getExtension("WEBGL_lose_context")?.loseContext();
-      return /swiftshader|llvmpipe|software|basic render/i.test(name);
-    })();
-    return byProcessor.known;
+      drawnBy.known = gl && (/swiftshader|llvmpipe|software|basic render/i.test(name) ? "processor" : "card");
+    }
+    return drawnBy.known;
   }
 
   /** What is packed by sidm.explorer.packing: numbers (series, moments, channels) of 16 bits. */
@@ -106,16 +106,16 @@ window.sidmReplay = (() => {
       this.screen = element("div", { class: "replay-screen", tabindex: "0", role: "application", "aria-label": label });
       this.names = element("ul", { class: "replay-names" });
       root.replaceChildren(this.screen, this.names);
-      try {
-        this.renderer = new THREE.WebGLRenderer({ antialias: !byProcessor(), powerPreference: "low-power" });
-      } catch {
+      if (!drawnBy()) {
         root.classList.add("replay-without");
         this.screen.removeAttribute("tabindex");
-        this.screen.setAttribute("role", "img");
+        this.screen.setAttribute("role", "group");
         this.screen.replaceChildren(...(film ? [element("img", { src: film, alt: label })] : []),
           element("p", {}, "This browser draws no WebGL, which the replay needs."));
         return;
       }
+      this.plain = drawnBy() === "processor";
+      this.renderer = new THREE.WebGLRenderer({ antialias: !this.plain, powerPreference: "low-power" });
       this.stage();
       this.controls();
       this.listen();
@@ -129,8 +129,9 @@ window.sidmReplay = (() => {
     stage() {
       const { renderer } = this;
       renderer.shadowMap.enabled = true;
-      renderer.shadowMap.type = byProcessor() ? BASIC : SOFT;
-      renderer.setPixelRatio(byProcessor() ? 1 : Math.min(window.devicePixelRatio, 2));
+      renderer.shadowMap.type = this.plain ? BASIC : SOFT;
+      this.ratio = this.plain ? 1 : Math.min(window.devicePixelRatio, 2);
+      renderer.setPixelRatio(this.ratio);
       renderer.autoClear = false;
       renderer.domElement.setAttribute("aria-hidden", "true");
       this.screen.append(renderer.domElement);
@@ -141,7 +142,7 @@ window.sidmReplay = (() => {
       this.sky = new THREE.HemisphereLight(0xffffff, 0x8a7f68, 1.5);
       this.sun = new THREE.DirectionalLight(0xfff1d6, 2.2);
       this.sun.castShadow = true;
-      this.sun.shadow.mapSize.setScalar(byProcessor() ? 512 : 1024);
+      this.sun.shadow.mapSize.setScalar(this.plain ? 512 : 1024);
       this.sun.shadow.bias = -0.002;
       this.target = new THREE.Vector3();
       this.scene.add(this.sky, this.sun, this.sun.target);
@@ -249,7 +250,7 @@ window.sidmReplay = (() => {
     /** Other ground; the robots stay. */
     setGround(from) {
       if (!this.drawn) return;
-      this.dispose(this.ground?.mesh);
+      this.ground?.dispose();
       this.ground = new window.sidmGround(from);
       this.scene.add(this.ground.mesh);
       this.paint();
@@ -322,8 +323,8 @@ window.sidmReplay = (() => {
       this.running = true;
       let last = performance.now();
       const frame = (now) => {
-        this.advance(Math.min((now - last) / 1000, 0.1));
         this.ease(now - last);
+        this.advance(Math.min((now - last) / 1000, 0.1));
         last = now;
         if (this.dirty) this.draw();
         this.running = this.seen && (this.playing || this.dirty);
@@ -332,14 +333,23 @@ window.sidmReplay = (() => {
       requestAnimationFrame(frame);
     }
 
-    /** Without a graphics card, fewer pixels rather than fewer frames. */
+    /** Without a graphics card, fewer pixels rather than fewer frames; a still picture has all of them. */
     ease(milliseconds) {
-      if (!byProcessor() || !this.playing) return;
-      this.pace = 0.9 * (this.pace ?? 25) + 0.1 * milliseconds;
       const ratio = this.renderer.getPixelRatio();
+      if (!this.plain || !this.playing) {
+        this.sharpen();
+        return;
+      }
+      this.pace = 0.9 * (this.pace ?? 25) + 0.1 * milliseconds;
       if (this.pace < SLOW || ratio < 0.6) return;
       this.pace = 25;
       this.renderer.setPixelRatio(0.85 * ratio);
+    }
+
+    sharpen() {
+      if (this.renderer.getPixelRatio() === this.ratio) return;
+      this.renderer.setPixelRatio(this.ratio);
+      this.dirty = true;
     }
 
     advance(seconds) {
@@ -394,7 +404,7 @@ window.sidmReplay = (() => {
         this.target.lerp(wanted, calm);
         this.settled = true;
       }
-      const away = Math.max(distance, this.follow ? 0.8 * spread + 0.55 * distance : 0) * Math.max(1, 1.25 / aspect);
+      const away = Math.max(distance, this.follow ? 0.9 * spread + 0.65 * distance : 0) * Math.max(1, 1.25 / aspect);
       const flat = away * Math.cos(elevation);
       const { target, lens } = this;
       lens.position.set(target.x + flat * Math.cos(azimuth), target.y + flat * Math.sin(azimuth), target.z + away * Math.sin(elevation));

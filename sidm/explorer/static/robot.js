@@ -11,7 +11,7 @@ window.sidmRobot = (() => {
 
   /** A flat outline of (x, z), pulled along y and centred on it. */
   function pulled(shape, depth, bevel) {
-    const options = { depth: depth - 2 * bevel, bevelThickness: bevel, bevelSize: bevel, bevelSegments: 1, curveSegments: 20 };
+    const options = { depth: depth - 2 * bevel, bevelThickness: bevel, bevelSize: bevel, bevelSegments: 1, curveSegments: 7 };
     const geometry = new THREE.ExtrudeGeometry(shape, { ...options, bevelEnabled: bevel > 0 });
     return geometry.translate(0, 0, bevel - depth / 2).rotateX(Math.PI / 2);
   }
@@ -27,7 +27,7 @@ window.sidmRobot = (() => {
   }
 
   /** The tyre's tread: knobs around it, so that its turning is seen. */
-  function tread(radius, knobs = 22) {
+  function tread(radius, knobs = 18) {
     const shape = new THREE.Shape();
     for (let i = 0; i < knobs; i++) {
       [[0, 0.93], [0.12, 1], [0.58, 1], [0.7, 0.93]].forEach(([share, out], corner) => {
@@ -50,8 +50,8 @@ window.sidmRobot = (() => {
     }
   }
 
-  const rod = () => shared("rod", () => new THREE.CylinderGeometry(1, 1, 1, 10));
-  const coil = () => shared("coil", () => new THREE.TubeGeometry(new Helix(), 98, 0.0026, 5).scale(1 / 0.0165, 1 / 0.122, 1 / 0.0165));
+  const rod = () => shared("rod", () => new THREE.CylinderGeometry(1, 1, 1, 8, 1, true));
+  const coil = () => shared("coil", () => new THREE.TubeGeometry(new Helix(), 63, 0.0026, 4).scale(1 / 0.0165, 1 / 0.122, 1 / 0.0165));
 
   /** Chamfered sides, the nose lower than the tail: one sees where it is heading. */
   function hull([long, wide, high]) {
@@ -105,6 +105,8 @@ window.sidmRobot = (() => {
 
   const PAINTS = { dark: 0x2b2e33, light: 0xf3efe2, tyre: 0x2a2b2e, rim: 0xc9ccd1, metal: 0x7d838b, spring: 0xe8c547, sleeve: 0x3c4148 };
 
+  const CASTING = new Set(["body", "tyre", "sleeve"]); // the rest would be hardly seen in the shadow
+
   function paints(colour, ghost) {
     const found = {};
     for (const [name, own] of Object.entries({ ...PAINTS, body: colour })) {
@@ -132,7 +134,7 @@ window.sidmRobot = (() => {
 
     mesh(geometry, paint) {
       const made = new THREE.Mesh(geometry, this.materials[paint]);
-      made.castShadow = !this.track.ghost;
+      made.castShadow = !this.track.ghost && CASTING.has(paint);
       made.renderOrder = this.track.ghost ? 2 : 0;
       return made;
     }
