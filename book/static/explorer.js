@@ -204,6 +204,7 @@
     for (const [name, spec] of Object.entries(data.charts)) {
       const place = panels[name].appendChild(element("div"));
       views[name] = (await vegaEmbed(place, spec, { actions: false, renderer: "canvas", logLevel: 1 /* errors */ })).view;
+      views[name].cleanThreshold = 500; // rows that it has done with and still holds; it would be 10,000
     }
     const move = cursors(panels, views, replay);
 

@@ -8,6 +8,7 @@ from playwright.sync_api import sync_playwright
 from test_browser import PHONE
 
 from sidm.explorer import ROBOTS, grid, replay, ride
+from sidm.explorer.rides import SAMPLE
 from sidm.systems import Terrain
 
 WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
@@ -94,7 +95,7 @@ def test_the_robots_stand_where_the_stored_rides_say(visit):
     at = [knob.values.index(knob.start) for knob in grid.KNOBS]
     own, other = stored.rides[(*at[:3], 0, *at[3:])], stored.robots[(1, 0, *at[3:])]
     for moment in (0, 31, 80):
-        found = page.evaluate(PLACES, grid.SAMPLE * moment)
+        found = page.evaluate(PLACES, SAMPLE * moment)
         for place, numbers in zip(found, (own[moment], other[moment]), strict=True):
             assert place[:3] == pytest.approx(numbers[:3] / 500, abs=1e-5)
             assert place[3:6] == pytest.approx(numbers[3:6] / 2000, abs=1e-3)
@@ -188,6 +189,7 @@ def test_the_charts_and_the_replay_have_one_time(visit):
 def test_memory_does_not_grow_over_many_rides(visit):
     """Of the graphics card by three.js' own count, of scripts after collecting what is lost."""
     page = visit()
+    pause(page)
     session = page.context.new_cdp_session(page)
     held = f"() => ({{ ...{VIEW}.renderer.info.memory, programs: {VIEW}.renderer.info.programs.length }})"
 
@@ -201,8 +203,10 @@ def test_memory_does_not_grow_over_many_rides(visit):
             change(page, lambda key=key: page.locator("#explorer-spring").press(key))
 
     swing(10)
+    page.evaluate(PICTURE)
     before, used = page.evaluate(held), heap()
     swing(50)
+    page.evaluate(PICTURE)
     assert page.evaluate(held) == before
     assert heap() < used + 3e6
 

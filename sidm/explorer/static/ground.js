@@ -35,6 +35,15 @@ window.sidmGround = (() => {
     return material;
   }
 
+  const known = new Map(); // materials of trails, which live as long as the page
+
+  function trailMaterial(colour, ghost) {
+    const name = `${colour} ${ghost}`;
+    const looks = { color: colour, transparent: true, opacity: ghost ? 0.55 : 0.85, side: THREE.DoubleSide };
+    if (!known.has(name)) known.set(name, new THREE.MeshBasicMaterial(looks));
+    return known.get(name);
+  }
+
   return class Ground {
     /** @param from {rows, columns, spacing, left, low, heights: metres, row by row} */
     constructor(from) {
@@ -140,8 +149,7 @@ window.sidmGround = (() => {
       const geometry = new THREE.BufferGeometry();
       geometry.setAttribute("position", new THREE.BufferAttribute(points, 3));
       geometry.setIndex(index.flat());
-      const looks = { color: colour, transparent: true, opacity: ghost ? 0.55 : 0.85, side: THREE.DoubleSide };
-      const mesh = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial(looks));
+      const mesh = new THREE.Mesh(geometry, trailMaterial(colour, ghost));
       mesh.renderOrder = 1;
       mesh.upTo = (time) => geometry.setDrawRange(0, 6 * Math.min(Math.floor((FINER * time) / step), count - 1));
       return mesh;

@@ -262,7 +262,10 @@ window.sidmReplay = (() => {
       this.nameThem(tracks);
       if (!this.drawn) return;
       this.robots.forEach((robot) => robot.dispose());
-      this.trails.forEach((trail) => this.dispose(trail));
+      for (const trail of this.trails) {
+        trail.removeFromParent();
+        trail.geometry.dispose();
+      }
       this.robots = tracks.map((one) => new window.sidmRobot(one));
       this.trails = tracks.map((one, number) => this.ground.trail(one, number));
       this.scene.add(...this.robots.map(({ holder }) => holder), ...this.trails);
@@ -279,12 +282,6 @@ window.sidmReplay = (() => {
         element("span", { class: "replay-name" }, name), this.numbers[i])));
     }
 
-    dispose(mesh) {
-      mesh?.removeFromParent();
-      mesh?.geometry.dispose();
-      mesh?.material.dispose();
-    }
-
     arrange(panels) {
       this.panels = panels;
       this.control.panels.value = panels;
@@ -297,6 +294,7 @@ window.sidmReplay = (() => {
       if (on && this.time >= this.duration) this.seek(0);
       this.control.button.textContent = on ? "Pause" : "Play";
       this.root.dataset.playing = on;
+      if (!on) this.sharpen();
       this.run();
     }
 

@@ -2,7 +2,7 @@
 "use strict";
 
 window.sidmRobot = (() => {
-  const known = new Map(); // geometries are shared by all robots and live as long as the page
+  const known = new Map(); // geometries and materials are shared by all robots and live as long as the page
 
   function shared(key, make) {
     if (!known.has(key)) known.set(key, make());
@@ -121,7 +121,7 @@ window.sidmRobot = (() => {
     /** @param track what moves: {colour, ghost: opacity or 0, skeleton, step, moments, position, quaternion, joints} */
     constructor(track) {
       this.track = track;
-      this.materials = paints(track.colour, track.ghost);
+      this.materials = shared(`paints ${track.colour} ${track.ghost}`, () => paints(track.colour, track.ghost));
       this.holder = new THREE.Group(); // stands in the world; the body moves in it
       this.body = new THREE.Group();
       this.holder.add(this.body);
@@ -195,7 +195,6 @@ window.sidmRobot = (() => {
 
     dispose() {
       this.holder.removeFromParent();
-      Object.values(this.materials).forEach((material) => material.dispose());
     }
   };
 })();
