@@ -32,7 +32,7 @@ APART, STEPS = 1.15, 60  # m from robot to robot at the start, control steps
 COLOURS = ("#0072B2", "#D55E00", "#56B4E9", "#E69F00")
 SIZE, FINER = (720, 405), 2  # px; drawn so many times as large
 RATE, SECONDS, FADE, BEGIN = 15, 4.4, 9, 0.7  # frames a second, s, frames that the end takes over into the beginning, s
-QUALITY = 62
+QUALITY = 72
 DRAW = """([time, azimuth, size, finer]) => {
     const view = document.getElementById("replay").replay;
     if (view.renderer.getPixelRatio() !== finer) {
@@ -79,7 +79,7 @@ def frames(one: Scene) -> list[Image.Image]:
         browser.close()
     for number in range(FADE):
         drawn[number] = Image.blend(drawn[count + number], drawn[number], (number + 1) / (FADE + 1))
-    return drawn[:count]
+    return drawn[FADE:count] + drawn[:FADE]  # so that it begins with a clear one
 
 
 def picture(page: Any, number: int) -> Image.Image:

@@ -194,7 +194,7 @@ class Simulator:
 
     @property
     def joint_angles(self) -> np.ndarray:
-        """Angles (10,), rad: heave and roll of the rear axle, of the front one, the four wheels, the two kingpins.
+        """Angles (10,), rad, of heave and roll of the rear axle, of the front one, of the wheels and of the kingpins.
 
         Wheels are in the order of the struts, kingpins right then left; each turns as its joint in `robot.urdf` does.
         """
