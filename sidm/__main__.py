@@ -1,4 +1,4 @@
-"""The command line: sidm collect | train | run | study | show | merge | fit | evaluate | predict | notebook.
+"""The command line: sidm collect | train | run | study | show | merge | fit | evaluate | predict | replay | notebook.
 
 Exit status: 0; 1 when something failed or is still missing; 2 for arguments that cannot be used.
 """
@@ -17,6 +17,7 @@ import yaml
 
 from sidm import __version__, notebook
 from sidm.config import ConfigError
+from sidm.explorer.command import add_replay
 from sidm.fitting.command import add_commands
 from sidm.systems import FAMILY_PAIRS, FREE_SYSTEMS, SYSTEMS
 
@@ -29,7 +30,7 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
     parser = notebook.Parser(prog="sidm", description=(__doc__ or "").split("\n\n")[1])
     parser.add_argument("--version", action="version", version=__version__)
-    names = "collect | train | run | study | show | merge | fit | evaluate | predict | notebook"
+    names = "collect | train | run | study | show | merge | fit | evaluate | predict | replay | notebook"
     commands = parser.add_subparsers(metavar=names, required=True)
 
     def command(name: str, work: Callable[[argparse.Namespace], int], help: str) -> argparse.ArgumentParser:
@@ -90,6 +91,7 @@ def build_parser() -> argparse.ArgumentParser:
     merge.add_argument("--results", default="results", metavar="DIR", help="the store that takes it in (%(default)s)")
 
     add_commands(command)
+    add_replay(command)
     runner = commands.add_parser("notebook", help="Run a notebook with checked parameters.")
     notebook.add_arguments(runner)
     runner.set_defaults(work=notebook.run_from_arguments)

@@ -1,4 +1,4 @@
-"""Sphinx extension: the scripts of the suspension explorer's page, made from the stored rides."""
+"""Sphinx extension: the scripts of the explorer's and the replay's pages, made from the stored rides and scenes."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from sidm.explorer import grid, page
 
 
 def write_scripts(app: Sphinx, error: Exception | None) -> None:
-    """Put Vega and the rides into _static/explorer."""
+    """Put Vega, the replay and the rides into _static/explorer."""
     if error is None and app.builder.format == "html":
-        page.write(Path(app.outdir) / "_static" / "explorer", grid.read(Path(app.confdir) / grid.FOLDER))
+        stored = Path(app.confdir) / grid.FOLDER
+        page.write(Path(app.outdir) / "_static" / "explorer", grid.read(stored), stored)
 
 
 def setup(app: Sphinx) -> dict[str, object]:

@@ -1,40 +1,56 @@
-// The suspension explorer: sliders choose among stored rides (data.js), Vega draws them (vega.js).
+// The suspension explorer: sliders choose among stored rides, Vega draws them (vega.js), the replay shows them driving.
+// data.js has the charts and the sliders; rides and grounds come in pieces, as scripts, since pages from a disk may not fetch.
 "use strict";
 
 (() => {
   const data = window.explorerData;
+  const { element, piece, unpack } = window.sidmReplay;
   const channels = Object.keys(data.channels);
+  const script = document.currentScript.src;
   const size = data.moments * channels.length; // numbers a ride
-
-  /** Whole numbers from base64 and deflate, their changes along time added up again. */
-  async function unpack(text) {
-    const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-    const numbers = new Int16Array(await new Response(stream).arrayBuffer());
-    for (let i = 0; i < numbers.length; i++) {
-      if (i % size >= channels.length) numbers[i] += numbers[i - channels.length]; // wraps as it did when taken
-    }
-    return numbers;
-  }
-
-  function element(name, attributes = {}, ...children) {
-    const made = document.createElement(name);
-    for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-    made.append(...children);
-    return made;
-  }
-
-  /** Rows of a ride up to where it leaves the ground: {t, x, y, ...} in the units of the charts. */
-  function rows(numbers, index, who) {
+  /** A stored ride up to where it leaves the ground: of each moment its channels, in m and rad. */
+  function moments(numbers, index) {
     const found = [];
-    for (let moment = 0; moment < data.moments; moment++) {
-      const at = index * size + moment * channels.length;
-      if (numbers[at] === data.gone) break;
-      const row = { t: moment * data.step, who };
-      channels.forEach((name, i) => (row[name] = numbers[at + i] / data.channels[name]));
-      found.push(row);
+    for (let at = index * size; at < (index + 1) * size && numbers[at] !== data.gone; at += channels.length) {
+      found.push(channels.map((name, i) => numbers[at + i] / data.channels[name]));
     }
     return found;
+  }
+
+  const attitude = (x, y, z) => [x, y, z, Math.sqrt(Math.max(0, 1 - x * x - y * y - z * z))];
+  const degrees = (angle) => (180 * angle) / Math.PI;
+
+  /** Rows for the charts: {t, x, y, ...}, degrees, and mm of strut travel. */
+  function rows(ride, who) {
+    return ride.map(([x, y, z, i, j, k, ...rest], moment) => {
+      const w = attitude(i, j, k)[3];
+      const pitch = degrees(Math.asin(Math.min(Math.max(2 * (w * j - k * i), -1), 1)));
+      const roll = degrees(Math.atan2(2 * (w * i + j * k), 1 - 2 * (i * i + j * j)));
+      const struts = rest.slice(0, 4).map((travel, number) => [`strut ${number}`, 1e3 * travel]);
+      return { t: moment * data.step, who, x, y, z, pitch, roll, ...Object.fromEntries(struts) };
+    });
+  }
+
+  /** The angle of an axle's heave at the mean travel of its struts, the curve being that of skeleton.py. */
+  function heave(curve, right, left) {
+    if (!curve) return 0;
+    const [a, b, c] = curve;
+    const rest = c - (right + left) / 2;
+    return (-2 * rest) / (b + Math.sqrt(b * b - 4 * a * rest));
+  }
+
+  /** The same ride for the replay. */
+  function track(ride, name, number, body) {
+    const joints = ride.map(([, , , , , , a, b, c, d, rear, front, ...rest]) => {
+      const [kingpin] = rest.splice(4);
+      return [heave(body.heave[0], a, b), rear, heave(body.heave[1], c, d), front, ...rest, kingpin, kingpin];
+    });
+    return {
+      name, colour: data.colours[number], ghost: number ? 0.42 : 0, skeleton: body.skeleton,
+      step: data.step, moments: ride.length, joint: 10, joints: Float32Array.from(joints.flat()),
+      position: Float32Array.from(ride.flatMap((moment) => moment.slice(0, 3))),
+      quaternion: Float32Array.from(ride.flatMap((moment) => attitude(...moment.slice(3, 6)))),
+    };
   }
 
   /** Where the ride of these choices stands: `at` on each axis, as long as `sizes`. */
@@ -46,6 +62,7 @@
     const robot = element("select", { id: "explorer-robot" });
     data.robots.forEach((one, i) => robot.append(element("option", { value: i }, one.name)));
     const brakes = element("input", { id: "explorer-brakes", type: "checkbox", checked: "" });
+    const weaves = element("input", { id: "explorer-weaves", type: "checkbox" });
     robot.value = 1; // another than the sliders start at: two lines to compare
     form.append(
       element("div", { class: "explorer-choice" }, element("label", { for: robot.id }, "the paper's robot"), robot),
@@ -66,19 +83,27 @@
     form.append(
       element("div", { class: "explorer-choice" }, brakes,
         element("label", { for: brakes.id }, "struts braked, as in the recorded robots")),
+      element("div", { class: "explorer-choice" }, weaves,
+        element("label", { for: weaves.id }, "steer right and left, at half throttle")),
     );
     brakes.addEventListener("change", changed);
+    const throttle = sliders[data.knobs.findIndex((knob) => knob.name === "throttle")];
+    throttle.addEventListener("input", () => (weaves.checked = false), { capture: true });
+    weaves.addEventListener("change", () => {
+      throttle.value = data.weaving;
+      changed();
+    });
     robot.addEventListener("change", () => {
       data.knobs.slice(0, data.setUp).forEach((knob, i) => {
         sliders[i].value = data.robots[robot.value].knobs[knob.name];
       });
       changed();
     });
-    return { robot, brakes, sliders };
+    return { robot, brakes, weaves, sliders };
   }
 
-  /** The pieces of ground as rectangles for the chart of the path. */
-  function pieces(heights) {
+  /** The ground as rectangles for the chart of the path. */
+  function rectangles(heights) {
     const [left, right, low, , cell] = data.view;
     const columns = Math.round((right - left) / cell);
     return heights.map((height, i) => {
@@ -109,29 +134,85 @@
 
   const HEAD = ["", "distance", "range of height", "of pitch and roll", "most strut travel", "longest at a stop"];
 
+  /** Where a chart's axes begin in its picture. */
+  const corner = (view) => [view.origin()[0] + view.padding().left, view.origin()[1] + view.padding().top];
+
+  /** A line that stands in a chart at the replay's time; in the chart from above, a dot where each robot is. */
+  function cursors(panels, views, replay) {
+    let both = [];
+    const marks = Object.entries(panels).map(([name, panel]) => {
+      const shown = (name === "path" ? data.colours : [""]).map((colour) =>
+        element("span", { class: name === "path" ? "explorer-dot" : "explorer-cursor", style: `--colour: ${colour}` }));
+      panel.append(...shown);
+      if (name !== "path") point(panel, views[name], replay);
+      return [name, panel, shown];
+    });
+    function move(time) {
+      for (const [name, panel, shown] of marks) {
+        const view = views[name];
+        const [left, top] = corner(view);
+        const canvas = panel.querySelector("canvas");
+        const place = (x, y) => `translate(${canvas.offsetLeft + left + x}px, ${canvas.offsetTop + top + y}px)`;
+        shown.forEach((mark, i) => {
+          const row = both[i]?.[Math.min(Math.round(time / data.step), both[i].length - 1)];
+          const across = view.scale("x")(name === "path" ? (row?.x ?? NaN) : time);
+          mark.hidden = !(across >= 0 && across <= view.width());
+          mark.style.transform = mark.hidden ? "" : place(across, name === "path" ? view.scale("y")(row.y) : 0);
+          if (name !== "path") mark.style.height = `${view.height()}px`;
+        });
+      }
+    }
+    replay.onTime(move);
+    return (now) => {
+      both = now;
+      move(replay.time);
+    };
+  }
+
+  /** Pointing into a chart takes the replay to that time. */
+  function point(panel, view, replay) {
+    const seek = (event) => {
+      if (!event.buttons) return;
+      replay.play(false);
+      const canvas = panel.querySelector("canvas").getBoundingClientRect();
+      replay.seek(view.scale("x").invert(event.clientX - canvas.left - corner(view)[0]));
+    };
+    panel.addEventListener("pointerdown", seek);
+    panel.addEventListener("pointermove", seek);
+  }
+
   async function start() {
     const root = document.getElementById("explorer");
     const form = element("form", { class: "explorer-controls", "aria-label": "set-up and drive" });
     const table = element("table", { class: "table", "aria-live": "polite" });
-    const panels = element("div", { class: "explorer-charts" });
-    root.replaceChildren(form, element("div", { class: "explorer-summary" }, table), panels);
+    const charts = element("div", { class: "explorer-charts" });
+    root.replaceChildren(form, element("div", { class: "explorer-summary" }, table), charts);
     form.addEventListener("submit", (event) => event.preventDefault());
-
-    const [rides, robotRides] = await Promise.all([unpack(data.rides), unpack(data.robotRides)]);
-    const grounds = data.grounds.map(pieces);
-    const views = {};
-    const controls = buildControls(form, () => update());
-    const places = Object.entries(data.charts).map(([name, spec]) => {
-      const panel = element("div", { class: "explorer-chart", role: "img", "aria-label": spec.description });
-      panels.append(panel); // all of them, before any measures its width
-      return [name, spec, panel];
+    const replay = window.sidmReplay(document.getElementById("replay"), {
+      label: "Replay: two robots drive over rough ground, your set-up solid and the paper's robot as a ghost",
+      film: new URL("robots.webp", script),
     });
-    for (const [name, spec, panel] of places) {
-      views[name] = (await vegaEmbed(panel, spec, { actions: false, renderer: "canvas", logLevel: 1 /* errors */ })).view;
+
+    const grounds = data.grounds.map(rectangles);
+    const [views, panels] = [{}, {}];
+    const controls = buildControls(form, () => update());
+    const drives = data.knobs[data.setUp + 1].shown.length + 1; // the last weaves
+    for (const [name, spec] of Object.entries(data.charts)) {
+      panels[name] = element("div", { class: "explorer-chart", role: "img", "aria-label": spec.description });
+      charts.append(panels[name]); // all of them, before any measures its width
     }
+    for (const [name, spec] of Object.entries(data.charts)) {
+      const place = panels[name].appendChild(element("div"));
+      views[name] = (await vegaEmbed(place, spec, { actions: false, renderer: "canvas", logLevel: 1 /* errors */ })).view;
+      views[name].cleanThreshold = 500; // rows that it has done with and still holds; it would be 10,000
+    }
+    const move = cursors(panels, views, replay);
 
     // Vega measures its panels when the window changes; the page's side columns may change them later.
-    new ResizeObserver(() => window.dispatchEvent(new Event("resize"))).observe(panels);
+    new ResizeObserver(() => {
+      window.dispatchEvent(new Event("resize"));
+      replay.seek(replay.time);
+    }).observe(charts);
 
     let [roughness, drawing, waiting] = [-1, false, false];
 
@@ -151,21 +232,45 @@
     async function draw() {
       const at = controls.sliders.map((slider) => slider.valueAsNumber);
       const sizes = data.knobs.map((knob) => knob.shown.length);
-      const [setUp, drive] = [at.slice(0, data.setUp), at.slice(data.setUp)];
-      const rest = [controls.brakes.checked ? 0 : 1, ...drive];
+      const [rough, throttle] = at.slice(data.setUp);
+      const brakes = controls.brakes.checked ? 0 : 1;
+      const weaves = controls.weaves.checked ? 1 : 0;
       const robot = Number(controls.robot.value);
-      const [own, other] = data.who;
-      const both = [
-        rows(rides, position([...setUp, ...rest], [...sizes.slice(0, data.setUp), 2, ...sizes.slice(data.setUp)]), own),
-        rows(robotRides, position([robot, ...rest], [data.robots.length, 2, ...sizes.slice(data.setUp)]), other),
-      ];
+      const own = position(at.slice(0, data.setUp), sizes.slice(0, data.setUp));
+      const setUps = sizes.slice(0, data.setUp).reduce((whole, one) => whole * one);
+      const take = (text) => unpack(text, data.moments, channels.length);
+      const [ownRides, otherRides, ground] = await Promise.all([
+        piece(`rides-${2 * own + brakes}`, take),
+        piece(`rides-${2 * (setUps + robot) + brakes}`, take),
+        piece(`ground-${rough}`, window.sidmReplay.ground),
+      ]);
+      const ride = drives * rough + (weaves ? drives - 1 : throttle);
+      const both = [ownRides, otherRides].map((numbers) => moments(numbers, ride));
       const lowest = data.knobs.findIndex((knob) => knob.name === "travel_lower");
+      const names = [data.who[0], data.robots[robot].name];
+      if (roughness !== rough) replay.setGround(ground);
+      const bodies = [data.bodies[at[lowest]], data.robotBodies[robot]];
+      replay.setTracks(both.map((one, i) => track(one, names[i], i, bodies[i][brakes])));
+      const charted = both.map((one, i) => rows(one, data.who[i]));
       const stops = [[-data.knobs[lowest].shown[at[lowest]], data.ownUpperStop], data.robots[robot].stops];
+      await chart(charted, stops, rough);
+      roughness = rough;
+      move(charted);
+      table.replaceChildren(
+        element("thead", {}, element("tr", {}, ...HEAD.map((word) => element("th", { scope: "col" }, word)))),
+        element("tbody", {}, ...charted.map((one, i) => element("tr", { class: `explorer-line-${i}` },
+          element("th", { scope: "row" }, names[i]),
+          ...summary(one, stops[i]).map((word) => element("td", {}, word))))),
+      );
+      root.dataset.shown = [...at, brakes, weaves, robot].join("-"); // what the pictures show now
+    }
+
+    function chart(both, stops, rough) {
       const flat = both.flat();
       const stopRows = stops.flatMap((pair, i) => pair.map((v) => ({ v, who: data.who[i] })));
-      await Promise.all(Object.entries(views).map(([name, view]) => {
+      return Promise.all(Object.entries(views).map(([name, view]) => {
         if (name === "path") {
-          if (roughness !== drive[0]) view.data("ground", grounds[drive[0]]);
+          if (roughness !== rough) view.data("ground", grounds[rough]);
           view.data("ride", flat);
         } else {
           const of = name === "height" ? "z" : name;
@@ -174,17 +279,10 @@
         }
         return view.runAsync();
       }));
-      roughness = drive[0];
-      const names = [own, data.robots[robot].name];
-      table.replaceChildren(
-        element("thead", {}, element("tr", {}, ...HEAD.map((word) => element("th", { scope: "col" }, word)))),
-        element("tbody", {}, ...both.map((ride, i) => element("tr", { class: `explorer-line-${i}` },
-          element("th", { scope: "row" }, names[i]),
-          ...summary(ride, stops[i]).map((word) => element("td", {}, word))))),
-      );
-      root.dataset.shown = [...at, rest[0], robot].join("-"); // what the pictures show now
     }
+
     await update();
+    replay.start();
   }
 
   start();

@@ -15,14 +15,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidm.explorer.rides import ROBOTS, Ride, drive, tilt
+from sidm.explorer.packing import pack, unpack
+from sidm.explorer.rides import ROBOTS, SAMPLES, Ride, drive, sampled_physics, weave
 from sidm.numerics import versions
 from sidm.pool import local_pool
 from sidm.progress import progress_bar
 from sidm.storage import read_arrays, read_record, write_arrays, write_record
-from sidm.systems import ROLES, Physics, Robot, Terrain
+from sidm.systems import ROLES, Robot, Terrain
 from sidm.terrain import generate_terrain
-from sidm.trajectory import POSITION
+from sidm.trajectory import POSITION, QUATERNION
 
 FOLDER = Path("results/explorer")
 BODY = ROBOTS["system1 novice"]
@@ -30,6 +31,7 @@ BODY = ROBOTS["system1 novice"]
 PAPERS = {name: ROBOTS[name] for name in (f"system{number} {role}" for number in (1, 2) for role in ROLES)}
 TERRAIN_SEED = 3
 STEPS = 40
+MOMENTS = STEPS * SAMPLES + 1
 
 
 class Knob(NamedTuple):
@@ -55,27 +57,35 @@ DRIVE = (
 )
 KNOBS = SET_UP + DRIVE
 BRAKES = (True, False)  # whether the struts are braked as in the recorded robot; the axis before the drive's
+WEAVING = 0.5  # throttle of the drive that weaves, which comes after the straight ones on their axis
 
-#: What is stored of a moment -> how many whole numbers a unit: m, degrees, m of the four struts.
-CHANNELS = {"x": 1e3, "y": 1e3, "z": 1e3, "pitch": 1e2, "roll": 1e2} | {f"strut {n}": 1e5 for n in range(4)}
+#: What is stored of a moment -> how many whole numbers a unit: m, of the vector of the quaternion with w >= 0, m of
+#: the struts, rad of the axles' rolls, of the wheels and of the kingpins, which turn alike.
+CHANNELS = (
+    {name: 500 for name in "xyz"} | {f"q{name}": 2000 for name in "xyz"} | {f"strut {n}": 10_000 for n in range(4)}
+    | {f"roll {n}": 300 for n in range(2)} | {f"wheel {n}": 20 for n in range(4)} | {"kingpin": 100}
+)  # fmt: skip
 
 GONE = -32768
 BORDER = Terrain(cell_height_scale=0.0).half_width - 0.5  # m from the origin, where the wheels still have ground
 
 
 class Grid(NamedTuple):
-    """The stored rides: axes of SET_UP (or the robots of PAPERS), BRAKES, DRIVE, time and CHANNELS."""
+    """The stored rides: axes of SET_UP (or the robots of PAPERS), BRAKES, roughness, drive, time and CHANNELS."""
 
-    rides: np.ndarray  # (5, 4, 4, 2, 4, 4, T + 1, 9) int16
-    robots: np.ndarray  # (4, 2, 4, 4, T + 1, 9) int16
+    rides: np.ndarray  # (5, 4, 4, 2, 4, 5, T + 1, C) int16
+    robots: np.ndarray  # (4, 2, 4, 5, T + 1, C) int16
+    packed: tuple[bytes, ...]  # (4, 5, T + 1, C) each: set-ups, then robots of the paper; braked, then free
     numerics: dict[str, int]  # versions that they were made with
 
 
 def whole_numbers(one: Ride) -> np.ndarray:
-    """A ride as it is stored, (T + 1, 9) int16; GONE from where it leaves the ground."""
-    columns = [*one.states[:, POSITION].T, *tilt(one.states), *one.struts.T]
+    """A ride as it is stored, (T + 1, C) int16; GONE from where it leaves the ground."""
+    turn = one.states[:, QUATERNION]
+    turn = np.where(turn[:, 3:] < 0, -turn, turn)[:, :3]
+    columns = [*one.states[:, POSITION].T, *turn.T, *one.struts.T, *one.joints.T[[1, 3, 4, 5, 6, 7, 8]]]
     scaled = [scale * column for scale, column in zip(CHANNELS.values(), columns, strict=True)]
-    outside = (np.abs(one.states[:, :2]) > BORDER).any(axis=1)
+    outside = ~(np.abs(one.states[:, :2]) <= BORDER).all(axis=1)
     numbers = np.where(np.maximum.accumulate(outside)[:, None], GONE, np.rint(np.stack(scaled, axis=1)))
     return np.clip(numbers, GONE, -GONE - 1).astype(np.int16)
 
@@ -92,17 +102,19 @@ def set_ups() -> Iterator[Robot]:
         yield BODY.replace(**changed)
 
 
-def simulate(setting: tuple[Robot, bool], throttles: Sequence[float] = DRIVE[1].values) -> np.ndarray:
-    """All drives of one robot, braked or not: (4, throttles, T + 1, 9) int16."""
+def simulate(setting: tuple[Robot, bool], drives: Sequence[int] = range(len(DRIVE[1].values) + 1)) -> np.ndarray:
+    """All drives of one robot, braked or not: (4, drives, T + 1, C) int16; the last of them weaves."""
     from sidm.simulation import Simulator
 
     robot, brakes = setting
-    roughness = DRIVE[0].values
+    roughness, throttles = (knob.values for knob in DRIVE)
+    straight: list[tuple[float, float | np.ndarray]] = [(throttle, 0.0) for throttle in throttles]
+    actions = [*straight, (WEAVING, weave(STEPS))]
     found = []
-    with Simulator(robot, ground(roughness[0]), Physics(strut_motors=brakes)) as simulator:
+    with Simulator(robot, ground(roughness[0]), sampled_physics(brakes)) as simulator:
         for rough in roughness:
             simulator.put_on(ground(rough))
-            found.append([whole_numbers(drive(simulator, throttle, steps=STEPS)) for throttle in throttles])
+            found.append([whole_numbers(drive(simulator, *actions[number], steps=STEPS)) for number in drives])
     return np.array(found)
 
 
@@ -110,14 +122,12 @@ def make(folder: Path = FOLDER, workers: int = 2) -> None:
     """Simulate every ride and store them."""
     settings = list(itertools.product([*set_ups(), *PAPERS.values()], BRAKES))
     with local_pool(workers) as pool, progress_bar(len(settings), "rides", "set-up") as bar:
-        found = []
+        packed = []
         for one in pool.map(simulate, settings):
-            found.append(one)
+            packed.append(np.frombuffer(pack(one), np.uint8))
             bar.update()
-    every = np.array(found).reshape(-1, len(BRAKES), *found[0].shape)
-    sizes = [len(knob.values) for knob in SET_UP]
-    rides, robots = every[: -len(PAPERS)], every[-len(PAPERS) :]
-    write_arrays(folder / "rides.npz", {"rides": rides.reshape(*sizes, *rides.shape[1:]), "robots": robots})
+    arrays = {"packed": np.concatenate(packed), "ends": np.cumsum([len(one) for one in packed])}
+    write_arrays(folder / "rides.npz", arrays)
     write_record(folder / "rides.json", {"numerics": versions("free_struts")})
     read.cache_clear()
 
@@ -131,7 +141,12 @@ def read(folder: Path = FOLDER) -> Grid:
         Damaged: a file is not as it was written.
     """
     arrays = read_arrays(folder / "rides.npz")
-    return Grid(arrays["rides"], arrays["robots"], read_record(folder / "rides.json")["numerics"])
+    packed = [one.tobytes() for one in np.split(arrays["packed"], arrays["ends"][:-1])]
+    roughness, throttles = (len(knob.values) for knob in DRIVE)
+    drives = roughness, throttles + 1, MOMENTS, len(CHANNELS)
+    every = np.array([unpack(one, drives) for one in packed]).reshape(-1, len(BRAKES), *drives)
+    rides = every[: -len(PAPERS)].reshape(*(len(knob.values) for knob in SET_UP), *every.shape[1:])
+    return Grid(rides, every[-len(PAPERS) :], tuple(packed), read_record(folder / "rides.json")["numerics"])
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from concurrent.futures import Executor, Future
 from typing import Any
 
 from sidm.explorer.rides import ROBOTS, Ride, find_robot, ride
+from sidm.explorer.viewer import replay
 from sidm.explorer.views import picture, rides_figure
 from sidm.pool import local_pool
 from sidm.systems import Robot, Terrain
@@ -74,7 +75,9 @@ def explorer(first: str = "system1 novice", second: str = "system1 expert", step
         "terrain_seed": widgets.IntSlider(0, min=0, max=20, description="terrain", **slow),
         "strut_motors": widgets.Checkbox(True, description="struts braked, as recorded", **wide),
     }
+    moving = widgets.ToggleButton(description="see them drive", tooltip="the rides in three dimensions")
     screen = widgets.Image(format="png")
+    film = widgets.HTML(layout=widgets.Layout(width="100%"))
     setting_up = False
 
     def show(_: Any = None) -> None:
@@ -86,6 +89,7 @@ def explorer(first: str = "system1 novice", second: str = "system1 expert", step
         same = value["roughness"], value["terrain_seed"], value["throttle"], steps, value["strut_motors"]
         yours, others = both_rides(own, find_robot(other), *same)
         screen.value = picture(rides_figure({"yours": yours, other: others}))
+        film.value = replay({"yours": yours, other: others})._repr_html_() if moving.value else ""
 
     def start(_: Any = None) -> None:
         """Put the sliders where the first robot has them, and draw once."""
@@ -98,11 +102,12 @@ def explorer(first: str = "system1 novice", second: str = "system1 expert", step
 
     start()
     robots["first"].observe(start, names="value")
-    for knob in (robots["second"], *knobs.values()):
+    for knob in (robots["second"], *knobs.values(), moving):
         knob.observe(show, names="value")
-    return widgets.HBox([widgets.VBox([*robots.values(), *knobs.values()]), screen])
+    controls = widgets.VBox([*robots.values(), *knobs.values(), moving])
+    return widgets.HBox([controls, screen, film], layout=widgets.Layout(flex_flow="row wrap"))
 
 
 def with_picture(box: Any) -> dict[str, Any]:
     """For `display(..., raw=True)`: an explorer by MIME types, with its picture for where no kernel runs."""
-    return box._repr_mimebundle_() | {"image/png": base64.b64encode(box.children[-1].value).decode()}
+    return box._repr_mimebundle_() | {"image/png": base64.b64encode(box.children[1].value).decode()}

@@ -1,14 +1,14 @@
 """The explorer's page: charts that Vega draws in the reader's browser, and the rides that its sliders choose from.
 
-`write` puts three scripts beside the page: Vega itself, so that nothing comes from another host, the charts with the
-rides, and book/static/explorer.js fills them in. Altair makes the charts and vl-convert brings Vega's libraries.
+`write` puts scripts beside the page, so that nothing comes from another host: Vega itself, the charts, the replay, and
+the rides in pieces that are loaded when they are needed; book/static/explorer.js puts them together. Altair makes the
+charts and vl-convert brings Vega's libraries.
 """
 
 from __future__ import annotations
 
-import base64
 import json
-import zlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +17,36 @@ import numpy as np
 import vl_convert
 
 from sidm.experiments.figures.style import GROUND_SPACING, half_width
-from sidm.explorer.grid import BODY, CHANNELS, DRIVE, GONE, KNOBS, PAPERS, SET_UP, STEPS, Grid, Knob, ground
-from sidm.explorer.rides import STRUTS
+from sidm.explorer.grid import (
+    BODY,
+    BRAKES,
+    CHANNELS,
+    DRIVE,
+    FOLDER,
+    GONE,
+    KNOBS,
+    MOMENTS,
+    PAPERS,
+    SET_UP,
+    STEPS,
+    WEAVING,
+    Grid,
+    Knob,
+    ground,
+)  # fmt: skip
+from sidm.explorer.packing import text
+from sidm.explorer.rides import SAMPLE, STRUTS
+from sidm.explorer.scene_file import cropped, ground_json, read_scene, scene_json
+from sidm.explorer.skeleton import heave_curves, rover_skeleton
+from sidm.explorer.viewer import SCRIPTS, STYLE, static
 from sidm.explorer.views import LINES
+from sidm.recordings import Ground
+from sidm.systems import Robot
 from sidm.trajectory import CONTROL_STEP
 
 WHO = ("your set-up", "the robot named")
 VIEW = (-1.5, 14.5, -5.0, 5.0)  # left, right, low and high of the ground that is shown, m
+REPLAYED = (-4.0, 14.9, -9.0, 9.0)  # the same of the replay's
 CELL = 0.4  # side of a piece of ground that is drawn, m
 TALLEST = 2.0  # height of the darkest ground, m
 
@@ -113,37 +136,60 @@ def _set_up(name: str) -> dict[str, Any]:
     return {"name": name, "knobs": at, "stops": [1e3 * robot.travel_lower, 1e3 * robot.travel_upper]}
 
 
-def contents(grid: Grid) -> dict[str, Any]:
-    """All that explorer.js needs, of JSON types; the rides deflated and in base64."""
+def _bodies(robots: list[Robot]) -> list[list[dict[str, Any]]]:
+    """Of each robot, braked and free: what is drawn of it, and how its axles' heave follows from their struts."""
+    return [
+        [{"skeleton": rover_skeleton(one, brakes), "heave": heave_curves(one, brakes)} for brakes in BRAKES]
+        for one in robots
+    ]
 
-    def packed(numbers: np.ndarray) -> str:
-        changes = np.diff(numbers.astype("<i2"), axis=-2, prepend=np.int16(0))  # along time; they wrap, and so back
-        return base64.b64encode(zlib.compress(changes.tobytes(), 9)).decode()
 
+def contents() -> dict[str, Any]:
+    """All that explorer.js needs beside the rides, of JSON types."""
     roughness = next(knob for knob in DRIVE if knob.name == "roughness")
+    lowest = next(knob for knob in SET_UP if knob.name == "travel_lower")
     return {
         "who": WHO,
         "knobs": [_knob(knob) for knob in KNOBS],
         "setUp": len(SET_UP),
+        "weaving": DRIVE[1].values.index(WEAVING),
         "robots": [_set_up(name) for name in PAPERS],
-        "channels": {name: scale / (1000 if name.startswith("strut") else 1) for name, scale in CHANNELS.items()},
+        "channels": CHANNELS,
         "ownUpperStop": 1e3 * BODY.travel_upper,
         "gone": GONE,
-        "moments": grid.rides.shape[-2],
-        "step": CONTROL_STEP,
+        "moments": MOMENTS,
+        "step": SAMPLE,
         "view": [*VIEW, CELL],
         "grounds": [_ground(value) for value in roughness.values],
         "charts": charts(),
-        "rides": packed(grid.rides),
-        "robotRides": packed(grid.robots),
+        "colours": [line["color"] for line in LINES],
+        "bodies": _bodies([BODY.replace(travel_lower=value) for value in lowest.values]),
+        "robotBodies": _bodies(list(PAPERS.values())),
     }
 
 
-def write(folder: Path, grid: Grid) -> None:
-    """Write vega.js and data.js into `folder`."""
+def pieces(grid: Grid, scenes: Path) -> Iterator[tuple[str, Any]]:
+    """What the pages load when they need it, by name: the drives of one robot, braked or not, grounds, whole scenes."""
+    for path in sorted(scenes.glob("scene-*.npz")):
+        yield path.stem, scene_json(read_scene(path))
+    for number, packed in enumerate(grid.packed):
+        yield f"rides-{number}", text(packed)
+    for number, roughness in enumerate(DRIVE[0].values):
+        left, right, low, high = REPLAYED
+        corners = np.array([[left, low], [right, high]])
+        yield f"ground-{number}", ground_json(cropped(Ground(ground(roughness), GROUND_SPACING), corners, margin=0.0))
+
+
+def write(folder: Path, grid: Grid, scenes: Path = FOLDER) -> None:
+    """Write vega.js, data.js, the replay's scripts and pieces into `folder`; `scenes` is the folder of its scenes."""
     folder.mkdir(parents=True, exist_ok=True)
     vega = vl_convert.javascript_bundle("window.vegaEmbed = vegaEmbed;")
     hidden = f"(() => {{{vega}}})();\n"  # its other names are names of the theme's scripts, too
     (folder / "vega.js").write_text(hidden, encoding="utf-8")
-    words = json.dumps(contents(grid), separators=(",", ":"))
+    words = json.dumps(contents(), separators=(",", ":"))
     (folder / "data.js").write_text(f"window.explorerData = {words};\n", encoding="utf-8")
+    for name in (*SCRIPTS, STYLE):
+        (folder / name).write_text(static(name), encoding="utf-8")
+    for name, piece in pieces(grid, scenes):
+        words = json.dumps(piece, separators=(",", ":"))
+        (folder / f"{name}.js").write_text(f'window.sidmPieces["{name}"]({words});\n', encoding="utf-8")

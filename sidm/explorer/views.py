@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from sidm.experiments.figures.style import STYLE, lay_ground
 from sidm.explorer.rides import Ride, tilt
-from sidm.trajectory import CONTROL_STEP, POSITION
+from sidm.trajectory import POSITION
 
 #: Of the first and the second robot.
 LINES: tuple[dict[str, Any], ...] = ({"color": "#0072B2", "linestyle": "-"}, {"color": "#D55E00", "linestyle": "--"})
@@ -33,8 +33,7 @@ def rides_figure(rides: Mapping[str, Ride]) -> Figure:
         figure, plots = plt.subplot_mosaic(PLOTS, figsize=(9.6, 8.0), layout="none", gridspec_kw=ROOM)
         height, angles, path = plots["height"], plots["tilt"], plots["path"]
         for (name, one), line in zip(rides.items(), LINES, strict=False):
-            time = CONTROL_STEP * np.arange(len(one.states))
-            position = one.states[:, POSITION]
+            time, position = one.times, one.states[:, POSITION]
             line = line | {"marker": ""}
             height.plot(time, position[:, 2], label=name, **line)
             for angle, alpha in zip(tilt(one.states), (1.0, PALER), strict=True):

@@ -192,6 +192,15 @@ class Simulator:
         pairs = zip(self._suspensions.values(), angles, strict=True)
         return np.array([travel for suspension, angle in pairs for travel in suspension.travel(angle)])
 
+    @property
+    def joint_angles(self) -> np.ndarray:
+        """Angles (10,), rad, of heave and roll of the rear axle, of the front one, of the wheels and of the kingpins.
+
+        Wheels are in the order of the struts, kingpins right then left; each turns as its joint in `robot.urdf` does.
+        """
+        joints = [*self._axles, *self._wheels, *self._kingpins]
+        return np.array([joint[0] for joint in self._client.getJointStates(self._body, joints)])
+
     def ray_heights(self, points: np.ndarray) -> np.ndarray:
         """Heights (N,), m, where vertical rays at `points` (N, 2), m, meet the ground; NaN where they miss."""
         return self._ground.ray_heights(points)

@@ -3,7 +3,6 @@
 import base64
 import subprocess
 import sys
-import zlib
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +10,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from sidm.config import ConfigError
-from sidm.explorer import ROBOTS, Ride, explorer, find_robot, grid, page, ride, rides_figure, tilt, with_picture
+from sidm.explorer import ROBOTS, Ride, explorer, find_robot, grid, page, ride, rides_figure, tilt, weave, with_picture
 from sidm.explorer.live import SIZE, both_rides, helper
+from sidm.explorer.packing import unpack
 from sidm.numerics import versions
+from sidm.simulation import Simulator
 from sidm.systems import Terrain
 
 ROOT = Path(__file__).parents[2]
@@ -28,9 +29,25 @@ def rides():
 
 def test_a_ride_has_its_steps_and_repeats(rides):
     one = rides["system1 novice"]
-    assert one.states.shape == (6, 13) and one.struts.shape == (6, 4)
+    assert one.states.shape == (11, 13) and one.struts.shape == (11, 4) and one.joints.shape == (11, 10)
+    assert one.times == pytest.approx(0.05 * np.arange(11))
     again = ride(ROBOTS["system1 novice"], GROUND, 3, 0.5, steps=5)
-    assert np.array_equal(one.states, again.states) and np.array_equal(one.struts, again.struts)
+    assert all(np.array_equal(getattr(one, name), getattr(again, name)) for name in ("states", "struts", "joints"))
+
+
+def test_looking_twice_a_step_changes_nothing(rides):
+    """The same motion as a simulator's that is looked at at 10 Hz, bit for bit."""
+    one = rides["system1 novice"]
+    with Simulator(one.robot, one.heights) as simulator:
+        states = [simulator.reset(), *(simulator.step(np.array([0.5, 0.0])) for _ in range(5))]
+    assert np.array_equal(one.states[::2], states)
+
+
+def test_weaving_turns_the_kingpins_to_both_sides():
+    one = ride(ROBOTS["system1 novice"], GROUND, 3, 0.5, weave(16), steps=16)
+    kingpins = one.joints[:, 8:]
+    assert kingpins.max() == pytest.approx(0.3, abs=0.02) and kingpins.min() == pytest.approx(-0.3, abs=0.02)
+    assert one.joints[-1, 4:8].min() > 5  # the wheels have turned
 
 
 def test_the_rear_struts_move_only_when_they_are_free():
@@ -56,11 +73,22 @@ def test_the_figure_draws_what_was_ridden(rides):
 
 
 def test_a_slider_draws_anew():
-    box, screen = explorer(steps=3).children
+    box, screen, _ = explorer(steps=3).children
     knobs = box.children
     before = screen.value
     next(knob for knob in knobs if knob.description.startswith("spring")).value = 100.0
     assert before[:4] == screen.value[:4] == b"\x89PNG" and before != screen.value
+
+
+def test_a_button_shows_them_driving():
+    box, _, film = explorer(steps=3).children
+    button = next(knob for knob in box.children if knob.description == "see them drive")
+    assert film.value == ""
+    button.value = True
+    shown = film.value
+    assert "<iframe" in shown and "system1 expert" in shown
+    next(knob for knob in box.children if knob.description.startswith("spring")).value = 100.0
+    assert "<iframe" in film.value and film.value != shown
 
 
 def test_two_rides_at_once_are_those_one_after_the_other():
@@ -73,7 +101,7 @@ def test_two_rides_at_once_are_those_one_after_the_other():
 
 
 def test_choosing_a_robot_moves_the_sliders_to_its_springs():
-    box, screen = explorer(steps=3).children
+    box, screen, _ = explorer(steps=3).children
     robot, spring = (next(k for k in box.children if k.description.startswith(word)) for word in ("your", "spring"))
     before = screen.value
     robot.value = "system2 expert"
@@ -83,7 +111,7 @@ def test_choosing_a_robot_moves_the_sliders_to_its_springs():
 def test_a_picture_stands_in_for_the_sliders():
     box = explorer(steps=3)
     shown = with_picture(box)
-    assert base64.b64decode(shown["image/png"]) == box.children[-1].value
+    assert base64.b64decode(shown["image/png"]) == box.children[1].value
     assert "application/vnd.jupyter.widget-view+json" in shown
 
 
@@ -100,29 +128,34 @@ def test_a_stored_ride_is_what_is_simulated(stored):
     """Its first second: later, what a processor rounds otherwise may have grown."""
     at = (1, 2, 3)
     robot = grid.BODY.replace(**{knob.name: knob.values[i] for knob, i in zip(grid.SET_UP, at, strict=True)})
-    again = grid.simulate((robot, True), throttles=[0.5])
     roughness, throttle = (list(knob.values) for knob in grid.DRIVE)
-    kept = stored.rides[at][0][:, throttle.index(0.5)]
-    assert again.shape == (len(roughness), 1, grid.STEPS + 1, len(grid.CHANNELS))
-    assert np.abs(again[:, 0, :11].astype(int) - kept[:, :11]).max() <= 20
+    drives = [throttle.index(0.5), len(throttle)]  # straight ahead, and weaving
+    again = grid.simulate((robot, True), drives)
+    kept = stored.rides[at][0][:, drives]
+    assert again.shape == (len(roughness), 2, grid.MOMENTS, len(grid.CHANNELS))
+    assert np.abs(again[:, :, :21].astype(int) - kept[:, :, :21]).max() <= 20
+    assert kept[0, 0, :, -1].any() != kept[0, 1, :, -1].any()  # only the weaving one steers on level ground
 
 
 def test_stored_numbers_end_where_the_ground_does():
     """Whole numbers of each channel, none after a robot has left."""
     states = np.zeros((5, 13))
-    states[:, 6] = 1  # upright
+    states[:, 6] = -1  # upright, written the other way round
     states[:, 0] = [0.0, 1.2344, 14.6, 3.0, 2.0]
-    one = Ride(grid.BODY, np.zeros((300, 300)), states, np.full((5, 4), -0.01234))
+    joints = np.zeros((5, 10))
+    joints[:, [1, 3, 4, 8]] = [0.01, 0.02, 1.0, 0.3]
+    one = Ride(grid.BODY, np.zeros((300, 300)), 0.05 * np.arange(5), states, np.full((5, 4), -0.01234), joints)
     numbers = grid.whole_numbers(one)
-    assert numbers[:2].tolist() == [[0, 0, 0, 0, 0, *[-1234] * 4], [1234, 0, 0, 0, 0, *[-1234] * 4]]
+    rest = [0, 0, 0, 0, 0, *[-123] * 4, 3, 6, 20, 0, 0, 0, 30]
+    assert numbers[:2].tolist() == [[0, *rest], [617, *rest]]
     assert (numbers[2:] == grid.GONE).all()
 
 
-def test_the_page_unpacks_what_was_packed(stored):
-    """As explorer.js does: changes along time, of 16 bits, added up."""
-    contents = page.contents(stored)
-    changes = np.frombuffer(zlib.decompress(base64.b64decode(contents["rides"])), "<i2").reshape(stored.rides.shape)
-    assert np.array_equal(np.cumsum(changes, axis=-2, dtype=np.int16), stored.rides)
+def test_the_page_has_what_was_stored(stored):
+    contents, pieces = page.contents(), dict(page.pieces(stored, ROOT / grid.FOLDER))
+    one = unpack(base64.b64decode(pieces["rides-3"]), stored.rides.shape[4:])
+    assert np.array_equal(one, stored.rides[0, 0, 1, 1])
+    assert np.array_equal(unpack(base64.b64decode(pieces["rides-167"]), one.shape), stored.robots[3, 1])
     for robot, chosen in zip(ROBOTS.values(), contents["robots"], strict=True):
         shown = {knob["name"]: knob["shown"][chosen["knobs"][knob["name"]]] for knob in contents["knobs"][:3]}
         assert shown == {"spring": robot.spring, "damping": robot.damping, "travel_lower": -1e3 * robot.travel_lower}
@@ -136,7 +169,7 @@ old = SYSTEMS["system1"]
 SYSTEMS["soft"] = dataclasses.replace(old, name="soft", novice=old.novice.replace(spring=500.0))
 from sidm.explorer import find_robot, grid, page
 assert find_robot("soft novice").spring == 500
-assert [one["name"] for one in page.contents(grid.read())["robots"]] == list(grid.PAPERS) and len(grid.PAPERS) == 4
+assert [one["name"] for one in page.contents()["robots"]] == list(grid.PAPERS) and len(grid.PAPERS) == 4
 """
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -152,13 +185,14 @@ def test_the_page_says_what_the_rides_show(stored):
     rough, half = 2, 1
     assert [knob.values[at] for knob, at in zip(grid.DRIVE, (rough, half), strict=True)] == [0.35, 0.5]
     rides = np.where(stored.rides == grid.GONE, np.nan, stored.rides.astype(float))[:, :, :, 0]
-    front = rides[:, :, :, rough, half, :, -2:] / 1e5  # spring, damping, travel, time, strut
+    struts = [list(grid.CHANNELS).index(f"strut {number}") for number in (2, 3)]
+    front = rides[:, :, :, rough, half][..., struts] / 1e4  # spring, damping, travel, time, strut
     soft, stiff = front[0], front[-1]
     travel = grid.BODY.travel_upper - np.array(grid.SET_UP[2].values)
     ways = (np.nanmax(soft, axis=-2) - np.nanmin(soft, axis=-2)) / travel[:, None]
     assert ways.min() > 0.84 and np.median(ways) > 0.99
     assert grid.BODY.travel_upper - np.nanmin(stiff) < 0.005
-    ends = rides[:, :, :, 0, half, -1, :2].reshape(-1, 2) / 1e3
+    ends = rides[:, :, :, 0, half, -1, :2].reshape(-1, 2) / 500
     assert np.ptp(ends, axis=0).max() < 0.1
 
 
