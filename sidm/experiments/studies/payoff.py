@@ -228,8 +228,12 @@ def table(gaps: pd.DataFrame, saved: pd.DataFrame) -> pd.DataFrame:
 
 @styled
 def figure(table: pd.DataFrame) -> Figure:
-    """What is saved against the gap: with an SIDM, and from the expert's weights, all of them or the core's alone."""
+    """What is saved against the gap: with an SIDM, and from the expert's weights, all of them or the core's alone.
+
+    Where sizes that were run give no more than a bound, no point is drawn.
+    """
     figure, panels = side_by_side(2)
+    table = table[table.bound == "="]
     kinds = list(dict.fromkeys(table.kind))
     for axes, (title, methods) in zip(panels, PANELS.items(), strict=True):
         axes.set(xscale="log", yscale="log", xlabel="gap between the robots before learning (1: none)", title=title)
