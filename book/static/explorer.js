@@ -147,24 +147,34 @@
       if (name !== "path") point(panel, views[name], replay);
       return [name, panel, shown];
     });
-    function move(time) {
-      for (const [name, panel, shown] of marks) {
-        const view = views[name];
+    let axes = []; // of each chart: where they begin, and their scales; measured when a chart changes, not in every frame
+
+    function measure() {
+      axes = marks.map(([name, panel, shown]) => {
+        const [view, canvas] = [views[name], panel.querySelector("canvas")];
         const [left, top] = corner(view);
-        const canvas = panel.querySelector("canvas");
-        const place = (x, y) => `translate(${canvas.offsetLeft + left + x}px, ${canvas.offsetTop + top + y}px)`;
+        if (name !== "path") shown[0].style.height = `${view.height()}px`;
+        return { left: canvas.offsetLeft + left, top: canvas.offsetTop + top, wide: view.width(), x: view.scale("x"), y: view.scale("y") };
+      });
+    }
+
+    function move(time) {
+      marks.forEach(([name, , shown], number) => {
+        if (!axes[number]) return;
+        const { left, top, wide, x, y } = axes[number];
         shown.forEach((mark, i) => {
           const row = both[i]?.[Math.min(Math.round(time / data.step), both[i].length - 1)];
-          const across = view.scale("x")(name === "path" ? (row?.x ?? NaN) : time);
-          mark.hidden = !(across >= 0 && across <= view.width());
-          mark.style.transform = mark.hidden ? "" : place(across, name === "path" ? view.scale("y")(row.y) : 0);
-          if (name !== "path") mark.style.height = `${view.height()}px`;
+          const across = x(name === "path" ? (row?.x ?? NaN) : time);
+          mark.hidden = !(across >= 0 && across <= wide);
+          if (!mark.hidden) mark.style.transform = `translate(${left + across}px, ${top + (name === "path" ? y(row.y) : 0)}px)`;
         });
-      }
+      });
     }
+
     replay.onTime(move);
-    return (now) => {
+    return (now = both) => {
       both = now;
+      measure();
       move(replay.time);
     };
   }
@@ -211,7 +221,7 @@
     // Vega measures its panels when the window changes; the page's side columns may change them later.
     new ResizeObserver(() => {
       window.dispatchEvent(new Event("resize"));
-      replay.seek(replay.time);
+      requestAnimationFrame(() => requestAnimationFrame(() => move())); // when Vega has drawn
     }).observe(charts);
 
     let [roughness, drawing, waiting] = [-1, false, false];

@@ -266,8 +266,10 @@ window.sidmReplay = (() => {
         trail.removeFromParent();
         trail.geometry.dispose();
       }
-      this.robots = tracks.map((one) => new window.sidmRobot(one));
-      this.trails = tracks.map((one, number) => this.ground.trail(one, number));
+      this.given = tracks;
+      const shown = tracks.map((one) => (this.panels === "beside" ? { ...one, ghost: 0 } : one)); // none is in another's way
+      this.robots = shown.map((one) => new window.sidmRobot(one));
+      this.trails = shown.map((one, number) => this.ground.trail(one, number));
       this.scene.add(...this.robots.map(({ holder }) => holder), ...this.trails);
       this.control.scrub.max = this.duration;
       this.control.panels.hidden = tracks.length < 2;
@@ -285,7 +287,7 @@ window.sidmReplay = (() => {
     arrange(panels) {
       this.panels = panels;
       this.control.panels.value = panels;
-      this.dirty = true;
+      this.setTracks(this.given);
     }
 
     play(on = true) {
