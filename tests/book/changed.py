@@ -9,7 +9,7 @@ from typing import Any
 
 from sidm.storage import read_record, write_record
 
-ANY_LENGTH = ("curve", "component_", "rollouts")
+ANY_LENGTH = ("curve", "component_samples", "component_test", "component_validation", "rollouts")
 KEPT = ("about", "trial", "provenance", "schema")  # what a result is about stays
 
 
