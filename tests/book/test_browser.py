@@ -78,7 +78,11 @@ def test_a_page_has_no_serious_barriers(visit, name):
     page.set_viewport_size(DESK)
     page.wait_for_function(MARKED)  # the theme marks what scrolls a while after the window's change
     page.add_style_tag(content="* { transition: none !important }")
-    found += barriers(page, {"rules": {COLOURS: {"enabled": False}}})
+    own = barriers(page, {"rules": {COLOURS: {"enabled": False}}})
+    if any("crollable region" in words for words in own):  # marked for a width on the way to this one: it is done anew
+        page.wait_for_function(MARKED)
+        own = barriers(page, {"rules": {COLOURS: {"enabled": False}}})
+    found += own
     page.eval_on_selector_all(".highlight span", PLAIN)
     if name.startswith(REFERENCE):
         page.eval_on_selector_all(ALIKE, "all => all.forEach(section => section.remove())")
