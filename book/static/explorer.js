@@ -82,7 +82,7 @@
     });
     form.append(
       element("div", { class: "explorer-choice" }, brakes,
-        element("label", { for: brakes.id }, "struts braked, as in the recorded robots")),
+        element("label", { for: brakes.id }, "joint motors hold the struts, as in the released simulator")),
       element("div", { class: "explorer-choice" }, weaves,
         element("label", { for: weaves.id }, "steer right and left, at half throttle")),
     );
@@ -193,13 +193,13 @@
 
   async function start() {
     const root = document.getElementById("explorer");
-    const form = element("form", { class: "explorer-controls", "aria-label": "set-up and drive" });
+    const form = element("form", { class: "explorer-controls", "aria-label": "suspension and drive" });
     const table = element("table", { class: "table", "aria-live": "polite" });
     const charts = element("div", { class: "explorer-charts" });
     root.replaceChildren(form, element("div", { class: "explorer-summary" }, table), charts);
     form.addEventListener("submit", (event) => event.preventDefault());
     const replay = window.sidmReplay(document.getElementById("replay"), {
-      label: "Replay: two robots drive over rough ground, your set-up solid and the paper's robot as a ghost",
+      label: "Replay: two robots drive over rough ground, your robot solid and the paper's robot as a ghost",
       film: new URL("robots.webp", script),
     });
 

@@ -73,7 +73,7 @@ def explorer(first: str = "system1 novice", second: str = "system1 expert", step
         "throttle": widgets.FloatSlider(0.5, min=-1, max=1, step=0.05, description="throttle", **slow),
         "roughness": widgets.FloatSlider(0.35, min=0, max=0.9, step=0.05, description="rock height scale (m)", **slow),
         "terrain_seed": widgets.IntSlider(0, min=0, max=20, description="terrain", **slow),
-        "strut_motors": widgets.Checkbox(True, description="struts braked, as recorded", **wide),
+        "strut_motors": widgets.Checkbox(True, description="joint motors hold the struts, as recorded", **wide),
     }
     moving = widgets.ToggleButton(description="see them drive", tooltip="the rides in three dimensions")
     screen = widgets.Image(format="png")

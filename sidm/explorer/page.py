@@ -44,7 +44,7 @@ from sidm.recordings import Ground
 from sidm.systems import Robot
 from sidm.trajectory import CONTROL_STEP
 
-WHO = ("your set-up", "the robot named")
+WHO = ("your robot", "the robot named")
 VIEW = (-1.5, 14.5, -5.0, 5.0)  # left, right, low and high of the ground that is shown, m
 REPLAYED = (-4.0, 14.9, -9.0, 9.0)  # the same of the replay's
 CELL = 0.4  # side of a piece of ground that is drawn, m
