@@ -25,6 +25,8 @@ from sidm.notebook_runs import NotebookError, Run, execute
 DEFAULT_OUTPUT = Path("_build/runs")  # where a run goes that names no output
 KINDS: dict[str, Any] = {kind.__name__: kind for kind in (bool, int, float, str, list, dict, tuple)}
 KINDS |= {"Optional": Optional, "None": None}
+#: Chapters that others took in, or that were called otherwise.
+RENAMED = {"variants": "least-squares", "released": "choices", "elsewhere": "recorded-robot"}
 
 
 class Parameter(NamedTuple):
@@ -63,7 +65,7 @@ def notebooks(root: Path | None = None) -> list[Path]:
 
 
 def find_notebook(name: str, root: Path | None = None) -> Path:
-    """The notebook of that path or name: `05-figure3` and `figure3` are notebooks/05-figure3.ipynb.
+    """The notebook of that path or name: `05-figure3` and `figure3` are notebooks/05-figure3.ipynb; numbers may be old.
 
     Raises:
         ConfigError: there is none; it names the nearest.
@@ -71,11 +73,16 @@ def find_notebook(name: str, root: Path | None = None) -> Path:
     if Path(name).is_file():
         return Path(name)
     known = {path.stem: path for path in notebooks(root)}
+    wanted = _without_number(Path(name).name.removesuffix(".ipynb"))
     for stem, path in known.items():
-        if name.removesuffix(".ipynb") in (stem, re.sub(r"^\d+-", "", stem)):
+        if RENAMED.get(wanted, wanted) == _without_number(stem):
             return path
     near = str(unknown_name(name, known, "")).partition("; ")[2]
     raise ConfigError(f"no notebook '{name}'; {near}")
+
+
+def _without_number(stem: str) -> str:
+    return re.sub(r"^\d+-", "", stem)
 
 
 def inspect(path: Path) -> dict[str, Parameter]:

@@ -13,7 +13,7 @@ from sidm.progress import progress_bar
 
 #: About how long the longest notebooks take, s: they begin first, and the time left is told by it.
 SECONDS = {
-    "04-training": 50, "19-own-data": 35, "02-collecting": 15, "09-suspension": 15, "01-robots": 10, "20-driving": 8,
+    "04-training": 50, "21-own-data": 35, "02-collecting": 15, "18-suspension": 15, "01-robots": 10, "12-driving": 8,
     "05-figure3": 6,
 }  # fmt: skip
 OTHERS = 4  # s that any other takes

@@ -59,7 +59,7 @@ def printed(path: Path) -> str:
 
 
 def test_a_notebook_is_found_by_path_and_by_name(project, first):
-    for name in ("notebooks/01-first.ipynb", "01-first", "first", "first.ipynb"):
+    for name in ("notebooks/01-first.ipynb", "01-first", "first", "first.ipynb", "07-first"):
         assert notebook.find_notebook(name).resolve() == first
     with pytest.raises(ConfigError, match="no notebook '01-frist'; did you mean '01-first'"):
         notebook.find_notebook("01-frist")

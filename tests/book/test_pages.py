@@ -7,7 +7,10 @@ from pathlib import Path
 from urllib.parse import unquote, urldefrag
 
 import pytest
+import yaml
 from pages import ABROAD, ROOT, STYLE_ADDRESS, Page, contents
+
+from sidm.notebook import find_notebook
 
 EQUATIONS = {  # the paper's number -> the label, and the function that computes it
     1: ("prediction-loss", "sidm.learning.losses.prediction_loss"),
@@ -38,7 +41,7 @@ def test_no_page_fetches_from_another_host(pages):
 
 def test_no_page_is_heavy(book, pages):
     """At most 2 MB, but the recordings of films and of the live trainings."""
-    films = {"notebooks/01-robots", "notebooks/20-driving"}
+    films = {"notebooks/01-robots", "notebooks/12-driving"}
     sizes = {str(page.path.relative_to(book).with_suffix("")): page.path.stat().st_size for page in pages}
     assert {name: size for name, size in sizes.items() if size > 2e6 and name not in films} == {}
 
@@ -53,6 +56,15 @@ def test_a_page_says_how_long_it_takes_to_read(book):
 def test_the_core_is_in_reading_order():
     core = (ROOT / "book" / "core.txt").read_text().split()
     assert core == contents()[: len(core)]
+
+
+def test_pages_and_notebooks_are_found_by_their_old_names(book):
+    redirects = yaml.safe_load((ROOT / "_config.yml").read_text())["sphinx"]["config"]["redirects"]
+    for old, new in redirects.items():
+        assert f'url={new}"' in (book / f"{old}.html").read_text()
+        assert (book / old).with_name(new.partition("#")[0]).is_file()
+        if old.startswith("notebooks/"):
+            assert find_notebook(Path(old).name, ROOT).stem == Path(new).stem
 
 
 def test_no_style_sheet_fetches_from_another_host(book):
