@@ -139,25 +139,6 @@ def learn_and_test(pieces: Pieces, sessions: np.ndarray) -> tuple[Pieces, Pieces
     return mine.take(~testing), mine.take(testing)
 
 
-def apart(pieces: Pieces, share: float) -> tuple[Tensor, Tensor, bool]:
-    """Numbers (n,) of the pieces to learn from and (m,) of those to judge by, and whether their grounds differ.
-
-    Those to judge by are on the last grounds, a `share` of them and at least one; with a single ground they are the
-    last pieces. Two maps of one place that differ anywhere are two grounds here.
-
-    Raises:
-        ValueError: a share that leaves nothing on one side.
-    """
-    grounds, count = len(pieces.grounds), len(pieces.states)
-    if not 0 < share < 1 or count < 2:
-        raise ValueError(f"a share above 0 and below 1 of at least 2 pieces, not {share:g} of {count}")
-    if grounds > 1:
-        return *apart_by_ground(pieces, min(max(1, round(share * grounds)), grounds - 1)), True
-    last = min(max(1, round(share * count)), count - 1)
-    numbers = torch.arange(count)
-    return numbers[:-last], numbers[-last:], False
-
-
 def apart_by_ground(pieces: Pieces, held_out: int) -> tuple[Tensor, Tensor]:
     """Numbers (n,) of the pieces to learn from and (m,) of those to judge by: those on the last `held_out` grounds.
 

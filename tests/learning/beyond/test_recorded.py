@@ -6,7 +6,7 @@ import torch
 
 from sidm.config import ConfigError
 from sidm.learning import prepare
-from sidm.learning.beyond.recorded import apart, apart_by_ground, cut
+from sidm.learning.beyond.recorded import apart_by_ground, cut
 from sidm.recordings import Drive, Ground
 from sidm.terrain import generate_terrain
 from sidm.trajectory import STEPS
@@ -49,16 +49,6 @@ def test_grounds_held_out_are_not_learnt_on(recordings):
     assert learning.tolist() == list(range(8)) and judging.tolist() == [8, 9]
     with pytest.raises(ValueError, match="from 1 to 2 of 3 grounds, not 3"):
         apart_by_ground(pieces, 3)
-
-
-def test_a_share_is_of_grounds_or_of_pieces(recordings):
-    """Of three grounds one; of a single one the last pieces."""
-    learning, judging, differ = apart(cut(recordings), 0.3)
-    assert learning.tolist() == list(range(8)) and judging.tolist() == [8, 9] and differ
-    learning, judging, differ = apart(cut(recordings[:2]), 0.3)
-    assert learning.tolist() == [0, 1, 2] and judging.tolist() == [3] and not differ
-    with pytest.raises(ValueError, match="a share above 0 and below 1"):
-        apart(cut(recordings), 1.0)
 
 
 def test_no_drives_are_refused():
