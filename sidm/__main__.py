@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import functools
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor, Executor
 from pathlib import Path
 from typing import Any
-
-import yaml
 
 from sidm import __version__, notebook
 from sidm.config import ConfigError
@@ -121,16 +120,13 @@ def _add_dask(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--dask", metavar="ADDRESS", help=words)
 
 
-@contextlib.contextmanager
-def _executor(arguments: argparse.Namespace) -> Iterator[Executor | None]:
+def _executor(arguments: argparse.Namespace) -> contextlib.AbstractContextManager[Executor | None]:
     """The cluster of --dask, or None without."""
     if arguments.dask is None:
-        yield None
-        return
+        return contextlib.nullcontext()
     from sidm.cluster import dask_executor
 
-    with dask_executor(arguments.dask) as executor:
-        yield executor
+    return dask_executor(arguments.dask)
 
 
 def _add_system(parser: argparse.ArgumentParser) -> None:
@@ -147,12 +143,15 @@ def _add_grid(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", type=int, nargs="+", help="only these seeds")
 
 
-def _positive(text: str) -> int:
+def _positive(text: str, least: int = 1) -> int:
     """A whole number above 0; argparse reports any other."""
     number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"must be at least 1, not {number}")
+    if number < least:
+        raise argparse.ArgumentTypeError(f"must be at least {least}, not {number}")
     return number
+
+
+_seed = functools.partial(_positive, least=0)
 
 
 def _preset(arguments: argparse.Namespace):
@@ -164,19 +163,8 @@ def _preset(arguments: argparse.Namespace):
         name, equals, value = text.partition("=")
         if not equals:
             raise ConfigError(f"--set takes NAME=VALUE, not '{text}'")
-        try:
-            changes[name] = _number(yaml.safe_load(value))
-        except yaml.YAMLError:
-            raise ConfigError(f"--set {name}: cannot read '{value}'") from None
+        changes[name] = notebook.read_value(value, Any, f"--set {name}")
     return load_preset(arguments.preset, **changes)
-
-
-def _number(value: Any) -> Any:
-    """A value as YAML read it, but 1e-3 as the number that it is to everybody else."""
-    try:
-        return float(value) if isinstance(value, str) else value
-    except ValueError:
-        return value
 
 
 def _device(name: str) -> str:
@@ -188,14 +176,6 @@ def _device(name: str) -> str:
     except (RuntimeError, AssertionError) as error:
         raise argparse.ArgumentTypeError(f"'{name}' cannot be used here: {str(error).splitlines()[0]}") from None
     return name
-
-
-def _seed(text: str) -> int:
-    """An argument that is a seed."""
-    number = int(text)
-    if number < 0:
-        raise argparse.ArgumentTypeError(f"must not be negative, not {number}")
-    return number
 
 
 def _trials(arguments: argparse.Namespace, preset: Any) -> list:

@@ -53,6 +53,13 @@ def conform(value: Any, kind: Any, name: str) -> Any:
                 return tuple(item if type(item) is part else conform(item, part, name) for item in value)
             if len(arguments) == len(value):
                 return tuple(conform(item, part, name) for item, part in zip(value, arguments, strict=True))
+    elif origin is list:
+        if isinstance(value, (list, tuple)):
+            return [conform(item, arguments[0], name) for item in value]
+    elif origin is dict:
+        if isinstance(value, dict):
+            key, item = arguments
+            return {conform(one, key, name): conform(other, item, name) for one, other in value.items()}
     elif kind is float:
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             return float(value)
@@ -107,6 +114,14 @@ def refuse_nonsense(settings: Any) -> None:
             if isinstance(one, (int, float)) and not abs(one) <= LARGEST:
                 where = f"{type(settings).__name__}.{name}"
                 raise ConfigError(f"{where} must be a number from -{LARGEST:g} to {LARGEST:g}, not {one}")
+
+
+def refuse_below(settings: Any, least: float, *names: str) -> None:
+    """ConfigError naming the first of some numbers of a configuration, or of tuples of them, that is below `least`."""
+    for name in names:
+        value = getattr(settings, name)
+        if min(value if isinstance(value, tuple) else (value,)) < least:
+            raise ConfigError(f"{type(settings).__name__}.{name} must be at least {least}, not {value}")
 
 
 def from_mapping(cls: type[T], values: Mapping[str, Any]) -> T:

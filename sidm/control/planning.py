@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from sidm import rotations
-from sidm.config import ConfigError, config, refuse_nonsense
+from sidm.config import ConfigError, config, refuse_below, refuse_nonsense
 from sidm.learning.model import Predictor
 from sidm.learning.networks import Memory
 from sidm.learning.observation import encode_inputs, integrate, robot_centred_map
@@ -42,9 +42,7 @@ class Planning:
     def __post_init__(self) -> None:
         """Refuse settings that no plan can be made with."""
         refuse_nonsense(self)
-        for name in ("samples", "iterations", "elites", "horizon", "hold", "replan"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"Planning.{name} must be at least 1, not {getattr(self, name)}")
+        refuse_below(self, 1, "samples", "iterations", "elites", "horizon", "hold", "replan")
         if self.elites > self.samples:
             raise ConfigError(f"Planning.elites must be at most samples ({self.samples}), not {self.elites}")
         if self.horizon % self.hold:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from sidm.explorer.rides import Ride, sampled_physics
+from sidm.explorer.rides import Ride, drive, sampled_physics
 from sidm.explorer.scene import (
     GHOST,
     ROVER_JOINTS,
@@ -30,6 +30,7 @@ from sidm.explorer.scene import (
 from sidm.explorer.scene_file import write_scene
 from sidm.explorer.skeleton import BOXES, Skeleton
 from sidm.recordings import Ground
+from sidm.terrain import generate_terrain
 from sidm.trajectory import CONTROL_STEP, POSITION, QUATERNION, Collection
 
 FOLDER = Path("results/explorer")
@@ -39,53 +40,17 @@ SEED = 0  # whose trials predict
 WARTHOG_DRIVE = 23  # it turns more than most
 
 
-class Watched:
-    """A simulator that `collect.attempt` drives as ever, and that keeps all that moved, twice a control step."""
-
-    def __init__(self, simulator: Any) -> None:
-        """`simulator` is of `sampled_physics`."""
-        self._simulator = simulator
-
-    def put_on(self, heights: np.ndarray) -> None:
-        """Exchange the ground."""
-        self._simulator.put_on(heights)
-
-    def reset(self, *place: float) -> np.ndarray:
-        """Begin anew, with nothing kept."""
-        self._kept: list[tuple[np.ndarray, ...]] = []
-        return self._keep(self._simulator.reset(*place))
-
-    def step(self, action: np.ndarray) -> np.ndarray:
-        """One control step of 0.1 s."""
-        self._keep(self._simulator.step(action))
-        return self._keep(self._simulator.step(action))
-
-    def _keep(self, state: np.ndarray) -> np.ndarray:
-        self._kept.append((state, self._simulator.strut_positions, self._simulator.joint_angles))
-        return state
-
-    def ride(self, steps: int) -> Ride:
-        """The first control steps of what was driven last."""
-        states, struts, joints = (np.array(one)[: 2 * steps + 1] for one in zip(*self._kept, strict=True))
-        one = self._simulator
-        times = CONTROL_STEP / 2 * np.arange(len(states))
-        return Ride(one.robot, one.heights, times, states, struts, joints, one.physics.strut_motors)
-
-
 def collected_ride(collection: Collection, index: int, steps: int) -> Ride:
     """Trajectory `index` of a collection as a ride: the same motion, with all that moves."""
-    from sidm.simulation import Simulator
-    from sidm.simulation.collect import MOST_ATTEMPTS, attempt
+    from sidm.simulation import Simulator, simulate
+    from sidm.simulation.collect import drawn
     from sidm.systems import find_system
 
-    system = find_system(collection.system)
-    flat = np.zeros((system.terrain.size, system.terrain.size))
-    with Simulator(system.robot(collection.role), flat, sampled_physics(system.physics.strut_motors)) as simulator:
-        watched: Any = Watched(simulator)
-        for number in range(MOST_ATTEMPTS):
-            if attempt(watched, system, collection, index, number)[0] is not None:
-                return watched.ride(steps)
-    raise RuntimeError(f"{collection}: trajectory {index} ended early {MOST_ATTEMPTS} times")
+    system, attempts = find_system(collection.system), sum(simulate(collection, index).discarded)
+    terrain_seed, yaw, actions = drawn(collection, index, attempts)
+    physics = sampled_physics(system.physics.strut_motors)
+    with Simulator(system.robot(collection.role), generate_terrain(system.terrain, terrain_seed), physics) as simulator:
+        return drive(simulator, *actions[:steps].T, steps=steps, yaw=yaw)
 
 
 def predicted_track(

@@ -117,7 +117,7 @@ def prepare(trajectories: Sequence[Trajectory], terrain: Terrain, pixels: int, b
         ValueError: no trajectories.
     """
     view = _View(body, body.pixels(pixels))
-    maps = np.stack([_maps(trajectory, terrain, view) for trajectory in _some(trajectories)])
+    maps = np.stack([_maps(trajectory, terrain, view) for trajectory in trajectories])
     return _motion(trajectories, torch.from_numpy(maps), body)
 
 
@@ -146,7 +146,7 @@ def load_motion(
     Raises:
         ShardError: a shard is missing or damaged, or a terrain cannot be made again as it was; one line.
     """
-    trajectories = _some(load(Path(root), collection, count))
+    trajectories = load(Path(root), collection, count)
     view = _View(body, body.pixels(pixels))
     shape = (len(trajectories), len(trajectories[0].actions), view.pixels, view.pixels)
     if not view.pixels:
@@ -161,12 +161,6 @@ def load_motion(
     if maps.shape != shape or maps.dtype != np.float16:
         raise ShardError(f"{path}: maps {maps.shape} where {shape} were expected; delete the file to make it anew")
     return _motion(trajectories, torch.from_numpy(maps), body)
-
-
-def _some(trajectories: Sequence[Trajectory]) -> Sequence[Trajectory]:
-    if not trajectories:
-        raise ValueError("at least one trajectory is needed, not none")
-    return trajectories
 
 
 def _write_maps(

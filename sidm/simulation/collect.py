@@ -67,15 +67,20 @@ class EpisodeRules:
         return "stuck" if self._since > STUCK_STEPS else None
 
 
-def attempt(
-    simulator: Simulator, system: System, collection: Collection, index: int, number: int
-) -> tuple[Trajectory | None, str | None]:
-    """Try number `number` at trajectory `index`: the trajectory, or the cause why it is thrown away."""
+def drawn(collection: Collection, index: int, number: int) -> tuple[int, float, np.ndarray]:
+    """Of try number `number` at trajectory `index`: the terrain's seed, the yaw at the start, rad, actions (64, 2)."""
     names = (collection.system, collection.role, collection.policy)
     key = [zlib.crc32(name.encode()) for name in names]
     rng = np.random.default_rng(np.random.SeedSequence(collection.seed, spawn_key=(*key, index, number)))
     terrain_seed, yaw = int(rng.integers(2**62)), rng.uniform(-np.pi, np.pi)
-    actions = draw_actions(collection.policy, STEPS, rng).astype(np.float32)
+    return terrain_seed, yaw, draw_actions(collection.policy, STEPS, rng).astype(np.float32)
+
+
+def attempt(
+    simulator: Simulator, system: System, collection: Collection, index: int, number: int
+) -> tuple[Trajectory | None, str | None]:
+    """Try number `number` at trajectory `index`: the trajectory, or the cause why it is thrown away."""
+    terrain_seed, yaw, actions = drawn(collection, index, number)
     heights = generate_terrain(system.terrain, terrain_seed)
     simulator.put_on(heights)
     states = [simulator.reset(0.0, 0.0, yaw)]

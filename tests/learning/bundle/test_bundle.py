@@ -130,16 +130,6 @@ def test_a_trial_that_ends_within_a_phase(make_run, small_network):
         assert_same(bundled, alone(runs[number], small_network))
 
 
-def test_data_of_one_trial_do_not_reach_another(make_run, small_network):
-    """Where a trial has nothing to draw, it computes on blanks and must not learn from them."""
-    runs = [make_run(0), make_run(1, p_expert=0.0, regularise=False), make_run(2)]
-    runs[0].datasets.train.inputs[:] = float("nan")
-    ended = results(train_bundle(runs, small_network, seats=3))
-    assert isinstance(ended[0], TrainingError)
-    for number in (1, 2):
-        assert_same(ended[number], alone(runs[number], small_network))
-
-
 def test_a_finished_checkpoint(make_run, small_network, tmp_path):
     """Nothing is left to do but to give the result."""
     run = make_run(checkpoint=tmp_path)
@@ -153,29 +143,6 @@ def test_large_convolutions_are_done_in_pieces(make_run, small_network, monkeypa
     monkeypatch.setattr("sidm.learning.bundle.stack.LARGEST", 5000)
     ((_, bundled, _),) = train_bundle([run], small_network, seats=1)
     assert_same(bundled, alone(run, small_network))
-
-
-def test_a_killed_bundle_goes_on(make_run, small_network, tmp_path, monkeypatch):
-    """From its trials' checkpoints, which are those of trials alone."""
-    runs = [make_run(seed, max_samples=24 * 30, checkpoint=tmp_path / str(seed)) for seed in range(3)]
-    monkeypatch.setattr("sidm.learning.bundle.training.SAVE_INTERVAL", 0.0)
-
-    class Killed(Exception):
-        pass
-
-    def kill(number, tested):
-        if tested.samples >= 24 * 16:
-            raise Killed
-
-    with pytest.raises(Killed):
-        list(train_bundle(runs, small_network, seats=3, progress=kill))
-    again = [Learner(run.datasets, small_network, run.training, run.seed) for run in runs]
-    assert all(learner.restore(run.checkpoint) for learner, run in zip(again, runs, strict=True))
-    assert [learner.iteration for learner in again] == [12] * 3
-    first = train(*runs[0][:1], small_network, runs[0].training, 0, checkpoint=runs[0].checkpoint)
-    assert_same(first, alone(runs[0], small_network))
-    for number, bundled, _ in train_bundle(runs[1:], small_network, seats=2):
-        assert_same(bundled, alone(runs[number + 1], small_network))
 
 
 def test_what_trials_of_a_bundle_share(make_run, small_network, make_motion):

@@ -50,20 +50,6 @@ def test_a_bundle_of_any_bodies_is_each_of_its_trials(make_run, network_of, pair
         assert_same(bundled, alone(runs[number], network_of(pair)))
 
 
-@pytest.mark.parametrize("changes", [ALONE, dict(matching_optimiser="shared", decay="l2", weight_decay=0.1,
-                                                 system_draw="iteration", stopping="released")])  # fmt: skip
-def test_other_settings(make_run, network_of, changes):
-    run, network = make_run((TRACKED, ROVER), **changes), network_of((TRACKED, ROVER))
-    ((_, bundled, _),) = train_bundle([run], network, 1)
-    assert_same(bundled, alone(run, network))
-
-
-def test_low_precision(make_run, network_of):
-    pair = TRACKED, ROVER
-    ((_, bundled, _),) = train_bundle([run := make_run(pair, precision="bfloat16")], network_of(pair), 1)
-    assert_same(bundled, alone(run, network_of(pair)), rel=1e-3)
-
-
 def test_a_pretrained_core_is_fine_tuned_or_frozen(make_run, network_of):
     """Side by side, each from what a bundle learnt from the expert alone, in the novice's place."""
     pair, first = (TRACKED, ROVER), network_of((ROVER, ROVER))
@@ -89,10 +75,11 @@ def test_weights_of_the_loss_are_the_novices_whatever_it_starts_from(make_run, n
     assert_same(bundled, alone(run, network))
 
 
+@pytest.mark.parametrize("pair", [(TRACKED, ROVER), (ROVER, ROVER)])
 @pytest.mark.parametrize("bad", ["train", "expert"])
-def test_data_of_one_trial_do_not_reach_another(make_run, network_of, bad):
+def test_data_of_one_trial_do_not_reach_another(make_run, network_of, bad, pair):
     """Nor what a trial computes where none of a system's trajectories was drawn."""
-    pair, network = (TRACKED, ROVER), network_of((TRACKED, ROVER))
+    network = network_of(pair)
     runs = [make_run(pair, 0), make_run(pair, 1, **ALONE), make_run(pair, 2)]
     getattr(runs[0].datasets, bad).inputs[:] = float("nan")
     ended = results(train_bundle(runs, network, 3))
