@@ -102,8 +102,8 @@ def read_shard(path: Path) -> list[Trajectory]:
         columns = read_arrays(path)
         _check_shapes(columns)
         fields = columns | {name: columns[name].tolist() for name in TYPES}
-        rows = zip(*(fields[name] for name in Trajectory._fields), strict=True)
-        return [Trajectory(*row[:-1], tuple(row[-1])) for row in rows]
+        fields["discarded"] = list(map(tuple, fields["discarded"]))
+        return [Trajectory(*row) for row in zip(*(fields[name] for name in Trajectory._fields), strict=True)]
     except FileNotFoundError:
         raise ShardError(f"{path}: the shard is missing; collect again to make it") from None
     except (ValueError, KeyError, TypeError) as error:

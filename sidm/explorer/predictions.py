@@ -50,7 +50,8 @@ def collected_ride(collection: Collection, index: int, steps: int) -> Ride:
     terrain_seed, yaw, actions = drawn(collection, index, attempts)
     physics = sampled_physics(system.physics.strut_motors)
     with Simulator(system.robot(collection.role), generate_terrain(system.terrain, terrain_seed), physics) as simulator:
-        return drive(simulator, *actions[:steps].T, steps=steps, yaw=yaw)
+        throttle, steering = actions[:steps].T
+        return drive(simulator, throttle, steering, steps, yaw)
 
 
 def predicted_track(

@@ -26,8 +26,8 @@ def mean_loss(model: Predictor, motion: Motion | Part, role: str = "novice") -> 
 
 def validation_loss(model: Predictor, motion: Motion | Part, role: str = "novice") -> Tensor:
     """Mean over all steps of `motion` of each term of equation (1): (Y,) float64; their sum is the loss."""
-    total = sum(terms.double().sum((0, 1)).cpu() for terms in _terms(model, motion, role))
-    return total / motion.targets[..., 0].numel()
+    parts = (terms.double().sum((0, 1)).cpu() for terms in _terms(model, motion, role))
+    return sum(parts, torch.zeros(())) / motion.targets[..., 0].numel()
 
 
 @torch.inference_mode()

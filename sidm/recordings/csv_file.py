@@ -143,7 +143,7 @@ def _separated(cells: Sequence[str]) -> str:
 def _numbers(path: Path, name: str, cells: Sequence[str], first: int) -> np.ndarray:
     """A column; `first` is the number of its first line."""
     values = np.array([_float(cell) for cell in cells])
-    for bad in np.flatnonzero(~np.isfinite(values)):
+    for bad in np.flatnonzero(~np.isfinite(values)).tolist():
         raise RecordingError(f"{path}: line {first + bad}: '{cells[bad]}' of '{name}' is no finite number")
     return values
 
