@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from sidm import __version__, notebook
-from sidm.config import ConfigError
+from sidm.config import ConfigError, first_line
 from sidm.explorer.command import add_replay
 from sidm.fitting.command import add_commands
 from sidm.systems import FAMILY_PAIRS, FREE_SYSTEMS, SYSTEMS
@@ -174,7 +174,7 @@ def _device(name: str) -> str:
     try:
         torch.zeros(1, device=name)
     except (RuntimeError, AssertionError) as error:
-        raise argparse.ArgumentTypeError(f"'{name}' cannot be used here: {str(error).splitlines()[0]}") from None
+        raise argparse.ArgumentTypeError(f"'{name}' cannot be used here: {first_line(error)}") from None
     return name
 
 
@@ -342,7 +342,7 @@ def _reported() -> tuple[type[Exception], ...]:
 
 
 def _fail(error: object, status: int) -> int:
-    print(f"sidm: {(str(error).splitlines() or [type(error).__name__])[0]}", file=sys.stderr)
+    print(f"sidm: {first_line(error)}", file=sys.stderr)
     return status
 
 

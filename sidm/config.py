@@ -19,12 +19,21 @@ class ConfigError(ValueError):
     """A parameter that does not exist or has the wrong type; the message is one line for the person who typed it."""
 
 
-def unknown_name(name: str, known: Iterable[str], where: str) -> ConfigError:
-    """The error for `name`, which `where` does not know, with the nearest of the `known` names."""
+def first_line(error: object) -> str:
+    """Of what an error says, or the name of its kind where it says nothing."""
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def hint(name: str, known: Iterable[str]) -> str:
+    """The nearest of the `known` names, or all of them where none is near."""
     known = list(known)
     near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-    hint = f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
-    return ConfigError(f"unknown parameter {name!r} of {where}; {hint}")
+    return f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
+
+
+def unknown_name(name: str, known: Iterable[str], where: str) -> ConfigError:
+    """The error for `name`, which `where` does not know."""
+    return ConfigError(f"unknown parameter {name!r} of {where}; {hint(name, known)}")
 
 
 def conform(value: Any, kind: Any, name: str) -> Any:
@@ -43,9 +52,8 @@ def conform(value: Any, kind: Any, name: str) -> Any:
     elif origin is typing.Literal:
         if value in arguments:
             return value
-        near = difflib.get_close_matches(str(value), [str(a) for a in arguments], n=1)
-        hint = f"; did you mean '{near[0]}'?" if near else ""
-        raise ConfigError(f"'{name}' must be one of {', '.join(map(repr, arguments))}, not {value!r}{hint}")
+        raise ConfigError(f"'{name}' must be one of {', '.join(map(repr, arguments))}, not {value!r}; "
+                          f"{hint(str(value), map(str, arguments))}")  # fmt: skip
     elif origin is tuple:
         if isinstance(value, (list, tuple)):
             if len(arguments) == 2 and arguments[1] is Ellipsis:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, NoReturn, Optional
 
 import yaml
 
-from sidm.config import ConfigError, conform, unknown_name
+from sidm.config import ConfigError, conform, first_line, hint, unknown_name
 from sidm.notebook_runs import Run, execute
 
 DEFAULT_OUTPUT = Path("_build/runs")  # where a run goes that names no output
@@ -61,7 +61,7 @@ def notebooks(root: Path | None = None) -> list[Path]:
     return sorted((root or project_root()).glob("notebooks/*.ipynb"))
 
 
-def find_notebook(name: str, root: Path | None = None) -> Path:
+def find_notebook(name: str) -> Path:
     """The notebook of that path or name: `05-figure3` and `figure3` are notebooks/05-figure3.ipynb.
 
     Raises:
@@ -69,12 +69,11 @@ def find_notebook(name: str, root: Path | None = None) -> Path:
     """
     if Path(name).is_file():
         return Path(name)
-    known = {path.stem: path for path in notebooks(root)}
+    known = {path.stem: path for path in notebooks()}
     for stem, path in known.items():
         if name.removesuffix(".ipynb") in (stem, re.sub(r"^\d+-", "", stem)):
             return path
-    near = str(unknown_name(name, known, "")).partition("; ")[2]
-    raise ConfigError(f"no notebook '{name}'; {near}")
+    raise ConfigError(f"no notebook '{name}'; {hint(name, known)}")
 
 
 def inspect(path: Path) -> dict[str, Parameter]:
@@ -86,7 +85,7 @@ def inspect(path: Path) -> dict[str, Parameter]:
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such notebook") from None
     except Exception as error:  # whatever nbformat raises on a file that is no notebook
-        raise ConfigError(f"{path}: not a notebook ({_first_line(error)})") from error
+        raise ConfigError(f"{path}: not a notebook ({first_line(error)})") from error
     if not lines:
         raise ConfigError(f"{path}: no parameters; tag one cell 'parameters', each line 'name: type = value  # help'")
     return {
@@ -179,17 +178,13 @@ def _read_file(path: Path) -> dict[str, Any]:
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such parameter file") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not YAML ({_first_line(error)})") from None
+        raise ConfigError(f"{path}: not YAML ({first_line(error)})") from None
     if not isinstance(values, dict):
         raise ConfigError(f"{path}: a parameter file is a mapping 'name: value', not {type(values).__name__}")
     strange = [name for name in values if not isinstance(name, str)]
     if strange:
         raise ConfigError(f"{path}: a parameter's name is text, not {strange[0]!r}")
     return values
-
-
-def _first_line(error: object) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 class Parser(argparse.ArgumentParser):

@@ -125,13 +125,10 @@ class Dreamer:
         heights: (H, W), m, of the ground.
         pixels: P of the model's maps.
         horizon: control steps that are imagined from where the robot is.
-        spacing: of the ground's grid, m.
     """
 
-    def __init__(
-        self, model: Predictor, heights: np.ndarray, pixels: int, horizon: int = 0, spacing: float = 0.1
-    ) -> None:
-        self.model, self.pixels, self.spacing = model, pixels, spacing
+    def __init__(self, model: Predictor, heights: np.ndarray, pixels: int, horizon: int = 0) -> None:
+        self.model, self.pixels = model, pixels
         self.longest = STEPS - horizon  # of the memory
         self.heights = torch.as_tensor(heights, dtype=torch.float32)
         self.memory: Memory | None = None
@@ -175,7 +172,7 @@ class Dreamer:
 
     def _predict(self, states: Tensor, actions: Tensor, memory: Memory | None) -> tuple[Tensor, Memory]:
         """Transitions (N, T, 13) of states (N, T, 13) and actions (N, T, 2)."""
-        maps = robot_centred_map(self.heights, states, self.pixels, spacing=self.spacing).half()
+        maps = robot_centred_map(self.heights, states, self.pixels).half()
         return self.model("novice", encode_inputs(states, actions), maps, memory)
 
 
@@ -186,6 +183,6 @@ def heading_to(state: np.ndarray, goal: np.ndarray) -> float:
     return float(rotations.wrap(torch.atan2(torch.tensor(y), torch.tensor(x)) - yaw))
 
 
-def straight(state: np.ndarray, goal: np.ndarray, throttle: float = FASTEST, gain: float = 1.5) -> np.ndarray:
+def straight(state: np.ndarray, goal: np.ndarray) -> np.ndarray:
     """The action (2,) of a driver who looks at nothing but the goal: constant throttle, steering towards it."""
-    return np.array([throttle, np.clip(-gain * heading_to(state, goal), -1, 1)])  # positive steering turns right
+    return np.array([FASTEST, np.clip(-1.5 * heading_to(state, goal), -1, 1)])  # positive steering turns right

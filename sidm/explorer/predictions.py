@@ -78,13 +78,12 @@ def predicted_track(
     return Track(name, CONTROL_STEP, position, turn, joints, skeleton, colour, GHOST)
 
 
-def rollout_scene(rows: Sequence[Any], minutes: float, index: int = 0) -> Scene:
-    """A rollout of Figure 4: the robot, and what the models trained on so many minutes predict.
+def rollout_scene(rows: Sequence[Any], minutes: float) -> Scene:
+    """The first rollout of Figure 4: the robot, and what the models trained on so many minutes predict.
 
     Args:
         rows: of the results store, of one system; those of SEED and of METHODS are shown.
         minutes: of novice data.
-        index: which rollout; beyond the first only rows that hold whole rollouts have one.
 
     Raises:
         ValueError: no such row is stored, or the robot drives elsewhere today than it did then.
@@ -92,14 +91,13 @@ def rollout_scene(rows: Sequence[Any], minutes: float, index: int = 0) -> Scene:
     from sidm.experiments.figures.style import METHOD_STYLES
 
     chosen = {row.trial.method: row for row in rows if (row.trial.seed, row.trial.novice_minutes) == (SEED, minutes)}
-    known = {name: chosen[name] for name in METHODS if name in chosen}
-    shown = {name: row for name, row in known.items() if row.outcome.rollouts_predicted or not index}
+    shown = {name: chosen[name] for name in METHODS if name in chosen}
     if not shown:
-        raise ValueError(f"no trial of seed {SEED} with {minutes:g} min that holds rollout {index} is stored")
+        raise ValueError(f"no trial of seed {SEED} with {minutes:g} min is stored")
     first = next(iter(shown.values()))
     steps = len(first.outcome.example_actual) - 1
-    ride = collected_ride(first.trial.datasets["rollout"].collection, index, steps)
-    if not index and not np.allclose(ride.states[::2, :2], first.outcome.example_actual, atol=0.05):
+    ride = collected_ride(first.trial.datasets["rollout"].collection, 0, steps)
+    if not np.allclose(ride.states[::2, :2], first.outcome.example_actual, atol=0.05):
         raise ValueError("the robot drives elsewhere than when these trials were run; run them again")
     ground = Ground(ride.heights, SPACING)
     height = float(np.mean(ride.states[:, 2] - height_on(ground, ride.states[:, :2])))
@@ -107,12 +105,12 @@ def rollout_scene(rows: Sequence[Any], minutes: float, index: int = 0) -> Scene:
     ghosts = []
     for method, row in shown.items():
         whole, style = row.outcome.rollouts_predicted, METHOD_STYLES[method]
-        states = np.array(whole[index] if whole else row.outcome.example_predicted)
+        states = np.array(whole[0] if whole else row.outcome.example_predicted)
         ghosts.append(predicted_track(states, ground, truth.skeleton, style["label"], style["color"], height))
     return Scene((truth, *ghosts), ground, 2.0, f"the robot, and models trained on {minutes:g} min")
 
 
-def warthog_scene(recordings: Path = Path("recordings"), number: int = WARTHOG_DRIVE) -> Scene:
+def warthog_scene(recordings: Path = Path("recordings")) -> Scene:
     """A drive of the real Warthog, and what the model that is kept beside the recording predicts from its start."""
     import torch
 
@@ -122,7 +120,7 @@ def warthog_scene(recordings: Path = Path("recordings"), number: int = WARTHOG_D
     from sidm.recordings import read_drives
 
     body = read_body(recordings / "skid_steer.yaml")
-    drive = read_drives(recordings / "warthog.csv.gz", body)[number]
+    drive = read_drives(recordings / "warthog.csv.gz", body)[WARTHOG_DRIVE]
     model = load(recordings / "models" / "warthog")
     start, actions = torch.as_tensor(drive.states[0]), torch.as_tensor(drive.actions)
     path = rollout(model.predictor, None, start, actions, model.network.pixels, body=body).numpy()
@@ -132,11 +130,11 @@ def warthog_scene(recordings: Path = Path("recordings"), number: int = WARTHOG_D
     return Scene((robot, ghost._replace(ghost=GHOST)), ground, 4.5 * box.wheelbase, "a Warthog and its model")
 
 
-def make(folder: Path = FOLDER, results: str = "results") -> None:
+def make(folder: Path = FOLDER) -> None:
     """Write the scenes of the book's page."""
     from sidm.experiments import Results, Study
 
-    rows = Results(results).rows(Study("laptop", "data", results).figure4("system1"))
+    rows = Results("results").rows(Study("laptop").figure4("system1"))
     for minutes in (5.0, 120.0):
         write_scene(folder / f"scene-{minutes:g}-minutes.npz", rollout_scene(rows, minutes))
     write_scene(folder / "scene-warthog.npz", warthog_scene())

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from sidm.body import UNITS, Body
-from sidm.config import unknown_name
+from sidm.config import first_line, hint, unknown_name
 from sidm.recordings.drive import Drive, Ground, RecordingError, Table
 from sidm.storage import write_atomically
 
@@ -66,8 +66,8 @@ def scales(name: str, names: Sequence[str], units: Sequence[str], body: Body, ti
     wanted = dict((*body.state, *body.actions)) | ({"time": "s"} if timed else {})
     for column in wanted:
         if column not in names:
-            hint = str(unknown_name(column, names, "the file")).partition("; ")[2]
-            raise RecordingError(f"{name}: column '{column}' of body '{body.name}' is missing; {hint}")
+            what = f"column '{column}' of body '{body.name}'"
+            raise RecordingError(f"{name}: {what} is missing; {hint(column, names)}")
     for column in (*wanted, *EXTRA):
         if names.count(column) > 1:
             raise RecordingError(f"{name}: two columns '{column}'")
@@ -176,7 +176,7 @@ def _heights(path: Path) -> np.ndarray:
     except FileNotFoundError:
         raise RecordingError(f"{path}: there is no such file of heights") from None
     except (OSError, ValueError, EOFError) as error:
-        raise RecordingError(f"{path}: the heights cannot be read ({str(error).splitlines()[0]})") from None
+        raise RecordingError(f"{path}: the heights cannot be read ({first_line(error)})") from None
 
 
 def write_csv(path: Path, drives: Sequence[Drive], body: Body, origin: str) -> None:

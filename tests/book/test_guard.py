@@ -36,7 +36,7 @@ def other_results(tmp_path_factory) -> Path:
 @pytest.mark.parametrize("path", GUARDED)
 def test_a_chapter_stops_where_the_results_say_otherwise(path, other_results, tmp_path):
     with pytest.raises(NotebookError, match="Outdated: the stored results no longer bear out"):
-        execute([Run(path, tmp_path / path.name, {"results": str(other_results)})], ROOT, shown=False)
+        execute([Run(path, tmp_path / path.name, {"results": str(other_results)})], ROOT)
 
 
 def test_words_that_hold_need_no_word():

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-
 import torch
 from torch import Tensor
 
@@ -36,14 +34,13 @@ class DistributionLearner(Learner):
     model: DistributionModel
 
     def __init__(
-        self, datasets: Datasets, network: Network, training: Training, seed: int, standardisation: Standardisation,
-        start: Mapping[str, Tensor] | None = None,
-    ):  # fmt: skip
+        self, datasets: Datasets, network: Network, training: Training, seed: int, standardisation: Standardisation
+    ):
         for name, only in ONLY.items():
             value = getattr(training, name, getattr(network, name, None))
             if value != only:
                 raise ConfigError(f"training by likelihood has no {name}={value!r}, only {only!r}")
-        super().__init__(datasets, network, training, seed, standardisation, start=start)
+        super().__init__(datasets, network, training, seed, standardisation)
         self.noise = generator(seed, "latents")
 
     def encode(self, role: str, motion: Motion) -> Tensor:
@@ -58,24 +55,18 @@ class DistributionLearner(Learner):
         return self.history[-1]
 
 
-def mean_nll(model: DistributionModel, motion: Motion | Part, role: str = "novice") -> float:
+def mean_nll(model: DistributionModel, motion: Motion | Part) -> float:
     """Negative log-likelihood, nats, averaged over the steps of `motion`, all latents at their means."""
     total = 0.0
     with torch.inference_mode():
         for part in motion.split(EVALUATION_BATCH):
-            found, _ = model.predict(role, part.inputs, part.maps)
+            found, _ = model.predict("novice", part.inputs, part.maps)
             total += float(found.nll(part.targets).double().sum())
     return total / motion.targets[..., 0].numel()
 
 
 def train_distributions(
-    datasets: Datasets,
-    network: Network,
-    training: Training,
-    seed: int,
-    standardisation: Standardisation,
-    start: Mapping[str, Tensor] | None = None,
-    progress: Callable[[Tested], None] | None = None,
+    datasets: Datasets, network: Network, training: Training, seed: int, standardisation: Standardisation
 ) -> Trained:
     """`training.train` for distributions: the same phases and the same rule to stop by, without checkpoints.
 
@@ -86,8 +77,7 @@ def train_distributions(
         ConfigError: data that the settings need are not there, or settings that it does not know.
         TrainingError: a test found a loss that is not finite; the message names the iteration.
     """
-    learner = DistributionLearner(datasets, network, training, seed, standardisation, start)
-    return learn(learner, progress, losses_of=batch_nll)
+    return learn(DistributionLearner(datasets, network, training, seed, standardisation), losses_of=batch_nll)
 
 
 def batch_nll(
