@@ -15,6 +15,8 @@ LINE = "{desc}: {n_fmt}/{total_fmt} {unit}, {elapsed} gone, {remaining} left, {r
 class LogBar(tqdm):
     """A bar for a file: whole lines, and none for work that is over before the first is due."""
 
+    last_print_t: float
+
     def __init__(self, **options: Any):
         often = {"mininterval": LOG_INTERVAL, "delay": LOG_INTERVAL, "miniters": 1}
         super().__init__(file=sys.stderr, bar_format=LINE, **often, **options)

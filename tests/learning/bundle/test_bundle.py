@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from sidm.config import ConfigError
-from sidm.learning import Datasets, Training, TrainingError, train
+from sidm.learning import Datasets, TrainingError, train
 from sidm.learning.bundle import Run, train_bundle
 from sidm.learning.bundle.adam import StackedAdam
 from sidm.learning.bundle.recurrence import Recurrence, lstm
@@ -19,33 +19,18 @@ ROUNDING = 1e-4  # relative, of losses: sums run in another order; two tests of 
 
 
 @pytest.fixture
-def make_run(make_motion, small_training):
-    """A trial of its own system and size."""
-
-    def make(seed=0, novice=6, tests=2, gain=1.5, checkpoint=None, **changes) -> Run:
-        sets = Datasets(
-            make_motion(novice, 10 * seed + 1), make_motion(tests, 10 * seed + 2), make_motion(2, 3),
-            make_motion(12, 10 * seed + 4, gain=gain),
-        )  # fmt: skip
-        training = Training(**(dataclasses.asdict(small_training) | changes))
-        return Run(sets, training, seed, checkpoint=checkpoint)
-
-    return make
-
-
-@pytest.fixture
 def five(make_run):
     """Unlike sizes, seeds, systems and methods, of unlike length."""
     alone = dict(p_expert=0.0, regularise=False)
     return [
-        make_run(0), make_run(1, novice=3, tests=5, **alone), make_run(2, novice=9, gain=0.5, p_expert=0.25),
+        make_run(0), make_run(1, novice=3, tests=5, **alone), make_run(2, novice=9, p_expert=0.25),
         make_run(3, tests=40, max_samples=24 * 30, learning_rate=2e-3),
         make_run(4, regularise=False, max_samples=24 * 8),
     ]  # fmt: skip
 
 
-def alone(run: Run, network):
-    return train(run.datasets, network, run.training, run.seed, standardisation=run.standardisation)
+def alone(run: Run, network, **more):
+    return train(run.datasets, network, run.training, run.seed, start=run.start, **more)
 
 
 def results(ended) -> dict:
