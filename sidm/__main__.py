@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from sidm import __version__, notebook
-from sidm.config import ConfigError, first_line
+from sidm.config import ConfigError, Fault, first_line
 from sidm.explorer.command import add_replay
 from sidm.fitting.command import add_commands
 from sidm.systems import FAMILY_PAIRS, FREE_SYSTEMS, SYSTEMS
@@ -225,16 +225,12 @@ def run_train(arguments: argparse.Namespace) -> int:
     """`train`: prints where the result lies and what it is."""
     from sidm.experiments import Results, Study
     from sidm.experiments.engine.run import run_here
-    from sidm.learning import CheckpointError, TrainingError
 
     trial = Study(_preset(arguments), arguments.data, arguments.results).trial(
         arguments.system, arguments.method, arguments.minutes, arguments.seed
     )
     store = Results(arguments.results)
-    try:
-        row = run_here(trial, arguments.data, store, device=arguments.device, log=arguments.log)
-    except (CheckpointError, TrainingError) as error:
-        return _fail(error, 1)
+    row = run_here(trial, arguments.data, store, device=arguments.device, log=arguments.log)
     print(f"{store.path(trial)}: validation loss {row.outcome.validation_loss:.6g}")
     return 0
 
@@ -329,16 +325,8 @@ def main(words: Sequence[str] | None = None) -> int:
         return _fail("a worker was killed (out of memory?); the same command goes on where this one was", 1)
     except KeyboardInterrupt:
         return _fail("stopped; the same command goes on where this one was", 1)
-    except _reported() as error:
+    except (Fault, OSError, ImportError, RuntimeError) as error:
         return _fail(error, 1)
-
-
-def _reported() -> tuple[type[Exception], ...]:
-    """What else ends in one line; looked up when something was raised, since SciPy comes along."""
-    from sidm.recordings import RecordingError
-    from sidm.trajectory import ShardError
-
-    return ShardError, RecordingError, OSError, ImportError, RuntimeError
 
 
 def _fail(error: object, status: int) -> int:

@@ -19,6 +19,10 @@ class ConfigError(ValueError):
     """A parameter that does not exist or has the wrong type; the message is one line for the person who typed it."""
 
 
+class Fault(ValueError):
+    """What is wrong with a file of data; the message is one line that names file and fault, and the mend."""
+
+
 def first_line(error: object) -> str:
     """Of what an error says, or the name of its kind where it says nothing."""
     return (str(error).splitlines() or [type(error).__name__])[0]

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sidm.config import ConfigError, config
+from sidm.config import ConfigError, Fault, config
 from sidm.storage import read_arrays, write_arrays
 
 POSITION, QUATERNION, TWIST = slice(0, 3), slice(3, 7), slice(7, 13)
@@ -41,8 +41,14 @@ SAME_HEIGHT = 1e-6  # m; processors differ by some 1e-14
 DISCARDS = ("stuck", "border", "rollover", "unstable")
 
 
-class ShardError(ValueError):
+class ShardError(Fault):
     """A shard that is missing, damaged or from elsewhere; the message is one line that names the file and the mend."""
+
+
+def upright(states: Any) -> Any:
+    """The cosine (...) of the tilt of states (..., 13), arrays or tensors; below 0 they are upside down."""
+    x, y = states[..., QUATERNION][..., 0], states[..., QUATERNION][..., 1]
+    return 1 - 2 * (x * x + y * y)
 
 
 class Trajectory(NamedTuple):

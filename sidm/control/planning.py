@@ -14,7 +14,7 @@ from sidm.config import ConfigError, config, refuse_below, refuse_nonsense
 from sidm.learning.model import Predictor
 from sidm.learning.networks import Memory
 from sidm.learning.observation import encode_inputs, integrate, robot_centred_map
-from sidm.trajectory import ACTION_SIZE, POSITION, QUATERNION, STEPS
+from sidm.trajectory import ACTION_SIZE, POSITION, QUATERNION, STEPS, upright
 
 #: Where actions (N, H, 2) lead: states (N, H + 1, 13), the present one first.
 Imagination = Callable[[Tensor], Tensor]
@@ -73,9 +73,8 @@ def cost(states: Tensor, goal: Tensor, steepest: float) -> Tensor:
     """
     ahead = states[:, 1:]
     distance = (ahead[..., :2] - goal).norm(dim=-1)  # (N, H)
-    x, y = ahead[..., QUATERNION][..., :2].unbind(-1)
-    upright = 1 - 2 * (x * x + y * y)  # the cosine of the tilt
-    return distance.mean(1) + distance[:, -1] + ROLLED_OVER * (upright < math.cos(math.radians(steepest))).sum(1)
+    over = upright(ahead) < math.cos(math.radians(steepest))
+    return distance.mean(1) + distance[:, -1] + ROLLED_OVER * over.sum(1)
 
 
 class Planner:

@@ -48,6 +48,7 @@ class Learner:
     """
 
     kind: type[DynamicsModel] = DynamicsModel
+    measured = True  # whether losses by component are kept
 
     def __init__(
         self,
@@ -187,11 +188,15 @@ class Learner:
     def take_test(self) -> Tested:
         """Measure the test loss; keep the weights if its smoothed value is the lowest so far."""
         with self.follower.averaged():
-            if self.judge(mean_loss(self.model, self.test)):
+            if self.judge(self.test_loss()):
                 self.best = self.weights()
-            if not self.components or self.samples >= SPACING * self.components[-1].samples:
+            if self.measured and (not self.components or self.samples >= SPACING * self.components[-1].samples):
                 self.components.append(self.measure())
         return self.history[-1]
+
+    def test_loss(self) -> float:
+        """The loss that training stops by, of the weights as they are now."""
+        return mean_loss(self.model, self.test)
 
     def measure(self) -> Components:
         """The loss by component of the weights as they are now."""

@@ -25,7 +25,6 @@ from sidm.terrain import generate_terrain
 from sidm.trajectory import (
     DISCARDS,
     POSITION,
-    QUATERNION,
     SHARD_SIZE,
     STEPS,
     TWIST,
@@ -34,6 +33,7 @@ from sidm.trajectory import (
     checksum,
     load,
     probe,
+    upright,
     write_shard,
 )
 
@@ -54,8 +54,7 @@ class EpisodeRules:
         """The cause why the trajectory ends at `state` (13,), or None; call once a control step."""
         if not np.isfinite(state).all() or np.linalg.norm(state[TWIST][:3]) > FASTEST:
             return "unstable"
-        x, y = state[QUATERNION][:2]
-        if 1 - 2 * (x * x + y * y) < 0:  # the up axis points down
+        if upright(state) < 0:
             return "rollover"
         position = state[POSITION][:2]
         if np.abs(position).max() > self._half_width - BORDER:

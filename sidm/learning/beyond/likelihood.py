@@ -12,7 +12,6 @@ from sidm.learning.evaluation import EVALUATION_BATCH
 from sidm.learning.learner import Learner
 from sidm.learning.seeds import generator
 from sidm.learning.settings import Network, Training
-from sidm.learning.stopping import Tested
 from sidm.learning.training import Trained, learn
 from sidm.learning.units import Standardisation
 
@@ -31,6 +30,7 @@ class DistributionLearner(Learner):
     """
 
     kind = DistributionModel
+    measured = False
     model: DistributionModel
 
     def __init__(
@@ -47,12 +47,9 @@ class DistributionLearner(Learner):
         """A draw of latent state-actions (b, T, 128)."""
         return self.model.encode(role, motion.inputs, motion.maps, self.noise)
 
-    def take_test(self) -> Tested:
-        """Measure the likelihood of the test split; keep the weights if its smoothed value is the best so far."""
-        with self.follower.averaged():
-            if self.judge(mean_nll(self.model, self.test)):
-                self.best = self.weights()
-        return self.history[-1]
+    def test_loss(self) -> float:
+        """The negative log-likelihood of the test split."""
+        return mean_nll(self.model, self.test)
 
 
 def mean_nll(model: DistributionModel, motion: Motion | Part) -> float:

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from sidm import rotations
-from sidm.learning.beyond.distributions import Gaussian, Stochastic
+from sidm.learning.beyond.distributions import Stochastic
 from sidm.learning.dataset import Motion
 from sidm.learning.evaluation import EVALUATION_BATCH
 from sidm.learning.networks import Memory
@@ -49,7 +49,8 @@ def one_step(
             steps.append(math.log(draws) - torch.logsumexp(logs.sum(-1), 0).flatten())
             alone -= (torch.logsumexp(logs, 0) - math.log(draws)).sum((0, 1))
             spread += torch.stack([one.std for one in drawn]).double().mean(0).sum((0, 1))
-            rank = torch.stack([_below(one, part.targets) for one in drawn]).mean(0)  # (B, T, 13)
+            ranks = [torch.special.ndtr((part.targets - one.mean) / one.std) for one in drawn]
+            rank = torch.stack(ranks).mean(0)  # (B, T, 13), the probability of less
             for number, level in enumerate(LEVELS):
                 inside[number] += (2 * (rank - 0.5).abs() <= level).double().sum((0, 1))
     nll = torch.cat(steps)
@@ -57,11 +58,6 @@ def one_step(
     quantiles = tuple(torch.quantile(nll, nll.new_tensor(QUANTILES)).tolist())
     shares = tuple(tuple(level.tolist()) for level in inside / len(nll))
     return Calibration(float(nll.mean()), quantiles, components, spreads, shares)
-
-
-def _below(found: Gaussian, values: Tensor) -> Tensor:
-    """The probability of less than `values`."""
-    return torch.special.ndtr((values - found.mean) / found.std)
 
 
 def particle_rollout(
