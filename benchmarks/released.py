@@ -7,6 +7,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 from work import STEPS, TRAJECTORIES
 
+from sidm.body import ROVER
 from sidm.learning import RELEASED_NETWORK, Network
 
 RELEASED = 676.0  # samples a second on two cores, as once measured: batch 2 x 64, 64 px, LSTM 3 x 256
@@ -32,7 +33,7 @@ class ReleasedLoop:
         self.optimiser = torch.optim.Adam([w for part in parts for w in part.parameters()], lr=1e-4, weight_decay=1e-5)
 
     def _networks(self, network: Network) -> tuple[nn.Module, ...]:
-        leaky, count = nn.LeakyReLU, 4 * network.map_side**2 + 11
+        leaky, count = nn.LeakyReLU, 4 * network.map_side(ROVER) ** 2 + 11
         self.convolutions = nn.ModuleList(
             nn.Sequential(nn.Conv2d(1, 8, 4), leaky(), nn.Conv2d(8, 4, 4), leaky()) for _ in range(2)
         )

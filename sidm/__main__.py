@@ -7,16 +7,15 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import functools
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor, Executor
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from sidm import __version__, notebook
-from sidm.config import ConfigError
+from sidm.config import ConfigError, Fault, first_line
 from sidm.explorer.command import add_replay
 from sidm.fitting.command import add_commands
 from sidm.systems import FAMILY_PAIRS, FREE_SYSTEMS, SYSTEMS
@@ -121,16 +120,13 @@ def _add_dask(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--dask", metavar="ADDRESS", help=words)
 
 
-@contextlib.contextmanager
-def _executor(arguments: argparse.Namespace) -> Iterator[Executor | None]:
+def _executor(arguments: argparse.Namespace) -> contextlib.AbstractContextManager[Executor | None]:
     """The cluster of --dask, or None without."""
     if arguments.dask is None:
-        yield None
-        return
+        return contextlib.nullcontext()
     from sidm.cluster import dask_executor
 
-    with dask_executor(arguments.dask) as executor:
-        yield executor
+    return dask_executor(arguments.dask)
 
 
 def _add_system(parser: argparse.ArgumentParser) -> None:
@@ -147,12 +143,15 @@ def _add_grid(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", type=int, nargs="+", help="only these seeds")
 
 
-def _positive(text: str) -> int:
+def _positive(text: str, least: int = 1) -> int:
     """A whole number above 0; argparse reports any other."""
     number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"must be at least 1, not {number}")
+    if number < least:
+        raise argparse.ArgumentTypeError(f"must be at least {least}, not {number}")
     return number
+
+
+_seed = functools.partial(_positive, least=0)
 
 
 def _preset(arguments: argparse.Namespace):
@@ -164,19 +163,8 @@ def _preset(arguments: argparse.Namespace):
         name, equals, value = text.partition("=")
         if not equals:
             raise ConfigError(f"--set takes NAME=VALUE, not '{text}'")
-        try:
-            changes[name] = _number(yaml.safe_load(value))
-        except yaml.YAMLError:
-            raise ConfigError(f"--set {name}: cannot read '{value}'") from None
+        changes[name] = notebook.read_value(value, Any, f"--set {name}")
     return load_preset(arguments.preset, **changes)
-
-
-def _number(value: Any) -> Any:
-    """A value as YAML read it, but 1e-3 as the number that it is to everybody else."""
-    try:
-        return float(value) if isinstance(value, str) else value
-    except ValueError:
-        return value
 
 
 def _device(name: str) -> str:
@@ -186,16 +174,8 @@ def _device(name: str) -> str:
     try:
         torch.zeros(1, device=name)
     except (RuntimeError, AssertionError) as error:
-        raise argparse.ArgumentTypeError(f"'{name}' cannot be used here: {str(error).splitlines()[0]}") from None
+        raise argparse.ArgumentTypeError(f"'{name}' cannot be used here: {first_line(error)}") from None
     return name
-
-
-def _seed(text: str) -> int:
-    """An argument that is a seed."""
-    number = int(text)
-    if number < 0:
-        raise argparse.ArgumentTypeError(f"must not be negative, not {number}")
-    return number
 
 
 def _trials(arguments: argparse.Namespace, preset: Any) -> list:
@@ -245,16 +225,12 @@ def run_train(arguments: argparse.Namespace) -> int:
     """`train`: prints where the result lies and what it is."""
     from sidm.experiments import Results, Study
     from sidm.experiments.engine.run import run_here
-    from sidm.learning import CheckpointError, TrainingError
 
     trial = Study(_preset(arguments), arguments.data, arguments.results).trial(
         arguments.system, arguments.method, arguments.minutes, arguments.seed
     )
     store = Results(arguments.results)
-    try:
-        row = run_here(trial, arguments.data, store, device=arguments.device, log=arguments.log)
-    except (CheckpointError, TrainingError) as error:
-        return _fail(error, 1)
+    row = run_here(trial, arguments.data, store, device=arguments.device, log=arguments.log)
     print(f"{store.path(trial)}: validation loss {row.outcome.validation_loss:.6g}")
     return 0
 
@@ -349,20 +325,12 @@ def main(words: Sequence[str] | None = None) -> int:
         return _fail("a worker was killed (out of memory?); the same command goes on where this one was", 1)
     except KeyboardInterrupt:
         return _fail("stopped; the same command goes on where this one was", 1)
-    except _reported() as error:
+    except (Fault, OSError, ImportError, RuntimeError) as error:
         return _fail(error, 1)
 
 
-def _reported() -> tuple[type[Exception], ...]:
-    """What else ends in one line; looked up when something was raised, since SciPy comes along."""
-    from sidm.recordings import RecordingError
-    from sidm.trajectory import ShardError
-
-    return ShardError, RecordingError, OSError, ImportError, RuntimeError
-
-
 def _fail(error: object, status: int) -> int:
-    print(f"sidm: {(str(error).splitlines() or [type(error).__name__])[0]}", file=sys.stderr)
+    print(f"sidm: {first_line(error)}", file=sys.stderr)
     return status
 
 

@@ -11,6 +11,8 @@ import os
 from collections.abc import Iterator
 from concurrent.futures import Executor
 
+from sidm.config import first_line
+
 WAIT = "10s"  # for the scheduler to answer
 LOSSES = 10  # workers that may be lost with a task in hand before it is given up
 
@@ -31,7 +33,6 @@ def dask_executor(address: str) -> Iterator[Executor]:
     try:
         client = Client(**where, timeout=WAIT)
     except (OSError, TimeoutError, ValueError, ImportError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise OSError(f"{address}: no Dask scheduler answers there ({reason})") from None
+        raise OSError(f"{address}: no Dask scheduler answers there ({first_line(error)})") from None
     with client:
         yield client.get_executor(pure=False, retries=LOSSES)

@@ -19,12 +19,25 @@ class ConfigError(ValueError):
     """A parameter that does not exist or has the wrong type; the message is one line for the person who typed it."""
 
 
-def unknown_name(name: str, known: Iterable[str], where: str) -> ConfigError:
-    """The error for `name`, which `where` does not know, with the nearest of the `known` names."""
+class Fault(ValueError):
+    """What is wrong with a file of data; the message is one line that names file and fault, and the mend."""
+
+
+def first_line(error: object) -> str:
+    """Of what an error says, or the name of its kind where it says nothing."""
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def hint(name: str, known: Iterable[str]) -> str:
+    """The nearest of the `known` names, or all of them where none is near."""
     known = list(known)
     near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-    hint = f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
-    return ConfigError(f"unknown parameter {name!r} of {where}; {hint}")
+    return f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
+
+
+def unknown_name(name: str, known: Iterable[str], where: str) -> ConfigError:
+    """The error for `name`, which `where` does not know."""
+    return ConfigError(f"unknown parameter {name!r} of {where}; {hint(name, known)}")
 
 
 def conform(value: Any, kind: Any, name: str) -> Any:
@@ -43,9 +56,8 @@ def conform(value: Any, kind: Any, name: str) -> Any:
     elif origin is typing.Literal:
         if value in arguments:
             return value
-        near = difflib.get_close_matches(str(value), [str(a) for a in arguments], n=1)
-        hint = f"; did you mean '{near[0]}'?" if near else ""
-        raise ConfigError(f"'{name}' must be one of {', '.join(map(repr, arguments))}, not {value!r}{hint}")
+        raise ConfigError(f"'{name}' must be one of {', '.join(map(repr, arguments))}, not {value!r}; "
+                          f"{hint(str(value), map(str, arguments))}")  # fmt: skip
     elif origin is tuple:
         if isinstance(value, (list, tuple)):
             if len(arguments) == 2 and arguments[1] is Ellipsis:
@@ -53,6 +65,13 @@ def conform(value: Any, kind: Any, name: str) -> Any:
                 return tuple(item if type(item) is part else conform(item, part, name) for item in value)
             if len(arguments) == len(value):
                 return tuple(conform(item, part, name) for item, part in zip(value, arguments, strict=True))
+    elif origin is list:
+        if isinstance(value, (list, tuple)):
+            return [conform(item, arguments[0], name) for item in value]
+    elif origin is dict:
+        if isinstance(value, dict):
+            key, item = arguments
+            return {conform(one, key, name): conform(other, item, name) for one, other in value.items()}
     elif kind is float:
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             return float(value)
@@ -107,6 +126,14 @@ def refuse_nonsense(settings: Any) -> None:
             if isinstance(one, (int, float)) and not abs(one) <= LARGEST:
                 where = f"{type(settings).__name__}.{name}"
                 raise ConfigError(f"{where} must be a number from -{LARGEST:g} to {LARGEST:g}, not {one}")
+
+
+def refuse_below(settings: Any, least: float, *names: str) -> None:
+    """ConfigError naming the first of some numbers of a configuration, or of tuples of them, that is below `least`."""
+    for name in names:
+        value = getattr(settings, name)
+        if min(value if isinstance(value, tuple) else (value,)) < least:
+            raise ConfigError(f"{type(settings).__name__}.{name} must be at least {least}, not {value}")
 
 
 def from_mapping(cls: type[T], values: Mapping[str, Any]) -> T:

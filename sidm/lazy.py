@@ -1,38 +1,28 @@
-"""Packages that import a name's module when the name is first asked for: PyTorch takes seconds that not all need.
-
-Such a package imports its names under `if TYPE_CHECKING:`, for type checkers, and lists them again for `on_demand`.
-"""
+"""Packages that import a name's module when the name is first asked for: PyTorch takes seconds that not all need."""
 
 from __future__ import annotations
 
 import importlib
 import sys
-import types
+from collections.abc import Callable
 from typing import Any
 
 
-class LazyPackage(types.ModuleType):
-    """A package some of whose names come on demand."""
-
-    def __getattr__(self, name: str) -> Any:
-        where = self.__dict__["_where"]
-        if name not in where:
-            raise AttributeError(f"module '{self.__name__}' has no attribute '{name}'")
-        value = getattr(importlib.import_module(f"{self.__name__}.{where[name]}"), name)
-        setattr(self, name, value)
-        return value
-
-    def __dir__(self) -> list[str]:
-        return sorted({*super().__dir__(), *self.__dict__["_where"]})
-
-
-def on_demand(package: str, **modules: str) -> None:
-    """Make a package lazy.
+def on_demand(package: str, **modules: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """`__getattr__`, `__dir__` and `__all__` of a package whose names come on demand.
 
     Args:
         package: its name.
         modules: each of its modules, with the names that the package takes from there, as 'Trained train'.
     """
+    where = {name: module for module, names in modules.items() for name in names.split()}
     made = sys.modules[package]
-    made.__dict__["_where"] = {name: module for module, names in modules.items() for name in names.split()}
-    made.__class__ = LazyPackage
+
+    def get(name: str) -> Any:
+        if name not in where:
+            raise AttributeError(f"module '{package}' has no attribute '{name}'")
+        value = getattr(importlib.import_module(f"{package}.{where[name]}"), name)
+        setattr(made, name, value)
+        return value
+
+    return get, lambda: sorted({*vars(made), *where}), sorted(where)

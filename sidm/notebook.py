@@ -11,7 +11,6 @@ import ast
 import contextlib
 import os
 import re
-import sys
 import typing
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -19,8 +18,8 @@ from typing import Any, NamedTuple, NoReturn, Optional
 
 import yaml
 
-from sidm.config import ConfigError, conform, unknown_name
-from sidm.notebook_runs import NotebookError, Run, execute
+from sidm.config import ConfigError, conform, first_line, hint, unknown_name
+from sidm.notebook_runs import Run, execute
 
 DEFAULT_OUTPUT = Path("_build/runs")  # where a run goes that names no output
 KINDS: dict[str, Any] = {kind.__name__: kind for kind in (bool, int, float, str, list, dict, tuple)}
@@ -64,7 +63,7 @@ def notebooks(root: Path | None = None) -> list[Path]:
     return sorted((root or project_root()).glob("notebooks/*.ipynb"))
 
 
-def find_notebook(name: str, root: Path | None = None) -> Path:
+def find_notebook(name: str) -> Path:
     """The notebook of that path or name: `05-figure3` and `figure3` are notebooks/05-figure3.ipynb; numbers may be old.
 
     Raises:
@@ -72,13 +71,12 @@ def find_notebook(name: str, root: Path | None = None) -> Path:
     """
     if Path(name).is_file():
         return Path(name)
-    known = {path.stem: path for path in notebooks(root)}
+    known = {path.stem: path for path in notebooks()}
     wanted = _without_number(Path(name).name.removesuffix(".ipynb"))
     for stem, path in known.items():
         if RENAMED.get(wanted, wanted) == _without_number(stem):
             return path
-    near = str(unknown_name(name, known, "")).partition("; ")[2]
-    raise ConfigError(f"no notebook '{name}'; {near}")
+    raise ConfigError(f"no notebook '{name}'; {hint(name, known)}")
 
 
 def _without_number(stem: str) -> str:
@@ -94,7 +92,7 @@ def inspect(path: Path) -> dict[str, Parameter]:
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such notebook") from None
     except Exception as error:  # whatever nbformat raises on a file that is no notebook
-        raise ConfigError(f"{path}: not a notebook ({_first_line(error)})") from error
+        raise ConfigError(f"{path}: not a notebook ({first_line(error)})") from error
     if not lines:
         raise ConfigError(f"{path}: no parameters; tag one cell 'parameters', each line 'name: type = value  # help'")
     return {
@@ -133,16 +131,6 @@ def check(value: Any, kind: Any, name: str) -> Any:
     Raises:
         ConfigError: it is of another kind; `name` is the parameter's.
     """
-    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
-    if origin is list:
-        if not isinstance(value, (list, tuple)):
-            raise ConfigError(f"'{name}' must be a list, not {type(value).__name__} ({value!r})")
-        return [check(item, arguments[0], name) for item in value]
-    if origin is dict:
-        conform(value, dict, name)
-        return {check(key, arguments[0], name): check(item, arguments[1], name) for key, item in value.items()}
-    if type(None) in arguments:
-        return None if value is None else check(value, next(a for a in arguments if a is not type(None)), name)
     checked = conform(value, kind, name)
     return list(checked) if isinstance(checked, tuple) else checked
 
@@ -197,27 +185,13 @@ def _read_file(path: Path) -> dict[str, Any]:
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such parameter file") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not YAML ({_first_line(error)})") from None
+        raise ConfigError(f"{path}: not YAML ({first_line(error)})") from None
     if not isinstance(values, dict):
         raise ConfigError(f"{path}: a parameter file is a mapping 'name: value', not {type(values).__name__}")
     strange = [name for name in values if not isinstance(name, str)]
     if strange:
         raise ConfigError(f"{path}: a parameter's name is text, not {strange[0]!r}")
     return values
-
-
-def refresh(path: Path) -> Path:
-    """Execute a notebook with its defaults and keep the outputs in it, without the times that change at each run.
-
-    Raises:
-        NotebookError: a cell failed; the notebook is as it was.
-    """
-    execute([Run(Path(path))], project_root(), shown=False)
-    return Path(path)
-
-
-def _first_line(error: object) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 class Parser(argparse.ArgumentParser):
@@ -242,23 +216,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_from_arguments(arguments: argparse.Namespace) -> int:
-    """Carry out `sidm notebook`: 0, 1 when a notebook failed, 2 for arguments that cannot be used."""
-    try:
-        paths = notebooks() if arguments.notebook == "all" else [find_notebook(arguments.notebook)]
-        _refuse(arguments)
-        if arguments.list:
-            for path in paths:
-                _show(path)
-            return 0
+    """Carry out `sidm notebook`.
+
+    Raises:
+        ConfigError: arguments that cannot be used; nothing is run.
+        NotebookError: a notebook failed.
+    """
+    paths = notebooks() if arguments.notebook == "all" else [find_notebook(arguments.notebook)]
+    _refuse(arguments)
+    if arguments.list:
+        for path in paths:
+            _show(path)
+    else:
         wanted = [_wanted(path, arguments) for path in paths]  # all of them checked before the first is run
-    except ConfigError as error:
-        print(f"sidm notebook: {error}", file=sys.stderr)
-        return 2
-    try:
         execute(wanted, project_root(), arguments.jobs)
-    except NotebookError as error:
-        print(f"sidm notebook: {error}", file=sys.stderr)
-        return 1
     return 0
 
 
@@ -274,24 +245,13 @@ def _refuse(arguments: argparse.Namespace) -> None:
 
 def _wanted(path: Path, arguments: argparse.Namespace) -> Run:
     """How a notebook is to be run, its parameters checked."""
-    values = merge_parameters(path, _given(path, arguments.parameter), arguments.file)
-    if arguments.in_place:
-        return Run(path, None, values)
-    if arguments.notebook == "all" or not arguments.output:
-        folder = arguments.output or DEFAULT_OUTPUT
-        return Run(path, folder / path.name, values)
-    return Run(path, arguments.output, values)
-
-
-def _given(path: Path, pairs: Iterable[tuple[str, str]]) -> dict[str, Any]:
-    """The parameters given by hand, as the notebook's types ask."""
     own = inspect(path)
-    given = {}
-    for name, text in pairs:
-        if name not in own:
-            raise unknown_name(name, own, path.name)
-        given[name] = read_value(text, own[name].kind, name)
-    return given
+    given: dict[str, Any] = dict(arguments.parameter)
+    given |= {name: read_value(text, own[name].kind, name) for name, text in given.items() if name in own}
+    values, output = merge_parameters(path, given, arguments.file), arguments.output
+    if not arguments.in_place and (arguments.notebook == "all" or not output):
+        output = (output or DEFAULT_OUTPUT) / path.name
+    return Run(path, output, values)
 
 
 def _show(path: Path) -> None:
@@ -299,13 +259,3 @@ def _show(path: Path) -> None:
     for name, parameter in inspect(path).items():
         print(f"  {name}: {parameter.kind_words} = {parameter.default}  # {parameter.help}")
 
-
-def notebook_command(words: Iterable[str] | None = None) -> int:
-    """`sidm notebook` with the words of a command line; returns its exit status."""
-    parser = Parser(prog="sidm notebook", description="Run a notebook, strictly.")
-    add_arguments(parser)
-    return run_from_arguments(parser.parse_args(None if words is None else list(words)))
-
-
-if __name__ == "__main__":
-    sys.exit(notebook_command())

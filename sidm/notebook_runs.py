@@ -44,8 +44,8 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def execute(runs: Sequence[Run], root: Path, jobs: int | None = None, shown: bool = True) -> None:
-    """Execute notebooks side by side.
+def execute(runs: Sequence[Run], root: Path, jobs: int | None = None) -> None:
+    """Execute notebooks side by side; of several, or on a terminal, with a bar that has the time left.
 
     A notebook that was to be refreshed and did not come to its end is as it was; a copy holds all up to where it came.
 
@@ -53,13 +53,12 @@ def execute(runs: Sequence[Run], root: Path, jobs: int | None = None, shown: boo
         runs: what to execute; the longest begin first.
         root: the project's folder, in which they work.
         jobs: how many kernels at a time, of one thread each where they are several; all cores when None.
-        shown: print each result as it is there; of several, or on a terminal, with a bar that has the time left.
 
     Raises:
         NotebookError: a cell failed; no kernel runs any more.
     """
     places = min(jobs or cores(), len(runs))
-    with progress_bar(100, "notebooks", "%", shown and (len(runs) > 1 or sys.stderr.isatty())) as bar:
+    with progress_bar(100, "notebooks", "%", len(runs) > 1 or sys.stderr.isatty()) as bar:
         total, done = sum(run.seconds for run in runs), 0.0
 
         def more(seconds: float) -> None:
@@ -68,8 +67,7 @@ def execute(runs: Sequence[Run], root: Path, jobs: int | None = None, shown: boo
             bar.update(round(100 * done / total) - bar.n)
 
         def tell(run: Run) -> None:
-            if shown:
-                bar.write(str(run.output or run.path), file=sys.stdout)
+            bar.write(str(run.output or run.path), file=sys.stdout)
 
         asyncio.run(_side_by_side(_lanes(runs), root, places, more, tell))
 

@@ -3,61 +3,47 @@
 from __future__ import annotations
 
 import sys
-import time
+from collections.abc import Callable
 from typing import Any, TextIO, TypeAlias
 
 from tqdm import tqdm
 
 LOG_INTERVAL = 30.0  # s between two lines in a log
+LINE = "{desc}: {n_fmt}/{total_fmt} {unit}, {elapsed} gone, {remaining} left, {rate_fmt}{postfix}"
 
 
-class LogBar:
-    """What is used of `tqdm`, for a file: whole lines, and none for work that is over before the first is due."""
+class LogBar(tqdm):
+    """A bar for a file: whole lines, and none for work that is over before the first is due."""
 
-    def __init__(self, total: int, title: str, unit: str, shown: bool, scaled: bool):
-        self.total, self.title, self.unit, self.shown, self.scaled = total, title, unit, shown, scaled
-        self.n, self.postfix = 0, ""
-        self._start = self._last = time.monotonic()
+    last_print_t: float
 
-    def __enter__(self) -> LogBar:
-        return self
+    def __init__(self, **options: Any):
+        often = {"mininterval": LOG_INTERVAL, "delay": LOG_INTERVAL, "miniters": 1}
+        super().__init__(file=sys.stderr, bar_format=LINE, **often, **options)
 
-    def __exit__(self, *error: object) -> None:
-        if self._last != self._start and self.n == self.total:
-            self._print()
-
-    def update(self, count: float = 1) -> None:
-        """So much more is done."""
-        self.n += count  # type: ignore[assignment]
-        if time.monotonic() - self._last >= LOG_INTERVAL and self.n != self.total:
-            self._last = time.monotonic()
-            self._print()
-
-    def set_postfix(self, refresh: bool = True, **values: Any) -> None:
-        """What stands behind the time left."""
-        self.postfix = ", ".join(f"{name}={value}" for name, value in values.items())
+    @staticmethod
+    def status_printer(file: TextIO) -> Callable[[str], None]:
+        """What writes a state of the bar."""
+        return lambda text: print(text, file=file, flush=True)
 
     @staticmethod
     def write(text: str, file: TextIO | None = None) -> None:
         """Print a line beside the bar's."""
         print(text, file=file, flush=True)
 
-    def _print(self) -> None:
-        if self.shown:
-            elapsed = time.monotonic() - self._start
-            print(
-                tqdm.format_meter(self.n, self.total, elapsed, prefix=self.title, unit=self.unit, postfix=self.postfix,
-                                  unit_scale=self.scaled, bar_format="{desc}: {n_fmt}/{total_fmt} {unit}, "
-                                  "{elapsed} gone, {remaining} left, {rate_fmt}{postfix}"),
-                file=sys.stderr, flush=True,
-            )  # fmt: skip
+    def close(self) -> None:
+        """Say once more where it is, if it is at its end and has said something before."""
+        if not self.disable:
+            if self.start_t < self.last_print_t and self.last_print_n < self.n == self.total:
+                self.display()
+            self.last_print_t = self.start_t - 1  # as one that has shown nothing, which tqdm leaves alone
+        super().close()
 
 
-Bar: TypeAlias = "tqdm | LogBar"
+Bar: TypeAlias = tqdm
 
 
 def progress_bar(total: int, title: str, unit: str, shown: bool = True, scaled: bool = False) -> Bar:
     """A bar that counts to `total` on stderr: `tqdm` on a terminal, lines elsewhere; `scaled` writes k and M."""
-    if sys.stderr.isatty():
-        return tqdm(total=total, desc=title, unit=unit, unit_scale=scaled, disable=not shown)
-    return LogBar(total, title, unit, shown, scaled)
+    kind = tqdm if sys.stderr.isatty() else LogBar
+    return kind(total=total, desc=title, unit=unit, unit_scale=scaled, disable=not shown)

@@ -20,6 +20,8 @@ from typing import IO, Any
 
 import numpy as np
 
+from sidm.config import first_line
+
 SEAL = 64  # hexadecimal digits of SHA-256
 LARGEST_RECORD = 2**24  # bytes
 MARK = ',\n"checksum": "'
@@ -105,7 +107,7 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
         with np.load(io.BytesIO(content), allow_pickle=False) as data:
             arrays = {name: data[name] for name in data.files}
     except (ValueError, KeyError, EOFError, MemoryError, OSError, zipfile.BadZipFile, NotImplementedError) as error:
-        raise Damaged(_first_line(error)) from None
+        raise Damaged(first_line(error)) from None
     if not all(isinstance(array, np.ndarray) for array in arrays.values()):  # NumPy gives other members as bytes
         raise Damaged("it holds something else than arrays")
     return arrays
@@ -134,7 +136,7 @@ def read_record(path: Path) -> dict[str, Any]:
         text = _content(path, LARGEST_RECORD).decode()
         values = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise Damaged(_first_line(error)) from None
+        raise Damaged(first_line(error)) from None
     body, mark, _ = text.rpartition(MARK)
     if not isinstance(values, dict) or not mark:
         raise Damaged("it has no checksum, as files of older versions")
@@ -152,8 +154,4 @@ def _content(path: Path, most: int | None = None) -> bytes:
     except FileNotFoundError:
         raise
     except (OSError, MemoryError) as error:
-        raise Damaged(_first_line(error)) from None
-
-
-def _first_line(error: BaseException) -> str:
-    return str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise Damaged(first_line(error)) from None

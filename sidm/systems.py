@@ -95,11 +95,6 @@ class Physics:
     drop_height: float = 0.3  # of the body's origin above the highest ground within 1 m at the start, m
     settling_time: float = 0.5  # before a trajectory begins, s
 
-    @property
-    def control_step(self) -> float:
-        """Duration of a control step, s."""
-        return self.time_step * self.steps_per_control
-
 
 @config
 class System:

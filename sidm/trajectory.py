@@ -20,11 +20,11 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from sidm.config import ConfigError, config
+from sidm.config import ConfigError, Fault, config
 from sidm.storage import read_arrays, write_arrays
 
 POSITION, QUATERNION, TWIST = slice(0, 3), slice(3, 7), slice(7, 13)
@@ -41,8 +41,14 @@ SAME_HEIGHT = 1e-6  # m; processors differ by some 1e-14
 DISCARDS = ("stuck", "border", "rollover", "unstable")
 
 
-class ShardError(ValueError):
+class ShardError(Fault):
     """A shard that is missing, damaged or from elsewhere; the message is one line that names the file and the mend."""
+
+
+def upright(states: Any) -> Any:
+    """The cosine (...) of the tilt of states (..., 13), arrays or tensors; below 0 they are upside down."""
+    x, y = states[..., QUATERNION][..., 0], states[..., QUATERNION][..., 1]
+    return 1 - 2 * (x * x + y * y)
 
 
 class Trajectory(NamedTuple):
@@ -55,6 +61,10 @@ class Trajectory(NamedTuple):
     terrain_checksum: str  # of the heights' bits where it was simulated; a part of the digest
     terrain_probe: np.ndarray  # (8,) m, `probe` of the heights, by which any machine knows the ground again
     discarded: tuple[int, ...]  # attempts thrown away before this one, by the causes in DISCARDS
+
+
+#: Of the fields that are no arrays of floats, on disk.
+TYPES: dict[str, Any] = {"index": np.int64, "terrain_seed": np.uint64, "terrain_checksum": "U16", "discarded": np.int64}
 
 
 def checksum(array: np.ndarray) -> str:
@@ -88,16 +98,8 @@ def digest(trajectories: Iterable[Trajectory]) -> str:
 
 def write_shard(path: Path, trajectories: Sequence[Trajectory]) -> None:
     """Write trajectories of equal length as one immutable .npz file."""
-    arrays = {
-        "index": np.array([t.index for t in trajectories], np.int64),
-        "states": np.stack([t.states for t in trajectories]),
-        "actions": np.stack([t.actions for t in trajectories]),
-        "terrain_seed": np.array([t.terrain_seed for t in trajectories], np.uint64),
-        "terrain_checksum": np.array([t.terrain_checksum for t in trajectories], "U16"),
-        "terrain_probe": np.stack([t.terrain_probe for t in trajectories]),
-        "discarded": np.array([t.discarded for t in trajectories], np.int64),
-    }
-    write_arrays(path, arrays)
+    columns = zip(Trajectory._fields, zip(*trajectories, strict=True), strict=True)
+    write_arrays(path, {name: np.array(column, TYPES.get(name)) for name, column in columns})
 
 
 def read_shard(path: Path) -> list[Trajectory]:
@@ -105,18 +107,9 @@ def read_shard(path: Path) -> list[Trajectory]:
     try:
         columns = read_arrays(path)
         _check_shapes(columns)
-        return [
-            Trajectory(
-                index=int(columns["index"][i]),
-                states=columns["states"][i],
-                actions=columns["actions"][i],
-                terrain_seed=int(columns["terrain_seed"][i]),
-                terrain_checksum=str(columns["terrain_checksum"][i]),
-                terrain_probe=columns["terrain_probe"][i],
-                discarded=tuple(int(count) for count in columns["discarded"][i]),
-            )
-            for i in range(len(columns["index"]))
-        ]
+        fields = columns | {name: columns[name].tolist() for name in TYPES}
+        fields["discarded"] = list(map(tuple, fields["discarded"]))
+        return [Trajectory(*row) for row in zip(*(fields[name] for name in Trajectory._fields), strict=True)]
     except FileNotFoundError:
         raise ShardError(f"{path}: the shard is missing; collect again to make it") from None
     except (ValueError, KeyError, TypeError) as error:

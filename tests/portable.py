@@ -15,7 +15,6 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -60,30 +59,29 @@ def numbers(*shape: int) -> np.ndarray:
     return 2 * np.random.default_rng(0).random(shape) - 1
 
 
-def numpy_probe() -> dict[str, Any]:
-    x = numbers(10_000)
-    found = {f.__name__: f(x) for f in (np.exp, np.arctan, np.tanh)}
-    return found | {f"{f.__name__} of float32": f(x.astype(np.float32)) for f in (np.exp, np.sin)}
-
-
-def libm_probe() -> dict[str, Any]:
-    return {f.__name__: [f(x) for x in 9 * numbers(10_000)] for f in (math.sin, math.cos, math.exp)}
-
-
-def openblas_probe() -> dict[str, Any]:
-    a, b = numbers(2, 200, 200)
-    return {"product": a @ b, "float32 product": a.astype("f4") @ b.astype("f4"), "solve": np.linalg.solve(a, b)}
-
-
-def torch_probe() -> dict[str, Any]:
+def computed(library: str) -> dict[str, Any]:
+    """What a library computes, some of it by instructions that a processor need not have."""
     import torch
 
-    x = torch.from_numpy(numbers(100, 100))
-    found = {f.__name__: f(x) for f in (torch.sigmoid, torch.log1p)}
-    return found | {"log_softmax": x.log_softmax(1), "atan2": torch.atan2(x, x.T)}
+    x, pair = numbers(10_000), numbers(2, 200, 200)
+    a, b = pair
+    y, z, (c, d) = torch.from_numpy(numbers(100, 100)), torch.from_numpy(numbers(100_003)), torch.from_numpy(pair)
+    products = {"product": a @ b, "float32 product": a.astype("f4") @ b.astype("f4")}
+    return {
+        "NumPy": lambda: {f.__name__: f(x) for f in (np.exp, np.arctan, np.tanh)}
+        | {f"{f.__name__} of float32": f(x.astype(np.float32)) for f in (np.exp, np.sin)},
+        "libm": lambda: {f.__name__: [f(one) for one in 9 * x] for f in (math.sin, math.cos, math.exp)},
+        "OpenBLAS": lambda: products | {"solve": np.linalg.solve(a, b)},
+        "PyTorch": lambda: {f.__name__: f(y) for f in (torch.sigmoid, torch.log1p)}
+        | {"log_softmax": y.log_softmax(1), "atan2": torch.atan2(y, y.T)},
+        "oneDNN": networks,
+        "MKL": lambda: {"product": c @ d, "float32 product": c.float() @ d.float(), "qr": torch.linalg.qr(c)[0]},
+        "OpenMP": lambda: {"sum": z.sum(), "float32 sum": z.float().sum(), "sum of squares": z.square().sum()},
+    }[library]()
 
 
-def onednn_probe() -> dict[str, Any]:
+def networks() -> dict[str, Any]:
+    """Convolutions and an LSTM, as oneDNN computes them."""
     import torch
 
     sizes = (16, 16, 20, 20), (8, 16, 4, 4), (8,)
@@ -94,36 +92,16 @@ def onednn_probe() -> dict[str, Any]:
             weights.copy_(torch.from_numpy(numbers(*weights.shape)))
     learnt = lstm(maps[0, :, :16, :16])[0]
     learnt.sum().backward()
-    first = torch.conv2d(maps[:, :1], kernels[:, :1], biases)
     return {
-        "convolution": torch.conv2d(maps, kernels, biases), "convolution of one channel": first,
+        "convolution": torch.conv2d(maps, kernels, biases),
+        "convolution of one channel": torch.conv2d(maps[:, :1], kernels[:, :1], biases),
         "LSTM": learnt.detach(), "LSTM's gradient": lstm.weight_hh_l0.grad,
     }  # fmt: skip
 
 
-def mkl_probe() -> dict[str, Any]:
-    import torch
-
-    a, b = torch.from_numpy(numbers(2, 200, 200))
-    return {"product": a @ b, "float32 product": a.float() @ b.float(), "qr": torch.linalg.qr(a)[0]}
-
-
-def openmp_probe() -> dict[str, Any]:
-    import torch
-
-    x = torch.from_numpy(numbers(100_003))
-    return {"sum": x.sum(), "float32 sum": x.float().sum(), "sum of squares": x.square().sum()}
-
-
-PROBES: dict[str, Callable[[], dict[str, Any]]] = {
-    "PyTorch": torch_probe, "oneDNN": onednn_probe, "MKL": mkl_probe, "OpenBLAS": openblas_probe, "NumPy": numpy_probe,
-    "libm": libm_probe, "OpenMP": openmp_probe,
-}  # fmt: skip
-
-
 def digests(library: str) -> dict[str, str]:
     """What a library computes, to the last bit."""
-    return {name: sha256(np.asarray(found).tobytes()).hexdigest() for name, found in PROBES[library]().items()}
+    return {name: sha256(np.asarray(found).tobytes()).hexdigest() for name, found in computed(library).items()}
 
 
 def processor() -> dict[str, Any]:
@@ -140,7 +118,7 @@ def processor() -> dict[str, Any]:
     return {
         "level": torch.backends.cpu.get_cpu_capability(),
         "features": config["SIMD Extensions"].get("found", []),
-        "libraries": [library for library in PROBES if there.get(library, True)],
+        "libraries": [library for library in VARIABLES.values() if there.get(library, True)],
     }
 
 

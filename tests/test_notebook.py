@@ -8,6 +8,7 @@ import nbformat
 import pytest
 
 from sidm import notebook
+from sidm.__main__ import main
 from sidm.config import ConfigError
 
 
@@ -153,14 +154,14 @@ def test_a_file_that_cannot_be_used_is_one_line(project, first, text):
 
 def test_a_run_gets_its_values_and_the_projects_folder(project):
     words = ["first", "out/mine.ipynb", "-p", "run_missing", "true", "-p", "system", "system2", "-p", "minutes", "2"]
-    assert notebook.notebook_command(words) == 0
+    assert main(["notebook", *words]) == 0
     assert printed(project / "out" / "mine.ipynb") == f"laptop 2.0 True [0, 1] system2 {project.name}\n"
 
 
 def test_a_failing_cell_is_one_line_and_status_1(project, capsys):
     write_notebook(project / "notebooks" / "03-fails.ipynb", "print('before')", "1 / 0", parameters="a: int = 1  # a")
-    assert notebook.notebook_command(["fails"]) == 1
-    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("sidm notebook:")]
+    assert main(["notebook", "fails"]) == 1
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("sidm: ")]
     assert len(lines) == 1 and "ZeroDivisionError: division by zero" in lines[0]
     assert "before" in printed(project / "_build" / "runs" / "03-fails.ipynb")
 
@@ -171,21 +172,21 @@ def test_a_failing_cell_is_one_line_and_status_1(project, capsys):
      ["all", "-p", "minutes", "1"], ["all", "--jobs", "0"], ["first", "--in-place", "-p", "minutes", "1"]],
 )  # fmt: skip
 def test_arguments_that_cannot_be_used_are_status_2_and_nothing_runs(project, capsys, words):
-    assert notebook.notebook_command(words) == 2
+    assert main(["notebook", *words]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert not (project / "_build").exists()
 
 
 def test_parameters_are_listed(project, capsys):
-    assert notebook.notebook_command(["all", "--list"]) == 0
+    assert main(["notebook", "all", "--list"]) == 0
     assert "  minutes: float = 5.0  # of novice data, min" in capsys.readouterr().out.splitlines()
 
 
 def test_refreshing_twice_changes_nothing(first):
-    assert notebook.notebook_command([str(first), "--in-place"]) == 0
+    assert main(["notebook", str(first), "--in-place"]) == 0
     once = first.read_bytes()
     assert "laptop 5.0 False [0, 1] None" in printed(first)
-    notebook.refresh(first)
+    assert main(["notebook", str(first), "--in-place"]) == 0
     assert first.read_bytes() == once
 
 

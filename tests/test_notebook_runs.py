@@ -11,6 +11,7 @@ from nbclient import NotebookClient
 from test_notebook import printed, write_notebook
 
 from sidm import notebook, progress
+from sidm.__main__ import main
 from sidm.notebook_runs import SECONDS
 
 ROOT = Path(__file__).parents[1]
@@ -61,7 +62,7 @@ def test_they_run_side_by_side_on_one_thread_each(project, monkeypatch, capsys):
     monkeypatch.setattr(progress, "LOG_INTERVAL", 0.0)  # a line at every step
     for own, other in (("one", "two"), ("two", "one")):
         add(project, own, f"Path('{own}').touch()", f"wait('{other}')", THREADS)
-    assert notebook.notebook_command(["all", "out", "--jobs", "2"]) == 0
+    assert main(["notebook", "all", "out", "--jobs", "2"]) == 0
     told = capsys.readouterr()
     assert sorted(told.out.splitlines()) == ["out/one.ipynb", "out/two.ipynb"]
     bar = [line for line in told.err.splitlines() if line.startswith("notebooks: ")]
@@ -73,7 +74,7 @@ def test_a_failure_stops_the_others_and_no_kernel_is_left(project, capsys):
     add(project, "1-fails", "while not list(Path().glob('*.kernel')): time.sleep(0.1)", "print('so far')", "1 / 0")
     add(project, "2-endless", ENDLESS)
     add(project, "3-waits", "Path('begun').touch()")
-    assert notebook.notebook_command(["all", "out", "--jobs", "2"]) == 1
+    assert main(["notebook", "all", "out", "--jobs", "2"]) == 1
     told = capsys.readouterr()
     assert told.out == ""
     [line] = told.err.splitlines()
@@ -88,7 +89,7 @@ def test_a_failure_stops_the_others_and_no_kernel_is_left(project, capsys):
 def test_a_kernel_that_dies_is_a_failure(project, capsys):
     path = add(project, "dies", "os._exit(1)")
     before = path.read_bytes()
-    assert notebook.notebook_command(["dies", "--in-place"]) == 1
+    assert main(["notebook", "dies", "--in-place"]) == 1
     assert "cell 4 failed, its kernel died (out of memory?); the notebook is unchanged" in capsys.readouterr().err
     assert path.read_bytes() == before
 
@@ -114,7 +115,7 @@ def test_notebooks_that_run_trials_do_it_in_turn(project):
         cells = [note.format(f"{name} {what}") for what in ("begins", "ends")]
         add(project, name, *cells, parameters="run_missing: bool = False  # run it")
     (project / "all.yaml").write_text("run_missing: true")
-    assert notebook.notebook_command(["all", "out", "-f", "all.yaml", "--jobs", "3"]) == 0
+    assert main(["notebook", "all", "out", "-f", "all.yaml", "--jobs", "3"]) == 0
     wanted = [f"{name} {what}" for name in ("1", "2", "3") for what in ("begins", "ends")]
     assert (project / "log").read_text().splitlines() == wanted
 
@@ -127,7 +128,7 @@ def test_what_stands_in_the_environment_stays(project, monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "3")
     for name in ("1", "2"):
         add(project, name, THREADS)
-    assert notebook.notebook_command(["all", "out", "--jobs", "2"]) == 0
+    assert main(["notebook", "all", "out", "--jobs", "2"]) == 0
     assert os.environ["OMP_NUM_THREADS"] == "3"
     assert printed(project / "out" / "1.ipynb") == "3\n"
 
@@ -144,5 +145,5 @@ def test_a_kernel_that_does_not_answer_is_started_again(project, monkeypatch, ca
         return await real(client)
 
     monkeypatch.setattr(NotebookClient, "async_start_new_kernel_client", start)
-    assert notebook.notebook_command([str(path), "--in-place"]) == status
+    assert main(["notebook", str(path), "--in-place"]) == status
     assert ("its kernel did not start" in capsys.readouterr().err) == bool(status)

@@ -4,8 +4,6 @@ import errno
 import io
 import os
 import pickle
-import subprocess
-import sys
 import time
 import zipfile
 from hashlib import sha256
@@ -94,25 +92,6 @@ def test_a_full_disk_is_one_line_and_leaves_what_was(tmp_path, monkeypatch, fail
         write_atomically(path, full if failing == "write" else lambda file: file.write(b"half"))
     assert "\n" not in str(caught.value)
     assert read_record(path) == {"x": 1} and os.listdir(tmp_path) == ["a.json"]
-
-
-def test_a_quota_is_met_for_real(tmp_path):
-    """The system refuses files above a size, as a quota does; what was written before is whole."""
-    code = (
-        "import resource, signal, sys, numpy as np\n"
-        "from pathlib import Path\n"
-        "from sidm.storage import write_arrays\n"
-        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))\n"
-        "for count in (100, 100_000):\n"
-        "    try:\n"
-        "        write_arrays(Path(sys.argv[1]) / f'{count}.npz', {'x': np.zeros(count)})\n"
-        "    except OSError as error:\n"
-        "        print(error)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True)
-    assert done.stdout == f"{tmp_path / '100000.npz'}: cannot be written (File too large)\n" and not done.stderr
-    assert os.listdir(tmp_path) == ["100.npz"] and len(read_arrays(tmp_path / "100.npz")["x"]) == 100
 
 
 def test_writing_follows_no_link_and_takes_no_name_of_others(tmp_path):

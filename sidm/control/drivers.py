@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from sidm.control.planning import Dreamer, Planner, straight
-from sidm.trajectory import CONTROL_STEP, POSITION, QUATERNION, TWIST
+from sidm.trajectory import CONTROL_STEP, POSITION, QUATERNION, TWIST, upright
 
 ARRIVED = 0.5  # m from the goal
 UPSIDE_DOWN = (1.0, 0.0, 0.0, 0.0)  # a quaternion
@@ -48,8 +48,7 @@ class Ride(NamedTuple):
     @property
     def steepest(self) -> float:
         """Tilt, degrees."""
-        x, y = self.states[:, QUATERNION][:, :2].T
-        return float(np.degrees(np.arccos(np.clip(1 - 2 * (x * x + y * y), -1, 1)).max()))
+        return float(np.degrees(np.arccos(np.clip(upright(self.states), -1, 1)).max()))
 
 
 class Driver:
@@ -127,8 +126,7 @@ def try_out(simulator: Any, actions: Tensor) -> Tensor:
             path.append(path[-1].copy() if lost else state)
             if lost:
                 path[-1][QUATERNION] = UPSIDE_DOWN
-            x, y = path[-1][QUATERNION][:2]
-            if 1 - 2 * (x * x + y * y) < 0:
+            if upright(path[-1]) < 0:
                 path += [path[-1]] * (len(sequence) + 1 - len(path))
                 break
         paths.append(np.array(path))

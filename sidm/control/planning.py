@@ -10,11 +10,11 @@ import torch
 from torch import Tensor
 
 from sidm import rotations
-from sidm.config import ConfigError, config, refuse_nonsense
+from sidm.config import ConfigError, config, refuse_below, refuse_nonsense
 from sidm.learning.model import Predictor
 from sidm.learning.networks import Memory
 from sidm.learning.observation import encode_inputs, integrate, robot_centred_map
-from sidm.trajectory import ACTION_SIZE, POSITION, QUATERNION, STEPS
+from sidm.trajectory import ACTION_SIZE, POSITION, QUATERNION, STEPS, upright
 
 #: Where actions (N, H, 2) lead: states (N, H + 1, 13), the present one first.
 Imagination = Callable[[Tensor], Tensor]
@@ -42,9 +42,7 @@ class Planning:
     def __post_init__(self) -> None:
         """Refuse settings that no plan can be made with."""
         refuse_nonsense(self)
-        for name in ("samples", "iterations", "elites", "horizon", "hold", "replan"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"Planning.{name} must be at least 1, not {getattr(self, name)}")
+        refuse_below(self, 1, "samples", "iterations", "elites", "horizon", "hold", "replan")
         if self.elites > self.samples:
             raise ConfigError(f"Planning.elites must be at most samples ({self.samples}), not {self.elites}")
         if self.horizon % self.hold:
@@ -75,9 +73,8 @@ def cost(states: Tensor, goal: Tensor, steepest: float) -> Tensor:
     """
     ahead = states[:, 1:]
     distance = (ahead[..., :2] - goal).norm(dim=-1)  # (N, H)
-    x, y = ahead[..., QUATERNION][..., :2].unbind(-1)
-    upright = 1 - 2 * (x * x + y * y)  # the cosine of the tilt
-    return distance.mean(1) + distance[:, -1] + ROLLED_OVER * (upright < math.cos(math.radians(steepest))).sum(1)
+    over = upright(ahead) < math.cos(math.radians(steepest))
+    return distance.mean(1) + distance[:, -1] + ROLLED_OVER * over.sum(1)
 
 
 class Planner:
@@ -127,13 +124,10 @@ class Dreamer:
         heights: (H, W), m, of the ground.
         pixels: P of the model's maps.
         horizon: control steps that are imagined from where the robot is.
-        spacing: of the ground's grid, m.
     """
 
-    def __init__(
-        self, model: Predictor, heights: np.ndarray, pixels: int, horizon: int = 0, spacing: float = 0.1
-    ) -> None:
-        self.model, self.pixels, self.spacing = model, pixels, spacing
+    def __init__(self, model: Predictor, heights: np.ndarray, pixels: int, horizon: int = 0) -> None:
+        self.model, self.pixels = model, pixels
         self.longest = STEPS - horizon  # of the memory
         self.heights = torch.as_tensor(heights, dtype=torch.float32)
         self.memory: Memory | None = None
@@ -177,7 +171,7 @@ class Dreamer:
 
     def _predict(self, states: Tensor, actions: Tensor, memory: Memory | None) -> tuple[Tensor, Memory]:
         """Transitions (N, T, 13) of states (N, T, 13) and actions (N, T, 2)."""
-        maps = robot_centred_map(self.heights, states, self.pixels, spacing=self.spacing).half()
+        maps = robot_centred_map(self.heights, states, self.pixels).half()
         return self.model("novice", encode_inputs(states, actions), maps, memory)
 
 
@@ -188,6 +182,6 @@ def heading_to(state: np.ndarray, goal: np.ndarray) -> float:
     return float(rotations.wrap(torch.atan2(torch.tensor(y), torch.tensor(x)) - yaw))
 
 
-def straight(state: np.ndarray, goal: np.ndarray, throttle: float = FASTEST, gain: float = 1.5) -> np.ndarray:
+def straight(state: np.ndarray, goal: np.ndarray) -> np.ndarray:
     """The action (2,) of a driver who looks at nothing but the goal: constant throttle, steering towards it."""
-    return np.array([throttle, np.clip(-gain * heading_to(state, goal), -1, 1)])  # positive steering turns right
+    return np.array([FASTEST, np.clip(-1.5 * heading_to(state, goal), -1, 1)])  # positive steering turns right

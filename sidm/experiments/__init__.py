@@ -1,7 +1,5 @@
 """Many trials: what is run, kept and shown; PyBullet is imported inside the function that collects data alone."""
 
-from typing import TYPE_CHECKING
-
 from sidm.experiments.engine.datasets import collect_datasets
 from sidm.experiments.engine.store import Failure, Outcome, Results, Row, StoreError
 from sidm.experiments.grids import FIGURES, grid
@@ -11,14 +9,10 @@ from sidm.experiments.study import Study
 from sidm.experiments.trials import UNKNOWN, Dataset, Trial
 from sidm.lazy import on_demand
 
-if TYPE_CHECKING:
-    from sidm.experiments.engine.execute import perform, run_trial
-    from sidm.experiments.engine.run import run
-
 __all__ = [
     "FIGURES", "METHODS", "PRESETS", "UNKNOWN", "Dataset", "Failure", "Outcome", "Preset", "Results", "Row",
     "StoreError", "Study", "Trial", "collect_datasets", "grid", "load_preset", "perform", "run",
     "run_trial",
 ]  # fmt: skip
 
-on_demand(__name__, **{"engine.run": "run", "engine.execute": "perform run_trial"})
+__getattr__, __dir__, _ = on_demand(__name__, **{"engine.run": "run", "engine.execute": "perform run_trial"})

@@ -51,11 +51,11 @@ CELL = 0.4  # side of a piece of ground that is drawn, m
 TALLEST = 2.0  # height of the darkest ground, m
 
 
-def _lines(data: str = "ride") -> alt.Chart:
+def _lines() -> alt.Chart:
     """Lines of both robots, told apart by colour and dashes."""
     looks = {"domain": list(WHO), "range": [line["color"] for line in LINES]}
     return (
-        alt.Chart(alt.NamedData(name=data))
+        alt.Chart(alt.NamedData(name="ride"))
         .mark_line(clip=True)
         .encode(
             color=alt.Color("who:N", scale=alt.Scale(**looks), legend=None),

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from sidm.explorer.rides import Ride, sampled_physics
+from sidm.explorer.rides import Ride, drive, sampled_physics
 from sidm.explorer.scene import (
     GHOST,
     ROVER_JOINTS,
@@ -30,6 +30,7 @@ from sidm.explorer.scene import (
 from sidm.explorer.scene_file import write_scene
 from sidm.explorer.skeleton import BOXES, Skeleton
 from sidm.recordings import Ground
+from sidm.terrain import generate_terrain
 from sidm.trajectory import CONTROL_STEP, POSITION, QUATERNION, Collection
 
 FOLDER = Path("results/explorer")
@@ -39,53 +40,18 @@ SEED = 0  # whose trials predict
 WARTHOG_DRIVE = 23  # it turns more than most
 
 
-class Watched:
-    """A simulator that `collect.attempt` drives as ever, and that keeps all that moved, twice a control step."""
-
-    def __init__(self, simulator: Any) -> None:
-        """`simulator` is of `sampled_physics`."""
-        self._simulator = simulator
-
-    def put_on(self, heights: np.ndarray) -> None:
-        """Exchange the ground."""
-        self._simulator.put_on(heights)
-
-    def reset(self, *place: float) -> np.ndarray:
-        """Begin anew, with nothing kept."""
-        self._kept: list[tuple[np.ndarray, ...]] = []
-        return self._keep(self._simulator.reset(*place))
-
-    def step(self, action: np.ndarray) -> np.ndarray:
-        """One control step of 0.1 s."""
-        self._keep(self._simulator.step(action))
-        return self._keep(self._simulator.step(action))
-
-    def _keep(self, state: np.ndarray) -> np.ndarray:
-        self._kept.append((state, self._simulator.strut_positions, self._simulator.joint_angles))
-        return state
-
-    def ride(self, steps: int) -> Ride:
-        """The first control steps of what was driven last."""
-        states, struts, joints = (np.array(one)[: 2 * steps + 1] for one in zip(*self._kept, strict=True))
-        one = self._simulator
-        times = CONTROL_STEP / 2 * np.arange(len(states))
-        return Ride(one.robot, one.heights, times, states, struts, joints, one.physics.strut_motors)
-
-
 def collected_ride(collection: Collection, index: int, steps: int) -> Ride:
     """Trajectory `index` of a collection as a ride: the same motion, with all that moves."""
-    from sidm.simulation import Simulator
-    from sidm.simulation.collect import MOST_ATTEMPTS, attempt
+    from sidm.simulation import Simulator, simulate
+    from sidm.simulation.collect import drawn
     from sidm.systems import find_system
 
-    system = find_system(collection.system)
-    flat = np.zeros((system.terrain.size, system.terrain.size))
-    with Simulator(system.robot(collection.role), flat, sampled_physics(system.physics.strut_motors)) as simulator:
-        watched: Any = Watched(simulator)
-        for number in range(MOST_ATTEMPTS):
-            if attempt(watched, system, collection, index, number)[0] is not None:
-                return watched.ride(steps)
-    raise RuntimeError(f"{collection}: trajectory {index} ended early {MOST_ATTEMPTS} times")
+    system, attempts = find_system(collection.system), sum(simulate(collection, index).discarded)
+    terrain_seed, yaw, actions = drawn(collection, index, attempts)
+    physics = sampled_physics(system.physics.strut_motors)
+    with Simulator(system.robot(collection.role), generate_terrain(system.terrain, terrain_seed), physics) as simulator:
+        throttle, steering = actions[:steps].T
+        return drive(simulator, throttle, steering, steps, yaw)
 
 
 def predicted_track(
@@ -112,13 +78,12 @@ def predicted_track(
     return Track(name, CONTROL_STEP, position, turn, joints, skeleton, colour, GHOST)
 
 
-def rollout_scene(rows: Sequence[Any], minutes: float, index: int = 0) -> Scene:
-    """A rollout of Figure 4: the robot, and what the models trained on so many minutes predict.
+def rollout_scene(rows: Sequence[Any], minutes: float) -> Scene:
+    """The first rollout of Figure 4: the robot, and what the models trained on so many minutes predict.
 
     Args:
         rows: of the results store, of one system; those of SEED and of METHODS are shown.
         minutes: of novice data.
-        index: which rollout; beyond the first only rows that hold whole rollouts have one.
 
     Raises:
         ValueError: no such row is stored, or the robot drives elsewhere today than it did then.
@@ -126,14 +91,13 @@ def rollout_scene(rows: Sequence[Any], minutes: float, index: int = 0) -> Scene:
     from sidm.experiments.figures.style import METHOD_STYLES
 
     chosen = {row.trial.method: row for row in rows if (row.trial.seed, row.trial.novice_minutes) == (SEED, minutes)}
-    known = {name: chosen[name] for name in METHODS if name in chosen}
-    shown = {name: row for name, row in known.items() if row.outcome.rollouts_predicted or not index}
+    shown = {name: chosen[name] for name in METHODS if name in chosen}
     if not shown:
-        raise ValueError(f"no trial of seed {SEED} with {minutes:g} min that holds rollout {index} is stored")
+        raise ValueError(f"no trial of seed {SEED} with {minutes:g} min is stored")
     first = next(iter(shown.values()))
     steps = len(first.outcome.example_actual) - 1
-    ride = collected_ride(first.trial.datasets["rollout"].collection, index, steps)
-    if not index and not np.allclose(ride.states[::2, :2], first.outcome.example_actual, atol=0.05):
+    ride = collected_ride(first.trial.datasets["rollout"].collection, 0, steps)
+    if not np.allclose(ride.states[::2, :2], first.outcome.example_actual, atol=0.05):
         raise ValueError("the robot drives elsewhere than when these trials were run; run them again")
     ground = Ground(ride.heights, SPACING)
     height = float(np.mean(ride.states[:, 2] - height_on(ground, ride.states[:, :2])))
@@ -141,12 +105,12 @@ def rollout_scene(rows: Sequence[Any], minutes: float, index: int = 0) -> Scene:
     ghosts = []
     for method, row in shown.items():
         whole, style = row.outcome.rollouts_predicted, METHOD_STYLES[method]
-        states = np.array(whole[index] if whole else row.outcome.example_predicted)
+        states = np.array(whole[0] if whole else row.outcome.example_predicted)
         ghosts.append(predicted_track(states, ground, truth.skeleton, style["label"], style["color"], height))
     return Scene((truth, *ghosts), ground, 2.0, f"the robot, and models trained on {minutes:g} min")
 
 
-def warthog_scene(recordings: Path = Path("recordings"), number: int = WARTHOG_DRIVE) -> Scene:
+def warthog_scene(recordings: Path = Path("recordings")) -> Scene:
     """A drive of the real Warthog, and what the model that is kept beside the recording predicts from its start."""
     import torch
 
@@ -156,7 +120,7 @@ def warthog_scene(recordings: Path = Path("recordings"), number: int = WARTHOG_D
     from sidm.recordings import read_drives
 
     body = read_body(recordings / "skid_steer.yaml")
-    drive = read_drives(recordings / "warthog.csv.gz", body)[number]
+    drive = read_drives(recordings / "warthog.csv.gz", body)[WARTHOG_DRIVE]
     model = load(recordings / "models" / "warthog")
     start, actions = torch.as_tensor(drive.states[0]), torch.as_tensor(drive.actions)
     path = rollout(model.predictor, None, start, actions, model.network.pixels, body=body).numpy()
@@ -166,11 +130,11 @@ def warthog_scene(recordings: Path = Path("recordings"), number: int = WARTHOG_D
     return Scene((robot, ghost._replace(ghost=GHOST)), ground, 4.5 * box.wheelbase, "a Warthog and its model")
 
 
-def make(folder: Path = FOLDER, results: str = "results") -> None:
+def make(folder: Path = FOLDER) -> None:
     """Write the scenes of the book's page."""
     from sidm.experiments import Results, Study
 
-    rows = Results(results).rows(Study("laptop", "data", results).figure4("system1"))
+    rows = Results("results").rows(Study("laptop").figure4("system1"))
     for minutes in (5.0, 120.0):
         write_scene(folder / f"scene-{minutes:g}-minutes.npz", rollout_scene(rows, minutes))
     write_scene(folder / "scene-warthog.npz", warthog_scene())

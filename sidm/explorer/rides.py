@@ -80,20 +80,16 @@ def weave(steps: int = 40) -> np.ndarray:
 
 
 def drive(
-    simulator: Any, throttle: float | np.ndarray, steering: float | np.ndarray = 0.0, steps: int = 40
+    simulator: Any, throttle: float | np.ndarray, steering: float | np.ndarray = 0.0, steps: int = 40, yaw: float = 0.0
 ) -> Ride:
-    """A ride in a `Simulator` of `sampled_physics` that stands ready; it is reset first."""
+    """A ride in a `Simulator` of `sampled_physics` that stands ready; it is reset first, heading `yaw`, rad."""
     actions = np.stack(np.broadcast_arrays(np.broadcast_to(throttle, (steps,)), steering), axis=1)
-    states, struts, joints = [simulator.reset()], [simulator.strut_positions], [simulator.joint_angles]
+    moments = [(simulator.reset(yaw=yaw), simulator.strut_positions, simulator.joint_angles)]
     for action in np.repeat(actions, SAMPLES, axis=0):
-        states.append(simulator.step(action))
-        struts.append(simulator.strut_positions)
-        joints.append(simulator.joint_angles)
+        moments.append((simulator.step(action), simulator.strut_positions, simulator.joint_angles))
+    states, struts, joints = map(np.array, zip(*moments, strict=True))
     times = SAMPLE * np.arange(len(states))
-    return Ride(
-        simulator.robot, simulator.heights, times, np.array(states), np.array(struts), np.array(joints),
-        simulator.physics.strut_motors,
-    )  # fmt: skip
+    return Ride(simulator.robot, simulator.heights, times, states, struts, joints, simulator.physics.strut_motors)
 
 
 def tilt(states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -131,7 +131,7 @@ def evaluate(model: RobotModel, drives: Drives, topics: Sequence[str] = ()) -> p
         predicted, _ = model.predictor("novice", motion.inputs, motion.maps)
     wrong = component_losses(predicted, motion.targets).double().mean((0, 1)).sqrt()
     spread = motion.targets.flatten(0, 1).double().std(0, correction=0)
-    units = [*_pose_units(body), *(unit for _, unit in body.columns)]
+    units = [unit for _, unit in body.state]  # those of a pose are those of its change
     lines = [
         (name, 1, unit, float(error), float(error / own.clamp_min(1e-12)))
         for name, unit, error, own in zip(body.targets, units, wrong, spread, strict=True)
@@ -139,11 +139,6 @@ def evaluate(model: RobotModel, drives: Drives, topics: Sequence[str] = ()) -> p
     return pd.DataFrame(
         [*lines, *_horizons(model, pieces)], columns=["quantity", "horizon", "unit", "error", "share"]
     )
-
-
-def _pose_units(body: Body) -> list[str]:
-    """Of a pose's change."""
-    return {"none": [], "planar": ["m", "m", "rad"], "spatial": ["m", "m", "m", "1", "1", "1", "1"]}[body.pose]
 
 
 def _horizons(model: RobotModel, pieces: Pieces) -> list[tuple[str, int, str, float, float]]:

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from sidm import __version__
 from sidm.body import Body, body_from, body_lines
-from sidm.config import ConfigError, from_mapping, to_mapping
+from sidm.config import ConfigError, first_line, from_mapping, to_mapping
 from sidm.experiments.methods import METHODS
 from sidm.learning.beyond.least_squares import LeastSquares
 from sidm.learning.checkpoint import module_tensors
@@ -83,7 +83,7 @@ def load(folder: str | Path) -> RobotModel:
         predictor = _predictor(about["method"], network, tensors, scale)
         values = {name: about[name] for name in ("method", "steps", "minutes", "test_loss")}
     except (ValueError, KeyError, TypeError, RuntimeError, SafetensorError) as error:
-        raise ConfigError(f"{folder}: the model is damaged ({str(error).splitlines()[0]}); fit it again") from None
+        raise ConfigError(f"{folder}: the model is damaged ({first_line(error)}); fit it again") from None
     return RobotModel(predictor.eval(), body, network=network, scale=scale, **values)
 
 

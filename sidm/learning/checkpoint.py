@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from sidm.config import Fault
 from sidm.storage import read_arrays, write_arrays
 from sidm.trajectory import checksum
 
@@ -21,7 +22,7 @@ FILE = "checkpoint.npz"
 TEXT = "json"  # the name of the array that holds the text
 
 
-class CheckpointError(ValueError):
+class CheckpointError(Fault):
     """A checkpoint that is damaged or of another run; the message is one line that names the file and the mend."""
 
 

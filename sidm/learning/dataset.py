@@ -116,23 +116,9 @@ def prepare(trajectories: Sequence[Trajectory], terrain: Terrain, pixels: int, b
         ShardError: a terrain that cannot be made again as it was; one line.
         ValueError: no trajectories.
     """
-    view = _View(body, body.pixels(pixels))
-    maps = np.stack([_maps(trajectory, terrain, view) for trajectory in _some(trajectories)])
+    pixels = body.pixels(pixels)
+    maps = np.stack([_maps(trajectory, terrain, pixels, body) for trajectory in trajectories])
     return _motion(trajectories, torch.from_numpy(maps), body)
-
-
-class _View(NamedTuple):
-    """How a trajectory is seen."""
-
-    body: Body
-    pixels: int  # a side of the map; 0: none
-
-    @property
-    def name(self) -> str:
-        """Of a file of maps."""
-        body = self.body
-        other = "" if (body.map_size, body.pose) == (ROVER.map_size, ROVER.pose) else f"-{body.map_size:g}m-{body.pose}"
-        return f"maps-{self.pixels}{other}"
 
 
 def load_motion(
@@ -146,14 +132,15 @@ def load_motion(
     Raises:
         ShardError: a shard is missing or damaged, or a terrain cannot be made again as it was; one line.
     """
-    trajectories = _some(load(Path(root), collection, count))
-    view = _View(body, body.pixels(pixels))
-    shape = (len(trajectories), len(trajectories[0].actions), view.pixels, view.pixels)
-    if not view.pixels:
+    trajectories = load(Path(root), collection, count)
+    pixels = body.pixels(pixels)
+    shape = (len(trajectories), len(trajectories[0].actions), pixels, pixels)
+    if not pixels:
         return _motion(trajectories, torch.zeros(shape, dtype=torch.float16), body)
-    path = collection.folder(Path(root)) / f"{view.name}-{digest(trajectories)}.npy"
+    other = "" if (body.map_size, body.pose) == (ROVER.map_size, ROVER.pose) else f"-{body.map_size:g}m-{body.pose}"
+    path = collection.folder(Path(root)) / f"maps-{pixels}{other}-{digest(trajectories)}.npy"
     if not path.exists():
-        write_atomically(path, lambda file: _write_maps(file, shape, trajectories, terrain, view))
+        write_atomically(path, lambda file: _write_maps(file, shape, trajectories, terrain, body))
     try:
         maps = np.load(path, mmap_mode="c", allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
@@ -163,23 +150,17 @@ def load_motion(
     return _motion(trajectories, torch.from_numpy(maps), body)
 
 
-def _some(trajectories: Sequence[Trajectory]) -> Sequence[Trajectory]:
-    if not trajectories:
-        raise ValueError("at least one trajectory is needed, not none")
-    return trajectories
-
-
 def _write_maps(
-    file, shape: tuple[int, ...], trajectories: Sequence[Trajectory], terrain: Terrain, view: _View
+    file, shape: tuple[int, ...], trajectories: Sequence[Trajectory], terrain: Terrain, body: Body
 ) -> None:
     """Write an array (N, T, P, P), one trajectory after the other."""
     header = {"descr": np.lib.format.dtype_to_descr(np.dtype(np.float16)), "fortran_order": False, "shape": shape}
     np.lib.format.write_array_header_1_0(file, header)
     for trajectory in trajectories:
-        file.write(_maps(trajectory, terrain, view).data)
+        file.write(_maps(trajectory, terrain, shape[-1], body).data)
 
 
-def _maps(trajectory: Trajectory, terrain: Terrain, view: _View) -> np.ndarray:
+def _maps(trajectory: Trajectory, terrain: Terrain, pixels: int, body: Body) -> np.ndarray:
     """(T, P, P) float16: the maps at the start of each step."""
     heights = generate_terrain(terrain, trajectory.terrain_seed)
     if not is_ground_of(heights, trajectory):
@@ -187,9 +168,8 @@ def _maps(trajectory: Trajectory, terrain: Terrain, view: _View) -> np.ndarray:
             f"trajectory {trajectory.index}: terrain {trajectory.terrain_seed} is no longer the one it drove on; "
             "delete the collection's folder and collect again"
         )
-    body = view.body
     states, _ = observation.seen_as(body, *map(torch.from_numpy, (trajectory.states[:-1], trajectory.actions)))
-    maps = observation.robot_centred_map(heights, states, view.pixels, body.map_size, terrain.spacing, body)
+    maps = observation.robot_centred_map(heights, states, pixels, body.map_size, terrain.spacing, body)
     return maps.numpy().astype(np.float16)
 
 

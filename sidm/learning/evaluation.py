@@ -11,7 +11,7 @@ from torch import Tensor
 from sidm import rotations
 from sidm.body import ROVER, Body
 from sidm.learning.dataset import Motion, Part
-from sidm.learning.losses import component_losses, prediction_loss
+from sidm.learning.losses import component_losses
 from sidm.learning.model import Predictor
 from sidm.learning.observation import encode_inputs, heading_of, integrate, robot_centred_map
 
@@ -20,24 +20,22 @@ EVALUATION_BATCH = 32  # trajectories at a time where no gradient is needed
 
 def mean_loss(model: Predictor, motion: Motion | Part, role: str = "novice") -> float:
     """Equation (1) averaged over the steps of `motion`."""
-    total, weights = 0.0, model.loss_weights(role)
-    with torch.inference_mode():
-        for part in motion.split(EVALUATION_BATCH):
-            part = part.to(model.device)
-            predicted, _ = model(role, part.inputs, part.maps)
-            total += float(prediction_loss(predicted, part.targets, weights).double().sum())
+    total = sum(float(terms.sum(-1).double().sum()) for terms in _terms(model, motion, role))
     return total / motion.targets[..., 0].numel()
 
 
 def validation_loss(model: Predictor, motion: Motion | Part, role: str = "novice") -> Tensor:
     """Mean over all steps of `motion` of each term of equation (1): (Y,) float64; their sum is the loss."""
-    total, weights = torch.zeros(motion.targets.shape[-1], dtype=torch.float64), model.loss_weights(role)
-    with torch.inference_mode():
-        for part in motion.split(EVALUATION_BATCH):
-            part = part.to(model.device)
-            predicted, _ = model(role, part.inputs, part.maps)
-            total += component_losses(predicted, part.targets, weights).double().sum((0, 1)).cpu()
-    return total / motion.targets[..., 0].numel()
+    parts = (terms.double().sum((0, 1)).cpu() for terms in _terms(model, motion, role))
+    return sum(parts, torch.zeros(())) / motion.targets[..., 0].numel()
+
+
+@torch.inference_mode()
+def _terms(model: Predictor, motion: Motion | Part, role: str) -> list[Tensor]:
+    """The terms of equation (1), (B, T, Y), batch by batch."""
+    parts = (part.to(model.device) for part in motion.split(EVALUATION_BATCH))
+    weights = model.loss_weights(role)
+    return [component_losses(model(role, part.inputs, part.maps)[0], part.targets, weights) for part in parts]
 
 
 def rollout(

@@ -48,6 +48,7 @@ class Learner:
     """
 
     kind: type[DynamicsModel] = DynamicsModel
+    measured = True  # whether losses by component are kept
 
     def __init__(
         self,
@@ -187,11 +188,15 @@ class Learner:
     def take_test(self) -> Tested:
         """Measure the test loss; keep the weights if its smoothed value is the lowest so far."""
         with self.follower.averaged():
-            if self.judge(mean_loss(self.model, self.test)):
+            if self.judge(self.test_loss()):
                 self.best = self.weights()
-            if not self.components or self.samples >= SPACING * self.components[-1].samples:
+            if self.measured and (not self.components or self.samples >= SPACING * self.components[-1].samples):
                 self.components.append(self.measure())
         return self.history[-1]
+
+    def test_loss(self) -> float:
+        """The loss that training stops by, of the weights as they are now."""
+        return mean_loss(self.model, self.test)
 
     def measure(self) -> Components:
         """The loss by component of the weights as they are now."""
@@ -220,14 +225,10 @@ class Learner:
             "model": checkpoint.module_tensors(self.model),
             "discriminator": checkpoint.module_tensors(self.discriminator),
             "best": self.best,
-            "prediction": checkpoint.optimiser_tensors(self.prediction),
-            "discrimination": checkpoint.optimiser_tensors(self.discrimination),
             "generators": {purpose: g.get_state() for purpose, g in self.generators.items()},
+            "average": self.follower.tensors(),
         }
-        if self.follower.average:
-            groups["average"] = self.follower.tensors()
-        if self.matching is not self.prediction:
-            groups["matching"] = checkpoint.optimiser_tensors(self.matching)
+        groups |= {name: checkpoint.optimiser_tensors(one) for name, one in self._optimisers().items()}
         tensors = {name: t for group, part in groups.items() for name, t in checkpoint.prefixed(group, part).items()}
         values = {
             "run": self._identity(),
@@ -258,10 +259,8 @@ class Learner:
         self.model.load_state_dict(checkpoint.under("model", tensors))
         self.discriminator.load_state_dict(checkpoint.under("discriminator", tensors))
         self.best = {name: tensor.to(self.device) for name, tensor in checkpoint.under("best", tensors).items()}
-        checkpoint.load_optimiser(self.prediction, checkpoint.under("prediction", tensors))
-        checkpoint.load_optimiser(self.discrimination, checkpoint.under("discrimination", tensors))
-        if self.matching is not self.prediction:
-            checkpoint.load_optimiser(self.matching, checkpoint.under("matching", tensors))
+        for name, optimiser in self._optimisers().items():
+            checkpoint.load_optimiser(optimiser, checkpoint.under(name, tensors))
         self.follower.restore(checkpoint.under("average", tensors), values["iteration"])
         for purpose, state in checkpoint.under("generators", tensors).items():
             self.generators[purpose].set_state(state)
@@ -271,6 +270,11 @@ class Learner:
         self.iteration, self.samples, self.accuracy = values["iteration"], values["samples"], values["accuracy"]
         self.losses = {role: (total, count) for role, (total, count) in values["losses"].items()}
         return True
+
+    def _optimisers(self) -> dict[str, torch.optim.Optimizer]:
+        """Those that there are, by the names of their parts of a checkpoint."""
+        found = {"prediction": self.prediction, "discrimination": self.discrimination}
+        return found if self.matching is self.prediction else found | {"matching": self.matching}
 
     def _identity(self) -> dict:
         """What makes this run another than the next: configuration, seed, units, initial weights, data."""

@@ -48,10 +48,8 @@ class Encoder(nn.Module):
             scale_layers(self, network.slope)
             scale_columns(self.dense[0], slice(-self.size, None), network.slope)
         units = standardisation or Standardisation.none(body)
-        self.register_buffer("input_mean", units.input_mean.clone())
-        self.register_buffer("input_std", units.input_std.clone())
-        self.register_buffer("map_mean", units.map_mean.clone())
-        self.register_buffer("map_std", units.map_std.clone())
+        for name in ("input_mean", "input_std", "map_mean", "map_std"):
+            self.register_buffer(name, getattr(units, name).clone())
 
     def forward(self, inputs: Tensor, maps: Tensor) -> Tensor:
         """Latent state-actions (B, T, latent) of inputs (B, T, X), raw units, and maps (B, T, P, P), m.

@@ -157,15 +157,11 @@ def robot_centred_map(
     """
     heights, states = torch.as_tensor(heights), torch.as_tensor(states)
     several, count = heights.ndim == 3, len(body.state)
-    if heights.ndim not in (2, 3) or states.ndim < 1 + several or states.shape[-1] != count:
+    fit = heights.ndim in (2, 3) and states.ndim >= 1 + several and states.shape[-1] == count
+    if not fit or (several and len(heights) != len(states)):
         raise ValueError(
-            f"heights (H, W) with states (..., {count}), or heights (N, H, W) with states (N, ..., {count}), "
+            f"heights (H, W) with states (..., {count}), or heights (N, H, W) with states (N, ..., {count}) of one N, "
             f"not heights {tuple(heights.shape)} with states {tuple(states.shape)}"
-        )
-    if several and heights.shape[0] != states.shape[0]:
-        raise ValueError(
-            f"as many terrains as first indices of states, not heights {tuple(heights.shape)} "
-            f"with states {tuple(states.shape)}"
         )
     dtype = torch.promote_types(heights.dtype, states.dtype)
     heights, states = (heights if several else heights[None]).to(dtype), states.to(dtype)

@@ -9,7 +9,7 @@ import dataclasses
 from typing import Literal
 
 from sidm.body import ROVER, Body
-from sidm.config import ConfigError, config, refuse_nonsense
+from sidm.config import ConfigError, config, refuse_below, refuse_nonsense
 
 
 @config
@@ -36,12 +36,8 @@ class Network:
     def __post_init__(self) -> None:
         """Refuse sizes that make no network."""
         refuse_nonsense(self)
-        for name in ("kernel", "encoder_hidden", "latent", "layers", "hidden", "latent_transition", "decoder_hidden",
-                     "discriminator_hidden"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"Network.{name} must be at least 1, not {getattr(self, name)}")
-        if min(self.channels) < 1:
-            raise ConfigError(f"Network.channels must be at least 1, not {self.channels}")
+        refuse_below(self, 1, "kernel", "encoder_hidden", "latent", "layers", "hidden", "latent_transition",
+                     "decoder_hidden", "discriminator_hidden", "channels")  # fmt: skip
         if not 0 <= self.slope < 1:
             raise ConfigError(f"Network.slope must be in [0, 1), not {self.slope}")
         for pixels in {self.body(role).pixels(self.pixels) or self.pixels for role in ("novice", "expert")}:
@@ -119,14 +115,10 @@ class Training:
         for name, what in (("smoothing", "a test"), ("averaging", "an update")):
             if getattr(self, name) == 1:
                 raise ConfigError(f"Training.{name} must be below 1; 1 would never take in {what}")
-        for name in ("batch", "discriminator_batch", "matching_batch", "prediction_iterations", "test_interval",
-                     "test_trajectories", "patience"):  # fmt: skip
-            if getattr(self, name) < 1:
-                raise ConfigError(f"Training.{name} must be at least 1, not {getattr(self, name)}")
-        for name in ("discriminator_iterations", "matching_iterations", "weight_decay", "reversal_weight", "tether",
-                     "max_samples"):  # fmt: skip
-            if getattr(self, name) < 0:
-                raise ConfigError(f"Training.{name} must not be negative, not {getattr(self, name)}")
+        refuse_below(self, 1, "batch", "discriminator_batch", "matching_batch", "prediction_iterations",
+                     "test_interval", "test_trajectories", "patience")  # fmt: skip
+        refuse_below(self, 0, "discriminator_iterations", "matching_iterations", "weight_decay", "reversal_weight",
+                     "tether", "max_samples")  # fmt: skip
         if not self.learning_rate > 0:
             raise ConfigError(f"Training.learning_rate must be positive, not {self.learning_rate}")
         if self.tether * self.learning_rate > 1:

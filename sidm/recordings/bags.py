@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from sidm.body import Body
-from sidm.config import unknown_name
+from sidm.config import first_line, hint, unknown_name
 from sidm.recordings.drive import RecordingError, Table
 
 Read = Callable[[Any], dict[str, float]]
@@ -85,14 +85,10 @@ def read_bag(path: Path, body: Body, topics: Sequence[str] = ()) -> Table:
     except RecordingError:
         raise
     except (AnyReaderError, OSError, ValueError, KeyError, IndexError, RuntimeError) as error:
-        raise RecordingError(f"{path}: the bag cannot be read ({_first(error)}); is it cut off?") from None
+        raise RecordingError(f"{path}: the bag cannot be read ({first_line(error)}); is it cut off?") from None
     except Exception as error:  # the readers of the storages raise their own
-        raise RecordingError(f"{path}: the bag is damaged ({_first(error)})") from None
+        raise RecordingError(f"{path}: the bag is damaged ({first_line(error)})") from None
     return _joined(path, body, poses, sensors, commands)
-
-
-def _first(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 Series = tuple[np.ndarray, dict[str, np.ndarray]]  # times, s, and columns
@@ -152,6 +148,6 @@ def _joined(path: Path, body: Body, poses: Series, sensors: list[Series], comman
     wanted = [name for name, _ in (*body.state, *body.actions)]
     for name in wanted:
         if name not in columns:
-            hint = str(unknown_name(name, columns, "the bag")).partition("; ")[2]
-            raise RecordingError(f"{path}: column '{name}' of body '{body.name}' is in no topic; {hint}")
+            what = f"column '{name}' of body '{body.name}'"
+            raise RecordingError(f"{path}: {what} is in no topic; {hint(name, columns)}")
     return Table(str(path), {name: columns[name] for name in wanted} | {"time": time}, {}, None)

@@ -219,9 +219,10 @@ def refuse_other_maps(name: str, states: np.ndarray, ground: Ground | None, body
 
 
 def refuse_other_velocities(name: str, states: np.ndarray, body: Body) -> None:
-    """RecordingError where positions jump, or velocities do not lead where the robot was, over windows of a second."""
-    if not has_twist(body):
-        return
+    """RecordingError where positions jump, or velocities do not lead where the robot was, over windows of a second.
+
+    Of a body that `has_twist`.
+    """
     rate, position = body.rate, states[:, :3]
     world = Rotation.from_quat(states[:, 3:7]).apply(states[:, 7:10])
     step = np.diff(position, axis=0) - _between(world) / rate  # (K, 3) m, unexplained
@@ -239,17 +240,14 @@ def refuse_other_velocities(name: str, states: np.ndarray, body: Body) -> None:
         )
 
 
-def refuse_other_turning(name: str, states: np.ndarray, body: Body, rate: float) -> None:
+def refuse_other_turning(name: str, states: np.ndarray, rate: float) -> None:
     """RecordingError where angular velocities do not turn the robot as its attitudes did, and other readings would.
 
     Args:
         name: for the message.
-        states: (R, S), of all rows: what shakes faster than the control steps is not seen at their rate.
-        body: what they are made of.
+        states: (R, 13), of all rows: what shakes faster than the control steps is not seen at their rate.
         rate: rows a second, Hz.
     """
-    if not has_twist(body):
-        return
     attitudes = Rotation.from_quat(states[:, 3:7])
     turned = (attitudes[:-1].inv() * attitudes[1:]).as_rotvec()  # (R - 1, 3) rad, body frame
     said = states[:, 10:13]

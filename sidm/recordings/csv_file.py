@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import csv
 import gzip
+import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -22,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from sidm.body import UNITS, Body
-from sidm.config import unknown_name
+from sidm.config import first_line, hint, unknown_name
 from sidm.recordings.drive import Drive, Ground, RecordingError, Table
 from sidm.storage import write_atomically
 
@@ -41,18 +42,16 @@ SEPARATORS = {";": "semicolons", "\t": "tabs"}  # that are none here
 
 def read_csv(path: Path, body: Body) -> Table:
     """The rows of a file that a body names; RecordingError names the first fault."""
-    lines = _lines(path)
-    first = next((number for number, line in enumerate(lines) if not line.startswith("#")), len(lines))
-    header = _header(path, lines[:first])
-    rows = list(csv.reader(lines[first:]))
+    header, lines, first = _parts(path)
+    rows = list(csv.reader(lines))
     if len(rows) < 3:
         raise RecordingError(f"{path}: it has no rows of numbers")
     named = [re.fullmatch(r"\s*(.*?)\s*(?:\[(.*)\])?\s*", cell) for cell in rows[0]]
     names, units = [match[1] for match in named if match], [(match[2] or "").strip() for match in named if match]
-    cells = _cells(path, rows[1:], first + 2, names)
+    cells = _cells(path, rows[1:], first + 1, names)
     timed = "time" in names or "rate" not in header
     factors = scales(str(path), names, units, body, timed)
-    columns = {name: _numbers(path, name, cells[names.index(name)], first + 2) * factors[name] for name in factors}
+    columns = {name: _numbers(path, name, cells[names.index(name)], first + 1) * factors[name] for name in factors}
     labels = {name: np.array(cells[names.index(name)]) for name in ("drive", "session") if name in names}
     rate = None if timed else _number(path, header, "rate", "Hz")
     return Table(str(path), columns, labels, rate, _ground(path, header) if body.map_size else None)
@@ -67,8 +66,8 @@ def scales(name: str, names: Sequence[str], units: Sequence[str], body: Body, ti
     wanted = dict((*body.state, *body.actions)) | ({"time": "s"} if timed else {})
     for column in wanted:
         if column not in names:
-            hint = str(unknown_name(column, names, "the file")).partition("; ")[2]
-            raise RecordingError(f"{name}: column '{column}' of body '{body.name}' is missing; {hint}")
+            what = f"column '{column}' of body '{body.name}'"
+            raise RecordingError(f"{name}: {what} is missing; {hint(column, names)}")
     for column in (*wanted, *EXTRA):
         if names.count(column) > 1:
             raise RecordingError(f"{name}: two columns '{column}'")
@@ -88,21 +87,20 @@ def _scale(file: str, name: str, unit: str, wanted: str) -> float:
 def heights_file(path: Path) -> Path | None:
     """The file of heights that the header of a file of drives names; None where it names none, or is no header."""
     try:
-        lines = _lines(path)
-        first = next((number for number, line in enumerate(lines) if not line.startswith("#")), len(lines))
-        return path.parent / _header(path, lines[:first])["heights"]
+        return path.parent / _parts(path)[0]["heights"]
     except (RecordingError, KeyError):
         return None
 
 
-def _lines(path: Path) -> list[str]:
+def _parts(path: Path) -> tuple[dict[str, str], list[str], int]:
+    """The header, the lines behind it, and the number of the first of those."""
     try:
-        if path.suffix == ".gz":
-            with gzip.open(path, "rt", encoding="utf-8-sig") as file:
-                return file.read().splitlines()
-        return path.read_text(encoding="utf-8-sig").splitlines()
+        with (gzip.open if path.suffix == ".gz" else open)(path, "rt", encoding="utf-8-sig") as file:
+            lines = file.read().splitlines()
     except (OSError, EOFError, UnicodeDecodeError) as error:
         raise RecordingError(f"{path}: cannot be read as text ({error})") from None
+    count = next((number for number, line in enumerate(lines) if not line.startswith("#")), len(lines))
+    return _header(path, lines[:count]), lines[count:], count + 1
 
 
 def _header(path: Path, lines: Sequence[str]) -> dict[str, str]:
@@ -121,10 +119,7 @@ def _header(path: Path, lines: Sequence[str]) -> dict[str, str]:
 
 
 def _number(path: Path, header: Mapping[str, str], name: str, unit: str) -> float:
-    try:
-        number = float(header[name].removesuffix(unit))
-    except ValueError:
-        number = float("nan")
+    number = _float(header[name].removesuffix(unit))
     if not 0 < number < float("inf"):
         raise RecordingError(f"{path}: '{name}: {header[name]}' is not a positive number in {unit}")
     return number
@@ -147,23 +142,18 @@ def _separated(cells: Sequence[str]) -> str:
 
 def _numbers(path: Path, name: str, cells: Sequence[str], first: int) -> np.ndarray:
     """A column; `first` is the number of its first line."""
-    try:
-        values = np.array(cells, float)
-    except ValueError:
-        number, cell = next((n, cell) for n, cell in enumerate(cells) if not _is_number(cell))
-        raise RecordingError(f"{path}: line {first + number}: '{cell}' of '{name}' is no number") from None
-    bad = np.flatnonzero(~np.isfinite(values))
-    if bad.size:
-        raise RecordingError(f"{path}: line {first + bad[0]}: '{name}' is not finite")
+    values = np.array([_float(cell) for cell in cells])
+    for bad in np.flatnonzero(~np.isfinite(values)).tolist():
+        raise RecordingError(f"{path}: line {first + bad}: '{cells[bad]}' of '{name}' is no finite number")
     return values
 
 
-def _is_number(cell: str) -> bool:
+def _float(text: str) -> float:
+    """The number that a text stands for; not a number where it stands for none."""
     try:
-        float(cell)
+        return float(text)
     except ValueError:
-        return False
-    return True
+        return math.nan
 
 
 def _ground(path: Path, header: Mapping[str, str]) -> Ground:
@@ -186,7 +176,7 @@ def _heights(path: Path) -> np.ndarray:
     except FileNotFoundError:
         raise RecordingError(f"{path}: there is no such file of heights") from None
     except (OSError, ValueError, EOFError) as error:
-        raise RecordingError(f"{path}: the heights cannot be read ({str(error).splitlines()[0]})") from None
+        raise RecordingError(f"{path}: the heights cannot be read ({first_line(error)})") from None
 
 
 def write_csv(path: Path, drives: Sequence[Drive], body: Body, origin: str) -> None:

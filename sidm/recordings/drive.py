@@ -6,8 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sidm.config import Fault
 
-class RecordingError(ValueError):
+
+class RecordingError(Fault):
     """What is wrong with recorded motion: one line that names file, place and fault."""
 
 

@@ -90,7 +90,8 @@ def drives_of(table: Table, body: Body) -> list[Drive]:
             raise RecordingError(f"{where}: {len(actions)} steps of {1 / body.rate:g} s; a drive has {FEWEST_STEPS}")
         actions = checks.within_limits(where, actions, body)
         checks.refuse_other_maps(where, states, ground, body)
-        checks.refuse_other_velocities(where, states, body)
+        if checks.has_twist(body):
+            checks.refuse_other_velocities(where, states, body)
         belongs = str(session[rows[0]] or f"{table.name} {label}")
         name = f"{table.name} drive {label}" if len(changes) or not table.labels else table.name
         found.append(Drive(name, belongs, states, actions, ground))
@@ -114,7 +115,8 @@ def _resampled(
         states[:, 3:7] = checks.unit_quaternions(where, states[:, 3:7])
         if len(grid) != len(time) or not np.allclose(grid, time):  # else nothing is interpolated, and signs stay
             states[:, 3:7] *= _signs(states[:, 3:7])
-    checks.refuse_other_turning(where, states, body, 1 / spacing)
+    if checks.has_twist(body):
+        checks.refuse_other_turning(where, states, 1 / spacing)
     size = body.pose_size
     fresh = _fresh(states[:, :size]) if size else np.ones(len(time), bool)
     new = np.stack(

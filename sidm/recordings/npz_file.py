@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from sidm.body import SI, UNITS, Body
-from sidm.config import unknown_name
+from sidm.config import first_line, unknown_name
 from sidm.recordings.csv_file import scales
 from sidm.recordings.drive import Drive, Ground, RecordingError, Table
 from sidm.storage import write_atomically
@@ -52,7 +52,7 @@ def read_npz(path: Path, body: Body) -> list[Table]:
         with file:
             members = {name: file[name] for name in file.files}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise RecordingError(f"{path}: cannot be read as .npz ({str(error).splitlines()[0]})") from None
+        raise RecordingError(f"{path}: cannot be read as .npz ({first_line(error)})") from None
     wanted = ("rows", "lengths", "header", *(("ground", "heights") if body.map_size else ()))
     for name in wanted:
         if name not in members:

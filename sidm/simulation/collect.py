@@ -25,7 +25,6 @@ from sidm.terrain import generate_terrain
 from sidm.trajectory import (
     DISCARDS,
     POSITION,
-    QUATERNION,
     SHARD_SIZE,
     STEPS,
     TWIST,
@@ -34,6 +33,7 @@ from sidm.trajectory import (
     checksum,
     load,
     probe,
+    upright,
     write_shard,
 )
 
@@ -54,8 +54,7 @@ class EpisodeRules:
         """The cause why the trajectory ends at `state` (13,), or None; call once a control step."""
         if not np.isfinite(state).all() or np.linalg.norm(state[TWIST][:3]) > FASTEST:
             return "unstable"
-        x, y = state[QUATERNION][:2]
-        if 1 - 2 * (x * x + y * y) < 0:  # the up axis points down
+        if upright(state) < 0:
             return "rollover"
         position = state[POSITION][:2]
         if np.abs(position).max() > self._half_width - BORDER:
@@ -67,15 +66,20 @@ class EpisodeRules:
         return "stuck" if self._since > STUCK_STEPS else None
 
 
-def attempt(
-    simulator: Simulator, system: System, collection: Collection, index: int, number: int
-) -> tuple[Trajectory | None, str | None]:
-    """Try number `number` at trajectory `index`: the trajectory, or the cause why it is thrown away."""
+def drawn(collection: Collection, index: int, number: int) -> tuple[int, float, np.ndarray]:
+    """Of try number `number` at trajectory `index`: the terrain's seed, the yaw at the start, rad, actions (64, 2)."""
     names = (collection.system, collection.role, collection.policy)
     key = [zlib.crc32(name.encode()) for name in names]
     rng = np.random.default_rng(np.random.SeedSequence(collection.seed, spawn_key=(*key, index, number)))
     terrain_seed, yaw = int(rng.integers(2**62)), rng.uniform(-np.pi, np.pi)
-    actions = draw_actions(collection.policy, STEPS, rng).astype(np.float32)
+    return terrain_seed, yaw, draw_actions(collection.policy, STEPS, rng).astype(np.float32)
+
+
+def attempt(
+    simulator: Simulator, system: System, collection: Collection, index: int, number: int
+) -> tuple[Trajectory | None, str | None]:
+    """Try number `number` at trajectory `index`: the trajectory, or the cause why it is thrown away."""
+    terrain_seed, yaw, actions = drawn(collection, index, number)
     heights = generate_terrain(system.terrain, terrain_seed)
     simulator.put_on(heights)
     states = [simulator.reset(0.0, 0.0, yaw)]

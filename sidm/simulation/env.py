@@ -9,9 +9,11 @@ The environment gives no reward: what is worth reaching is a wrapper's to say, a
 
 from __future__ import annotations
 
+import copy
 from typing import Any, Final
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 try:
     import gymnasium
@@ -99,7 +101,7 @@ class Rover(gymnasium.Env):
         half_width = (min(self.simulator.heights.shape) - 1) * self.system.terrain.spacing / 2
         self._rules = EpisodeRules(state, half_width)
         self._seen = self._observe(state, np.zeros(ACTION_SIZE))
-        return _copy(self._seen), {"state": state, "ended": None}
+        return copy.deepcopy(self._seen), {"state": state, "ended": None}
 
     def _begin(self, heights: np.ndarray) -> None:
         """Put the robot on a terrain (H, W), m, in the simulator at hand if that can be."""
@@ -116,7 +118,7 @@ class Rover(gymnasium.Env):
         ended, outside = cause not in (None, "border"), cause == "border"
         if np.isfinite(state).all():
             self._seen = self._observe(state, action)
-        return _copy(self._seen), 0.0, ended, outside, {"state": state, "ended": cause}
+        return copy.deepcopy(self._seen), 0.0, ended, outside, {"state": state, "ended": cause}
 
     def render(self) -> np.ndarray | None:
         """The robot from a camera that follows it, (480, 640, 3) uint8; None without a render mode."""
@@ -129,7 +131,7 @@ class Rover(gymnasium.Env):
             self._simulator = None
 
     def _observe(self, state: np.ndarray, action: np.ndarray) -> dict[str, np.ndarray]:
-        motion = np.concatenate([_rotation(state)[2], state[TWIST], np.clip(action, -1, 1)])
+        motion = np.concatenate([_attitude(state)[2], state[TWIST], np.clip(action, -1, 1)])
         return {"motion": motion.astype(np.float32), "map": self._map(state)}
 
     def _map(self, state: np.ndarray) -> np.ndarray:
@@ -190,28 +192,15 @@ class ReachPoint(gymnasium.Wrapper):
         return {**observation, "goal": goal}
 
 
-def _rotation(state: np.ndarray) -> np.ndarray:
+def _attitude(state: np.ndarray) -> np.ndarray:
     """The matrix (3, 3) that turns body vectors into the world."""
-    x, y, z, w = state[QUATERNION] / np.linalg.norm(state[QUATERNION])
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    return Rotation.from_quat(state[QUATERNION]).as_matrix()
 
 
-def _heading(state: np.ndarray) -> tuple[float, float]:
+def _heading(state: np.ndarray) -> np.ndarray:
     """Cosine and sine of the yaw."""
-    ahead = _rotation(state)[:2, 0]
-    yaw = np.arctan2(ahead[1], ahead[0])
-    return float(np.cos(yaw)), float(np.sin(yaw))
-
-
-def _copy(observation: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Arrays of the caller's own."""
-    return {name: values.copy() for name, values in observation.items()}
+    ahead = _attitude(state)[:2, 0]
+    return ahead / np.linalg.norm(ahead)
 
 
 gymnasium.register("sidm/Rover-v0", entry_point=f"{__name__}:Rover", max_episode_steps=STEPS)

@@ -1,10 +1,12 @@
 """The book, built once for all tests of its pages, and a copy of the project for what runs."""
 
+import contextlib
 import fcntl
 import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -22,12 +24,19 @@ def shared_by_workers(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
 
 
+@contextlib.contextmanager
+def one_at_a_time(folder: Path) -> Iterator[None]:
+    """Inside the block no other worker makes this folder."""
+    with open(f"{folder}.lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
 @pytest.fixture(scope="session")
 def book(tmp_path_factory) -> Path:
     """The folder of pages rendered from the committed outputs, once for all workers, warnings being errors."""
     output = shared_by_workers(tmp_path_factory) / "book"
-    with open(f"{output}.lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with one_at_a_time(output):
         if not (output / "_build" / "html" / "index.html").is_file():
             render(output)
     return output / "_build" / "html"
@@ -48,8 +57,7 @@ def render(output: Path) -> None:
 def motion(tmp_path_factory) -> Path:
     """The data of the smoke preset for system 1, collected once for all workers."""
     folder = shared_by_workers(tmp_path_factory) / "motion"
-    with open(f"{folder}.lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with one_at_a_time(folder):
         collect_datasets(load_preset("smoke"), ["system1"], folder, workers=2, progress=False)
     return folder
 

@@ -2,7 +2,7 @@
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from pages import DESK, contents
+from pages import DESK, contents, watched
 from pdf import chromium
 
 PHONE = {"width": 375, "height": 800}
@@ -27,11 +27,8 @@ PLAIN = """spans => {
 @pytest.fixture
 def visit(book, context):
     """Opens a page of the book; nothing may go wrong with it until the end of the test."""
-    page, problems = context.new_page(), []
-    page.on("requestfailed", lambda request: problems.append(f"failed: {request.url}"))
-    page.on("request", lambda r: None if r.url.startswith(("file:", "data:", "blob:")) else problems.append(r.url))
-    page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
-    page.on("pageerror", lambda error: problems.append(str(error)))
+    page = context.new_page()
+    problems = watched(page)
 
     def open_page(name, size=DESK):
         page.set_viewport_size(size)

@@ -1,12 +1,11 @@
 """Words are held against results."""
 
-import fcntl
 import shutil
 from pathlib import Path
 
 import pytest
 from changed import change
-from conftest import shared_by_workers
+from conftest import one_at_a_time, shared_by_workers
 from pages import ROOT
 
 from sidm.book.guard import Outdated, hold
@@ -24,8 +23,7 @@ GUARDED = [
 def other_results(tmp_path_factory) -> Path:
     """The stored results, each found by another trial."""
     folder = shared_by_workers(tmp_path_factory) / "changed"
-    with open(f"{folder}.lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with one_at_a_time(folder):
         if not (folder / "done").exists():
             shutil.rmtree(folder, ignore_errors=True)
             change(ROOT / "results", folder)
@@ -36,7 +34,7 @@ def other_results(tmp_path_factory) -> Path:
 @pytest.mark.parametrize("path", GUARDED)
 def test_a_chapter_stops_where_the_results_say_otherwise(path, other_results, tmp_path):
     with pytest.raises(NotebookError, match="Outdated: the stored results no longer bear out"):
-        execute([Run(path, tmp_path / path.name, {"results": str(other_results)})], ROOT, shown=False)
+        execute([Run(path, tmp_path / path.name, {"results": str(other_results)})], ROOT)
 
 
 def test_words_that_hold_need_no_word():

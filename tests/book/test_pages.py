@@ -64,7 +64,7 @@ def test_pages_and_notebooks_are_found_by_their_old_names(book):
         assert f'url={new}"' in (book / f"{old}.html").read_text()
         assert (book / old).with_name(new.partition("#")[0]).is_file()
         if old.startswith("notebooks/"):
-            assert find_notebook(Path(old).name, ROOT).stem == Path(new).stem
+            assert find_notebook(Path(old).name).stem == Path(new).stem
 
 
 def test_no_style_sheet_fetches_from_another_host(book):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from pages import DESK, ROOT
+from pages import DESK, ROOT, watched
 from pdf import chromium
 from playwright.sync_api import sync_playwright
 from test_browser import PHONE
@@ -50,16 +50,13 @@ def visit(book, context):
     def open_page(address=None, wait="#explorer[data-shown]", **options):
         page = context.new_page()
         page.emulate_media(**options)
-        page.on("requestfailed", lambda request: problems.append(f"failed: {request.url}"))
-        page.on("request", lambda r: None if r.url.startswith(("file:", "data:", "blob:")) else problems.append(r.url))
-        page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
-        page.on("pageerror", lambda error: problems.append(str(error)))
+        problems.append(watched(page))
         page.goto(address or (book / "book" / "explorer.html").as_uri())
         page.wait_for_selector(wait, state="attached")
         return page
 
     yield open_page
-    assert problems == []
+    assert not any(problems), problems
 
 
 def change(page, act) -> None:

@@ -32,4 +32,4 @@ def test_a_command_prints_what_the_page_says(project, command, output):
     assert program == ".venv/bin/sidm"
     done = subprocess.run([sys.executable, "-m", "sidm", *words], cwd=project, capture_output=True, text=True)
     assert (done.stdout + done.stderr).splitlines() == output.splitlines()
-    assert done.returncode == (2 if output.startswith("sidm ") else 0)
+    assert done.returncode == (2 if output.startswith("sidm: ") else 0)

@@ -21,12 +21,6 @@ ROOT = Path(__file__).parents[2]
 GROUND = Terrain(cell_height_scale=0.35)
 
 
-@pytest.fixture(scope="module")
-def rides():
-    """Two robots over the same ground for half a second."""
-    return {name: ride(ROBOTS[name], GROUND, 3, 0.5, steps=5) for name in ("system1 novice", "system2 expert")}
-
-
 def test_a_ride_has_its_steps_and_repeats(rides):
     one = rides["system1 novice"]
     assert one.states.shape == (11, 13) and one.struts.shape == (11, 4) and one.joints.shape == (11, 10)
@@ -72,25 +66,6 @@ def test_the_figure_draws_what_was_ridden(rides):
     assert [text.get_text() for text in figure.legends[0].get_texts()][:2] == list(rides) and len(path.lines) == 2
 
 
-def test_a_slider_draws_anew():
-    box, screen, _ = explorer(steps=3).children
-    knobs = box.children
-    before = screen.value
-    next(knob for knob in knobs if knob.description.startswith("spring")).value = 100.0
-    assert before[:4] == screen.value[:4] == b"\x89PNG" and before != screen.value
-
-
-def test_a_button_shows_them_driving():
-    box, _, film = explorer(steps=3).children
-    button = next(knob for knob in box.children if knob.description == "see them drive")
-    assert film.value == ""
-    button.value = True
-    shown = film.value
-    assert "<iframe" in shown and "system1 expert" in shown
-    next(knob for knob in box.children if knob.description.startswith("spring")).value = 100.0
-    assert "<iframe" in film.value and film.value != shown
-
-
 def test_two_rides_at_once_are_those_one_after_the_other():
     """The helper's ride is the one that this process makes."""
     robots, same = (ROBOTS["system1 novice"], ROBOTS["system2 expert"]), (0.35, 0, 0.5, 3, True)
@@ -100,19 +75,25 @@ def test_two_rides_at_once_are_those_one_after_the_other():
         assert one.robot == robot and np.array_equal(one.states, alone.states)
 
 
-def test_choosing_a_robot_moves_the_sliders_to_its_springs():
-    box, screen, _ = explorer(steps=3).children
-    robot, spring = (next(k for k in box.children if k.description.startswith(word)) for word in ("your", "spring"))
-    before = screen.value
-    robot.value = "system2 expert"
-    assert spring.value == pytest.approx(75.0) and screen.value != before
-
-
-def test_a_picture_stands_in_for_the_sliders():
+def test_sliders_and_choices_draw_anew_and_a_button_shows_them_driving():
     box = explorer(steps=3)
-    shown = with_picture(box)
-    assert base64.b64decode(shown["image/png"]) == box.children[1].value
-    assert "application/vnd.jupyter.widget-view+json" in shown
+    controls, screen, film = box.children
+    knobs = {knob.description.split()[0]: knob for knob in controls.children}
+    first = screen.value
+    assert base64.b64decode(with_picture(box)["image/png"]) == first and first[:4] == b"\x89PNG" and film.value == ""
+    knobs["see"].value = True
+    shown = film.value
+    assert "<iframe" in shown and "system1 expert" in shown
+    knobs["spring"].value = 100.0
+    assert screen.value != first and "<iframe" in film.value and film.value != shown
+    second = screen.value
+    knobs["your"].value = "system2 expert"
+    assert knobs["spring"].value == pytest.approx(75.0) and screen.value != second
+
+
+def test_an_unknown_robot_is_named_with_the_nearest():
+    with pytest.raises(ConfigError, match="system1 novise.*system1 novice"):
+        find_robot("system1 novise")
 
 
 @pytest.fixture(scope="module")
@@ -194,8 +175,3 @@ def test_the_page_says_what_the_rides_show(stored):
     assert grid.BODY.travel_upper - np.nanmin(stiff) < 0.005
     ends = rides[:, :, :, 0, half, -1, :2].reshape(-1, 2) / 500
     assert np.ptp(ends, axis=0).max() < 0.1
-
-
-def test_a_mistyped_robot_is_named_with_the_nearest():
-    with pytest.raises(ConfigError, match="system1 novise.*system1 novice"):
-        find_robot("system1 novise")

@@ -22,18 +22,11 @@ from sidm.explorer.skeleton import BOXES, box_skeleton, find_box, heave_curves, 
 from sidm.recordings import Drive, Ground, write_drives
 from sidm.simulation import Simulator
 from sidm.simulation.robot import WHEELS
-from sidm.storage import Damaged
 from sidm.systems import Physics, Terrain
 from sidm.terrain import generate_terrain
 
 GROUND = Terrain(cell_height_scale=0.35)
 PLANAR = Body(name="cart", pose="planar", columns=(("speed", "m/s"),), actions=(("left", "1"), ("right", "1")))
-
-
-@pytest.fixture(scope="module")
-def rides():
-    """Two robots over the same ground for half a second."""
-    return {name: ride(ROBOTS[name], GROUND, 3, 0.5, steps=5) for name in ("system1 novice", "system2 expert")}
 
 
 @given(arrays(np.int16, st.tuples(st.integers(1, 3), st.integers(1, 5), st.integers(1, 4))))
@@ -207,12 +200,6 @@ def test_shapes_are_named_or_measured():
         with pytest.raises(ConfigError):
             find_box(words)
     assert box_skeleton(BOXES["warthog"])["parts"][0]["at"][2] > 0
-
-
-def test_what_is_no_scene_is_said_so(tmp_path):
-    (tmp_path / "other.npz").write_bytes(b"nothing")
-    with pytest.raises(Damaged):
-        read_scene(tmp_path / "other.npz")
 
 
 def test_level_ground_reaches_around_the_way():

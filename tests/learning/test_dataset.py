@@ -61,11 +61,6 @@ def test_prepare_refuses_another_terrain(small_terrain, make_trajectories):
     assert "\n" not in str(caught.value)
 
 
-def test_prepare_refuses_nothing(small_terrain):
-    with pytest.raises(ValueError, match="at least one trajectory"):
-        prepare([], small_terrain, 8)
-
-
 def test_load_motion_is_prepare_of_what_lies_on_disk(stored, small_terrain):
     root, trajectories = stored
     count = SHARD_SIZE + 1

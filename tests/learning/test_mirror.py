@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from sidm.learning import Motion, encode_inputs, robot_centred_map, transition
-from sidm.learning.mirror import INPUT_SIGNS, TARGET_SIGNS, mirrored
+from sidm.learning.mirror import mirrored
 from sidm.terrain import generate_terrain
 
 REFLECTED = torch.tensor([1, -1, 1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1.0]).double()  # of a state, by y to -y
@@ -47,11 +47,6 @@ def test_only_the_chosen_trajectories_turn_and_twice_is_back(make_motion):
     twice = mirrored(once, which)
     for name in ("inputs", "targets", "maps"):
         assert torch.equal(getattr(twice, name), getattr(motion, name))
-
-
-def test_tables_have_a_sign_for_each_number(make_motion):
-    motion = make_motion(1)
-    assert (len(INPUT_SIGNS), len(TARGET_SIGNS)) == (motion.inputs.shape[-1], motion.targets.shape[-1])
 
 
 def test_seeds_pair_mirror_images_too(make_learner):

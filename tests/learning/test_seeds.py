@@ -1,13 +1,7 @@
 """Streams of random numbers from one seed."""
 
-import torch
 
-from sidm.learning.seeds import derive, generator
-
-
-def test_same_seed_and_purpose_give_the_same_numbers():
-    first, second = (torch.rand(5, generator=generator(3, "novice")) for _ in range(2))
-    assert torch.equal(first, second)
+from sidm.learning.seeds import derive
 
 
 def test_seeds_and_purposes_differ():

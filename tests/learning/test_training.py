@@ -106,19 +106,6 @@ def test_batch_loss_is_that_of_each_system_alone(make_learner):
         assert torch.allclose(losses, prediction_loss(predicted, motion.targets), rtol=1e-4)
 
 
-def test_one_step_is_adam_on_the_batch_mean(make_learner):
-    """Algorithm 1's update from its formulas: the first step of Adam with decoupled decay."""
-    learner, twin = make_learner(prediction_iterations=1, p_expert=0.5), make_learner(p_expert=0.5)
-    start = vector(twin.model)
-    loss = torch.cat([part.flatten() for part in losses_of(twin, twin.draw_batch()).values()]).mean()
-    gradient = torch.cat([g.reshape(-1) for g in torch.autograd.grad(loss, list(twin.model.parameters()))])
-    predict_phase(learner)
-    expected = start * (1 - 1e-3 * 1e-5) - 1e-3 * gradient / (gradient.abs() + 1e-8)
-    clear = gradient.abs() > 1e-5
-    assert clear.sum() > 500
-    assert torch.allclose(vector(learner.model)[clear], expected[clear], atol=1e-6)
-
-
 def test_system_drawn_per_trajectory(make_learner):
     learner = make_learner(p_expert=0.75, batch=8)
     shares = [len(batch["expert"]) if "expert" in batch else 0 for batch in (learner.draw_batch() for _ in range(300))]
@@ -140,13 +127,6 @@ def test_methods_draw_the_same_novice_trajectories(make_learner):
         assert all(any(torch.equal(one, other) for other in everything) for one in some)
 
 
-def test_methods_begin_with_the_same_weights(make_learner):
-    alone, shared = make_learner(p_expert=0.0, regularise=False), make_learner()
-    assert list(alone.model.encoders) == ["novice"]
-    for name in ("encoders.novice", "sidm", "decoders.novice"):
-        assert torch.equal(vector(alone.model.get_submodule(name)), vector(shared.model.get_submodule(name)))
-
-
 def test_decay_decoupled_and_l2(small_network):
     """On a zero gradient, decoupled decay shrinks weights in proportion; an L2 penalty takes a step of Adam."""
     after = {}
@@ -158,16 +138,6 @@ def test_decay_decoupled_and_l2(small_network):
         after[decay] = layer.weight.detach().flatten().tolist()
     assert after["decoupled"] == pytest.approx([0.95, 1.9, -3.8])
     assert after["l2"] == pytest.approx([0.9, 1.9, -3.9])
-
-
-def test_matching_optimiser_own_and_shared(make_learner):
-    own, shared = make_learner(), make_learner(matching_optimiser="shared")
-    assert own.matching is not own.prediction and shared.matching is shared.prediction
-    predict_phase(own)
-    predict_phase(shared)
-    for learner in (own, shared):
-        matching_iteration(learner)
-    assert not torch.equal(vector(own.model.encoders["novice"]), vector(shared.model.encoders["novice"]))
 
 
 def test_reduction_mean_divides_the_gradient_by_thirteen(make_learner):
@@ -198,15 +168,6 @@ def test_released_stopping_is_chosen_by_its_name(run, make_learner):
     assert make_learner(stopping="released").stopper.rule == "released"
     assert not run(stopping="released", patience=1).stopped_early
     assert run(stopping="test_loss", patience=1, max_samples=10**6).stopped_early
-
-
-def test_fused_optimiser_is_the_plain_one(make_learner):
-    """The fused kernel walks memory: held here against the plain one on the encoder's channels-last weights."""
-    fused, plain = make_learner(p_expert=0.5), make_learner(p_expert=0.5)
-    plain.prediction = torch.optim.AdamW(plain.model.parameters(), lr=1e-3, weight_decay=1e-5, foreach=False)
-    predict_phase(fused)
-    predict_phase(plain)
-    assert torch.allclose(vector(fused.model), vector(plain.model), atol=1e-5)
 
 
 def test_a_run_counts_samples_and_tests(run, datasets):
@@ -272,11 +233,6 @@ def test_the_best_weights_are_returned(run, datasets):
     assert trained.best_test_loss == min(losses)
     assert trained.best_samples == trained.history[losses.index(min(losses))].samples
     assert mean_loss(trained.model, datasets.test) == pytest.approx(min(losses), rel=1e-6)
-
-
-def test_a_test_takes_the_first_trajectories(make_learner):
-    learner = make_learner(test_trajectories=1)
-    assert learner.take_test().test_loss == pytest.approx(mean_loss(learner.model, learner.datasets.test.first(1)))
 
 
 def test_without_the_experts_data(run, datasets):

@@ -56,7 +56,7 @@ def fault_of(states: np.ndarray, rate: float = 10.0) -> str:
     """What is said of the velocities, nothing where they are taken."""
     try:
         refuse_other_velocities("drive", states[:: round(rate / 10)], ROVER)
-        refuse_other_turning("drive", states, ROVER, rate)
+        refuse_other_turning("drive", states, rate)
     except RecordingError as error:
         return str(error)
     return ""

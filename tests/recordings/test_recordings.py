@@ -144,8 +144,6 @@ def test_attitudes_of_either_sign_are_one(made):
 
 FAULTS = {
     "column 'qw' of body 'rover' is missing": no("qw"),
-    "column 'throttle' of body 'rover' is missing; did you mean 'throtle'?": {
-        "columns": [*NAMES[:13], "throtle", "steering"]},
     "two columns 'x'": {
         "columns": [*NAMES, "x"], "units": [*PLAIN, "m"], "rows": np.hstack([circle(), circle()[:, :1]])},
     "'x' in 'feet'; a length is in m or cm or mm": {"units": ["feet", *PLAIN[1:]]},
@@ -155,7 +153,6 @@ FAULTS = {
     "'vx' in row 4 is not finite": {"rows": changed(3, "vx", np.nan)},
     "the quaternion in row 1 has length 0.5, not 1": {"rows": changed(0, "qw", 0.5)},
     "steering in step 8 is 35, not in [-1, 1]; scale it": {"rows": changed(7, "steering", 35.0)},
-    "7 steps of 0.1 s; a drive has 8": {"rows": circle(seconds=0.7)},
     "0 rows are no drive": {"rows": circle()[:0]},
     "drive 0: 0 rows are no drive": {
         "rows": np.zeros((0, 16)), "columns": [*NAMES, "time"], "units": [*PLAIN, "s"]},
@@ -185,12 +182,6 @@ def test_a_fault_is_named_in_one_line(made, fault):
     assert "drive.npz" in str(error.value) and fault in str(error.value) and "\n" not in str(error.value)
 
 
-def test_missing_rows_are_noticed_by_their_time(made):
-    time, rows = np.delete(0.1 * np.arange(80), range(40, 43)), np.delete(circle(seconds=7.9), range(40, 43), axis=0)
-    with pytest.raises(RecordingError, match="row 41 comes 0.4 s after the row before, where rows are 0.1 s apart"):
-        made(np.hstack([rows, time[:, None]]), [*NAMES, "time"], [*PLAIN, "s"])
-
-
 def write_csv(folder: Path, header: str = "", names: str = "", rows: np.ndarray | None = None) -> Path:
     """A file of the circle, by default as the documentation has it, and its ground."""
     np.savetxt(folder / "meadow.csv", ground().heights, delimiter=",")
@@ -216,15 +207,9 @@ def test_a_csv_file_is_read_with_its_ground(tmp_path, made):
     ("changes", "fault"),
     [
         ({"header": "# rate: 10 Hz\n# spacing: 0.1 m"}, "the header has no line '# heights: ...'"),
-        ({"header": "# rat: 10 Hz"}, "unknown parameter 'rat' of the header; did you mean 'rate'?"),
-        ({"header": "# a drive"}, "'# a drive' in the header is not '# name: value'"),
-        ({"header": "# rate: fast\n# heights: meadow.csv\n# spacing: 1"}, "'rate: fast' is not a positive number"),
         ({"header": "# rate: 10\n# heights: x.npy\n# spacing: 1"}, "x.npy: there is no such file of heights"),
         ({"header": "# rate: 10\n# heights: meadow.csv\n# spacing: 1\n# centre: 3"}, "'centre: 3' is not an x and a y"),
         ({"header": "# rate: 10 Hz\n# rate: 20 Hz"}, "the header has two lines '# rate: ...'"),
-        ({"names": "x,y"}, "line 7 has 15 cells, not 2"),
-        ({"names": ",".join(NAMES)}, "'x' without a unit; a length is in m or cm or mm"),
-        ({"rows": circle()[:0]}, "it has no rows of numbers"),
     ],
 )
 def test_a_fault_of_a_csv_file_is_named_in_one_line(tmp_path, changes, fault):
@@ -232,13 +217,6 @@ def test_a_fault_of_a_csv_file_is_named_in_one_line(tmp_path, changes, fault):
     with pytest.raises(RecordingError) as error:
         read_drives(path, ROVER)
     assert fault in str(error.value) and str(tmp_path) in str(error.value) and "\n" not in str(error.value)
-
-
-def test_what_is_no_number_is_named_by_its_line(tmp_path):
-    path = write_csv(tmp_path)
-    path.write_text(path.read_text().replace("0.17", "n/a", 1))
-    with pytest.raises(RecordingError, match="line 7: 'n/a' of 'z' is no number"):
-        read_drives(path, ROVER)
 
 
 @pytest.mark.parametrize(("sign", "words"), [(";", "semicolons"), ("\t", "tabs")])

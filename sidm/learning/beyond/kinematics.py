@@ -51,22 +51,13 @@ class Kinematics(Predictor):
     def forward(self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None):
         """Transitions (B, T, 6), raw units, as DynamicsModel; there is no memory."""
         wheels = inputs[..., 1:3]
-        after = self.wheels_after(wheels, inputs[..., 3:5])
-        speed, rate = (self.mean(wheels, after) @ self.jacobian.T).unbind(-1)
+        after = wheels + self.lag * (inputs[..., 3:5].clamp(-self.fastest, self.fastest) - wheels)  # of the step
+        speed, rate = ((wheels + after) / 2 @ self.jacobian.T).unbind(-1)
         turn = rate / self.rate
         way = speed / self.rate
         left = way * turn / 2 + self.behind * turn  # half of an arc, and the slip
         next_rate = after @ self.jacobian[1]
         return torch.stack([way, left, turn, next_rate, *after.unbind(-1)], -1), memory
-
-    def wheels_after(self, wheels: Tensor, commands: Tensor) -> Tensor:
-        """Wheel speeds (..., 2) at the end of a step."""
-        return wheels + self.lag * (commands.clamp(-self.fastest, self.fastest) - wheels)
-
-    @staticmethod
-    def mean(before: Tensor, after: Tensor) -> Tensor:
-        """Wheel speeds (..., 2) during a step."""
-        return (before + after) / 2
 
 
 def identify(datasets: Datasets, body: Body, model: Model, scale: Tensor | None = None) -> Trained:
@@ -85,7 +76,7 @@ def identify(datasets: Datasets, body: Body, model: Model, scale: Tensor | None 
     found.fastest.copy_(wheels.abs().max())
     error = commands.clamp(-float(found.fastest), float(found.fastest)) - wheels
     found.lag.copy_((error * (after - wheels)).sum() / error.square().sum().clamp_min(1e-9))
-    mean = found.mean(wheels, after)
+    mean = (wheels + after) / 2
     if model == "differential_drive":
         both, apart = mean.sum(1, keepdim=True) / 2, mean[:, 1:] - mean[:, :1]
         radius = _slope(both, y[:, 0] * body.rate)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import operator
 from typing import NamedTuple
 
 import torch
@@ -99,15 +100,11 @@ class Moments(NamedTuple):
 
     def plus(self, other: Moments) -> Moments:
         """Of the steps of both."""
-        return Moments(
-            self.gram + other.gram, self.cross + other.cross, self.squares + other.squares, self.steps + other.steps
-        )
+        return Moments(*map(operator.add, self, other))
 
     def without(self, part: Moments) -> Moments:
         """Of the steps that are not those of a part of them."""
-        return Moments(
-            self.gram - part.gram, self.cross - part.cross, self.squares - part.squares, self.steps - part.steps
-        )
+        return Moments(*map(operator.sub, self, part))
 
     def solve(self, penalties: Tensor) -> Tensor:
         """Weights (F, Y) of the lowest mean squared error with `penalties` (F,) on their squares."""

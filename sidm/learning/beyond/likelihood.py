@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-
 import torch
 from torch import Tensor
 
@@ -14,7 +12,6 @@ from sidm.learning.evaluation import EVALUATION_BATCH
 from sidm.learning.learner import Learner
 from sidm.learning.seeds import generator
 from sidm.learning.settings import Network, Training
-from sidm.learning.stopping import Tested
 from sidm.learning.training import Trained, learn
 from sidm.learning.units import Standardisation
 
@@ -33,49 +30,40 @@ class DistributionLearner(Learner):
     """
 
     kind = DistributionModel
+    measured = False
     model: DistributionModel
 
     def __init__(
-        self, datasets: Datasets, network: Network, training: Training, seed: int, standardisation: Standardisation,
-        start: Mapping[str, Tensor] | None = None,
-    ):  # fmt: skip
+        self, datasets: Datasets, network: Network, training: Training, seed: int, standardisation: Standardisation
+    ):
         for name, only in ONLY.items():
             value = getattr(training, name, getattr(network, name, None))
             if value != only:
                 raise ConfigError(f"training by likelihood has no {name}={value!r}, only {only!r}")
-        super().__init__(datasets, network, training, seed, standardisation, start=start)
+        super().__init__(datasets, network, training, seed, standardisation)
         self.noise = generator(seed, "latents")
 
     def encode(self, role: str, motion: Motion) -> Tensor:
         """A draw of latent state-actions (b, T, 128)."""
         return self.model.encode(role, motion.inputs, motion.maps, self.noise)
 
-    def take_test(self) -> Tested:
-        """Measure the likelihood of the test split; keep the weights if its smoothed value is the best so far."""
-        with self.follower.averaged():
-            if self.judge(mean_nll(self.model, self.test)):
-                self.best = self.weights()
-        return self.history[-1]
+    def test_loss(self) -> float:
+        """The negative log-likelihood of the test split."""
+        return mean_nll(self.model, self.test)
 
 
-def mean_nll(model: DistributionModel, motion: Motion | Part, role: str = "novice") -> float:
+def mean_nll(model: DistributionModel, motion: Motion | Part) -> float:
     """Negative log-likelihood, nats, averaged over the steps of `motion`, all latents at their means."""
     total = 0.0
     with torch.inference_mode():
         for part in motion.split(EVALUATION_BATCH):
-            found, _ = model.predict(role, part.inputs, part.maps)
+            found, _ = model.predict("novice", part.inputs, part.maps)
             total += float(found.nll(part.targets).double().sum())
     return total / motion.targets[..., 0].numel()
 
 
 def train_distributions(
-    datasets: Datasets,
-    network: Network,
-    training: Training,
-    seed: int,
-    standardisation: Standardisation,
-    start: Mapping[str, Tensor] | None = None,
-    progress: Callable[[Tested], None] | None = None,
+    datasets: Datasets, network: Network, training: Training, seed: int, standardisation: Standardisation
 ) -> Trained:
     """`training.train` for distributions: the same phases and the same rule to stop by, without checkpoints.
 
@@ -86,8 +74,7 @@ def train_distributions(
         ConfigError: data that the settings need are not there, or settings that it does not know.
         TrainingError: a test found a loss that is not finite; the message names the iteration.
     """
-    learner = DistributionLearner(datasets, network, training, seed, standardisation, start)
-    return learn(learner, progress, losses_of=batch_nll)
+    return learn(DistributionLearner(datasets, network, training, seed, standardisation), losses_of=batch_nll)
 
 
 def batch_nll(

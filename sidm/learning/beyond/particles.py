@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from sidm import rotations
-from sidm.learning.beyond.distributions import Gaussian, Stochastic
+from sidm.learning.beyond.distributions import Stochastic
 from sidm.learning.dataset import Motion
 from sidm.learning.evaluation import EVALUATION_BATCH
 from sidm.learning.networks import Memory
@@ -33,7 +33,7 @@ class Calibration(NamedTuple):
 
 
 def one_step(
-    model: Stochastic, motion: Motion, generator: torch.Generator | None, draws: int = DRAWS, role: str = "novice"
+    model: Stochastic, motion: Motion, generator: torch.Generator | None, draws: int = DRAWS
 ) -> Calibration:
     """Likelihood and coverage of the mixture over so many draws of the latents, whole trajectories each.
 
@@ -44,12 +44,13 @@ def one_step(
     inside = torch.zeros(len(LEVELS), TARGET_SIZE, dtype=torch.float64)
     with torch.inference_mode():
         for part in motion.split(EVALUATION_BATCH):
-            drawn = [model.predict(role, part.inputs, part.maps, None, generator)[0] for _ in range(draws)]
+            drawn = [model.predict("novice", part.inputs, part.maps, None, generator)[0] for _ in range(draws)]
             logs = torch.stack([-one.component_nll(part.targets) for one in drawn]).double()  # (D, B, T, 13)
             steps.append(math.log(draws) - torch.logsumexp(logs.sum(-1), 0).flatten())
             alone -= (torch.logsumexp(logs, 0) - math.log(draws)).sum((0, 1))
             spread += torch.stack([one.std for one in drawn]).double().mean(0).sum((0, 1))
-            rank = torch.stack([_below(one, part.targets) for one in drawn]).mean(0)  # (B, T, 13)
+            ranks = [torch.special.ndtr((part.targets - one.mean) / one.std) for one in drawn]
+            rank = torch.stack(ranks).mean(0)  # (B, T, 13), the probability of less
             for number, level in enumerate(LEVELS):
                 inside[number] += (2 * (rank - 0.5).abs() <= level).double().sum((0, 1))
     nll = torch.cat(steps)
@@ -57,11 +58,6 @@ def one_step(
     quantiles = tuple(torch.quantile(nll, nll.new_tensor(QUANTILES)).tolist())
     shares = tuple(tuple(level.tolist()) for level in inside / len(nll))
     return Calibration(float(nll.mean()), quantiles, components, spreads, shares)
-
-
-def _below(found: Gaussian, values: Tensor) -> Tensor:
-    """The probability of less than `values`."""
-    return torch.special.ndtr((values - found.mean) / found.std)
 
 
 def particle_rollout(
@@ -72,8 +68,6 @@ def particle_rollout(
     pixels: int,
     count: int,
     generator: torch.Generator,
-    role: str = "novice",
-    spacing: float = 0.1,
 ) -> Tensor:
     """Many ways a drive may go on: at each step every particle draws its latents and its transition.
 
@@ -85,8 +79,6 @@ def particle_rollout(
         pixels: P of the model's maps.
         count: S, of particles.
         generator: of all draws.
-        role: whose encoder and decoder.
-        spacing: of the ground's grid, m.
 
     Returns:
         States (S, K + 1, 13), the given one first.
@@ -96,8 +88,8 @@ def particle_rollout(
     with torch.inference_mode():
         for action in actions.double():
             inputs = encode_inputs(states[-1], action.expand(count, -1)).float()[:, None]
-            maps = robot_centred_map(heights, states[-1], pixels, spacing=spacing).half()[:, None]
-            found, memory = model.predict(role, inputs, maps, memory, generator)
+            maps = robot_centred_map(heights, states[-1], pixels).half()[:, None]
+            found, memory = model.predict("novice", inputs, maps, memory, generator)
             states.append(integrate(states[-1], found.sample(generator)[:, 0].double()))
     return torch.stack(states, dim=1)
 
@@ -128,18 +120,16 @@ def covered(particles: Tensor, actual: Tensor, levels: Sequence[float] = LEVELS)
     return Along(inside, width, (numbers.mean(0) - truth).abs())
 
 
-def central(values: Tensor, level: float, dim: int = 0) -> tuple[Tensor, Tensor]:
-    """The ends (...) between which a new draw lies with probability `level`; S draws (..., S, ...) lie along `dim`."""
-    count = values.shape[dim]
+def central(values: Tensor, level: float) -> tuple[Tensor, Tensor]:
+    """The ends (...) between which a new draw lies with probability `level`, of S draws (S, ...)."""
+    count = len(values)
     low, high = (
         min(max((share * (count + 1) - 1) / (count - 1), 0.0), 1.0) for share in (0.5 - level / 2, 0.5 + level / 2)
     )
-    return values.quantile(low, dim=dim), values.quantile(high, dim=dim)
+    return values.quantile(low, dim=0), values.quantile(high, dim=0)
 
 
 def _seen(states: Tensor, heading: Tensor, middle: Tensor) -> Tensor:
     """(..., K, 3): metres along and across a `heading`, the turn from a `middle` (K,), rad, of states (..., K, 13)."""
-    x, y = states[..., 0], states[..., 1]
     turn = rotations.wrap(rotations.yaw(states[..., QUATERNION]) - middle)
-    cos, sin = heading.cos(), heading.sin()
-    return torch.stack([cos * x + sin * y, cos * y - sin * x, turn], dim=-1)
+    return torch.cat([rotations.turn(states[..., :2], -heading), turn[..., None]], dim=-1)

@@ -65,7 +65,8 @@ class Pieces(NamedTuple):
         It has `seen` the steps before, or begins there from the same state.
         """
         path = self.states[:, start : start + steps + 1].clone()
-        for ground, numbers in self._by_ground():
+        for ground in self.ground.unique().tolist():
+            numbers = torch.nonzero(self.ground == ground).flatten()
             some, memory = self.take(numbers), None
             if seen and start:
                 motion = some.motion(pixels)
@@ -79,10 +80,6 @@ class Pieces(NamedTuple):
                 model, heights, states, actions, pixels, spacing=spacing, body=self.body, memory=memory
             )
         return path
-
-    def _by_ground(self) -> list[tuple[int, Tensor]]:
-        """Each ground that was driven on, with the numbers of its pieces."""
-        return [(number, torch.nonzero(self.ground == number).flatten()) for number in self.ground.unique().tolist()]
 
 
 def common_length(*robots: Sequence[Drive]) -> int:

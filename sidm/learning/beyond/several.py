@@ -19,7 +19,6 @@ from sidm.learning.learner import Learner
 from sidm.learning.model import DynamicsModel
 from sidm.learning.seeds import generator
 from sidm.learning.settings import Network, Training
-from sidm.learning.stopping import Tested
 from sidm.learning.training import Trained, learn
 from sidm.learning.units import Standardisation
 
@@ -32,6 +31,8 @@ class SeveralLearner(Learner):
     Raises:
         ConfigError: settings with a novice.
     """
+
+    measured = False
 
     def __init__(
         self,
@@ -67,13 +68,10 @@ class SeveralLearner(Learner):
         """Count an iteration; all experts' losses, (b, T) each, make one learning curve."""
         super().note({"novice": torch.cat(list(losses.values()))})
 
-    def take_test(self) -> Tested:
-        """Measure the mean of the experts' test losses; keep the weights if its smoothed value is the lowest so far."""
-        with self.follower.averaged():
-            losses = [mean_loss(self.model, motion, role) for role, motion in self.testing.items()]
-            if self.judge(sum(losses) / len(losses)):
-                self.best = self.weights()
-        return self.history[-1]
+    def test_loss(self) -> float:
+        """The mean of the experts' test losses."""
+        losses = [mean_loss(self.model, motion, role) for role, motion in self.testing.items()]
+        return sum(losses) / len(losses)
 
 
 def train_several(

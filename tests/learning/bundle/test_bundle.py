@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from sidm.config import ConfigError
-from sidm.learning import Datasets, Training, TrainingError, train
+from sidm.learning import Datasets, TrainingError, train
 from sidm.learning.bundle import Run, train_bundle
 from sidm.learning.bundle.adam import StackedAdam
 from sidm.learning.bundle.recurrence import Recurrence, lstm
@@ -19,33 +19,18 @@ ROUNDING = 1e-4  # relative, of losses: sums run in another order; two tests of 
 
 
 @pytest.fixture
-def make_run(make_motion, small_training):
-    """A trial of its own system and size."""
-
-    def make(seed=0, novice=6, tests=2, gain=1.5, checkpoint=None, **changes) -> Run:
-        sets = Datasets(
-            make_motion(novice, 10 * seed + 1), make_motion(tests, 10 * seed + 2), make_motion(2, 3),
-            make_motion(12, 10 * seed + 4, gain=gain),
-        )  # fmt: skip
-        training = Training(**(dataclasses.asdict(small_training) | changes))
-        return Run(sets, training, seed, checkpoint=checkpoint)
-
-    return make
-
-
-@pytest.fixture
 def five(make_run):
     """Unlike sizes, seeds, systems and methods, of unlike length."""
     alone = dict(p_expert=0.0, regularise=False)
     return [
-        make_run(0), make_run(1, novice=3, tests=5, **alone), make_run(2, novice=9, gain=0.5, p_expert=0.25),
+        make_run(0), make_run(1, novice=3, tests=5, **alone), make_run(2, novice=9, p_expert=0.25),
         make_run(3, tests=40, max_samples=24 * 30, learning_rate=2e-3),
         make_run(4, regularise=False, max_samples=24 * 8),
     ]  # fmt: skip
 
 
-def alone(run: Run, network):
-    return train(run.datasets, network, run.training, run.seed, standardisation=run.standardisation)
+def alone(run: Run, network, **more):
+    return train(run.datasets, network, run.training, run.seed, start=run.start, **more)
 
 
 def results(ended) -> dict:
@@ -130,16 +115,6 @@ def test_a_trial_that_ends_within_a_phase(make_run, small_network):
         assert_same(bundled, alone(runs[number], small_network))
 
 
-def test_data_of_one_trial_do_not_reach_another(make_run, small_network):
-    """Where a trial has nothing to draw, it computes on blanks and must not learn from them."""
-    runs = [make_run(0), make_run(1, p_expert=0.0, regularise=False), make_run(2)]
-    runs[0].datasets.train.inputs[:] = float("nan")
-    ended = results(train_bundle(runs, small_network, seats=3))
-    assert isinstance(ended[0], TrainingError)
-    for number in (1, 2):
-        assert_same(ended[number], alone(runs[number], small_network))
-
-
 def test_a_finished_checkpoint(make_run, small_network, tmp_path):
     """Nothing is left to do but to give the result."""
     run = make_run(checkpoint=tmp_path)
@@ -153,29 +128,6 @@ def test_large_convolutions_are_done_in_pieces(make_run, small_network, monkeypa
     monkeypatch.setattr("sidm.learning.bundle.stack.LARGEST", 5000)
     ((_, bundled, _),) = train_bundle([run], small_network, seats=1)
     assert_same(bundled, alone(run, small_network))
-
-
-def test_a_killed_bundle_goes_on(make_run, small_network, tmp_path, monkeypatch):
-    """From its trials' checkpoints, which are those of trials alone."""
-    runs = [make_run(seed, max_samples=24 * 30, checkpoint=tmp_path / str(seed)) for seed in range(3)]
-    monkeypatch.setattr("sidm.learning.bundle.training.SAVE_INTERVAL", 0.0)
-
-    class Killed(Exception):
-        pass
-
-    def kill(number, tested):
-        if tested.samples >= 24 * 16:
-            raise Killed
-
-    with pytest.raises(Killed):
-        list(train_bundle(runs, small_network, seats=3, progress=kill))
-    again = [Learner(run.datasets, small_network, run.training, run.seed) for run in runs]
-    assert all(learner.restore(run.checkpoint) for learner, run in zip(again, runs, strict=True))
-    assert [learner.iteration for learner in again] == [12] * 3
-    first = train(*runs[0][:1], small_network, runs[0].training, 0, checkpoint=runs[0].checkpoint)
-    assert_same(first, alone(runs[0], small_network))
-    for number, bundled, _ in train_bundle(runs[1:], small_network, seats=2):
-        assert_same(bundled, alone(runs[number + 1], small_network))
 
 
 def test_what_trials_of_a_bundle_share(make_run, small_network, make_motion):

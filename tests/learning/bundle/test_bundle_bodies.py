@@ -2,17 +2,16 @@
 
 import dataclasses
 
-import numpy as np
 import pytest
 import torch
 
 from sidm.body import DRIVE, ROVER, TWIST, Body
-from sidm.learning import Datasets, Training, TrainingError, train
+from sidm.learning import TrainingError
 from sidm.learning.beyond.pretraining import expert_in_place, start_from
-from sidm.learning.bundle import Run, train_bundle
+from sidm.learning.bundle import train_bundle
 from sidm.learning.learner import Learner
-from tests.learning.bundle.test_bundle import assert_same, results
-from tests.learning.test_other_bodies import ARM, BLIND, TRACKED, motion
+from tests.learning.bundle.test_bundle import alone, assert_same, results
+from tests.learning.test_other_bodies import ARM, BLIND, TRACKED
 
 ALONE = dict(p_expert=0.0, regularise=False)
 FINE = Body(name="fine map", tilt=True, columns=TWIST, actions=DRIVE, map_size=3.0, map_pixels=10)
@@ -20,59 +19,28 @@ PAIRS = [(TRACKED, ROVER), (ROVER, BLIND), (FINE, ROVER), (ARM, TRACKED), (TRACK
 
 
 @pytest.fixture
-def make_run(small_training):
-    """A trial of a pair, with data of its own."""
-
-    def make(pair, seed=0, start=None, checkpoint=None, novice=6, **changes) -> Run:
-        rng = np.random.default_rng(seed)
-        parts = [motion(pair[0], count, rng, steps=6) for count in (novice, 2, 2)]
-        training = Training(**(dataclasses.asdict(small_training) | changes))
-        return Run(Datasets(*parts, motion(pair[1], 12, rng, steps=6)), training, seed, None, checkpoint, start)
-
-    return make
-
-
-@pytest.fixture
 def network_of(small_network):
     return lambda pair: dataclasses.replace(small_network, novice_body=pair[0], expert_body=pair[1])
-
-
-def alone(run, network, **more):
-    return train(run.datasets, network, run.training, run.seed, start=run.start, **more)
 
 
 @pytest.mark.parametrize("seats", [1, 3])
 @pytest.mark.parametrize("pair", PAIRS, ids=lambda pair: f"{pair[0].name} of {pair[1].name}")
 def test_a_bundle_of_any_bodies_is_each_of_its_trials(make_run, network_of, pair, seats):
     """With an SIDM, without its adversary, and on the novice alone."""
-    runs = [make_run(pair, 0), make_run(pair, 1, regularise=False, max_samples=24 * 8), make_run(pair, 2, **ALONE)]
+    runs = [make_run(0, pair), make_run(1, pair, regularise=False, max_samples=24 * 8), make_run(2, pair, **ALONE)]
     for number, bundled, _ in train_bundle(runs, network_of(pair), seats):
         assert_same(bundled, alone(runs[number], network_of(pair)))
-
-
-@pytest.mark.parametrize("changes", [ALONE, dict(matching_optimiser="shared", decay="l2", weight_decay=0.1,
-                                                 system_draw="iteration", stopping="released")])  # fmt: skip
-def test_other_settings(make_run, network_of, changes):
-    run, network = make_run((TRACKED, ROVER), **changes), network_of((TRACKED, ROVER))
-    ((_, bundled, _),) = train_bundle([run], network, 1)
-    assert_same(bundled, alone(run, network))
-
-
-def test_low_precision(make_run, network_of):
-    pair = TRACKED, ROVER
-    ((_, bundled, _),) = train_bundle([run := make_run(pair, precision="bfloat16")], network_of(pair), 1)
-    assert_same(bundled, alone(run, network_of(pair)), rel=1e-3)
 
 
 def test_a_pretrained_core_is_fine_tuned_or_frozen(make_run, network_of):
     """Side by side, each from what a bundle learnt from the expert alone, in the novice's place."""
     pair, first = (TRACKED, ROVER), network_of((ROVER, ROVER))
-    made = make_run(pair, 0, **ALONE)
+    made = make_run(0, pair, **ALONE)
     expert = made._replace(datasets=expert_in_place(made.datasets, 0))
     ((_, pretrained, _),) = train_bundle([expert], first, 1)
     assert_same(pretrained, alone(expert, first))
     core = start_from(pretrained).core().weights
-    runs = [make_run(pair, 3, core, frozen=frozen, weight_decay=0.1, **ALONE) for frozen in ("nothing", "sidm")]
+    runs = [make_run(3, pair, start=core, frozen=frozen, weight_decay=0.1, **ALONE) for frozen in ("nothing", "sidm")]
     ended = results(train_bundle(runs, network_of(pair), 2))
     for number, run in enumerate(runs):
         assert_same(ended[number], alone(run, network_of(pair)))
@@ -83,17 +51,18 @@ def test_a_pretrained_core_is_fine_tuned_or_frozen(make_run, network_of):
 def test_weights_of_the_loss_are_the_novices_whatever_it_starts_from(make_run, network_of):
     """Units come with the weights of one's like; what components count does not."""
     network = network_of((TRACKED, TRACKED))
-    made = make_run((TRACKED, TRACKED), 0, **ALONE)
+    made = make_run(0, (TRACKED, TRACKED), **ALONE)
     start = start_from(alone(made._replace(datasets=expert_in_place(made.datasets, 0)), network)).weights
     ((_, bundled, _),) = train_bundle([run := made._replace(start=start)], network, 1)
     assert_same(bundled, alone(run, network))
 
 
+@pytest.mark.parametrize("pair", [(TRACKED, ROVER), (ROVER, ROVER)])
 @pytest.mark.parametrize("bad", ["train", "expert"])
-def test_data_of_one_trial_do_not_reach_another(make_run, network_of, bad):
+def test_data_of_one_trial_do_not_reach_another(make_run, network_of, bad, pair):
     """Nor what a trial computes where none of a system's trajectories was drawn."""
-    pair, network = (TRACKED, ROVER), network_of((TRACKED, ROVER))
-    runs = [make_run(pair, 0), make_run(pair, 1, **ALONE), make_run(pair, 2)]
+    network = network_of(pair)
+    runs = [make_run(0, pair), make_run(1, pair, **ALONE), make_run(2, pair)]
     getattr(runs[0].datasets, bad).inputs[:] = float("nan")
     ended = results(train_bundle(runs, network, 3))
     assert isinstance(ended[0], TrainingError)
@@ -104,9 +73,9 @@ def test_data_of_one_trial_do_not_reach_another(make_run, network_of, bad):
 def test_a_killed_bundle_goes_on(make_run, network_of, tmp_path, monkeypatch):
     """From its trials' checkpoints, which are those of trials alone, also where a part is frozen."""
     pair, network = (TRACKED, ROVER), network_of((TRACKED, ROVER))
-    core = start_from(alone(make_run((ROVER, ROVER), **ALONE), network_of((ROVER, ROVER)))).core().weights
+    core = start_from(alone(make_run(**ALONE), network_of((ROVER, ROVER)))).core().weights
     frozen = dict(start=core, frozen="sidm", **ALONE)
-    runs = [make_run(pair, seed, max_samples=24 * 30, checkpoint=tmp_path / str(seed), **changes)
+    runs = [make_run(seed, pair, max_samples=24 * 30, checkpoint=tmp_path / str(seed), **changes)
             for seed, changes in enumerate((frozen, {}, frozen))]  # fmt: skip
     monkeypatch.setattr("sidm.learning.bundle.training.SAVE_INTERVAL", 0.0)
 
