@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING
 
 from sidm.experiments.engine.datasets import collect_datasets
 from sidm.experiments.engine.store import Failure, Outcome, Results, Row, StoreError
-from sidm.experiments.grids import FIGURES, grid
 from sidm.experiments.methods import METHODS
 from sidm.experiments.presets import PRESETS, Preset, load_preset
 from sidm.experiments.study import Study
@@ -14,6 +13,7 @@ from sidm.lazy import on_demand
 if TYPE_CHECKING:
     from sidm.experiments.engine.execute import perform, run_trial
     from sidm.experiments.engine.run import run
+    from sidm.experiments.grids import FIGURES, grid
 
 __all__ = [
     "FIGURES", "METHODS", "PRESETS", "UNKNOWN", "Dataset", "Failure", "Outcome", "Preset", "Results", "Row",
@@ -21,4 +21,4 @@ __all__ = [
     "run_trial",
 ]  # fmt: skip
 
-on_demand(__name__, **{"engine.run": "run", "engine.execute": "perform run_trial"})
+on_demand(__name__, **{"engine.run": "run", "engine.execute": "perform run_trial", "grids": "FIGURES grid"})

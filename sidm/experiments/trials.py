@@ -144,8 +144,7 @@ class Trial:
 
     def replace(self, **changes: Any) -> Trial:
         """The same trial with some values changed, checked like a new one."""
-        own = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}  # type: ignore[arg-type]
-        return Trial(**(own | changes))
+        return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
     def to_json(self) -> dict[str, Any]:
         """All its values as plain nested mappings, without those of LATER by default, so that older keys still hold."""

@@ -118,9 +118,7 @@ def _train(trial: Trial, sets: Datasets, start: Start | None, **how: Any) -> Tra
         return train(sets, trial.network, trial.training, trial.seed, start=start and start.weights, **how)
     base = _frozen(trial, sets, start).to(how["device"])
     sets = left_over(sets, base)
-    trained = train(
-        sets, trial.network, trial.training, trial.seed, standardisation=units(sets), **how
-    )
+    trained = train(sets, trial.network, trial.training, trial.seed, standardisation=units(sets), **how)
     return trained._replace(model=Corrected(base, trained.model))
 
 

@@ -10,7 +10,9 @@ import re
 import textwrap
 import typing
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from sidm.body import Body
 from sidm.config import to_mapping
@@ -18,9 +20,6 @@ from sidm.experiments.engine.provenance import Provenance
 from sidm.experiments.engine.store import Outcome, Row
 from sidm.experiments.trials import Trial
 from sidm.learning.settings import Network, Training
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # Parts of a row -> what stands before their columns' names.
 _PARTS: tuple[tuple[type, str], ...] = (
@@ -36,8 +35,6 @@ def frame_of(rows: Iterable[Row]) -> pd.DataFrame:
     pretraining have ``pretraining_`` before them and are missing where there is none. `columns` says what each is, with
     its unit. Curves and paths are tuples in a cell. `stale` tells what older code made.
     """
-    import pandas as pd
-
     rows = list(rows)
     names = [name for name, _, _ in columns()]
     lines = [dict(_values(row)) for row in rows]
@@ -85,8 +82,6 @@ def records_frame(kind: type, found: Iterable[Any]) -> pd.DataFrame:
     part's name before them (``trial_seed``), and are missing where there is no such part. What was found under a name
     that the provenance has too is a column with ``found_`` before it (``found_seconds``).
     """
-    import pandas as pd
-
     about, made_by = typing.get_type_hints(kind)["about"], list(_names(Provenance))
     fields = [field.name for field in dataclasses.fields(kind) if field.name not in ("about", "provenance")]
     own = {name: f"found_{name}" if name in made_by else name for name in fields}

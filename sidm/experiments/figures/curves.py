@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -24,9 +25,6 @@ from sidm.experiments.statistics.intervals import summarise
 from sidm.experiments.statistics.pairs import complete
 from sidm.experiments.statistics.savings import efficiency_band
 from sidm.systems import SYSTEMS
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MOST_INSIDE = 4  # methods whose names have room within a plot
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from sidm.experiments.figures.style import METHOD_STYLES
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 DASHES = {"-": [1, 0], "--": [6, 3], ":": [2, 2], "-.": [6, 2, 2, 2]}  # of Matplotlib's line styles
 

@@ -10,16 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from sidm.experiments.statistics.efficiency import efficiency, greatest_ratio, known
 from sidm.experiments.statistics.intervals import Interval, bootstrap, interval, leave_one_out
 from sidm.storage import read_record, write_record
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MINUTES = np.array([1.0, 2, 5, 20, 60, 120])
 RATIO = 4.0  # between the data that the two methods need
@@ -97,8 +95,6 @@ def measure(seeds: Sequence[int] = SEEDS) -> dict[str, Any]:
 
 def table(file: Path = FILE) -> pd.DataFrame:
     """As stored: the `share` of 95 % intervals that hold the true ratio, a line a method and number of seeds."""
-    import pandas as pd
-
     found = read_record(file)
     lines = [(name, int(n), *one) for name in METHODS for n, one in found[name].items()]
     return pd.DataFrame(lines, columns=["interval", "seeds", "share", "width"])

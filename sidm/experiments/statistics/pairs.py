@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from sidm.experiments.methods import COMPARED
 from sidm.experiments.statistics.intervals import Interval, interval, mean_ratio, ratio_of_means
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 POINT = ("system", "novice_minutes")
 
@@ -86,8 +84,6 @@ def together(
 
 def _table(lines: list[tuple], keys: pd.DataFrame, names: list[str]) -> pd.DataFrame:
     """Lines as a table whose columns have the types of the `keys` and of numbers, also without a line."""
-    import pandas as pd
-
     found = pd.DataFrame(lines, columns=[*keys, *names])
     return found if lines else found.astype({**keys.dtypes, **dict.fromkeys(names, float)})
 
@@ -107,6 +103,7 @@ def _joined(
 def _mean_difference(pairs: np.ndarray) -> float:
     """Of the second of pairs (S, 2) less the first."""
     return float((pairs[:, 1] - pairs[:, 0]).mean())
+
 
 class Losses(NamedTuple):
     """The part of some results that is complete: S seeds, K methods, M sizes."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from sidm.experiments.statistics.efficiency import (
     Efficiency,
@@ -17,9 +17,6 @@ from sidm.experiments.statistics.efficiency import (
 )
 from sidm.experiments.statistics.intervals import Interval, interval
 from sidm.experiments.statistics.pairs import Losses, complete
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 COLUMNS = ["system", "method", "against", "novice_minutes", "seeds", "loss", "ratio", "low", "high", "bound"]
 
@@ -41,8 +38,6 @@ def savings(
         `ratio` of the data that the comparison needs for it, with the ends of its 95 % interval, NaN where a seed left
         out makes a bound, and how the ratio is to be read: `bound` is '=', '>=' or '<='.
     """
-    import pandas as pd
-
     lines: list[tuple] = []
     for system in dict.fromkeys(frame.system):
         for method in methods:

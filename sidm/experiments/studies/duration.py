@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
 from sidm.experiments.figures.style import METHOD_STYLES, finish, side_by_side, styled
 from sidm.experiments.methods import ALL_RELEASED, COMPARED, METHODS, RELEASED, change
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 #: Until so many samples bring no lower test loss.
 LONG: dict[str, Any] = {"patience": 2_500_000, "max_samples": 6_000_000}

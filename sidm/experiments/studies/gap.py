@@ -11,9 +11,10 @@ import argparse
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
 from sidm.config import to_mapping
 from sidm.experiments.figures.style import SIZE_STYLES, finish, legend_below, side_by_side, styled
@@ -23,10 +24,6 @@ from sidm.storage import read_record, write_record
 from sidm.systems import FREE_SYSTEMS, ROLES, SYSTEMS, find_system
 from sidm.terrain import generate_terrain
 from sidm.trajectory import CONTROL_STEP
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 GAP_SEED = 6  # apart from the seeds of all data
 STARTS, STEPS = 96, 25  # drives of each robot, and control steps of each
@@ -74,9 +71,7 @@ def components(states: np.ndarray, yaw: float) -> np.ndarray:
     return np.column_stack([forward, sideways, moved[:, 2], roll, pitch, heading - heading[0], states[:, 7:13]])
 
 
-def measure(
-    executor: Executor, results: Path, systems: Sequence[str] = EVERY_SYSTEM, starts: int = STARTS
-) -> None:
+def measure(executor: Executor, results: Path, systems: Sequence[str] = EVERY_SYSTEM, starts: int = STARTS) -> None:
     """Drive all pairs, and store by step the gap and what it is to be held against.
 
     The gap is the root mean square of the expert's component less the novice's over the starts; the novice's own spread
@@ -96,8 +91,6 @@ def measure(
 
 def table(results: Path | str = "results") -> pd.DataFrame:
     """A line a system, component and time: `gap`, the novice's own `spread`, their `ratio`; empty if not measured."""
-    import pandas as pd
-
     try:
         found = read_record(Path(results) / NAME)["found"]
     except FileNotFoundError:

@@ -32,9 +32,7 @@ def as_drive(trajectory: Trajectory, system: System) -> Drive:
     return Drive(name, name, trajectory.states.astype(float), trajectory.actions.astype(float), ground)
 
 
-def pieces_of(
-    source: str, minutes: float, data: str | Path = "data", policy: str = "ornstein_uhlenbeck"
-) -> Pieces:
+def pieces_of(source: str, minutes: float, data: str | Path = "data", policy: str = "ornstein_uhlenbeck") -> Pieces:
     """The motion of a robot, cut into trajectories.
 
     Args:
@@ -53,9 +51,7 @@ def pieces_of(
 
         system, role = SIMULATED[source]
         seed = EXPERT_SEED if role == "expert" else POOL_SEED
-        found = collect(
-            data, Collection(system=system, role=role, policy=policy, seed=seed), trajectories_for(minutes)
-        )
+        found = collect(data, Collection(system=system, role=role, policy=policy, seed=seed), trajectories_for(minutes))
         return cut([as_drive(trajectory, SYSTEMS[system]) for trajectory in found])
     if not Path(source).exists():
         error = unknown_name(source, SIMULATED, "the simulated robots")

@@ -13,9 +13,11 @@ import argparse
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
 from sidm.experiments.figures.style import SIZE_STYLES, finish, legend_below, side_by_side, styled
@@ -31,10 +33,6 @@ from sidm.pool import local_pool
 from sidm.storage import read_record, write_record
 from sidm.systems import FREE_SYSTEMS, SYSTEMS
 from sidm.trajectory import Collection, Trajectory, load
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 AHEAD, BEFORE = 10, 4  # steps of 0.1 s: of the answer, and over which a velocity is taken
 TRAJECTORIES = 128  # of a simulated robot
@@ -166,8 +164,6 @@ def gaps(results: Path | str = "results") -> pd.DataFrame:
 
     `gap` is their geometric mean: 1 where the expert answers as well as the novice itself.
     """
-    import pandas as pd
-
     try:
         found = read_record(Path(results) / NAME)["found"]
     except FileNotFoundError:
@@ -193,8 +189,6 @@ def saved(groups: Mapping[str, Group]) -> pd.DataFrame:
 
     A line a `kind` of pairs, `system` and method that is there: `pair`, whose gap it goes with, and what `savings` has.
     """
-    import pandas as pd
-
     parts = []
     for kind, (frame, size, value, pair) in groups.items():
         methods = [name for name in SAVING if name in set(frame.method)]
@@ -211,8 +205,6 @@ def family_of(frame: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
         frame: of Figure 3.
         table: of several experts.
     """
-    import pandas as pd
-
     mine = table[(table.experts == MEMBER_ALONE) & (table.way == "all")]
     tuned = mine.rename(columns={"loss": "validation_loss"}).assign(method="pretrain_finetune")
     alone = frame[(frame.method == "novice_only") & frame.system.isin(mine.system)]

@@ -10,9 +10,10 @@ import argparse
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from sidm.experiments.engine.provenance import THREADS, here
 from sidm.experiments.methods import BASELINES, FIGURE3, METHODS, change
@@ -20,9 +21,6 @@ from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
 from sidm.storage import read_record, write_record
 from sidm.trajectory import STEPS
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 NAME = "pace.json"
 SYSTEM = "system1"  # on the other one the same networks see batches of the same size

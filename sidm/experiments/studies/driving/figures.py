@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -24,9 +25,6 @@ from sidm.experiments.figures.style import (
 from sidm.experiments.studies.driving.measure import episode
 from sidm.experiments.studies.driving.results import DRIVER, SHORT, label
 from sidm.systems import SYSTEMS
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 SHOWN = 4  # episodes whose ways are drawn
 LOOKS: dict[str, dict[str, Any]] = {

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 from scipy.stats import binomtest
 
 from sidm.control.drivers import ARRIVED
@@ -16,9 +16,6 @@ from sidm.experiments.statistics.claims import COLUMNS, judged
 from sidm.experiments.statistics.intervals import Interval, interval
 from sidm.experiments.statistics.pairs import beside
 from sidm.experiments.studies.driving.measure import KEPT
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 PAPER = "not measured"
 SHORT = {"corrected_averaged": "expert corrected"}  # of labels that would fill a picture
@@ -47,8 +44,6 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     m/s, `surprise`, m, from where a plan led to where the robot was at the next, NaN of no plan; and the `path`
     (K + 1, 2), m, where it is stored.
     """
-    import pandas as pd
-
     lines = []
     for one in of_trials(frame).itertuples():
         trial = (one.method, one.novice_minutes, one.seed) if one.driver == "model" else ("", 0.0, 0)
@@ -71,8 +66,6 @@ def scores(frame: pd.DataFrame) -> pd.DataFrame:
     `detour`, path by straight distance; the other `ends` by cause; means of `surprise` and `top_speed`; and plans a
     second, `often` by the median plan and `seldom` by the slowest 5 %.
     """
-    import pandas as pd
-
     pace = of_trials(frame[frame.plans > 0]).assign(method=lambda f: f.method.where(f.driver == "model", ""))
     pace = pace.assign(novice_minutes=pace.novice_minutes.where(pace.method != "", 0.0).astype(float))
     often = 1 / pace.groupby(DRIVER)[["plan_seconds", "slowest_plan_seconds"]].median()
@@ -100,8 +93,6 @@ def rivals(table: pd.DataFrame) -> pd.DataFrame:
     `chance` of such a difference or a greater one between equals, by McNemar's exact test; goals that `both` reached,
     and how much `sooner` there, s, with `low` and `high`, over episodes.
     """
-    import pandas as pd
-
     lines = []
     for system, every in table.groupby("system", sort=False):
         groups = list(every.groupby(DRIVER[1:], sort=False))
@@ -131,8 +122,6 @@ def claims(table: pd.DataFrame) -> pd.DataFrame:
 
     A seed is a pair: the means over its episodes, of all sizes that both sides have driven.
     """
-    import pandas as pd
-
     point = ["system", "novice_minutes", "episode"]
     own, other = (table[table.method == method] for method in COMPARED)
     both = own.merge(other[[*point, "missed", "seconds"]], on=point, suffixes=("", "_other"))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
 from sidm.experiments.figures.curves import size_style
@@ -20,9 +20,6 @@ from sidm.experiments.figures.style import (
     styled,
 )
 from sidm.systems import ROLES, SYSTEMS
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 ALIKE = ("linear_accuracy", "network_accuracy", "raw_accuracy", "a_distance", "mmd", "discriminator_accuracy")
 #: Losses on the novice's motion, and the parts that it is sent through.

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -16,9 +17,6 @@ from sidm.experiments.statistics.intervals import Interval
 from sidm.experiments.statistics.pairs import beside, complete, together
 from sidm.experiments.studies.recorded_targets.measure import METHODS_HERE, Proxy
 from sidm.systems import SYSTEMS
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Way = tuple[str, Proxy]  # a method and whose simulation it learns from
 
@@ -79,8 +77,6 @@ def by_size(table: pd.DataFrame, other: Way) -> pd.DataFrame:
     itself; `saved`, `saved_low`, `saved_high` and `bound`: how many times the recorded data the other would need; and
     `worth`, of a model without recorded data, the minutes with which the other does as well.
     """
-    import pandas as pd
-
     point = ["system", *BY, "novice_minutes"]
     found = table.groupby(point, sort=False).agg(
         seeds=("seed", "size"), loss=("loss", "mean"), error=("error", "mean")
@@ -105,8 +101,6 @@ def by_size(table: pd.DataFrame, other: Way) -> pd.DataFrame:
 
 def written(lines: pd.DataFrame) -> pd.DataFrame:
     """The table of `by_size` for a page, ratios and savings with their intervals as texts."""
-    import pandas as pd
-
     labels = [label(*way) for way in lines[BY].itertuples(index=False)]
     ratios = [Interval(*ends).words(3) for ends in lines[["ratio", "low", "high"]].itertuples(index=False)]
     known = {"saved": "ratio", "saved_low": "low", "saved_high": "high"}

@@ -136,9 +136,7 @@ def jobs(
     return found
 
 
-def collect_family(
-    study: Study, system: str, executor: Executor, wanted: Iterable[Pretraining] | None = None
-) -> None:
+def collect_family(study: Study, system: str, executor: Executor, wanted: Iterable[Pretraining] | None = None) -> None:
     """Simulate what is missing of the experts of the family, for some jobs or for all."""
     needed = members_needed(jobs(study, system) if wanted is None else wanted)
     collect_members(system, study.preset.policy, needed, study.data, study.results, executor)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import pandas as pd
 from matplotlib.figure import Figure
 
 from sidm.experiments.engine.frame import of_trials
@@ -20,9 +21,6 @@ from sidm.experiments.statistics.claims import COLUMNS, judged
 from sidm.experiments.statistics.pairs import Losses, beside, complete, together
 from sidm.experiments.statistics.savings import savings_between
 from sidm.experiments.studies.several_experts.measure import WAYS
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 PAPER = "'may lead to a more accurate' one"
 FASTER = "'may also lead to faster training'"
@@ -45,8 +43,6 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     With `number` of the experts, validation `loss`, `samples` seen by the novice's training with its patience, and the
     processor's `minutes` for it.
     """
-    import pandas as pd
-
     lines = []
     for one in of_trials(frame).itertuples():
         known = one.system, label(one.experts, one.paper), one.experts, one.seed
@@ -66,8 +62,6 @@ def needed(table: pd.DataFrame) -> pd.DataFrame:
     `seeds`, mean `loss`, `samples` and `minutes`; the `ratio` of the losses with `low` and `high`; and `saved`,
     `saved_low`, `saved_high` and `bound`: how many times the novice's data the paper's expert's SIDM needs.
     """
-    import pandas as pd
-
     point = ["system", "experts", "way", "novice_minutes"]
     found = table.groupby(point, sort=False)[["loss", "samples", "minutes"]].mean()
     found.insert(0, "seeds", table.groupby(point, sort=False).size())
@@ -91,8 +85,6 @@ def _complete(lines: pd.DataFrame, system: str) -> Losses:
 
 def as_they_are(frame: pd.DataFrame) -> pd.DataFrame:
     """A line a record and size: the `nearest` expert, and the validation `loss` with its parts as they are."""
-    import pandas as pd
-
     lines = []
     for one in of_trials(frame).itertuples():
         names = [*(["expert"] if one.paper else []), *(f"member{number}" for number in range(len(one.roles)))]
@@ -117,8 +109,6 @@ def claims(table: pd.DataFrame, joint: pd.DataFrame) -> pd.DataFrame:
     by way, the sizes together; the training of encoder and decoder alone beside that of all together with an SIDM that
     is not learnt before, of which `joint` are results.
     """
-    import pandas as pd
-
     most = table[(table.number == table.number.max()) & (table.number > 1)]
     if not len(most):
         return pd.DataFrame(columns=list(COLUMNS))

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
 from sidm.experiments.engine.frame import of_trials
@@ -16,9 +17,6 @@ from sidm.experiments.statistics.pairs import beside
 from sidm.learning.beyond.particles import LEVELS, QUANTILES
 from sidm.systems import SYSTEMS
 from sidm.trajectory import CONTROL_STEP, QUATERNION
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 WORDS = {True: "by likelihood", False: "deterministic"}
 DATA = ["system", "novice_minutes", "method"]
@@ -56,8 +54,6 @@ def coverage(frame: pd.DataFrame) -> pd.DataFrame:
         them; the same after the `rollout`, of forward, sideways and heading, `rollout_least` and `rollout_most`; the
         intervals' `width` there, (3,) m, m, rad; and the `position` error there, m.
     """
-    import pandas as pd
-
     lines = []
     for point, some in of_trials(frame).groupby(POINT, sort=False):
         one_step = np.mean(some.coverage.tolist(), axis=0)  # (L, 13)
