@@ -3,7 +3,8 @@
 from typing import TYPE_CHECKING
 
 from sidm.experiments.engine.datasets import collect_datasets
-from sidm.experiments.engine.store import Failure, Outcome, Results, Row, StoreError
+from sidm.experiments.engine.records import StoreError
+from sidm.experiments.engine.store import Failure, Outcome, Results, Row
 from sidm.experiments.methods import METHODS
 from sidm.experiments.presets import PRESETS, Preset, load_preset
 from sidm.experiments.study import Study

@@ -135,8 +135,7 @@ class Trial:
     @functools.cached_property
     def key(self) -> str:
         """20 hexadecimal digits that change when any value of the trial does."""
-        text = json.dumps(self.to_json(), sort_keys=True, separators=(",", ":"), allow_nan=False)
-        return hashlib.sha256(text.encode()).hexdigest()[:20]
+        return key_of_values(self.to_json())
 
     def __str__(self) -> str:
         """For messages and progress bars."""
@@ -154,6 +153,12 @@ class Trial:
     def from_json(cls, values: Mapping[str, Any]) -> Trial:
         """The trial that `to_json` wrote; ConfigError when a name or a type is not right."""
         return from_mapping(cls, values)
+
+
+def key_of_values(values: Mapping[str, Any]) -> str:
+    """20 hexadecimal digits that change when any of some plain nested values does."""
+    text = json.dumps(values, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:20]
 
 
 def _without_later(values: Mapping[str, Any]) -> dict[str, Any]:

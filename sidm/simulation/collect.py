@@ -20,7 +20,7 @@ from sidm.progress import progress_bar
 from sidm.simulation.exploration import draw_actions
 from sidm.simulation.simulator import Simulator
 from sidm.storage import sweep
-from sidm.systems import System, find_system
+from sidm.systems import ROLES, System, find_system
 from sidm.terrain import generate_terrain
 from sidm.trajectory import (
     DISCARDS,
@@ -91,16 +91,19 @@ def attempt(
 
 @functools.lru_cache(maxsize=1)  # a worker keeps it from shard to shard: building one takes a quarter of a trajectory
 def _simulator(system: System, role: str) -> Simulator:
-    return Simulator(system.robot(role), np.zeros((system.terrain.size, system.terrain.size)), system.physics)
+    robot = system.robot(role if role in ROLES else "expert")  # in whose place a member of the family stands
+    return Simulator(robot, np.zeros((system.terrain.size, system.terrain.size)), system.physics)
 
 
-def simulate(collection: Collection, index: int) -> Trajectory:
+def simulate(collection: Collection, index: int, system: System | None = None) -> Trajectory:
     """Trajectory `index` of a collection: the first attempt to last 64 steps, with the count of those that did not.
+
+    The robots and the ground are those of the system that the collection names, unless another is given.
 
     Raises:
         RuntimeError: none of MOST_ATTEMPTS did.
     """
-    system = find_system(collection.system)
+    system = system or find_system(collection.system)
     simulator = _simulator(system, collection.role)
     causes: list[str | None] = []
     for number in range(MOST_ATTEMPTS):
@@ -111,10 +114,10 @@ def simulate(collection: Collection, index: int) -> Trajectory:
     raise RuntimeError(f"{collection}: {MOST_ATTEMPTS} attempts at trajectory {index} ended early; last: {causes[-1]}")
 
 
-def make_shard(root: Path, collection: Collection, number: int) -> int:
-    """Simulate and write one shard; how many trajectories it holds."""
+def make_shard(root: Path, collection: Collection, number: int, system: System | None = None) -> int:
+    """Simulate and write one shard, as `simulate`; how many trajectories it holds."""
     indices = range(SHARD_SIZE * number, SHARD_SIZE * (number + 1))
-    write_shard(collection.shard(root, number), [simulate(collection, index) for index in indices])
+    write_shard(collection.shard(root, number), [simulate(collection, index, system) for index in indices])
     return SHARD_SIZE
 
 
@@ -130,6 +133,7 @@ def collect(
     workers: int | None = None,
     executor: Executor | None = None,
     progress: bool = True,
+    system: System | None = None,
 ) -> list[Trajectory]:
     """The first `count` trajectories of a collection; what is on disk is read, the rest is simulated and written.
 
@@ -140,6 +144,7 @@ def collect(
         workers: processes, one a core when None; ignored with an `executor`.
         executor: runs the shards elsewhere; its workers write into the same `root`.
         progress: show a bar with the time left.
+        system: as of `simulate`.
 
     Raises:
         ShardError: a shard on disk is damaged; the message names it.
@@ -151,7 +156,7 @@ def collect(
         pool = nullcontext(executor) if executor else local_pool(min(workers or os.cpu_count() or 1, len(missing)))
         title = f"{collection.system} {collection.role} {collection.policy}"
         with pool as run, progress_bar(len(missing) * SHARD_SIZE, title, "trajectory", progress) as bar:
-            futures = [run.submit(make_shard, root, collection, number) for number in missing]
+            futures = [run.submit(make_shard, root, collection, number, system) for number in missing]
             for future in as_completed(futures):
                 bar.update(future.result())
     return load(root, collection, count)

@@ -144,26 +144,23 @@ def evaluate(
     losses = validation_loss(trained.model, validation)
     predicted, actual = roll_out(trained.model, trial, rollouts)
     position, heading = rollout_errors(predicted, actual, trial.network.body("novice"))
-    samples, test, training = summary_curve(trained)
     return Outcome(
         validation_loss=float(losses.sum()),
-        component_losses=_floats(losses),
+        component_losses=plain(losses),
         best_test_loss=float(trained.best_test_loss),
-        position_error=_floats(position.mean(0)),
-        heading_error=_floats(heading.mean(0)),
-        example_predicted=_path(predicted[0]),
-        example_actual=_path(actual[0]),
-        curve_samples=samples,
-        curve_test_loss=test,
-        curve_training_loss=training,
+        position_error=plain(position.mean(0)),
+        heading_error=plain(heading.mean(0)),
+        example_predicted=plain(predicted[0, :, :2]),
+        example_actual=plain(actual[0, :, :2]),
+        **curve(trained),
         iterations=trained.iterations,
         samples=trained.samples,
         pretraining_samples=start.samples if start else 0,
         component_samples=tuple(one.samples for one in trained.components),
         component_test=tuple(one.test for one in trained.components),
         component_validation=tuple(one.validation for one in trained.components),
-        rollouts_predicted=_nested(predicted[:ROLLOUTS_KEPT]),
-        rollouts_actual=_nested(actual[:ROLLOUTS_KEPT]),
+        rollouts_predicted=plain(predicted[:ROLLOUTS_KEPT]),
+        rollouts_actual=plain(actual[:ROLLOUTS_KEPT]),
     )
 
 
@@ -207,27 +204,15 @@ def roll_out(model: Predictor, trial: Trial, trajectories: list[Trajectory]) -> 
     return rollout(model, heights, states[:, 0], actions[:, :-1], pixels, spacing=spacing, body=body), states
 
 
-def summary_curve(trained: Trained) -> tuple[tuple[int, ...], tuple[float, ...], tuple[float, ...]]:
-    """Samples seen, test loss and training loss at up to CURVE_POINTS even steps, first and last included."""
+def curve(trained: Trained) -> dict[str, tuple]:
+    """The learning curve's summary at up to CURVE_POINTS even steps, first and last included, as a record has it."""
     count = len(trained.history)
     chosen = np.unique(np.linspace(0, count - 1, min(count, CURVE_POINTS)).round().astype(int))
     tests = [trained.history[number] for number in chosen]
-    return (
-        tuple(test.samples for test in tests),
-        tuple(test.test_loss for test in tests),
-        tuple(test.training_loss for test in tests),
-    )
+    return {f"curve_{name}": tuple(getattr(test, name) for test in tests)
+            for name in ("samples", "test_loss", "training_loss")}  # fmt: skip
 
 
-def _floats(values: torch.Tensor) -> tuple[float, ...]:
-    return tuple(values.double().tolist())
-
-
-def _nested(states: torch.Tensor) -> tuple[tuple[tuple[float, ...], ...], ...]:
-    """(R, K + 1, S) states."""
-    return tuple(tuple(map(tuple, path)) for path in states.double().tolist())
-
-
-def _path(states: torch.Tensor) -> tuple[tuple[float, float], ...]:
-    """(K + 1, S) states as x and y, m."""
-    return tuple((x, y) for x, y in states[:, :2].double().tolist())
+def plain(values: torch.Tensor) -> Any:
+    """A tensor as nested lists, which a record takes for its tuples."""
+    return values.tolist()

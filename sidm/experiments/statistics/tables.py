@@ -22,9 +22,9 @@ COMPONENTS = (
 )
 
 
-def spread(frame: pd.DataFrame, by: Sequence[str], value: str = "validation_loss") -> pd.DataFrame:
-    """For each group that the columns `by` make: number of trials, mean, minimum and maximum of a value."""
-    found = frame.groupby(list(by))[value].agg(["size", "mean", "min", "max"]).reset_index()
+def spread(frame: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+    """For each group that the columns `by` make: number of trials, mean, minimum and maximum of the loss."""
+    found = frame.groupby(list(by)).validation_loss.agg(["size", "mean", "min", "max"]).reset_index()
     return found.rename(columns={"size": "trials", "min": "minimum", "max": "maximum"})
 
 

@@ -69,7 +69,7 @@ def test_a_file_has_what_fits_in_a_cell(store, tmp_path):
 
 
 def test_records_are_a_table_too():
-    records = STUDIES["uncertainty"].records(ROOT / "results")
+    records = STUDIES["uncertainty"].doors.records(ROOT / "results")
     frame, found = records.frame(), records.all()
     assert list(frame.trial_seed) == [one.about.trial.seed for one in found] != []
     assert list(frame.date) == [one.provenance.date for one in found]

@@ -8,8 +8,7 @@ import pytest
 from sidm.config import ConfigError, config
 from sidm.experiments.catalogue import STUDIES, find_study
 from sidm.experiments.engine.provenance import Provenance, here
-from sidm.experiments.engine.records import Making, Records, key_of
-from sidm.experiments.engine.store import StoreError
+from sidm.experiments.engine.records import Making, Records, StoreError, key_of
 from sidm.numerics import versions
 
 ROOT = Path(__file__).parents[3]
@@ -89,6 +88,6 @@ def test_a_study_goes_by_its_name():
 @pytest.mark.parametrize("name", STUDIES)
 def test_stored_records_are_found_under_their_keys(name):
     """What they are about may gain values: those that older records do not have must leave keys as they are."""
-    records = STUDIES[name].records(ROOT / "results")
+    records = STUDIES[name].doors.records(ROOT / "results")
     paths = {records.path(one.about) for one in records.all()}
     assert paths == set(records.folder.glob("*.json")) != set()

@@ -13,9 +13,8 @@ from sidm.experiments import Results, Study, perform, run, run_trial
 from sidm.experiments import run as run_function
 from sidm.experiments.digests import find_digest
 from sidm.experiments.engine.datasets import load_dataset, note_collected, note_committed
-from sidm.experiments.engine.records import Making
-from sidm.experiments.engine.run import checkpoint_folder, one_line, run_here
-from sidm.experiments.engine.store import rounded
+from sidm.experiments.engine.records import Making, one_line, rounded
+from sidm.experiments.engine.run import checkpoint_folder, run_here
 from sidm.storage import read_record, write_record
 from sidm.trajectory import ShardError
 

@@ -14,7 +14,7 @@ from sidm.experiments.statistics.efficiency import (
     greatest_ratio,
     minutes_needed,
 )
-from sidm.experiments.statistics.intervals import MANY_SEEDS, bootstrap, interval, leave_one_out, summarise
+from sidm.experiments.statistics.intervals import MANY_SEEDS, bootstrap, interval, leave_one_out
 from sidm.storage import read_record
 
 ROOT = Path(__file__).parents[3]
@@ -41,17 +41,8 @@ def test_bootstrap_keeps_pairs():
     assert bootstrap(np.mean, np.array([2.0])) == (2, 2, 2)
 
 
-def test_bootstrap_is_seeded_and_skips_what_is_not_finite():
-    """Same seed, same interval; a statistic without a value leaves no interval."""
-    samples = np.arange(6.0)
-    assert bootstrap(np.mean, samples, seed=3) == bootstrap(np.mean, samples, seed=3)
-    assert np.isnan(bootstrap(lambda s: np.nan, samples).low)
-
-
-def test_summary():
-    """Mean, interquartile mean, minimum and maximum over seeds."""
-    found = summarise(np.array([[0.0], [1], [2], [9]]))
-    assert (found.mean[0], found.interquartile_mean[0], found.minimum[0], found.maximum[0]) == (3, 1.5, 0, 9)
+def test_a_statistic_without_a_value_leaves_no_interval():
+    assert np.isnan(bootstrap(lambda s: np.nan, np.arange(6.0)).low)
 
 
 def test_leaving_one_out_of_a_mean_is_students_interval():

@@ -9,7 +9,6 @@ from sidm.body import ROVER
 from sidm.config import ConfigError
 from sidm.experiments import METHODS, StoreError, Study
 from sidm.experiments.engine.frame import records_frame
-from sidm.experiments.engine.provenance import here
 from sidm.experiments.engine.records import key_of
 from sidm.experiments.studies.recorded_targets import measure as e
 from sidm.experiments.studies.recorded_targets.recorded import checksum_of, load_recorded, subsets
@@ -30,7 +29,7 @@ from sidm.recordings import Drive, Ground, RecordingError, read_drives, write_dr
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain
 from sidm.trajectory import STEPS
-from tests.experiments.conftest import glide, write_motion
+from tests.experiments.conftest import glide, kept, made, write_motion
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +90,7 @@ def test_a_transfer_is_trained_judged_and_stored(jobs, data, recordings, tmp_pat
     assert found.minutes == ((0.0, 0.25) if job.pretraining else (0.25,))
     for losses, whole in zip(found.component_losses, found.validation_loss, strict=True):
         assert sum(losses) == pytest.approx(whole) and len(losses) == 13
-    assert {len(error) for error in found.position_error + found.heading_error} == {25} and not found.provenance.stale
+    assert {len(error) for error in found.position_error + found.heading_error} == {25}
     for pieces, whole in zip(found.piece_losses, found.validation_loss, strict=True):
         assert len(pieces) == 4 and np.mean(pieces) == pytest.approx(whole)
     assert len(found.curve_samples) == len(found.seconds) == len(found.best_test_loss) == 1
@@ -99,9 +98,7 @@ def test_a_transfer_is_trained_judged_and_stored(jobs, data, recordings, tmp_pat
     figures = {name: getattr(found, name) for name in ("validation_loss", "samples", "best_test_loss")}
     golden.hold(f"recorded, {job.method}, {job.proxy}", "elsewhere", figures, rel=0.05)
     assert store.get(job) is None
-    store.put(found)
-    again = store.get(job)
-    assert again.about == job and again.validation_loss == pytest.approx(found.validation_loss, rel=1e-5)
+    assert kept(store, found)
 
 
 def test_training_stopping_and_judging_have_grounds_of_their_own(recordings):
@@ -162,26 +159,11 @@ def made_up(jobs):
             minutes = ((0.0,) if job.pretraining else ()) + (1.0, 2.0, 5.0)
             power = times[job.method] * (2 if job.proxy == "novice" and job.method != "sidm" else 1)
             losses = tuple((4 + 0.1 * seed) / max(m * power, 0.5) for m in minutes)
-            found.append(
-                e.Transferred(
-                    about=dataclasses.replace(job, seed=seed),
-                    minutes=minutes,
-                    validation_loss=losses,
-                    component_losses=((0.0,) * 13,) * len(minutes),
-                    piece_losses=tuple((loss,) * 4 for loss in losses),
-                    position_error=tuple((loss / 10,) * 25 for loss in losses),
-                    heading_error=((0.1,) * 25,) * len(minutes),
-                    samples=(1,) * 3,
-                    best_samples=(1,) * 3,
-                    best_test_loss=(1.0,) * 3,
-                    curve_samples=((1,),) * 3,
-                    curve_test_loss=((1.0,),) * 3,
-                    curve_training_loss=((1.0,),) * 3,
-                    seconds=(1.0,) * 3,
-                    pretraining_samples=1,
-                    provenance=here(1.0, 1, False),
-                )
-            )
+            found.append(made(
+                e.Transferred, dataclasses.replace(job, seed=seed), minutes=minutes, validation_loss=losses,
+                piece_losses=tuple((loss,) * 4 for loss in losses),
+                position_error=tuple((loss / 10,) * 25 for loss in losses),
+            ))  # fmt: skip
     return table(records_frame(e.Transferred, found))
 
 

@@ -17,7 +17,7 @@ from sidm.control.planning import Dreamer, Planner, Planning
 from sidm.experiments.engine.execute import Library, one_thread, roll_out
 from sidm.experiments.engine.models import predictor_of
 from sidm.experiments.engine.provenance import Provenance
-from sidm.experiments.engine.records import Making, Records
+from sidm.experiments.engine.records import Making, Records, by_field
 from sidm.experiments.methods import COMPARED
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
@@ -131,8 +131,7 @@ def measure(about: Drive, data: str | Path = "data") -> Driven:
 
     making, system = Making("driving", about.trial, data), find_system(about.system)
     pace: list[float] = []
-    rides: list[Ride] = []
-    goals: list[np.ndarray] = []
+    driven, paths = [], []
     with one_thread():
         model = predictor_of(about.trial, data) if about.trial else None
         for number in about.episodes:
@@ -140,33 +139,33 @@ def measure(about: Drive, data: str | Path = "data") -> Driven:
             with Simulator(system.novice, one.heights, system.physics) as simulator:
                 driver = _driver(about, model, simulator, one, number)
                 rules = EpisodeRules(simulator.reset(yaw=one.yaw), system.terrain.half_width)
-                rides.append(ride(simulator, driver, rules, about.longest))
-                pace += driver.pace
-                goals.append(one.goal)
+                found = ride(simulator, driver, rules, about.longest)
+            pace += driver.pace
+            driven.append(_of_ride(found, one.goal))
+            if number < KEPT:
+                paths.append(found.path.tolist())
         loss, error = _quality(model, about.trial, data) if model and about.trial else (0.0, 0.0)
     return Driven(
         about=about,
-        ended=tuple(one.ended for one in rides),
-        seconds=tuple(one.seconds for one in rides),
-        length=tuple(one.length for one in rides),
-        away=tuple(float(np.linalg.norm(goal)) for goal in goals),
-        left=tuple(float(np.linalg.norm(one.path[-1] - goal)) for one, goal in zip(rides, goals, strict=True)),
-        throttle=tuple(float(np.abs(one.actions[:, 0]).mean()) for one in rides),
-        top_speed=tuple(one.top_speed for one in rides),
-        steepest=tuple(one.steepest for one in rides),
-        surprise=tuple(one.surprise for one in rides),
+        **by_field(driven),
         validation_loss=loss,
         position_error=error,
         plans=len(pace),
         plan_seconds=float(np.median(pace)) if pace else 0.0,
         slowest_plan_seconds=float(np.percentile(pace, 95)) if pace else 0.0,
-        paths=tuple(
-            tuple((x, y) for x, y in one.path.tolist())
-            for number, one in zip(about.episodes, rides, strict=True)
-            if number < KEPT
-        ),
+        paths=tuple(paths),
         provenance=making.done(),
     )
+
+
+def _of_ride(found: Ride, goal: np.ndarray) -> dict[str, Any]:
+    """The fields on an episode."""
+    names = ("ended", "seconds", "length", "top_speed", "steepest", "surprise")
+    return {name: getattr(found, name) for name in names} | {
+        "away": float(np.linalg.norm(goal)),
+        "left": float(np.linalg.norm(found.path[-1] - goal)),
+        "throttle": float(np.abs(found.actions[:, 0]).mean()),
+    }
 
 
 def _quality(model: Predictor, trial: Trial, data: str | Path) -> tuple[float, float]:

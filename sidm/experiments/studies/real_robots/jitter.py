@@ -9,12 +9,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from sidm.experiments.studies.real_robots.measure import HORIZON, WARM_UP
 from sidm.learning.beyond.recorded import Pieces
 from sidm.learning.units import Standardisation, loss_weights
+from sidm.rotations import turn
 
 ORDER, NOISE = 4, 70.0  # of the differences, and what they make of a variance
 DRAWS, SEED = 20, 0  # of the noise, for each piece
@@ -62,6 +62,4 @@ def floor(pieces: Pieces) -> Floor:
 def _way(states: Tensor) -> Tensor:
     """(N, 2) m, in the first one's frame, from the pose after the warm-up to that at the horizon."""
     start, end = states[:, WARM_UP], states[:, WARM_UP + HORIZON]
-    x, y = (end - start)[:, :2].unbind(-1)
-    cos, sin = torch.cos(start[:, 2]), torch.sin(start[:, 2])
-    return torch.stack([cos * x + sin * y, cos * y - sin * x], -1)
+    return turn((end - start)[:, :2], -start[:, 2])

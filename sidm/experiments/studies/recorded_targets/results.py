@@ -10,7 +10,15 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sidm.experiments.figures.style import LOSS_LABEL, METHOD_STYLES, finish, legend_below, side_by_side, styled
+from sidm.experiments.figures.style import (
+    LOSS_BY_SIZE,
+    METHOD_STYLES,
+    by_system,
+    finish,
+    legend_below,
+    mean_and_range,
+    styled,
+)
 from sidm.experiments.statistics import savings
 from sidm.experiments.statistics.claims import BETTER, NO_DIFFERENCE, WORSE, judged
 from sidm.experiments.statistics.intervals import Interval
@@ -150,15 +158,13 @@ def claims(table: pd.DataFrame) -> pd.DataFrame:
 @styled
 def figure(table: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
     """Loss against minutes of recorded data, by method and proxy; level lines are of models that saw none."""
-    figure, panels = side_by_side(len(systems))
-    for axes, system in zip(panels, systems, strict=True):
-        axes.set(xscale="log", yscale="log", xlabel="recorded data (min)", ylabel=LOSS_LABEL)
-        axes.set_title(f"recorded novice of {system}")
-        mine = table[table.system == system]
+    axis = LOSS_BY_SIZE | {"xlabel": "recorded data (min)"}
+    figure, plots = by_system(table, systems, "recorded novice of {}", **axis)
+    for axes, mine in plots:
         for way in SHOWN:
             _draw(axes, mine, way)
         finish(axes, mine.novice_minutes[mine.novice_minutes > 0], legend=False)
-    legend_below(figure, panels)
+    legend_below(figure, figure.axes)
     return figure
 
 
@@ -171,8 +177,7 @@ def _draw(axes: Axes, mine: pd.DataFrame, way: Way) -> None:
     losses = _of(mine, way).groupby("novice_minutes").loss.agg(["mean", "min", "max"])
     if not len(losses):
         return
-    axes.plot(losses.index, losses["mean"], **style)
-    axes.fill_between(losses.index, losses["min"], losses["max"], color=style["color"], alpha=0.2, lw=0)
+    mean_and_range(axes, losses, **style)
     bare = mine[(mine.method == method) & (mine.proxy == proxy) & (mine.novice_minutes == 0)].loss
     if len(bare) and method == "pretrain_finetune":
         plain = style | {"label": f"the same, no recorded data{PROXY_WORDS[proxy]}", "marker": ""}

@@ -12,16 +12,16 @@ import time
 from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from torch import Tensor
 
 from sidm.config import config
 from sidm.experiments.digests import find_digest
 from sidm.experiments.engine.datasets import load_dataset
-from sidm.experiments.engine.execute import Library, one_thread, roll_out, summary_curve
+from sidm.experiments.engine.execute import Library, curve, one_thread, plain, roll_out
 from sidm.experiments.engine.provenance import Provenance
-from sidm.experiments.engine.records import Making, Records
+from sidm.experiments.engine.records import Making, Records, by_field
 from sidm.experiments.methods import FINER_TESTS, METHODS, change
 from sidm.experiments.studies.several_experts.family import collect_members, dataset
 from sidm.experiments.study import Study
@@ -32,7 +32,7 @@ from sidm.learning.dataset import Datasets, Motion, Part, load_motion, split
 from sidm.learning.evaluation import mean_loss, rollout_errors, validation_loss
 from sidm.learning.model import DynamicsModel
 from sidm.learning.settings import Training
-from sidm.learning.training import train
+from sidm.learning.training import Trained, train
 from sidm.learning.units import Standardisation
 from sidm.numerics import numbered
 from sidm.systems import find_system
@@ -173,7 +173,7 @@ def measure(about: Pretraining, data: str | Path = "data") -> Pretrained:
         model = DynamicsModel(trial.network, units, trial.seed, tuple(experts))
         model.load_state_dict(weights)
         model.eval()
-        found: list[list[_Novice]] = []  # (M, W)
+        found: list[list[dict[str, Any]]] = []  # (M, W)
         chosen, before = [], []
         for minutes in about.sizes:
             sets = library.datasets(trial.replace(novice_minutes=minutes))
@@ -185,18 +185,15 @@ def measure(about: Pretraining, data: str | Path = "data") -> Pretrained:
             found.append([_novice(about, way, sets, starts[way], units, library) for way in WAYS])
         own = tuple(mean_loss(model, _testing(motion, trial.seed), role) for role, motion in experts.items())
 
-    def every(name: str) -> Any:
-        return tuple(tuple(getattr(one, name) for one in some) for some in zip(*found, strict=True))
-
     return Pretrained(
         about=about,
         nearest=tuple(chosen),
         before=tuple(before),
-        **{name: every(name) for name in _Novice._fields},
+        **by_field([by_field(some) for some in zip(*found, strict=True)]),
         experts_samples=history["samples"],
         experts_loss=own,
-        experts_curve_samples=tuple(history["curve_samples"]),
-        experts_curve_test_loss=tuple(history["curve_test_loss"]),
+        experts_curve_samples=history["curve_samples"],
+        experts_curve_test_loss=history["curve_test_loss"],
         provenance=making.done(),
     )
 
@@ -214,8 +211,7 @@ def _sidm_of(
     kept = checkpoint.read(where)
     if kept is None:
         several = train_several(experts, trial.network, trial.pretraining, trial.seed, units)
-        samples, tests, _ = summary_curve(several)
-        history = {"samples": several.samples, "curve_samples": samples, "curve_test_loss": tests}
+        history = {"samples": several.samples, **_curve(several)}
         checkpoint.write(where, checkpoint.module_tensors(several.model), history)
         kept = checkpoint.read(where)
         assert kept is not None
@@ -227,24 +223,16 @@ def _testing(motion: Motion, seed: int) -> Part:
     return motion.part(split(len(motion), len(motion), seed)[1])
 
 
-class _Novice(NamedTuple):
-    """What a novice's training gives; the fields of `Pretrained`."""
-
-    validation_loss: float
-    component_losses: tuple[float, ...]
-    position_error: float
-    heading_error: float
-    samples: int
-    best_samples: int
-    seconds: float
-    curve_samples: tuple[int, ...]
-    curve_test_loss: tuple[float, ...]
+def _curve(trained: Trained) -> dict[str, tuple]:
+    """The fields on its test loss along the training."""
+    found = curve(trained)
+    return {name: found[name] for name in ("curve_samples", "curve_test_loss")}
 
 
 def _novice(
     about: Pretraining, way: str, sets: Datasets, start: Parts, units: Standardisation, library: Library
-) -> _Novice:
-    """Train and judge one."""
+) -> dict[str, Any]:
+    """Train and judge one: the fields of `Pretrained` on it."""
     trial, begun = about.trial, time.process_time()
     trainings: Mapping[str, Training] = {
         "all": trial.training,
@@ -255,11 +243,16 @@ def _novice(
     seconds = time.process_time() - begun
     losses = validation_loss(trained.model, sets.validation)
     position, heading = rollout_errors(*roll_out(trained.model, trial, library.rollouts(trial)))
-    samples, tests, _ = summary_curve(trained)
-    return _Novice(
-        float(losses.sum()), tuple(losses.tolist()), float(position[:, -1].mean()), float(heading[:, -1].mean()),
-        trained.samples, trained.best_samples, seconds, samples, tests,
-    )  # fmt: skip
+    return {
+        "validation_loss": float(losses.sum()),
+        "component_losses": plain(losses),
+        "position_error": float(position[:, -1].mean()),
+        "heading_error": float(heading[:, -1].mean()),
+        "samples": trained.samples,
+        "best_samples": trained.best_samples,
+        "seconds": seconds,
+        **_curve(trained),
+    }
 
 
 def records(results: str | Path = "results") -> Records[Pretrained]:

@@ -14,6 +14,7 @@ from sidm.experiments.figures.style import (
     SIZE_STYLES,
     finish,
     legend_below,
+    mean_and_range,
     side_by_side,
     styled,
 )
@@ -140,9 +141,8 @@ def figure(table: pd.DataFrame, joint: pd.DataFrame) -> Figure:
             axes.sharey(panels[0])
         axes.set(xscale="log", yscale="log", xlabel="novice data (min)", title=words.replace(", ", ",\n"))
         for experts, own in mine.groupby("experts", sort=False):
-            losses, style = own.groupby("novice_minutes").loss.agg(["mean", "min", "max"]), _style(str(experts), own)
-            axes.plot(losses.index, losses["mean"], label=experts, **style)
-            axes.fill_between(losses.index, losses["min"], losses["max"], color=style["color"], alpha=0.15, lw=0)
+            losses = own.groupby("novice_minutes").loss.agg(["mean", "min", "max"])
+            mean_and_range(axes, losses, label=experts, **_style(str(experts), own))
         for method, look in BESIDE.items() if len(mine) else ():
             means = joint[joint.method == method].groupby("novice_minutes").validation_loss.mean()
             axes.plot(means.index, means, **look)

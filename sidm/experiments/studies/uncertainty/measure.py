@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from sidm.config import config
-from sidm.experiments.engine.execute import ROLLOUT_STEPS, Library, one_thread, roll_out, summary_curve
+from sidm.experiments.engine.execute import ROLLOUT_STEPS, Library, curve, one_thread, plain, roll_out
 from sidm.experiments.engine.models import model_of
 from sidm.experiments.engine.provenance import Provenance
 from sidm.experiments.engine.records import Making, Records
@@ -37,6 +37,10 @@ from sidm.terrain import generate_terrain
 
 SIZES = (1.0, 5.0, 60.0)  # novice data, min
 PARTICLES = 64  # of a rollout
+#: The fields on the training of a twin, of which its trial tells.
+UNTRAINED: dict[str, Any] = dict.fromkeys(("samples", "best_samples", "best_test_loss", "training_seconds"), 0) | (
+    dict.fromkeys(("curve_samples", "curve_test_loss", "curve_training_loss"), ())
+)
 
 
 @config
@@ -105,17 +109,16 @@ def measure(about: Fit, data: str | Path = "data") -> Fitted:
             latents = latents_of(trained.model, sets.validation)
         else:
             predictor = twin = model_of(trial, data)
-            training = _training(None, 0.0)
             found = _judged(ConstantSpread(twin, residual_spread(twin, sets)), about, library, 1)
-            latents = {"latent_spread": (0.0, 0.0), "quietest": (0.0, 0.0, 0.0)}
+            latents, training = {"latent_spread": (0.0, 0.0), "quietest": (0.0, 0.0, 0.0)}, UNTRAINED
         losses = validation_loss(predictor, sets.validation)
         position, heading = rollout_errors(*roll_out(predictor, trial, library.rollouts(trial)))
     return Fitted(
         about=about,
         validation_loss=float(losses.sum()),
-        component_losses=tuple(losses.tolist()),
-        position_error=tuple(position.mean(0).tolist()),
-        heading_error=tuple(heading.mean(0).tolist()),
+        component_losses=plain(losses),
+        position_error=plain(position.mean(0)),
+        heading_error=plain(heading.mean(0)),
         **found,
         **latents,
         **training,
@@ -123,16 +126,10 @@ def measure(about: Fit, data: str | Path = "data") -> Fitted:
     )
 
 
-def _training(trained: Trained | None, seconds: float) -> dict[str, Any]:
+def _training(trained: Trained, seconds: float) -> dict[str, Any]:
     """The fields on the training."""
-    curve = summary_curve(trained) if trained else ((), (), ())
-    return {
-        "samples": trained.samples if trained else 0,
-        "best_samples": trained.best_samples if trained else 0,
-        "best_test_loss": float(trained.best_test_loss) if trained else 0.0,
-        "training_seconds": seconds,
-        **dict(zip(("curve_samples", "curve_test_loss", "curve_training_loss"), curve, strict=True)),
-    }
+    own = {"samples": trained.samples, "best_samples": trained.best_samples, "training_seconds": seconds}
+    return own | {"best_test_loss": float(trained.best_test_loss)} | curve(trained)
 
 
 def _judged(model: Stochastic, about: Fit, library: Library, draws: int) -> dict[str, Any]:
@@ -143,15 +140,10 @@ def _judged(model: Stochastic, about: Fit, library: Library, draws: int) -> dict
     return {
         **found._asdict(),
         "nll_at_means": one_step(model, validation, None, 1).nll,
-        "steps_coverage": _nested(along.inside),
-        "steps_width": _nested(along.width),
-        "steps_error": _nested(along.error),
+        "steps_coverage": plain(along.inside),
+        "steps_width": plain(along.width),
+        "steps_error": plain(along.error),
     }
-
-
-def _nested(values: Tensor) -> Any:
-    """A tensor as tuples of tuples."""
-    return values.tolist() if values.ndim == 0 else tuple(_nested(part) for part in values)
 
 
 def latents_of(model: DistributionModel, motion: Motion | Part) -> dict[str, Any]:
@@ -176,16 +168,7 @@ def latents_of(model: DistributionModel, motion: Motion | Part) -> dict[str, Any
 
 def residual_spread(model: DynamicsModel, sets: Datasets) -> Tensor:
     """(13,) root mean squared errors on the test split, which no weights have learnt from; never wholly 0."""
-    return component_errors(model, sets.test).sqrt().clamp_min(1e-6)
-
-
-def component_errors(model: DynamicsModel, motion: Motion | Part) -> Tensor:
-    """(13,) mean squared errors over the steps of some motion."""
-    total = torch.zeros(13, dtype=torch.float64)
-    with torch.inference_mode():
-        for part in motion.split(EVALUATION_BATCH):
-            total += (model("novice", part.inputs, part.maps)[0] - part.targets).square().double().sum((0, 1))
-    return (total / motion.targets[..., 0].numel()).float()
+    return validation_loss(model, sets.test).float().sqrt().clamp_min(1e-6)
 
 
 def rollout_coverage(model: Stochastic, trial: Trial, library: Library, particles: int) -> Along:
