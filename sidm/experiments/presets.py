@@ -107,10 +107,7 @@ class Preset:
 
     def datasets(self, system: str) -> dict[str, Dataset]:
         """What all trials of a system need: 'novice' (the pool), 'expert', 'validation', 'rollout'."""
-        return datasets(
-            system, self.policy, self.pool_minutes(system), self.expert_minutes, self.validation_minutes,
-            self.rollouts, self.motion,
-        )  # fmt: skip
+        return datasets(self, system, self.pool_minutes(system))
 
     def with_motion(self, motion: str, pool_minutes: float, validation_minutes: float) -> Preset:
         """The same with motion of the novice that serves something else than figures."""

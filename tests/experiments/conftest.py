@@ -14,6 +14,7 @@ from sidm.systems import find_system
 from sidm.terrain import generate_terrain, height_at
 from sidm.trajectory import SHARD_SIZE, STEPS, Trajectory, checksum, load, probe, write_shard
 
+RESULTS = Path(__file__).parents[2] / "results"  # those that are committed
 TINY = dict(
     expert_minutes=1.0,
     novice_minutes_system1=[0.25, 0.75],
@@ -74,6 +75,12 @@ def data(tiny, tmp_path_factory) -> Path:
     for dataset in tiny.datasets("system1").values():
         write_motion(folder, dataset)
     return folder
+
+
+@pytest.fixture
+def study(tiny, data, tmp_path) -> Study:
+    """The tiny study, with results of its own."""
+    return Study(tiny, data, tmp_path)
 
 
 @pytest.fixture(scope="session")

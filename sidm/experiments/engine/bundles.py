@@ -152,4 +152,4 @@ def _outcome(
     if isinstance(found, TrainingError):
         return found
     found.model.to(device)
-    return evaluate(trial, found, library.motion(trial, "validation"), library.rollouts(trial), start)
+    return evaluate(trial, found, library, start)

@@ -6,7 +6,7 @@ import contextlib
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -21,9 +21,10 @@ from sidm.experiments.trials import Trial
 from sidm.learning.beyond.least_squares import fit
 from sidm.learning.beyond.pretraining import Start
 from sidm.learning.beyond.residual import Corrected, left_over, units
-from sidm.learning.dataset import Datasets, Motion, Part, load_motion, novice_split
+from sidm.learning.dataset import Datasets, Motion, load_motion, novice_split
 from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
 from sidm.learning.model import DynamicsModel, Predictor
+from sidm.learning.networks import Network
 from sidm.learning.observation import seen_as
 from sidm.learning.training import Tested, Trained, TrainingError, train
 from sidm.learning.units import Standardisation, loss_weights, units_for, units_of
@@ -103,13 +104,14 @@ def perform(
     """
     with one_thread():
         library = Library(data)
-        sets, rollouts = library.datasets(trial), library.rollouts(trial)
+        sets = library.datasets(trial)
+        library.rollouts(trial)  # missing ones are known before hours of work
         start = start_of(trial, sets, data, "cpu" if trial.solved else device)
         if trial.solved:
             trained = _solve(trial, sets, start)
         else:
             trained = _train(trial, sets, start, checkpoint=checkpoint, progress=progress, device=device)
-        return evaluate(trial, trained, sets.validation, rollouts, start), trained
+        return evaluate(trial, trained, library, start), trained
 
 
 def _train(trial: Trial, sets: Datasets, start: Start | None, **how: Any) -> Trained:
@@ -130,26 +132,44 @@ def _solve(trial: Trial, sets: Datasets, start: Start | None) -> Trained:
 
 
 def _frozen(trial: Trial, sets: Datasets, start: Start) -> DynamicsModel:
-    """The pretrained model, as it is."""
     assert sets.expert is not None
-    base = DynamicsModel(trial.network, Standardisation.of(sets.expert), roles=["novice"])
+    return frozen(trial.network, start, Standardisation.of(sets.expert))
+
+
+def frozen(network: Network, start: Start, units: Standardisation) -> DynamicsModel:
+    """The pretrained model, as it is."""
+    base = DynamicsModel(network, units, roles=["novice"])
     base.start(start.weights)
     return base.eval().requires_grad_(False)
 
 
-def evaluate(
-    trial: Trial, trained: Trained, validation: Motion | Part, rollouts: list[Trajectory], start: Start | None = None
-) -> Outcome:
-    """How good a trained model is, where it is; `start` is what it was trained from."""
-    losses = validation_loss(trained.model, validation)
-    predicted, actual = roll_out(trained.model, trial, rollouts)
+class Judged(NamedTuple):
+    """How good a model is: means over the validation set, and over the R rollouts of K steps."""
+
+    losses: torch.Tensor  # (Y,) the terms of equation (1)
+    position: torch.Tensor  # (K,) m
+    heading: torch.Tensor  # (K,) rad
+    predicted: torch.Tensor  # (R, K + 1, S) states
+    actual: torch.Tensor  # (R, K + 1, S)
+
+
+def judge(model: Predictor, trial: Trial, library: Library) -> Judged:
+    """A model of a trial's novice on the trial's validation set and rollouts, where the model is."""
+    losses = validation_loss(model, library.motion(trial, "validation"))
+    predicted, actual = roll_out(model, trial, library.rollouts(trial))
     position, heading = rollout_errors(predicted, actual, trial.network.body("novice"))
+    return Judged(losses, position.mean(0), heading.mean(0), predicted, actual)
+
+
+def evaluate(trial: Trial, trained: Trained, library: Library, start: Start | None = None) -> Outcome:
+    """The outcome of a trained model; `start` is what it was trained from."""
+    losses, position, heading, predicted, actual = judge(trained.model, trial, library)
     return Outcome(
         validation_loss=float(losses.sum()),
         component_losses=plain(losses),
         best_test_loss=float(trained.best_test_loss),
-        position_error=plain(position.mean(0)),
-        heading_error=plain(heading.mean(0)),
+        position_error=plain(position),
+        heading_error=plain(heading),
         example_predicted=plain(predicted[0, :, :2]),
         example_actual=plain(actual[0, :, :2]),
         **curve(trained),

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from sidm.config import ConfigError, from_mapping
-from sidm.experiments.engine.datasets import Uses, others
+from sidm.experiments.engine.datasets import others
 from sidm.experiments.engine.provenance import THREADS, Provenance, here
 from sidm.experiments.trials import key_of_values
 from sidm.progress import progress_bar
@@ -64,6 +64,12 @@ def rounded(value: Any) -> Any:
 def by_field(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Fields of a record that have an entry a part, from those of each part."""
     return {name: tuple(one[name] for one in parts) for name in parts[0]}
+
+
+def records_of(kind: type[F], study: str) -> Callable[..., Records[F]]:
+    """A study's `records(results)`: where its results of a kind are kept, under the folder of all results."""
+    place = study.replace("-", "_")
+    return lambda results="results": Records(kind, Path(results) / place, f"sidm study {study}")
 
 
 def single(path: Path) -> dict[str, Any]:
@@ -188,11 +194,11 @@ class Making:
 
     Args:
         kind: of work, one of `numerics.NUMERICS`.
-        used: what names the data that it is made from; None where none are.
+        used: what names its `datasets` and their `digests`, as a Trial does; None where there are none.
         data: their folder.
     """
 
-    def __init__(self, kind: str, used: Uses | None, data: str | Path) -> None:
+    def __init__(self, kind: str, used: Any, data: str | Path) -> None:
         self.kind, self.begun = kind, time.perf_counter()
         self.others = others(used, data) if used else ()
 

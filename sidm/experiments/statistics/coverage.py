@@ -8,6 +8,7 @@ Run as a module it measures anew and writes `results/coverage.json`.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -44,17 +45,11 @@ def log_ratio(pairs: np.ndarray) -> float:
     return float(np.log(efficiency(MINUTES, sidm, novice_only, np.array([LEVEL])).ratio[0]))
 
 
-def by_resampling(pairs: np.ndarray) -> Interval:
-    """The percentile interval of `log_ratio` over the S seeds of losses (S, 2, M)."""
-    return bootstrap(log_ratio, pairs, resamples=RESAMPLES)
-
-
-def by_leaving_out(pairs: np.ndarray) -> Interval:
-    """Student's interval of `log_ratio` over the S seeds of losses (S, 2, M)."""
-    return leave_one_out(log_ratio, pairs)
-
-
-METHODS = {"percentile": by_resampling, "leave_one_out": by_leaving_out}
+#: Kind of interval -> that of `log_ratio` over the S seeds of losses (S, 2, M).
+METHODS: dict[str, Callable[[np.ndarray], Interval]] = {
+    "percentile": functools.partial(bootstrap, log_ratio, resamples=RESAMPLES),
+    "leave_one_out": functools.partial(leave_one_out, log_ratio),  # Student's
+}
 
 
 def coverage(method: Callable[[np.ndarray], Interval], seeds: int, studies: int = STUDIES) -> tuple[float, float]:

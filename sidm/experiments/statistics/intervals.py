@@ -38,9 +38,7 @@ class Interval(NamedTuple):
         return 1 if self.low > of else -1 if self.high < of else 0
 
 
-def bootstrap(
-    statistic: Callable[[np.ndarray], float], samples: np.ndarray, resamples: int = RESAMPLES
-) -> Interval:
+def bootstrap(statistic: Callable[[np.ndarray], float], samples: np.ndarray, resamples: int = RESAMPLES) -> Interval:
     """Percentile bootstrap of `statistic` over the whole seeds of `samples`.
 
     Args:

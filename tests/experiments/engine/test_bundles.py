@@ -9,18 +9,13 @@ import pytest
 
 from sidm.__main__ import main
 from sidm.config import ConfigError
-from sidm.experiments import Failure, Results, Study, run, run_trial
+from sidm.experiments import Failure, Results, run, run_trial
 from sidm.experiments.engine import bundles as bundled
 from sidm.experiments.engine.bundles import bundles, fits
 from sidm.experiments.engine.run import checkpoint_folder, run_here
 from sidm.experiments.methods import ANY_BODIES
 from sidm.experiments.studies.other_bodies import NOVICES
 from sidm.learning import TrainingError
-
-
-@pytest.fixture
-def study(tiny, data, tmp_path):
-    return Study(tiny, data, tmp_path)
 
 
 def diverging(trial):
@@ -38,7 +33,7 @@ def of_two_bodies(study, novice):
 @pytest.mark.parametrize(
     ("made", "groups"),
     [
-        (lambda study: study.figure3("system1"), [2, 2, 2]),
+        (lambda study: study.figure3("system1"), [2, 4]),
         (lambda study: of_two_bodies(study, "no map"), [2, 3]),
         (lambda study: of_two_bodies(study, "planar"), [2, 3]),
     ],

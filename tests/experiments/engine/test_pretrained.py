@@ -12,9 +12,9 @@ from sidm.learning.checkpoint import CheckpointError
 
 
 @pytest.fixture
-def trials(tiny, data, tmp_path):
+def trials(study):
     """Both sizes of one seed."""
-    return Study(tiny, data, tmp_path).points("system1", ["pretrain_finetune"], tiny.novice_minutes("system1"))
+    return study.points("system1", ["pretrain_finetune"], study.preset.novice_minutes("system1"))
 
 
 def test_the_weights_are_made_once(trials, data):

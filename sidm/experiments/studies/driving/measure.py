@@ -14,14 +14,13 @@ import numpy as np
 from sidm.config import ConfigError, config
 from sidm.control.drivers import Driver, Ride, ride
 from sidm.control.planning import Dreamer, Planner, Planning
-from sidm.experiments.engine.execute import Library, one_thread, roll_out
+from sidm.experiments.engine.execute import Library, judge, one_thread
 from sidm.experiments.engine.models import predictor_of
 from sidm.experiments.engine.provenance import Provenance
-from sidm.experiments.engine.records import Making, Records, by_field
+from sidm.experiments.engine.records import Making, by_field, records_of
 from sidm.experiments.methods import COMPARED
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
-from sidm.learning.evaluation import rollout_errors, validation_loss
 from sidm.learning.model import Predictor
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain
@@ -75,6 +74,9 @@ class Driven:
     slowest_plan_seconds: float  # which 95 % of the plans do not take
     paths: tuple[tuple[tuple[float, float], ...], ...]  # of the episodes below KEPT: x and y, m, at each control step
     provenance: Provenance
+
+
+records = records_of(Driven, "driving")  # where they are kept, under a folder of results
 
 
 class Episode(NamedTuple):
@@ -170,10 +172,8 @@ def _of_ride(found: Ride, goal: np.ndarray) -> dict[str, Any]:
 
 def _quality(model: Predictor, trial: Trial, data: str | Path) -> tuple[float, float]:
     """Validation loss of a model and its mean position error after 2.5 s, m, as the trial's row has them."""
-    library = Library(data)
-    loss = float(validation_loss(model, library.motion(trial, "validation")).sum())
-    errors = rollout_errors(*roll_out(model, trial, library.rollouts(trial)))[0]
-    return loss, float(errors[:, -1].mean())
+    found = judge(model, trial, Library(data))
+    return float(found.losses.sum()), float(found.position[-1])
 
 
 def _driver(about: Drive, model: Predictor | None, simulator: Any, one: Episode, number: int) -> Driver:
@@ -184,8 +184,3 @@ def _driver(about: Drive, model: Predictor | None, simulator: Any, one: Episode,
     if model and about.trial:
         imagination = Dreamer(model, one.heights, about.trial.network.pixels, about.planning.horizon)
     return Driver(one.goal, Planner(about.planning, one.goal, number), imagination)
-
-
-def records(results: str | Path = "results") -> Records[Driven]:
-    """Where the results are kept."""
-    return Records(Driven, Path(results) / "driving", "sidm study driving")

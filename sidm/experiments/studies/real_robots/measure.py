@@ -18,7 +18,7 @@ from sidm.body import Body, read_body
 from sidm.config import config
 from sidm.experiments.engine.execute import one_thread
 from sidm.experiments.engine.provenance import Provenance
-from sidm.experiments.engine.records import Making, Records, by_field
+from sidm.experiments.engine.records import Making, by_field, records_of
 from sidm.experiments.methods import METHODS
 from sidm.experiments.presets import Preset
 from sidm.experiments.study import Study
@@ -82,6 +82,9 @@ class Transferred:
     cold_heading: tuple[tuple[float, ...], ...]  # (15,) rad
     samples: tuple[int, ...]  # seen by the training
     provenance: Provenance
+
+
+records = records_of(Transferred, "real-robots")  # where they are kept, under a folder of results
 
 
 @functools.lru_cache
@@ -182,8 +185,3 @@ def _errors(model: Predictor, judge: Pieces, seen: bool) -> tuple[list[float], l
     errors = rollout_errors(path, judge.states[:, WARM_UP : WARM_UP + HORIZON + 1], judge.body)
     displacement, heading = (error.mean(0).tolist() for error in errors)
     return displacement, heading
-
-
-def records(results: str | Path = "results") -> Records[Transferred]:
-    """Where the results are kept."""
-    return Records(Transferred, Path(results) / "real_robots", "sidm study real-robots")

@@ -18,10 +18,10 @@ from sidm.body import ROVER
 from sidm.config import config
 from sidm.experiments.digests import find_digest
 from sidm.experiments.engine.datasets import collect_dataset, load_dataset, note_collected
-from sidm.experiments.engine.execute import curve, one_thread, plain
+from sidm.experiments.engine.execute import curve, frozen, one_thread, plain
 from sidm.experiments.engine.pretrained import kept
 from sidm.experiments.engine.provenance import Provenance
-from sidm.experiments.engine.records import Making, Records, by_field
+from sidm.experiments.engine.records import Making, by_field, records_of
 from sidm.experiments.methods import FINER_TESTS, METHODS, change
 from sidm.experiments.presets import Preset
 from sidm.experiments.studies.recorded_targets.recorded import (
@@ -126,6 +126,9 @@ class Transferred:
     provenance: Provenance
 
 
+records = records_of(Transferred, "recorded-targets")  # where they are kept, under a folder of results
+
+
 def proxies(preset: Preset, system: str) -> dict[str, Dataset]:
     """The motion of the two simulated robots, 'expert' and 'novice', each as long as the preset's of the expert."""
     found = preset.replace(policy=POLICY).datasets(system)
@@ -190,7 +193,7 @@ def measure(about: Transfer, data: str | Path = "data", recordings: str | Path =
         proxy = _simulated(about, "novice", data) if about.proxy == "novice" else expert
         units = Standardisation.of(expert)
         start = _start(about, recorded, proxy, units, data)
-        alone = None if start is None else _as_it_is(about, start, units)
+        alone = None if start is None else frozen(about.network, start, units)
         models = [] if alone is None else [_judged(0.0, alone, about, recorded)]
         trainings = []
         for minutes in about.sizes:
@@ -255,20 +258,8 @@ def _start(
     return kept(where, lambda state: train(sets, *how, standardisation=units, checkpoint=state))
 
 
-def _as_it_is(about: Transfer, start: Start, units: Standardisation) -> DynamicsModel:
-    """The proxy's model."""
-    model = DynamicsModel(about.network, units, roles=["novice"])
-    model.start(start.weights)
-    return model.eval().requires_grad_(False)
-
-
 def _simulated(about: Transfer, role: str, data: str | Path) -> Motion:
     dataset = about.datasets[role]
     load_dataset(dataset, about.digests[role], data)
     terrain = find_system(about.system).terrain
     return load_motion(data, dataset.collection, dataset.count, terrain, about.network.pixels)
-
-
-def records(results: str | Path = "results") -> Records[Transferred]:
-    """Where the results are kept."""
-    return Records(Transferred, Path(results) / "recorded_targets", "sidm study recorded-targets")

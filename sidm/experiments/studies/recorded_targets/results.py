@@ -22,7 +22,7 @@ from sidm.experiments.figures.style import (
 from sidm.experiments.statistics import savings
 from sidm.experiments.statistics.claims import BETTER, NO_DIFFERENCE, WORSE, judged
 from sidm.experiments.statistics.intervals import Interval
-from sidm.experiments.statistics.pairs import beside, complete, together
+from sidm.experiments.statistics.pairs import complete, together
 from sidm.experiments.studies.recorded_targets.measure import METHODS_HERE, Proxy
 from sidm.systems import SYSTEMS
 
@@ -90,20 +90,12 @@ def by_size(table: pd.DataFrame, other: Way) -> pd.DataFrame:
         seeds=("seed", "size"), loss=("loss", "mean"), error=("error", "mean")
     ).reset_index()  # fmt: skip
     rest = table[(table.method != other[0]) | (table.proxy != other[1])]
-    ratios = beside(rest[rest.novice_minutes > 0], _of(table, other), by=BY, value="loss")
-    found = found.merge(ratios[[*point, "ratio", "low", "high"]], how="left", on=point)
-    saved, worth = [], {}
-    for system, mine in table.groupby("system", sort=False):
-        alone = complete(_of(mine, other), system, [other[0]], "loss")
-        for way, own in rest[rest.system == system].groupby(BY, sort=False):
-            with_data = complete(_of(own, way), system, [way[0]], "loss")
-            saved += [(system, *way, *line) for line in savings.savings_between(with_data, alone)]
-            bare = own[own.novice_minutes == 0].loss
-            if len(bare) and alone.values.size:
-                worth[system, *way, 0.0] = savings.minutes_words(alone.minutes, alone.values[:, 0].mean(0), bare.mean())
-    names = ["saved", "saved_low", "saved_high", "bound"]
-    kept = pd.DataFrame(saved, columns=[*point, "_seeds", "_loss", *names]).astype(found[point].dtypes)
-    found = found.merge(kept[[*point, *names]], how="left", on=point)
+    found = savings.with_savings(found, rest[rest.novice_minutes > 0], _of(table, other), ["system"], BY)
+    worth = {}
+    for key, bare in rest[rest.novice_minutes == 0].groupby(point, sort=False):
+        alone = complete(_of(table, other), str(key[0]), [other[0]], "loss")
+        if alone.values.size:
+            worth[key] = savings.minutes_words(alone.minutes, alone.values[:, 0].mean(0), bare.loss.mean())
     return found.assign(worth=[worth.get(key, "") for key in found[point].itertuples(index=False, name=None)])
 
 

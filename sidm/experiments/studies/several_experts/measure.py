@@ -19,9 +19,9 @@ from torch import Tensor
 from sidm.config import config
 from sidm.experiments.digests import find_digest
 from sidm.experiments.engine.datasets import load_dataset
-from sidm.experiments.engine.execute import Library, curve, one_thread, plain, roll_out
+from sidm.experiments.engine.execute import Library, curve, judge, one_thread, plain
 from sidm.experiments.engine.provenance import Provenance
-from sidm.experiments.engine.records import Making, Records, by_field
+from sidm.experiments.engine.records import Making, by_field, records_of
 from sidm.experiments.methods import FINER_TESTS, METHODS, change
 from sidm.experiments.studies.several_experts.family import collect_members, dataset
 from sidm.experiments.study import Study
@@ -29,7 +29,7 @@ from sidm.experiments.trials import Dataset, Trial
 from sidm.learning import checkpoint
 from sidm.learning.beyond.several import Parts, as_novice, fresh_around, nearest, train_several
 from sidm.learning.dataset import Datasets, Motion, Part, load_motion, split
-from sidm.learning.evaluation import mean_loss, rollout_errors, validation_loss
+from sidm.learning.evaluation import mean_loss, validation_loss
 from sidm.learning.model import DynamicsModel
 from sidm.learning.settings import Training
 from sidm.learning.training import Trained, train
@@ -105,6 +105,9 @@ class Pretrained:
     experts_curve_samples: tuple[int, ...]  # of the SIDM's own training
     experts_curve_test_loss: tuple[float, ...]  # mean over the experts
     provenance: Provenance
+
+
+records = records_of(Pretrained, "several-experts")  # where they are kept, under a folder of results
 
 
 def jobs(
@@ -241,20 +244,14 @@ def _novice(
     }
     trained = train(sets, trial.network, trainings[way], trial.seed, standardisation=units, start=start)
     seconds = time.process_time() - begun
-    losses = validation_loss(trained.model, sets.validation)
-    position, heading = rollout_errors(*roll_out(trained.model, trial, library.rollouts(trial)))
+    found = judge(trained.model, trial, library)
     return {
-        "validation_loss": float(losses.sum()),
-        "component_losses": plain(losses),
-        "position_error": float(position[:, -1].mean()),
-        "heading_error": float(heading[:, -1].mean()),
+        "validation_loss": float(found.losses.sum()),
+        "component_losses": plain(found.losses),
+        "position_error": float(found.position[-1]),
+        "heading_error": float(found.heading[-1]),
         "samples": trained.samples,
         "best_samples": trained.best_samples,
         "seconds": seconds,
         **_curve(trained),
     }
-
-
-def records(results: str | Path = "results") -> Records[Pretrained]:
-    """Where the results are kept."""
-    return Records(Pretrained, Path(results) / "several_experts", "sidm study several-experts")

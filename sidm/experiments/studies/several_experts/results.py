@@ -19,8 +19,8 @@ from sidm.experiments.figures.style import (
     styled,
 )
 from sidm.experiments.statistics.claims import COLUMNS, judged
-from sidm.experiments.statistics.pairs import Losses, beside, complete, together
-from sidm.experiments.statistics.savings import savings_between
+from sidm.experiments.statistics.pairs import together
+from sidm.experiments.statistics.savings import with_savings
 from sidm.experiments.studies.several_experts.measure import WAYS
 
 PAPER = "'may lead to a more accurate' one"
@@ -44,14 +44,13 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     With `number` of the experts, validation `loss`, `samples` seen by the novice's training with its patience, and the
     processor's `minutes` for it.
     """
-    lines = []
-    for one in of_trials(frame).itertuples():
-        known = one.system, label(one.experts, one.paper), one.experts, one.seed
-        for number, way in enumerate(WAYS):
-            values = (one.sizes, one.validation_loss[number], one.samples[number], one.found_seconds[number])
-            lines += [(*known, way, *line) for line in zip(*values, strict=True)]
-    names = ["system", "experts", "number", "seed", "way", "novice_minutes", "loss", "samples", "seconds"]
-    found = pd.DataFrame(lines, columns=names).astype({name: float for name in names[5:]})
+    values = ["validation_loss", "samples", "found_seconds"]  # by way and size
+    mine = of_trials(frame).assign(way=[list(WAYS)] * len(frame), number=frame.experts)
+    mine["experts"] = [label(*one) for one in mine[["number", "paper"]].itertuples(index=False)]
+    long = mine.explode(["way", *values]).explode(["sizes", *values], ignore_index=True)
+    names = {"sizes": "novice_minutes", "validation_loss": "loss", "samples": "samples", "found_seconds": "seconds"}
+    found = long[["system", "experts", "number", "seed", "way", *names]].rename(columns=names)
+    found = found.astype(dict.fromkeys(names.values(), float))
     order = found.experts.map({PAPERS: 0, MEMBER: 1}).fillna(found.number)
     found = found.assign(order=order, minutes=found.seconds / 60).sort_values(["order", "seed"], kind="stable")
     return found.drop(columns=["order", "seconds"]).reset_index(drop=True)
@@ -68,20 +67,7 @@ def needed(table: pd.DataFrame) -> pd.DataFrame:
     found.insert(0, "seeds", table.groupby(point, sort=False).size())
     papers = table[table.experts == PAPERS]
     others = table[table.experts != PAPERS]
-    ratios = beside(others, papers, on=["system", "way", "novice_minutes"], by=["experts"], value="loss")
-    lines = []
-    for (system, experts, way), own in others.groupby(point[:3], sort=False):
-        single = _complete(papers[papers.way == way], system)
-        lines += [(system, experts, way, *line) for line in savings_between(_complete(own, system), single)]
-    names = ["saved", "saved_low", "saved_high", "bound"]
-    saved = pd.DataFrame(lines, columns=[*point, "_seeds", "_loss", *names]).astype(ratios[point].dtypes)
-    found = found.reset_index().merge(ratios[[*point, "ratio", "low", "high"]], how="left", on=point)
-    return found.merge(saved[[*point, *names]], how="left", on=point)
-
-
-def _complete(lines: pd.DataFrame, system: str) -> Losses:
-    """Losses of one way by seed and size."""
-    return complete(lines.assign(method="own"), system, ["own"], "loss")
+    return with_savings(found.reset_index(), others, papers, ["system", "way"], ["experts"])
 
 
 def as_they_are(frame: pd.DataFrame) -> pd.DataFrame:

@@ -16,10 +16,10 @@ import torch
 from torch import Tensor
 
 from sidm.config import config
-from sidm.experiments.engine.execute import ROLLOUT_STEPS, Library, curve, one_thread, plain, roll_out
+from sidm.experiments.engine.execute import ROLLOUT_STEPS, Library, curve, judge, one_thread, plain
 from sidm.experiments.engine.models import model_of
 from sidm.experiments.engine.provenance import Provenance
-from sidm.experiments.engine.records import Making, Records
+from sidm.experiments.engine.records import Making, records_of
 from sidm.experiments.methods import COMPARED
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
@@ -27,7 +27,7 @@ from sidm.learning.beyond.distributions import QUIETEST, ConstantSpread, Distrib
 from sidm.learning.beyond.likelihood import train_distributions
 from sidm.learning.beyond.particles import DRAWS, LEVELS, Along, covered, one_step, particle_rollout
 from sidm.learning.dataset import Datasets, Motion, Part
-from sidm.learning.evaluation import EVALUATION_BATCH, rollout_errors, validation_loss
+from sidm.learning.evaluation import EVALUATION_BATCH, validation_loss
 from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.seeds import generator
 from sidm.learning.training import Trained
@@ -85,6 +85,9 @@ class Fitted:
     provenance: Provenance
 
 
+records = records_of(Fitted, "uncertainty")  # where they are kept, under a folder of results
+
+
 def jobs(study: Study, system: str, sizes: Iterable[float] = SIZES, particles: int = PARTICLES) -> list[Fit]:
     """With and without SIDM, each by likelihood and as the twin, at every size and seed."""
     trials = study.points(system, COMPARED, sizes)
@@ -111,14 +114,13 @@ def measure(about: Fit, data: str | Path = "data") -> Fitted:
             predictor = twin = model_of(trial, data)
             found = _judged(ConstantSpread(twin, residual_spread(twin, sets)), about, library, 1)
             latents, training = {"latent_spread": (0.0, 0.0), "quietest": (0.0, 0.0, 0.0)}, UNTRAINED
-        losses = validation_loss(predictor, sets.validation)
-        position, heading = rollout_errors(*roll_out(predictor, trial, library.rollouts(trial)))
+        means = judge(predictor, trial, library)
     return Fitted(
         about=about,
-        validation_loss=float(losses.sum()),
-        component_losses=plain(losses),
-        position_error=plain(position.mean(0)),
-        heading_error=plain(heading.mean(0)),
+        validation_loss=float(means.losses.sum()),
+        component_losses=plain(means.losses),
+        position_error=plain(means.position),
+        heading_error=plain(means.heading),
         **found,
         **latents,
         **training,
@@ -182,8 +184,3 @@ def rollout_coverage(model: Stochastic, trial: Trial, library: Library, particle
         paths = particle_rollout(model, heights, states[0], actions, trial.network.pixels, particles, noise)
         found.append(covered(paths, states, LEVELS))
     return Along(*(torch.stack(parts).double().mean(0) for parts in zip(*found, strict=True)))
-
-
-def records(results: str | Path = "results") -> Records[Fitted]:
-    """Where the results are kept."""
-    return Records(Fitted, Path(results) / "uncertainty", "sidm study uncertainty")
