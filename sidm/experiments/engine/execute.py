@@ -11,13 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 
+from sidm.body import ROVER, Body
 from sidm.experiments.engine import provenance
 from sidm.experiments.engine.datasets import load_dataset
 from sidm.experiments.engine.event_log import EventLog
 from sidm.experiments.engine.pretrained import start_of
 from sidm.experiments.engine.provenance import THREADS, Provenance
 from sidm.experiments.engine.store import Failure, Outcome, Row
-from sidm.experiments.trials import Trial
+from sidm.experiments.trials import Dataset, Trial
 from sidm.learning.beyond.least_squares import fit
 from sidm.learning.beyond.pretraining import Start
 from sidm.learning.beyond.residual import Corrected, left_over, units
@@ -50,6 +51,13 @@ def one_thread() -> Iterator[None]:
         torch.set_num_threads(before)
 
 
+def load_checked(dataset: Dataset, digest: str, data: str | Path, pixels: int, body: Body = ROVER) -> Motion:
+    """The motion of a dataset; ShardError when it is missing, damaged, or of another digest."""
+    load_dataset(dataset, digest, data)
+    terrain = find_system(dataset.collection.system).terrain
+    return load_motion(data, dataset.collection, dataset.count, terrain, pixels, body)
+
+
 class Library:
     """The data under a folder as trials need them, each held against the trial's digest and loaded once."""
 
@@ -71,9 +79,7 @@ class Library:
         body = trial.network.body(dataset.collection.role)
         key = dataset, trial.digests[kind], pixels, body
         if key not in self._motions:
-            load_dataset(dataset, trial.digests[kind], self.data)
-            terrain = find_system(trial.system).terrain
-            self._motions[key] = load_motion(self.data, dataset.collection, dataset.count, terrain, pixels, body)
+            self._motions[key] = load_checked(dataset, trial.digests[kind], self.data, pixels, body)
         return self._motions[key]
 
     def datasets(self, trial: Trial) -> Datasets:

@@ -199,14 +199,6 @@ def test_methods_are_compared_over_all_sizes(made_up):
     assert set(one.verdict) == {"no difference seen"} and set(one.seeds) == {1}
 
 
-def test_the_network_without_sidm_can_be_what_is_compared_with(made_up):
-    """Twice the data at each size; the larger two are beyond what was recorded."""
-    found = by_size(made_up, WITHOUT)
-    found = found[(found.method == "sidm") & (found.proxy == "expert")]
-    assert found.saved.tolist() == pytest.approx([2, 2, 1]) and found.bound.tolist() == ["=", "=", ">="]
-    assert found.ratio.iloc[0] == pytest.approx(0.5)
-
-
 def test_grounds_are_counted_apart(made_up):
     """Four pieces on three grounds; on the last, of two pieces, the SIDM is made three times as bad."""
     grounds = np.array([4, 5, 7, 7])

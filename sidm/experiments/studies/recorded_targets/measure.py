@@ -17,8 +17,8 @@ from typing import Any, Literal
 from sidm.body import ROVER
 from sidm.config import config
 from sidm.experiments.digests import find_digest
-from sidm.experiments.engine.datasets import collect_dataset, load_dataset, note_collected
-from sidm.experiments.engine.execute import curve, frozen, one_thread, plain
+from sidm.experiments.engine.datasets import collect_dataset, note_collected
+from sidm.experiments.engine.execute import curve, frozen, load_checked, one_thread, plain
 from sidm.experiments.engine.pretrained import kept
 from sidm.experiments.engine.provenance import Provenance
 from sidm.experiments.engine.records import Making, by_field, records_of
@@ -37,7 +37,7 @@ from sidm.experiments.study import Study
 from sidm.experiments.trials import Dataset
 from sidm.learning.beyond.least_squares import fit
 from sidm.learning.beyond.pretraining import Start, expert_in_place
-from sidm.learning.dataset import Datasets, Motion, load_motion
+from sidm.learning.dataset import Datasets, Motion
 from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.networks import Network
 from sidm.learning.settings import Training
@@ -45,7 +45,6 @@ from sidm.learning.training import Trained, train
 from sidm.learning.units import Standardisation
 from sidm.numerics import numbered
 from sidm.recordings import read_drives
-from sidm.systems import find_system
 
 SIZES = (1.0, 2.0, 5.0)  # of the recorded novice, train and test together, min
 HELD_OUT = 8  # of the 25 grounds, whose recordings judge and nothing else
@@ -189,8 +188,10 @@ def measure(about: Transfer, data: str | Path = "data", recordings: str | Path =
     making = Making("elsewhere", about, data)
     with one_thread():
         recorded = _recorded(about.system, about.held_out, about.network.pixels, recordings, about.recorded_data)
-        expert = _simulated(about, "expert", data)
-        proxy = _simulated(about, "novice", data) if about.proxy == "novice" else expert
+        expert = load_checked(about.expert, about.expert_data, data, about.network.pixels)
+        proxy = expert
+        if about.proxy == "novice":
+            proxy = load_checked(about.proxy_novice, about.proxy_novice_data, data, about.network.pixels)
         units = Standardisation.of(expert)
         start = _start(about, recorded, proxy, units, data)
         alone = None if start is None else frozen(about.network, start, units)
@@ -256,10 +257,3 @@ def _start(
     sets = expert_in_place(Datasets(recorded.judges, recorded.judges, recorded.judges, proxy), about.seed)
     how = (about.network, about.pretraining, about.seed)
     return kept(where, lambda state: train(sets, *how, standardisation=units, checkpoint=state))
-
-
-def _simulated(about: Transfer, role: str, data: str | Path) -> Motion:
-    dataset = about.datasets[role]
-    load_dataset(dataset, about.digests[role], data)
-    terrain = find_system(about.system).terrain
-    return load_motion(data, dataset.collection, dataset.count, terrain, about.network.pixels)

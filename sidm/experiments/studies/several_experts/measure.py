@@ -18,8 +18,7 @@ from torch import Tensor
 
 from sidm.config import config
 from sidm.experiments.digests import find_digest
-from sidm.experiments.engine.datasets import load_dataset
-from sidm.experiments.engine.execute import Library, curve, judge, one_thread, plain
+from sidm.experiments.engine.execute import Library, curve, judge, load_checked, one_thread, plain
 from sidm.experiments.engine.provenance import Provenance
 from sidm.experiments.engine.records import Making, by_field, records_of
 from sidm.experiments.methods import FINER_TESTS, METHODS, change
@@ -28,14 +27,13 @@ from sidm.experiments.study import Study
 from sidm.experiments.trials import Dataset, Trial
 from sidm.learning import checkpoint
 from sidm.learning.beyond.several import Parts, as_novice, fresh_around, nearest, train_several
-from sidm.learning.dataset import Datasets, Motion, Part, load_motion, split
+from sidm.learning.dataset import Datasets, Motion, split
 from sidm.learning.evaluation import mean_loss, validation_loss
 from sidm.learning.model import DynamicsModel
 from sidm.learning.settings import Training
 from sidm.learning.training import Trained, train
 from sidm.learning.units import Standardisation
 from sidm.numerics import numbered
-from sidm.systems import find_system
 
 COUNTS = (1, 2, 4, 8)  # of experts; all together have the minutes that the paper's has alone
 SIZES = (1.0, 5.0, 20.0)  # of the novice's data, min
@@ -157,13 +155,11 @@ def members_needed(wanted: Iterable[Pretraining]) -> dict[int, set[int]]:
 def load_experts(about: Pretraining, data: str | Path) -> tuple[dict[str, Motion], Standardisation]:
     """The experts' motion by name, and the units inside the networks, which are those of the paper's expert's data."""
     trial = about.trial
-    paper, terrain, pixels = trial.datasets["expert"], find_system(trial.system).terrain, trial.network.pixels
-    load_dataset(paper, trial.digests["expert"], data)
-    whole = load_motion(data, paper.collection, paper.count, terrain, pixels)
+    paper, pixels = trial.datasets["expert"], trial.network.pixels
+    whole = load_checked(paper, trial.digests["expert"], data, pixels)
     experts = {"expert": whole.first(paper.count // about.experts)} if about.paper else {}
-    for number, (own, digest) in enumerate(zip(about.members, about.members_data, strict=True)):
-        load_dataset(own, digest, data)
-        experts[f"member{number}"] = load_motion(data, own.collection, own.count, terrain, pixels)
+    for number, own in enumerate(zip(about.members, about.members_data, strict=True)):
+        experts[f"member{number}"] = load_checked(*own, data, pixels)
     return experts, Standardisation.of(whole)
 
 
@@ -186,7 +182,8 @@ def measure(about: Pretraining, data: str | Path = "data") -> Pretrained:
             starts = {way: as_novice(model, role) for way in ("all", "parts")}
             starts["fresh_parts"] = fresh_around(model, trial.network, units, trial.seed)
             found.append([_novice(about, way, sets, starts[way], units, library) for way in WAYS])
-        own = tuple(mean_loss(model, _testing(motion, trial.seed), role) for role, motion in experts.items())
+        testing = {role: one.part(split(len(one), len(one), trial.seed)[1]) for role, one in experts.items()}
+        own = tuple(mean_loss(model, part, role) for role, part in testing.items())  # its training was stopped by it
 
     return Pretrained(
         about=about,
@@ -219,11 +216,6 @@ def _sidm_of(
         kept = checkpoint.read(where)
         assert kept is not None
     return kept
-
-
-def _testing(motion: Motion, seed: int) -> Part:
-    """The trajectories of an expert that its training was stopped by."""
-    return motion.part(split(len(motion), len(motion), seed)[1])
 
 
 def _curve(trained: Trained) -> dict[str, tuple]:
