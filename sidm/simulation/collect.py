@@ -20,7 +20,7 @@ from sidm.progress import progress_bar
 from sidm.simulation.exploration import draw_actions
 from sidm.simulation.simulator import Simulator
 from sidm.storage import sweep
-from sidm.systems import ROLES, System, find_system
+from sidm.systems import System, find_system
 from sidm.terrain import generate_terrain
 from sidm.trajectory import (
     DISCARDS,
@@ -91,20 +91,20 @@ def attempt(
 
 @functools.lru_cache(maxsize=1)  # a worker keeps it from shard to shard: building one takes a quarter of a trajectory
 def _simulator(system: System, role: str) -> Simulator:
-    robot = system.robot(role if role in ROLES else "expert")  # in whose place a member of the family stands
-    return Simulator(robot, np.zeros((system.terrain.size, system.terrain.size)), system.physics)
+    return Simulator(system.robot(role), np.zeros((system.terrain.size, system.terrain.size)), system.physics)
 
 
 def simulate(collection: Collection, index: int, system: System | None = None) -> Trajectory:
     """Trajectory `index` of a collection: the first attempt to last 64 steps, with the count of those that did not.
 
-    The robots and the ground are those of the system that the collection names, unless another is given.
+    The robot and the ground are those of the system that the collection names, unless another is given for its expert.
 
     Raises:
         RuntimeError: none of MOST_ATTEMPTS did.
     """
+    role = "expert" if system else collection.role  # a member of the family stands in the expert's place
     system = system or find_system(collection.system)
-    simulator = _simulator(system, collection.role)
+    simulator = _simulator(system, role)
     causes: list[str | None] = []
     for number in range(MOST_ATTEMPTS):
         trajectory, cause = attempt(simulator, system, collection, index, number)
