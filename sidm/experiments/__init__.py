@@ -1,8 +1,8 @@
 """Many trials: what is run, kept and shown; PyBullet is imported inside the function that collects data alone."""
 
 from sidm.experiments.engine.datasets import collect_datasets
-from sidm.experiments.engine.store import Failure, Outcome, Results, Row, StoreError
-from sidm.experiments.grids import FIGURES, grid
+from sidm.experiments.engine.records import StoreError
+from sidm.experiments.engine.store import Failure, Outcome, Results, Row
 from sidm.experiments.methods import METHODS
 from sidm.experiments.presets import PRESETS, Preset, load_preset
 from sidm.experiments.study import Study
@@ -15,4 +15,6 @@ __all__ = [
     "run_trial",
 ]  # fmt: skip
 
-__getattr__, __dir__, _ = on_demand(__name__, **{"engine.run": "run", "engine.execute": "perform run_trial"})
+__getattr__, __dir__, _ = on_demand(
+    __name__, **{"engine.run": "run", "engine.execute": "perform run_trial", "grids": "FIGURES grid"}
+)

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 from sidm.config import ConfigError, unknown_name
 from sidm.experiments.engine.datasets import collect_datasets
-from sidm.experiments.engine.records import Records
 from sidm.experiments.presets import Preset
 from sidm.experiments.studies.driving import measure as driving
 from sidm.experiments.studies.latent_space import measure as latent_space
@@ -31,30 +30,19 @@ def collect_preset(study: Study, system: str, executor: Executor) -> None:
 class Beyond(NamedTuple):
     """A study whose results are records."""
 
-    jobs: Callable[[Study, str], list[Any]]  # of a system
-    measure: Callable[..., Any]  # of one of them, with the folder of the data
-    records: Callable[[Path], Records]
+    doors: Any  # the module with `jobs`, `measure` and `records`
     collect: tuple[Callable[[Study, str, Executor], None], ...] = (collect_preset,)  # simulate what the jobs need
     systems: tuple[str, ...] = tuple(SYSTEMS)  # or pairs, that it is about
 
 
 STUDIES = {
-    "latent-space": Beyond(
-        latent_space.jobs, latent_space.measure, latent_space.records, (collect_preset, latent_space.collect_held_out)
-    ),
-    "recorded-targets": Beyond(
-        recorded_targets.jobs, recorded_targets.measure, recorded_targets.records, (recorded_targets.collect_proxies,)
-    ),
-    "driving": Beyond(driving.jobs, driving.measure, driving.records),
-    "uncertainty": Beyond(uncertainty.jobs, uncertainty.measure, uncertainty.records),
-    "several-experts": Beyond(
-        several_experts.jobs, several_experts.measure, several_experts.records,
-        (collect_preset, several_experts.collect_family),
-    ),
-    "real-robots": Beyond(
-        real_robots.jobs, real_robots.measure, real_robots.records, (), tuple(real_robots.PAIRS)
-    ),
-}  # fmt: skip
+    "latent-space": Beyond(latent_space, (collect_preset, latent_space.collect_held_out)),
+    "recorded-targets": Beyond(recorded_targets, (recorded_targets.collect_proxies,)),
+    "driving": Beyond(driving),
+    "uncertainty": Beyond(uncertainty),
+    "several-experts": Beyond(several_experts, (collect_preset, several_experts.collect_family)),
+    "real-robots": Beyond(real_robots, (), tuple(real_robots.PAIRS)),
+}
 
 #: What studies were called before.
 FORMER = {"elsewhere": "recorded-targets", "experts": "several-experts"}
@@ -90,6 +78,7 @@ def run_study(
             for collect in found.collect:
                 collect(Study(preset, data, results), system, pool)
         study = Study(preset, data, results)  # by the digests that are known now
-        jobs, records = [job for system in systems for job in found.jobs(study, system)], found.records(results)
-        records.run(jobs, functools.partial(found.measure, data=data.absolute()), pool, name)
+        jobs = [job for system in systems for job in found.doors.jobs(study, system)]
+        records = found.doors.records(results)
+        records.run(jobs, functools.partial(found.doors.measure, data=data.absolute()), pool, name)
     return len(records.stored(jobs)), len(jobs)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+
+import pandas as pd
 
 from sidm.config import ConfigError, unknown_name
 from sidm.experiments.engine.store import Results
@@ -102,35 +103,23 @@ def grid(
             known = sorted({getattr(trial, of) for trial in trials})
             strange = [value for value in wanted if value not in known]
             if strange:
-                raise ConfigError(f"{name} {strange[0]:g} is not in this grid; it has {_listed(known)}")
+                listed = ", ".join(f"{value:g}" for value in known)
+                raise ConfigError(f"{name} {strange[0]:g} is not in this grid; it has {listed}")
             trials = [trial for trial in trials if getattr(trial, of) in wanted]
     return trials
 
 
-def _listed(values: Iterable[float]) -> str:
-    return ", ".join(f"{value:g}" for value in values)
+def figure_costs(study: Study, store: Results) -> pd.DataFrame:
+    """A line a `figure` of a study, whose `trials` count in each that they serve; of those `stored` what they took.
 
-
-class FigureCost(NamedTuple):
-    """One figure's stored trials."""
-
-    figure: str  # a name of FIGURES
-    trials: int
-    stored: int
-    hours: float  # of one processor or GPU, all together, the pretraining in the trials that did it
-    peak_memory: float  # MiB, of the trial that needed most; 0 without any
-    devices: tuple[str, ...]
-    resumed: int  # trials that were interrupted, of which only the last stretch is counted
-
-
-def figure_costs(study: Study, store: Results) -> list[FigureCost]:
-    """A line a figure of a study; a trial that serves several figures counts in each of them."""
-    table = []
+    `hours` of one processor or GPU all together, the pretraining in the trials that did it; `peak_memory`, MiB, of the
+    trial that needed most; `devices`; and how many were `resumed`, of which only the last stretch is counted.
+    """
+    lines = []
     for figure in figures_of(study.preset):
         trials = grid(study.preset, figure, data=study.data, results=study.results)
-        made = [row.provenance for row in store.rows(trials)]
-        hours, most = sum(one.seconds for one in made) / 3600, max((one.peak_memory for one in made), default=0.0)
-        devices = tuple(sorted({one.device for one in made}))
-        resumed = sum(one.resumed for one in made)
-        table.append(FigureCost(figure, len(trials), len(made), hours, most, devices, resumed))
-    return table
+        made = store.frame(trials)
+        most, devices = made.peak_memory.max() if len(made) else 0.0, tuple(sorted(set(made.device)))
+        lines.append((figure, len(trials), len(made), made.seconds.sum() / 3600, most, devices, made.resumed.sum()))
+    names = ["figure", "trials", "stored", "hours", "peak_memory", "devices", "resumed"]
+    return pd.DataFrame(lines, columns=names)

@@ -15,8 +15,7 @@ from sidm.learning.settings import Training
 
 def change(training: Training, **changes: Any) -> Training:
     """`training` with some values changed, checked like a new one."""
-    own = {field.name: getattr(training, field.name) for field in dataclasses.fields(training)}  # type: ignore
-    return Training(**(own | changes))
+    return dataclasses.replace(training, **changes)  # type: ignore[type-var]
 
 
 #: Of training that begins with what an expert's data gave, and whose lowest loss may come within a few batches: five

@@ -65,25 +65,20 @@ class Preset:
             most, pool = max(self.novice_minutes(system), default=0), self.pool_minutes(system)
             if most > pool:
                 raise ConfigError(f"novice_minutes_{system} asks for {most:g}, but pool_minutes_{system} is {pool:g}")
-        for name in ("expert_minutes", "validation_minutes", "pool_minutes_system1", "pool_minutes_system2"):
-            if not 0 < getattr(self, name) < float("inf"):
-                raise ConfigError(f"{name} must be positive and finite, not {getattr(self, name)}")
-        for name in ("novice_minutes_system1", "novice_minutes_system2", "figure4_minutes", "baseline_minutes",
-                     "variant_minutes", "ablation_minutes", "tuning_minutes", "other_body_minutes"):  # fmt: skip
-            if not all(minutes > 0 for minutes in getattr(self, name)):
-                raise ConfigError(f"{name} must be positive, not {getattr(self, name)}")
-        for name in ("p_expert_system1", "p_expert_system2"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise ConfigError(f"{name} must be from 0 to 1, not {getattr(self, name)}")
+        for name, value in vars(self).items():
+            values = value if isinstance(value, tuple) else (value,)
+            if "minutes" in name and name != "tuning_pool_minutes" and not all(one > 0 for one in values):
+                raise ConfigError(f"{name} must be positive, not {value}")
+            if name.startswith("p_expert") and not 0 <= value <= 1:
+                raise ConfigError(f"{name} must be from 0 to 1, not {value}")
+            if name.endswith("seeds") and name != "more_seeds" and not 1 <= value <= MOST_SEEDS:
+                raise ConfigError(f"{name} must be from 1 to {MOST_SEEDS}, not {value}")
         names = {field.name for field in dataclasses.fields(Training)} - {"p_expert", "regularise"}  # type: ignore
         for _, setting, _ in (*self.tuned, *self.tuned_system2):
             if setting not in names:
                 raise unknown_name(setting, names, "what a method is tuned in")
         if self.policy not in POLICIES:
             raise unknown_name(self.policy, POLICIES, "the exploration policies")
-        for name in ("seeds", "figure4_seeds", "ablation_seeds", "free_strut_seeds"):
-            if not 1 <= getattr(self, name) <= MOST_SEEDS:
-                raise ConfigError(f"{name} must be from 1 to {MOST_SEEDS}, not {getattr(self, name)}")
         if self.rollouts < 1:
             raise ConfigError(f"rollouts must be at least 1, not {self.rollouts}")
 
@@ -112,15 +107,7 @@ class Preset:
 
     def datasets(self, system: str) -> dict[str, Dataset]:
         """What all trials of a system need: 'novice' (the pool), 'expert', 'validation', 'rollout'."""
-        return datasets(
-            system,
-            self.policy,
-            self.pool_minutes(system),
-            self.expert_minutes,
-            self.validation_minutes,
-            self.rollouts,
-            self.motion,
-        )
+        return datasets(self, system, self.pool_minutes(system))
 
     def with_motion(self, motion: str, pool_minutes: float, validation_minutes: float) -> Preset:
         """The same with motion of the novice that serves something else than figures."""
@@ -152,10 +139,9 @@ class Preset:
             ConfigError: an unknown name, with the nearest right one, or a value of the wrong type. `p_expert` and
                 `regularise` are the method's to set and not known here.
         """
-        own = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}  # type: ignore[arg-type]
+        own, parts = dict(vars(self)), {"network": dict(vars(self.network)), "training": dict(vars(self.training))}
         for name in ("tuned", "tuned_system2"):
             own[name] = tuple(one for one in own[name] if one[1] not in changes)
-        parts = {"network": dict(_values(self.network)), "training": dict(_values(self.training))}
         groups = [own, *parts.values()]
         hidden = {"name", "p_expert", "regularise", *parts}
         for name, value in changes.items():
@@ -164,11 +150,6 @@ class Preset:
                 raise unknown_name(name, (n for group in groups for n in group if n not in hidden), "a preset")
             group[name] = value
         return Preset(**(own | {"network": Network(**parts["network"]), "training": Training(**parts["training"])}))
-
-
-def _values(settings: Any) -> dict[str, Any]:
-    """The fields of a configuration, not nested."""
-    return {field.name: getattr(settings, field.name) for field in dataclasses.fields(settings)}
 
 
 _PAPER_SIZES: dict[str, Any] = dict(

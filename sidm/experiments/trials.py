@@ -39,21 +39,21 @@ class Dataset:
         return f"{c.system}/{c.role}/{c.policy}/seed-{c.seed}/{self.count}"
 
 
-def datasets(
-    system: str, policy: str, pool_minutes: float, expert_minutes: float, validation_minutes: float, rollouts: int,
-    motion: str = "figures",
-) -> dict[str, Dataset]:  # fmt: skip
-    """The four datasets of a study of one system: 'novice' (the pool), 'expert', 'validation' and 'rollout'."""
+def datasets(sizes: Any, system: str, pool_minutes: float) -> dict[str, Dataset]:
+    """The four datasets of a study of one system: 'novice' (the pool), 'expert', 'validation' and 'rollout'.
 
-    def dataset(role: str, seed: int, count: int, policy: str = policy) -> Dataset:
-        seed += MOTION[motion] if role == "novice" else 0
+    Their `sizes`, policy and motion are a Trial's or a Preset's.
+    """
+
+    def dataset(role: str, seed: int, count: int, policy: str = sizes.policy) -> Dataset:
+        seed += MOTION[sizes.motion] if role == "novice" else 0
         return Dataset(collection=Collection(system=system, role=role, policy=policy, seed=seed), count=count)
 
     return {
         "novice": dataset("novice", POOL_SEED, trajectories_for(pool_minutes)),
-        "expert": dataset("expert", EXPERT_SEED, trajectories_for(expert_minutes)),
-        "validation": dataset("novice", VALIDATION_SEED, trajectories_for(validation_minutes)),
-        "rollout": dataset("novice", ROLLOUT_SEED, rollouts, policy="held"),
+        "expert": dataset("expert", EXPERT_SEED, trajectories_for(sizes.expert_minutes)),
+        "validation": dataset("novice", VALIDATION_SEED, trajectories_for(sizes.validation_minutes)),
+        "rollout": dataset("novice", ROLLOUT_SEED, sizes.rollouts, policy="held"),
     }
 
 
@@ -117,10 +117,7 @@ class Trial:
     @property
     def datasets(self) -> dict[str, Dataset]:
         """What it learns from and is judged on, 'novice' (the pool), 'expert', 'validation', 'rollout'."""
-        return datasets(
-            self.system, self.policy, self.pool_minutes, self.expert_minutes, self.validation_minutes, self.rollouts,
-            self.motion,
-        )  # fmt: skip
+        return datasets(self, self.system, self.pool_minutes)
 
     @property
     def digests(self) -> dict[str, str]:
@@ -135,8 +132,7 @@ class Trial:
     @functools.cached_property
     def key(self) -> str:
         """20 hexadecimal digits that change when any value of the trial does."""
-        text = json.dumps(self.to_json(), sort_keys=True, separators=(",", ":"), allow_nan=False)
-        return hashlib.sha256(text.encode()).hexdigest()[:20]
+        return key_of_values(self.to_json())
 
     def __str__(self) -> str:
         """For messages and progress bars."""
@@ -144,8 +140,7 @@ class Trial:
 
     def replace(self, **changes: Any) -> Trial:
         """The same trial with some values changed, checked like a new one."""
-        own = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}  # type: ignore[arg-type]
-        return Trial(**(own | changes))
+        return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
     def to_json(self) -> dict[str, Any]:
         """All its values as plain nested mappings, without those of LATER by default, so that older keys still hold."""
@@ -155,6 +150,12 @@ class Trial:
     def from_json(cls, values: Mapping[str, Any]) -> Trial:
         """The trial that `to_json` wrote; ConfigError when a name or a type is not right."""
         return from_mapping(cls, values)
+
+
+def key_of_values(values: Mapping[str, Any]) -> str:
+    """20 hexadecimal digits that change when any of some plain nested values does."""
+    text = json.dumps(values, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:20]
 
 
 def _without_later(values: Mapping[str, Any]) -> dict[str, Any]:

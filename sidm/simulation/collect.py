@@ -98,14 +98,17 @@ def _simulator(system: System, role: str) -> Simulator:
     return Simulator(system.robot(role), np.zeros((system.terrain.size, system.terrain.size)), system.physics)
 
 
-def simulate(collection: Collection, index: int) -> Trajectory:
+def simulate(collection: Collection, index: int, system: System | None = None) -> Trajectory:
     """Trajectory `index` of a collection: the first attempt to last 64 steps, with the count of those that did not.
+
+    The robot and the ground are those of the system that the collection names, unless another is given for its expert.
 
     Raises:
         RuntimeError: none of MOST_ATTEMPTS did.
     """
-    system = find_system(collection.system)
-    simulator = _simulator(system, collection.role)
+    role = "expert" if system else collection.role  # a member of the family stands in the expert's place
+    system = system or find_system(collection.system)
+    simulator = _simulator(system, role)
     causes: list[str | None] = []
     for number in range(MOST_ATTEMPTS):
         trajectory, cause = attempt(simulator, system, collection, index, number)
@@ -115,10 +118,10 @@ def simulate(collection: Collection, index: int) -> Trajectory:
     raise RuntimeError(f"{collection}: {MOST_ATTEMPTS} attempts at trajectory {index} ended early; last: {causes[-1]}")
 
 
-def make_shard(root: Path, collection: Collection, number: int) -> int:
-    """Simulate and write one shard; how many trajectories it holds."""
+def make_shard(root: Path, collection: Collection, number: int, system: System | None = None) -> int:
+    """Simulate and write one shard, as `simulate`; how many trajectories it holds."""
     indices = range(SHARD_SIZE * number, SHARD_SIZE * (number + 1))
-    write_shard(collection.shard(root, number), [simulate(collection, index) for index in indices])
+    write_shard(collection.shard(root, number), [simulate(collection, index, system) for index in indices])
     return SHARD_SIZE
 
 
@@ -134,6 +137,7 @@ def collect(
     workers: int | None = None,
     executor: Executor | None = None,
     progress: bool = True,
+    system: System | None = None,
 ) -> list[Trajectory]:
     """The first `count` trajectories of a collection; what is on disk is read, the rest is simulated and written.
 
@@ -144,6 +148,7 @@ def collect(
         workers: processes, one a core when None; ignored with an `executor`.
         executor: runs the shards elsewhere; its workers write into the same `root`.
         progress: show a bar with the time left.
+        system: as of `simulate`.
 
     Raises:
         ShardError: a shard on disk is damaged; the message names it.
@@ -155,7 +160,7 @@ def collect(
         pool = nullcontext(executor) if executor else local_pool(min(workers or os.cpu_count() or 1, len(missing)))
         title = f"{collection.system} {collection.role} {collection.policy}"
         with pool as run, progress_bar(len(missing) * SHARD_SIZE, title, "trajectory", progress) as bar:
-            futures = [run.submit(make_shard, root, collection, number) for number in missing]
+            futures = [run.submit(make_shard, root, collection, number, system) for number in missing]
             for future in as_completed(futures):
                 bar.update(future.result())
     return load(root, collection, count)

@@ -1,6 +1,7 @@
 """Tiny studies: synthetic motion on real terrain, so that nothing here needs the simulator, and made-up rows."""
 
 from pathlib import Path
+from typing import get_type_hints
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from sidm.systems import find_system
 from sidm.terrain import generate_terrain, height_at
 from sidm.trajectory import SHARD_SIZE, STEPS, Trajectory, checksum, load, probe, write_shard
 
+RESULTS = Path(__file__).parents[2] / "results"  # those that are committed
 TINY = dict(
     expert_minutes=1.0,
     novice_minutes_system1=[0.25, 0.75],
@@ -75,6 +77,12 @@ def data(tiny, tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.fixture
+def study(tiny, data, tmp_path) -> Study:
+    """The tiny study, with results of its own."""
+    return Study(tiny, data, tmp_path)
+
+
 @pytest.fixture(scope="session")
 def make_row():
     """Makes a row for a trial without running it: make_row(trial, loss)."""
@@ -98,6 +106,18 @@ def make_row():
         return Row(trial=trial, outcome=outcome, provenance=here(seconds=12.0, threads=1, resumed=False))
 
     return make
+
+
+def made(kind, about, **values):
+    """A record of some kind made up: values that are not given are nothing."""
+    nothing = {name: {float: 0.0, int: 0}.get(hint, ()) for name, hint in get_type_hints(kind).items()}
+    return kind(**(nothing | values | {"about": about, "provenance": here(1.0, 1, False)}))
+
+
+def kept(store, found) -> bool:
+    """Whether a record is of today's versions, and the same when it is read again."""
+    store.put(found)
+    return not found.provenance.stale and store.get(found.about).about == found.about
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,7 @@
 import pytest
 
 from sidm.config import ConfigError
-from sidm.experiments import METHODS, Study, perform, run, run_trial
+from sidm.experiments import METHODS, perform, run, run_trial
 from sidm.experiments.engine.bundles import bundles, fits
 from sidm.experiments.methods import ANY_BODIES, FIGURE3
 from sidm.learning import DynamicsModel
@@ -13,9 +13,9 @@ from sidm.numerics import NUMERICS
 
 
 @pytest.fixture
-def trial(tiny, data, tmp_path):
+def trial(study):
     """Makes a trial of system 1: trial(method)."""
-    return lambda method: Study(tiny, data, tmp_path).trial("system1", method, 0.75)
+    return lambda method: study.trial("system1", method, 0.75)
 
 
 def test_no_two_methods_are_the_same_trial(trial):
@@ -33,20 +33,14 @@ def test_the_experts_model_is_judged_as_it_is(trial, data):
     assert trained.validation_loss != other.validation_loss
 
 
-def test_a_residual_keeps_the_experts_model(trial, data):
-    model, expert = (perform(trial(method), data)[1].model for method in ("residual", "expert_only"))
-    assert isinstance(model, Corrected) and type(expert) is DynamicsModel
-    base, correction = model.base.state_dict(), model.correction.state_dict()
-    assert all((tensor == base[name]).all() for name, tensor in expert.state_dict().items())
-    assert any((tensor != base[name]).any() for name, tensor in correction.items())
-
-
-def test_least_squares_correct_the_experts_model(trial, data):
-    model, expert = (perform(trial(method), data)[1].model for method in ("corrected", "expert_only"))
-    assert isinstance(model, LeastSquares) and model.base is not None
+@pytest.mark.parametrize(("method", "kind"), [("residual", Corrected), ("corrected", LeastSquares)])
+def test_the_experts_model_is_corrected_and_kept(trial, data, method, kind):
+    model, expert = (perform(trial(name), data)[1].model for name in (method, "expert_only"))
+    assert isinstance(model, kind) and type(expert) is DynamicsModel
     base = model.base.state_dict()
     assert all((tensor == base[name]).all() for name, tensor in expert.state_dict().items())
-    assert perform(trial("least_squares"), data)[1].model.base is None
+    if method == "residual":
+        assert any((tensor != base[name]).any() for name, tensor in model.correction.state_dict().items())
 
 
 def test_what_is_solved_depends_on_how_it_is_solved(trial, data):

@@ -99,7 +99,13 @@ def run_bundle(
     ):
         (trial, given), start = going[number], time.perf_counter()
         try:
-            outcome = _outcome(trial, found, library, given, device)
+            if isinstance(found, CheckpointError):
+                raise found
+            if isinstance(found, Trained):
+                found.model.to(device)
+                outcome: Outcome | TrainingError = evaluate(trial, found, library, given)
+            else:
+                outcome = found
         except Exception as error:  # one trial's failure must not lose the others
             hooks.fault(trial, error)
         else:
@@ -142,14 +148,3 @@ def _pretrained(
         if isinstance(found, Trained):
             pretraining.keep(where, start_from(found))
     return made
-
-
-def _outcome(
-    trial: Trial, found: Trained | TrainingError | CheckpointError, library: Library, start: Start | None, device: str
-) -> Outcome | TrainingError:
-    if isinstance(found, CheckpointError):
-        raise found
-    if isinstance(found, TrainingError):
-        return found
-    found.model.to(device)
-    return evaluate(trial, found, library.motion(trial, "validation"), library.rollouts(trial), start)

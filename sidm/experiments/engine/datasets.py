@@ -13,7 +13,7 @@ import os
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import Protocol
+from typing import Any
 
 from sidm.config import from_mapping
 from sidm.experiments.digests import committed_file, find_digest, local_file, read_digest
@@ -48,20 +48,8 @@ def verify(dataset: Dataset, data: str | Path = "data", results: str | Path = "r
     return differences
 
 
-class Uses(Protocol):
-    """What names the datasets that it is made from, as a Trial does."""
-
-    @property
-    def datasets(self) -> dict[str, Dataset]:
-        """By their kind."""
-
-    @property
-    def digests(self) -> dict[str, str]:
-        """Theirs, by the same names."""
-
-
-def others(made: Uses, data: str | Path = "data") -> tuple[str, ...]:
-    """Kind and digest of the data under `data` that are not those of a trial but stand for them."""
+def others(made: Any, data: str | Path = "data") -> tuple[str, ...]:
+    """Kind and digest of the data under `data` that are not those of a trial, or the like, but stand for them."""
     local = {kind: read_digest(local_file(dataset, data)) for kind, dataset in made.datasets.items()}
     return tuple(
         f"{kind} {one['digest']}" for kind, one in local.items() if one.get("stands_for") == made.digests[kind]

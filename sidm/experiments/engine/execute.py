@@ -6,24 +6,26 @@ import contextlib
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 
+from sidm.body import ROVER, Body
 from sidm.experiments.engine import provenance
 from sidm.experiments.engine.datasets import load_dataset
 from sidm.experiments.engine.event_log import EventLog
 from sidm.experiments.engine.pretrained import start_of
 from sidm.experiments.engine.provenance import THREADS, Provenance
 from sidm.experiments.engine.store import Failure, Outcome, Row
-from sidm.experiments.trials import Trial
+from sidm.experiments.trials import Dataset, Trial
 from sidm.learning.beyond.least_squares import fit
 from sidm.learning.beyond.pretraining import Start
 from sidm.learning.beyond.residual import Corrected, left_over, units
-from sidm.learning.dataset import Datasets, Motion, Part, load_motion, novice_split
+from sidm.learning.dataset import Datasets, Motion, load_motion, novice_split
 from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
 from sidm.learning.model import DynamicsModel, Predictor
+from sidm.learning.networks import Network
 from sidm.learning.observation import seen_as
 from sidm.learning.training import Tested, Trained, TrainingError, train
 from sidm.learning.units import Standardisation, loss_weights, units_for, units_of
@@ -49,6 +51,13 @@ def one_thread() -> Iterator[None]:
         torch.set_num_threads(before)
 
 
+def load_checked(dataset: Dataset, digest: str, data: str | Path, pixels: int, body: Body = ROVER) -> Motion:
+    """The motion of a dataset; ShardError when it is missing, damaged, or of another digest."""
+    load_dataset(dataset, digest, data)
+    terrain = find_system(dataset.collection.system).terrain
+    return load_motion(data, dataset.collection, dataset.count, terrain, pixels, body)
+
+
 class Library:
     """The data under a folder as trials need them, each held against the trial's digest and loaded once."""
 
@@ -70,9 +79,7 @@ class Library:
         body = trial.network.body(dataset.collection.role)
         key = dataset, trial.digests[kind], pixels, body
         if key not in self._motions:
-            load_dataset(dataset, trial.digests[kind], self.data)
-            terrain = find_system(trial.system).terrain
-            self._motions[key] = load_motion(self.data, dataset.collection, dataset.count, terrain, pixels, body)
+            self._motions[key] = load_checked(dataset, trial.digests[kind], self.data, pixels, body)
         return self._motions[key]
 
     def datasets(self, trial: Trial) -> Datasets:
@@ -103,13 +110,14 @@ def perform(
     """
     with one_thread():
         library = Library(data)
-        sets, rollouts = library.datasets(trial), library.rollouts(trial)
+        sets = library.datasets(trial)
+        library.rollouts(trial)  # missing ones are known before hours of work
         start = start_of(trial, sets, data, "cpu" if trial.solved else device)
         if trial.solved:
             trained = _solve(trial, sets, start)
         else:
             trained = _train(trial, sets, start, checkpoint=checkpoint, progress=progress, device=device)
-        return evaluate(trial, trained, sets.validation, rollouts, start), trained
+        return evaluate(trial, trained, library, start), trained
 
 
 def _train(trial: Trial, sets: Datasets, start: Start | None, **how: Any) -> Trained:
@@ -118,9 +126,7 @@ def _train(trial: Trial, sets: Datasets, start: Start | None, **how: Any) -> Tra
         return train(sets, trial.network, trial.training, trial.seed, start=start and start.weights, **how)
     base = _frozen(trial, sets, start).to(how["device"])
     sets = left_over(sets, base)
-    trained = train(
-        sets, trial.network, trial.training, trial.seed, standardisation=units(sets), **how
-    )
+    trained = train(sets, trial.network, trial.training, trial.seed, standardisation=units(sets), **how)
     return trained._replace(model=Corrected(base, trained.model))
 
 
@@ -132,40 +138,55 @@ def _solve(trial: Trial, sets: Datasets, start: Start | None) -> Trained:
 
 
 def _frozen(trial: Trial, sets: Datasets, start: Start) -> DynamicsModel:
-    """The pretrained model, as it is."""
     assert sets.expert is not None
-    base = DynamicsModel(trial.network, Standardisation.of(sets.expert), roles=["novice"])
+    return frozen(trial.network, start, Standardisation.of(sets.expert))
+
+
+def frozen(network: Network, start: Start, units: Standardisation) -> DynamicsModel:
+    """The pretrained model, as it is."""
+    base = DynamicsModel(network, units, roles=["novice"])
     base.start(start.weights)
     return base.eval().requires_grad_(False)
 
 
-def evaluate(
-    trial: Trial, trained: Trained, validation: Motion | Part, rollouts: list[Trajectory], start: Start | None = None
-) -> Outcome:
-    """How good a trained model is, where it is; `start` is what it was trained from."""
-    losses = validation_loss(trained.model, validation)
-    predicted, actual = roll_out(trained.model, trial, rollouts)
+class Judged(NamedTuple):
+    """How good a model is: means over the validation set, and over the R rollouts of K steps."""
+
+    losses: torch.Tensor  # (Y,) the terms of equation (1)
+    position: torch.Tensor  # (K,) m
+    heading: torch.Tensor  # (K,) rad
+    predicted: torch.Tensor  # (R, K + 1, S) states
+    actual: torch.Tensor  # (R, K + 1, S)
+
+
+def judge(model: Predictor, trial: Trial, library: Library) -> Judged:
+    """A model of a trial's novice on the trial's validation set and rollouts, where the model is."""
+    losses = validation_loss(model, library.motion(trial, "validation"))
+    predicted, actual = roll_out(model, trial, library.rollouts(trial))
     position, heading = rollout_errors(predicted, actual, trial.network.body("novice"))
-    samples, test, training = summary_curve(trained)
+    return Judged(losses, position.mean(0), heading.mean(0), predicted, actual)
+
+
+def evaluate(trial: Trial, trained: Trained, library: Library, start: Start | None = None) -> Outcome:
+    """The outcome of a trained model; `start` is what it was trained from."""
+    losses, position, heading, predicted, actual = judge(trained.model, trial, library)
     return Outcome(
         validation_loss=float(losses.sum()),
-        component_losses=_floats(losses),
+        component_losses=plain(losses),
         best_test_loss=float(trained.best_test_loss),
-        position_error=_floats(position.mean(0)),
-        heading_error=_floats(heading.mean(0)),
-        example_predicted=_path(predicted[0]),
-        example_actual=_path(actual[0]),
-        curve_samples=samples,
-        curve_test_loss=test,
-        curve_training_loss=training,
+        position_error=plain(position),
+        heading_error=plain(heading),
+        example_predicted=plain(predicted[0, :, :2]),
+        example_actual=plain(actual[0, :, :2]),
+        **curve(trained),
         iterations=trained.iterations,
         samples=trained.samples,
         pretraining_samples=start.samples if start else 0,
         component_samples=tuple(one.samples for one in trained.components),
         component_test=tuple(one.test for one in trained.components),
         component_validation=tuple(one.validation for one in trained.components),
-        rollouts_predicted=_nested(predicted[:ROLLOUTS_KEPT]),
-        rollouts_actual=_nested(actual[:ROLLOUTS_KEPT]),
+        rollouts_predicted=plain(predicted[:ROLLOUTS_KEPT]),
+        rollouts_actual=plain(actual[:ROLLOUTS_KEPT]),
     )
 
 
@@ -209,27 +230,15 @@ def roll_out(model: Predictor, trial: Trial, trajectories: list[Trajectory]) -> 
     return rollout(model, heights, states[:, 0], actions[:, :-1], pixels, spacing=spacing, body=body), states
 
 
-def summary_curve(trained: Trained) -> tuple[tuple[int, ...], tuple[float, ...], tuple[float, ...]]:
-    """Samples seen, test loss and training loss at up to CURVE_POINTS even steps, first and last included."""
+def curve(trained: Trained) -> dict[str, tuple]:
+    """The learning curve's summary at up to CURVE_POINTS even steps, first and last included, as a record has it."""
     count = len(trained.history)
     chosen = np.unique(np.linspace(0, count - 1, min(count, CURVE_POINTS)).round().astype(int))
     tests = [trained.history[number] for number in chosen]
-    return (
-        tuple(test.samples for test in tests),
-        tuple(test.test_loss for test in tests),
-        tuple(test.training_loss for test in tests),
-    )
+    return {f"curve_{name}": tuple(getattr(test, name) for test in tests)
+            for name in ("samples", "test_loss", "training_loss")}  # fmt: skip
 
 
-def _floats(values: torch.Tensor) -> tuple[float, ...]:
-    return tuple(values.double().tolist())
-
-
-def _nested(states: torch.Tensor) -> tuple[tuple[tuple[float, ...], ...], ...]:
-    """(R, K + 1, S) states."""
-    return tuple(tuple(map(tuple, path)) for path in states.double().tolist())
-
-
-def _path(states: torch.Tensor) -> tuple[tuple[float, float], ...]:
-    """(K + 1, S) states as x and y, m."""
-    return tuple((x, y) for x, y in states[:, :2].double().tolist())
+def plain(values: torch.Tensor) -> Any:
+    """A tensor as nested lists, which a record takes for its tuples."""
+    return values.tolist()

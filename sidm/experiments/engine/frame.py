@@ -10,7 +10,9 @@ import re
 import textwrap
 import typing
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from sidm.body import Body
 from sidm.config import to_mapping
@@ -19,14 +21,10 @@ from sidm.experiments.engine.store import Outcome, Row
 from sidm.experiments.trials import Trial
 from sidm.learning.settings import Network, Training
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 # Parts of a row -> what stands before their columns' names.
 _PARTS: tuple[tuple[type, str], ...] = (
     (Trial, ""), (Network, ""), (Training, ""), (Training, "pretraining_"), (Outcome, ""), (Provenance, "")
 )  # fmt: skip
-_NESTED = ("network", "training", "pretraining")  # of a Trial, whose values are columns themselves
 
 
 def frame_of(rows: Iterable[Row]) -> pd.DataFrame:
@@ -36,11 +34,9 @@ def frame_of(rows: Iterable[Row]) -> pd.DataFrame:
     pretraining have ``pretraining_`` before them and are missing where there is none. `columns` says what each is, with
     its unit. Curves and paths are tuples in a cell. `stale` tells what older code made.
     """
-    import pandas as pd
-
     rows = list(rows)
     names = [name for name, _, _ in columns()]
-    lines = [dict(_values(row)) for row in rows]
+    lines = [_line(row) for row in rows]
     return pd.DataFrame(lines, columns=names, index=pd.Index([row.trial.key for row in rows], name="key"))
 
 
@@ -50,32 +46,20 @@ def columns() -> list[tuple[str, str, str]]:
         (f"{prefix}{name}", kind, words)
         for cls, prefix in _PARTS
         for name, (kind, words) in _described(cls).items()
-        if (cls, name) not in {(Trial, nested) for nested in _NESTED}
+        if name not in ("network", "training", "pretraining")  # whose values are columns themselves
     ]
     return [*found, ("stale", "bool", "whether today's code would come to other figures")]
 
 
-def _values(row: Row) -> Iterator[tuple[str, Any]]:
-    trial = row.trial
-    for part, prefix in (
-        (trial, ""), (trial.network, ""), (trial.training, ""), (trial.pretraining, "pretraining_"),
-        (row.outcome, ""), (row.provenance, ""),
-    ):  # fmt: skip
-        if part is not None:
-            yield from ((f"{prefix}{name}", _leaf(name, value)) for name, value in to_mapping(part).items())
-    yield "stale", row.provenance.stale
-
-
-def _leaf(name: str, value: Any) -> Any:
-    """A body by its name, any other value as it is."""
-    return value["name"] if name.endswith("_body") and isinstance(value, Mapping) else value
+def _line(row: Row) -> dict[str, Any]:
+    trial = to_mapping(row.trial)
+    parts = _flat(trial | trial["network"] | trial["training"])
+    return parts | to_mapping(row.outcome) | to_mapping(row.provenance) | {"stale": row.provenance.stale}
 
 
 def numbers_and_words(frame: pd.DataFrame) -> pd.DataFrame:
     """The columns of a table that have one value in a cell, for files such as CSV."""
-    from pandas.api.types import is_scalar
-
-    return frame.loc[:, [bool(frame[name].map(is_scalar).all()) for name in frame]]
+    return frame.loc[:, [bool(frame[name].map(pd.api.types.is_scalar).all()) for name in frame]]
 
 
 def records_frame(kind: type, found: Iterable[Any]) -> pd.DataFrame:
@@ -85,8 +69,6 @@ def records_frame(kind: type, found: Iterable[Any]) -> pd.DataFrame:
     part's name before them (``trial_seed``), and are missing where there is no such part. What was found under a name
     that the provenance has too is a column with ``found_`` before it (``found_seconds``).
     """
-    import pandas as pd
-
     about, made_by = typing.get_type_hints(kind)["about"], list(_names(Provenance))
     fields = [field.name for field in dataclasses.fields(kind) if field.name not in ("about", "provenance")]
     own = {name: f"found_{name}" if name in made_by else name for name in fields}
@@ -116,7 +98,9 @@ def _names(cls: type, prefix: str = "") -> Iterator[str]:
 
 def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     found: dict[str, Any] = {}
-    for name, value in ((name, _leaf(name, value)) for name, value in values.items()):
+    for name, value in values.items():
+        if name.endswith("_body") and isinstance(value, Mapping):
+            value = value["name"]
         found |= _flat(value, f"{prefix}{name}_") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
     return found
 

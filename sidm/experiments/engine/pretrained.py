@@ -6,7 +6,7 @@ import contextlib
 import dataclasses
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from sidm.config import to_mapping
@@ -15,7 +15,7 @@ from sidm.learning.beyond import pretraining
 from sidm.learning.beyond.pretraining import Start, expert_in_place, start_from
 from sidm.learning.dataset import Datasets
 from sidm.learning.networks import Network
-from sidm.learning.training import train
+from sidm.learning.training import Trained, train
 from sidm.numerics import numbered
 
 try:
@@ -51,16 +51,18 @@ def start_of(trial: Trial, datasets: Datasets, data: str | Path, device: str = "
     """
     if trial.pretraining is None:
         return None
-    where = folder(trial, data)
+    sets, how = expert_in_place(datasets, trial.seed), (network_of(trial), trial.pretraining, trial.seed)
+    return carried(trial, kept(folder(trial, data), lambda state: train(sets, *how, checkpoint=state, device=device)))
+
+
+def kept(where: Path, trained: Callable[[Path], Trained]) -> Start:
+    """The weights in a folder; where they lack, those of what is `trained` with its state kept in the folder named."""
     with _alone(where):
         found = pretraining.read(where)
         if found is None:
-            sets, state = expert_in_place(datasets, trial.seed), where / pretraining.STATE
-            found = start_from(
-                train(sets, network_of(trial), trial.pretraining, trial.seed, checkpoint=state, device=device)
-            )
+            found = start_from(trained(where / pretraining.STATE))
             pretraining.keep(where, found)
-        return carried(trial, found)
+        return found
 
 
 def carried(trial: Trial, start: Start) -> Start:

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
-import hashlib
-import json
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, as_completed
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from sidm.config import ConfigError, from_mapping
-from sidm.experiments.engine.datasets import Uses, others
+from sidm.experiments.engine.datasets import others
 from sidm.experiments.engine.provenance import THREADS, Provenance, here
-from sidm.experiments.engine.run import one_line
-from sidm.experiments.engine.store import StoreError, rounded
+from sidm.experiments.trials import key_of_values
 from sidm.progress import progress_bar
 from sidm.storage import Damaged, read_record, write_record
 
@@ -24,30 +22,71 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-class Found(Protocol):
-    """A `config` class of what was found."""
+F = TypeVar("F")  # a `config` class with its `about`, a `config` object too, and its `provenance`
 
-    @property
-    def about(self) -> Any:
-        """What it is about, a `config` object that holds everything it depends on."""
-
-    @property
-    def provenance(self) -> Provenance:
-        """What made it."""
-
-
-F = TypeVar("F", bound=Found)
-
+DIGITS = 6  # significant, of stored floats
 
 #: Values of what records are about that older ones do not have, where they are as they were then.
 LATER = (("motion", "figures"), ("novice_body", None), ("expert_body", None), ("pretrained", "all"))
 
+#: What studies that are run as modules may be told: by default, and what it is.
+OPTIONS = {
+    "preset": ("laptop", "whose data and methods"),
+    "data": (Path("data"), "folder of trajectories"),
+    "results": (Path("results"), "folder of the results"),
+    "workers": (2, "processes"),
+    "beside": ("nothing else", "what else the machine does meanwhile"),
+}
+
+
+class StoreError(OSError):
+    """A record that cannot be read, or not be stored; the message is one line that names the file and the mend."""
+
 
 def key_of(about: Any) -> str:
     """20 hexadecimal digits that change when any value of a `config` object does."""
-    values = dataclasses.asdict(about, dict_factory=lambda pairs: {k: v for k, v in pairs if (k, v) not in LATER})
-    text = json.dumps(values, sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()[:20]
+    return key_of_values(
+        dataclasses.asdict(about, dict_factory=lambda pairs: {k: v for k, v in pairs if (k, v) not in LATER})
+    )
+
+
+def rounded(value: Any) -> Any:
+    """`value` with every float in it rounded to DIGITS significant digits."""
+    if isinstance(value, float):
+        return float(f"{value:.{DIGITS}g}")
+    if isinstance(value, (list, tuple)):
+        return [rounded(item) for item in value]
+    if isinstance(value, Mapping):
+        return {name: rounded(item) for name, item in value.items()}
+    return value
+
+
+def by_field(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Fields of a record that have an entry a part, from those of each part."""
+    return {name: tuple(one[name] for one in parts) for name in parts[0]}
+
+
+def records_of(kind: type[F], study: str) -> Callable[..., Records[F]]:
+    """A study's `records(results)`: where its results of a kind are kept, under the folder of all results."""
+    place = study.replace("-", "_")
+    return lambda results="results": Records(kind, Path(results) / place, f"sidm study {study}")
+
+
+def single(path: Path) -> dict[str, Any]:
+    """What the one record of a study holds; empty where it has none."""
+    try:
+        return read_record(path)
+    except FileNotFoundError:
+        return {}
+
+
+def asked(doc: str, *names: str) -> argparse.Namespace:
+    """The command line of a study that is run as a module, with its own of the OPTIONS."""
+    parser = argparse.ArgumentParser(description=doc.splitlines()[0])
+    for name in names:
+        default, words = OPTIONS[name]
+        parser.add_argument(f"--{name}", type=type(default), default=default, help=f"{words} (%(default)s)")
+    return parser.parse_args()
 
 
 class Records(Generic[F]):
@@ -59,24 +98,32 @@ class Records(Generic[F]):
         again: the command that makes them, for messages.
     """
 
+    subject = "about"  # the field that says what a record is about
+    place = ""  # of the files within the folder
+
     def __init__(self, kind: type[F], folder: str | Path, again: str) -> None:
         self.kind, self.folder, self.again = kind, Path(folder), again
 
     def path(self, about: Any) -> Path:
         """The file of a record, whether it exists or not."""
-        return self.folder / f"{key_of(about)}.json"
+        return self.folder / self.place / f"{key_of(about)}.json"
 
-    def put(self, found: F) -> None:
-        """Store a record; its numbers are rounded as in the store of trials, what it is about is not.
+    def _values(self, found: Any) -> dict[str, Any]:
+        """What is written of a record: its numbers rounded, those of what it is about not."""
+        return rounded(dataclasses.asdict(found)) | {"about": dataclasses.asdict(found.about)}
+
+    def put(self, found: F) -> Path:
+        """Store a record, in place of an earlier one of the same.
 
         Raises:
             StoreError: a number is not finite.
         """
-        values = rounded(dataclasses.asdict(found))  # type: ignore[call-overload]
+        path = self.path(getattr(found, self.subject))
         try:
-            write_record(self.path(found.about), values | {"about": dataclasses.asdict(found.about)})
+            write_record(path, self._values(found))
         except ValueError:
-            raise StoreError(f"{self.path(found.about)}: not stored, a number is not finite") from None
+            raise StoreError(f"{path}: not stored, a number is not finite") from None
+        return path
 
     def get(self, about: Any) -> F | None:
         """The stored record, None where there is none; StoreError when it is damaged or about something else."""
@@ -85,15 +132,19 @@ class Records(Generic[F]):
             found = self._read(path)
         except FileNotFoundError:
             return None
-        if found.about != about:
+        if getattr(found, self.subject) != about:
             raise StoreError(f"{path}: is about something else; delete it and run '{self.again}'")
         return found
 
     def _read(self, path: Path) -> F:
         try:
-            return from_mapping(self.kind, read_record(path))
+            return from_mapping(self.kind, self._readable(read_record(path)))
         except (Damaged, ConfigError, TypeError) as error:
             raise StoreError(f"{path}: damaged ({error}); delete it and run '{self.again}'") from None
+
+    def _readable(self, values: dict[str, Any]) -> dict[str, Any]:
+        """The fields of a record from what a file holds; Damaged for another version's."""
+        return values
 
     def stored(self, abouts: Iterable[Any]) -> list[F]:
         """The stored ones, in their order."""
@@ -101,7 +152,7 @@ class Records(Generic[F]):
 
     def all(self) -> list[F]:
         """Every stored one, whatever it is about, in the order of the keys."""
-        return [self._read(path) for path in sorted(self.folder.glob("*.json"))]
+        return [self._read(path) for path in sorted((self.folder / self.place).glob("*.json"))]
 
     def frame(self, abouts: Iterable[Any] | None = None) -> pd.DataFrame:
         """The stored ones, all unless given, as a table: `frame.records_frame`."""
@@ -131,16 +182,23 @@ class Records(Generic[F]):
         return failed
 
 
+def one_line(error: BaseException) -> str:
+    """An error for a person: the first line of its message, after its type where that says more."""
+    text = (str(error).splitlines() or [""])[0]
+    plain = isinstance(error, (ValueError, OSError, ImportError)) and text
+    return text if plain else f"{type(error).__name__}: {text}".rstrip(": ")
+
+
 class Making:
     """What a record says of how it was made.
 
     Args:
         kind: of work, one of `numerics.NUMERICS`.
-        used: what names the data that it is made from; None where none are.
+        used: what names its `datasets` and their `digests`, as a Trial does; None where there are none.
         data: their folder.
     """
 
-    def __init__(self, kind: str, used: Uses | None, data: str | Path) -> None:
+    def __init__(self, kind: str, used: Any, data: str | Path) -> None:
         self.kind, self.begun = kind, time.perf_counter()
         self.others = others(used, data) if used else ()
 

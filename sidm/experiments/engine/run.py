@@ -11,17 +11,19 @@ import dataclasses
 import functools
 import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
+from typing import NamedTuple
 
 from sidm.config import ConfigError
 from sidm.experiments.engine.bundles import Hooks, bundles, fits, run_bundle
 from sidm.experiments.engine.datasets import note_datasets, others
 from sidm.experiments.engine.event_log import EventLog
 from sidm.experiments.engine.execute import run_trial
-from sidm.experiments.engine.store import Failure, Results, Row, StoreError
+from sidm.experiments.engine.records import StoreError, one_line
+from sidm.experiments.engine.store import Failure, Results, Row
 from sidm.experiments.trials import UNKNOWN, Trial
 from sidm.learning.training import Tested, TrainingError
 from sidm.numerics import numbered
@@ -97,15 +99,13 @@ def run(
         data = Path(data).absolute()
         note_datasets(missing, data, store.folder)
         with progress_bar(len(missing), "trials", "trial", progress) as bar:
-            together = [trial for trial in missing if bundle and fits(trial)]
+            runner = _Runner(store, data, bar, device, log)
+            runner.bundles([trial for trial in missing if bundle and fits(trial)], bundle)
             alone = [trial for trial in missing if not (bundle and fits(trial))]
-            if together:
-                _run_bundles(together, bundle, data, store, bar, device, log)
-            if alone:
-                places = min(workers, len(alone))
-                here = contextlib.nullcontext(executor)
-                with here if executor or places == 1 else local_pool(places) as where:
-                    _run_all(alone, where, data, store, bar, device, log)
+            places = min(workers, len(alone))
+            pool = local_pool(places) if executor is None and places > 1 else contextlib.nullcontext(executor)
+            with pool as where:
+                runner.alone(alone, where)
     return store
 
 
@@ -113,33 +113,78 @@ def _not_failed(store: Results, trials: list[Trial]) -> list[Trial]:
     """Those that today's code has not seen fail; the others are reported."""
     failed = {failure.trial.key: failure for failure in store.failures(trials)}
     for failure in failed.values():
-        print(f"sidm: {failure}; not run again unless {store.failure_path(failure.trial)} is deleted", file=sys.stderr)
+        print(f"sidm: {failure}; not run again unless {store.failed.path(failure.trial)} is deleted", file=sys.stderr)
     return [trial for trial in trials if trial.key not in failed]
 
 
-def _run_bundles(
-    trials: list[Trial], seats: int, data: Path, store: Results, bar: Bar, device: str, log: str | Path | None
-) -> None:
-    """Train bundle after bundle in this process and store each trial as it ends."""
-    with EventLog(log) as events:
+class _Runner(NamedTuple):
+    """Runs trials and stores each as soon as it is done."""
 
-        def show(trial: Trial, tested: Tested) -> None:
-            events.progress(trial)(tested)
-            bar.set_postfix(samples=tested.samples, test_loss=f"{tested.test_loss:.4g}", refresh=False)
+    store: Results
+    data: Path
+    bar: Bar
+    device: str
+    log: str | Path | None
 
-        def fault(trial: Trial, error: Exception) -> None:
-            _report(bar, f"{trial}: {one_line(error)}")
-            bar.update()
+    def report(self, message: str) -> None:
+        self.bar.write(f"sidm: {message}", file=sys.stderr)
 
-        for group in bundles(trials):
-            folder = functools.partial(checkpoint_folder, data, kind="bundle")
-            for row in run_bundle(group, seats, data, folder, Hooks(show, fault), device):
-                try:
-                    _keep(row, store, data, bar)
-                except StoreError as error:
-                    fault(row.trial, error)
-                else:
-                    shutil.rmtree(folder(row.trial), ignore_errors=True)
+    def fault(self, trial: Trial, error: Exception) -> None:
+        """One trial's failure must not lose the others."""
+        self.report(f"{trial}: {one_line(error)}")
+        self.bar.update()
+
+    def keep(self, row: Row | Failure, folder: Path) -> None:
+        """Store what became of a trial, and delete the folder of its checkpoint."""
+        self.store.put(of_data(row, self.data))
+        if isinstance(row, Failure):
+            self.report(str(row))
+        self.bar.update()
+        shutil.rmtree(folder, ignore_errors=True)
+
+    def bundles(self, trials: list[Trial], seats: int) -> None:
+        """Train bundle after bundle in this process."""
+        folder = functools.partial(checkpoint_folder, self.data, kind="bundle")
+        with EventLog(self.log) as events:
+
+            def show(trial: Trial, tested: Tested) -> None:
+                events.progress(trial)(tested)
+                self.bar.set_postfix(samples=tested.samples, test_loss=f"{tested.test_loss:.4g}", refresh=False)
+
+            for group in bundles(trials):
+                for row in run_bundle(group, seats, self.data, folder, Hooks(show, self.fault), self.device):
+                    try:
+                        self.keep(row, folder(row.trial))
+                    except StoreError as error:
+                        self.fault(row.trial, error)
+
+    def alone(self, trials: list[Trial], executor: Executor | None) -> None:
+        """Run trials with an executor, stored as they end, or without one here, one after the other."""
+        work, lost = functools.partial(run_trial, device=self.device, log=self.log), 0
+        folders = {trial: checkpoint_folder(self.data, trial) for trial in trials}
+        jobs = {trial: functools.partial(work, trial, self.data, folder) for trial, folder in folders.items()}
+        for trial, outcome in _ended(jobs, executor):
+            try:
+                self.keep(outcome(), folders[trial])
+            except BrokenProcessPool:
+                lost += 1
+            except Exception as error:
+                self.fault(trial, error)
+        if lost:
+            self.report(f"a worker was killed (out of memory?); {lost} trials not done, run again to go on")
+
+
+Outcome = Callable[[], Row | Failure]  # what became of a trial, or the error that it raised
+
+
+def _ended(jobs: Mapping[Trial, Outcome], executor: Executor | None) -> Iterator[tuple[Trial, Outcome]]:
+    """Every trial with its outcome: in this process one after the other, with an executor as they end."""
+    if executor is None:
+        yield from jobs.items()
+    else:
+        futures = {executor.submit(job): trial for trial, job in jobs.items()}
+        for done in as_completed(futures):
+            yield futures[done], done.result
 
 
 def of_data(row: Row | Failure, data: str | Path) -> Row | Failure:
@@ -147,62 +192,6 @@ def of_data(row: Row | Failure, data: str | Path) -> Row | Failure:
     found = others(row.trial, data)
     made = dataclasses.replace(row.provenance, other_data=found)  # type: ignore[type-var]
     return dataclasses.replace(row, provenance=made) if found else row  # type: ignore[type-var]
-
-
-def _keep(row: Row | Failure, store: Results, data: str | Path, bar: Bar) -> None:
-    """Store what became of a trial, and whether its data were made again elsewhere."""
-    store.put(of_data(row, data))
-    if isinstance(row, Failure):
-        _report(bar, str(row))
-    bar.update()
-
-
-Outcome = Callable[[], Row | Failure]  # what became of a trial, or the error that it raised
-
-
-def _outcomes(
-    trials: list[Trial], executor: Executor | None, data: Path, device: str, log: str | Path | None
-) -> Iterator[tuple[Trial, Outcome]]:
-    """Every trial with its outcome: in this process one after the other, with an executor as they end."""
-    run_on = functools.partial(run_trial, device=device, log=log)
-    if executor is None:
-        for trial in trials:
-            yield trial, functools.partial(run_on, trial, data, checkpoint_folder(data, trial))
-    else:
-        futures = {executor.submit(run_on, trial, data, checkpoint_folder(data, trial)): trial for trial in trials}
-        for done in as_completed(futures):
-            yield futures[done], done.result
-
-
-def _run_all(
-    trials: list[Trial], executor: Executor | None, data: Path, store: Results, bar: Bar, device: str,
-    log: str | Path | None,
-) -> None:  # fmt: skip
-    """Store each trial as its outcome comes."""
-    lost = 0
-    for trial, outcome in _outcomes(trials, executor, data, device, log):
-        try:
-            _keep(outcome(), store, data, bar)
-        except BrokenProcessPool:
-            lost += 1
-        except Exception as error:  # one trial's failure must not lose the others
-            _report(bar, f"{trial}: {one_line(error)}")
-            bar.update()
-        else:
-            shutil.rmtree(checkpoint_folder(data, trial), ignore_errors=True)
-    if lost:
-        _report(bar, f"a worker was killed (out of memory?); {lost} trials not done, run again to go on")
-
-
-def one_line(error: BaseException) -> str:
-    """An error for a person: the first line of its message, after its type where that says more."""
-    text = (str(error).splitlines() or [""])[0]
-    plain = isinstance(error, (ValueError, OSError, ImportError)) and text
-    return text if plain else f"{type(error).__name__}: {text}".rstrip(": ")
-
-
-def _report(bar: Bar, message: str) -> None:
-    bar.write(f"sidm: {message}", file=sys.stderr)
 
 
 def run_here(

@@ -7,24 +7,20 @@ its checksum. Files of different trials have different names, so that one store 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
-from sidm.config import ConfigError, config, from_mapping
+from sidm.config import config
 from sidm.experiments.engine.provenance import Provenance
+from sidm.experiments.engine.records import F, Records, rounded
 from sidm.experiments.trials import Trial
-from sidm.storage import Damaged, read_record, write_record
+from sidm.storage import Damaged
 
 if TYPE_CHECKING:
     import pandas as pd
 
 SCHEMA = 3  # of a row's file: 3 has the versions of its numbers
-DIGITS = 6  # significant, of stored floats
-
-
-class StoreError(OSError):
-    """A row that cannot be read; the message is one line that names the file and the mend."""
 
 
 @config
@@ -76,75 +72,63 @@ class Failure:
         return f"{self.trial}: failed, the {self.what} loss was {self.loss} after {self.iteration} iterations"
 
 
-def rounded(value: Any) -> Any:
-    """`value` with every float in it rounded to DIGITS significant digits."""
-    if isinstance(value, float):
-        return float(f"{value:.{DIGITS}g}")
-    if isinstance(value, (list, tuple)):
-        return [rounded(item) for item in value]
-    if isinstance(value, Mapping):
-        return {name: rounded(item) for name, item in value.items()}
-    return value
+class _OfTrials(Records[F]):
+    """Records that are about trials and go by their keys."""
+
+    subject = "trial"
+
+    def path(self, about: Trial) -> Path:
+        """The file of a trial's record, whether it exists or not."""
+        return self.folder / self.place / f"{about.key}.json"
+
+    def _values(self, found: Any) -> dict[str, Any]:
+        return {"schema": SCHEMA, **rounded(dataclasses.asdict(found)), "trial": found.trial.to_json()}
+
+    def _readable(self, values: dict[str, Any]) -> dict[str, Any]:
+        if (schema := values.pop("schema")) != SCHEMA:
+            raise Damaged(f"it has schema {schema}, this version reads {SCHEMA}")
+        return values
 
 
-Stored = TypeVar("Stored", Row, Failure)
+class Failures(_OfTrials[Failure]):
+    """How trials failed, under a folder of results."""
+
+    place = "failures"
 
 
-class Results:
-    """The rows under a folder, by trial."""
+class Results(_OfTrials[Row]):
+    """The rows under a folder, by trial; `failed` are those that came to nothing."""
+
+    place = "trials"
 
     def __init__(self, folder: str | Path = "results") -> None:
         """`folder` need not exist."""
-        self.folder = Path(folder)
-
-    def path(self, trial: Trial) -> Path:
-        """The file of a trial's row, whether it exists or not."""
-        return self.folder / "trials" / f"{trial.key}.json"
-
-    def failure_path(self, trial: Trial) -> Path:
-        """The file that says how a trial failed, whether it exists or not."""
-        return self.folder / "failures" / f"{trial.key}.json"
+        super().__init__(Row, folder, "sidm run")
+        self.failed = Failures(Failure, folder, "sidm run")
 
     def __contains__(self, trial: Trial) -> bool:
         """Whether a trial's row is stored."""
         return self.path(trial).is_file()
 
-    def put(self, row: Row | Failure) -> Path:
+    def put(self, found: Row | Failure) -> Path:
         """Store a row, in place of an earlier one of the same trial and of its failure; or a failure.
 
         Raises:
-            StoreError: the outcome is not finite (the training diverged).
+            StoreError: a number is not finite (the training diverged).
         """
-        path = self.path(row.trial) if isinstance(row, Row) else self.failure_path(row.trial)
-        values = {"schema": SCHEMA, **rounded(dataclasses.asdict(row))}  # type: ignore[call-overload]
-        values["trial"] = row.trial.to_json()
-        try:
-            write_record(path, values)
-        except ValueError:
-            raise StoreError(f"{row.trial}: the outcome is not finite; the training diverged") from None
-        if isinstance(row, Row):
-            self.failure_path(row.trial).unlink(missing_ok=True)
+        if isinstance(found, Failure):
+            return self.failed.put(found)
+        path = super().put(found)
+        self.failed.path(found.trial).unlink(missing_ok=True)
         return path
-
-    def get(self, trial: Trial) -> Row | None:
-        """A trial's row, or None where none is stored; StoreError when it is damaged or another trial's."""
-        path = self.path(trial)
-        if not path.is_file():
-            return None
-        return _of(trial, read_row(path), path)
-
-    def failure(self, trial: Trial) -> Failure | None:
-        """How a trial failed, or None where it did not; StoreError when the file is damaged or another trial's."""
-        path = self.failure_path(trial)
-        return _of(trial, _read(path, Failure), path) if path.is_file() else None
-
-    def failures(self, trials: Iterable[Trial]) -> list[Failure]:
-        """The failures among `trials` that today's code would repeat, in their order."""
-        return [one for one in map(self.failure, trials) if one is not None and not one.provenance.stale]
 
     def rows(self, trials: Iterable[Trial]) -> list[Row]:
         """The stored rows among `trials`, in their order."""
-        return [row for row in map(self.get, trials) if row is not None]
+        return self.stored(trials)
+
+    def failures(self, trials: Iterable[Trial]) -> list[Failure]:
+        """The failures among `trials` that today's code would repeat, in their order."""
+        return [one for one in self.failed.stored(trials) if not one.provenance.stale]
 
     def frame(self, trials: Iterable[Trial] | None = None) -> pd.DataFrame:
         """The stored rows among `trials`, all unless given, as a table: `frame.frame_of`."""
@@ -156,14 +140,6 @@ class Results:
         """Those of `trials` that are not stored, in their order."""
         return [trial for trial in trials if trial not in self]
 
-    def stale(self, trials: Iterable[Trial]) -> list[Trial]:
-        """Those of `trials` whose stored row was made by other code than today's."""
-        return [row.trial for row in self.rows(trials) if row.provenance.stale]
-
-    def all(self) -> list[Row]:
-        """Every stored row, whatever its trial, in the order of the keys."""
-        return [read_row(path) for path in sorted((self.folder / "trials").glob("*.json"))]
-
     def take_in(self, other: Results) -> int:
         """Copy what another store has and this one lacks: rows, failures, digests of datasets; how many rows came.
 
@@ -171,8 +147,7 @@ class Results:
             StoreError: a row there is damaged.
         """
         came = 0
-        for path in sorted((other.folder / "trials").glob("*.json")):
-            row = read_row(path)
+        for row in other.all():
             if row.trial not in self:
                 self.put(row)
                 came += 1
@@ -183,27 +158,3 @@ class Results:
                     target.parent.mkdir(parents=True, exist_ok=True)
                     target.write_bytes(path.read_bytes())
         return came
-
-
-def read_row(path: Path) -> Row:
-    """The row in a file of the store; StoreError when it is damaged."""
-    return _read(path, Row)
-
-
-def _of(trial: Trial, row: Stored, path: Path) -> Stored:
-    if row.trial != trial:
-        raise StoreError(f"{path}: holds another trial; restore the file, or delete it and run the trial again")
-    return row
-
-
-def _read(path: Path, kind: type[Stored]) -> Stored:
-    mend = "restore the file, or delete it and run the trial again"
-    try:
-        values = read_record(path)
-        if (schema := values.pop("schema")) != SCHEMA:
-            raise StoreError(f"{path}: has schema {schema}, this version reads {SCHEMA}; {mend}")
-        return from_mapping(kind, values)
-    except (KeyError, TypeError, AttributeError) as error:
-        raise StoreError(f"{path}: not a row of results ({error!r}); {mend}") from None
-    except (Damaged, ConfigError) as error:
-        raise StoreError(f"{path}: damaged ({error}); {mend}") from None

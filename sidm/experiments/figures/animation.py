@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -15,9 +16,6 @@ from PIL import Image
 
 from sidm.experiments.figures.style import GROUND_SPACING, METHOD_STYLES, STYLE, half_width, lay_ground, legend_below
 from sidm.trajectory import CONTROL_STEP
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MARGIN = 0.7  # m of ground shown around the paths
 HELD = 1.5  # s that the last picture stays

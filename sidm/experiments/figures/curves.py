@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sidm.experiments.figures.style import (
     EFFICIENCY_MARKS,
-    LOSS_LABEL,
+    LOSS_BY_SIZE,
     METHOD_STYLES,
+    by_system,
     finish,
+    labelled,
     legend_below,
-    side_by_side,
+    mean_and_range,
     styled,
 )
 from sidm.experiments.methods import COMPARED, FIGURE3
 from sidm.experiments.statistics.efficiency import efficiency, falling
-from sidm.experiments.statistics.intervals import summarise
 from sidm.experiments.statistics.pairs import complete
 from sidm.experiments.statistics.savings import efficiency_band
 from sidm.systems import SYSTEMS
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MOST_INSIDE = 4  # methods whose names have room within a plot
 
@@ -38,18 +37,18 @@ def figure3(frame: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS), method
     A dotted level marks the method `expert_only` where its results are there: it has no novice data. The names of more
     than MOST_INSIDE methods stand below the plots.
     """
-    figure, panels = side_by_side(len(systems))
+    figure, plots = by_system(frame, systems, **LOSS_BY_SIZE)
     crowded = len(methods) > MOST_INSIDE
-    for axes, system in zip(panels, systems, strict=True):
-        drawn = _curves(axes, frame, system, methods)
-        alone = complete(frame, system, ["expert_only"]).values
-        if alone.size:
+    for system, (axes, mine) in zip(systems, plots, strict=True):
+        drawn = _curves(axes, mine, system, methods)
+        alone = mine[mine.method == "expert_only"].validation_loss
+        if len(alone):
             style = METHOD_STYLES["expert_only"] | {"marker": "", "linestyle": ":"}
             axes.axhline(alone.mean(), **style)
             axes.axhspan(alone.min(), alone.max(), color=style["color"], alpha=0.12, lw=0)
         finish(axes, drawn, legend=not crowded)
     if crowded:
-        legend_below(figure, panels)
+        legend_below(figure, figure.axes)
     return figure
 
 
@@ -57,16 +56,14 @@ def _curves(
     axes: Axes, frame: pd.DataFrame, system: str, methods: Sequence[str], words: str = "", **other: Any
 ) -> set[float]:
     """Figure 3's curves of some methods, and the sizes that they have; `words` after the labels, `other` styles."""
-    axes.set(xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL, title=system)
     drawn: set[float] = set()
     for method in methods:
         found = complete(frame, system, [method])
         if found.values.size:
-            summary, style = summarise(found.values[:, 0]), METHOD_STYLES[method] | other
+            style = METHOD_STYLES[method] | other
             one = ", one seed" if words and len(found.seeds) == 1 else ""
-            axes.plot(found.minutes, summary.mean, **style | {"label": style["label"] + words + one})
-            shade = {"color": style["color"], "alpha": 0.2, "lw": 0}
-            axes.fill_between(found.minutes, summary.minimum, summary.maximum, **shade)
+            losses = pd.DataFrame(found.values[:, 0], columns=found.minutes).agg(["mean", "min", "max"]).T
+            mean_and_range(axes, losses, **style | {"label": style["label"] + words + one})
             drawn |= set(found.minutes)
     return drawn
 
@@ -76,9 +73,9 @@ def changed_choices(
     frame: pd.DataFrame, changed: pd.DataFrame, words: str, systems: Sequence[str] = tuple(SYSTEMS)
 ) -> Figure:
     """Figure 3's curves of the paper's methods, beside those with a choice changed with hollow marks and `words`."""
-    figure, panels = side_by_side(len(systems))
-    for axes, system in zip(panels, systems, strict=True):
-        drawn = _curves(axes, frame, system, COMPARED)
+    figure, plots = by_system(frame, systems, **LOSS_BY_SIZE)
+    for system, (axes, mine) in zip(systems, plots, strict=True):
+        drawn = _curves(axes, mine, system, COMPARED)
         drawn |= _curves(axes, changed, system, COMPARED, words=f", {words}", mfc="white", linewidth=1)
         finish(axes, drawn)
     return figure
@@ -87,11 +84,11 @@ def changed_choices(
 @styled
 def efficiency_curves(frame: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
     """Data-efficiency ratio against the loss to be reached, its 95 % interval shaded; triangles mark bounds."""
-    figure, panels = side_by_side(len(systems))
-    for axes, system in zip(panels, systems, strict=True):
-        axes.set(yscale="log", xlabel="validation loss to reach\n(squared m, m/s and rad/s, summed)", title=system)
-        axes.set_ylabel("data without SIDM / data with SIDM (-)")
-        losses = complete(frame, system)
+    xlabel = "validation loss to reach\n(squared m, m/s and rad/s, summed)"
+    ylabel = "data without SIDM / data with SIDM (-)"
+    figure, plots = by_system(frame, systems, yscale="log", xlabel=xlabel, ylabel=ylabel)
+    for system, (axes, mine) in zip(systems, plots, strict=True):
+        losses = complete(mine, system)
         if losses.values.size:
             sidm, novice = losses.values.mean(0)
             reach = np.concatenate([falling(sidm), falling(novice)])
@@ -122,11 +119,10 @@ def size_style(method: str, index: int) -> dict[str, Any]:
 @styled
 def learning_curves(frame: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
     """Novice test loss against samples seen, a thin line a trial."""
-    figure, panels = side_by_side(len(systems))
-    for axes, system in zip(panels, systems, strict=True):
-        axes.set(xscale="log", yscale="log", xlabel="samples seen (control steps)", title=system)
-        axes.set_ylabel("novice test loss, equation (1)\n(raw units squared)")
-        here = frame[frame.system == system]
+    ylabel = "novice test loss, equation (1)\n(raw units squared)"
+    axis = dict(xscale="log", yscale="log", xlabel="samples seen (control steps)", ylabel=ylabel)
+    figure, plots = by_system(frame, systems, **axis)
+    for axes, here in plots:
         sizes = sorted(here.novice_minutes.unique())
         for method, minutes, group in by_method_and_size(here):
             style = size_style(method, sizes.index(minutes))
@@ -134,13 +130,6 @@ def learning_curves(frame: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)
                 label = f"{METHOD_STYLES[method]['label']}, {minutes:g} min" if number == 0 else None
                 axes.plot(one.curve_samples, one.curve_test_loss, lw=0.9, label=label, **style)
         finish(axes, legend=False)
-    drawn = dict(zip(*reversed(_legend_entries(panels)), strict=True))
-    if drawn:
+    if drawn := labelled(figure.axes):
         figure.legend(drawn.values(), drawn.keys(), loc="outside right upper")
     return figure
-
-
-def _legend_entries(panels: Sequence[Axes]) -> tuple[list[Any], list[str]]:
-    """Handles and labels of all plots together."""
-    pairs = [axes.get_legend_handles_labels() for axes in panels]
-    return [h for handles, _ in pairs for h in handles], [label for _, labels in pairs for label in labels]

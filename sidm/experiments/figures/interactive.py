@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import altair as alt
+import pandas as pd
 
 from sidm.experiments.figures.style import METHOD_STYLES
-
-if TYPE_CHECKING:
-    import pandas as pd
+from sidm.experiments.statistics.savings import written
 
 DASHES = {"-": [1, 0], "--": [6, 3], ":": [2, 2], "-.": [6, 2, 2, 2]}  # of Matplotlib's line styles
 
@@ -22,8 +23,6 @@ def figure3(frame: pd.DataFrame, saved: pd.DataFrame, methods: Sequence[str], wo
         methods: that are drawn.
         words: what the chart shows, for who cannot see it.
     """
-    import altair as alt
-
     labels = [METHOD_STYLES[name]["label"] for name in methods]
     system = alt.param(
         name="system", value=frame.system.iloc[0] if len(frame) else "",
@@ -50,10 +49,11 @@ def figure3(frame: pd.DataFrame, saved: pd.DataFrame, methods: Sequence[str], wo
         y=y, tooltip=["method:N", "minutes:Q", _number("loss", "mean loss"),
                       alt.Tooltip("saved:N", title="data without SIDM, same loss")],
     )  # fmt: skip
+    points = alt.Data(values=_means(frame, saved, methods).to_dict("records"))
     chart = alt.layer(
-        seeds.properties(data=_data(_seeds(frame, methods))),
-        lines.properties(data=_data(_means(frame, saved, methods))),
-        means.properties(data=_data(_means(frame, saved, methods))),
+        seeds.properties(data=alt.Data(values=_seeds(frame, methods).to_dict("records"))),
+        lines.properties(data=points),
+        means.properties(data=points),
     )
     return (
         chart.add_params(system, shown)
@@ -66,15 +66,7 @@ def figure3(frame: pd.DataFrame, saved: pd.DataFrame, methods: Sequence[str], wo
 
 
 def _number(field: str, title: str) -> Any:
-    import altair as alt
-
     return alt.Tooltip(f"{field}:Q", title=title, format=".3f")
-
-
-def _data(table: pd.DataFrame) -> Any:
-    import altair as alt
-
-    return alt.Data(values=table.to_dict("records"))
 
 
 def _seeds(frame: pd.DataFrame, methods: Sequence[str]) -> pd.DataFrame:
@@ -86,8 +78,6 @@ def _seeds(frame: pd.DataFrame, methods: Sequence[str]) -> pd.DataFrame:
 
 def _means(frame: pd.DataFrame, saved: pd.DataFrame, methods: Sequence[str]) -> pd.DataFrame:
     """A line a point: its mean, and how many times its data training without SIDM needs."""
-    from sidm.experiments.statistics.savings import written
-
     means = _seeds(frame, methods).groupby(["system", "method", "minutes"]).loss.mean().reset_index()
     times = saved.assign(method=saved.method.map(lambda name: METHOD_STYLES[name]["label"]), saved=written(saved))
     times = times[times.against == "novice_only"].rename(columns={"novice_minutes": "minutes"})

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
 from sidm.experiments.figures.curves import by_method_and_size, size_style
 from sidm.experiments.figures.style import METHOD_STYLES, finish, legend_below, side_by_side, styled
 from sidm.trajectory import CONTROL_STEP
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @styled

@@ -9,19 +9,18 @@ import base64
 import functools
 import io
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from sidm.experiments.methods import METHODS
 from sidm.systems import Terrain
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 STYLE = Path(__file__).with_name("sidm.mplstyle")
 
@@ -58,6 +57,8 @@ SIZE_STYLES: tuple[dict[str, Any], ...] = (
     {"color": "#E69F00", "linestyle": (0, (6, 1, 1, 1)), "marker": "v"},
 )
 LOSS_LABEL = "validation loss, equation (1)\n(squared m, m/s and rad/s, summed)"
+#: The axes of a plot of losses by novice data.
+LOSS_BY_SIZE = dict(xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL)
 #: How a data-efficiency ratio is drawn: its bound, marker, colour and words.
 EFFICIENCY_MARKS = (
     ("=", "o", "#0072B2", "ratio"),
@@ -122,9 +123,30 @@ def lay_ground(axes: Axes, heights: np.ndarray, palest: float, darkest: float) -
     axes.grid(False)
 
 
+def mean_and_range(axes: Axes, found: pd.DataFrame, **style: Any) -> None:
+    """A line through the `mean` of a table by its index, shaded from `min` to `max`."""
+    axes.plot(found.index, found["mean"], **style)
+    axes.fill_between(found.index, found["min"], found["max"], color=style["color"], alpha=0.2, lw=0)
+
+
+def by_system(
+    table: pd.DataFrame, systems: Sequence[str], title: str = "{}", **looks: Any
+) -> tuple[Figure, list[tuple[Axes, pd.DataFrame]]]:
+    """A figure with a plot a system in one row, its name in the title; the plots, each with the system's lines."""
+    figure, panels = side_by_side(len(systems))
+    for axes, system in zip(panels, systems, strict=True):
+        axes.set(title=title.format(system), **looks)
+    return figure, [(axes, table[table.system == system]) for axes, system in zip(panels, systems, strict=True)]
+
+
+def labelled(panels: Iterable[Axes]) -> dict[str, Any]:
+    """What is drawn in some plots, by its label, each once."""
+    return {name: handle for axes in panels for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)}
+
+
 def legend_below(figure: Figure, panels: Iterable[Axes]) -> None:
     """One legend for all plots, below them, where the names would cover what they name."""
-    named = {name: handle for axes in panels for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)}
+    named = labelled(panels)
     if named:
         figure.set_figheight(figure.get_figheight() + 0.25 * -(-len(named) // 2))
         figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=2)

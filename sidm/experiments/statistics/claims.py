@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from sidm.experiments.methods import COMPARED
 from sidm.experiments.statistics.efficiency import greatest_ratio, known
 from sidm.experiments.statistics.intervals import Interval, interval
 from sidm.experiments.statistics.pairs import beside, complete
 from sidm.systems import SYSTEMS
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 REPRODUCED = "Reproduced"
 DIRECTION = "In the same direction"
@@ -71,8 +68,6 @@ def saved(frame: pd.DataFrame, system: str) -> pd.DataFrame:
         frame: of Figure 3.
         system: whose; the paper has a figure for its own two.
     """
-    import pandas as pd
-
     losses = complete(frame, system)
     if not losses.values.size:
         return pd.DataFrame(columns=list(COLUMNS))
@@ -87,8 +82,6 @@ def saved(frame: pd.DataFrame, system: str) -> pd.DataFrame:
 
 def met(frame: pd.DataFrame, system: str) -> pd.DataFrame:
     """Claim 3: from which size on the losses with and without SIDM keep to one side of each other, or are alike."""
-    import pandas as pd
-
     losses = complete(frame, system)
     if not losses.values.size:
         return pd.DataFrame(columns=list(COLUMNS))
@@ -115,8 +108,6 @@ def figure3_claims(frame: pd.DataFrame, minutes: float = 5.0) -> pd.DataFrame:
 
     Ratios and differences are of means over seeds, with 95 % intervals over whole seeds.
     """
-    import pandas as pd
-
     parts = [claim(frame, system) for claim in (saved, met) for system in SYSTEMS]
     return pd.concat([part for part in (*parts, pretrained(frame, minutes)) if len(part)] or parts, ignore_index=True)
 

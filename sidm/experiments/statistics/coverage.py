@@ -8,18 +8,17 @@ Run as a module it measures anew and writes `results/coverage.json`.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from sidm.experiments.statistics.efficiency import efficiency, greatest_ratio, known
 from sidm.experiments.statistics.intervals import Interval, bootstrap, interval, leave_one_out
 from sidm.storage import read_record, write_record
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MINUTES = np.array([1.0, 2, 5, 20, 60, 120])
 RATIO = 4.0  # between the data that the two methods need
@@ -46,17 +45,11 @@ def log_ratio(pairs: np.ndarray) -> float:
     return float(np.log(efficiency(MINUTES, sidm, novice_only, np.array([LEVEL])).ratio[0]))
 
 
-def by_resampling(pairs: np.ndarray) -> Interval:
-    """The percentile interval of `log_ratio` over the S seeds of losses (S, 2, M)."""
-    return bootstrap(log_ratio, pairs, resamples=RESAMPLES)
-
-
-def by_leaving_out(pairs: np.ndarray) -> Interval:
-    """Student's interval of `log_ratio` over the S seeds of losses (S, 2, M)."""
-    return leave_one_out(log_ratio, pairs)
-
-
-METHODS = {"percentile": by_resampling, "leave_one_out": by_leaving_out}
+#: Kind of interval -> that of `log_ratio` over the S seeds of losses (S, 2, M).
+METHODS: dict[str, Callable[[np.ndarray], Interval]] = {
+    "percentile": functools.partial(bootstrap, log_ratio, resamples=RESAMPLES),
+    "leave_one_out": functools.partial(leave_one_out, log_ratio),  # Student's
+}
 
 
 def coverage(method: Callable[[np.ndarray], Interval], seeds: int, studies: int = STUDIES) -> tuple[float, float]:
@@ -97,8 +90,6 @@ def measure(seeds: Sequence[int] = SEEDS) -> dict[str, Any]:
 
 def table(file: Path = FILE) -> pd.DataFrame:
     """As stored: the `share` of 95 % intervals that hold the true ratio, a line a method and number of seeds."""
-    import pandas as pd
-
     found = read_record(file)
     lines = [(name, int(n), *one) for name in METHODS for n, one in found[name].items()]
     return pd.DataFrame(lines, columns=["interval", "seeds", "share", "width"])

@@ -38,58 +38,31 @@ class Interval(NamedTuple):
         return 1 if self.low > of else -1 if self.high < of else 0
 
 
-class Summary(NamedTuple):
-    """What Figure 3 draws at each size, each (M,)."""
-
-    mean: np.ndarray
-    interquartile_mean: np.ndarray
-    minimum: np.ndarray
-    maximum: np.ndarray
-
-
-def summarise(losses: np.ndarray) -> Summary:
-    """Mean, interquartile mean, minimum and maximum over seeds of losses (S, M)."""
-    losses = np.asarray(losses, float)
-    cut = len(losses) // 4
-    middle = np.partition(losses, (cut, len(losses) - cut - 1), axis=0)[cut : len(losses) - cut]
-    return Summary(losses.mean(0), middle.mean(0), losses.min(0), losses.max(0))
-
-
-def bootstrap(
-    statistic: Callable[[np.ndarray], float],
-    samples: np.ndarray,
-    resamples: int = RESAMPLES,
-    confidence: float = CONFIDENCE,
-    seed: int = 0,
-) -> Interval:
+def bootstrap(statistic: Callable[[np.ndarray], float], samples: np.ndarray, resamples: int = RESAMPLES) -> Interval:
     """Percentile bootstrap of `statistic` over the whole seeds of `samples`.
 
     Args:
         statistic: takes an array like `samples` and does not mind the order of the seeds; values that are not finite
             are left out of the percentiles.
         samples: (S, ...), seeds first.
-        resamples: how many times S seeds are drawn with replacement.
-        confidence: of the interval.
-        seed: of the draws.
+        resamples: how many times S seeds are drawn with replacement; the draws are always the same.
 
     Returns:
         The statistic of `samples`, and its interval: of one seed the value itself; NaN if the statistic is not finite.
     """
     samples = np.asarray(samples, float)
     count = len(samples)
-    draws = np.sort(np.random.default_rng(seed).integers(count, size=(resamples, count)), axis=1)
+    draws = np.sort(np.random.default_rng(0).integers(count, size=(resamples, count)), axis=1)
     different, times = np.unique(draws, axis=0, return_counts=True)
     value, values = float(statistic(samples)), np.repeat([statistic(samples[draw]) for draw in different], times)
     values = values[np.isfinite(values)]
     if not (np.isfinite(value) and len(values)):
         return Interval(value, np.nan, np.nan)
-    low, high = np.percentile(values, [50 * (1 - confidence), 50 * (1 + confidence)])
+    low, high = np.percentile(values, [50 * (1 - CONFIDENCE), 50 * (1 + CONFIDENCE)])
     return Interval(value, float(low), float(high))
 
 
-def leave_one_out(
-    statistic: Callable[[np.ndarray], float], samples: np.ndarray, confidence: float = CONFIDENCE
-) -> Interval:
+def leave_one_out(statistic: Callable[[np.ndarray], float], samples: np.ndarray) -> Interval:
     """Student's interval with the jackknife's standard error: `statistic` without each whole seed in turn.
 
     With few seeds resampling knows too little of what other seeds would give, and its intervals are too narrow (module
@@ -99,7 +72,6 @@ def leave_one_out(
     Args:
         statistic: as in `bootstrap`.
         samples: (S, ...), seeds first.
-        confidence: of the interval.
 
     Returns:
         The statistic of `samples`, and its interval; NaN with one seed, or where a seed left out leaves no value.
@@ -112,7 +84,7 @@ def leave_one_out(
         return Interval(value, np.nan, np.nan)
     others = np.array([statistic(np.delete(samples, seed, axis=0)) for seed in range(count)])
     error = np.sqrt((count - 1) * others.var()) if np.isfinite(others).all() else np.nan
-    reach = float(stdtrit(count - 1, 0.5 + confidence / 2) * error)
+    reach = float(stdtrit(count - 1, 0.5 + CONFIDENCE / 2) * error)
     return Interval(value, value - reach, value + reach)
 
 

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from sidm.experiments.methods import COMPARED
 from sidm.experiments.statistics.intervals import Interval, interval, mean_ratio, ratio_of_means
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 POINT = ("system", "novice_minutes")
 
@@ -55,30 +53,25 @@ def beside(
 
 
 def together(
-    frame: pd.DataFrame,
-    reference: pd.DataFrame,
-    over: str = "novice_minutes",
-    on: Sequence[str] = ("system",),
-    by: Sequence[str] = ("method",),
-    value: str = "validation_loss",
+    frame: pd.DataFrame, reference: pd.DataFrame, by: Sequence[str] = ("method",), value: str = "validation_loss"
 ) -> pd.DataFrame:
     """Two sides over several sizes at once: the geometric mean of their ratios, paired by seed and size.
 
     Args:
-        frame: as of `beside`, as are `reference`, `on`, `by` and `value`.
+        frame: as of `beside`, as are `reference`, `by` and `value`; a seed that lacks a size that another seed of the
+            group has is left out.
         reference: the other side.
-        over: the column of the sizes; a seed that lacks one that another seed of the group has is left out.
-        on: columns in which the two sides agree, beside the seed and the size.
         by: further columns of `frame` that tell its groups apart.
         value: the column that is compared.
 
     Returns:
-        A line a group: `on` and `by`, `sizes` that they have, `seeds`, `ratio`, `low` and `high`.
+        A line a `system` and `by`: `sizes` that they have, `seeds`, `ratio`, `low` and `high`.
     """
-    both, _ = _joined(frame, reference, [*on, over], by, value)
-    groups, lines = [*on, *by], []
+    both, _ = _joined(frame, reference, POINT, by, value)
+    groups, lines = ["system", *by], []
     for key, group in both.groupby(groups, sort=False):
-        own, other = (group.pivot(index="seed", columns=over, values=side).dropna() for side in (value, "reference"))
+        wide = group.pivot(index="seed", columns="novice_minutes", values=[value, "reference"])
+        own, other = (wide[side].dropna() for side in (value, "reference"))
         found = mean_ratio(own.to_numpy(float), other.to_numpy(float))
         lines.append((*key, tuple(own.columns), len(own), *found))
     return _table(lines, both[groups], ["sizes", "seeds", "ratio", "low", "high"])
@@ -86,8 +79,6 @@ def together(
 
 def _table(lines: list[tuple], keys: pd.DataFrame, names: list[str]) -> pd.DataFrame:
     """Lines as a table whose columns have the types of the `keys` and of numbers, also without a line."""
-    import pandas as pd
-
     found = pd.DataFrame(lines, columns=[*keys, *names])
     return found if lines else found.astype({**keys.dtypes, **dict.fromkeys(names, float)})
 
@@ -107,6 +98,7 @@ def _joined(
 def _mean_difference(pairs: np.ndarray) -> float:
     """Of the second of pairs (S, 2) less the first."""
     return float((pairs[:, 1] - pairs[:, 0]).mean())
+
 
 class Losses(NamedTuple):
     """The part of some results that is complete: S seeds, K methods, M sizes."""

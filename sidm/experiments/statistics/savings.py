@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from sidm.experiments.statistics.efficiency import (
     Efficiency,
@@ -16,10 +16,7 @@ from sidm.experiments.statistics.efficiency import (
     minutes_needed,
 )
 from sidm.experiments.statistics.intervals import Interval, interval
-from sidm.experiments.statistics.pairs import Losses, complete
-
-if TYPE_CHECKING:
-    import pandas as pd
+from sidm.experiments.statistics.pairs import Losses, beside, complete
 
 COLUMNS = ["system", "method", "against", "novice_minutes", "seeds", "loss", "ratio", "low", "high", "bound"]
 
@@ -41,8 +38,6 @@ def savings(
         `ratio` of the data that the comparison needs for it, with the ends of its 95 % interval, NaN where a seed left
         out makes a bound, and how the ratio is to be read: `bound` is '=', '>=' or '<='.
     """
-    import pandas as pd
-
     lines: list[tuple] = []
     for system in dict.fromkeys(frame.system):
         for method in methods:
@@ -78,6 +73,34 @@ def savings_between(own: Losses, other: Losses) -> list[tuple]:
          str(found.bound[size]))
         for size, minutes in enumerate(own.minutes)
     ]  # fmt: skip
+
+
+def with_savings(
+    means: pd.DataFrame, frame: pd.DataFrame, reference: pd.DataFrame, on: Sequence[str], by: Sequence[str]
+) -> pd.DataFrame:
+    """Means at each size with how their groups stand beside a reference, by `loss`, and what novice data they save.
+
+    Args:
+        means: a line for each of the columns `on` and `by` and each of the `novice_minutes`.
+        frame: the groups' results, a line a seed.
+        reference: those that they are held against.
+        on: columns in which the two sides agree beside seed and size, the system first.
+        by: further columns that tell the groups apart.
+
+    Returns:
+        The means, with `ratio`, `low` and `high` as of `pairs.beside`, and how many times a group's data the reference
+        needs: `saved`, `saved_low`, `saved_high` and `bound`. NaN where a line has nothing to be held against.
+    """
+    point = [*on, *by, "novice_minutes"]
+    ratios = beside(frame, reference, on=[*on, "novice_minutes"], by=by, value="loss")
+    lines: list[tuple] = []
+    for key, own in frame.groupby(point[:-1], sort=False):
+        other = reference[(reference[list(on)] == list(key[: len(on)])).all(axis=1)]
+        sides = (complete(side.assign(method="any"), str(key[0]), ["any"], "loss") for side in (own, other))
+        lines += [(*key, minutes, *ends) for minutes, _, _, *ends in savings_between(*sides)]
+    saved = pd.DataFrame(lines, columns=[*point, "saved", "saved_low", "saved_high", "bound"])
+    found = means.merge(ratios[[*point, "ratio", "low", "high"]], how="left", on=point)
+    return found.merge(saved.astype(means[point].dtypes), how="left", on=point)
 
 
 def written(table: pd.DataFrame) -> list[str]:

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from sidm.body import Body
 from sidm.experiments.engine.store import Results
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 #: Name and unit of each of the 13 components of y.
 COMPONENTS = (
@@ -25,9 +22,9 @@ COMPONENTS = (
 )
 
 
-def spread(frame: pd.DataFrame, by: Sequence[str], value: str = "validation_loss") -> pd.DataFrame:
-    """For each group that the columns `by` make: number of trials, mean, minimum and maximum of a value."""
-    found = frame.groupby(list(by))[value].agg(["size", "mean", "min", "max"]).reset_index()
+def spread(frame: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+    """For each group that the columns `by` make: number of trials, mean, minimum and maximum of the loss."""
+    found = frame.groupby(list(by)).validation_loss.agg(["size", "mean", "min", "max"]).reset_index()
     return found.rename(columns={"size": "trials", "min": "minimum", "max": "maximum"})
 
 
@@ -37,8 +34,6 @@ def component_errors(losses: Mapping[str, Sequence[Sequence[float]]]) -> pd.Data
     Args:
         losses: name of a column -> component losses (S, 13) of S trials, as `Outcome.component_losses`.
     """
-    import pandas as pd
-
     means = {name: np.mean(np.asarray(some, float), axis=0) for name, some in losses.items()}
     found = pd.DataFrame(COMPONENTS, columns=["component", "unit"]).assign(
         **{name: np.sqrt(mean) for name, mean in means.items()}

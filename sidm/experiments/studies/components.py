@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
 from sidm.experiments.figures.style import finish, side_by_side, styled
 from sidm.experiments.methods import COMPARED
@@ -14,10 +15,6 @@ from sidm.experiments.statistics.tables import COMPONENTS
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
 from sidm.systems import SYSTEMS
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 NAMES = [name for name, _ in COMPONENTS]
 

@@ -13,7 +13,7 @@ every pair of PAIRS.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import pandas as pd
 
 from sidm.experiments.methods import RIVAL
 from sidm.experiments.statistics.intervals import FEWEST_SEEDS
@@ -21,9 +21,6 @@ from sidm.experiments.statistics.pairs import beside
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
 from sidm.systems import FAMILY_PAIRS, FREE_SYSTEMS, SYSTEMS
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 METHOD = "corrected_averaged"
 RIVALS = ("sidm", "sidm_mirrored", "pretrain_finetune", RIVAL)

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
-from sidm.experiments.figures.style import METHOD_STYLES, finish, side_by_side, styled
+from sidm.experiments.figures.style import METHOD_STYLES, finish, mean_and_range, side_by_side, styled
 from sidm.experiments.methods import ALL_RELEASED, COMPARED, METHODS, RELEASED, change
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 #: Until so many samples bring no lower test loss.
 LONG: dict[str, Any] = {"patience": 2_500_000, "max_samples": 6_000_000}
@@ -77,9 +75,7 @@ def figure(curves: pd.DataFrame, minutes: float = MINUTES[0]) -> Figure:
         for method, some in mine[mine.trained == trained].groupby("method", sort=False):
             points = some.groupby("samples").loss.agg(["mean", "min", "max", "size"])
             points = points[points["size"] == points["size"].max()]  # which all seeds came to
-            style = METHOD_STYLES[method] | {"marker": ""}
-            axes.plot(points.index, points["mean"], **style)
-            axes.fill_between(points.index, points["min"], points["max"], color=style["color"], alpha=0.2, lw=0)
+            mean_and_range(axes, points, **METHOD_STYLES[method] | {"marker": ""})
     if len(mine):
         for axes in panels:
             axes.set_ylim(0.95 * mine.loss.min(), 1.05 * mine[mine.samples > 3e4].loss.max())

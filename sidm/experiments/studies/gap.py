@@ -7,26 +7,23 @@ anew and writes `results/gap.json`.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
 from sidm.config import to_mapping
+from sidm.experiments.engine.records import asked, single
 from sidm.experiments.figures.style import SIZE_STYLES, finish, legend_below, side_by_side, styled
 from sidm.numerics import versions
 from sidm.pool import local_pool
-from sidm.storage import read_record, write_record
+from sidm.storage import write_record
 from sidm.systems import FREE_SYSTEMS, ROLES, SYSTEMS, find_system
 from sidm.terrain import generate_terrain
 from sidm.trajectory import CONTROL_STEP
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 GAP_SEED = 6  # apart from the seeds of all data
 STARTS, STEPS = 96, 25  # drives of each robot, and control steps of each
@@ -74,9 +71,7 @@ def components(states: np.ndarray, yaw: float) -> np.ndarray:
     return np.column_stack([forward, sideways, moved[:, 2], roll, pitch, heading - heading[0], states[:, 7:13]])
 
 
-def measure(
-    executor: Executor, results: Path, systems: Sequence[str] = EVERY_SYSTEM, starts: int = STARTS
-) -> None:
+def measure(executor: Executor, results: Path, systems: Sequence[str] = EVERY_SYSTEM, starts: int = STARTS) -> None:
     """Drive all pairs, and store by step the gap and what it is to be held against.
 
     The gap is the root mean square of the expert's component less the novice's over the starts; the novice's own spread
@@ -96,12 +91,7 @@ def measure(
 
 def table(results: Path | str = "results") -> pd.DataFrame:
     """A line a system, component and time: `gap`, the novice's own `spread`, their `ratio`; empty if not measured."""
-    import pandas as pd
-
-    try:
-        found = read_record(Path(results) / NAME)["found"]
-    except FileNotFoundError:
-        found = {}
+    found = single(Path(results) / NAME).get("found", {})
     lines = [
         (system, name, unit, CONTROL_STEP * step, both["gap"][step][number], both["spread"][step][number])
         for system, both in found.items()
@@ -134,9 +124,6 @@ def figure(table: pd.DataFrame, time: float = 1.0) -> Figure:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--results", type=Path, default=Path("results"), help="folder of the results (%(default)s)")
-    parser.add_argument("--workers", type=int, default=2, help="processes (%(default)s)")
-    given = parser.parse_args()
+    given = asked(__doc__, "results", "workers")
     with local_pool(given.workers) as pool:
         measure(pool, given.results)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import pandas as pd
 
 from sidm.experiments.methods import COMPARED, FIGURE3
 from sidm.experiments.statistics.pairs import beside
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MINUTES, SEEDS = (5.0,), 3
 PIXELS = (16, 32, 64, 128)  # with the LSTM of 3 x 256; the paper's 300 take a GPU

@@ -6,9 +6,10 @@ The expert is system 1's as the paper has it; the novice, the same robot in the 
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
 from sidm.body import DRIVE, ROVER, TWIST, Body
 from sidm.experiments.figures.style import METHOD_STYLES, finish, legend_below, side_by_side, styled
@@ -16,10 +17,6 @@ from sidm.experiments.methods import ANY_BODIES
 from sidm.experiments.statistics.pairs import beside
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 TILT = (("up_x", "1"), ("up_y", "1"), ("up_z", "1"))
 
@@ -51,8 +48,6 @@ def trials(study: Study, system: str) -> list[Trial]:
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
     """SIDM beside training without it and beside the pretrained core: `pairs.beside`, below 1 where SIDM is better."""
-    import pandas as pd
-
     point = ["system", "novice_body", "novice_minutes"]
     sidm = frame[frame.method == "sidm"]
     others = [name for name in ANY_BODIES if name != "sidm"]

@@ -9,7 +9,6 @@ Run as a module it measures anew and writes `results/overlap.json`.
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,10 +17,11 @@ import torch
 from scipy.spatial import cKDTree
 
 from sidm.experiments.engine.datasets import load_dataset
+from sidm.experiments.engine.records import asked, single
 from sidm.experiments.study import Study
 from sidm.learning.observation import encode_inputs, transition
 from sidm.numerics import versions
-from sidm.storage import read_record, write_record
+from sidm.storage import write_record
 from sidm.systems import SYSTEMS
 from sidm.trajectory import STEPS, Trajectory
 
@@ -84,17 +84,10 @@ def measure(study: Study, results: Path) -> None:
 
 def read(results: Path | str) -> dict[str, dict[str, Neighbourhood]]:
     """What is stored, by system and robot; nothing where nothing is."""
-    try:
-        values = read_record(Path(results) / NAME)
-    except FileNotFoundError:
-        return {}
+    values = single(Path(results) / NAME)
     return {s: {role: Neighbourhood(*one) for role, one in values[s].items()} for s in SYSTEMS if s in values}
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--preset", default="laptop", help="whose data (%(default)s)")
-    parser.add_argument("--data", type=Path, default=Path("data"), help="folder of trajectories (%(default)s)")
-    parser.add_argument("--results", type=Path, default=Path("results"), help="folder of the results (%(default)s)")
-    given = parser.parse_args()
+    given = asked(__doc__, "preset", "data", "results")
     measure(Study(given.preset, given.data, given.results), given.results)

@@ -9,15 +9,17 @@ Run as a module it measures anew and writes `results/payoff.json`.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
+from sidm.experiments.engine.records import asked, single
 from sidm.experiments.figures.style import SIZE_STYLES, finish, legend_below, side_by_side, styled
 from sidm.experiments.methods import CORES
 from sidm.experiments.statistics.savings import savings
@@ -28,13 +30,9 @@ from sidm.experiments.studies.several_experts.results import MEMBER as MEMBER_AL
 from sidm.experiments.trials import EXPERT_SEED, POOL_SEED
 from sidm.numerics import versions
 from sidm.pool import local_pool
-from sidm.storage import read_record, write_record
+from sidm.storage import write_record
 from sidm.systems import FREE_SYSTEMS, SYSTEMS
 from sidm.trajectory import Collection, Trajectory, load
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 AHEAD, BEFORE = 10, 4  # steps of 0.1 s: of the answer, and over which a velocity is taken
 TRAJECTORIES = 128  # of a simulated robot
@@ -166,12 +164,7 @@ def gaps(results: Path | str = "results") -> pd.DataFrame:
 
     `gap` is their geometric mean: 1 where the expert answers as well as the novice itself.
     """
-    import pandas as pd
-
-    try:
-        found = read_record(Path(results) / NAME)["found"]
-    except FileNotFoundError:
-        found = {}
+    found = single(Path(results) / NAME).get("found", {})
     names = ["displacement", "heading", "own_displacement", "own_heading"]
     table = pd.DataFrame.from_dict(found, orient="index", columns=names).rename_axis("pair").reset_index()
     for name in names[:2]:
@@ -193,8 +186,6 @@ def saved(groups: Mapping[str, Group]) -> pd.DataFrame:
 
     A line a `kind` of pairs, `system` and method that is there: `pair`, whose gap it goes with, and what `savings` has.
     """
-    import pandas as pd
-
     parts = []
     for kind, (frame, size, value, pair) in groups.items():
         methods = [name for name in SAVING if name in set(frame.method)]
@@ -211,8 +202,6 @@ def family_of(frame: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
         frame: of Figure 3.
         table: of several experts.
     """
-    import pandas as pd
-
     mine = table[(table.experts == MEMBER_ALONE) & (table.way == "all")]
     tuned = mine.rename(columns={"loss": "validation_loss"}).assign(method="pretrain_finetune")
     alone = frame[(frame.method == "novice_only") & frame.system.isin(mine.system)]
@@ -255,9 +244,6 @@ def figure(table: pd.DataFrame) -> Figure:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--data", type=Path, default=Path("data"), help="folder of trajectories (%(default)s)")
-    parser.add_argument("--results", type=Path, default=Path("results"), help="folder of the results (%(default)s)")
-    given = parser.parse_args()
+    given = asked(__doc__, "data", "results")
     with local_pool(2) as pool:
         measure(given.data, given.results, pool)

@@ -6,23 +6,21 @@ that a slow minute is nobody's in particular. Run as a module it measures anew a
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from sidm.experiments.engine.provenance import THREADS, here
+from sidm.experiments.engine.records import asked, single
 from sidm.experiments.methods import BASELINES, FIGURE3, METHODS, change
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
-from sidm.storage import read_record, write_record
+from sidm.storage import write_record
 from sidm.trajectory import STEPS
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 NAME = "pace.json"
 SYSTEM = "system1"  # on the other one the same networks see batches of the same size
@@ -84,11 +82,8 @@ def measure(
 
 def _stored(results: Path | str, preset: str) -> dict[str, Any]:
     """The record of a preset's measurement; empty without one."""
-    try:
-        values = read_record(Path(results) / NAME)
-    except FileNotFoundError:
-        return {}
-    return values if values["preset"] == preset else {}
+    values = single(Path(results) / NAME)
+    return values if values.get("preset") == preset else {}
 
 
 def read(results: Path | str, preset: str) -> dict[str, Pace]:
@@ -117,10 +112,5 @@ def seconds(frame: pd.DataFrame, paces: Mapping[str, Pace]) -> pd.Series:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--preset", default="laptop", help="whose methods (%(default)s)")
-    parser.add_argument("--data", type=Path, default=Path("data"), help="folder of trajectories (%(default)s)")
-    parser.add_argument("--results", type=Path, default=Path("results"), help="folder of the results (%(default)s)")
-    parser.add_argument("--beside", default="nothing else", help="what else the machine does meanwhile (%(default)s)")
-    given = parser.parse_args()
+    given = asked(__doc__, "preset", "data", "results", "beside")
     measure(Study(given.preset, given.data, given.results), given.results, beside=given.beside)

@@ -7,7 +7,9 @@ A preset with motion of its own for it, as `study`, has for each system what doe
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from sidm.experiments.engine.store import Results
 from sidm.experiments.methods import METHODS
@@ -15,9 +17,6 @@ from sidm.experiments.presets import MOST_SEEDS, Preset
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
 from sidm.systems import SYSTEMS
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 TUNING_SEED = MOST_SEEDS  # no figure's: theirs are below
 
@@ -114,8 +113,6 @@ def trials(study: Study, system: str) -> list[Trial]:
 
 def frame(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
     """Stored tries, with their words as `try` and whether they are what the preset has as `used`."""
-    import pandas as pd
-
     base, parts = study.of(study.preset.for_tuning()), []
     for system in systems:
         for words, trial in tries(study, system):
@@ -163,8 +160,6 @@ def settings(preset: Preset) -> pd.DataFrame:
 
     A pretraining's value stands before the fine-tuning's where they differ, p_e before the systems.
     """
-    import pandas as pd
-
     found = {method: [_p_expert(preset, method), *(_tuned(preset, method, one) for one in TUNED)] for method in TRIES}
     return pd.DataFrame(found, index=pd.Index(["p_expert", *TUNED], name="setting"))
 

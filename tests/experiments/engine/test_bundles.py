@@ -9,7 +9,7 @@ import pytest
 
 from sidm.__main__ import main
 from sidm.config import ConfigError
-from sidm.experiments import Failure, Results, Study, run, run_trial
+from sidm.experiments import Failure, Results, run, run_trial
 from sidm.experiments.engine import bundles as bundled
 from sidm.experiments.engine.bundles import bundles, fits
 from sidm.experiments.engine.run import checkpoint_folder, run_here
@@ -18,44 +18,39 @@ from sidm.experiments.studies.other_bodies import NOVICES
 from sidm.learning import TrainingError
 
 
-@pytest.fixture
-def study(tiny, data, tmp_path):
-    return Study(tiny, data, tmp_path)
-
-
 def diverging(trial):
     """The same trial with steps that no loss survives."""
     return trial.replace(training=dataclasses.replace(trial.training, learning_rate=1e11))
 
 
-def test_a_bundle_stores_what_trials_alone_give(study, data, tmp_path):
+def of_two_bodies(study, novice):
+    """Every method that learns such pairs; what pretrains the core is the expert alone, of its own body."""
+    network = dataclasses.replace(study.preset.network, novice_body=NOVICES[novice])
+    other = study.of(dataclasses.replace(study.preset, network=network))
+    return other.points("system1", ANY_BODIES, [0.25], seeds=1)
+
+
+@pytest.mark.parametrize(
+    ("made", "groups"),
+    [
+        (lambda study: study.figure3("system1"), [2, 4]),
+        (lambda study: of_two_bodies(study, "no map"), [2, 3]),
+        (lambda study: of_two_bodies(study, "planar"), [2, 3]),
+    ],
+)
+def test_a_bundle_stores_what_trials_alone_give(study, data, tmp_path, made, groups):
     """All methods and sizes side by side, in two seats; rounding apart."""
-    trials = study.figure3("system1")
+    trials = made(study)
+    assert all(map(fits, trials)) and sorted(map(len, bundles(trials))) == groups
     store = run(trials, data=data, results=tmp_path, progress=False, bundle=2)
-    assert len(trials) == 6 and store.missing(trials) == [] and store.stale(trials) == []
     for trial, row in zip(trials, store.rows(trials), strict=True):
         alone = run_trial(trial, data).outcome
-        assert row.provenance.bundle == 2 and "bundle" in row.provenance.numerics
+        assert row.provenance.bundle == 2 and "bundle" in row.provenance.numerics and not row.provenance.stale
         assert row.outcome.validation_loss == pytest.approx(alone.validation_loss, rel=1e-3)
         assert row.outcome.curve_test_loss == pytest.approx(alone.curve_test_loss, rel=1e-3)
         assert row.outcome.position_error == pytest.approx(alone.position_error, rel=0.1)  # grows over 25 steps
-        assert row.outcome.samples == alone.samples
+        assert (row.outcome.samples, row.outcome.pretraining_samples) == (alone.samples, alone.pretraining_samples)
         assert not checkpoint_folder(data, trial, "bundle").exists()
-
-
-@pytest.mark.parametrize("novice", ["no map", "planar"])
-def test_a_bundle_stores_what_pairs_of_two_bodies_give(tiny, study, data, tmp_path, novice):
-    """By every method that learns them; what pretrained the core is the expert alone, of its own body."""
-    network = dataclasses.replace(tiny.network, novice_body=NOVICES[novice])
-    trials = study.of(dataclasses.replace(tiny, network=network)).points("system1", ANY_BODIES, [0.25], seeds=1)
-    assert len(trials) == 5 and all(map(fits, trials)) and sorted(map(len, bundles(trials))) == [2, 3]
-    store = run(trials, data=data, results=tmp_path, progress=False, bundle=3)
-    for trial, row in zip(trials, store.rows(trials), strict=True):
-        alone = run_trial(trial, data).outcome
-        assert row.provenance.bundle == 3 and row.outcome.samples == alone.samples
-        assert row.outcome.pretraining_samples == alone.pretraining_samples
-        assert row.outcome.validation_loss == pytest.approx(alone.validation_loss, rel=1e-3)
-        assert row.outcome.curve_test_loss == pytest.approx(alone.curve_test_loss, rel=1e-3)
 
 
 def test_what_goes_into_one_bundle(study):
@@ -79,10 +74,10 @@ def test_a_failure_is_kept_and_not_repeated(study, data, tmp_path, capsys, bundl
         assert failure.trial == bad and failure.loss in ("nan", "inf") and failure.iteration == 5
         said = f"sidm: {bad}: failed, the {failure.what} loss was {failure.loss} after 5 iterations"
         assert capsys.readouterr().err.strip() == said
-        written = store.failure_path(bad).stat().st_mtime_ns
+        written = store.failed.path(bad).stat().st_mtime_ns
         run([bad], **options)
         assert "not run again unless" in capsys.readouterr().err
-    assert store.failure_path(bad).stat().st_mtime_ns == written
+    assert store.failed.path(bad).stat().st_mtime_ns == written
 
 
 def test_one_fault_in_a_bundle_loses_no_other(study, data, tmp_path, capsys, monkeypatch):
@@ -104,7 +99,7 @@ def test_one_fault_in_a_bundle_loses_no_other(study, data, tmp_path, capsys, mon
     assert store.missing(trials) == [strange, damaged, infinite]
     said = capsys.readouterr().err.strip().splitlines()
     assert len(said) == 3
-    for words in ("digest", "the checkpoint is damaged", "the outcome is not finite"):
+    for words in ("digest", "the checkpoint is damaged", "a number is not finite"):
         assert sum(words in line for line in said) == 1
 
 
@@ -117,9 +112,9 @@ def test_a_later_success_replaces_a_failure(study, data, tmp_path, make_row):
     old = dataclasses.replace(failure, provenance=dataclasses.replace(failure.provenance, numerics={"bundle": 0}))
     assert isinstance(old, Failure)
     store.put(old)
-    assert store.failure(trial) == old and store.failures([trial]) == []
+    assert store.failed.get(trial) == old and store.failures([trial]) == []
     store.put(make_row(trial))
-    assert store.failure(trial) is None and store.missing([trial]) == []
+    assert store.failed.get(trial) is None and store.missing([trial]) == []
 
 
 def test_event_files_hold_the_curve(study, data, tmp_path):
@@ -154,7 +149,7 @@ def test_the_command_line(tiny, study, data, tmp_path, capsys, monkeypatch):
     store.put(dataclasses.replace(store.failures([diverging(trials[0])])[0], trial=trials[0]))
     assert main(["show", *common]) == 0
     assert f"note: {trials[0]}: failed" in capsys.readouterr().out
-    store.failure_path(trials[0]).unlink()
+    store.failed.path(trials[0]).unlink()
     assert main(["run", *common, "--bundle", "4", "--log", str(log)]) == 0
     assert "6 of 6 trials stored" in capsys.readouterr().out and len(list(log.iterdir())) == 6
     with pytest.raises(ConfigError, match="bundle must not be negative"):

@@ -1,22 +1,19 @@
 """Results as one table."""
 
-from pathlib import Path
-
 import pandas as pd
 import pytest
 
 from sidm.__main__ import main
-from sidm.experiments import Results, Study
+from sidm.experiments import Results
 from sidm.experiments.catalogue import STUDIES
 from sidm.experiments.engine.frame import columns, numbers_and_words
-
-ROOT = Path(__file__).parents[3]
+from tests.experiments.conftest import RESULTS
 
 
 @pytest.fixture
-def store(tiny, data, tmp_path, make_row):
+def store(study, make_row):
     """Three seeds of three methods, one of them pretrained."""
-    store, study = Results(tmp_path), Study(tiny, data, tmp_path)
+    store = Results(study.results)
     methods = ["sidm", "novice_only", "pretrain_finetune"]
     for number, trial in enumerate(study.points("system1", methods, [0.25], seeds=3)):
         store.put(make_row(trial, 1.0 + number))
@@ -42,18 +39,12 @@ def test_every_column_says_what_it_is():
     assert "min" in told["novice_minutes"] and told["own"].endswith("as if the system were an input")
 
 
-def test_grouping_is_that_of_pandas(store):
-    table = store.frame().pivot_table("validation_loss", "novice_minutes", "method")
-    assert table.loc[0.25].to_dict() == {"sidm": 4.0, "novice_only": 5.0, "pretrain_finetune": 6.0}
-
-
-def test_trials_that_are_not_stored_have_no_line(store, tiny, data, tmp_path):
-    trials = Study(tiny, data, tmp_path).points("system1", ["sidm"], [0.25], seeds=5)
-    assert list(store.frame(trials).seed) == [0, 1, 2]
+def test_trials_that_are_not_stored_have_no_line(store, study, tmp_path):
+    assert list(store.frame(study.points("system1", ["sidm"], [0.25], seeds=5)).seed) == [0, 1, 2]
     assert len(Results(tmp_path / "empty").frame()) == 0
 
 
-def test_show_writes_a_table(tiny, data, tmp_path, capsys, monkeypatch):
+def test_show_writes_a_table(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = ["--preset", "smoke", "--results", str(tmp_path), "--csv", "mine.csv"]
     assert main(["show", *words]) == 0
@@ -69,7 +60,7 @@ def test_a_file_has_what_fits_in_a_cell(store, tmp_path):
 
 
 def test_records_are_a_table_too():
-    records = STUDIES["uncertainty"].records(ROOT / "results")
+    records = STUDIES["uncertainty"].doors.records(RESULTS)
     frame, found = records.frame(), records.all()
     assert list(frame.trial_seed) == [one.about.trial.seed for one in found] != []
     assert list(frame.date) == [one.provenance.date for one in found]

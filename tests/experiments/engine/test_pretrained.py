@@ -5,16 +5,16 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from sidm.config import ConfigError
-from sidm.experiments import METHODS, PRESETS, Study, load_preset, run, run_trial
+from sidm.experiments import METHODS, PRESETS, Study, run, run_trial
 from sidm.experiments.engine import pretrained
 from sidm.experiments.methods import change
 from sidm.learning.checkpoint import CheckpointError
 
 
 @pytest.fixture
-def trials(tiny, data, tmp_path):
+def trials(study):
     """Both sizes of one seed."""
-    return Study(tiny, data, tmp_path).points("system1", ["pretrain_finetune"], tiny.novice_minutes("system1"))
+    return study.points("system1", ["pretrain_finetune"], study.preset.novice_minutes("system1"))
 
 
 def test_the_weights_are_made_once(trials, data):
@@ -26,15 +26,6 @@ def test_the_weights_are_made_once(trials, data):
     assert made.stat().st_mtime_ns == written and not (made.parent / "state").exists()
     assert first.pretraining_samples == second.pretraining_samples >= trials[0].pretraining.max_samples
     assert first == run_trial(trials[0], data).outcome != second
-
-
-def test_a_bundle_pretrains_too(trials, data, tmp_path):
-    store = run(trials, data=data, results=tmp_path, progress=False, bundle=2)
-    for row in store.rows(trials):
-        alone = run_trial(row.trial, data).outcome
-        assert row.outcome.validation_loss == pytest.approx(alone.validation_loss, rel=1e-3)
-        assert row.outcome.pretraining_samples == alone.pretraining_samples
-    assert not store.missing(trials)
 
 
 @pytest.mark.parametrize("bundle", [0, 1])
@@ -87,9 +78,6 @@ def test_a_pretraining_that_fails_is_kept(trials, data, tmp_path, bundle):
     assert failure.loss in ("nan", "inf") and failure.iteration > 0
 
 
-def test_what_is_tuned_has_a_name():
-    """Of a setting and of a method."""
-    with pytest.raises(ConfigError, match="did you mean 'weight_decay'"):
-        load_preset("laptop", tuned=[["sidm", "weight_decai", 0.1]])
+def test_what_is_tuned_is_a_method():
     for preset in PRESETS.values():
         assert {method for method, _, _ in preset.tuned} <= {*METHODS, "pretraining"}

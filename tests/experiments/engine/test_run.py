@@ -10,20 +10,18 @@ import torch
 from sidm.__main__ import main
 from sidm.config import ConfigError
 from sidm.experiments import Results, Study, perform, run, run_trial
-from sidm.experiments import run as run_function
 from sidm.experiments.digests import find_digest
 from sidm.experiments.engine.datasets import load_dataset, note_collected, note_committed
-from sidm.experiments.engine.records import Making
-from sidm.experiments.engine.run import checkpoint_folder, one_line, run_here
-from sidm.experiments.engine.store import rounded
+from sidm.experiments.engine.records import Making, one_line, rounded
+from sidm.experiments.engine.run import checkpoint_folder, run_here
 from sidm.storage import read_record, write_record
 from sidm.trajectory import ShardError
 
 
 @pytest.fixture
-def trials(tiny, data, tmp_path):
+def trials(study):
     """SIDM and its comparison, at the smaller size."""
-    return Study(tiny, data, tmp_path).figure3("system1")[:2]
+    return study.figure3("system1")[:2]
 
 
 def outcomes(store, trials):
@@ -32,9 +30,9 @@ def outcomes(store, trials):
 
 
 @pytest.mark.parametrize("method", ["sidm", "novice_only"])
-def test_a_trial_end_to_end(tiny, data, tmp_path, method):
+def test_a_trial_end_to_end(study, data, method):
     """Trains, validates and rolls out; the parts of the outcome agree with each other."""
-    trial = Study(tiny, data, tmp_path).trial("system1", method, 0.75)
+    trial = study.trial("system1", method, 0.75)
     row = run_trial(trial, data)
     out = row.outcome
     assert out.validation_loss == pytest.approx(sum(out.component_losses)) and out.validation_loss > 0
@@ -121,17 +119,15 @@ def test_unknown_data_name_the_command(tiny, tmp_path):
     with pytest.raises(ConfigError, match=r"sidm collect --preset NAME --system system1"):
         run(trials, data=tmp_path, results=tmp_path)
     with pytest.raises(ConfigError, match="workers must be at least 1"):
-        run_function([], workers=0, data=tmp_path, results=tmp_path)
+        run([], workers=0, data=tmp_path, results=tmp_path)
 
 
 def test_data_are_held_against_their_digest(tiny, data, tmp_path):
     """Another dataset under the same name, or none, is an error of one line."""
     dataset = tiny.datasets("system1")["validation"]
-    assert len(load_dataset(dataset, find_digest(dataset, data, tmp_path), data)) == dataset.count
-    with pytest.raises(ShardError, match="the trial wants 0000; 'sidm collect --verify'"):
-        load_dataset(dataset, "0000", data)
-    with pytest.raises(ShardError, match="the shard is missing; collect again"):
-        load_dataset(dataset, "0000", tmp_path)
+    for folder, words in ((data, "the trial wants 0000; 'sidm collect --verify'"), (tmp_path, "shard is missing")):
+        with pytest.raises(ShardError, match=words):
+            load_dataset(dataset, "0000", folder)
 
 
 def test_errors_in_one_line():

@@ -1,7 +1,5 @@
 """Statistics against closed forms and scipy."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import scipy.stats
@@ -14,11 +12,11 @@ from sidm.experiments.statistics.efficiency import (
     greatest_ratio,
     minutes_needed,
 )
-from sidm.experiments.statistics.intervals import MANY_SEEDS, bootstrap, interval, leave_one_out, summarise
+from sidm.experiments.statistics.intervals import MANY_SEEDS, bootstrap, interval, leave_one_out
 from sidm.storage import read_record
+from tests.experiments.conftest import RESULTS
 
-ROOT = Path(__file__).parents[3]
-
+FILE = RESULTS / coverage.FILE.name
 MINUTES = np.array([1.0, 2, 5, 20, 60, 120])
 
 
@@ -41,17 +39,8 @@ def test_bootstrap_keeps_pairs():
     assert bootstrap(np.mean, np.array([2.0])) == (2, 2, 2)
 
 
-def test_bootstrap_is_seeded_and_skips_what_is_not_finite():
-    """Same seed, same interval; a statistic without a value leaves no interval."""
-    samples = np.arange(6.0)
-    assert bootstrap(np.mean, samples, seed=3) == bootstrap(np.mean, samples, seed=3)
-    assert np.isnan(bootstrap(lambda s: np.nan, samples).low)
-
-
-def test_summary():
-    """Mean, interquartile mean, minimum and maximum over seeds."""
-    found = summarise(np.array([[0.0], [1], [2], [9]]))
-    assert (found.mean[0], found.interquartile_mean[0], found.minimum[0], found.maximum[0]) == (3, 1.5, 0, 9)
+def test_a_statistic_without_a_value_leaves_no_interval():
+    assert np.isnan(bootstrap(lambda s: np.nan, np.arange(6.0)).low)
 
 
 def test_leaving_one_out_of_a_mean_is_students_interval():
@@ -77,21 +66,21 @@ def test_many_seeds_are_resampled():
 
 def test_coverage_is_as_stored():
     """95 % intervals hold the true ratio in 92 to 98 % of 500 studies of 30 seeds; percentiles of few seeds do not."""
-    stored = read_record(ROOT / coverage.FILE)
-    for name, method in (("percentile", coverage.by_resampling), ("leave_one_out", coverage.by_leaving_out)):
+    stored = read_record(FILE)
+    for name, method in coverage.METHODS.items():
         assert stored[name]["3"] == pytest.approx(coverage.coverage(method, 3), abs=0.004)  # of more seeds in a minute
     assert all(0.92 <= share <= 0.98 for share, _ in stored["leave_one_out"].values())
     assert 0.92 <= stored["percentile"]["30"][0] <= 0.98 and stored["percentile"]["3"][0] < 0.85
-    shares = coverage.table(ROOT / coverage.FILE).set_index(["interval", "seeds"]).share
+    shares = coverage.table(FILE).set_index(["interval", "seeds"]).share
     assert shares["percentile", 3] == stored["percentile"]["3"][0] and len(shares) == 6
 
 
 def test_the_greatest_of_ratios_is_flattered():
     """Where nothing is saved, the greatest ratio is above 1, and called a saving more often than one study in forty."""
     share, median = coverage.nothing_saved(3)
-    assert read_record(ROOT / coverage.FILE)["nothing_saved"] == pytest.approx([share, median], abs=0.01)
+    assert read_record(FILE)["nothing_saved"] == pytest.approx([share, median], abs=0.01)
     assert 0.05 < share < 0.25 and 1.1 < median < 1.3
-    assert coverage.greatest(ROOT / coverage.FILE) == pytest.approx((share, median), abs=0.01)
+    assert coverage.greatest(FILE) == pytest.approx((share, median), abs=0.01)
 
 
 def test_falling_pools_what_rises():

@@ -13,11 +13,11 @@ from sidm.control.planning import Planning
 from sidm.experiments import Study
 from sidm.experiments.engine import models
 from sidm.experiments.engine.frame import records_frame
-from sidm.experiments.engine.provenance import here
 from sidm.experiments.studies.driving import measure as d
 from sidm.experiments.studies.driving.figures import SHOWN, driving_film, figure, paths_figure
 from sidm.experiments.studies.driving.results import claims, rivals, scores, table
 from sidm.simulation import Simulator
+from tests.experiments.conftest import kept, made
 
 
 @pytest.fixture(scope="module")
@@ -57,9 +57,9 @@ def test_episodes_are_the_same_for_all_and_differ():
 
 @pytest.mark.parametrize("driver", ["model", "corrected", "simulator", "straight"])
 def test_a_drive_is_stored_as_it_was(jobs, data, tmp_path, golden, driver):
-    job, store = jobs[driver], d.records(tmp_path)
+    job = jobs[driver]
     found = d.measure(job, data)
-    assert found.ended == ("time",) and found.seconds == pytest.approx((0.5,)) and not found.provenance.stale
+    assert found.ended == ("time",) and found.seconds == pytest.approx((0.5,))
     path, goal = np.array(found.paths[0]), d.episode("system1", 0).goal
     assert path.shape == (6, 2)
     assert found.length[0] == pytest.approx(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
@@ -72,8 +72,7 @@ def test_a_drive_is_stored_as_it_was(jobs, data, tmp_path, golden, driver):
     assert 0 < found.throttle[0] <= 1
     names = ("validation_loss", "position_error", "left", "throttle")
     golden.hold(f"driving, {driver}", "driving", {name: getattr(found, name) for name in names}, rel=0.05, abs=0.02)
-    store.put(found)
-    assert store.get(job).about == job
+    assert kept(d.records(tmp_path), found)
 
 
 def test_a_model_is_trained_once(jobs, data, monkeypatch):
@@ -147,24 +146,19 @@ def driven(about: d.Drive, arrived: int, episodes: int = 10, seed: int = 0) -> d
     path = tuple((0.1 * k, 0.05 * k) for k in range(30))
     numbers = tuple(range(seed, 3 * episodes, 3))
     trial = about.trial and about.trial.replace(seed=seed)
-    return d.Driven(
-        about=dataclasses.replace(about, episodes=numbers, trial=trial),
+    return made(
+        d.Driven,
+        dataclasses.replace(about, episodes=numbers, trial=trial),
         ended=("arrived",) * arrived + ("stuck",) * (episodes - arrived),
         seconds=(4.0,) * episodes,
         length=(6.6,) * episodes,
         away=(6.5,) * episodes,
-        left=(0.4,) * episodes,
-        throttle=(0.5,) * episodes,
         top_speed=(1.5,) * episodes,
-        steepest=(20.0,) * episodes,
         surprise=(0.1,) * episodes,
-        validation_loss=0.3,
-        position_error=0.5,
         plans=0 if about.driver == "straight" else 20,
         plan_seconds=0.08,
         slowest_plan_seconds=0.1,
         paths=(path,) * sum(number < d.KEPT for number in numbers),
-        provenance=here(1.0, 1, False),
     )
 
 

@@ -1,17 +1,15 @@
 """How far expert and novice go apart: the components by hand, a measurement, and what is stored."""
 
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from sidm.experiments.studies import gap
+from sidm.experiments.studies import gap, overlap, payoff
 from sidm.numerics import versions
 from sidm.storage import read_record
 from sidm.systems import FREE_SYSTEMS, SYSTEMS
-
-ROOT = Path(__file__).parents[3]
+from tests.experiments.conftest import RESULTS
 
 
 def test_components_are_told_in_the_frame_of_the_start():
@@ -40,11 +38,15 @@ def test_a_pair_is_measured_from_the_same_starts(tmp_path):
     assert not len(gap.table(tmp_path / "nothing")) and gap.figure(gap.table(tmp_path / "nothing")).axes[0].texts
 
 
-def test_the_stored_gaps_are_of_todays_robots_which_drive_sensibly():
+@pytest.mark.parametrize(("study", "kind"), [(gap, "free_struts"), (overlap, "simulation"), (payoff, "free_struts")])
+def test_what_is_stored_is_of_todays_physics(study, kind):
+    again = f"again: python -m {study.__name__}"
+    assert read_record(RESULTS / study.NAME)["numerics"] == versions(kind), again
+
+
+def test_robots_drive_sensibly():
     """Free struts make no robot leap: nothing moves up or down by more than the rocks are high, in the mean."""
-    stored = read_record(ROOT / "results" / gap.NAME)
-    assert stored["numerics"] == versions("free_struts"), "again: python -m sidm.experiments.studies.gap"
-    table = gap.table(ROOT / "results")
+    table = gap.table(RESULTS)
     assert set(table.system) == {*SYSTEMS, *FREE_SYSTEMS}
     up = table[table.component == "up"]
     assert (up.gap < 0.2).all() and (up.spread < 0.2).all()

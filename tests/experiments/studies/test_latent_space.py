@@ -6,17 +6,12 @@ import torch
 from sklearn.linear_model import LogisticRegression
 
 from sidm.config import ConfigError
-from sidm.experiments import Study, run_trial
+from sidm.experiments import run_trial
 from sidm.experiments.engine.execute import Library
 from sidm.experiments.studies.latent_space import latents, measure, results
 from sidm.learning import DynamicsModel, validation_loss
 from sidm.systems import ROLES
 from tests.experiments.conftest import write_motion
-
-
-@pytest.fixture
-def make_model(small_network):
-    return lambda: DynamicsModel(small_network)
 
 
 @pytest.fixture
@@ -60,9 +55,9 @@ def test_mmd_is_that_of_its_definition(pair):
     assert latents.squared_mmd(*pair[:, :6]) == pytest.approx(wanted)
 
 
-def test_a_trial_is_diagnosed_and_stored(tiny, data, tmp_path, golden):
+def test_a_trial_is_diagnosed_and_stored(study, data, tmp_path, golden):
     """On data that its model has not seen; what comes back is what was stored, and damage is named."""
-    trial = measure.jobs(Study(tiny, data, tmp_path), "system1")[0]
+    trial = measure.jobs(study, "system1")[0]
     write_motion(data, measure.held_out_expert(trial))
     found = measure.measure(trial, data)
     assert found.validation_loss == run_trial(trial, data).outcome.validation_loss
@@ -83,18 +78,18 @@ def test_a_trial_is_diagnosed_and_stored(tiny, data, tmp_path, golden):
     assert results.crossed_figure(frame[:0], ["system1"]).axes[0].texts[0].get_text() == "no trials stored"
 
 
-def test_one_systems_parts_are_crossed_with_the_others(make_model, make_motion):
+def test_one_systems_parts_are_crossed_with_the_others(small_network, make_motion):
     """The novice's own give its loss; other parts give others."""
-    model, motion = make_model(), make_motion(3)
+    model, motion = DynamicsModel(small_network), make_motion(3)
     losses = {(e, g): latents.crossed_loss(model, motion, e, g) for e in ROLES for g in ROLES}
     for role in ROLES:
         assert losses[role, role] == pytest.approx(float(validation_loss(model, motion, role).sum()), rel=1e-5)
     assert len(set(losses.values())) == 4
 
 
-def test_what_is_held_out_was_not_learnt_from(tiny, data, tmp_path, monkeypatch):
+def test_what_is_held_out_was_not_learnt_from(study, data, monkeypatch):
     """The latents are those of the expert's trajectories after the trial's, and of the validation set."""
-    trial = measure.jobs(Study(tiny, data, tmp_path), "system1")[1]
+    trial = measure.jobs(study, "system1")[1]
     write_motion(data, measure.held_out_expert(trial))
     seen, true = {}, measure.latents_of
 
@@ -111,6 +106,6 @@ def test_what_is_held_out_was_not_learnt_from(tiny, data, tmp_path, monkeypatch)
     assert torch.equal(seen["novice"].inputs, library.motion(trial, "validation").inputs)
 
 
-def test_a_novice_alone_has_nothing_to_compare(tiny, data, tmp_path):
+def test_a_novice_alone_has_nothing_to_compare(study, data):
     with pytest.raises(ConfigError, match="no expert whose latents"):
-        measure.measure(Study(tiny, data, tmp_path).trial("system1", "novice_only", 0.25), data)
+        measure.measure(study.trial("system1", "novice_only", 0.25), data)

@@ -1,15 +1,11 @@
 """What the expert's motion covers of the novice's, on made-up steps."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from sidm.experiments.engine.datasets import load_dataset
-from sidm.experiments.studies.overlap import NAME, Neighbourhood, measure, neighbourhoods, read, steps
+from sidm.experiments.studies.overlap import Neighbourhood, measure, neighbourhoods, read, steps
 from sidm.experiments.study import Study
-from sidm.numerics import versions
-from sidm.storage import read_record
 
 
 @pytest.fixture
@@ -59,8 +55,3 @@ def test_what_is_measured_is_read(tiny, data, tmp_path, monkeypatch):
     validation = load_dataset(tiny.datasets("system1")["validation"], study.digests("system1")["validation_data"], data)
     inputs, targets = steps(validation, 10**6)
     assert inputs.shape == (64 * len(validation), 11) and targets.shape == (64 * len(validation), 13)
-
-
-def test_what_is_stored_is_of_todays_physics():
-    stored = read_record(Path(__file__).parents[3] / "results" / NAME)
-    assert stored["numerics"] == versions("simulation"), "again: python -m sidm.experiments.studies.overlap"

@@ -12,6 +12,7 @@ from sidm.experiments.studies.real_robots import jitter
 from sidm.experiments.studies.real_robots import measure as m
 from sidm.experiments.studies.real_robots import results as r
 from sidm.learning.beyond.recorded import learn_and_test, session_order
+from tests.experiments.conftest import kept
 
 JOBS = {(job.expert, job.method): job for pair in m.PAIRS for job in m.jobs(Study("smoke"), pair, (4, 8), 1)}
 
@@ -26,13 +27,12 @@ JUDGED = [("", "rotation_centres"), ("", "least_squares"), ("hunter", "sidm"), (
 
 @pytest.mark.parametrize("job", JUDGED)
 def test_a_robot_is_learnt_judged_and_stored(job, tmp_path, golden):
-    found, store = m.measure(JOBS[job]), m.records(tmp_path)
+    found = m.measure(JOBS[job])
     assert len(found.loss) == len(found.minutes) == 2 and len(found.displacement[0]) == len(found.heading[0]) == 15
     assert found.loss == pytest.approx([sum(parts) for parts in found.components])
     figures = {"loss": found.loss, "displacement": [one[-1] for one in found.displacement]}
     golden.hold(" ".join(filter(None, ("real robots", *job))), "fitting", figures, rel=0.1, abs=0.02)
-    store.put(found)
-    assert store.get(JOBS[job]).about == JOBS[job] and not found.provenance.stale
+    assert kept(m.records(tmp_path), found)
 
 
 def test_sessions_are_never_parted():

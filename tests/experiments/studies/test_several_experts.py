@@ -11,8 +11,6 @@ from sidm.experiments import Study
 from sidm.experiments.digests import find_digest
 from sidm.experiments.engine.datasets import load_dataset
 from sidm.experiments.engine.frame import frame_of, records_frame
-from sidm.experiments.engine.provenance import here
-from sidm.experiments.studies.several_experts import family
 from sidm.experiments.studies.several_experts import measure as x
 from sidm.experiments.studies.several_experts.family import collect_members, dataset
 from sidm.experiments.studies.several_experts.results import (
@@ -27,7 +25,7 @@ from sidm.experiments.studies.several_experts.results import (
 )
 from sidm.systems import LINEAR, LOGARITHMIC, ROLES, SYSTEMS, member
 from sidm.trajectory import STEPS
-from tests.experiments.conftest import write_motion
+from tests.experiments.conftest import kept, made, write_motion
 
 
 def test_the_family_spans_the_papers_robots():
@@ -44,12 +42,11 @@ def test_the_family_spans_the_papers_robots():
 def test_a_members_motion_is_collected_once(tmp_path):
     """One shard of the strangest first robot."""
     with ThreadPoolExecutor(1) as executor:
-        collect_members("system1", "held", {0: [1]}, tmp_path, tmp_path / "results", executor, progress=False)
+        collect_members("system1", "held", {0: [1]}, tmp_path, tmp_path / "results", executor)
     one = dataset("system1", 0, "held", 1)
     (found,) = load_dataset(one, find_digest(one, tmp_path / "nothing", tmp_path / "results"), tmp_path)
     assert found.states.shape == (STEPS + 1, 13) and np.isfinite(found.states).all() and len(found.discarded) == 4
-    collect_members("system1", "held", {0: [4]}, tmp_path, tmp_path, None, progress=False)  # nothing is left to do
-    family._simulator.cache_clear()
+    collect_members("system1", "held", {0: [4]}, tmp_path, tmp_path, None)  # nothing is left to do
 
 
 @pytest.fixture(scope="module")
@@ -78,10 +75,9 @@ def test_another_robot_has_a_folder_of_its_own(monkeypatch):
 
 @pytest.mark.parametrize("number", [0, 1, 2])
 def test_novices_are_learnt_every_way_and_stored(jobs, data, tmp_path, golden, number):
-    job, store = jobs[number], x.records(tmp_path)
+    job = jobs[number]
     found = x.measure(job, data)
     assert np.array(found.validation_loss).shape == np.array(found.samples).shape == (3, 2)
-    assert not found.provenance.stale
     assert np.array(found.component_losses).sum(-1) == pytest.approx(np.array(found.validation_loss))
     assert (np.array(found.best_samples) <= np.array(found.samples)).all()
     assert set(found.nearest) <= {"expert"} if job.experts == job.paper else {"expert", "member0"}
@@ -89,8 +85,7 @@ def test_novices_are_learnt_every_way_and_stored(jobs, data, tmp_path, golden, n
     assert len(found.experts_loss) == job.experts and len(found.experts_curve_samples) > 0
     figures = {name: getattr(found, name) for name in ("validation_loss", "before", "experts_loss", "samples")}
     golden.hold(f"{job.experts} experts" + ", the paper's" * job.paper, "experts", figures, rel=0.05)
-    store.put(found)
-    assert store.get(job).about == job
+    assert kept(x.records(tmp_path), found)
 
 
 def test_the_sidm_of_the_experts_is_trained_once(jobs, data, monkeypatch):
@@ -121,27 +116,10 @@ def made_up(jobs):
             sizes = (1.0, 5.0, 20.0) if job.members else (1.0, 5.0, 20.0, 60.0)
             about, count = dataclasses.replace(job, trial=job.trial.replace(seed=seed), sizes=sizes), len(sizes)
             losses = tuple((4 + 0.1 * seed) / (minutes * job.experts) for minutes in about.sizes)
-            found.append(
-                x.Pretrained(
-                    about=about,
-                    nearest=("expert",) * count,
-                    before=((9.0,) * job.experts,) * count,
-                    validation_loss=(losses,) * 3,
-                    component_losses=(((0.1,) * 13,) * count,) * 3,
-                    position_error=((0.1,) * count,) * 3,
-                    heading_error=((0.1,) * count,) * 3,
-                    samples=((2000,) * count,) * 3,
-                    best_samples=((1000,) * count, (500,) * count, (500,) * count),
-                    seconds=((60.0,) * count,) * 3,
-                    curve_samples=(((1,),) * count,) * 3,
-                    curve_test_loss=(((1.0,),) * count,) * 3,
-                    experts_samples=5000,
-                    experts_loss=(1.0,) * job.experts,
-                    experts_curve_samples=(1,),
-                    experts_curve_test_loss=(1.0,),
-                    provenance=here(1.0, 1, False),
-                )
-            )
+            found.append(made(
+                x.Pretrained, about, nearest=("expert",) * count, before=((9.0,) * job.experts,) * count,
+                validation_loss=(losses,) * 3, samples=((2000,) * count,) * 3, seconds=((60.0,) * count,) * 3,
+            ))  # fmt: skip
     return records_frame(x.Pretrained, found)
 
 

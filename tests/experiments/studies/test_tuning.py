@@ -1,7 +1,6 @@
 """The tries of the tuning, and that the laptop's methods are what the stored tries say."""
 
 import dataclasses
-from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -20,8 +19,7 @@ from sidm.experiments.studies.tuning import (
     tried,
 )
 from sidm.experiments.studies.tuning import trials as trials_of
-
-ROOT = Path(__file__).parents[3]
+from tests.experiments.conftest import RESULTS
 
 
 def test_every_method_is_tuned_with_the_same_number_of_tries(tiny, tmp_path):
@@ -71,11 +69,10 @@ def test_the_study_has_tries_of_its_own_on_motion_of_their_own(tmp_path):
 
 
 @pytest.mark.parametrize("method", TRIES)
-def test_the_laptop_is_tuned_to_its_best_tries(monkeypatch, method):
+def test_the_laptop_is_tuned_to_its_best_tries(method):
     """By the rule: the lowest test loss on system 1."""
-    monkeypatch.chdir(ROOT)
-    preset, store = load_preset("laptop"), Results("results")
-    trials = [t for t in trials_of(Study("laptop", "no data", "results"), "system1") if t.method == method]
+    preset, store = load_preset("laptop"), Results(RESULTS)
+    trials = [t for t in trials_of(Study("laptop", "no data", RESULTS), "system1") if t.method == method]
     losses = [row.outcome.best_test_loss for row in store.rows(trials)]
     assert len(losses) == len(TRIES[method])
     best = tried(preset, method, list(TRIES[method])[losses.index(min(losses))])

@@ -11,9 +11,9 @@ from sidm.experiments import Study
 from sidm.experiments.engine import models
 from sidm.experiments.engine.execute import Library
 from sidm.experiments.engine.frame import records_frame
-from sidm.experiments.engine.provenance import here
 from sidm.experiments.studies.uncertainty import measure as u
 from sidm.experiments.studies.uncertainty.results import claims, coverage, coverage_figure, figure, quantiles, table
+from tests.experiments.conftest import kept, made
 
 
 @pytest.fixture(scope="module")
@@ -29,9 +29,9 @@ def test_every_model_has_its_twin(jobs):
 
 @pytest.mark.parametrize("number", [0, 3])
 def test_a_fit_is_judged_and_stored(jobs, data, tmp_path, golden, number):
-    job, store = jobs[number], u.records(tmp_path)
+    job = jobs[number]
     found = u.measure(job, data)
-    assert np.isfinite([found.nll, found.validation_loss]).all() and not found.provenance.stale
+    assert np.isfinite([found.nll, found.validation_loss]).all()
     half, most = np.array(found.coverage)
     assert half.shape == (13,) and (half >= 0).all() and (half <= most).all() and (most <= 1).all()
     assert np.array(found.steps_coverage).shape == (2, 25, 3) and (found.samples > 0) == job.likelihood
@@ -45,8 +45,7 @@ def test_a_fit_is_judged_and_stored(jobs, data, tmp_path, golden, number):
     names = ("validation_loss", "nll", "nll_at_means", "coverage", "spread")
     figures = {name: getattr(found, name) for name in names} | {"rollouts": found.steps_error[4]}
     golden.hold("a fit by likelihood" if job.likelihood else "its twin", "uncertainty", figures, rel=0.05, abs=0.02)
-    store.put(found)
-    assert store.get(job).about == job
+    assert kept(u.records(tmp_path), found)
 
 
 def test_the_twins_spread_is_that_of_its_errors(jobs, data):
@@ -66,34 +65,13 @@ def made_up(jobs):
         for job in jobs:
             about = dataclasses.replace(job, trial=job.trial.replace(seed=seed))
             cover = (0.5, 0.9) if job.likelihood else (0.7, 0.95)
-            found.append(
-                u.Fitted(
-                    about=about,
-                    validation_loss=1.0 + 0.1 * seed + job.likelihood,
-                    component_losses=(0.1,) * 13,
-                    nll=5.0 + 0.1 * seed - 2 * job.likelihood,
-                    nll_at_means=5.0,
-                    nll_quantiles=(4.0, 5.0, 6.0, 7.0),
-                    component_nll=(0.5,) * 13,
-                    spread=(0.1,) * 13,
-                    latent_spread=(0.1, 0.2),
-                    quietest=(0.0, 0.0, 0.5),
-                    coverage=tuple((level,) * 13 for level in cover),
-                    steps_coverage=tuple(((level,) * 3,) * 25 for level in cover),
-                    steps_width=(((0.1,) * 3,) * 25,) * 2,
-                    steps_error=((0.1,) * 3,) * 25,
-                    position_error=(0.1,) * 25,
-                    heading_error=(0.1,) * 25,
-                    samples=1,
-                    best_samples=1,
-                    best_test_loss=1.0,
-                    curve_samples=(1,),
-                    curve_test_loss=(1.0,),
-                    curve_training_loss=(1.0,),
-                    training_seconds=1.0,
-                    provenance=here(1.0, 1, False),
-                )
-            )
+            found.append(made(
+                u.Fitted, about, validation_loss=1.0 + 0.1 * seed + job.likelihood, component_losses=(0.1,) * 13,
+                nll=5.0 + 0.1 * seed - 2 * job.likelihood, nll_quantiles=(4.0, 5.0, 6.0, 7.0),
+                component_nll=(0.5,) * 13, coverage=tuple((level,) * 13 for level in cover),
+                steps_coverage=tuple(((level,) * 3,) * 25 for level in cover),
+                steps_width=(((0.1,) * 3,) * 25,) * 2, position_error=(0.1,) * 25,
+            ))  # fmt: skip
     return records_frame(u.Fitted, found)
 
 

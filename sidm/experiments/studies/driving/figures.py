@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -14,6 +15,7 @@ from sidm.control.drivers import ARRIVED
 from sidm.experiments.figures.animation import film
 from sidm.experiments.figures.style import (
     METHOD_STYLES,
+    by_system,
     finish,
     half_width,
     lay_ground,
@@ -25,9 +27,6 @@ from sidm.experiments.studies.driving.measure import episode
 from sidm.experiments.studies.driving.results import DRIVER, SHORT, label
 from sidm.systems import SYSTEMS
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 SHOWN = 4  # episodes whose ways are drawn
 LOOKS: dict[str, dict[str, Any]] = {
     "simulator": {"color": "#009E73", "linestyle": "-."},
@@ -38,12 +37,10 @@ LOOKS: dict[str, dict[str, Any]] = {
 @styled
 def figure(scores: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
     """Share of goals reached by the data that the model has learnt from; level lines are the other drivers."""
-    figure, panels = side_by_side(len(systems))
-    for axes, system in zip(panels, systems, strict=True):
-        mine = scores[scores.system == system]
+    axis: dict[str, Any] = dict(xlabel="novice data of the model (min)", ylabel="goals reached (share)")
+    figure, plots = by_system(scores, systems, ylim=(-0.03, 1.03), **axis)
+    for axes, mine in plots:
         models = mine[mine.method != ""]
-        axes.set(xlabel="novice data of the model (min)", ylabel="goals reached (share)", title=system)
-        axes.set_ylim(-0.03, 1.03)
         for number, (method, some) in enumerate(models.groupby("method", sort=False)):
             reach = np.abs(some[["low", "high"]].sub(some.arrived, axis=0)).T
             look = METHOD_STYLES[str(method)] | ({"label": SHORT[str(method)]} if method in SHORT else {})
@@ -55,7 +52,7 @@ def figure(scores: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Fig
             axes.axhline(one.arrived, label=words, marker="", **look)
             axes.axhspan(one.low, one.high, color=look["color"], alpha=0.1, lw=0)
         finish(axes, models.novice_minutes, legend=False)
-    legend_below(figure, panels)
+    legend_below(figure, figure.axes)
     return figure
 
 

@@ -14,14 +14,13 @@ import numpy as np
 from sidm.config import ConfigError, config
 from sidm.control.drivers import Driver, Ride, ride
 from sidm.control.planning import Dreamer, Planner, Planning
-from sidm.experiments.engine.execute import Library, one_thread, roll_out
+from sidm.experiments.engine.execute import Library, judge, one_thread
 from sidm.experiments.engine.models import predictor_of
 from sidm.experiments.engine.provenance import Provenance
-from sidm.experiments.engine.records import Making, Records
+from sidm.experiments.engine.records import Making, by_field, records_of
 from sidm.experiments.methods import COMPARED
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
-from sidm.learning.evaluation import rollout_errors, validation_loss
 from sidm.learning.model import Predictor
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain
@@ -75,6 +74,9 @@ class Driven:
     slowest_plan_seconds: float  # which 95 % of the plans do not take
     paths: tuple[tuple[tuple[float, float], ...], ...]  # of the episodes below KEPT: x and y, m, at each control step
     provenance: Provenance
+
+
+records = records_of(Driven, "driving")  # where they are kept, under a folder of results
 
 
 class Episode(NamedTuple):
@@ -131,8 +133,7 @@ def measure(about: Drive, data: str | Path = "data") -> Driven:
 
     making, system = Making("driving", about.trial, data), find_system(about.system)
     pace: list[float] = []
-    rides: list[Ride] = []
-    goals: list[np.ndarray] = []
+    driven, paths = [], []
     with one_thread():
         model = predictor_of(about.trial, data) if about.trial else None
         for number in about.episodes:
@@ -140,41 +141,39 @@ def measure(about: Drive, data: str | Path = "data") -> Driven:
             with Simulator(system.novice, one.heights, system.physics) as simulator:
                 driver = _driver(about, model, simulator, one, number)
                 rules = EpisodeRules(simulator.reset(yaw=one.yaw), system.terrain.half_width)
-                rides.append(ride(simulator, driver, rules, about.longest))
-                pace += driver.pace
-                goals.append(one.goal)
+                found = ride(simulator, driver, rules, about.longest)
+            pace += driver.pace
+            driven.append(_of_ride(found, one.goal))
+            if number < KEPT:
+                paths.append(found.path.tolist())
         loss, error = _quality(model, about.trial, data) if model and about.trial else (0.0, 0.0)
     return Driven(
         about=about,
-        ended=tuple(one.ended for one in rides),
-        seconds=tuple(one.seconds for one in rides),
-        length=tuple(one.length for one in rides),
-        away=tuple(float(np.linalg.norm(goal)) for goal in goals),
-        left=tuple(float(np.linalg.norm(one.path[-1] - goal)) for one, goal in zip(rides, goals, strict=True)),
-        throttle=tuple(float(np.abs(one.actions[:, 0]).mean()) for one in rides),
-        top_speed=tuple(one.top_speed for one in rides),
-        steepest=tuple(one.steepest for one in rides),
-        surprise=tuple(one.surprise for one in rides),
+        **by_field(driven),
         validation_loss=loss,
         position_error=error,
         plans=len(pace),
         plan_seconds=float(np.median(pace)) if pace else 0.0,
         slowest_plan_seconds=float(np.percentile(pace, 95)) if pace else 0.0,
-        paths=tuple(
-            tuple((x, y) for x, y in one.path.tolist())
-            for number, one in zip(about.episodes, rides, strict=True)
-            if number < KEPT
-        ),
+        paths=tuple(paths),
         provenance=making.done(),
     )
 
 
+def _of_ride(found: Ride, goal: np.ndarray) -> dict[str, Any]:
+    """The fields on an episode."""
+    names = ("ended", "seconds", "length", "top_speed", "steepest", "surprise")
+    return {name: getattr(found, name) for name in names} | {
+        "away": float(np.linalg.norm(goal)),
+        "left": float(np.linalg.norm(found.path[-1] - goal)),
+        "throttle": float(np.abs(found.actions[:, 0]).mean()),
+    }
+
+
 def _quality(model: Predictor, trial: Trial, data: str | Path) -> tuple[float, float]:
     """Validation loss of a model and its mean position error after 2.5 s, m, as the trial's row has them."""
-    library = Library(data)
-    loss = float(validation_loss(model, library.motion(trial, "validation")).sum())
-    errors = rollout_errors(*roll_out(model, trial, library.rollouts(trial)))[0]
-    return loss, float(errors[:, -1].mean())
+    found = judge(model, trial, Library(data))
+    return float(found.losses.sum()), float(found.position[-1])
 
 
 def _driver(about: Drive, model: Predictor | None, simulator: Any, one: Episode, number: int) -> Driver:
@@ -185,8 +184,3 @@ def _driver(about: Drive, model: Predictor | None, simulator: Any, one: Episode,
     if model and about.trial:
         imagination = Dreamer(model, one.heights, about.trial.network.pixels, about.planning.horizon)
     return Driver(one.goal, Planner(about.planning, one.goal, number), imagination)
-
-
-def records(results: str | Path = "results") -> Records[Driven]:
-    """Where the results are kept."""
-    return Records(Driven, Path(results) / "driving", "sidm study driving")

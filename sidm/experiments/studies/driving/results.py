@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 from scipy.stats import binomtest
 
 from sidm.control.drivers import ARRIVED
@@ -15,10 +15,6 @@ from sidm.experiments.methods import COMPARED
 from sidm.experiments.statistics.claims import COLUMNS, judged
 from sidm.experiments.statistics.intervals import Interval, interval
 from sidm.experiments.statistics.pairs import beside
-from sidm.experiments.studies.driving.measure import KEPT
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 PAPER = "not measured"
 SHORT = {"corrected_averaged": "expert corrected"}  # of labels that would fill a picture
@@ -47,20 +43,23 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     m/s, `surprise`, m, from where a plan led to where the robot was at the next, NaN of no plan; and the `path`
     (K + 1, 2), m, where it is stored.
     """
-    import pandas as pd
-
-    lines = []
-    for one in of_trials(frame).itertuples():
-        trial = (one.method, one.novice_minutes, one.seed) if one.driver == "model" else ("", 0.0, 0)
-        kept = [number for number in one.episodes if number < KEPT]
-        for number, episode in enumerate(one.episodes):
-            values = {name: getattr(one, name)[number] for name in OF_EPISODE} | {"seconds": one.found_seconds[number]}
-            path = np.array(one.paths[kept.index(episode)]) if episode in kept else None
-            values |= {"episode": episode, "path": path} | ({} if one.plans else {"surprise": np.nan})
-            lines.append(dict(zip([*DRIVER, "seed"], (one.system, one.driver, *trial), strict=True)) | values)
-    names = [*DRIVER, "seed", "episode", "path", *OF_EPISODE, "seconds"]
-    found = pd.DataFrame(lines, columns=names).astype({"novice_minutes": float, "seconds": float})
+    mine = _drivers(frame)
+    paths = zip(mine.paths, mine.episodes, strict=True)  # those of the first episodes alone are kept
+    mine["path"] = [[*map(np.array, some), *[None] * (len(episodes) - len(some))] for some, episodes in paths]
+    values = ["episodes", "path", *OF_EPISODE, "found_seconds"]
+    found = mine[[*DRIVER, "seed", "plans", *values]].explode(values, ignore_index=True)
+    found = found.rename(columns={"episodes": "episode", "found_seconds": "seconds"})
+    found = found.astype(dict.fromkeys(["novice_minutes", "seconds", *OF_EPISODE[1:]], float) | {"episode": int})
+    found["surprise"] = found.surprise.where(found.pop("plans") > 0)
     return found.assign(missed=(found.ended != "arrived").astype(float))
+
+
+def _drivers(frame: pd.DataFrame) -> pd.DataFrame:
+    """Records with '' and 0 where a driver has no model."""
+    mine = of_trials(frame)
+    model = mine.driver == "model"
+    values = {"method": "", "novice_minutes": 0.0, "seed": 0}
+    return mine.assign(**{name: mine[name].where(model, none) for name, none in values.items()})
 
 
 def scores(frame: pd.DataFrame) -> pd.DataFrame:
@@ -71,10 +70,7 @@ def scores(frame: pd.DataFrame) -> pd.DataFrame:
     `detour`, path by straight distance; the other `ends` by cause; means of `surprise` and `top_speed`; and plans a
     second, `often` by the median plan and `seldom` by the slowest 5 %.
     """
-    import pandas as pd
-
-    pace = of_trials(frame[frame.plans > 0]).assign(method=lambda f: f.method.where(f.driver == "model", ""))
-    pace = pace.assign(novice_minutes=pace.novice_minutes.where(pace.method != "", 0.0).astype(float))
+    pace = _drivers(frame[frame.plans > 0]).astype({"novice_minutes": float})
     often = 1 / pace.groupby(DRIVER)[["plan_seconds", "slowest_plan_seconds"]].median()
     lines = []
     for key, some in table(frame).groupby(DRIVER, sort=False):
@@ -100,8 +96,6 @@ def rivals(table: pd.DataFrame) -> pd.DataFrame:
     `chance` of such a difference or a greater one between equals, by McNemar's exact test; goals that `both` reached,
     and how much `sooner` there, s, with `low` and `high`, over episodes.
     """
-    import pandas as pd
-
     lines = []
     for system, every in table.groupby("system", sort=False):
         groups = list(every.groupby(DRIVER[1:], sort=False))
@@ -131,8 +125,6 @@ def claims(table: pd.DataFrame) -> pd.DataFrame:
 
     A seed is a pair: the means over its episodes, of all sizes that both sides have driven.
     """
-    import pandas as pd
-
     point = ["system", "novice_minutes", "episode"]
     own, other = (table[table.method == method] for method in COMPARED)
     both = own.merge(other[[*point, "missed", "seconds"]], on=point, suffixes=("", "_other"))

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from scipy.spatial.distance import cdist
+from sklearn.base import ClassifierMixin
+from sklearn.decomposition import PCA
+from sklearn.neural_network import MLPClassifier
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 from torch import Tensor
 
 from sidm.learning.dataset import Motion
 from sidm.learning.evaluation import EVALUATION_BATCH
 from sidm.learning.losses import prediction_loss
 from sidm.learning.model import DynamicsModel
-
-if TYPE_CHECKING:  # imported where it is used: the other studies do without scikit-learn
-    from sklearn.linear_model import LogisticRegression
-    from sklearn.neural_network import MLPClassifier
 
 EVERY = 4  # steps; those between are much like their neighbours
 PICTURED = 150  # latents of each system
@@ -46,30 +46,18 @@ def crossed_loss(model: DynamicsModel, motion: Motion, encoder: str, decoder: st
     return total / motion.targets[..., 0].numel()
 
 
-def linear() -> LogisticRegression:
-    """A logistic regression, not yet fitted."""
-    from sklearn.linear_model import LogisticRegression
-
-    return LogisticRegression(max_iter=1000)
-
-
 def small_network() -> MLPClassifier:
     """A classifier with one hidden layer, not yet fitted."""
-    from sklearn.neural_network import MLPClassifier
-
     return MLPClassifier((64,), early_stopping=True, max_iter=300, random_state=0)
 
 
-def told_apart(features: Sequence[np.ndarray], classifier) -> float:
+def told_apart(features: Sequence[np.ndarray], classifier: ClassifierMixin) -> float:
     """Share of steps, both systems weighing the same, that a classifier fitted on half of the trajectories tells apart.
 
     Args:
         features: (N, T, K) of the novice's trajectories and (M, T, K) of the expert's.
-        classifier: of scikit-learn, unfitted.
+        classifier: unfitted.
     """
-    from sklearn.pipeline import make_pipeline
-    from sklearn.preprocessing import StandardScaler
-
     halves = [[motion[0::2], motion[1::2]] for motion in features]
     fitted = make_pipeline(StandardScaler(), classifier)
     fitted.fit(*_labelled(halves[0][0], halves[1][0]))
@@ -92,8 +80,6 @@ def squared_mmd(novice: np.ndarray, expert: np.ndarray) -> float:
 
 def picture(novice: np.ndarray, expert: np.ndarray) -> list[tuple[tuple[float, float], ...]]:
     """PICTURED of each system's latents (., ., K), (x, y) each, along the first two principal components of both."""
-    from sklearn.decomposition import PCA
-
     parts = _spread(novice, expert, PICTURED)
     flat = PCA(2, svd_solver="full").fit(np.concatenate(parts))
     return [tuple((float(x), float(y)) for x, y in flat.transform(part)) for part in parts]
@@ -106,8 +92,6 @@ def _labelled(novice: np.ndarray, expert: np.ndarray) -> tuple[np.ndarray, np.nd
 
 def _spread(novice: np.ndarray, expert: np.ndarray, most: int) -> list[np.ndarray]:
     """At most `most` features (., K) of each system, standardised together."""
-    from sklearn.preprocessing import StandardScaler
-
     both, labels = _labelled(novice, expert)
     both, draw = StandardScaler().fit_transform(both), np.random.default_rng(0)
     return [draw.permutation(both[labels == label])[:most] for label in (0, 1)]

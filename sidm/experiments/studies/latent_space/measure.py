@@ -11,17 +11,17 @@ from concurrent.futures import Executor
 from pathlib import Path
 
 import numpy as np
+from sklearn.linear_model import LogisticRegression
 
 from sidm.config import ConfigError, config
 from sidm.experiments.engine.datasets import collect_dataset
 from sidm.experiments.engine.execute import Library, perform
 from sidm.experiments.engine.provenance import Provenance
-from sidm.experiments.engine.records import Making, Records
+from sidm.experiments.engine.records import Making, records_of
 from sidm.experiments.studies.latent_space.latents import (
     EVERY,
     crossed_loss,
     latents_of,
-    linear,
     picture,
     small_network,
     squared_mmd,
@@ -56,6 +56,9 @@ class Diagnosis:
     expert_picture: tuple[tuple[float, float], ...]
     scikit_learn: str  # its version
     provenance: Provenance
+
+
+records = records_of(Diagnosis, "latent-space")  # where they are kept, under a folder of results
 
 
 def jobs(study: Study, system: str) -> list[Trial]:
@@ -103,7 +106,7 @@ def measure(trial: Trial, data: str | Path = "data") -> Diagnosis:
         expert_encoder_loss=crossed_loss(trained.model, novice, "expert", "novice"),
         expert_decoder_loss=crossed_loss(trained.model, novice, "novice", "expert"),
         expert_path_loss=crossed_loss(trained.model, novice, "expert", "expert"),
-        linear_accuracy=told_apart(latents, linear()),
+        linear_accuracy=told_apart(latents, LogisticRegression(max_iter=1000)),
         network_accuracy=network,
         raw_accuracy=told_apart(raw, small_network()),
         a_distance=max(0.0, 2 * (2 * network - 1)),
@@ -121,8 +124,3 @@ def _last_accuracy(trained: Trained) -> float | None:
     late = trained.history[3 * len(trained.history) // 4 :]
     known = [test.discriminator_accuracy for test in late if test.discriminator_accuracy is not None]
     return float(np.mean(known)) if known else None
-
-
-def records(results: str | Path = "results") -> Records[Diagnosis]:
-    """Where the results are kept."""
-    return Records(Diagnosis, Path(results) / "latent_space", "sidm study latent-space")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
 from sidm.experiments.figures.curves import size_style
@@ -14,15 +14,13 @@ from sidm.experiments.figures.style import (
     LOSS_LABEL,
     METHOD_STYLES,
     SIZE_STYLES,
+    by_system,
     finish,
     legend_below,
     side_by_side,
     styled,
 )
 from sidm.systems import ROLES, SYSTEMS
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 ALIKE = ("linear_accuracy", "network_accuracy", "raw_accuracy", "a_distance", "mmd", "discriminator_accuracy")
 #: Losses on the novice's motion, and the parts that it is sent through.
@@ -66,18 +64,15 @@ def figure(frame: pd.DataFrame) -> Figure:
 @styled
 def crossed_figure(frame: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
     """The loss on the novice's motion through each system's encoder and decoder: means over seeds, a line a model."""
-    figure, panels = side_by_side(len(systems))
-    means = table(frame, tuple(CROSSED))
-    for axes, system in zip(panels, systems, strict=True):
-        mine = means[means.system == system]
+    figure, plots = by_system(table(frame, tuple(CROSSED)), systems, yscale="log", ylabel=LOSS_LABEL)
+    for axes, mine in plots:
         sizes = sorted(mine.novice_minutes.unique())
         for one in mine.sort_values(["method", "novice_minutes"]).itertuples():
             line, style = size_style(one.method, sizes.index(one.novice_minutes)), METHOD_STYLES[one.method]
             look = line | {"marker": style["marker"], "label": f"{style['label']}, {one.novice_minutes:g} min"}
             axes.plot(range(len(CROSSED)), [getattr(one, name) for name in CROSSED], **look)
-        axes.set(yscale="log", ylabel=LOSS_LABEL, title=system)
         finish(axes, legend=False)
         if len(mine):
             axes.set_xticks(range(len(CROSSED)), list(CROSSED.values()))
-    legend_below(figure, panels)
+    legend_below(figure, figure.axes)
     return figure

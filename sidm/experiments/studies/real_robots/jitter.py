@@ -9,12 +9,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import torch
-from torch import Tensor
 
 from sidm.experiments.studies.real_robots.measure import HORIZON, WARM_UP
 from sidm.learning.beyond.recorded import Pieces
 from sidm.learning.units import Standardisation, loss_weights
+from sidm.rotations import turn
 
 ORDER, NOISE = 4, 70.0  # of the differences, and what they make of a variance
 DRAWS, SEED = 20, 0  # of the noise, for each piece
@@ -51,17 +50,10 @@ def floor(pieces: Pieces) -> Floor:
     least = float((weights[:3].numpy() * noise**2).sum())
     rng = np.random.default_rng(SEED)
     first, last = rng.normal(size=(2, DRAWS, len(pieces.states), 3)) * noise
-    way = _way(pieces.states).numpy()
+    start, end = pieces.states[:, WARM_UP], pieces.states[:, WARM_UP + HORIZON]
+    way = turn((end - start)[:, :2], -start[:, 2]).numpy()  # (N, 2) m, in the first one's frame
     turned = np.stack([-way[:, 1] * first[..., 2], way[:, 0] * first[..., 2]], -1)
     ends = (last, last - first - np.concatenate([turned, np.zeros_like(turned[..., :1])], -1))
     displacement = tuple(float(np.linalg.norm(one[..., :2], axis=-1).mean()) for one in ends)
     heading = tuple(float(np.abs(one[..., 2]).mean()) for one in ends)
     return Floor((least, 2 * least), displacement, heading)  # type: ignore[arg-type]
-
-
-def _way(states: Tensor) -> Tensor:
-    """(N, 2) m, in the first one's frame, from the pose after the warm-up to that at the horizon."""
-    start, end = states[:, WARM_UP], states[:, WARM_UP + HORIZON]
-    x, y = (end - start)[:, :2].unbind(-1)
-    cos, sin = torch.cos(start[:, 2]), torch.sin(start[:, 2])
-    return torch.stack([cos * x + sin * y, cos * y - sin * x], -1)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
@@ -18,7 +18,7 @@ from sidm.body import Body, read_body
 from sidm.config import config
 from sidm.experiments.engine.execute import one_thread
 from sidm.experiments.engine.provenance import Provenance
-from sidm.experiments.engine.records import Making, Records
+from sidm.experiments.engine.records import Making, by_field, records_of
 from sidm.experiments.methods import METHODS
 from sidm.experiments.presets import Preset
 from sidm.experiments.study import Study
@@ -84,6 +84,9 @@ class Transferred:
     provenance: Provenance
 
 
+records = records_of(Transferred, "real-robots")  # where they are kept, under a folder of results
+
+
 @functools.lru_cache
 def robot(name: str, steps: int | None = None, recordings: str = "recordings") -> Pieces:
     """A robot's recorded motion in pieces of `steps`, those of its own shortest drive unless given."""
@@ -117,16 +120,6 @@ def settings(preset: Preset) -> Preset:
     return SETTINGS.replace(max_samples=samples) if samples else SETTINGS
 
 
-class _Judged(NamedTuple):
-    """Of one size."""
-
-    minutes: float
-    components: list[float]
-    warm: tuple[list[float], list[float]]
-    cold: tuple[list[float], list[float]]
-    samples: int
-
-
 def measure(about: Transfer, data: str | Path = "data") -> Transferred:
     """Train and judge all sizes; needs the recordings alone, no `data`."""
     making = Making("fitting", None, data)
@@ -140,21 +133,15 @@ def measure(about: Transfer, data: str | Path = "data") -> Transferred:
         found = [_one(about, pool[:count], novice, judge, expert, scale) for count in about.sessions]
     return Transferred(
         about=about,
-        minutes=tuple(one.minutes for one in found),
-        loss=tuple(sum(one.components) for one in found),
-        components=tuple(tuple(one.components) for one in found),
-        displacement=tuple(tuple(one.warm[0]) for one in found),
-        heading=tuple(tuple(one.warm[1]) for one in found),
-        cold_displacement=tuple(tuple(one.cold[0]) for one in found),
-        cold_heading=tuple(tuple(one.cold[1]) for one in found),
-        samples=tuple(one.samples for one in found),
+        **by_field(found),
         provenance=making.done(),
     )
 
 
 def _one(
     about: Transfer, sessions: np.ndarray, novice: Pieces, judge: Pieces, expert: Pieces | None, scale: Tensor | None
-) -> _Judged:
+) -> dict[str, Any]:
+    """The fields on one size."""
     train_part, test_part = learn_and_test(novice, sessions)
     sets = datasets(train_part, test_part, judge, expert)
     trained = _learn(about, sets, novice.body)
@@ -162,8 +149,17 @@ def _one(
         motion = judge.motion()
         predicted, _ = trained.model("novice", motion.inputs, motion.maps)
         components = component_losses(predicted, motion.targets, scale).double().mean((0, 1)).tolist()
-    warm, cold = (_errors(trained.model, judge, seen) for seen in (True, False))
-    return _Judged(train_part.minutes + test_part.minutes, components, warm, cold, trained.samples)
+    (displacement, heading), (cold, cold_heading) = (_errors(trained.model, judge, seen) for seen in (True, False))
+    return {
+        "minutes": train_part.minutes + test_part.minutes,
+        "loss": sum(components),
+        "components": components,
+        "displacement": displacement,
+        "heading": heading,
+        "cold_displacement": cold,
+        "cold_heading": cold_heading,
+        "samples": trained.samples,
+    }
 
 
 def _learn(about: Transfer, sets: Datasets, body: Body) -> Trained:
@@ -189,8 +185,3 @@ def _errors(model: Predictor, judge: Pieces, seen: bool) -> tuple[list[float], l
     errors = rollout_errors(path, judge.states[:, WARM_UP : WARM_UP + HORIZON + 1], judge.body)
     displacement, heading = (error.mean(0).tolist() for error in errors)
     return displacement, heading
-
-
-def records(results: str | Path = "results") -> Records[Transferred]:
-    """Where the results are kept."""
-    return Records(Transferred, Path(results) / "real_robots", "sidm study real-robots")

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+
+import pandas as pd
+from matplotlib.figure import Figure
 
 from sidm.experiments.figures.style import METHOD_STYLES, finish, side_by_side, styled
 from sidm.experiments.statistics.pairs import beside
 from sidm.experiments.studies.real_robots.measure import ALONE, PAIRS
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 SIZED = ("minutes", "loss", "displacement", "heading", "cold_displacement", "cold_heading")
 LABELS = {"loss": "loss (6: that of the mean)", "displacement": "displacement error after 1.5 s (m)",
@@ -35,8 +33,6 @@ def long(frame: pd.DataFrame) -> pd.DataFrame:
         alone = (found.novice == novice) & found.method.isin(ALONE) & (found.expert == "")
         mine = found[alone | ((found.novice == novice) & (found.expert == expert))]
         pairs.append(mine.assign(system=pair))
-    import pandas as pd
-
     return pd.concat(pairs, ignore_index=True)
 
 

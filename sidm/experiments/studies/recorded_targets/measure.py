@@ -12,16 +12,16 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal
 
 from sidm.body import ROVER
 from sidm.config import config
 from sidm.experiments.digests import find_digest
-from sidm.experiments.engine.datasets import collect_dataset, load_dataset, note_collected
-from sidm.experiments.engine.execute import one_thread, summary_curve
-from sidm.experiments.engine.pretrained import _alone as one_at_a_time
+from sidm.experiments.engine.datasets import collect_dataset, note_collected
+from sidm.experiments.engine.execute import curve, frozen, load_checked, one_thread, plain
+from sidm.experiments.engine.pretrained import kept
 from sidm.experiments.engine.provenance import Provenance
-from sidm.experiments.engine.records import Making, Records
+from sidm.experiments.engine.records import Making, by_field, records_of
 from sidm.experiments.methods import FINER_TESTS, METHODS, change
 from sidm.experiments.presets import Preset
 from sidm.experiments.studies.recorded_targets.recorded import (
@@ -35,10 +35,9 @@ from sidm.experiments.studies.recorded_targets.recorded import (
 from sidm.experiments.studies.recorded_targets.recorded import subsets as recorded_subsets
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Dataset
-from sidm.learning.beyond import pretraining
 from sidm.learning.beyond.least_squares import fit
-from sidm.learning.beyond.pretraining import Start, expert_in_place, start_from
-from sidm.learning.dataset import Datasets, Motion, load_motion
+from sidm.learning.beyond.pretraining import Start, expert_in_place
+from sidm.learning.dataset import Datasets, Motion
 from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.networks import Network
 from sidm.learning.settings import Training
@@ -46,7 +45,6 @@ from sidm.learning.training import Trained, train
 from sidm.learning.units import Standardisation
 from sidm.numerics import numbered
 from sidm.recordings import read_drives
-from sidm.systems import find_system
 
 SIZES = (1.0, 2.0, 5.0)  # of the recorded novice, train and test together, min
 HELD_OUT = 8  # of the 25 grounds, whose recordings judge and nothing else
@@ -127,6 +125,9 @@ class Transferred:
     provenance: Provenance
 
 
+records = records_of(Transferred, "recorded-targets")  # where they are kept, under a folder of results
+
+
 def proxies(preset: Preset, system: str) -> dict[str, Dataset]:
     """The motion of the two simulated robots, 'expert' and 'novice', each as long as the preset's of the expert."""
     found = preset.replace(policy=POLICY).datasets(system)
@@ -182,63 +183,65 @@ def jobs(
 _recorded = functools.lru_cache(maxsize=1)(load_recorded)
 
 
-class _Learnt(NamedTuple):
-    """What was learnt from so many minutes."""
-
-    trained: Trained
-    seconds: float  # of a processor
-
-
 def measure(about: Transfer, data: str | Path = "data", recordings: str | Path = "recordings") -> Transferred:
     """Train and judge one; RecordingError or ShardError where data are missing or others than they should be."""
     making = Making("elsewhere", about, data)
     with one_thread():
         recorded = _recorded(about.system, about.held_out, about.network.pixels, recordings, about.recorded_data)
-        expert = _simulated(about, "expert", data)
-        proxy = _simulated(about, "novice", data) if about.proxy == "novice" else expert
+        expert = load_checked(about.expert, about.expert_data, data, about.network.pixels)
+        proxy = expert
+        if about.proxy == "novice":
+            proxy = load_checked(about.proxy_novice, about.proxy_novice_data, data, about.network.pixels)
         units = Standardisation.of(expert)
         start = _start(about, recorded, proxy, units, data)
-        alone = None if start is None else _as_it_is(about, start, units)
-        models: dict[float, Predictor] = {} if alone is None else {0.0: alone}
-        learnt = [_learn(about, minutes, recorded, proxy, units, start, alone) for minutes in about.sizes]
-        models |= {minutes: one.trained.model for minutes, one in zip(about.sizes, learnt, strict=True)}
-        losses = [piece_losses(model, recorded) for model in models.values()]
-        errors = [path_errors(model, recorded, about.network.pixels) for model in models.values()]
-    curves = [summary_curve(one.trained) for one in learnt]
+        alone = None if start is None else frozen(about.network, start, units)
+        models = [] if alone is None else [_judged(0.0, alone, about, recorded)]
+        trainings = []
+        for minutes in about.sizes:
+            begun = time.process_time()
+            trained = _learn(about, minutes, recorded, proxy, units, start, alone)
+            trainings.append(_training(trained, time.process_time() - begun))
+            models.append(_judged(minutes, trained.model, about, recorded))
     return Transferred(
         about=about,
-        minutes=tuple(models),
-        validation_loss=tuple(float(loss.mean(0).sum()) for loss in losses),
-        component_losses=tuple(tuple(loss.mean(0).tolist()) for loss in losses),
-        piece_losses=tuple(tuple(loss.sum(1).tolist()) for loss in losses),
-        position_error=tuple(tuple(position.tolist()) for position, _ in errors),
-        heading_error=tuple(tuple(heading.tolist()) for _, heading in errors),
-        samples=tuple(one.trained.samples for one in learnt),
-        best_samples=tuple(one.trained.best_samples for one in learnt),
-        best_test_loss=tuple(float(one.trained.best_test_loss) for one in learnt),
-        curve_samples=tuple(curve[0] for curve in curves),
-        curve_test_loss=tuple(curve[1] for curve in curves),
-        curve_training_loss=tuple(curve[2] for curve in curves),
-        seconds=tuple(one.seconds for one in learnt),
+        **by_field(models),
+        **by_field(trainings),
         pretraining_samples=start.samples if start else 0,
         provenance=making.done(),
     )
 
 
+def _judged(minutes: float, model: Predictor, about: Transfer, recorded: Recorded) -> dict[str, Any]:
+    """The fields on a model."""
+    losses = piece_losses(model, recorded)
+    position, heading = path_errors(model, recorded, about.network.pixels)
+    return {
+        "minutes": minutes,
+        "validation_loss": float(losses.mean(0).sum()),
+        "component_losses": plain(losses.mean(0)),
+        "piece_losses": plain(losses.sum(1)),
+        "position_error": plain(position),
+        "heading_error": plain(heading),
+    }
+
+
+def _training(trained: Trained, seconds: float) -> dict[str, Any]:
+    """The fields on a training that took so many seconds of a processor."""
+    own = {"samples": trained.samples, "best_samples": trained.best_samples, "seconds": seconds}
+    return own | {"best_test_loss": float(trained.best_test_loss)} | curve(trained)
+
+
 def _learn(
     about: Transfer, minutes: float, recorded: Recorded, proxy: Motion, units: Standardisation, start: Start | None,
     alone: DynamicsModel | None,
-) -> _Learnt:  # fmt: skip
+) -> Trained:  # fmt: skip
     """From fresh weights or the proxy's; or by least squares, which leave the proxy's model as it is."""
-    begun = time.process_time()
     training, testing = (recorded.motion.part(part) for part in recorded_subsets(recorded, minutes, about.seed))
     sets = Datasets(training, testing, recorded.judges, proxy)
     if about.fit == "least_squares":
-        trained = fit(sets, units, alone, about.training.mirror)
-    else:
-        weights = start and start.weights
-        trained = train(sets, about.network, about.training, about.seed, standardisation=units, start=weights)
-    return _Learnt(trained, time.process_time() - begun)
+        return fit(sets, units, alone, about.training.mirror)
+    weights = start and start.weights
+    return train(sets, about.network, about.training, about.seed, standardisation=units, start=weights)
 
 
 def _start(
@@ -251,34 +254,6 @@ def _start(
     made_from = [whose, about.expert_data, *map(repr, (about.network, about.pretraining)), about.seed]
     key = hashlib.sha256(json.dumps(made_from).encode()).hexdigest()[:20]
     where = Path(data) / "pretrained" / f"elsewhere-{key}-{numbered('training')}"
-    with one_at_a_time(where):
-        found = pretraining.read(where)
-        if found is None:
-            sets = expert_in_place(Datasets(recorded.judges, recorded.judges, recorded.judges, proxy), about.seed)
-            found = start_from(
-                train(
-                    sets, about.network, about.pretraining, about.seed, standardisation=units,
-                    checkpoint=where / pretraining.STATE,
-                )
-            )  # fmt: skip
-            pretraining.keep(where, found)
-        return found
-
-
-def _as_it_is(about: Transfer, start: Start, units: Standardisation) -> DynamicsModel:
-    """The proxy's model."""
-    model = DynamicsModel(about.network, units, roles=["novice"])
-    model.start(start.weights)
-    return model.eval().requires_grad_(False)
-
-
-def _simulated(about: Transfer, role: str, data: str | Path) -> Motion:
-    dataset = about.datasets[role]
-    load_dataset(dataset, about.digests[role], data)
-    terrain = find_system(about.system).terrain
-    return load_motion(data, dataset.collection, dataset.count, terrain, about.network.pixels)
-
-
-def records(results: str | Path = "results") -> Records[Transferred]:
-    """Where the results are kept."""
-    return Records(Transferred, Path(results) / "recorded_targets", "sidm study recorded-targets")
+    sets = expert_in_place(Datasets(recorded.judges, recorded.judges, recorded.judges, proxy), about.seed)
+    how = (about.network, about.pretraining, about.seed)
+    return kept(where, lambda state: train(sets, *how, standardisation=units, checkpoint=state))

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sidm.experiments.figures.style import LOSS_LABEL, METHOD_STYLES, finish, legend_below, side_by_side, styled
+from sidm.experiments.figures.style import (
+    LOSS_BY_SIZE,
+    METHOD_STYLES,
+    by_system,
+    finish,
+    legend_below,
+    mean_and_range,
+    styled,
+)
 from sidm.experiments.statistics import savings
 from sidm.experiments.statistics.claims import BETTER, NO_DIFFERENCE, WORSE, judged
 from sidm.experiments.statistics.intervals import Interval
-from sidm.experiments.statistics.pairs import beside, complete, together
+from sidm.experiments.statistics.pairs import complete, together
 from sidm.experiments.studies.recorded_targets.measure import METHODS_HERE, Proxy
 from sidm.systems import SYSTEMS
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Way = tuple[str, Proxy]  # a method and whose simulation it learns from
 
@@ -79,34 +85,22 @@ def by_size(table: pd.DataFrame, other: Way) -> pd.DataFrame:
     itself; `saved`, `saved_low`, `saved_high` and `bound`: how many times the recorded data the other would need; and
     `worth`, of a model without recorded data, the minutes with which the other does as well.
     """
-    import pandas as pd
-
     point = ["system", *BY, "novice_minutes"]
     found = table.groupby(point, sort=False).agg(
         seeds=("seed", "size"), loss=("loss", "mean"), error=("error", "mean")
     ).reset_index()  # fmt: skip
     rest = table[(table.method != other[0]) | (table.proxy != other[1])]
-    ratios = beside(rest[rest.novice_minutes > 0], _of(table, other), by=BY, value="loss")
-    found = found.merge(ratios[[*point, "ratio", "low", "high"]], how="left", on=point)
-    saved, worth = [], {}
-    for system, mine in table.groupby("system", sort=False):
-        alone = complete(_of(mine, other), system, [other[0]], "loss")
-        for way, own in rest[rest.system == system].groupby(BY, sort=False):
-            with_data = complete(_of(own, way), system, [way[0]], "loss")
-            saved += [(system, *way, *line) for line in savings.savings_between(with_data, alone)]
-            bare = own[own.novice_minutes == 0].loss
-            if len(bare) and alone.values.size:
-                worth[system, *way, 0.0] = savings.minutes_words(alone.minutes, alone.values[:, 0].mean(0), bare.mean())
-    names = ["saved", "saved_low", "saved_high", "bound"]
-    kept = pd.DataFrame(saved, columns=[*point, "_seeds", "_loss", *names]).astype(found[point].dtypes)
-    found = found.merge(kept[[*point, *names]], how="left", on=point)
+    found = savings.with_savings(found, rest[rest.novice_minutes > 0], _of(table, other), ["system"], BY)
+    worth = {}
+    for key, bare in rest[rest.novice_minutes == 0].groupby(point, sort=False):
+        alone = complete(_of(table, other), str(key[0]), [other[0]], "loss")
+        if alone.values.size:
+            worth[key] = savings.minutes_words(alone.minutes, alone.values[:, 0].mean(0), bare.loss.mean())
     return found.assign(worth=[worth.get(key, "") for key in found[point].itertuples(index=False, name=None)])
 
 
 def written(lines: pd.DataFrame) -> pd.DataFrame:
     """The table of `by_size` for a page, ratios and savings with their intervals as texts."""
-    import pandas as pd
-
     labels = [label(*way) for way in lines[BY].itertuples(index=False)]
     ratios = [Interval(*ends).words(3) for ends in lines[["ratio", "low", "high"]].itertuples(index=False)]
     known = {"saved": "ratio", "saved_low": "low", "saved_high": "high"}
@@ -156,15 +150,13 @@ def claims(table: pd.DataFrame) -> pd.DataFrame:
 @styled
 def figure(table: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
     """Loss against minutes of recorded data, by method and proxy; level lines are of models that saw none."""
-    figure, panels = side_by_side(len(systems))
-    for axes, system in zip(panels, systems, strict=True):
-        axes.set(xscale="log", yscale="log", xlabel="recorded data (min)", ylabel=LOSS_LABEL)
-        axes.set_title(f"recorded novice of {system}")
-        mine = table[table.system == system]
+    axis = LOSS_BY_SIZE | {"xlabel": "recorded data (min)"}
+    figure, plots = by_system(table, systems, "recorded novice of {}", **axis)
+    for axes, mine in plots:
         for way in SHOWN:
             _draw(axes, mine, way)
         finish(axes, mine.novice_minutes[mine.novice_minutes > 0], legend=False)
-    legend_below(figure, panels)
+    legend_below(figure, figure.axes)
     return figure
 
 
@@ -177,8 +169,7 @@ def _draw(axes: Axes, mine: pd.DataFrame, way: Way) -> None:
     losses = _of(mine, way).groupby("novice_minutes").loss.agg(["mean", "min", "max"])
     if not len(losses):
         return
-    axes.plot(losses.index, losses["mean"], **style)
-    axes.fill_between(losses.index, losses["min"], losses["max"], color=style["color"], alpha=0.2, lw=0)
+    mean_and_range(axes, losses, **style)
     bare = mine[(mine.method == method) & (mine.proxy == proxy) & (mine.novice_minutes == 0)].loss
     if len(bare) and method == "pretrain_finetune":
         plain = style | {"label": f"the same, no recorded data{PROXY_WORDS[proxy]}", "marker": ""}

@@ -12,30 +12,28 @@ import time
 from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from torch import Tensor
 
 from sidm.config import config
 from sidm.experiments.digests import find_digest
-from sidm.experiments.engine.datasets import load_dataset
-from sidm.experiments.engine.execute import Library, one_thread, roll_out, summary_curve
+from sidm.experiments.engine.execute import Library, curve, judge, load_checked, one_thread, plain
 from sidm.experiments.engine.provenance import Provenance
-from sidm.experiments.engine.records import Making, Records
+from sidm.experiments.engine.records import Making, by_field, records_of
 from sidm.experiments.methods import FINER_TESTS, METHODS, change
 from sidm.experiments.studies.several_experts.family import collect_members, dataset
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Dataset, Trial
 from sidm.learning import checkpoint
 from sidm.learning.beyond.several import Parts, as_novice, fresh_around, nearest, train_several
-from sidm.learning.dataset import Datasets, Motion, Part, load_motion, split
-from sidm.learning.evaluation import mean_loss, rollout_errors, validation_loss
+from sidm.learning.dataset import Datasets, Motion, split
+from sidm.learning.evaluation import mean_loss, validation_loss
 from sidm.learning.model import DynamicsModel
 from sidm.learning.settings import Training
-from sidm.learning.training import train
+from sidm.learning.training import Trained, train
 from sidm.learning.units import Standardisation
 from sidm.numerics import numbered
-from sidm.systems import find_system
 
 COUNTS = (1, 2, 4, 8)  # of experts; all together have the minutes that the paper's has alone
 SIZES = (1.0, 5.0, 20.0)  # of the novice's data, min
@@ -107,6 +105,9 @@ class Pretrained:
     provenance: Provenance
 
 
+records = records_of(Pretrained, "several-experts")  # where they are kept, under a folder of results
+
+
 def jobs(
     study: Study, system: str, counts: Iterable[int] = COUNTS, sizes: Iterable[float] = SIZES
 ) -> list[Pretraining]:
@@ -136,9 +137,7 @@ def jobs(
     return found
 
 
-def collect_family(
-    study: Study, system: str, executor: Executor, wanted: Iterable[Pretraining] | None = None
-) -> None:
+def collect_family(study: Study, system: str, executor: Executor, wanted: Iterable[Pretraining] | None = None) -> None:
     """Simulate what is missing of the experts of the family, for some jobs or for all."""
     needed = members_needed(jobs(study, system) if wanted is None else wanted)
     collect_members(system, study.preset.policy, needed, study.data, study.results, executor)
@@ -156,13 +155,11 @@ def members_needed(wanted: Iterable[Pretraining]) -> dict[int, set[int]]:
 def load_experts(about: Pretraining, data: str | Path) -> tuple[dict[str, Motion], Standardisation]:
     """The experts' motion by name, and the units inside the networks, which are those of the paper's expert's data."""
     trial = about.trial
-    paper, terrain, pixels = trial.datasets["expert"], find_system(trial.system).terrain, trial.network.pixels
-    load_dataset(paper, trial.digests["expert"], data)
-    whole = load_motion(data, paper.collection, paper.count, terrain, pixels)
+    paper, pixels = trial.datasets["expert"], trial.network.pixels
+    whole = load_checked(paper, trial.digests["expert"], data, pixels)
     experts = {"expert": whole.first(paper.count // about.experts)} if about.paper else {}
-    for number, (own, digest) in enumerate(zip(about.members, about.members_data, strict=True)):
-        load_dataset(own, digest, data)
-        experts[f"member{number}"] = load_motion(data, own.collection, own.count, terrain, pixels)
+    for number, own in enumerate(zip(about.members, about.members_data, strict=True)):
+        experts[f"member{number}"] = load_checked(*own, data, pixels)
     return experts, Standardisation.of(whole)
 
 
@@ -175,7 +172,7 @@ def measure(about: Pretraining, data: str | Path = "data") -> Pretrained:
         model = DynamicsModel(trial.network, units, trial.seed, tuple(experts))
         model.load_state_dict(weights)
         model.eval()
-        found: list[list[_Novice]] = []  # (M, W)
+        found: list[list[dict[str, Any]]] = []  # (M, W)
         chosen, before = [], []
         for minutes in about.sizes:
             sets = library.datasets(trial.replace(novice_minutes=minutes))
@@ -185,20 +182,18 @@ def measure(about: Pretraining, data: str | Path = "data") -> Pretrained:
             starts = {way: as_novice(model, role) for way in ("all", "parts")}
             starts["fresh_parts"] = fresh_around(model, trial.network, units, trial.seed)
             found.append([_novice(about, way, sets, starts[way], units, library) for way in WAYS])
-        own = tuple(mean_loss(model, _testing(motion, trial.seed), role) for role, motion in experts.items())
-
-    def every(name: str) -> Any:
-        return tuple(tuple(getattr(one, name) for one in some) for some in zip(*found, strict=True))
+        testing = {role: one.part(split(len(one), len(one), trial.seed)[1]) for role, one in experts.items()}
+        own = tuple(mean_loss(model, part, role) for role, part in testing.items())  # its training was stopped by it
 
     return Pretrained(
         about=about,
         nearest=tuple(chosen),
         before=tuple(before),
-        **{name: every(name) for name in _Novice._fields},
+        **by_field([by_field(some) for some in zip(*found, strict=True)]),
         experts_samples=history["samples"],
         experts_loss=own,
-        experts_curve_samples=tuple(history["curve_samples"]),
-        experts_curve_test_loss=tuple(history["curve_test_loss"]),
+        experts_curve_samples=history["curve_samples"],
+        experts_curve_test_loss=history["curve_test_loss"],
         provenance=making.done(),
     )
 
@@ -216,37 +211,23 @@ def _sidm_of(
     kept = checkpoint.read(where)
     if kept is None:
         several = train_several(experts, trial.network, trial.pretraining, trial.seed, units)
-        samples, tests, _ = summary_curve(several)
-        history = {"samples": several.samples, "curve_samples": samples, "curve_test_loss": tests}
+        history = {"samples": several.samples, **_curve(several)}
         checkpoint.write(where, checkpoint.module_tensors(several.model), history)
         kept = checkpoint.read(where)
         assert kept is not None
     return kept
 
 
-def _testing(motion: Motion, seed: int) -> Part:
-    """The trajectories of an expert that its training was stopped by."""
-    return motion.part(split(len(motion), len(motion), seed)[1])
-
-
-class _Novice(NamedTuple):
-    """What a novice's training gives; the fields of `Pretrained`."""
-
-    validation_loss: float
-    component_losses: tuple[float, ...]
-    position_error: float
-    heading_error: float
-    samples: int
-    best_samples: int
-    seconds: float
-    curve_samples: tuple[int, ...]
-    curve_test_loss: tuple[float, ...]
+def _curve(trained: Trained) -> dict[str, tuple]:
+    """The fields on its test loss along the training."""
+    found = curve(trained)
+    return {name: found[name] for name in ("curve_samples", "curve_test_loss")}
 
 
 def _novice(
     about: Pretraining, way: str, sets: Datasets, start: Parts, units: Standardisation, library: Library
-) -> _Novice:
-    """Train and judge one."""
+) -> dict[str, Any]:
+    """Train and judge one: the fields of `Pretrained` on it."""
     trial, begun = about.trial, time.process_time()
     trainings: Mapping[str, Training] = {
         "all": trial.training,
@@ -255,15 +236,14 @@ def _novice(
     }
     trained = train(sets, trial.network, trainings[way], trial.seed, standardisation=units, start=start)
     seconds = time.process_time() - begun
-    losses = validation_loss(trained.model, sets.validation)
-    position, heading = rollout_errors(*roll_out(trained.model, trial, library.rollouts(trial)))
-    samples, tests, _ = summary_curve(trained)
-    return _Novice(
-        float(losses.sum()), tuple(losses.tolist()), float(position[:, -1].mean()), float(heading[:, -1].mean()),
-        trained.samples, trained.best_samples, seconds, samples, tests,
-    )  # fmt: skip
-
-
-def records(results: str | Path = "results") -> Records[Pretrained]:
-    """Where the results are kept."""
-    return Records(Pretrained, Path(results) / "several_experts", "sidm study several-experts")
+    found = judge(trained.model, trial, library)
+    return {
+        "validation_loss": float(found.losses.sum()),
+        "component_losses": plain(found.losses),
+        "position_error": float(found.position[-1]),
+        "heading_error": float(found.heading[-1]),
+        "samples": trained.samples,
+        "best_samples": trained.best_samples,
+        "seconds": seconds,
+        **_curve(trained),
+    }

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import pandas as pd
 from matplotlib.figure import Figure
 
 from sidm.experiments.engine.frame import of_trials
@@ -13,16 +14,14 @@ from sidm.experiments.figures.style import (
     SIZE_STYLES,
     finish,
     legend_below,
+    mean_and_range,
     side_by_side,
     styled,
 )
 from sidm.experiments.statistics.claims import COLUMNS, judged
-from sidm.experiments.statistics.pairs import Losses, beside, complete, together
-from sidm.experiments.statistics.savings import savings_between
+from sidm.experiments.statistics.pairs import together
+from sidm.experiments.statistics.savings import with_savings
 from sidm.experiments.studies.several_experts.measure import WAYS
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 PAPER = "'may lead to a more accurate' one"
 FASTER = "'may also lead to faster training'"
@@ -45,16 +44,13 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     With `number` of the experts, validation `loss`, `samples` seen by the novice's training with its patience, and the
     processor's `minutes` for it.
     """
-    import pandas as pd
-
-    lines = []
-    for one in of_trials(frame).itertuples():
-        known = one.system, label(one.experts, one.paper), one.experts, one.seed
-        for number, way in enumerate(WAYS):
-            values = (one.sizes, one.validation_loss[number], one.samples[number], one.found_seconds[number])
-            lines += [(*known, way, *line) for line in zip(*values, strict=True)]
-    names = ["system", "experts", "number", "seed", "way", "novice_minutes", "loss", "samples", "seconds"]
-    found = pd.DataFrame(lines, columns=names).astype({name: float for name in names[5:]})
+    values = ["validation_loss", "samples", "found_seconds"]  # by way and size
+    mine = of_trials(frame).assign(way=[list(WAYS)] * len(frame), number=frame.experts)
+    mine["experts"] = [label(*one) for one in mine[["number", "paper"]].itertuples(index=False)]
+    long = mine.explode(["way", *values]).explode(["sizes", *values], ignore_index=True)
+    names = {"sizes": "novice_minutes", "validation_loss": "loss", "samples": "samples", "found_seconds": "seconds"}
+    found = long[["system", "experts", "number", "seed", "way", *names]].rename(columns=names)
+    found = found.astype(dict.fromkeys(names.values(), float))
     order = found.experts.map({PAPERS: 0, MEMBER: 1}).fillna(found.number)
     found = found.assign(order=order, minutes=found.seconds / 60).sort_values(["order", "seed"], kind="stable")
     return found.drop(columns=["order", "seconds"]).reset_index(drop=True)
@@ -66,33 +62,16 @@ def needed(table: pd.DataFrame) -> pd.DataFrame:
     `seeds`, mean `loss`, `samples` and `minutes`; the `ratio` of the losses with `low` and `high`; and `saved`,
     `saved_low`, `saved_high` and `bound`: how many times the novice's data the paper's expert's SIDM needs.
     """
-    import pandas as pd
-
     point = ["system", "experts", "way", "novice_minutes"]
     found = table.groupby(point, sort=False)[["loss", "samples", "minutes"]].mean()
     found.insert(0, "seeds", table.groupby(point, sort=False).size())
     papers = table[table.experts == PAPERS]
     others = table[table.experts != PAPERS]
-    ratios = beside(others, papers, on=["system", "way", "novice_minutes"], by=["experts"], value="loss")
-    lines = []
-    for (system, experts, way), own in others.groupby(point[:3], sort=False):
-        single = _complete(papers[papers.way == way], system)
-        lines += [(system, experts, way, *line) for line in savings_between(_complete(own, system), single)]
-    names = ["saved", "saved_low", "saved_high", "bound"]
-    saved = pd.DataFrame(lines, columns=[*point, "_seeds", "_loss", *names]).astype(ratios[point].dtypes)
-    found = found.reset_index().merge(ratios[[*point, "ratio", "low", "high"]], how="left", on=point)
-    return found.merge(saved[[*point, *names]], how="left", on=point)
-
-
-def _complete(lines: pd.DataFrame, system: str) -> Losses:
-    """Losses of one way by seed and size."""
-    return complete(lines.assign(method="own"), system, ["own"], "loss")
+    return with_savings(found.reset_index(), others, papers, ["system", "way"], ["experts"])
 
 
 def as_they_are(frame: pd.DataFrame) -> pd.DataFrame:
     """A line a record and size: the `nearest` expert, and the validation `loss` with its parts as they are."""
-    import pandas as pd
-
     lines = []
     for one in of_trials(frame).itertuples():
         names = [*(["expert"] if one.paper else []), *(f"member{number}" for number in range(len(one.roles)))]
@@ -117,8 +96,6 @@ def claims(table: pd.DataFrame, joint: pd.DataFrame) -> pd.DataFrame:
     by way, the sizes together; the training of encoder and decoder alone beside that of all together with an SIDM that
     is not learnt before, of which `joint` are results.
     """
-    import pandas as pd
-
     most = table[(table.number == table.number.max()) & (table.number > 1)]
     if not len(most):
         return pd.DataFrame(columns=list(COLUMNS))
@@ -150,9 +127,8 @@ def figure(table: pd.DataFrame, joint: pd.DataFrame) -> Figure:
             axes.sharey(panels[0])
         axes.set(xscale="log", yscale="log", xlabel="novice data (min)", title=words.replace(", ", ",\n"))
         for experts, own in mine.groupby("experts", sort=False):
-            losses, style = own.groupby("novice_minutes").loss.agg(["mean", "min", "max"]), _style(str(experts), own)
-            axes.plot(losses.index, losses["mean"], label=experts, **style)
-            axes.fill_between(losses.index, losses["min"], losses["max"], color=style["color"], alpha=0.15, lw=0)
+            losses = own.groupby("novice_minutes").loss.agg(["mean", "min", "max"])
+            mean_and_range(axes, losses, label=experts, **_style(str(experts), own))
         for method, look in BESIDE.items() if len(mine) else ():
             means = joint[joint.method == method].groupby("novice_minutes").validation_loss.mean()
             axes.plot(means.index, means, **look)

@@ -16,10 +16,10 @@ import torch
 from torch import Tensor
 
 from sidm.config import config
-from sidm.experiments.engine.execute import ROLLOUT_STEPS, Library, one_thread, roll_out, summary_curve
+from sidm.experiments.engine.execute import ROLLOUT_STEPS, Library, curve, judge, one_thread, plain
 from sidm.experiments.engine.models import model_of
 from sidm.experiments.engine.provenance import Provenance
-from sidm.experiments.engine.records import Making, Records
+from sidm.experiments.engine.records import Making, records_of
 from sidm.experiments.methods import COMPARED
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
@@ -27,7 +27,7 @@ from sidm.learning.beyond.distributions import QUIETEST, ConstantSpread, Distrib
 from sidm.learning.beyond.likelihood import train_distributions
 from sidm.learning.beyond.particles import DRAWS, LEVELS, Along, covered, one_step, particle_rollout
 from sidm.learning.dataset import Datasets, Motion, Part
-from sidm.learning.evaluation import EVALUATION_BATCH, rollout_errors, validation_loss
+from sidm.learning.evaluation import EVALUATION_BATCH, validation_loss
 from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.seeds import generator
 from sidm.learning.training import Trained
@@ -37,6 +37,10 @@ from sidm.terrain import generate_terrain
 
 SIZES = (1.0, 5.0, 60.0)  # novice data, min
 PARTICLES = 64  # of a rollout
+#: The fields on the training of a twin, of which its trial tells.
+UNTRAINED: dict[str, Any] = dict.fromkeys(("samples", "best_samples", "best_test_loss", "training_seconds"), 0) | (
+    dict.fromkeys(("curve_samples", "curve_test_loss", "curve_training_loss"), ())
+)
 
 
 @config
@@ -81,6 +85,9 @@ class Fitted:
     provenance: Provenance
 
 
+records = records_of(Fitted, "uncertainty")  # where they are kept, under a folder of results
+
+
 def jobs(study: Study, system: str, sizes: Iterable[float] = SIZES, particles: int = PARTICLES) -> list[Fit]:
     """With and without SIDM, each by likelihood and as the twin, at every size and seed."""
     trials = study.points(system, COMPARED, sizes)
@@ -105,17 +112,15 @@ def measure(about: Fit, data: str | Path = "data") -> Fitted:
             latents = latents_of(trained.model, sets.validation)
         else:
             predictor = twin = model_of(trial, data)
-            training = _training(None, 0.0)
             found = _judged(ConstantSpread(twin, residual_spread(twin, sets)), about, library, 1)
-            latents = {"latent_spread": (0.0, 0.0), "quietest": (0.0, 0.0, 0.0)}
-        losses = validation_loss(predictor, sets.validation)
-        position, heading = rollout_errors(*roll_out(predictor, trial, library.rollouts(trial)))
+            latents, training = {"latent_spread": (0.0, 0.0), "quietest": (0.0, 0.0, 0.0)}, UNTRAINED
+        means = judge(predictor, trial, library)
     return Fitted(
         about=about,
-        validation_loss=float(losses.sum()),
-        component_losses=tuple(losses.tolist()),
-        position_error=tuple(position.mean(0).tolist()),
-        heading_error=tuple(heading.mean(0).tolist()),
+        validation_loss=float(means.losses.sum()),
+        component_losses=plain(means.losses),
+        position_error=plain(means.position),
+        heading_error=plain(means.heading),
         **found,
         **latents,
         **training,
@@ -123,16 +128,10 @@ def measure(about: Fit, data: str | Path = "data") -> Fitted:
     )
 
 
-def _training(trained: Trained | None, seconds: float) -> dict[str, Any]:
+def _training(trained: Trained, seconds: float) -> dict[str, Any]:
     """The fields on the training."""
-    curve = summary_curve(trained) if trained else ((), (), ())
-    return {
-        "samples": trained.samples if trained else 0,
-        "best_samples": trained.best_samples if trained else 0,
-        "best_test_loss": float(trained.best_test_loss) if trained else 0.0,
-        "training_seconds": seconds,
-        **dict(zip(("curve_samples", "curve_test_loss", "curve_training_loss"), curve, strict=True)),
-    }
+    own = {"samples": trained.samples, "best_samples": trained.best_samples, "training_seconds": seconds}
+    return own | {"best_test_loss": float(trained.best_test_loss)} | curve(trained)
 
 
 def _judged(model: Stochastic, about: Fit, library: Library, draws: int) -> dict[str, Any]:
@@ -143,15 +142,10 @@ def _judged(model: Stochastic, about: Fit, library: Library, draws: int) -> dict
     return {
         **found._asdict(),
         "nll_at_means": one_step(model, validation, None, 1).nll,
-        "steps_coverage": _nested(along.inside),
-        "steps_width": _nested(along.width),
-        "steps_error": _nested(along.error),
+        "steps_coverage": plain(along.inside),
+        "steps_width": plain(along.width),
+        "steps_error": plain(along.error),
     }
-
-
-def _nested(values: Tensor) -> Any:
-    """A tensor as tuples of tuples."""
-    return values.tolist() if values.ndim == 0 else tuple(_nested(part) for part in values)
 
 
 def latents_of(model: DistributionModel, motion: Motion | Part) -> dict[str, Any]:
@@ -176,16 +170,7 @@ def latents_of(model: DistributionModel, motion: Motion | Part) -> dict[str, Any
 
 def residual_spread(model: DynamicsModel, sets: Datasets) -> Tensor:
     """(13,) root mean squared errors on the test split, which no weights have learnt from; never wholly 0."""
-    return component_errors(model, sets.test).sqrt().clamp_min(1e-6)
-
-
-def component_errors(model: DynamicsModel, motion: Motion | Part) -> Tensor:
-    """(13,) mean squared errors over the steps of some motion."""
-    total = torch.zeros(13, dtype=torch.float64)
-    with torch.inference_mode():
-        for part in motion.split(EVALUATION_BATCH):
-            total += (model("novice", part.inputs, part.maps)[0] - part.targets).square().double().sum((0, 1))
-    return (total / motion.targets[..., 0].numel()).float()
+    return validation_loss(model, sets.test).float().sqrt().clamp_min(1e-6)
 
 
 def rollout_coverage(model: Stochastic, trial: Trial, library: Library, particles: int) -> Along:
@@ -199,8 +184,3 @@ def rollout_coverage(model: Stochastic, trial: Trial, library: Library, particle
         paths = particle_rollout(model, heights, states[0], actions, trial.network.pixels, particles, noise)
         found.append(covered(paths, states, LEVELS))
     return Along(*(torch.stack(parts).double().mean(0) for parts in zip(*found, strict=True)))
-
-
-def records(results: str | Path = "results") -> Records[Fitted]:
-    """Where the results are kept."""
-    return Records(Fitted, Path(results) / "uncertainty", "sidm study uncertainty")

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
 from sidm.experiments.engine.frame import of_trials
-from sidm.experiments.figures.style import LOSS_LABEL, METHOD_STYLES, finish, legend_below, side_by_side, styled
+from sidm.experiments.figures.style import LOSS_BY_SIZE, METHOD_STYLES, by_system, finish, legend_below, styled
 from sidm.experiments.statistics.claims import judged
 from sidm.experiments.statistics.pairs import beside
 from sidm.learning.beyond.particles import LEVELS, QUANTILES
 from sidm.systems import SYSTEMS
 from sidm.trajectory import CONTROL_STEP, QUATERNION
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 WORDS = {True: "by likelihood", False: "deterministic"}
 DATA = ["system", "novice_minutes", "method"]
@@ -56,8 +54,6 @@ def coverage(frame: pd.DataFrame) -> pd.DataFrame:
         them; the same after the `rollout`, of forward, sideways and heading, `rollout_least` and `rollout_most`; the
         intervals' `width` there, (3,) m, m, rad; and the `position` error there, m.
     """
-    import pandas as pd
-
     lines = []
     for point, some in of_trials(frame).groupby(POINT, sort=False):
         one_step = np.mean(some.coverage.tolist(), axis=0)  # (L, 13)
@@ -96,10 +92,8 @@ def _look(method: str, likelihood: bool) -> dict[str, Any]:
 @styled
 def figure(table: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
     """Figure 3's points: the loss of equation (1) of the means, trained by likelihood and deterministically."""
-    figure, panels = side_by_side(len(systems))
-    for axes, system in zip(panels, systems, strict=True):
-        axes.set(xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL, title=system)
-        mine = table[table.system == system]
+    figure, plots = by_system(table, systems, **LOSS_BY_SIZE)
+    for axes, mine in plots:
         for (method, by), line in mine.groupby(["method", "likelihood"], sort=False):
             axes.plot(line.novice_minutes, line.loss, **_look(method, bool(by)))
         finish(axes, mine.novice_minutes)
@@ -109,12 +103,11 @@ def figure(table: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figu
 @styled
 def coverage_figure(frame: pd.DataFrame, minutes: float, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
     """How often what happened lies within the particles' intervals, along rollouts of models of one size."""
-    figure, panels = side_by_side(len(systems))
     every = of_trials(frame)
-    for axes, system in zip(panels, systems, strict=True):
-        axes.set(xlabel="time (s)", ylabel="share of the truth within the interval (-)", ylim=(0, 1))
-        axes.set_title(f"{system}, {minutes:g} min")
-        mine = every[(every.system == system) & (every.novice_minutes == minutes)]
+    axis: dict[str, Any] = dict(xlabel="time (s)", ylabel="share of the truth within the interval (-)", ylim=(0, 1))
+    every = every[every.novice_minutes == minutes]
+    figure, plots = by_system(every, systems, f"{{}}, {minutes:g} min", **axis)
+    for axes, mine in plots:
         for (method, by), some in mine.groupby(["method", "likelihood"], sort=False):
             mean, look = np.mean(some.steps_coverage.tolist(), axis=(0, -1)), _look(method, bool(by))
             time = CONTROL_STEP * (1 + np.arange(mean.shape[1]))
@@ -124,5 +117,5 @@ def coverage_figure(frame: pd.DataFrame, minutes: float, systems: Sequence[str] 
             axes.axhline(level, color="0.5", lw=1, linestyle="-", marker="")
             axes.text(2.5, level - 0.01, f"{level:.0%} intervals should hold this", ha="right", va="top", fontsize=9)
         finish(axes, legend=False)
-    legend_below(figure, panels)
+    legend_below(figure, figure.axes)
     return figure
