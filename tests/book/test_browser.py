@@ -1,5 +1,10 @@
 """The rendered pages in a browser with the network cut: light and dark, on a desk and on a phone."""
 
+import functools
+import gzip
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from pages import DESK, contents
@@ -28,6 +33,8 @@ PLAIN = """spans => {
 def visit(book, context):
     """Opens a page of the book; nothing may go wrong with it until the end of the test."""
     page, problems = context.new_page(), []
+    page.loaded = set()  # addresses
+    page.on("request", lambda request: page.loaded.add(urlsplit(request.url)._replace(query="", fragment="")))
     page.on("requestfailed", lambda request: problems.append(f"failed: {request.url}"))
     page.on("request", lambda r: None if r.url.startswith(("file:", "data:", "blob:")) else problems.append(r.url))
     page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
@@ -67,6 +74,15 @@ def test_a_page_is_whole_without_a_network(visit, name):
         assert page.evaluate(missing) == []
         width = page.evaluate("() => document.scrollingElement.scrollWidth")
         assert width <= size["width"], f"wider than a window of {size['width']} pixels"
+    files = {Path(unquote(address.path)) for address in page.loaded if address.scheme == "file"}
+    assert sum(map(weight, files)) <= 2e6, sorted((weight(file), file.name) for file in files)[-5:]
+
+
+@functools.cache
+def weight(file: Path) -> int:
+    """Bytes of a file on their way to a reader: hosts send text compressed."""
+    content = file.read_bytes()
+    return len(gzip.compress(content) if file.suffix in {".html", ".css", ".js", ".svg"} else content)
 
 
 @pytest.mark.parametrize("name", [*contents(), *MODULES])

@@ -36,13 +36,6 @@ def test_no_page_fetches_from_another_host(pages):
     assert {str(page.path): page.abroad for page in pages if page.abroad} == {}
 
 
-def test_no_page_is_heavy(book, pages):
-    """At most 2 MB, but the recordings of films and of the live trainings."""
-    films = {"notebooks/01-robots", "notebooks/20-driving"}
-    sizes = {str(page.path.relative_to(book).with_suffix("")): page.path.stat().st_size for page in pages}
-    assert {name: size for name, size in sizes.items() if size > 2e6 and name not in films} == {}
-
-
 def test_a_page_says_how_long_it_takes_to_read(book):
     times = {name: re.findall(r'<p class="reading-time">(\d+) min to read</p>', (book / f"{name}.html").read_text())
              for name in (ROOT / "book" / "core.txt").read_text().split()}  # fmt: skip
