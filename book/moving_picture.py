@@ -32,7 +32,7 @@ APART, STEPS = 1.15, 60  # m from robot to robot at the start, control steps
 COLOURS = ("#0072B2", "#D55E00", "#56B4E9", "#E69F00")
 SIZE, FINER = (720, 405), 2  # px; drawn so many times as large
 RATE, SECONDS, FADE, BEGIN = 15, 4.4, 9, 0.7  # frames a second, s, frames that the end takes over into the beginning, s
-QUALITY = 72
+QUALITY = 68
 DRAW = """([time, azimuth, size, finer]) => {
     const view = document.getElementById("replay").replay;
     if (view.renderer.getPixelRatio() !== finer) {

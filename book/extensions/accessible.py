@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from bs4 import BeautifulSoup
 from sphinx.application import Sphinx
 
 # One parameter a line stands in a description list without terms.
@@ -22,7 +23,21 @@ def mend(app: Sphinx, page: str, template: str, context: dict, doctree: object) 
         context["body"] = PARAMETERS.sub(parameter_list, body)
 
 
+def name_toggles(app: Sphinx, page: str, template: str, context: dict, doctree: object) -> None:
+    """What unfolds the pages below one in the sidebar says whose they are."""
+    make = context["generate_toctree_html"]
+
+    def named(*words: str, **options: object) -> BeautifulSoup:
+        made = make(*words, **options)
+        for toggle in made.select("li > details > summary"):
+            toggle["aria-label"] = f"Pages below {toggle.find_parent('li').a.get_text(strip=True)}"
+        return made
+
+    context["generate_toctree_html"] = named
+
+
 def setup(app: Sphinx) -> dict[str, object]:
     """Register with Sphinx."""
     app.connect("html-page-context", mend)
+    app.connect("html-page-context", name_toggles, priority=900)  # the theme makes the sidebar before
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

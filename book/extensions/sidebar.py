@@ -1,7 +1,8 @@
 """Sphinx extension: the contents in the sidebar, made from the pages' titles alone.
 
 For every page Sphinx copies the headings of all pages, those of the package's reference by the thousand, and then
-throws away all but the titles: a quarter of the time that rendering takes.
+throws away all but the titles: a quarter of the time that rendering takes. The modules are a tree of short names, which
+the reference's own pages show alone.
 """
 
 from __future__ import annotations
@@ -10,13 +11,18 @@ from docutils import nodes
 from sphinx import addnodes
 from sphinx.application import Sphinx
 
+REFERENCE = "book/api"
 
-def titles_of(headings: nodes.bullet_list) -> nodes.bullet_list:
+
+def titles_of(name: str, headings: nodes.bullet_list, with_pages: bool = True) -> nodes.bullet_list:
     """A page's headings without what lies below its title, unless that lists other pages."""
     titles = headings.deepcopy()
     for entry in titles.children:
-        if len(entry) > 1 and not any(entry.findall(addnodes.toctree)):
+        if len(entry) > 1 and not (with_pages and any(entry.findall(addnodes.toctree))):
             entry.pop(1)
+    if name.startswith(f"{REFERENCE}/"):
+        title = next(titles.findall(nodes.reference))
+        title.children = [nodes.Text(title.astext().rpartition(".")[2])]
     return titles
 
 
@@ -28,15 +34,16 @@ def shorten(app: Sphinx, page: str, template: str, context: dict, doctree: objec
         if not options.get("titles_only"):
             return whole(**options)
         known = app.env.tocs
-        app.env.tocs = titles
+        app.env.tocs = titles if page.startswith(REFERENCE) else titles | closed
         try:
             return whole(**options)
         finally:
             app.env.tocs = known
 
     if not hasattr(app.builder, "titles"):
-        app.builder.titles = {name: titles_of(headings) for name, headings in app.env.tocs.items()}
+        app.builder.titles = {name: titles_of(name, headings) for name, headings in app.env.tocs.items()}
     titles = app.builder.titles
+    closed = {REFERENCE: titles_of(REFERENCE, app.env.tocs[REFERENCE], with_pages=False)}
     context["toctree"] = toctree
 
 

@@ -1,5 +1,10 @@
 """The rendered pages in a browser with the network cut: light and dark, on a desk and on a phone."""
 
+import functools
+import gzip
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from pages import DESK, contents, watched
@@ -12,7 +17,7 @@ COLOURS = "color-contrast"  # the rule that takes most of the time
 SCROLLING = "scrollable-region-focusable"  # what narrow windows make of tables and pictures
 MARKED = "() => [...document.querySelectorAll('pre')].every(p => p.scrollWidth <= p.clientWidth || p.tabIndex === 0)"
 FRAMES = "() => new Promise(requestAnimationFrame).then(() => new Promise(requestAnimationFrame))"  # two are drawn
-REFERENCE, ALIKE = "book/api-", "article > section > section:nth-of-type(n + 4)"  # sections that look as those before
+MODULES = [f"book/api/sidm.{name}" for name in ("learning", "systems", "learning.losses")]  # others look as these
 PLAIN = """spans => {
     const seen = new Set();
     for (const span of spans) {
@@ -28,6 +33,8 @@ PLAIN = """spans => {
 def visit(book, context):
     """Opens a page of the book; nothing may go wrong with it until the end of the test."""
     page = context.new_page()
+    page.loaded = set()  # addresses
+    page.on("request", lambda request: page.loaded.add(urlsplit(request.url)._replace(query="", fragment="")))
     problems = watched(page)
 
     def open_page(name, size=DESK):
@@ -48,7 +55,7 @@ def test_a_browser_is_there():
         pytest.skip("the pages are not tested: no Chromium found; install it (Debian's package 'chromium')")
 
 
-@pytest.mark.parametrize("name", [*contents(), "search", "genindex"])
+@pytest.mark.parametrize("name", [*contents(), *MODULES, "search", "genindex"])
 def test_a_page_is_whole_without_a_network(visit, name):
     page = visit(name)
     formulas = page.locator(".math:not(.math .math)").count()
@@ -64,11 +71,20 @@ def test_a_page_is_whole_without_a_network(visit, name):
         assert page.evaluate(missing) == []
         width = page.evaluate("() => document.scrollingElement.scrollWidth")
         assert width <= size["width"], f"wider than a window of {size['width']} pixels"
+    files = {Path(unquote(address.path)) for address in page.loaded if address.scheme == "file"}
+    assert sum(map(weight, files)) <= 2e6, sorted((weight(file), file.name) for file in files)[-5:]
 
 
-@pytest.mark.parametrize("name", contents())
+@functools.cache
+def weight(file: Path) -> int:
+    """Bytes of a file on their way to a reader: hosts send text compressed."""
+    content = file.read_bytes()
+    return len(gzip.compress(content) if file.suffix in {".html", ".css", ".js", ".svg"} else content)
+
+
+@pytest.mark.parametrize("name", [*contents(), *MODULES])
 def test_a_page_has_no_serious_barriers(visit, name):
-    """By axe-core's rules; colours in light and in dark, of what looks alike (tokens, reference entries) the first."""
+    """By axe-core's rules; colours in light and in dark, of tokens that look alike the first."""
     page = visit(name, PHONE)  # opened there, for the theme takes a while to follow a window
     page.evaluate(FRAMES)
     found = [f"on a phone: {words}" for words in barriers(page, {"runOnly": [SCROLLING]})]
@@ -81,8 +97,6 @@ def test_a_page_has_no_serious_barriers(visit, name):
         own = barriers(page, {"rules": {COLOURS: {"enabled": False}}})
     found += own
     page.eval_on_selector_all(".highlight span", PLAIN)
-    if name.startswith(REFERENCE):
-        page.eval_on_selector_all(ALIKE, "all => all.forEach(section => section.remove())")
     for scheme in ("light", "dark"):
         page.emulate_media(color_scheme=scheme)
         page.wait_for_function(f"() => document.documentElement.dataset.theme === '{scheme}'")
@@ -95,6 +109,24 @@ def barriers(page, rules) -> list[str]:
     violations = Axe().run(page, options=AXE | rules).response["violations"]
     grave = [rule for rule in violations if rule["impact"] in ("serious", "critical")]
     return [f"{rule['help']}: {node['html'][:200]}" for rule in grave for node in rule["nodes"]]
+
+
+@pytest.mark.parametrize(
+    ("words", "chapter"),
+    [("least squares", "least-squares"), ("Warthog", "when-it-pays"), ("p_e", "ablation-p-expert")],
+)
+def test_a_search_finds_a_chapter_before_the_reference(book, context, words, chapter):
+    """And what has an entry in the index, such as a symbol, before all others."""
+    page = context.new_page()  # a browser refuses a file's scripts the texts below the titles, in its console
+    page.goto(f"{(book / 'search.html').as_uri()}?q={words}")
+    page.wait_for_function("() => document.querySelector('.search-summary')?.textContent.includes('finished')")
+    links = "all => all.map(a => a.getAttribute('href'))"
+    found = page.eval_on_selector_all("#search-results ul.search > li > a", links)
+    page.close()
+    places = [number for number, address in enumerate(found) if f"-{chapter}.html" in address]
+    reference = [number for number, address in enumerate(found) if address.startswith("book/api/")]
+    assert places and places[0] < min(reference), found
+    assert words != "p_e" or places[0] == 0, found
 
 
 def pictures(page) -> list[str]:

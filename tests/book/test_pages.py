@@ -39,13 +39,6 @@ def test_no_page_fetches_from_another_host(pages):
     assert {str(page.path): page.abroad for page in pages if page.abroad} == {}
 
 
-def test_no_page_is_heavy(book, pages):
-    """At most 2 MB, but the recordings of films and of the live trainings."""
-    films = {"notebooks/01-robots", "notebooks/12-driving"}
-    sizes = {str(page.path.relative_to(book).with_suffix("")): page.path.stat().st_size for page in pages}
-    assert {name: size for name, size in sizes.items() if size > 2e6 and name not in films} == {}
-
-
 def test_a_page_says_how_long_it_takes_to_read(book):
     times = {name: re.findall(r'<p class="reading-time">(\d+) min to read</p>', (book / f"{name}.html").read_text())
              for name in (ROOT / "book" / "core.txt").read_text().split()}  # fmt: skip
@@ -110,12 +103,12 @@ def test_equations_carry_the_papers_numbers(book):
 
 def test_equations_link_to_what_computes_them(book):
     links = {address for _, address in read(book / "book" / "paper.html").links}
-    assert {name for _, name in EQUATIONS.values() if f"api-learning.html#{name}" not in links} == set()
+    names = {name for _, name in EQUATIONS.values()}
+    assert {name for name in names if f"api/{name.rpartition('.')[0]}.html#{name}" not in links} == set()
 
 
-def public_names(path: Path) -> set[str]:
+def public_names(module: str, path: Path) -> set[str]:
     """Functions, classes, their methods and fields of a module, by the names that the reference links to."""
-    module = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
     names = set()
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
@@ -127,13 +120,36 @@ def public_names(path: Path) -> set[str]:
     return {f"{module}.{name}" for name in names if not any(part.startswith("_") for part in name.split("."))}
 
 
+def modules() -> dict[str, Path]:
+    """Every module of the package but the command, by its name."""
+    files = [path for path in (ROOT / "sidm").rglob("*.py") if path.name != "__main__.py"]
+    return {".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path for path in files}
+
+
+def test_every_module_has_its_page_in_the_reference(book):
+    assert {path.stem for path in (book / "book" / "api").glob("*.html")} == set(modules())
+
+
+def test_the_page_of_the_package_leads_to_every_room(book):
+    links = {urldefrag(address)[0] for _, address in read(book / "book" / "api.html").links}
+    rooms = re.findall(r"`(sidm\.[a-z][\w.]*)`", (ROOT / "book" / "design.md").read_text().partition("## ")[0])
+    assert len(rooms) > 15 and {room for room in rooms if f"api/{room}.html" not in links} == set()
+
+
+def test_modules_fill_the_sidebar_of_the_reference_alone(book):
+    def listed(name: str) -> int:
+        return sum("api/" in a or a.startswith("sidm.") for _, a in read(book / f"{name}.html").links)
+
+    assert listed("book/references") == 0 and listed("book/api/sidm.systems") >= len(modules())
+
+
 def test_every_public_name_is_in_the_reference(book):
     """Fields too, with what the comment beside them says."""
-    pages = [read(path) for path in (book / "book").glob("api-*.html")]
-    modules = [path for path in (ROOT / "sidm").rglob("*.py") if path.name != "__main__.py"]
-    known = set().union(*(page.names for page in pages))
-    assert set().union(*map(public_names, modules)) - known == set()
-    text = (book / "book" / "api-base.html").read_text(encoding="utf-8")
+    pages = [read(path) for path in (book / "book" / "api").glob("*.html")]
+    for name, path in modules().items():
+        known = read(book / "book" / "api" / f"{name}.html").names
+        assert public_names(name, path) - known == set()
+    text = (book / "book" / "api" / "sidm.systems.html").read_text(encoding="utf-8")
     after = text.partition('id="sidm.systems.Physics.contact_stiffness"')[2]
     assert "30000.0" in after[:2000] and "of the terrain, N/m" in after[:2000]
     texts = {page.path.name: page.path.read_text(encoding="utf-8") for page in pages}

@@ -88,13 +88,6 @@ def test_a_command_for_a_notebook_could_be_run(command, monkeypatch):
     assert merge_parameters(path, values, given.file).keys() >= values.keys()
 
 
-def test_every_module_stands_in_the_reference():
-    listed = {module for name in contents() for module in re.findall(r"automodule:: ([\w.]+)", source(name))}
-    files = [path.relative_to(ROOT).with_suffix("").parts for path in (ROOT / "sidm").rglob("*.py")]
-    names = {".".join(part for part in parts if part != "__init__") for parts in files if parts[-1] != "__main__"}
-    assert names - listed - {"sidm"} == set() and listed - names == set()
-
-
 def test_one_version_everywhere():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
