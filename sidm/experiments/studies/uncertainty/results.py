@@ -112,7 +112,7 @@ def coverage_figure(frame: pd.DataFrame, minutes: float, systems: Sequence[str] 
     figure, panels = side_by_side(len(systems))
     every = of_trials(frame)
     for axes, system in zip(panels, systems, strict=True):
-        axes.set(xlabel="time (s)", ylabel="share of the truth within the interval (-)", ylim=(0, 1))
+        axes.set(xlabel="time (s)", ylabel="share of cases within the interval (-)", ylim=(0, 1))
         axes.set_title(f"{system}, {minutes:g} min")
         mine = every[(every.system == system) & (every.novice_minutes == minutes)]
         for (method, by), some in mine.groupby(["method", "likelihood"], sort=False):
