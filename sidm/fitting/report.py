@@ -24,7 +24,7 @@ def figure(table: pd.DataFrame) -> Figure:
     parts = table[~table.index.isin(ahead.index)]
     panels[0].barh(parts.quantity, parts.share)
     panels[0].invert_yaxis()
-    panels[0].set(xlabel="error by that of predicting the mean (-)", title="one step")
+    panels[0].set(xlabel="error / error of predicting the mean (-)", title="one step")
     finish(panels[0], legend=False)
     for axes, (name, mine) in zip(panels[1:], ahead.groupby("quantity", sort=False), strict=False):
         axes.plot(mine.horizon, mine.error, marker="")
@@ -48,7 +48,7 @@ def compare(tables: Mapping[str, pd.DataFrame], rate: float) -> Figure:
             mine = table[table.quantity == name]
             axes.plot(mine.horizon / rate, mine.error, **METHOD_STYLES[method] | {"marker": ""})
         unit = {"position": "m", "heading": "rad"}[name]
-        axes.set(xlabel="open loop (s)", ylabel=f"{name} error ({unit})", ylim=(0, None))
+        axes.set(xlabel="time ahead, open loop (s)", ylabel=f"{name} error ({unit})", ylim=(0, None))
         axes.set_title(f"{name} on drives held out")
         finish(axes, legend=name == "position")
     return figure

@@ -104,7 +104,7 @@ def figure(table: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figu
 def coverage_figure(frame: pd.DataFrame, minutes: float, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
     """How often what happened lies within the particles' intervals, along rollouts of models of one size."""
     every = of_trials(frame)
-    axis: dict[str, Any] = dict(xlabel="time (s)", ylabel="share of the truth within the interval (-)", ylim=(0, 1))
+    axis: dict[str, Any] = dict(xlabel="time (s)", ylabel="share of cases within the interval (-)", ylim=(0, 1))
     every = every[every.novice_minutes == minutes]
     figure, plots = by_system(every, systems, f"{{}}, {minutes:g} min", **axis)
     for axes, mine in plots:
