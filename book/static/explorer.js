@@ -132,7 +132,7 @@
     ];
   }
 
-  const HEAD = ["", "distance", "range of height", "of pitch and roll", "most strut travel", "longest at a stop"];
+  const HEAD = ["", "distance", "range of height", "range of pitch, roll", "most strut travel", "time at a stop"];
 
   /** Where a chart's axes begin in its picture. */
   const corner = (view) => [view.origin()[0] + view.padding().left, view.origin()[1] + view.padding().top];

@@ -71,7 +71,8 @@ def figure(curves: pd.DataFrame, minutes: float = MINUTES[0]) -> Figure:
     figure, panels = side_by_side(2)
     mine = curves[(curves.novice_minutes == minutes) & (curves.p_expert != MANY_EXPERTS)]
     for axes, trained in zip(panels, (THEIRS, OURS), strict=True):
-        axes.set(xscale="log", yscale="log", xlabel="samples seen", ylabel="validation loss", title=trained)
+        axes.set(xscale="log", yscale="log", title=trained)
+        axes.set(xlabel="samples seen (control steps)", ylabel="validation loss")
         for method, some in mine[mine.trained == trained].groupby("method", sort=False):
             points = some.groupby("samples").loss.agg(["mean", "min", "max", "size"])
             points = points[points["size"] == points["size"].max()]  # which all seeds came to

@@ -74,10 +74,10 @@ def figure(table: pd.DataFrame) -> Figure:
             mine = table[(table.novice_minutes == minutes) & (table.against == other)]
             height = mine.novice_body.map(names.index) + 0.2 * (number - 0.5)
             off = np.clip([mine.ratio - mine.low, mine.high - mine.ratio], 0, None)
-            style = METHOD_STYLES[other] | {"linestyle": "", "label": f"against {METHOD_STYLES[other]['label']}"}
+            style = METHOD_STYLES[other] | {"linestyle": "", "label": f"other: {METHOD_STYLES[other]['label']}"}
             axes.errorbar(mine.ratio, height, xerr=off, capsize=2, elinewidth=1, **style)
         axes.axvline(1, color="0.5", lw=1, linestyle="-", marker="", zorder=0)
-        axes.set(xlabel="loss with SIDM by the other's (-)", title=f"{minutes:g} min of novice data")
+        axes.set(xlabel="loss with SIDM / loss of the other (-)", title=f"{minutes:g} min of novice data")
         axes.set_yticks(range(len(names)), names)
         axes.set_ylim(len(names) - 0.5, -0.5)
         finish(axes, legend=False)

@@ -12,7 +12,7 @@ from sidm.experiments.statistics.pairs import beside
 from sidm.experiments.studies.real_robots.measure import ALONE, PAIRS
 
 SIZED = ("minutes", "loss", "displacement", "heading", "cold_displacement", "cold_heading")
-LABELS = {"loss": "loss (6: that of the mean)", "displacement": "displacement error after 1.5 s (m)",
+LABELS = {"loss": "loss (always the mean: 6)", "displacement": "displacement error after 1.5 s (m)",
           "heading": "heading error after 1.5 s (rad)"}  # fmt: skip
 SHOWN = ("novice_only", "sidm", "core_finetune", "pretrain_finetune", "least_squares", "differential_drive")
 KINEMATIC = {"color": "#000000", "linestyle": (0, (1, 1)), "marker": ""}
