@@ -8,7 +8,7 @@ from typing import Any
 import altair as alt
 import pandas as pd
 
-from sidm.experiments.figures.style import METHOD_STYLES
+from sidm.experiments.figures.style import METHOD_STYLES, named
 from sidm.experiments.statistics.savings import written
 
 DASHES = {"-": [1, 0], "--": [6, 3], ":": [2, 2], "-.": [6, 2, 2, 2]}  # of Matplotlib's line styles
@@ -24,10 +24,9 @@ def figure3(frame: pd.DataFrame, saved: pd.DataFrame, methods: Sequence[str], wo
         words: what the chart shows, for who cannot see it.
     """
     labels = [METHOD_STYLES[name]["label"] for name in methods]
-    system = alt.param(
-        name="system", value=frame.system.iloc[0] if len(frame) else "",
-        bind=alt.binding_radio(options=list(dict.fromkeys(frame.system)), name="pair of robots: "),
-    )  # fmt: skip
+    systems = list(dict.fromkeys(frame.system))
+    radio = alt.binding_radio(options=systems, labels=[*map(named, systems)], name="pair of robots: ")
+    system = alt.param(name="system", value=(systems or [""])[0], bind=radio)
     shown = alt.selection_point(name="shown", fields=["method"], bind="legend")
     looks = [METHOD_STYLES[name] for name in methods]
     dashes = [DASHES[one["linestyle"]] if isinstance(one["linestyle"], str) else [4, 1, 1, 1] for one in looks]

@@ -129,13 +129,18 @@ def mean_and_range(axes: Axes, found: pd.DataFrame, **style: Any) -> None:
     axes.fill_between(found.index, found["min"], found["max"], color=style["color"], alpha=0.2, lw=0)
 
 
+def named(system: str) -> str:
+    """A system in words: 'system 1', 'system 1 free struts'."""
+    return system.replace("system", "system ").replace("_", " ")
+
+
 def by_system(
     table: pd.DataFrame, systems: Sequence[str], title: str = "{}", **looks: Any
 ) -> tuple[Figure, list[tuple[Axes, pd.DataFrame]]]:
     """A figure with a plot a system in one row, its name in the title; the plots, each with the system's lines."""
     figure, panels = side_by_side(len(systems))
     for axes, system in zip(panels, systems, strict=True):
-        axes.set(title=title.format(system), **looks)
+        axes.set(title=title.format(named(system)), **looks)
     return figure, [(axes, table[table.system == system]) for axes, system in zip(panels, systems, strict=True)]
 
 
@@ -151,6 +156,14 @@ def legend_below(figure: Figure, panels: Iterable[Axes]) -> None:
         figure.set_figheight(figure.get_figheight() + 0.25 * -(-len(named) // 2))
         figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=2)
 
+#: Decades that a log axis may show -> its ticks in each.
+TICKS: dict[float, tuple[float, ...]] = {
+    0.6: (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0),
+    1.0: (1.0, 1.5, 2.0, 3.0, 5.0, 7.0),
+    2.0: (1.0, 2.0, 5.0),
+    np.inf: (1.0,),
+}
+
 
 def finish(axes: Axes, minutes: Iterable[float] = (), legend: bool = True) -> None:
     """A legend where something is drawn, a notice where not; log axes in plain numbers, at the `minutes` if given."""
@@ -164,8 +177,8 @@ def finish(axes: Axes, minutes: Iterable[float] = (), legend: bool = True) -> No
     if legend:
         axes.legend()
     if axes.get_yscale() == "log":
-        low, high = np.log10(axes.get_ylim())
-        steps = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0) if high - low < 1 else (1.0, 2.0, 5.0) if high - low < 2 else (1.0,)
+        decades = np.ptp(np.log10(axes.get_ylim()))
+        steps = next(steps for most, steps in TICKS.items() if decades < most)
         axes.yaxis.set_major_locator(LogLocator(subs=steps))
         axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
     ticks = sorted(set(minutes))

@@ -14,6 +14,7 @@ from sidm.experiments.figures.style import (
     SIZE_STYLES,
     finish,
     legend_below,
+    named,
     side_by_side,
     styled,
 )
@@ -180,7 +181,7 @@ def figure(
     figure, panels = side_by_side(len(systems))
     for axes, system in zip(panels, systems, strict=True):
         _draw(axes, table, name, system, usual)
-        axes.set(ylabel=LOSS_LABEL, title=system)
+        axes.set(ylabel=LOSS_LABEL, title=named(system))
     return figure
 
 
@@ -205,7 +206,7 @@ def compared(
         if column and len(tables[name]):
             axes.sharey(panels[row * len(tables)])
         _draw(axes, tables[name], name, system, usual.get(name, EMPTY), legend=False)
-        axes.set_title(system)
+        axes.set_title(named(system))
         axes.tick_params(labelleft=not column)
         if not column:
             axes.set_ylabel(LOSS_LABEL)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from sidm.experiments.figures.style import METHOD_STYLES, SIZE_STYLES, finish, side_by_side, styled
+from sidm.experiments.figures.style import METHOD_STYLES, SIZE_STYLES, finish, named, side_by_side, styled
 from sidm.experiments.methods import BASELINES, COMPARED, FIGURE3, METHODS
 from sidm.experiments.statistics.pairs import beside
 from sidm.experiments.studies.throughput import Pace, seconds
@@ -87,7 +87,7 @@ def figure(table: pd.DataFrame, sizes: Sequence[float], systems: Sequence[str] =
         for one in mine[~mine.novice_minutes.isin(sizes)].itertuples():
             label = f"{METHOD_STYLES[one.method]['label']}, {one.novice_minutes:g} min"
             axes.axvline(one.loss, color="0.5", linestyle=":", marker="", label=label)
-        axes.set(xlabel="validation loss, equation (1)", title=system, ylim=(len(methods) - 0.5, -0.5))
+        axes.set(xlabel="validation loss, equation (1)", title=named(system), ylim=(len(methods) - 0.5, -0.5))
         finish(axes)
         labels = [METHOD_STYLES[name]["label"] for name in methods] if axes is panels[0] else [""] * len(methods)
         axes.set_yticks(range(len(methods)), labels)

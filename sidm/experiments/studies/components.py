@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from sidm.experiments.figures.style import finish, side_by_side, styled
+from sidm.experiments.figures.style import finish, named, side_by_side, styled
 from sidm.experiments.methods import COMPARED
 from sidm.experiments.statistics.pairs import beside
 from sidm.experiments.statistics.tables import COMPONENTS
@@ -46,7 +46,7 @@ def figure(table: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figu
                     place = list(ratio.columns).index(minutes), NAMES.index(component)
                     axes.text(*place, f"{one.ratio:.2f}", ha="center", va="center", fontsize=7)
             axes.set_xticks(range(len(ratio.columns)), [f"{minutes:g}" for minutes in ratio.columns])
-        axes.set(title=system, xlabel="novice data (min)")
+        axes.set(title=named(system), xlabel="novice data (min)")
         axes.grid(False)
         finish(axes, legend=False)
         if len(mine):
