@@ -7,13 +7,13 @@ from pathlib import Path
 
 from sidm.body import Body
 from sidm.config import ConfigError, unknown_name
+from sidm.experiments.engine.execute import frozen
 from sidm.experiments.methods import CORES, METHODS
 from sidm.experiments.presets import Preset, load_preset
 from sidm.learning.beyond.least_squares import fit as fit_least_squares
 from sidm.learning.beyond.pretraining import Start, expert_in_place, start_from
 from sidm.learning.beyond.recorded import Pieces
 from sidm.learning.dataset import Datasets
-from sidm.learning.model import DynamicsModel
 from sidm.learning.settings import Network
 from sidm.learning.training import Progress, Trained, train
 from sidm.learning.units import Standardisation, Units, loss_weights, units_for, units_of
@@ -101,18 +101,10 @@ def learn(
         start = start.core()
     if one.fit == "least_squares":
         own = units_for(units, "novice")
-        base = None if start is None else _as_it_is(network, own, start)
+        base = None if start is None else frozen(network, start, own)
         return fit_least_squares(sets, own, base, scale=loss_weights(network.body("novice"), own))
     weights = None if start is None else start.weights
     training = one.training(preset, "system1")
     return train(
         sets, network, training, seed, standardisation=units, checkpoint=folder, progress=progress, start=weights
     )
-
-
-def _as_it_is(network: Network, units: Standardisation, start: Start) -> DynamicsModel:
-    """The expert's model, with the novice's weights of the loss."""
-    model = DynamicsModel(network, units, roles=["novice"])
-    model.start(start.weights)
-    return model.eval().requires_grad_(False)
-
