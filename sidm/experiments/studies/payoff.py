@@ -230,11 +230,11 @@ def figure(table: pd.DataFrame) -> Figure:
         for (kind, method), mine in table[table.method.isin(methods)].groupby(["kind", "method"], sort=False):
             low, high = mine.low.fillna(mine.ratio), mine.high.fillna(mine.ratio)
             off = np.clip([mine.ratio - low, high - mine.ratio], 0, None)
+            beside = mine.groupby("gap").cumcount()  # of the same pair, its points stand side by side
             style = SIZE_STYLES[kinds.index(kind)] | {"linestyle": "", "label": kind}
             core = {"label": f"{kind}, recurrent core alone", "markerfacecolor": "white"}
-            axes.errorbar(
-                mine.gap, mine.ratio, yerr=off, capsize=2, elinewidth=1, **style | (core if method in CORES else {})
-            )
+            style |= core if method in CORES else {}
+            axes.errorbar(mine.gap * 1.025**beside, mine.ratio, yerr=off, capsize=2, elinewidth=1, **style)
         axes.axhline(1, color="0.5", lw=1, linestyle="-", marker="", zorder=0)
     for axes in panels:
         axes.set_ylim(min(one.get_ylim()[0] for one in panels), max(one.get_ylim()[1] for one in panels))
