@@ -46,7 +46,9 @@ book: $(STAMP)
 	rm -rf _build/book
 	mkdir -p _build/book
 	cp -R _config.yml _toc.yml CHANGELOG.md CONTRIBUTING.md book sidm params _build/book/
-	mkdir -p _build/book/results && cp -R results/explorer _build/book/results/
+	mkdir -p _build/book/results _build/book/recordings
+	cp -R results/explorer _build/book/results/
+	cp recordings/*.yaml _build/book/recordings/
 	$(BIN)/python -m sidm notebook all _build/book/notebooks $(if $(PARAMS),-f $(PARAMS))
 	$(RENDER) --path-output . _build/book
 

@@ -31,6 +31,16 @@ def source(name: str) -> str:
     return "\n\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
 
 
+@pytest.mark.parametrize("name", contents())
+def test_what_a_page_includes_is_in_the_copy_that_is_rendered(name):
+    """`make book` renders a copy of what the Makefile's lines `cp` name."""
+    copied = [word for line in re.findall(r"^\tcp (?:-R )?(.+)", (ROOT / "Makefile").read_text(), re.MULTILINE)
+              for word in line.split()[:-1]]  # fmt: skip
+    for included in re.findall(r"\{(?:literal)?include\} (\S+)", source(name)):
+        path = (ROOT / name).parent.joinpath(included).resolve().relative_to(ROOT)
+        assert any(one.match(word) for one in (path, *path.parents) for word in copied), included
+
+
 def pins(name: str) -> dict[str, tuple[str, str | None]]:
     lines = [line for line in (ROOT / name).read_text().splitlines() if line and line[0] not in "#-"]
     matches = [PIN.match(line) for line in lines]
