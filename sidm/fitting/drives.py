@@ -19,7 +19,7 @@ from sidm.trajectory import Collection, Trajectory, trajectories_for
 SIMULATED = {f"{system} {role}": (system, role) for system in SYSTEMS for role in ROLES}
 
 
-def drives_of(
+def robot_drives(
     source: str, body: Body, minutes: float = 30.0, data: str | Path = "data", policy: str = "ornstein_uhlenbeck"
 ) -> list[Drive]:
     """The drives of a robot.

@@ -5,23 +5,23 @@ import pytest
 
 from sidm.body import ROVER
 from sidm.config import ConfigError
-from sidm.fitting.drives import drives_of, hold_out
+from sidm.fitting.drives import hold_out, robot_drives
 from sidm.recordings import Drive, write_drives
 from sidm.trajectory import STEPS
 
 
 def test_a_simulated_robot_goes_by_its_name(tmp_path):
     """It is simulated, and is a recording like any other."""
-    drives = drives_of("system1 expert", ROVER, 0.2, tmp_path)
+    drives = robot_drives("system1 expert", ROVER, 0.2, tmp_path)
     assert [drive.states.shape for drive in drives] == 2 * [(STEPS + 1, 13)] and drives[0].ground is not None
     write_drives(tmp_path / "its.npz", drives, ROVER, "simulated")
-    back = drives_of(str(tmp_path / "its.npz"), ROVER)
+    back = robot_drives(str(tmp_path / "its.npz"), ROVER)
     assert np.allclose([drive.states for drive in back], [drive.states for drive in drives], atol=1e-6)
 
 
 def test_what_is_neither_is_named():
     with pytest.raises(ConfigError, match="'system1 exprt' is no file.* did you mean 'system1 expert'?"):
-        drives_of("system1 exprt", ROVER)
+        robot_drives("system1 exprt", ROVER)
 
 
 def drive(session: str, steps: int = 10) -> Drive:

@@ -85,7 +85,7 @@ class _OfTrials(Records[F]):
         return {"schema": SCHEMA, **rounded(dataclasses.asdict(found)), "trial": found.trial.to_json()}
 
     def _readable(self, values: dict[str, Any]) -> dict[str, Any]:
-        if (schema := values.pop("schema")) != SCHEMA:
+        if (schema := values.pop("schema", None)) != SCHEMA:
             raise Damaged(f"it has schema {schema}, this version reads {SCHEMA}")
         return values
 

@@ -151,10 +151,11 @@ def labelled(panels: Iterable[Axes]) -> dict[str, Any]:
 
 def legend_below(figure: Figure, panels: Iterable[Axes]) -> None:
     """One legend for all plots, below them, where the names would cover what they name."""
-    named = labelled(panels)
-    if named:
-        figure.set_figheight(figure.get_figheight() + 0.25 * -(-len(named) // 2))
-        figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=2)
+    drawn = labelled(panels)
+    if drawn:
+        figure.set_figheight(figure.get_figheight() + 0.25 * -(-len(drawn) // 2))
+        figure.legend(drawn.values(), drawn.keys(), loc="outside lower center", ncols=2)
+
 
 #: Decades that a log axis may show -> its ticks in each.
 TICKS: dict[float, tuple[float, ...]] = {

@@ -63,6 +63,7 @@ def test_no_stored_row_is_stale():
     [
         (lambda values: values.pop("outcome"), "damaged .*outcome"),
         (lambda values: values.update(schema=99), "has schema 99, this version reads 3"),
+        (lambda values: values.pop("schema"), "has schema None, this version reads 3"),
         (lambda values: values.update(trial=[]), "must be Trial, not list"),
         (lambda values: values["trial"].update(seed=7), "is about something else"),
         (lambda values: values["outcome"].update(iteratons=3), "did you mean 'iterations'"),
