@@ -56,7 +56,7 @@ class Preset:
     tuned_system2: tuple[tuple[str, str, Any], ...] = ()  # of system 2; none: as system 1
     references: tuple[str, ...] = ("least_squares",)  # methods that stand beside Figure 3 at every size
     free_strut_minutes: tuple[float, ...] = (1.0, 5.0, 20.0, 60.0)  # sizes of Figure 3 with free struts
-    free_strut_seeds: int = 5  # trials a point of it
+    free_strut_seeds: int = 3  # trials a point of it
 
     def __post_init__(self) -> None:
         """Refuse sizes that the pools do not hold."""
@@ -171,6 +171,20 @@ _LAPTOP_TUNED = (  # the best of `tuning.TRIES`
     ("copies", "matching_iterations", 5),  # as SIDM's
 )
 
+_LAPTOP: dict[str, Any] = dict(
+    expert_minutes=120,
+    novice_minutes_system1=(1, 2, 5, 20, 60, 120),
+    novice_minutes_system2=(1, 2, 5, 20, 60, 120),
+    pool_minutes_system1=120,
+    pool_minutes_system2=120,
+    validation_minutes=20,
+    rollouts=32,
+    seeds=3,
+    network=Network(pixels=32, layers=3, hidden=256),
+    training=Training(max_samples=1_000_000, patience=150_000),
+    tuned=_LAPTOP_TUNED,
+)
+
 #: The presets by name.
 PRESETS: dict[str, Preset] = {
     preset.name: preset
@@ -202,35 +216,17 @@ PRESETS: dict[str, Preset] = {
                 max_samples=5_000,
             ),
         ),
+        Preset(name="laptop", **_LAPTOP, ablation_minutes=(5.0,), ablation_seeds=3),
         Preset(
-            name="laptop",
-            expert_minutes=120,
-            novice_minutes_system1=(1, 2, 5, 20, 60, 120),
-            novice_minutes_system2=(1, 2, 5, 20, 60, 120),
-            pool_minutes_system1=120,
-            pool_minutes_system2=120,
-            validation_minutes=20,
-            rollouts=32,
-            seeds=3,
-            ablation_minutes=(5.0,),
-            ablation_seeds=3,
-            network=Network(pixels=32, layers=3, hidden=256),
-            training=Training(max_samples=1_000_000, patience=150_000),
-            tuned=_LAPTOP_TUNED,
-        ),
-        Preset(
-            name="study",
-            **_PAPER_SIZES | dict(seeds=5),
+            name="study",  # the laptop's trials and more of them, on its motion; its grids in the order of worth
+            **_LAPTOP,
             more_seeds=((1, 10), (5, 10)),
             figures=(
-                "duration", "tuning", "3", "references", "4", "free-struts", "network-size", "corrected-claim",
+                "duration", "free-struts", "3", "references", "4", "network-size", "corrected-claim", "tuning",
             ),
             references=("least_squares", "corrected_averaged"),
-            tuning_minutes=(5, 60),
+            tuning_minutes=(5,),
             tuning_pool_minutes=60,
-            network=Network(pixels=32, layers=3, hidden=256),
-            training=Training(max_samples=1_000_000, patience=150_000),
-            tuned=_LAPTOP_TUNED,
         ),
         Preset(
             name="released",

@@ -13,11 +13,13 @@ from sidm.experiments.methods import ALL_RELEASED, COMPARED, METHODS, RELEASED, 
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
 
+#: The paper's motion of the expert, and motion of the novice that settings are chosen by.
+MOTION: dict[str, Any] = {"expert_minutes": 500_000 / 600, "rollouts": 100, "tuning_pool_minutes": 60.0}
 #: Until so many samples bring no lower test loss.
 LONG: dict[str, Any] = {"patience": 2_500_000, "max_samples": 6_000_000}
 MINUTES, SEEDS = (5.0,), 3
 MANY_EXPERTS = 0.9  # p_e
-RELEASED_MINUTES = (5.0, 20.0, 1.0, 60.0)  # of system 1's novice, as the authors train; in the order of worth
+RELEASED_SEEDS = {5.0: SEEDS, 20.0: 1, 1.0: 1, 60.0: 1}  # minutes of novice data -> trials, as the authors train
 
 #: Batches and rate of the authors' code, with a test as often in samples as ours.
 RELEASED_PACE = dict(
@@ -26,17 +28,17 @@ RELEASED_PACE = dict(
 
 
 def trials(study: Study, system: str) -> list[Trial]:
-    """The paper's methods, with SIDM also at a p_e of MANY_EXPERTS; of system 1 also as the authors train them."""
-    long = study.of(study.preset.for_tuning().replace(**LONG))
+    """The paper's methods, with SIDM also at a p_e of MANY_EXPERTS, and as the authors train them."""
+    long = study.of(study.preset.replace(**MOTION).for_tuning().replace(**LONG))
     more = change(METHODS["sidm"].training(long.preset, system), p_expert=MANY_EXPERTS)
     found = []
     for seed in range(SEEDS):
         firsts = long.points(system, COMPARED, MINUTES, seeds=1)
         firsts += long.points(system, ["sidm"], MINUTES, more, seeds=1)
         found += [first.replace(seed=seed) for first in firsts]
-    if system == "system1":
-        changes = RELEASED[ALL_RELEASED][0] | RELEASED_PACE
-        found += long.changed(tuned=(), **changes).points(system, COMPARED, RELEASED_MINUTES, seeds=SEEDS)
+    theirs = long.changed(tuned=(), **RELEASED[ALL_RELEASED][0] | RELEASED_PACE)
+    for minutes, seeds in RELEASED_SEEDS.items():
+        found += theirs.points(system, COMPARED, [minutes], seeds=seeds)
     return found
 
 

@@ -59,11 +59,11 @@ def test_what_does_best_over_all_sizes_is_chosen():
 
 
 def test_the_study_has_tries_of_its_own_on_motion_of_their_own(tmp_path):
-    """At two sizes, as many for each method; p_e is among the SIDM's, and nothing was tuned before."""
+    """As many for each method; p_e is among the SIDM's, and nothing was tuned before."""
     trials = trials_of(Study("study", tmp_path, tmp_path), "system2")
     counts = {len(its) for its in SEVERAL_SIZES.values()}
-    assert len(trials) == 2 * 3 * counts.pop() and not counts and len({t.key for t in trials}) == len(trials)
-    assert {t.motion for t in trials} == {"tuning"} and {t.novice_minutes for t in trials} == {5, 60}
+    assert len(trials) == 3 * counts.pop() and not counts and len({t.key for t in trials}) == len(trials)
+    assert {t.motion for t in trials} == {"tuning"} and {t.novice_minutes for t in trials} == {5}
     assert {t.training.p_expert for t in trials if t.method == "sidm"} == {0.5, 0.9}
     assert {t.training.matching_iterations for t in trials if t.method == "sidm"} == {5, 20, 100}
 
