@@ -107,8 +107,9 @@ class Study:
         ]
 
     def free_struts(self, system: str) -> list[Trial]:
-        """Figure 3's methods on robots whose struts no motor brakes, as the paper describes them."""
-        return self.points(system, FIGURE3, self.preset.free_strut_minutes, seeds=self.preset.free_strut_seeds)
+        """Figure 3's methods and least squares on robots whose struts no motor brakes, as the paper describes them."""
+        methods = (*FIGURE3, "least_squares")
+        return self.points(system, methods, self.preset.free_strut_minutes, seeds=self.preset.free_strut_seeds)
 
     def figure4(self, system: str = "system1") -> list[Trial]:
         """Figure 4: Figure 3's methods with little and with much novice data; the paper's is of system 1."""

@@ -130,8 +130,8 @@ def mean_and_range(axes: Axes, found: pd.DataFrame, **style: Any) -> None:
 
 
 def named(system: str) -> str:
-    """A system in words: 'system 1', 'system 1 free struts'."""
-    return system.replace("system", "system ").replace("_", " ")
+    """A system in words: 'system 1', 'system 1, free struts'."""
+    return system.replace("system", "system ").replace("_", ", ", 1).replace("_", " ")
 
 
 def by_system(
