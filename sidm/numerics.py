@@ -9,7 +9,7 @@ from __future__ import annotations
 #: Kind of work -> version of its figures.
 NUMERICS: dict[str, int] = {
     "simulation": 1,  # a collection's values -> its trajectories
-    "free_struts": 1,  # the same of robots whose struts no motor brakes
+    "free_struts": 2,  # the same of robots whose struts no motor brakes
     "training": 1,  # trajectories -> a trial's outcome: maps, networks, Algorithms 1 and 2, evaluation
     "bundle": 1,  # the same of many trials as one computation
     "least_squares": 1,  # weights in closed form

@@ -207,6 +207,8 @@ PRESETS: dict[str, Preset] = {
             ablation_minutes=(0.5,),
             other_body_minutes=(0.5,),
             ablation_seeds=1,
+            free_strut_minutes=(0.5, 2),
+            free_strut_seeds=1,
             network=Network(pixels=16, layers=1, hidden=32),
             training=Training(
                 prediction_iterations=5,

@@ -108,8 +108,9 @@ class Study:
 
     def free_struts(self, system: str) -> list[Trial]:
         """Figure 3's methods and least squares on robots whose struts no motor brakes, as the paper describes them."""
-        methods = (*FIGURE3, "least_squares")
-        return self.points(system, methods, self.preset.free_strut_minutes, seeds=self.preset.free_strut_seeds)
+        preset, methods = self.preset, (*FIGURE3, "least_squares")
+        pool = self.of(preset.with_motion("figures", max(preset.free_strut_minutes), preset.validation_minutes))
+        return pool.points(system, methods, preset.free_strut_minutes, seeds=preset.free_strut_seeds)
 
     def figure4(self, system: str = "system1") -> list[Trial]:
         """Figure 4: Figure 3's methods with little and with much novice data; the paper's is of system 1."""

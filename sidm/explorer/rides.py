@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sidm.config import unknown_name
-from sidm.systems import ROLES, SYSTEMS, Physics, Robot, Terrain
+from sidm.systems import FREE_PHYSICS, ROLES, SYSTEMS, Physics, Robot, Terrain
 from sidm.terrain import generate_terrain
 from sidm.trajectory import CONTROL_STEP, QUATERNION
 
@@ -70,7 +70,7 @@ def ride(
 
 def sampled_physics(strut_motors: bool) -> Physics:
     """The robots' physics, to be looked at twice a control step; the motion is the same, bit for bit."""
-    whole = Physics(strut_motors=strut_motors)
+    whole = Physics() if strut_motors else FREE_PHYSICS
     return dataclasses.replace(whole, steps_per_control=whole.steps_per_control // SAMPLES)
 
 
