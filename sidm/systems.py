@@ -144,8 +144,8 @@ SYSTEMS = {
 
 FREE_STRUTS = "_free_struts"  # ends the names of the systems whose struts no motor brakes
 
-# With nothing to brake it, a chassis on stiff springs rings in steps of 2 ms, at 20 rad/s and more in pitch. With 1 ms
-# its velocities peak no higher than with 0.5 ms.
+#: Of robots whose struts no motor brakes. A chassis on stiff springs rings in steps of 2 ms, by 20 rad/s and more in
+#: pitch; in steps of 1 ms its velocities peak no higher than in steps of 0.5 ms.
 FREE_PHYSICS = Physics(time_step=1 / 1000, steps_per_control=100, strut_motors=False)
 
 # The same robots as the paper describes them, springs and dampers alone; of the presets that name them.

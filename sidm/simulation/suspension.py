@@ -40,8 +40,8 @@ BRAKED = {
     ),
     "front": Brake(heave_share=0.49, heave_damping=1050.0, roll_damping=2.2, link_stiffness=105.0),
 }
-#: With struts that give way at once, more damping of the links is unstable: it acts on the chassis, whose moment of
-#: inertia is 0.003 kg m^2, by explicit steps of 2 ms, and robots of 1.5 times the mass would leap from their stops.
+#: With struts that give way at once, more damping of the links was unstable in steps of 2 ms: it acts explicitly on the
+#: chassis, whose moment of inertia is 0.003 kg m^2, and robots of 1.5 times the mass leapt from their stops.
 FREE = Brake(heave_share=1.0, heave_damping=0.0, roll_damping=0.0, link_stiffness=105.0, link_damping=0.5)
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from sidm.simulation import POLICIES, Simulator
 from sidm.simulation.exploration import draw_actions
-from sidm.systems import SYSTEMS, Physics
+from sidm.systems import FREE_PHYSICS, SYSTEMS, Physics
 from sidm.terrain import generate_terrain
 
 ACTIONS = ((0.8, 0.5), (0.4, -1.0), (-0.6, 0.3), (1.0, 0.0), (0.2, 0.7))
@@ -30,7 +30,7 @@ def test_every_robot_comes_to_its_figures(golden, system, role, strut_motors):
 
     Those part sooner than braked ones: two steps are held.
     """
-    with Simulator(SYSTEMS[system].robot(role), waves(), Physics(strut_motors=strut_motors)) as simulator:
+    with Simulator(SYSTEMS[system].robot(role), waves(), Physics() if strut_motors else FREE_PHYSICS) as simulator:
         actions = ACTIONS if strut_motors else ACTIONS[:2]
         states = [simulator.reset(yaw=0.7)] + [simulator.step(np.array(action)) for action in actions]
         figures = {"states": [state.tolist() for state in states], "struts": simulator.strut_positions.tolist()}

@@ -6,15 +6,18 @@ the closed linkage's where q is, not those of the two joints that stand for it i
 with all struts free (`strut_motors=False`) and without Bullet's drag on links, neither being the suspension's.
 """
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from sidm.simulation import Simulator
+from sidm.simulation import Simulator, draw_actions
 from sidm.simulation import dimensions as figures
 from sidm.simulation.linkage import axle_pose, twists
 from sidm.simulation.robot import LINKAGE_MASS
 from sidm.simulation.suspension import BRAKE_LIMIT, BRAKED, FREE, Suspension
-from sidm.systems import ROLES, SYSTEMS, Physics
+from sidm.systems import FREE_SYSTEMS, ROLES, SYSTEMS, Physics
+from sidm.terrain import generate_terrain
 
 ROBOTS = {f"{name} {role}": system.robot(role) for name, system in SYSTEMS.items() for role in ROLES}
 FLAT = np.zeros((300, 300))
@@ -166,3 +169,14 @@ def test_an_unbraked_robot_stands_on_both_axles_alike_and_a_braked_one_on_its_fr
     assert rear.mean() == pytest.approx(front.mean(), rel=0.1)
     rear, front = np.abs(struts(motors=True, steps=5))
     assert rear.max() < 0.1 * front.min()
+
+
+@pytest.mark.parametrize("system", FREE_SYSTEMS.values(), ids=lambda system: system.name)
+def test_a_stiff_robot_with_free_struts_does_not_ring(system):
+    """In steps of 2 ms its chassis did on rocks, by more than 20 rad/s in pitch."""
+    physics = dataclasses.replace(system.physics, steps_per_control=1)
+    actions = draw_actions("ornstein_uhlenbeck", 64, np.random.default_rng(1))
+    with Simulator(system.novice, generate_terrain(system.terrain, 101), physics) as simulator:
+        simulator.reset(yaw=0.5)
+        rates = [simulator.step(action)[11] for action in np.repeat(actions, system.physics.steps_per_control, axis=0)]
+    assert np.abs(rates).max() < 6
