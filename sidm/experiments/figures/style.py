@@ -137,8 +137,8 @@ def named(system: str) -> str:
 def by_system(
     table: pd.DataFrame, systems: Sequence[str], title: str = "{}", **looks: Any
 ) -> tuple[Figure, list[tuple[Axes, pd.DataFrame]]]:
-    """A figure with a plot a system in one row, its name in the title; the plots, each with the system's lines."""
-    figure, panels = side_by_side(len(systems))
+    """A figure with a plot a system, two in a row, its name in the title; the plots, each with the system's lines."""
+    figure, panels = side_by_side(len(systems), min(len(systems), 2))
     for axes, system in zip(panels, systems, strict=True):
         axes.set(title=title.format(named(system)), **looks)
     return figure, [(axes, table[table.system == system]) for axes, system in zip(panels, systems, strict=True)]
