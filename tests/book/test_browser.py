@@ -174,6 +174,6 @@ def test_figure_3_can_be_touched(visit):
     assert page.locator(".vega-chart > img").count() == 0
     assert "novice data" in page.locator(".vega-chart canvas").get_attribute("aria-label")
     first = page.evaluate("() => document.querySelector('.vega-chart canvas').toDataURL()")
-    page.get_by_label("system 2").check()
+    page.get_by_label("system 2", exact=True).check()
     page.evaluate(FRAMES)
     assert page.evaluate("() => document.querySelector('.vega-chart canvas').toDataURL()") != first
