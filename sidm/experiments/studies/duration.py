@@ -8,7 +8,14 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from sidm.experiments.figures.style import METHOD_STYLES, finish, mean_and_range, side_by_side, styled
+from sidm.experiments.figures.style import (
+    LOSS_BY_SIZE,
+    METHOD_STYLES,
+    finish,
+    mean_and_range,
+    side_by_side,
+    styled,
+)
 from sidm.experiments.methods import ALL_RELEASED, COMPARED, METHODS, RELEASED, change
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
@@ -54,6 +61,11 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     return found.sort_values(["trained", "novice_minutes", "method", "p_expert", "seed"]).reset_index(drop=True)
 
 
+def theirs(frame: pd.DataFrame) -> pd.DataFrame:
+    """Of this grid's results those of trainings as the authors train."""
+    return frame[frame.batch == RELEASED_PACE["batch"]]
+
+
 def curves(frame: pd.DataFrame) -> pd.DataFrame:
     """A line a trial and test along its training: `samples` and validation `loss`, equation (1)."""
     names = ["system", "method", "p_expert", "novice_minutes", "seed", "batch"]
@@ -84,4 +96,20 @@ def figure(curves: pd.DataFrame, minutes: float = MINUTES[0]) -> Figure:
             axes.set_ylim(0.95 * mine.loss.min(), 1.05 * mine[mine.samples > 3e4].loss.max())
     for axes in panels:
         finish(axes)
+    return figure
+
+
+@styled
+def by_size(frame: pd.DataFrame, figure3: pd.DataFrame) -> Figure:
+    """Validation loss by novice data as the authors train, beside Figure 3's: means over seeds, shades their range."""
+    figure, panels = side_by_side(2)
+    for axes, some, title in zip(panels, (theirs(frame), figure3), (THEIRS, "as in Figure 3"), strict=True):
+        axes.set(title=title, **LOSS_BY_SIZE)
+        for method in COMPARED:
+            losses = some[some.method == method].groupby("novice_minutes").validation_loss
+            mean_and_range(axes, losses.agg(["mean", "min", "max"]), **METHOD_STYLES[method])
+        finish(axes, some.novice_minutes.unique())
+    lowest, highest = zip(*(axes.get_ylim() for axes in panels if axes.has_data()), strict=True)
+    for axes in panels:
+        axes.set_ylim(min(lowest), max(highest))
     return figure
