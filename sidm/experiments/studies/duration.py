@@ -105,11 +105,11 @@ def by_size(frame: pd.DataFrame, figure3: pd.DataFrame) -> Figure:
     figure, panels = side_by_side(2)
     for axes, some, title in zip(panels, (theirs(frame), figure3), (THEIRS, "as in Figure 3"), strict=True):
         axes.set(title=title, **LOSS_BY_SIZE)
-        for method in COMPARED:
-            losses = some[some.method == method].groupby("novice_minutes").validation_loss
-            mean_and_range(axes, losses.agg(["mean", "min", "max"]), **METHOD_STYLES[method])
+        for method, mine in some[some.method.isin(COMPARED)].groupby("method", sort=False):
+            losses = mine.groupby("novice_minutes").validation_loss.agg(["mean", "min", "max"])
+            mean_and_range(axes, losses, **METHOD_STYLES[method])
         finish(axes, some.novice_minutes.unique())
-    lowest, highest = zip(*(axes.get_ylim() for axes in panels if axes.has_data()), strict=True)
+    ends = [end for axes in panels if axes.has_data() for end in axes.get_ylim()]
     for axes in panels:
-        axes.set_ylim(min(lowest), max(highest))
+        axes.set_ylim(min(ends, default=None), max(ends, default=None))
     return figure
