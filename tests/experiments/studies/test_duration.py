@@ -22,7 +22,7 @@ def every(tmp_path, make_row) -> pd.DataFrame:
 def test_the_two_ways_to_train_are_told_apart(every):
     table = duration.table(every)
     sizes = table.groupby("trained").novice_minutes.apply(set)
-    assert sizes[duration.THEIRS] == set(duration.RELEASED_SEEDS) and sizes[duration.OURS] == {5.0}
+    assert sizes[duration.THEIRS] == set(duration.RELEASED_SEEDS["sidm"]) and sizes[duration.OURS] == {5.0}
     theirs = duration.theirs(every)
     assert len(theirs) == (table.trained == duration.THEIRS).sum() and set(theirs.batch) == {2}
 
@@ -32,6 +32,6 @@ def test_losses_by_size_stand_beside_figure_3(every, tmp_path):
     figure = duration.by_size(every, every[:0])
     left, right = figure.axes
     curves = {line.get_label(): line.get_xydata() for line in left.lines}
-    assert [minutes for minutes, _ in curves["with SIDM"]] == sorted(duration.RELEASED_SEEDS)
+    assert [minutes for minutes, _ in curves["with SIDM"]] == sorted(duration.RELEASED_SEEDS["sidm"])
     assert curves["without SIDM"][:, 1] == pytest.approx(2 * curves["with SIDM"][:, 1])
     assert not right.lines and right.texts[0].get_text() == "no trials stored"
