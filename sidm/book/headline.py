@@ -18,7 +18,7 @@ from sidm.systems import SYSTEMS
 if TYPE_CHECKING:
     import pandas as pd
 
-PRESET = "laptop"  # the study that the book shows
+PRESET = "study"  # the study that the book shows
 BESIDE = "least_squares"  # beside the methods of Figure 3
 FIGURE = Path("book/static/figure3.png")  # that the README shows
 

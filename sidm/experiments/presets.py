@@ -221,7 +221,7 @@ PRESETS: dict[str, Preset] = {
         Preset(name="laptop", **_LAPTOP, ablation_minutes=(5.0,), ablation_seeds=3),
         Preset(
             name="study",  # the laptop's trials and more of them, on its motion; its grids in the order of worth
-            **_LAPTOP,
+            **(_LAPTOP | {"seeds": 5}),
             more_seeds=((1, 10), (5, 10)),
             figures=(
                 "duration", "free-struts", "3", "references", "4", "network-size", "corrected-claim", "tuning",

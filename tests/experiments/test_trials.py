@@ -197,7 +197,7 @@ def test_the_study_has_grids_of_its_own():
     """More seeds on little data; settings are chosen by motion that no figure is drawn from."""
     study = Study("study")
     seeds = Counter(t.novice_minutes for t in study.figure3("system2") if t.method == "sidm")
-    assert seeds == {1: 10, 2: 3, 5: 10, 20: 3, 60: 3, 120: 3}
+    assert seeds == {1: 10, 2: 5, 5: 10, 20: 5, 60: 5, 120: 5}
     figures, laptop = ({t.key: t for t in Study(name).figure3("system1")} for name in ("study", "laptop"))
     assert laptop.keys() < figures.keys()
     tried, long = tuning.trials(study, "system1"), duration.trials(study, "system1")
