@@ -23,7 +23,7 @@ from sidm.experiments.figures.style import (
 )
 from sidm.experiments.methods import COMPARED, FIGURE3
 from sidm.experiments.statistics.efficiency import efficiency, falling
-from sidm.experiments.statistics.pairs import complete
+from sidm.experiments.statistics.pairs import complete, of_one_grid
 from sidm.experiments.statistics.savings import efficiency_band
 from sidm.systems import SYSTEMS
 
@@ -32,7 +32,7 @@ MOST_INSIDE = 4  # methods whose names have room within a plot
 
 @styled
 def figure3(frame: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS), methods: Sequence[str] = FIGURE3) -> Figure:
-    """Figure 3: validation loss against novice data; lines are means over seeds, shades minimum to maximum.
+    """Figure 3: validation loss against novice data; lines are means over each size's seeds, shades minimum to maximum.
 
     A dotted level marks the method `expert_only` where its results are there: it has no novice data. The names of more
     than MOST_INSIDE methods stand below the plots.
@@ -58,13 +58,13 @@ def _curves(
     """Figure 3's curves of some methods, and the sizes that they have; `words` after the labels, `other` styles."""
     drawn: set[float] = set()
     for method in methods:
-        found = complete(frame, system, [method])
-        if found.values.size:
+        found = of_one_grid(frame, system, [method])
+        if len(found):
             style = METHOD_STYLES[method] | other
-            one = ", one seed" if words and len(found.seeds) == 1 else ""
-            losses = pd.DataFrame(found.values[:, 0], columns=found.minutes).agg(["mean", "min", "max"]).T
+            one = ", one seed" if words and found.seed.nunique() == 1 else ""
+            losses = found.groupby("novice_minutes").validation_loss.agg(["mean", "min", "max"])
             mean_and_range(axes, losses, **style | {"label": style["label"] + words + one})
-            drawn |= set(found.minutes)
+            drawn |= set(losses.index)
     return drawn
 
 

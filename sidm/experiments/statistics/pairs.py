@@ -100,6 +100,18 @@ def _mean_difference(pairs: np.ndarray) -> float:
     return float((pairs[:, 1] - pairs[:, 0]).mean())
 
 
+def of_one_grid(frame: pd.DataFrame, system: str, methods: Sequence[str]) -> pd.DataFrame:
+    """The results of a system's methods, at most one a point.
+
+    Raises:
+        ValueError: two results stand for the same point, as those of an ablation do.
+    """
+    mine = frame[(frame.system == system) & frame.method.isin(methods)]
+    if mine.duplicated(["seed", "method", "novice_minutes"]).any():
+        raise ValueError(f"two results of {system} at one point; take the rows of one grid at a time")
+    return mine
+
+
 class Losses(NamedTuple):
     """The part of some results that is complete: S seeds, K methods, M sizes."""
 
@@ -113,14 +125,9 @@ def complete(
 ) -> Losses:
     """A column of results of a system as an array over seeds, methods and sizes.
 
-    Sizes that a method lacks altogether are left out, then seeds that lack one of the sizes.
-
-    Raises:
-        ValueError: two results stand for the same point, as those of an ablation do.
+    Sizes that a method lacks altogether are left out, then seeds that lack one of the sizes. Raises as `of_one_grid`.
     """
-    mine = frame[(frame.system == system) & frame.method.isin(methods)]
-    if mine.duplicated(["seed", "method", "novice_minutes"]).any():
-        raise ValueError(f"two results of {system} at one point; take the rows of one grid at a time")
+    mine = of_one_grid(frame, system, methods)
     wide = mine.pivot(index="seed", columns=["method", "novice_minutes"], values=value)
     have = [set(wide.get(method, wide[:0]).columns) for method in methods]
     sizes = sorted(set.intersection(*have)) if len(wide.columns) else []
