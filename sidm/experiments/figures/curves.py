@@ -62,7 +62,8 @@ def _curves(
         if len(found):
             style = METHOD_STYLES[method] | other
             one = ", one seed" if words and found.seed.nunique() == 1 else ""
-            losses = found.groupby("novice_minutes").validation_loss.agg(["mean", "min", "max"])
+            sizes = found.validation_loss.astype(float).groupby(found.novice_minutes.astype(float))
+            losses = sizes.agg(["mean", "min", "max"])
             mean_and_range(axes, losses, **style | {"label": style["label"] + words + one})
             drawn |= set(losses.index)
     return drawn
