@@ -95,3 +95,10 @@ def stored_line(store: Results, trials: Sequence[Trial], command: str) -> str:
     systems = dict.fromkeys(trial.system for trial in trials)
     parts = [f"{sum(trial.system == system for trial in missing)} of {system}" for system in systems]
     return f"{len(missing)} of {len(trials)} trials are missing ({', '.join(parts)}); `{command}` runs them."
+
+
+def stored_count(stored: int, asked: int, things: str, command: str) -> str:
+    """How many `things` of a study are stored, and the `command` that makes the others."""
+    if stored == asked:
+        return f"All {asked} {things} are stored."
+    return f"{stored} of {asked} {things} are stored; `{command}` makes the others."

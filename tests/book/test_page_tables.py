@@ -10,6 +10,7 @@ from sidm.book.pages import (
     provenance_block,
     provenance_html,
     provenance_line,
+    stored_count,
     stored_line,
 )
 from sidm.experiments import Results
@@ -33,6 +34,11 @@ def test_what_is_missing_is_counted_by_system_with_the_command_that_runs_it(tmp_
     for trial in trials[6:]:
         store.put(make_row(trial))
     assert stored_line(store, trials, "run it") == "All 9 trials are stored."
+
+
+def test_what_a_study_lacks_is_counted_with_the_command_that_makes_it():
+    assert stored_count(2, 3, "models", "run it") == "2 of 3 models are stored; `run it` makes the others."
+    assert stored_count(3, 3, "models", "run it") == "All 3 models are stored."
 
 
 def test_a_provenance_line_counts_trials_and_names_the_command(figure3_frame):

@@ -28,6 +28,12 @@ def spread(frame: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     return found.rename(columns={"size": "trials", "min": "minimum", "max": "maximum"})
 
 
+def wide(table: pd.DataFrame, rows: Sequence[str], columns: str, value: str) -> pd.DataFrame:
+    """A column for each of what `columns` holds, in their order, with the `value` of each of the `rows`, or a dash."""
+    one = dict(index=list(rows), columns=columns, values=value, aggfunc="first")
+    return table.pivot_table(**one, sort=False, fill_value="-").reset_index()
+
+
 def component_errors(losses: Mapping[str, Sequence[Sequence[float]]]) -> pd.DataFrame:
     """Root mean square error of each component of y, a line each with its unit, and the sum of squares.
 

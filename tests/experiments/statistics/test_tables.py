@@ -1,11 +1,12 @@
 """Tables of stored trials."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from sidm.experiments import Results, Study
 from sidm.experiments.engine.frame import frame_of
-from sidm.experiments.statistics.tables import COMPONENTS, component_errors, costs, overview, spread
+from sidm.experiments.statistics.tables import COMPONENTS, component_errors, costs, overview, spread, wide
 from sidm.experiments.studies import ablations
 from sidm.learning.observation import TARGET_SIZE
 
@@ -46,3 +47,11 @@ def test_an_overview_counts_what_is_stored_and_names_what_is_changed(figure3_row
     lines = overview(store, ablations.p_expert(laptop, "system1"), laptop)
     assert any("(p_expert=0.25)" in text for text in lines) and all("of 3" in text for text in lines)
     assert "stored 1 of 3  stale 0  loss 0.5" in overview(store, laptop.figure3("system1"), laptop)[0]
+
+
+def test_a_wide_table_has_rows_and_columns_in_their_order_and_a_dash_where_nothing_is():
+    long = pd.DataFrame({"size": [5, 5, 1], "method": ["sidm", "alone", "sidm"], "loss": ["0.3", "0.4", "0.5"]})
+    table = wide(long, ["size"], "method", "loss")
+    assert table.columns.tolist() == ["size", "sidm", "alone"]
+    assert table.to_numpy().tolist() == [[5, "0.3", "0.4"], [1, "0.5", "-"]]
+    assert len(wide(long[:0], ["size"], "method", "loss")) == 0
