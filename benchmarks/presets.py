@@ -81,7 +81,8 @@ def main() -> None:
         with multiprocessing.get_context("spawn").Pool(1) as pool:
             rates, memory = pool.apply(training, [name])
         steps = motion(preset)
-        trainings = len(grid(preset, "3")) + preset.seeds * len(SYSTEMS)  # those on the expert alone are no trials
+        seeds = max(preset.seeds_at(minutes) for system in SYSTEMS for minutes in preset.novice_minutes(system))
+        trainings = len(grid(preset, "3")) + seeds * len(SYSTEMS)  # those on the expert alone are no trials
         hours = trainings * preset.training.max_samples / np.median(rates) / 3600
         lines.append(
             (
