@@ -1,6 +1,5 @@
 """Streams of random numbers from one seed."""
 
-
 from sidm.learning.seeds import derive
 
 

@@ -29,9 +29,13 @@ def spread(frame: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
 
 
 def wide(table: pd.DataFrame, rows: Sequence[str], columns: str, value: str) -> pd.DataFrame:
-    """A column for each of what `columns` holds, in their order, with the `value` of each of the `rows`, or a dash."""
+    """A column for each of what `columns` holds, in their order, with the words `value` of each of the `rows`, or a dash.
+
+    Narrow cells break before a bracket, never in it.
+    """
+    unbroken = table.assign(**{value: table[value].str.replace(", ", ",\N{NO-BREAK SPACE}")})
     one = dict(index=list(rows), columns=columns, values=value, aggfunc="first")
-    return table.pivot_table(**one, sort=False, fill_value="-").reset_index()
+    return unbroken.pivot_table(**one, sort=False, fill_value="-").reset_index()
 
 
 def component_errors(losses: Mapping[str, Sequence[Sequence[float]]]) -> pd.DataFrame:
