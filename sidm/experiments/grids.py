@@ -32,6 +32,7 @@ FIGURES: dict[str, tuple[Callable[[Study, str], list[Trial]], tuple[str, ...]]] 
     "references": (Study.references, tuple(SYSTEMS)),
     "4": (Study.figure4, ("system1",)),
     "tuning": (tuning.trials, tuple(SYSTEMS)),
+    "little-data": (tuning.little_data, tuple(SYSTEMS)),
     "choices": (choices.trials, tuple(SYSTEMS)),
     "released": (choices.released, tuple(SYSTEMS)),
     "baselines": (baselines.trials, tuple(SYSTEMS)),
@@ -48,7 +49,7 @@ FIGURES: dict[str, tuple[Callable[[Study, str], list[Trial]], tuple[str, ...]]] 
 }
 
 #: Grids of presets that name them.
-NAMED = ("duration", "free-struts", "network-size", "corrected-claim")
+NAMED = ("duration", "little-data", "free-struts", "network-size", "corrected-claim")
 
 #: What grids were called before.
 FORMER = {"yardsticks": "references", "ample": "most-data"}

@@ -29,7 +29,7 @@ def spread(frame: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
 
 
 def wide(table: pd.DataFrame, rows: Sequence[str], columns: str, value: str) -> pd.DataFrame:
-    """A column for each of what `columns` holds, in their order, with the words `value` of each of the `rows`, or a dash.
+    """A column for each of what `columns` holds, in their order; each of the `rows` has the words `value`, or a dash.
 
     Narrow cells break before a bracket, never in it.
     """

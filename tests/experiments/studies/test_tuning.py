@@ -8,12 +8,14 @@ import pytest
 from sidm.experiments import Results, Study, load_preset
 from sidm.experiments.methods import METHODS
 from sidm.experiments.studies.tuning import (
+    LITTLE,
     SEVERAL_SIZES,
     TRIES,
     TUNED,
     TUNING_SEED,
     chosen,
     frame,
+    little_data,
     settings,
     table,
     tried,
@@ -79,6 +81,22 @@ def test_the_laptop_is_tuned_to_its_best_tries(method):
     assert METHODS[method].training(preset, "system1") == METHODS[method].training(best, "system1")
     if METHODS[method].pretrained:
         assert METHODS[method].pretraining(preset) == METHODS[method].pretraining(best)
+
+
+@pytest.mark.parametrize("method", SEVERAL_SIZES)
+def test_with_little_data_the_best_tries_at_five_minutes_are_taken(method):
+    """By the rule: the lowest test loss on system 1; the others are Figure 3's."""
+    study, store = Study("study", "no data", RESULTS), Results(RESULTS)
+    trials = [t for t in trials_of(study, "system1") if t.method == method]
+    losses = [row.outcome.best_test_loss for row in store.rows(trials)]
+    assert len(losses) == len(SEVERAL_SIZES[method])
+    best = trials[losses.index(min(losses))]
+    again = [t for t in little_data(study, "system1") if t.method == method]
+    if method in LITTLE:
+        assert len({t.key for t in again}) == 15 and {t.seed for t in again} == set(range(5))
+    used = again or study.points("system1", [method], [5.0])
+    assert {(t.training, t.pretraining) for t in used} == {(best.training, best.pretraining)}
+    assert {t.motion for t in used} == {"figures"}
 
 
 def test_the_settings_that_each_method_came_to():
