@@ -1,7 +1,7 @@
 """How the methods were tuned: the same number of tries each, with a seed that no figure has, by test loss alone.
 
 The preset `laptop` has the try of the lowest test loss on system 1, at one middle size; those on system 2 are a check.
-A preset with motion of its own for it, as `study`, has for each system what does best over several sizes.
+A preset with motion of its own for it, as `study`, has other tries, at a small size; LITTLE names the best of them.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def _alone(method: str, **values: Any) -> dict[str, Any]:
 
 #: The same of presets that have motion of their own for tuning; the base has a rate of 0.001, batches of 8, the paper's
 #: p_e and 20 matching iterations.
-SEVERAL_SIZES: dict[str, dict[str, dict[str, Any]]] = {
+LITTLE_TRIES: dict[str, dict[str, dict[str, Any]]] = {
     "novice_only": {
         "the base": {}, "rate 0.0003": {"learning_rate": 3e-4}, "batch 4": _rate(4, 1e-3),
         "batch 4, rate 0.0003": _rate(4, 3e-4), "weight decay 0.1": {"weight_decay": 0.1},
@@ -87,12 +87,12 @@ SEVERAL_SIZES: dict[str, dict[str, dict[str, Any]]] = {
 
 #: The try with the lowest test loss on system 1 at 5 minutes, of the methods for which it is not what Figure 3 has.
 LITTLE = {"sidm": "p_e 0.9, 100 matching iterations", "pretrain_finetune": "fine-tuning at 0.0003"}
-LITTLE_SIZES = (1.0, 2.0, 5.0)  # min, of Figure 3 with these settings
+LITTLE_MINUTES = 5.0  # up to which Figure 3 is run with these settings
 
 
 def tries_of(preset: Preset) -> dict[str, dict[str, dict[str, Any]]]:
     """The tries of a preset's methods."""
-    return SEVERAL_SIZES if preset.tuning_pool_minutes or preset.motion == "tuning" else TRIES
+    return LITTLE_TRIES if preset.tuning_pool_minutes or preset.motion == "tuning" else TRIES
 
 
 def tried(preset: Preset, method: str, words: str) -> Preset:
@@ -118,9 +118,11 @@ def trials(study: Study, system: str) -> list[Trial]:
 
 def little_data(study: Study, system: str) -> list[Trial]:
     """Figure 3 with little data again, with what its methods were tuned to at 5 minutes: those that LITTLE names."""
-    tuned = {method: study.of(tried(study.preset, method, words)) for method, words in LITTLE.items()}
-    seeds = study.preset.seeds
-    return [trial for m, own in tuned.items() for trial in own.points(system, [m], LITTLE_SIZES, seeds=seeds)]
+    sizes, found = [one for one in study.preset.novice_minutes(system) if one <= LITTLE_MINUTES], []
+    for method, words in LITTLE.items():
+        own = study.changed(**({"tuned": (), "tuned_system2": ()} | LITTLE_TRIES[method][words]))
+        found += own.points(system, [method], sizes, seeds=study.preset.seeds)
+    return found
 
 
 def frame(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
@@ -146,18 +148,6 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     )
     names = ["system", "novice_minutes", "method", "try", "best_test_loss", "validation_loss", "samples", "lowest"]
     return found[[*names, "used"]].reset_index(drop=True)
-
-
-def chosen(table: pd.DataFrame) -> pd.DataFrame:
-    """The try of each system and method that does best over all sizes, by the sum of its ranks among the tries.
-
-    Of equal sums the first try is taken; `sizes` are those that it was tried at, `ranks` the sum.
-    """
-    ranks = table.groupby(["system", "novice_minutes", "method"]).best_test_loss.rank()
-    tries = table.assign(rank=ranks).groupby(["system", "method", "try"], sort=False)
-    sums = tries.agg(sizes=("rank", "size"), ranks=("rank", "sum")).reset_index()
-    best = sums.groupby(["system", "method"]).ranks.transform("min")
-    return sums[sums.ranks == best].drop_duplicates(["system", "method"]).reset_index(drop=True)
 
 
 #: What was tuned, as a training names it.

@@ -2,18 +2,16 @@
 
 import dataclasses
 
-import pandas as pd
 import pytest
 
 from sidm.experiments import Results, Study, load_preset
 from sidm.experiments.methods import METHODS
 from sidm.experiments.studies.tuning import (
     LITTLE,
-    SEVERAL_SIZES,
+    LITTLE_TRIES,
     TRIES,
     TUNED,
     TUNING_SEED,
-    chosen,
     frame,
     little_data,
     settings,
@@ -49,21 +47,10 @@ def test_the_lowest_test_loss_is_marked(tiny, make_row, tmp_path):
     assert not len(table(frame(study, Results(tmp_path / "nothing"), ["system1"])))
 
 
-def test_what_does_best_over_all_sizes_is_chosen():
-    """By ranks, so that one size with larger losses has no more say; the first of equals."""
-    losses = {"a": (1.0, 9.0), "b": (2.0, 8.0), "c": (3.0, 10.0)}
-    lines = [
-        ("system1", size, "sidm", words, both[number]) for words, both in losses.items()
-        for number, size in enumerate((5.0, 60.0))
-    ]  # fmt: skip
-    found = chosen(pd.DataFrame(lines, columns=["system", "novice_minutes", "method", "try", "best_test_loss"]))
-    assert found.values.tolist() == [["system1", "sidm", "a", 2, 3.0]]
-
-
 def test_the_study_has_tries_of_its_own_on_motion_of_their_own(tmp_path):
     """As many for each method; p_e is among the SIDM's, and nothing was tuned before."""
     trials = trials_of(Study("study", tmp_path, tmp_path), "system2")
-    counts = {len(its) for its in SEVERAL_SIZES.values()}
+    counts = {len(its) for its in LITTLE_TRIES.values()}
     assert len(trials) == 3 * counts.pop() and not counts and len({t.key for t in trials}) == len(trials)
     assert {t.motion for t in trials} == {"tuning"} and {t.novice_minutes for t in trials} == {5}
     assert {t.training.p_expert for t in trials if t.method == "sidm"} == {0.5, 0.9}
@@ -83,13 +70,13 @@ def test_the_laptop_is_tuned_to_its_best_tries(method):
         assert METHODS[method].pretraining(preset) == METHODS[method].pretraining(best)
 
 
-@pytest.mark.parametrize("method", SEVERAL_SIZES)
+@pytest.mark.parametrize("method", LITTLE_TRIES)
 def test_with_little_data_the_best_tries_at_five_minutes_are_taken(method):
     """By the rule: the lowest test loss on system 1; the others are Figure 3's."""
     study, store = Study("study", "no data", RESULTS), Results(RESULTS)
     trials = [t for t in trials_of(study, "system1") if t.method == method]
     losses = [row.outcome.best_test_loss for row in store.rows(trials)]
-    assert len(losses) == len(SEVERAL_SIZES[method])
+    assert len(losses) == len(LITTLE_TRIES[method])
     best = trials[losses.index(min(losses))]
     again = [t for t in little_data(study, "system1") if t.method == method]
     if method in LITTLE:
