@@ -258,3 +258,4 @@ def _show(path: Path) -> None:
     print(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
     for name, parameter in inspect(path).items():
         print(f"  {name}: {parameter.kind_words} = {parameter.default}  # {parameter.help}")
+

@@ -119,50 +119,24 @@ SYSTEMS = {
     "system1": System(  # similar dynamics: spring 5 x, damping 2 x, equal travel
         name="system1",
         novice=Robot(
-            throttle_scale=30.0,
-            steering_scale=0.5,
-            spring_offset=-0.001,
-            travel_lower=-0.02,
-            travel_upper=0.0,
-            damping=100.0,
-            spring=50_000.0,
-            friction=1.25,
+            throttle_scale=30.0, steering_scale=0.5, spring_offset=-0.001, travel_lower=-0.02, travel_upper=0.0,
+            damping=100.0, spring=50_000.0, friction=1.25,
         ),
         expert=Robot(
-            throttle_scale=60.0,
-            steering_scale=0.8,
-            spring_offset=-0.002,
-            travel_lower=-0.02,
-            travel_upper=0.0,
-            damping=50.0,
-            spring=10_000.0,
-            friction=1.0,
-            mass_scale=1.5,
+            throttle_scale=60.0, steering_scale=0.8, spring_offset=-0.002, travel_lower=-0.02, travel_upper=0.0,
+            damping=50.0, spring=10_000.0, friction=1.0, mass_scale=1.5,
         ),
         terrain=Terrain(cell_height_scale=0.35),
     ),
     "system2": System(  # unlike dynamics: spring 667 x, damping 100 x, 1.5 x less travel
         name="system2",
         novice=Robot(
-            throttle_scale=30.0,
-            steering_scale=0.5,
-            spring_offset=0.0,
-            travel_lower=-0.01,
-            travel_upper=0.003,
-            damping=100.0,
-            spring=50_000.0,
-            friction=1.0,
+            throttle_scale=30.0, steering_scale=0.5, spring_offset=0.0, travel_lower=-0.01, travel_upper=0.003,
+            damping=100.0, spring=50_000.0, friction=1.0,
         ),
         expert=Robot(
-            throttle_scale=40.0,
-            steering_scale=0.75,
-            spring_offset=-0.002,
-            travel_lower=-0.02,
-            travel_upper=0.0,
-            damping=1.0,
-            spring=75.0,
-            friction=1.25,
-            mass_scale=1.5,
+            throttle_scale=40.0, steering_scale=0.75, spring_offset=-0.002, travel_lower=-0.02, travel_upper=0.0,
+            damping=1.0, spring=75.0, friction=1.25, mass_scale=1.5,
         ),
         terrain=Terrain(cell_height_scale=0.9),
     ),
@@ -202,7 +176,9 @@ def member(number: int) -> Robot:
     import numpy as np  # which listing trials does without
 
     rng = np.random.default_rng(np.random.SeedSequence(FAMILY_SEED, spawn_key=(number,)))
-    values = {name: math.exp(rng.uniform(math.log(low), math.log(high))) for name, (low, high) in LOGARITHMIC.items()}
+    values = {
+        name: math.exp(rng.uniform(math.log(low), math.log(high))) for name, (low, high) in LOGARITHMIC.items()
+    }
     values |= {name: rng.uniform(low, high) for name, (low, high) in LINEAR.items()}
     return Robot(**{name: float(f"{value:.4g}") for name, value in values.items()})
 

@@ -68,16 +68,12 @@ def computed(library: str) -> dict[str, Any]:
     y, z, (c, d) = torch.from_numpy(numbers(100, 100)), torch.from_numpy(numbers(100_003)), torch.from_numpy(pair)
     products = {"product": a @ b, "float32 product": a.astype("f4") @ b.astype("f4")}
     return {
-        "NumPy": lambda: (
-            {f.__name__: f(x) for f in (np.exp, np.arctan, np.tanh)}
-            | {f"{f.__name__} of float32": f(x.astype(np.float32)) for f in (np.exp, np.sin)}
-        ),
+        "NumPy": lambda: {f.__name__: f(x) for f in (np.exp, np.arctan, np.tanh)}
+        | {f"{f.__name__} of float32": f(x.astype(np.float32)) for f in (np.exp, np.sin)},
         "libm": lambda: {f.__name__: [f(one) for one in 9 * x] for f in (math.sin, math.cos, math.exp)},
         "OpenBLAS": lambda: products | {"solve": np.linalg.solve(a, b)},
-        "PyTorch": lambda: (
-            {f.__name__: f(y) for f in (torch.sigmoid, torch.log1p)}
-            | {"log_softmax": y.log_softmax(1), "atan2": torch.atan2(y, y.T)}
-        ),
+        "PyTorch": lambda: {f.__name__: f(y) for f in (torch.sigmoid, torch.log1p)}
+        | {"log_softmax": y.log_softmax(1), "atan2": torch.atan2(y, y.T)},
         "oneDNN": networks,
         "MKL": lambda: {"product": c @ d, "float32 product": c.float() @ d.float(), "qr": torch.linalg.qr(c)[0]},
         "OpenMP": lambda: {"sum": z.sum(), "float32 sum": z.float().sum(), "sum of squares": z.square().sum()},

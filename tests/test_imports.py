@@ -16,6 +16,7 @@ PACKAGE = Path(sidm.__file__).parent
 ROOT = PACKAGE.parent
 
 
+
 def rooms() -> list[list[str]]:
     """The rooms of the table in the book's page on the design, row by row."""
     lines = (ROOT / "book" / "design.md").read_text(encoding="utf-8").splitlines()

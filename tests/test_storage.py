@@ -45,7 +45,7 @@ def test_arrays_come_back_also_to_others(tmp_path):
 
 
 def test_records_come_back_a_line_a_value(tmp_path):
-    values = {"a": 0.1 + 0.2, "b": [1, None, 'x"\n'], "c": {"checksum": "none"}}
+    values = {"a": 0.1 + 0.2, "b": [1, None, "x\"\n"], "c": {"checksum": "none"}}
     write_record(tmp_path / "a.json", values)
     assert read_record(tmp_path / "a.json") == values
     assert len((tmp_path / "a.json").read_text().splitlines()) == 6

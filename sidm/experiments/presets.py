@@ -224,16 +224,9 @@ PRESETS: dict[str, Preset] = {
             **(_LAPTOP | {"seeds": 5}),
             more_seeds=((1, 10), (5, 10)),
             figures=(
-                "duration",
-                "free-struts",
-                "3",
-                "references",
-                "4",
-                "network-size",
-                "tuning",
-                "little-data",
+                "duration", "free-struts", "3", "references", "4", "network-size", "tuning", "little-data",
                 "corrected-claim",
-            ),
+            ),  # fmt: skip
             references=("least_squares", "corrected_averaged"),
             tuning_minutes=(5,),
             tuning_pool_minutes=60,

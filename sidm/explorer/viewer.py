@@ -67,3 +67,4 @@ def replay(rides: Ride | Mapping[str, Ride] | Scene, title: str = "Replay") -> V
         title: of the page.
     """
     return View(rides if isinstance(rides, Scene) else rides_scene(rides), title)
+

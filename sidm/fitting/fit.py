@@ -136,7 +136,9 @@ def evaluate(model: RobotModel, drives: Drives, topics: Sequence[str] = ()) -> p
         (name, 1, unit, float(error), float(error / own.clamp_min(1e-12)))
         for name, unit, error, own in zip(body.targets, units, wrong, spread, strict=True)
     ]
-    return pd.DataFrame([*lines, *_horizons(model, pieces)], columns=["quantity", "horizon", "unit", "error", "share"])
+    return pd.DataFrame(
+        [*lines, *_horizons(model, pieces)], columns=["quantity", "horizon", "unit", "error", "share"]
+    )
 
 
 def _horizons(model: RobotModel, pieces: Pieces) -> list[tuple[str, int, str, float, float]]:

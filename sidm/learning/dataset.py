@@ -150,7 +150,9 @@ def load_motion(
     return _motion(trajectories, torch.from_numpy(maps), body)
 
 
-def _write_maps(file, shape: tuple[int, ...], trajectories: Sequence[Trajectory], terrain: Terrain, body: Body) -> None:
+def _write_maps(
+    file, shape: tuple[int, ...], trajectories: Sequence[Trajectory], terrain: Terrain, body: Body
+) -> None:
     """Write an array (N, T, P, P), one trajectory after the other."""
     header = {"descr": np.lib.format.dtype_to_descr(np.dtype(np.float16)), "fortran_order": False, "shape": shape}
     np.lib.format.write_array_header_1_0(file, header)

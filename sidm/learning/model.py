@@ -70,7 +70,9 @@ class DynamicsModel(Predictor):
             for parts, own in ((self.encoders, OWN_OF_ENCODER), (self.decoders, OWN_OF_DECODER)):
                 share(parts["expert"], parts["novice"], own[network.own])
 
-    def forward(self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None) -> tuple[Tensor, Memory]:
+    def forward(
+        self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None
+    ) -> tuple[Tensor, Memory]:
         """Predictions of one system.
 
         Args:

@@ -34,23 +34,15 @@ class Encoder(nn.Module):
         super().__init__()
         first, second = network.channels
         self.size, self.pixels = len(body.inputs), body.pixels(network.pixels)
-        layers = (
-            [
-                nn.Conv2d(1, first, network.kernel),
-                nn.LeakyReLU(network.slope, inplace=True),
-                nn.Conv2d(first, second, network.kernel),
-                nn.LeakyReLU(network.slope, inplace=True),
-            ]
-            if self.pixels
-            else []
-        )
+        layers = [
+            nn.Conv2d(1, first, network.kernel), nn.LeakyReLU(network.slope, inplace=True),
+            nn.Conv2d(first, second, network.kernel), nn.LeakyReLU(network.slope, inplace=True),
+        ] if self.pixels else []
         self.convolutions = nn.Sequential(*layers).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         features = second * network.map_side(body) ** 2
         self.dense = nn.Sequential(
-            nn.Linear(features + self.size, network.encoder_hidden),
-            nn.LeakyReLU(network.slope),
-            nn.Linear(network.encoder_hidden, network.latent),
-            nn.LeakyReLU(network.slope),
+            nn.Linear(features + self.size, network.encoder_hidden), nn.LeakyReLU(network.slope),
+            nn.Linear(network.encoder_hidden, network.latent), nn.LeakyReLU(network.slope),
         )
         if network.initialisation == "scaled":
             scale_layers(self, network.slope)
@@ -109,8 +101,7 @@ class Decoder(nn.Module):
         super().__init__()
         self.size = network.latent_transition
         self.dense = nn.Sequential(
-            nn.Linear(network.latent_transition, network.decoder_hidden),
-            nn.LeakyReLU(network.slope),
+            nn.Linear(network.latent_transition, network.decoder_hidden), nn.LeakyReLU(network.slope),
             nn.Linear(network.decoder_hidden, len(body.targets)),
         )
         if network.initialisation == "scaled":
@@ -134,8 +125,7 @@ class Discriminator(nn.Module):
         super().__init__()
         self.latent = network.latent
         self.dense = nn.Sequential(
-            nn.Linear(network.latent, network.discriminator_hidden),
-            nn.LeakyReLU(network.slope),
+            nn.Linear(network.latent, network.discriminator_hidden), nn.LeakyReLU(network.slope),
             nn.Linear(network.discriminator_hidden, 1),
         )
 

@@ -151,7 +151,9 @@ class ReachPoint(gymnasium.Wrapper):
     metres by which a step came nearer to it, and 1 more for reaching it, which ends the episode.
     """
 
-    def __init__(self, env: gymnasium.Env, nearest: float = 3.0, farthest: float = 8.0, radius: float = 0.5) -> None:
+    def __init__(
+        self, env: gymnasium.Env, nearest: float = 3.0, farthest: float = 8.0, radius: float = 0.5
+    ) -> None:
         """Draw goals between `nearest` and `farthest` from the start, m; ValueError for distances in another order."""
         super().__init__(env)
         if not radius < nearest <= farthest:

@@ -37,13 +37,9 @@ class Ground:
         self.body = client.createMultiBody(0, self._shape, hidden)
         client.changeVisualShape(self.body, -1, rgbaColor=COLOUR)
         client.changeDynamics(
-            self.body,
-            -1,
-            restitution=0.0,
-            lateralFriction=physics.ground_friction,
+            self.body, -1, restitution=0.0, lateralFriction=physics.ground_friction,
             collisionMargin=physics.contact_margin,
-            contactStiffness=physics.contact_stiffness,
-            contactDamping=physics.contact_damping,
+            contactStiffness=physics.contact_stiffness, contactDamping=physics.contact_damping,
         )
         if visible:
             self._draw()

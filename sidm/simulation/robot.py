@@ -56,13 +56,8 @@ def _cylinder(radius: float, length: float) -> str:
 
 
 def _link(
-    name: str,
-    mass: float,
-    centre,
-    inertia=(0.0, 0.0, 0.0),
-    shape: str = "",
-    colour: str = TYRE_COLOUR,
-    solid: bool = True,
+    name: str, mass: float, centre, inertia=(0.0, 0.0, 0.0),
+    shape: str = "", colour: str = TYRE_COLOUR, solid: bool = True,
 ) -> str:
     """A URDF link whose frame is parallel to the body's; `centre` (3,) is its centre of mass in that frame.
 
@@ -101,12 +96,8 @@ def _axle(robot: Robot, axle: str, suspension: Suspension) -> list[str]:
         _link(f"{axle}_linkage", scale * LINKAGE_MASS, links - heave),
         _joint(f"{axle}_roll", "continuous", f"{axle}_linkage", f"{axle}_axle", roll - heave, joints.roll_axis),
         _link(
-            f"{axle}_axle",
-            scale * AXLE_MASS,
-            place(mirror(axle, "left") * REAR_AXLE) - roll,
-            shape=_cylinder(0.012, 0.25),
-            colour=AXLE_COLOUR,
-            solid=False,
+            f"{axle}_axle", scale * AXLE_MASS, place(mirror(axle, "left") * REAR_AXLE) - roll,
+            shape=_cylinder(0.012, 0.25), colour=AXLE_COLOUR, solid=False,
         ),
     ]
     for side in SIDES:
@@ -127,10 +118,7 @@ def _wheel(robot: Robot, axle: str, side: str, joints: AxleJoints, frame: np.nda
         _link(f"{name}_hub", scale * HUB_MASS, hub - pivot),
         _joint(f"{name}_wheel", "continuous", f"{name}_hub", f"{name}_tyre", tyre - pivot, (0, 1, 0)),
         _link(
-            f"{name}_tyre",
-            scale * TYRE_MASS,
-            (0, 0, 0),
-            tuple(scale * i for i in TYRE_INERTIA),
+            f"{name}_tyre", scale * TYRE_MASS, (0, 0, 0), tuple(scale * i for i in TYRE_INERTIA),
             _cylinder(TYRE_RADIUS, TYRE_WIDTH),
         ),
     ]

@@ -94,12 +94,8 @@ class Simulator:
         self._kingpins = [joints[name] for name in KINGPINS]
         for link in range(-1, len(joints)):
             client.changeDynamics(
-                self._body,
-                link,
-                linearDamping=physics.damping,
-                angularDamping=physics.damping,
-                restitution=0.0,
-                lateralFriction=self.robot.friction,
+                self._body, link, linearDamping=physics.damping, angularDamping=physics.damping,
+                restitution=0.0, lateralFriction=self.robot.friction,
             )
         client.setJointMotorControlArray(self._body, self._axles, client.VELOCITY_CONTROL, forces=[0.0] * 4)
         start = min(max(0.0, self.robot.travel_lower), self.robot.travel_upper)
@@ -161,11 +157,8 @@ class Simulator:
         throttle = action[0] * robot.throttle_scale
         steering = np.clip(action[1] * robot.steering_scale, -physics.kingpin_stop, physics.kingpin_stop)
         client.setJointMotorControlArray(
-            self._body,
-            self._wheels,
-            client.VELOCITY_CONTROL,
-            targetVelocities=[throttle] * 4,
-            forces=[physics.wheel_torque] * 4,
+            self._body, self._wheels, client.VELOCITY_CONTROL,
+            targetVelocities=[throttle] * 4, forces=[physics.wheel_torque] * 4,
         )
         for kingpin in self._kingpins:
             client.setJointMotorControl2(
@@ -176,10 +169,7 @@ class Simulator:
         """Advance by physics steps, with the suspension's torques in each."""
         client, body, joints = self._client, self._body, self._axles
         get, push, advance, torque_control = (
-            client.getJointStates,
-            client.setJointMotorControlArray,
-            client.stepSimulation,
-            client.TORQUE_CONTROL,
+            client.getJointStates, client.setJointMotorControlArray, client.stepSimulation, client.TORQUE_CONTROL
         )
         rear, front = (self._suspensions[axle].torques for axle in AXLES)
         for _ in range(steps):

@@ -31,7 +31,9 @@ def start(datasets, small_network, small_training, tmp_path):
 
 
 def same(first, second):
-    for (name, one), other in zip(first.model.state_dict().items(), second.model.state_dict().values(), strict=True):
+    for (name, one), other in zip(
+        first.model.state_dict().items(), second.model.state_dict().values(), strict=True
+    ):
         assert torch.equal(one, other), name
     assert first[1:] == second[1:]
 
@@ -39,11 +41,8 @@ def same(first, second):
 @pytest.mark.parametrize(
     "changes",
     [
-        {},
-        {"p_expert": 0.0, "regularise": False},
-        {"matching_optimiser": "shared", "decay": "l2"},
-        {"matching": "reversal"},
-        {"matching": "mmd", "frozen": "sidm"},
+        {}, {"p_expert": 0.0, "regularise": False}, {"matching_optimiser": "shared", "decay": "l2"},
+        {"matching": "reversal"}, {"matching": "mmd", "frozen": "sidm"},
         {"mirror": True, "averaging": 0.9, "tether": 10.0},
     ],
 )

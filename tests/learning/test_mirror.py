@@ -23,7 +23,9 @@ def seen(make_trajectories, small_terrain):
         if reflect:
             states, actions, heights = states * REFLECTED, actions * torch.tensor([1, -1]), heights[::-1].copy()
         maps = robot_centred_map(heights, states[:-1], 8)
-        return Motion(encode_inputs(states[:-1], actions)[None], transition(states[:-1], states[1:])[None], maps[None])
+        return Motion(
+            encode_inputs(states[:-1], actions)[None], transition(states[:-1], states[1:])[None], maps[None]
+        )
 
     return motion
 

@@ -1,5 +1,6 @@
 """What stands in for the paper's adversary: distances between distributions, gradient reversal."""
 
+
 import numpy as np
 import pytest
 import torch

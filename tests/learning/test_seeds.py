@@ -1,5 +1,6 @@
 """Streams of random numbers from one seed."""
 
+
 from sidm.learning.seeds import derive
 
 

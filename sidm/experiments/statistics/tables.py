@@ -34,8 +34,8 @@ def wide(table: pd.DataFrame, rows: Sequence[str], columns: str, value: str) -> 
     Narrow cells break before a bracket, never in it.
     """
     unbroken = table.assign(**{value: table[value].astype(str).str.replace(", ", ",\N{NO-BREAK SPACE}")})
-    one = dict(index=list(rows), columns=columns, values=value, aggfunc="first")
-    return unbroken.pivot_table(**one, sort=False, fill_value="-").reset_index()
+    found = unbroken.pivot_table(value, list(rows), columns, aggfunc="first", sort=False, fill_value="-")
+    return found.reset_index()
 
 
 def component_errors(losses: Mapping[str, Sequence[Sequence[float]]]) -> pd.DataFrame:

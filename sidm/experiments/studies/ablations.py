@@ -112,7 +112,9 @@ def iterations(
     return trials
 
 
-def setting(study: Study, system: str, name: str, values: Iterable[int], sizes: Sequence[float] = ()) -> list[Trial]:
+def setting(
+    study: Study, system: str, name: str, values: Iterable[int], sizes: Sequence[float] = ()
+) -> list[Trial]:
     """Ablation of a setting that both of the paper's methods have, of their training or their network."""
     sizes = sizes or study.preset.ablation_minutes
     return [

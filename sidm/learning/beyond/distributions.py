@@ -139,7 +139,9 @@ class DistributionModel(DynamicsModel):
         transitions, memory = self.transit(self.encode(role, inputs, maps, generator), memory, generator)
         return self.decoders[role].distribution(transitions), memory  # type: ignore[operator]
 
-    def forward(self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None) -> tuple[Tensor, Memory]:
+    def forward(
+        self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None
+    ) -> tuple[Tensor, Memory]:
         """Means (B, T, 13) and the memory, as of `DynamicsModel`."""
         found, memory = self.predict(role, inputs, maps, memory)
         return found.mean, memory

@@ -77,7 +77,9 @@ def train_distributions(
     return learn(DistributionLearner(datasets, network, training, seed, standardisation), losses_of=batch_nll)
 
 
-def batch_nll(learner: DistributionLearner, batch: dict[str, Motion], latents: dict[str, Tensor]) -> dict[str, Tensor]:
+def batch_nll(
+    learner: DistributionLearner, batch: dict[str, Motion], latents: dict[str, Tensor]
+) -> dict[str, Tensor]:
     """Negative log-likelihood of each sample of a batch and its latents by system, (b, T) each, as `batch_losses`."""
     model = learner.model
     transitions, _ = model.transit(torch.cat(list(latents.values())), generator=learner.noise)

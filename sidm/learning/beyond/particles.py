@@ -32,7 +32,9 @@ class Calibration(NamedTuple):
     coverage: tuple[tuple[float, ...], ...]  # (L, 13) share of steps within the central intervals of LEVELS
 
 
-def one_step(model: Stochastic, motion: Motion, generator: torch.Generator | None, draws: int = DRAWS) -> Calibration:
+def one_step(
+    model: Stochastic, motion: Motion, generator: torch.Generator | None, draws: int = DRAWS
+) -> Calibration:
     """Likelihood and coverage of the mixture over so many draws of the latents, whole trajectories each.
 
     Of few draws the likelihood is too small, on average. Without a generator the latents are their means.

@@ -34,7 +34,9 @@ class Seat:
     def __init__(self, number: int, run: Run, network: Network, shelves: Mapping[str, Shelf]):
         """Run `number` from its initial weights, or from its checkpoint."""
         self.number, self.run = number, run
-        self.learner = Learner(run.datasets, network, run.training, run.seed, run.standardisation, start=run.start)
+        self.learner = Learner(
+            run.datasets, network, run.training, run.seed, run.standardisation, start=run.start
+        )
         if run.checkpoint is not None:
             self.learner.restore(run.checkpoint)
         self.places = {role: shelves[role].places(self.learner.part(role)) for role in self.learner.model.encoders}

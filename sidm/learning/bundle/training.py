@@ -103,7 +103,9 @@ def _train(
         bundle.close()
 
 
-def shelves_of(runs: Sequence[Run], network: Network, roles: Sequence[str], device: torch.device) -> dict[str, Shelf]:
+def shelves_of(
+    runs: Sequence[Run], network: Network, roles: Sequence[str], device: torch.device
+) -> dict[str, Shelf]:
     """The data of each system; on one shelf where both have the paper's body, and so the same shapes and units."""
     novice = [motion for run in runs for motion in (run.datasets.train, run.datasets.test)]
     if len(roles) == 1:

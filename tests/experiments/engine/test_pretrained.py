@@ -55,7 +55,6 @@ def test_a_pretraining_has_the_expert_alone(trials):
 
 def test_what_was_tuned_yields_to_what_is_asked_for(tiny, tmp_path):
     """A method takes its tuned value; one given by hand holds for all."""
-
     def rates(preset):
         study = Study(preset, tmp_path, tmp_path)
         trials = [study.trial("system1", method, 0.25) for method in ("sidm", "pretrain_finetune")]

@@ -38,9 +38,7 @@ def jobs(tiny, data, tmp_path_factory):
 def test_every_size_and_method_is_driven_beside_a_floor_and_a_ceiling(tmp_path):
     jobs = d.jobs(Study("laptop", tmp_path, tmp_path), "system2")
     assert [(job.trial.novice_minutes, job.trial.seed, job.trial.method) for job in jobs if job.trial] == [
-        (minutes, seed, method)
-        for minutes in (1, 5, 60)
-        for seed in range(3)
+        (minutes, seed, method) for minutes in (1, 5, 60) for seed in range(3)
         for method in ("sidm", "novice_only", "corrected_averaged")
     ]
     assert [(job.driver, len(job.episodes)) for job in jobs if not job.trial] == [("simulator", 10), ("straight", 50)]

@@ -11,7 +11,6 @@ from sidm.experiments.studies import duration
 @pytest.fixture
 def every(tmp_path, make_row) -> pd.DataFrame:
     """As the authors train a quarter of the data is saved, as this book trains none."""
-
     def loss(trial) -> float:
         slow, alone = trial.training.batch == 2, trial.method == "novice_only"
         return 2 / (trial.novice_minutes / (4 if slow and alone else 1)) ** 0.5
