@@ -69,14 +69,15 @@ def provenance_line(frame: pd.DataFrame, command: str = "") -> str:
 
 
 def provenance_block(frame: pd.DataFrame, command: str = "") -> str:
-    """`provenance_line` as Markdown of the book's class `provenance`."""
-    return f'<div class="provenance">\n\n{provenance_line(frame, command)}\n\n</div>'
+    """`provenance_line` as Markdown of the book's class `provenance`, folded behind how many trials there are."""
+    return _folded(provenance_line(frame, command))
 
 
 def provenance_html(frame: pd.DataFrame, command: str = "") -> str:
     """The same in HTML, for a page that takes results over from another."""
     words = re.sub("`(.*?)`", r"<code>\1</code>", escape(provenance_line(frame, command), quote=False))
-    return f'<div class="provenance"><p>{words}</p></div>'
+    count, _, rest = words.partition("; ")
+    return f'<details class="provenance"><summary>{count}</summary><p>{rest}</p></details>'
 
 
 def made_here(chapter: str, kind: str = "training") -> str:
@@ -84,7 +85,13 @@ def made_here(chapter: str, kind: str = "training") -> str:
     one = here(0.0, 1, kind=kind)
     words = f"Made by this page; {one.date[:10]}; code {one.version} ({one.source}); {one.device}"
     again = f"again: `sidm notebook {chapter} _build/{chapter}.ipynb`."
-    return f'<div class="provenance">\n\n{words}; {again}\n\n</div>'
+    return _folded(f"{words}; {again}")
+
+
+def _folded(line: str) -> str:
+    """A line of provenance as Markdown, folded behind what stands before its first semicolon."""
+    count, _, rest = line.partition("; ")
+    return f'<details class="provenance"><summary>{count}</summary>\n\n{rest}\n\n</details>'
 
 
 def stored_line(store: Results, trials: Sequence[Trial], command: str) -> str:

@@ -136,6 +136,9 @@ COMPARED = ("sidm", "novice_only")
 #: What Figure 3 draws here: what a reviewer asks for first is in it from the start.
 FIGURE3 = (*COMPARED, "pretrain_finetune")
 
+#: What figures call an SIDM with the settings that did best with little data (`studies.tuning.LITTLE`).
+SIDM_FOR_LITTLE = "sidm_for_little"
+
 #: What might need less novice data than the paper's method and its strongest neighbour.
 VARIANTS = (
     "copies", "copies_no_regularisation", "adapters", "tethered", "averaged", "mirrored", "corrected",

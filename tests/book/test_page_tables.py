@@ -49,12 +49,14 @@ def test_a_provenance_line_counts_trials_and_names_the_command(figure3_frame):
     assert provenance_line(figure3_frame[:0], "cmd") == "No trials stored; `cmd` runs them."
 
 
-def test_a_provenance_block_is_the_line_in_the_books_class(figure3_frame):
+def test_a_provenance_block_folds_the_line_behind_its_count(figure3_frame):
     for frame in (frame_of([]), figure3_frame):
         lines = provenance_block(frame, "run it").splitlines()
-        assert lines == ['<div class="provenance">', "", provenance_line(frame, "run it"), "", "</div>"]
+        count, rest = provenance_line(frame, "run it").split("; ", 1)
+        assert lines == [f'<details class="provenance"><summary>{count}</summary>', "", rest, "", "</details>"]
     assert provenance_html(frame_of([]), "run <it>") == (
-        '<div class="provenance"><p>No trials stored; <code>run &lt;it&gt;</code> runs them.</p></div>'
+        '<details class="provenance"><summary>No trials stored</summary>'
+        "<p><code>run &lt;it&gt;</code> runs them.</p></details>"
     )
 
 

@@ -29,7 +29,7 @@ def figure3(frame: pd.DataFrame, saved: pd.DataFrame, methods: Sequence[str], wo
     system = alt.param(name="system", value=(systems or [""])[0], bind=radio)
     shown = alt.selection_point(name="shown", fields=["method"], bind="legend")
     looks = [METHOD_STYLES[name] for name in methods]
-    dashes = [DASHES[one["linestyle"]] if isinstance(one["linestyle"], str) else [4, 1, 1, 1] for one in looks]
+    dashes = [DASHES[line] if isinstance(line, str) else [*line[1]] for line in (one["linestyle"] for one in looks)]
     minutes = sorted(frame.novice_minutes.unique())
     axis = alt.Axis(values=minutes, format="~g", grid=False)
     base = alt.Chart().transform_filter("datum.system == system").encode(

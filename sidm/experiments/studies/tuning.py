@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 
 from sidm.experiments.engine.store import Results
-from sidm.experiments.methods import METHODS
+from sidm.experiments.methods import METHODS, SIDM_FOR_LITTLE
 from sidm.experiments.presets import MOST_SEEDS, Preset
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
@@ -123,6 +123,12 @@ def little_data(study: Study, system: str) -> list[Trial]:
         own = study.changed(**({"tuned": (), "tuned_system2": ()} | LITTLE_TRIES[method][words]))
         found += own.points(system, [method], sizes, seeds=study.preset.seeds)
     return found
+
+
+def sidm_for_little(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
+    """The SIDM's stored results of `little_data`, under the name that figures have for them."""
+    trials = [trial for system in systems for trial in little_data(study, system) if trial.method == "sidm"]
+    return store.frame(trials).assign(method=SIDM_FOR_LITTLE)
 
 
 def frame(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
