@@ -11,29 +11,31 @@ from sidm.experiments.engine.store import Results
 from sidm.experiments.figures.curves import figure3
 from sidm.experiments.figures.paths import figure4
 from sidm.experiments.grids import grid
-from sidm.experiments.methods import COMPARED, FIGURE3, SIDM_FOR_LITTLE
+from sidm.experiments.methods import COMPARED, FIGURE3, FOR_LITTLE
 from sidm.experiments.statistics.claims import saved
 from sidm.experiments.statistics.savings import savings
-from sidm.experiments.studies.tuning import sidm_for_little
+from sidm.experiments.studies.tuning import best_alone, for_little
 from sidm.experiments.study import Study
 from sidm.systems import SYSTEMS
 
 PRESET = "study"  # the study that the book shows
 BESIDE = "least_squares"  # beside the methods of Figure 3
-DRAWN = (*COMPARED, SIDM_FOR_LITTLE, FIGURE3[-1], BESIDE)
+DRAWN = (*COMPARED, *(name + FOR_LITTLE for name in COMPARED), FIGURE3[-1], BESIDE)
 FIGURE = Path("book/static/figure3.png")  # that the README shows
 
 
-def numbers(frame: pd.DataFrame) -> list[str]:
+def numbers(frame: pd.DataFrame, little: pd.DataFrame) -> list[str]:
     """What the README says in bold: what an SIDM saves at best, with least data if tuned for it, and what fine-tuning.
 
     Args:
-        frame: of `stored`; of both systems, one after the other.
+        frame: of Figure 3; of both systems, one after the other.
+        little: of the methods that were tuned for little data.
     """
     at_best = [saved(frame, system) for system in SYSTEMS]
     ratios = [one[name].iloc[0] for one in at_best if len(one) for name in ("value", "low", "high")]
-    little, tuned = (savings(frame, [name]).drop_duplicates("system") for name in (SIDM_FOR_LITTLE, FIGURE3[-1]))
-    return [f"{one:.2g}" for one in (*ratios, *little[["ratio", "low", "high"]].to_numpy().ravel(), *tuned.ratio)]
+    least = savings(pd.concat([little, best_alone(frame, little)]), ["sidm" + FOR_LITTLE]).drop_duplicates("system")
+    finetuned = savings(frame, ["pretrain_finetune"]).drop_duplicates("system").ratio
+    return [f"{one:.2g}" for one in (*ratios, *least[["ratio", "low", "high"]].to_numpy().ravel(), *finetuned)]
 
 
 def stated(text: str) -> list[str]:
@@ -41,21 +43,21 @@ def stated(text: str) -> list[str]:
     return re.findall(r"\*\*([\d.]+)\*\*", text)
 
 
-def stored(data: str | Path = "data") -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The results of Figure 3, with what is drawn beside it, and of Figure 4."""
+def stored(data: str | Path = "data") -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
+    """The results of Figure 3, with what stands beside it, of methods tuned for little data, and of Figure 4."""
     study, store = Study(PRESET, data), Results("results")
     trials = {name: grid(PRESET, name, data=data) for name in ("3", "references", "4")}
     beside = [trial for trial in trials["references"] if trial.method == BESIDE]
-    little = sidm_for_little(study, store, SYSTEMS)
-    return pd.concat([store.frame([*trials["3"], *beside]), little]), store.frame(trials["4"])
+    little = for_little(study, store, SYSTEMS)
+    return store.frame([*trials["3"], *beside]), little, store.frame(trials["4"])
 
 
 def main(figures: Path = Path("_build/figures")) -> None:
     """Draw Figures 3 and 4 into a folder, and Figure 3 for the README."""
-    frame, frame4 = stored()
+    frame, little, frame4 = stored()
     figures.mkdir(parents=True, exist_ok=True)
     for path in (figures / "figure3.png", FIGURE):
-        figure3(frame, methods=DRAWN).savefig(path)
+        figure3(pd.concat([frame, little]), methods=DRAWN).savefig(path)
     figure4(frame4).savefig(figures / "figure4.png")
     print(f"{FIGURE} and {figures}/figure3.png, figure4.png are drawn from {len(frame)} stored trials")
 

@@ -136,8 +136,8 @@ COMPARED = ("sidm", "novice_only")
 #: What Figure 3 draws here: what a reviewer asks for first is in it from the start.
 FIGURE3 = (*COMPARED, "pretrain_finetune")
 
-#: What figures call an SIDM with the settings that did best with little data (`studies.tuning.LITTLE`).
-SIDM_FOR_LITTLE = "sidm_for_little"
+#: Ends what figures call a method with the settings that did best with little data (`studies.tuning.LITTLE`).
+FOR_LITTLE = "_for_little"
 
 #: What might need less novice data than the paper's method and its strongest neighbour.
 VARIANTS = (

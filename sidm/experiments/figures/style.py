@@ -19,7 +19,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sidm.experiments.methods import METHODS, SIDM_FOR_LITTLE
+from sidm.experiments.methods import FOR_LITTLE, METHODS
 from sidm.systems import Terrain
 
 STYLE = Path(__file__).with_name("sidm.mplstyle")
@@ -49,8 +49,12 @@ _PLAIN = {"color": "#555555", "linestyle": "-", "marker": "."}  # of methods tha
 METHOD_STYLES: dict[str, dict[str, Any]] = {
     name: _LOOKS.get(name, _PLAIN) | {"label": method.label} for name, method in METHODS.items()
 }
-METHOD_STYLES[SIDM_FOR_LITTLE] = {
-    "color": "#56B4E9", "linestyle": (0, (5, 1)), "marker": "v", "label": "with SIDM, tuned for little data",
+METHOD_STYLES |= {  # with other settings: see `studies.tuning`
+    name + FOR_LITTLE: METHOD_STYLES[name] | look | {"label": f"{METHODS[name].label}, tuned for little data"}
+    for name, look in {
+        "sidm": {"color": "#56B4E9", "marker": "v"}, "novice_only": {"color": "#E69F00", "marker": "^"},
+        "pretrain_finetune": {"color": "#882255", "marker": "d"},
+    }.items()
 }  # fmt: skip
 SIZE_STYLES: tuple[dict[str, Any], ...] = (
     {"color": "#0072B2", "linestyle": "-", "marker": "o"},

@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 
 from sidm.experiments.engine.store import Results
-from sidm.experiments.methods import METHODS, SIDM_FOR_LITTLE
+from sidm.experiments.methods import FOR_LITTLE, METHODS
 from sidm.experiments.presets import MOST_SEEDS, Preset
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
@@ -85,8 +85,12 @@ LITTLE_TRIES: dict[str, dict[str, dict[str, Any]]] = {
 }  # fmt: skip
 
 
-#: The try with the lowest test loss on system 1 at 5 minutes, of the methods for which it is not what Figure 3 has.
-LITTLE = {"sidm": "p_e 0.9, 100 matching iterations", "pretrain_finetune": "fine-tuning at 0.0003"}
+#: The try with a system's lowest test loss at 5 minutes, of methods that Figure 3 has more than LITTLE_WORTH above it.
+LITTLE = {
+    "system1": {"sidm": "p_e 0.9, 100 matching iterations"},
+    "system2": {"sidm": "p_e 0.9, 100 matching iterations", "novice_only": "batch 4"},
+}
+LITTLE_WORTH = 0.01  # share of the loss
 LITTLE_MINUTES = 5.0  # up to which Figure 3 is run with these settings
 
 
@@ -119,16 +123,24 @@ def trials(study: Study, system: str) -> list[Trial]:
 def little_data(study: Study, system: str) -> list[Trial]:
     """Figure 3 with little data again, with what its methods were tuned to at 5 minutes: those that LITTLE names."""
     sizes, found = [one for one in study.preset.novice_minutes(system) if one <= LITTLE_MINUTES], []
-    for method, words in LITTLE.items():
+    for method, words in LITTLE[system].items():
         own = study.changed(**({"tuned": (), "tuned_system2": ()} | LITTLE_TRIES[method][words]))
         found += own.points(system, [method], sizes, seeds=study.preset.seeds)
     return found
 
 
-def sidm_for_little(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
-    """The SIDM's stored results of `little_data`, under the name that figures have for them."""
-    trials = [trial for system in systems for trial in little_data(study, system) if trial.method == "sidm"]
-    return store.frame(trials).assign(method=SIDM_FOR_LITTLE)
+def for_little(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
+    """The stored results of `little_data`, their methods under the names that figures have for them."""
+    found = store.frame([trial for system in systems for trial in little_data(study, system)])
+    return found.assign(method=found.method + FOR_LITTLE)
+
+
+def best_alone(frame: pd.DataFrame, little: pd.DataFrame) -> pd.DataFrame:
+    """Training without SIDM at its best: of `for_little` where that has it, else of Figure 3."""
+    at = ["system", "novice_minutes"]
+    own, usual = little[little.method == "novice_only" + FOR_LITTLE], frame[frame.method == "novice_only"]
+    rest = usual[~usual.set_index(at).index.isin(own.set_index(at).index)]
+    return pd.concat([own.assign(method="novice_only"), rest])
 
 
 def frame(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:

@@ -2,16 +2,22 @@
 
 import dataclasses
 
+import pandas as pd
 import pytest
 
 from sidm.experiments import Results, Study, load_preset
-from sidm.experiments.methods import METHODS
+from sidm.experiments.engine.frame import frame_of
+from sidm.experiments.methods import FOR_LITTLE, METHODS
+from sidm.experiments.statistics.savings import savings
 from sidm.experiments.studies.tuning import (
     LITTLE,
     LITTLE_TRIES,
+    LITTLE_WORTH,
     TRIES,
     TUNED,
     TUNING_SEED,
+    best_alone,
+    for_little,
     frame,
     little_data,
     settings,
@@ -19,6 +25,7 @@ from sidm.experiments.studies.tuning import (
     tried,
 )
 from sidm.experiments.studies.tuning import trials as trials_of
+from sidm.systems import SYSTEMS
 from tests.experiments.conftest import RESULTS
 
 
@@ -70,20 +77,40 @@ def test_the_laptop_is_tuned_to_its_best_tries(method):
         assert METHODS[method].pretraining(preset) == METHODS[method].pretraining(best)
 
 
+@pytest.mark.parametrize("system", SYSTEMS)
 @pytest.mark.parametrize("method", LITTLE_TRIES)
-def test_with_little_data_the_best_tries_at_five_minutes_are_taken(method):
-    """By the rule: the lowest test loss on system 1; the others are Figure 3's."""
+def test_with_little_data_the_best_tries_at_five_minutes_are_taken(method, system):
+    """By the rule: a system's lowest test loss, where Figure 3's setting is not as good."""
     study, store = Study("study", "no data", RESULTS), Results(RESULTS)
-    trials = [t for t in trials_of(study, "system1") if t.method == method]
+    trials = [t for t in trials_of(study, system) if t.method == method]
     losses = [row.outcome.best_test_loss for row in store.rows(trials)]
     assert len(losses) == len(LITTLE_TRIES[method])
     best = trials[losses.index(min(losses))]
-    again = [t for t in little_data(study, "system1") if t.method == method]
-    if method in LITTLE:
+    figure3 = study.points(system, [method], [5.0])[0]
+    same = [t for t in trials if (t.training, t.pretraining) == (figure3.training, figure3.pretraining)]
+    (above,) = (losses[trials.index(t)] / min(losses) - 1 for t in same)
+    again = [t for t in little_data(study, system) if t.method == method]
+    assert (method in LITTLE[system]) == bool(again) == (above > LITTLE_WORTH)
+    if again:
         assert len({t.key for t in again}) == 15 and {t.seed for t in again} == set(range(5))
-    used = again or study.points("system1", [method], [5.0])
-    assert {(t.training, t.pretraining) for t in used} == {(best.training, best.pretraining)}
-    assert {t.motion for t in used} == {"figures"}
+        assert {(t.training, t.pretraining) for t in again} == {(best.training, best.pretraining)}
+        assert {t.motion for t in again} == {"figures"}
+
+
+def test_savings_are_beside_the_best_of_training_alone(make_row, tmp_path):
+    """The SIDM's data count eight times; on system 2, with settings of its own, those of training alone do twice."""
+    study, store = Study("study", tmp_path, tmp_path), Results(tmp_path)
+
+    def row(trial, worth=1.0):
+        return make_row(trial, (1 + 0.01 * trial.seed) * (worth * trial.novice_minutes) ** -0.5)
+
+    figure3 = frame_of(row(t) for s in SYSTEMS for t in study.figure3(s))
+    worth = {"sidm": 8.0, "novice_only": 2.0, "pretrain_finetune": 30.0}
+    for trial in (t for s in SYSTEMS for t in little_data(study, s)):
+        store.put(row(trial, worth[trial.method]))
+    little = for_little(study, store, SYSTEMS)
+    found = savings(pd.concat([little, best_alone(figure3, little)]), ["sidm" + FOR_LITTLE])
+    assert found.drop_duplicates("system").ratio.tolist() == pytest.approx([8, 4])
 
 
 def test_the_settings_that_each_method_came_to():
