@@ -22,8 +22,8 @@ def test_another_store_would_have_other_numbers(monkeypatch):
     frame, little, _ = stored("no data")
 
     def with_half(method):
-        both = (some.assign(validation_loss=some.validation_loss / (1 + (some.method == method))) for some in (frame, little))
-        return numbers(*both)
+        both = ((some, 1 + (some.method == method)) for some in (frame, little))
+        return numbers(*(some.assign(validation_loss=some.validation_loss / parts) for some, parts in both))
 
     usual = numbers(frame, little)
     assert len(usual) == 14 and with_half("sidm")[:6] != usual[:6] and with_half("sidm")[6:] == usual[6:]
