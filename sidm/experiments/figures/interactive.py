@@ -32,10 +32,11 @@ def figure3(frame: pd.DataFrame, saved: pd.DataFrame, methods: Sequence[str], wo
     dashes = [DASHES[line] if isinstance(line, str) else [*line[1]] for line in (one["linestyle"] for one in looks)]
     minutes = sorted(frame.novice_minutes.unique())
     axis = alt.Axis(values=minutes, format="~g", grid=False)
+    columns = alt.ExprRef("width < 400 ? 1 : 2")  # of the legend, on a telephone
     base = alt.Chart().transform_filter("datum.system == system").encode(
         x=alt.X("minutes:Q", title="novice data (min)", scale=alt.Scale(type="log", nice=False), axis=axis),
         color=alt.Color("method:N", title="click to show one", scale=alt.Scale(domain=labels, range=[
-            one["color"] for one in looks]), legend=alt.Legend(orient="bottom", columns=2, labelLimit=300)),
+            one["color"] for one in looks]), legend=alt.Legend(orient="bottom", columns=columns, labelLimit=300)),
         opacity=alt.condition(shown, alt.value(1), alt.value(0.06)),
     )  # fmt: skip
     loss = alt.Axis(values=[0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.7, 1, 2, 5], format="~g")
