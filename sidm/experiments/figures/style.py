@@ -52,10 +52,10 @@ METHOD_STYLES: dict[str, dict[str, Any]] = {
 METHOD_STYLES |= {  # with other settings: see `studies.tuning`
     name + FOR_LITTLE: METHOD_STYLES[name] | look | {"label": f"{METHODS[name].label}, tuned for little data"}
     for name, look in {
-        "sidm": {"color": "#56B4E9", "marker": "v"}, "novice_only": {"color": "#E69F00", "marker": "^"},
-        "pretrain_finetune": {"color": "#882255", "marker": "d"},
+        "sidm": {"color": "#56B4E9", "marker": "v"},
+        "novice_only": {"color": "#E69F00", "marker": "^"},
     }.items()
-}  # fmt: skip
+}
 SIZE_STYLES: tuple[dict[str, Any], ...] = (
     {"color": "#0072B2", "linestyle": "-", "marker": "o"},
     {"color": "#D55E00", "linestyle": "--", "marker": "s"},

@@ -53,7 +53,7 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def verdict(table: pd.DataFrame) -> bool | None:
-    """Whether the claim holds at every pair and size; None where one is not run with FEWEST_SEEDS or more."""
+    """Whether the claim holds at every pair and size: not if it fails at one, None before all have FEWEST_SEEDS."""
     run = table[table.seeds >= FEWEST_SEEDS]
     whole = len(run) == len(PAIRS) * len(SIZES)
-    return bool(run.holds.all()) if whole else None
+    return (True if whole else None) if run.holds.all() else False

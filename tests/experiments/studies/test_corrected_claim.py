@@ -36,6 +36,8 @@ def test_the_claim_holds_where_three_times_the_data_of_the_best_rival_are_worth_
     assert verdict(less) is False and not less.holds.any()
 
 
-def test_there_is_no_verdict_before_all_pairs_are_run(every, make_row):
+def test_before_all_pairs_are_run_the_claim_can_only_fail(every, make_row):
     some = frame_of(make_row(t, losses({METHOD: 9.0})(t)) for t in every if t.system != PAIRS[-1])
     assert verdict(table(some)) is None and verdict(table(some[:0])) is None
+    less = frame_of(make_row(t, losses({})(t)) for t in every if t.system == PAIRS[0])
+    assert verdict(table(less)) is False

@@ -105,7 +105,7 @@ def test_savings_are_beside_the_best_of_training_alone(make_row, tmp_path):
         return make_row(trial, (1 + 0.01 * trial.seed) * (worth * trial.novice_minutes) ** -0.5)
 
     figure3 = frame_of(row(t) for s in SYSTEMS for t in study.figure3(s))
-    worth = {"sidm": 8.0, "novice_only": 2.0, "pretrain_finetune": 30.0}
+    worth = {"sidm": 8.0, "novice_only": 2.0}
     for trial in (t for s in SYSTEMS for t in little_data(study, s)):
         store.put(row(trial, worth[trial.method]))
     little = for_little(study, store, SYSTEMS)
