@@ -25,7 +25,7 @@ FIGURE = Path("book/static/figure3.png")  # that the README shows
 
 
 def numbers(frame: pd.DataFrame, little: pd.DataFrame) -> list[str]:
-    """What the README says in bold: what an SIDM saves at best, with least data if tuned for it, and what fine-tuning.
+    """What the README says in bold: what an SIDM saves at best, what one tuned for least data, and what fine-tuning.
 
     Args:
         frame: of Figure 3; of both systems, one after the other.

@@ -76,8 +76,7 @@ def provenance_block(frame: pd.DataFrame, command: str = "") -> str:
 def provenance_html(frame: pd.DataFrame, command: str = "") -> str:
     """The same in HTML, for a page that takes results over from another."""
     words = re.sub("`(.*?)`", r"<code>\1</code>", escape(provenance_line(frame, command), quote=False))
-    count, _, rest = words.partition("; ")
-    return f'<details class="provenance"><summary>{count}</summary><p>{rest}</p></details>'
+    return _folded(words, "<p>{}</p>")
 
 
 def made_here(chapter: str, kind: str = "training") -> str:
@@ -88,10 +87,10 @@ def made_here(chapter: str, kind: str = "training") -> str:
     return _folded(f"{words}; {again}")
 
 
-def _folded(line: str) -> str:
-    """A line of provenance as Markdown, folded behind what stands before its first semicolon."""
+def _folded(line: str, inside: str = "\n\n{}\n\n") -> str:
+    """A line of provenance, folded behind what stands before its first semicolon; `inside` is Markdown's or HTML's."""
     count, _, rest = line.partition("; ")
-    return f'<details class="provenance"><summary>{count}</summary>\n\n{rest}\n\n</details>'
+    return f'<details class="provenance"><summary>{count}</summary>{inside.format(rest)}</details>'
 
 
 def stored_line(store: Results, trials: Sequence[Trial], command: str) -> str:

@@ -101,7 +101,11 @@ def tries_of(preset: Preset) -> dict[str, dict[str, dict[str, Any]]]:
 
 def tried(preset: Preset, method: str, words: str) -> Preset:
     """The preset of a try of a method: untuned but for the try's changes."""
-    return preset.replace(**({"tuned": (), "tuned_system2": ()} | tries_of(preset)[method][words]))
+    return _untuned_but(preset, tries_of(preset)[method][words])
+
+
+def _untuned_but(preset: Preset, changes: dict[str, Any]) -> Preset:
+    return preset.replace(**({"tuned": (), "tuned_system2": ()} | changes))
 
 
 def tries(study: Study, system: str) -> list[tuple[str, Trial]]:
@@ -124,7 +128,7 @@ def little_data(study: Study, system: str) -> list[Trial]:
     """Figure 3 with little data again, with what its methods were tuned to at 5 minutes: those that LITTLE names."""
     sizes, found = [one for one in study.preset.novice_minutes(system) if one <= LITTLE_MINUTES], []
     for method, words in LITTLE[system].items():
-        own = study.changed(**({"tuned": (), "tuned_system2": ()} | LITTLE_TRIES[method][words]))
+        own = study.of(_untuned_but(study.preset, LITTLE_TRIES[method][words]))
         found += own.points(system, [method], sizes, seeds=study.preset.seeds)
     return found
 
