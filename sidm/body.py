@@ -64,7 +64,7 @@ class Body:
     map_pixels: int = 0  # a side of it; 0: as many as `Network.pixels`
     rate: float = 10.0  # control steps a second, Hz
     weights: Literal["ones", "variance"] = "variance"  # of y's components in equation (1): 1, or 1 over the variance in
-    # the system's own training motion
+    # the system's own motion that it learns from, or that a trial judges by
 
     def __post_init__(self) -> None:
         """Refuse what is no body, naming the fault."""

@@ -59,7 +59,8 @@ def main(figures: Path = Path("_build/figures")) -> None:
     for path in (figures / "figure3.png", FIGURE):
         figure3(pd.concat([frame, little]), methods=DRAWN).savefig(path)
     figure4(frame4).savefig(figures / "figure4.png")
-    print(f"{FIGURE} and {figures}/figure3.png, figure4.png are drawn from {len(frame)} stored trials")
+    drawn = len(frame) + len(little) + len(frame4)
+    print(f"{FIGURE} and {figures}/figure3.png, figure4.png are drawn from {drawn} trials")
 
 
 if __name__ == "__main__":

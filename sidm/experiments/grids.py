@@ -98,7 +98,7 @@ def grid(
                 found |= {trial.key: trial for trial in maker(study, one)}
     trials = list(found.values())
     if not trials:
-        raise ConfigError(f"figure {figure} has no trials of {system}")
+        raise ConfigError(f"figure {figure} has no trials of {system}, only of {', '.join(FIGURES[figure][1])}")
     for name, wanted, of in (("minutes", minutes, "novice_minutes"), ("seeds", seeds, "seed")):
         if wanted is not None:
             known = sorted({getattr(trial, of) for trial in trials})

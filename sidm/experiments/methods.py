@@ -40,15 +40,15 @@ class Method(NamedTuple):
 
     def training(self, preset: Preset, system: str) -> Training:
         """Its training on a system's novice: the preset's, with what it was tuned to and what it changes."""
-        values = preset.tuned_values(self.tuned_as, system) | dict(self.all_changes) | dict(self.changes)
+        values = preset.tuned_values(self.tuned_as) | dict(self.all_changes) | dict(self.changes)
         p_expert = preset.p_expert(system) if self.expert else 0.0
         return change(preset.training, **(dict(p_expert=p_expert, regularise=self.regularise) | values))
 
-    def pretraining(self, preset: Preset, system: str = "system1") -> Training | None:
+    def pretraining(self, preset: Preset) -> Training | None:
         """Its training on the expert alone; None for a method that begins afresh."""
         if not self.pretrained:
             return None
-        values = preset.tuned_values("pretraining", system) | dict(self.all_changes)
+        values = preset.tuned_values("pretraining") | dict(self.all_changes)
         return change(preset.training, **values, p_expert=0.0, regularise=False)
 
 

@@ -6,6 +6,7 @@ This table is the only place where a preset's numbers stand; `params/NAME.yaml` 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable
 from typing import Any, Literal
 
 from sidm.config import ConfigError, config, conform, refuse_nonsense, unknown_name
@@ -53,7 +54,6 @@ class Preset:
     network: Network = Network()
     training: Training = Training()
     tuned: tuple[tuple[str, str, Any], ...] = ()  # method, setting of its training, value instead of `training`'s
-    tuned_system2: tuple[tuple[str, str, Any], ...] = ()  # of system 2; none: as system 1
     references: tuple[str, ...] = ("least_squares",)  # methods that stand beside Figure 3 at every size
     free_strut_minutes: tuple[float, ...] = (1.0, 5.0, 20.0, 60.0)  # sizes of Figure 3 with free struts
     free_strut_seeds: int = 3  # trials a point of it
@@ -74,7 +74,7 @@ class Preset:
             if name.endswith("seeds") and name != "more_seeds" and not 1 <= value <= MOST_SEEDS:
                 raise ConfigError(f"{name} must be from 1 to {MOST_SEEDS}, not {value}")
         names = {field.name for field in dataclasses.fields(Training)} - {"p_expert", "regularise"}  # type: ignore
-        for _, setting, _ in (*self.tuned, *self.tuned_system2):
+        for _, setting, _ in self.tuned:
             if setting not in names:
                 raise unknown_name(setting, names, "what a method is tuned in")
         if self.policy not in POLICIES:
@@ -95,15 +95,17 @@ class Preset:
         """Minutes of motion in a system's novice pool."""
         return self._of(system, "pool_minutes")
 
+    def held(self, system: str, sizes: Iterable[float]) -> tuple[float, ...]:
+        """Those of some sizes, in minutes, that a system's novice pool holds."""
+        return tuple(size for size in sizes if size <= self.pool_minutes(system))
+
     def p_expert(self, system: str) -> float:
         """The paper's p_e for a system."""
         return self._of(system, "p_expert")
 
-    def tuned_values(self, method: str, system: str = "system1") -> dict[str, Any]:
+    def tuned_values(self, method: str) -> dict[str, Any]:
         """The settings of its training that a method was tuned to; 'pretraining' stands for that on the expert."""
-        second = find_system(system).name.removesuffix(FREE_STRUTS) == "system2"
-        values = (second and self.tuned_system2) or self.tuned
-        return {setting: value for name, setting, value in values if name == method}
+        return {setting: value for name, setting, value in self.tuned if name == method}
 
     def datasets(self, system: str) -> dict[str, Dataset]:
         """What all trials of a system need: 'novice' (the pool), 'expert', 'validation', 'rollout'."""
@@ -140,8 +142,7 @@ class Preset:
                 `regularise` are the method's to set and not known here.
         """
         own, parts = dict(vars(self)), {"network": dict(vars(self.network)), "training": dict(vars(self.training))}
-        for name in ("tuned", "tuned_system2"):
-            own[name] = tuple(one for one in own[name] if one[1] not in changes)
+        own["tuned"] = tuple(one for one in self.tuned if one[1] not in changes)
         groups = [own, *parts.values()]
         hidden = {"name", "p_expert", "regularise", *parts}
         for name, value in changes.items():

@@ -1,4 +1,4 @@
-"""A study: a preset's trials. Figures 3 and 4, the tuning of the methods, their neighbours, what choices are worth."""
+"""A study: a preset's trials. Figures 3 and 4, what stands beside them, and the points of every other grid."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Study:
             policy=preset.policy,
             network=dataclasses.replace(preset.network, own=one.own),  # type: ignore
             training=training or one.training(preset, system),
-            pretraining=one.pretraining(preset, system),
+            pretraining=one.pretraining(preset),
             pretrained=one.carried,
             residual=one.residual,
             fit=one.fit,

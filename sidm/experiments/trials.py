@@ -9,7 +9,7 @@ import json
 from collections.abc import Mapping
 from typing import Any, Literal
 
-from sidm.config import ConfigError, config, from_mapping, refuse_nonsense, to_mapping
+from sidm.config import ConfigError, config, refuse_nonsense, to_mapping
 from sidm.learning.settings import Network, Training
 from sidm.systems import find_system
 from sidm.trajectory import Collection, trajectories_for
@@ -145,11 +145,6 @@ class Trial:
     def to_json(self) -> dict[str, Any]:
         """All its values as plain nested mappings, without those of LATER by default, so that older keys still hold."""
         return _without_later(to_mapping(self))
-
-    @classmethod
-    def from_json(cls, values: Mapping[str, Any]) -> Trial:
-        """The trial that `to_json` wrote; ConfigError when a name or a type is not right."""
-        return from_mapping(cls, values)
 
 
 def key_of_values(values: Mapping[str, Any]) -> str:

@@ -24,17 +24,22 @@ def mean_loss(model: Predictor, motion: Motion | Part, role: str = "novice") -> 
     return total / motion.targets[..., 0].numel()
 
 
-def validation_loss(model: Predictor, motion: Motion | Part, role: str = "novice") -> Tensor:
-    """Mean over all steps of `motion` of each term of equation (1): (Y,) float64; their sum is the loss."""
-    parts = (terms.double().sum((0, 1)).cpu() for terms in _terms(model, motion, role))
+def validation_loss(
+    model: Predictor, motion: Motion | Part, role: str = "novice", weights: Tensor | None = None
+) -> Tensor:
+    """Mean over all steps of `motion` of each term of equation (1): (Y,) float64; their sum is the loss.
+
+    The `weights` (Y,) of the components are those that the model was trained with unless given.
+    """
+    parts = (terms.double().sum((0, 1)).cpu() for terms in _terms(model, motion, role, weights))
     return sum(parts, torch.zeros(())) / motion.targets[..., 0].numel()
 
 
 @torch.inference_mode()
-def _terms(model: Predictor, motion: Motion | Part, role: str) -> list[Tensor]:
+def _terms(model: Predictor, motion: Motion | Part, role: str, weights: Tensor | None = None) -> list[Tensor]:
     """The terms of equation (1), (B, T, Y), batch by batch."""
     parts = (part.to(model.device) for part in motion.split(EVALUATION_BATCH))
-    weights = model.loss_weights(role)
+    weights = model.loss_weights(role) if weights is None else weights.to(model.device)
     return [component_losses(model(role, part.inputs, part.maps)[0], part.targets, weights) for part in parts]
 
 

@@ -23,7 +23,7 @@ def test_a_figure_costs_what_its_stored_trials_took(tmp_path, make_row):
 
 
 def test_robots_with_free_struts_are_in_no_other_preset(tmp_path):
-    """They have the settings of the robots that they are, and motion of their own."""
+    """They have the p_e of the robots that they are, and motion of their own."""
     free = grid("study", "free-struts", data=tmp_path, results=tmp_path)
     assert {trial.system for trial in free} == set(FREE_SYSTEMS)
     own = {trial.datasets["expert"].collection for trial in free}
@@ -31,10 +31,10 @@ def test_robots_with_free_struts_are_in_no_other_preset(tmp_path):
         every = grid(name, "all", data=tmp_path, results=tmp_path)
         assert {trial.system for trial in every} == set(SYSTEMS)
         assert own.isdisjoint(trial.datasets["expert"].collection for trial in every)
-    preset = load_preset("study", tuned_system2=[["sidm", "learning_rate", 0.5]])
-    rates = {
-        trial.system: trial.training.learning_rate
+    preset = load_preset("study", p_expert_system2=0.125)
+    shares = {
+        trial.system: trial.training.p_expert
         for trial in grid(preset, "free-struts", data=tmp_path, results=tmp_path)
         if trial.method == "sidm"
     }
-    assert rates["system2_free_struts"] == 0.5 != rates["system1_free_struts"]
+    assert shares["system2_free_struts"] == 0.125 != shares["system1_free_struts"]

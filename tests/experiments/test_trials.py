@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from sidm.body import ROVER
-from sidm.config import ConfigError
+from sidm.config import ConfigError, from_mapping
 from sidm.experiments import METHODS, PRESETS, UNKNOWN, Study, Trial, grid, load_preset
 from sidm.experiments.engine.datasets import differing
 from sidm.experiments.methods import COMPARED, CORES, MIRRORED, RIVAL, VARIANTS, change
@@ -46,7 +46,7 @@ def changed(value, kind):
 
 def test_key_survives_json():
     """Through JSON a trial comes back equal, with the same key, ints given for floats or not."""
-    back = Trial.from_json(json.loads(json.dumps(TRIAL.to_json())))
+    back = from_mapping(Trial, json.loads(json.dumps(TRIAL.to_json())))
     assert back == TRIAL and back.key == TRIAL.key == TRIAL.replace(novice_minutes=1.0).key
     assert len(TRIAL.key) == 20
 
@@ -86,7 +86,7 @@ def test_key_feels_every_field():
 def test_trials_refuse_what_cannot_be_run(changes, words):
     """One line that says which value is wrong."""
     with pytest.raises(ConfigError, match=words):
-        Trial.from_json(TRIAL.to_json() | changes)
+        from_mapping(Trial, TRIAL.to_json() | changes)
 
 
 def test_what_came_later_is_not_named_by_default():
@@ -95,7 +95,7 @@ def test_what_came_later_is_not_named_by_default():
     alone = change(TRIAL.training, p_expert=0.0, regularise=False)
     solved = TRIAL.replace(training=alone, fit="least_squares")
     assert "fit" not in TRIAL.to_json() and solved.to_json()["fit"] == "least_squares"
-    assert Trial.from_json(solved.to_json()) == solved
+    assert from_mapping(Trial, solved.to_json()) == solved
 
 
 def test_datasets_are_disjoint():

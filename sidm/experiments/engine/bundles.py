@@ -69,7 +69,7 @@ def run_bundle(
         device: where to compute.
 
     Yields:
-        What is stored of a trial: its outcome is that of `measure.perform` but for rounding.
+        What is stored of a trial: its outcome is that of `execute.perform` but for rounding.
     """
     library, ready = Library(data), []
     for trial in trials:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -29,6 +30,7 @@ from sidm.learning.networks import Network
 from sidm.learning.observation import seen_as
 from sidm.learning.training import Tested, Trained, TrainingError, train
 from sidm.learning.units import Standardisation, loss_weights, units_for, units_of
+from sidm.numerics import versions
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain
 from sidm.trajectory import Trajectory
@@ -160,10 +162,14 @@ class Judged(NamedTuple):
 
 
 def judge(model: Predictor, trial: Trial, library: Library) -> Judged:
-    """A model of a trial's novice on the trial's validation set and rollouts, where the model is."""
-    losses = validation_loss(model, library.motion(trial, "validation"))
+    """A model of a trial's novice on the trial's validation set and rollouts, where the model is.
+
+    Where the body's loss is in units of the variance, they are the validation set's: the same for every seed and size.
+    """
+    body, motion = trial.network.body("novice"), library.motion(trial, "validation")
+    losses = validation_loss(model, motion, weights=loss_weights(body, Standardisation.of(motion, maps_from=1)))
     predicted, actual = roll_out(model, trial, library.rollouts(trial))
-    position, heading = rollout_errors(predicted, actual, trial.network.body("novice"))
+    position, heading = rollout_errors(predicted, actual, body)
     return Judged(losses, position.mean(0), heading.mean(0), predicted, actual)
 
 
@@ -212,7 +218,9 @@ def run_trial(
 
 
 def stored_as(trial: Trial, found: Outcome | TrainingError, made: Provenance) -> Row | Failure:
-    """What the store keeps of a trial."""
+    """What the store keeps of a trial; one whose motion has a version of its own depends on it."""
+    if not find_system(trial.system).physics.strut_motors:
+        made = dataclasses.replace(made, numerics=versions("free_struts") | made.numerics)  # type: ignore[type-var]
     if isinstance(found, TrainingError):
         return Failure(trial=trial, what=found.what, loss=str(found.loss), iteration=found.iteration, provenance=made)
     return Row(trial=trial, outcome=found, provenance=made)

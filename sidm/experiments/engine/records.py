@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from sidm.config import ConfigError, from_mapping
 from sidm.experiments.engine.datasets import others
 from sidm.experiments.engine.provenance import THREADS, Provenance, here
+from sidm.experiments.trials import LATER as LATER_OF_TRIALS
 from sidm.experiments.trials import key_of_values
 from sidm.progress import progress_bar
 from sidm.storage import Damaged, read_record, write_record
@@ -26,8 +27,8 @@ F = TypeVar("F")  # a `config` class with its `about`, a `config` object too, an
 
 DIGITS = 6  # significant, of stored floats
 
-#: Values of what records are about that older ones do not have, where they are as they were then.
-LATER = (("motion", "figures"), ("novice_body", None), ("expert_body", None), ("pretrained", "all"))
+#: Values that older records do not have, where they are as they were then; `fit` they had from the first.
+LATER = tuple(one for one in LATER_OF_TRIALS if one[0] != "fit")
 
 #: What studies that are run as modules may be told: by default, and what it is.
 OPTIONS = {

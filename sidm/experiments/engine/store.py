@@ -27,8 +27,8 @@ SCHEMA = 3  # of a row's file: 3 has the versions of its numbers
 class Outcome:
     """What a trial yields: a pure function of the trial and its data. K rollout steps of 0.1 s, C curve points."""
 
-    validation_loss: float  # equation (1) on the validation set, a sample, raw units of y
-    component_losses: tuple[float, ...]  # (13,) its summands
+    validation_loss: float  # equation (1) on the validation set, a sample, in raw units of y or, as a body may ask,
+    component_losses: tuple[float, ...]  # over each component's variance there; (Y,) its summands
     best_test_loss: float  # equation (1) on the novice test split, smoothed, of the weights that were kept
     position_error: tuple[float, ...]  # (K,) m, mean over the rollouts, after each step
     heading_error: tuple[float, ...]  # (K,) rad, mean over the rollouts, after each step
@@ -40,11 +40,11 @@ class Outcome:
     iterations: int  # of prediction, in all
     samples: int  # seen by prediction training, in all; without those of pretraining
     pretraining_samples: int = 0  # of the expert's, seen by the pretraining that the trial started from
-    #: The loss by component at D points along the training, ever farther apart, on the first trajectories of each set;
-    #: of older trials, of those of a bundle and of closed forms there are none.
+    #: The loss by component at D points along the training, in its units, ever farther apart, on the first trajectories
+    #: of each set; of older trials, of those of a bundle and of closed forms there are none.
     component_samples: tuple[int, ...] = ()  # (D,) samples seen
-    component_test: tuple[tuple[float, ...], ...] = ()  # (D, 13) summands of equation (1)
-    component_validation: tuple[tuple[float, ...], ...] = ()  # (D, 13)
+    component_test: tuple[tuple[float, ...], ...] = ()  # (D, Y) summands of equation (1)
+    component_validation: tuple[tuple[float, ...], ...] = ()  # (D, Y)
     rollouts_predicted: tuple[tuple[tuple[float, ...], ...], ...] = ()  # (3, K + 1, 13) states of the first rollouts
     rollouts_actual: tuple[tuple[tuple[float, ...], ...], ...] = ()  # (3, K + 1, 13) where the robot really went
 

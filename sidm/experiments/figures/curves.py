@@ -83,12 +83,12 @@ def changed_choices(
 
 
 @styled
-def efficiency_curves(frame: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
+def efficiency_curves(frame: pd.DataFrame) -> Figure:
     """Data-efficiency ratio against the loss to be reached, its 95 % interval shaded; triangles mark bounds."""
     xlabel = "validation loss to reach\n(squared m, m/s and rad/s, summed)"
     ylabel = "data without SIDM / data with SIDM (-)"
-    figure, plots = by_system(frame, systems, yscale="log", xlabel=xlabel, ylabel=ylabel)
-    for system, (axes, mine) in zip(systems, plots, strict=True):
+    figure, plots = by_system(frame, tuple(SYSTEMS), yscale="log", xlabel=xlabel, ylabel=ylabel)
+    for system, (axes, mine) in zip(SYSTEMS, plots, strict=True):
         losses = complete(mine, system)
         if losses.values.size:
             sidm, novice = losses.values.mean(0)

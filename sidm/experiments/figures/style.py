@@ -1,6 +1,6 @@
 """What all figures have in common: the style, how methods look, plots side by side.
 
-Matplotlib is imported when something is drawn: those who list trials do without.
+`pyplot`, the slow part of Matplotlib, is imported when something is drawn: those who list trials do without.
 """
 
 from __future__ import annotations

@@ -61,6 +61,11 @@ def judged(
     return lines[list(COLUMNS)]
 
 
+def beside_one(table: pd.DataFrame) -> np.ndarray:
+    """BETTER, WORSE or NO_DIFFERENCE by the whole interval of each ratio of `pairs`; NO_VERDICT where there is none."""
+    return np.select([table.high < 1, table.low > 1, table.low.notna()], [BETTER, WORSE, NO_DIFFERENCE], NO_VERDICT)
+
+
 def saved(frame: pd.DataFrame, system: str) -> pd.DataFrame:
     """Claims 1 and 2: how many times the data training without SIDM needs, at most, for what it reaches with SIDM.
 
@@ -117,7 +122,7 @@ def figure4_claims(frame: pd.DataFrame, sizes: Sequence[float] = (5.0, 120.0)) -
     here = frame[frame.novice_minutes.isin(sizes)].assign(deviation=frame.position_error.str[-1])
     sidm, alone = (here[here.method == name] for name in COMPARED)
     found = beside(sidm, alone, value="deviation", difference=True).sort_values("novice_minutes")
-    words = [f"deviation after 2.5 s with SIDM less without, {minutes:g} min" for minutes in found.novice_minutes]
+    words = [f"deviation after 2.5 s with SIDM minus without, {minutes:g} min" for minutes in found.novice_minutes]
     return judged(found, words, "less (Figure 4)", unit="m")
 
 

@@ -53,27 +53,27 @@ METHODS: dict[str, Callable[[np.ndarray], Interval]] = {
 }
 
 
-def coverage(method: Callable[[np.ndarray], Interval], seeds: int, studies: int = STUDIES) -> tuple[float, float]:
+def coverage(method: Callable[[np.ndarray], Interval], seeds: int) -> tuple[float, float]:
     """Share of synthetic studies (S, 2, M) whose interval holds the true ratio, and the median width in log ratio."""
     rng = np.random.default_rng(seeds)
-    found = [method(synthetic_study(seeds, rng)) for _ in range(studies)]
+    found = [method(synthetic_study(seeds, rng)) for _ in range(STUDIES)]
     held = [one.low <= np.log(RATIO) <= one.high for one in found]
     return float(np.mean(held)), float(np.median([one.high - one.low for one in found]))
 
 
-def nothing_saved(seeds: int, studies: int = STUDIES) -> tuple[float, float]:
+def nothing_saved(seeds: int) -> tuple[float, float]:
     """Share of synthetic studies that save nothing whose greatest ratio still lies above 1 with its whole interval.
 
     Returns:
-        The share, and the median greatest ratio of all of them.
+        The share, and the median greatest ratio of those where it is no bound.
     """
     rng = np.random.default_rng(seeds)
     found = []
-    for _ in range(studies):
+    for _ in range(STUDIES):
         study = synthetic_study(seeds, rng, ratio=1.0, noise=FIGURE3_NOISE)
         if np.isfinite(log_greatest(study)):
             found.append(interval(log_greatest, study))
-    return float(np.sum([one.low > 0 for one in found]) / studies), float(np.exp(np.median([f.value for f in found])))
+    return float(np.sum([one.low > 0 for one in found]) / STUDIES), float(np.exp(np.median([f.value for f in found])))
 
 
 def log_greatest(pairs: np.ndarray) -> float:

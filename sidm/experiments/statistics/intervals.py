@@ -1,4 +1,4 @@
-"""Intervals over whole seeds, and how much less data a method needs.
+"""Intervals over whole seeds.
 
 Losses come as arrays whose first axis is the seed: S seeds, M sizes, L losses. Seeds pair the methods and the sizes,
 so that resampling draws whole seeds and keeps what belongs together.

@@ -113,9 +113,11 @@ def written(table: pd.DataFrame) -> list[str]:
 def rivals(frame: pd.DataFrame, methods: Sequence[str], against: Sequence[str]) -> pd.DataFrame:
     """`savings` of methods against several others side by side: a line a system, method and size, ratios as texts."""
     found = savings(frame, methods, against)
-    found = found.assign(loss=found.loss.map("{:.3f}".format), times=written(found))
-    wide = found.pivot(index=["system", "method", "novice_minutes", "loss"], columns="against", values="times")
-    return wide.reindex(columns=list(against)).dropna().reset_index().rename_axis(columns=None)
+    point = ["system", "method", "novice_minutes"]
+    wide = found.assign(times=written(found)).pivot(index=point, columns="against", values="times")
+    wide = wide.reindex(columns=list(against)).dropna()
+    losses = found.groupby(point).loss.first().map("{:.3f}".format).to_frame()
+    return losses.join(wide, how="right").reset_index()
 
 
 def minutes_words(minutes: np.ndarray, losses: np.ndarray, loss: float) -> str:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from sidm.config import ConfigError
 from sidm.experiments.figures.curves import size_style
@@ -26,11 +29,6 @@ from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
 from sidm.systems import SYSTEMS
 from sidm.trajectory import trajectories_for
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 EMPTY: Mapping[str, float] = MappingProxyType({})
 

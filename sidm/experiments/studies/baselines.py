@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+
+import pandas as pd
+from matplotlib.figure import Figure
 
 from sidm.experiments.figures.style import METHOD_STYLES, SIZE_STYLES, finish, named, side_by_side, styled
 from sidm.experiments.methods import BASELINES, COMPARED, FIGURE3, METHODS
@@ -12,10 +14,6 @@ from sidm.experiments.studies.throughput import Pace, seconds
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
 from sidm.systems import SYSTEMS
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 POINT = ["system", "novice_minutes", "method"]
 

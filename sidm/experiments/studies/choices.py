@@ -7,16 +7,15 @@ and with the released code's choices together, at every size.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from sidm.experiments.engine.store import Results
 from sidm.experiments.methods import CHOICES, FIGURE3, RELEASED
 from sidm.experiments.statistics.pairs import beside
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Choices = Mapping[str, tuple[dict[str, Any], tuple[str, ...]]]
 
@@ -45,8 +44,6 @@ def released(study: Study, system: str) -> list[Trial]:
 
 def frame(study: Study, store: Results, systems: Iterable[str], choices: Choices = CHOICES) -> pd.DataFrame:
     """Stored results by `choice`, those of Figure 3's own sizes and methods among them as OURS."""
-    import pandas as pd
-
     parts = []
     for system in systems:
         own = {OURS: study.points(system, FIGURE3, study.preset.novice_minutes(system))}

@@ -41,14 +41,19 @@ def trials(study: Study, system: str) -> list[Trial]:
 def table(frame: pd.DataFrame) -> pd.DataFrame:
     """The method beside the best rival with twice its data: `pairs.beside` by pair and size, with that `rival`.
 
+    A seed counts where the method and every rival have it.
+
     `holds` says whether the claim does there: the whole interval of the ratio lies below 1.
     """
+    point = ["system", "novice_minutes"]
     own, rivals = frame[frame.method == METHOD], frame[frame.method.isin(RIVALS)]
-    rivals = rivals.assign(novice_minutes=rivals.novice_minutes / 2)
-    means = rivals.groupby(["system", "novice_minutes", "method"]).validation_loss.mean()
+    both = pd.concat([own, rivals.assign(novice_minutes=rivals.novice_minutes / 2)])
+    both = both[both.groupby([*point, "seed"]).method.transform("nunique") == 1 + len(RIVALS)]
+    own, rivals = both[both.method == METHOD], both[both.method != METHOD]
+    means = rivals.groupby([*point, "method"]).validation_loss.mean()
     best = means.groupby(level=[0, 1]).idxmin().map(lambda key: key[2]).rename("rival").reset_index()
-    chosen = rivals.merge(best, left_on=["system", "novice_minutes", "method"], right_on=[*best.columns])
-    found = beside(own, chosen).merge(best, on=["system", "novice_minutes"])
+    chosen = rivals.merge(best, left_on=[*point, "method"], right_on=[*best.columns])
+    found = beside(own, chosen).merge(best, on=point)
     return found.assign(holds=found.high < 1)
 
 

@@ -26,6 +26,7 @@ from sidm.terrain import generate_terrain
 from sidm.trajectory import CONTROL_STEP
 
 GAP_SEED = 6  # apart from the seeds of all data
+POLICY = "ornstein_uhlenbeck"
 STARTS, STEPS = 96, 25  # drives of each robot, and control steps of each
 BATCH = 12  # starts that a worker drives
 EVERY_SYSTEM = (*SYSTEMS, *FREE_SYSTEMS)
@@ -39,7 +40,7 @@ COMPONENTS = {
 }  # fmt: skip
 
 
-def drives(system: str, numbers: Sequence[int], policy: str = "ornstein_uhlenbeck") -> np.ndarray:
+def drives(system: str, numbers: Sequence[int]) -> np.ndarray:
     """(2, N, STEPS + 1, 12) COMPONENTS of the novice's and the expert's motion from starts of those numbers."""
     from sidm.simulation import Simulator
     from sidm.simulation.exploration import draw_actions
@@ -51,7 +52,7 @@ def drives(system: str, numbers: Sequence[int], policy: str = "ornstein_uhlenbec
             for number in numbers:
                 rng = np.random.default_rng(np.random.SeedSequence(GAP_SEED, spawn_key=(number,)))
                 terrain_seed, yaw = int(rng.integers(2**62)), float(rng.uniform(-np.pi, np.pi))
-                actions = draw_actions(policy, STEPS, rng)
+                actions = draw_actions(POLICY, STEPS, rng)
                 simulator.put_on(generate_terrain(own.terrain, terrain_seed))
                 states = [simulator.reset(0.0, 0.0, yaw), *(simulator.step(action) for action in actions)]
                 paths.append(components(np.array(states), yaw))

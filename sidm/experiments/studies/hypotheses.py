@@ -5,9 +5,10 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterable, Iterator
 from itertools import accumulate
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from sidm.experiments.engine.store import Results
 from sidm.experiments.methods import (
@@ -20,14 +21,11 @@ from sidm.experiments.methods import (
     PYTORCH_WEIGHTS,
     RELEASED,
 )
-from sidm.experiments.statistics.claims import BETTER, NO_DIFFERENCE, NO_VERDICT, WORSE
+from sidm.experiments.statistics.claims import BETTER, NO_VERDICT, WORSE, beside_one
 from sidm.experiments.statistics.pairs import beside
 from sidm.experiments.studies import ablations
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # What might hold the SIDM back.
 ALIKE = "how alike the robots are"
@@ -113,8 +111,6 @@ def changes(study: Study, system: str) -> Iterator[Change]:
 
 def frame(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
     """Stored results by `hypothesis` and `change`, those of SIDM as it is among them."""
-    import pandas as pd
-
     parts = []
     for system in systems:
         own = study.points(system, ["sidm"], [*study.preset.novice_minutes(system), *study.preset.baseline_minutes])
@@ -128,15 +124,12 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     """SIDM changed beside SIDM as it is: `pairs.beside` with a `verdict`, the lowest ratio of each size first."""
     own = frame.change == AS_IT_IS
     found = beside(frame[~own], frame[own], POINT, ["hypothesis", "change"])
-    sides = [found.high < 1, found.low > 1, found.low.notna()]
-    found["verdict"] = np.select(sides, [BETTER, WORSE, NO_DIFFERENCE], NO_VERDICT)
+    found["verdict"] = beside_one(found)
     return found.sort_values([*POINT, "ratio"], ignore_index=True)
 
 
 def crossings(diagnoses: pd.DataFrame) -> pd.DataFrame:
     """The loss on the novice's motion through parts of the expert's, beside that through its own: `pairs.beside`."""
-    import pandas as pd
-
     sent = [diagnoses.assign(validation_loss=diagnoses[name], change=words) for name, words in CROSSED.items()]
     return beside(pd.concat(sent), diagnoses, POINT, ["change"])
 

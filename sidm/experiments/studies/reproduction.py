@@ -6,15 +6,13 @@ A store of such trials lies in results/reproduction, under the digests of its ow
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import pandas as pd
 
 from sidm.experiments.engine.frame import frame_of
 from sidm.experiments.engine.store import Results
 from sidm.experiments.statistics.pairs import beside
 from sidm.experiments.trials import Trial
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 def store_of(results: str | Path = "results") -> Results:

@@ -105,7 +105,7 @@ def tried(preset: Preset, method: str, words: str) -> Preset:
 
 
 def _untuned_but(preset: Preset, changes: dict[str, Any]) -> Preset:
-    return preset.replace(**({"tuned": (), "tuned_system2": ()} | changes))
+    return preset.replace(**({"tuned": ()} | changes))
 
 
 def tries(study: Study, system: str) -> list[tuple[str, Trial]]:

@@ -8,16 +8,14 @@ others with twice its data and more.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+
+import pandas as pd
 
 from sidm.experiments.methods import MIRRORED, VARIANTS
 from sidm.experiments.statistics.intervals import FEWEST_SEEDS
 from sidm.experiments.statistics.pairs import beside
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 AGAINST = ("sidm", "pretrain_finetune")  # the paper's method and its strongest neighbour
 HALF, EQUAL = 2.0, 1.0  # times the data that the others have at least
@@ -50,8 +48,6 @@ def table(
         times: how many times a method's data they have, or more; EQUAL for the same.
         value: the column that is compared.
     """
-    import pandas as pd
-
     parts = [beside(frame[:0], frame[:0]).assign(against="", with_minutes=0.0)]
     for (system, _, minutes), own in frame[frame.method.isin(methods)].groupby(["system", "method", "novice_minutes"]):
         for other in against:
@@ -76,6 +72,7 @@ def by_method(table: pd.DataFrame, points: int) -> pd.DataFrame:
     sure = table.assign(sure=table.high < 1).groupby(["method", "against"], sort=False).sure.agg(["sum", "size"])
     words = sure["sum"].astype(str) + " of " + sure["size"].astype(str)
     found = words.unstack().reindex(columns=list(AGAINST))
-    always, whole = (sure["sum"] == sure["size"]).unstack().all(axis=1), (sure["size"] == points).unstack().all(axis=1)
+    better, held = (sure[name].unstack(fill_value=0).reindex(columns=list(AGAINST), fill_value=0) for name in sure)
+    always, whole = (better == held).all(axis=1), (held == points).all(axis=1)
     found["half"] = ["no" if not a else "yes" if w else "not all run" for a, w in zip(always, whole, strict=True)]
     return found.reset_index()

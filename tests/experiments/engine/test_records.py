@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from sidm.config import ConfigError, config
+from sidm.experiments import Study
 from sidm.experiments.catalogue import STUDIES, find_study
 from sidm.experiments.engine.provenance import Provenance, here
 from sidm.experiments.engine.records import Making, Records, key_of
@@ -81,3 +82,10 @@ def test_stored_records_are_found_under_their_keys(name):
     records = STUDIES[name].doors.records(RESULTS)
     paths = {records.path(one.about) for one in records.all()}
     assert paths == set(records.folder.glob("*.json")) != set()
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_every_study_has_work_at_the_smallest_sizes(name, tmp_path):
+    """Sizes that a preset's pool does not hold are left out."""
+    jobs = find_study(name).doors.jobs(Study("smoke", tmp_path, tmp_path), find_study(name).systems[0])
+    assert len(jobs)

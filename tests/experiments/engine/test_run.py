@@ -1,5 +1,6 @@
 """Real trials on tiny synthetic data, and what the runner does with them."""
 
+import dataclasses
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 
@@ -12,8 +13,11 @@ from sidm.config import ConfigError
 from sidm.experiments import Results, Study, perform, run, run_trial
 from sidm.experiments.digests import find_digest
 from sidm.experiments.engine.datasets import load_dataset, note_collected, note_committed
+from sidm.experiments.engine.execute import Library, stored_as
 from sidm.experiments.engine.records import Making, one_line, rounded
 from sidm.experiments.engine.run import checkpoint_folder, run_here
+from sidm.experiments.studies.other_bodies import NOVICES
+from sidm.numerics import versions
 from sidm.storage import read_record, write_record
 from sidm.trajectory import ShardError
 
@@ -48,6 +52,32 @@ def test_a_trial_end_to_end(study, data, method):
     assert np.shape(out.rollouts_predicted) == np.shape(out.rollouts_actual) == (2, 26, 13)  # all that there are
     assert out.example_predicted == tuple((state[0], state[1]) for state in out.rollouts_predicted[0])
     assert row.provenance.threads == 1 and not row.provenance.resumed and not row.provenance.stale
+
+
+def test_another_bodys_losses_are_in_the_same_unit_for_every_seed(study, data):
+    """Over the variance of what judges, not of the few trajectories that the model learnt from."""
+    network = dataclasses.replace(study.preset.network, novice_body=NOVICES["planar"])
+    own = study.of(dataclasses.replace(study.preset, network=network))
+    for seed in (0, 1):
+        trial = own.trial("system1", "novice_only", 0.75, seed)
+        found, trained = perform(trial, data)
+        motion = Library(data).motion(trial, "validation")
+        with torch.inference_mode():
+            off = trained.model("novice", motion.inputs, motion.maps)[0] - motion.targets
+        spread = motion.targets.flatten(0, 1).std(0, correction=0)
+        moves = spread > 1e-3  # what stands still in the made-up motion has no variance to speak of
+        expected = off.square().mean((0, 1)) / spread.square()
+        assert moves.sum() >= 4
+        assert np.array(found.component_losses)[moves] == pytest.approx(expected[moves].numpy(), rel=1e-3)
+
+
+def test_what_free_struts_did_depends_on_the_version_of_their_motion(study, make_row):
+    made = make_row(study.trial("system1", "novice_only", 0.75))
+    free = study.trial("system1_free_struts", "novice_only", 0.75)
+    assert "free_struts" not in stored_as(made.trial, made.outcome, made.provenance).provenance.numerics
+    assert stored_as(free, made.outcome, made.provenance).provenance.numerics == made.provenance.numerics | versions(
+        "free_struts"
+    )
 
 
 def test_a_trial_is_a_pure_function(trials, data):

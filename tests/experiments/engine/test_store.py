@@ -10,6 +10,7 @@ from sidm.experiments.digests import find_digest
 from sidm.experiments.engine.datasets import note_committed
 from sidm.numerics import NUMERICS
 from sidm.storage import read_record, write_record
+from sidm.systems import FREE_SYSTEMS
 from tests.experiments.conftest import RESULTS
 
 
@@ -56,6 +57,8 @@ def test_no_stored_row_is_stale():
     """Whoever raised a version has made its rows again, or confirmed them by a sample."""
     rows = Results(RESULTS).all()
     assert len(rows) > 600 and not any(row.provenance.stale for row in rows)
+    free = [row.provenance.numerics for row in rows if row.trial.system in FREE_SYSTEMS]
+    assert len(free) > 100 and all("free_struts" in numerics for numerics in free)
 
 
 @pytest.mark.parametrize(

@@ -1,17 +1,22 @@
 """Verdicts by the rule of the page on claims, on results whose answers are known."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from sidm.experiments.engine.frame import frame_of
 from sidm.experiments.statistics.claims import (
+    BETTER,
     COLUMNS,
     CONTRARY,
     DIRECTION,
+    NO_DIFFERENCE,
     NO_VERDICT,
     NOT_SEEN,
     REPRODUCED,
     UNCLEAR,
+    WORSE,
+    beside_one,
     figure3_claims,
     figure4_claims,
     met,
@@ -30,6 +35,12 @@ def test_verdicts_follow_the_rule_whatever_comes_out():
     assert verdict(Interval(-0.2, -0.3, -0.1), 0, above=False) == DIRECTION
     assert verdict(Interval(0.2, 0.1, 0.3), 0, above=False) == CONTRARY
     assert verdict(Interval(np.nan, np.nan, np.nan), 1, 20) == NO_VERDICT
+
+
+def test_ratios_are_better_or_worse_by_their_whole_interval():
+    nan = float("nan")
+    table = pd.DataFrame({"low": [0.7, 1.1, 0.9, nan], "high": [0.9, 1.2, 1.1, nan]})
+    assert beside_one(table).tolist() == [BETTER, WORSE, NO_DIFFERENCE, NO_VERDICT]
 
 
 def test_a_saving_of_four_is_in_the_papers_direction(figure3_frame):

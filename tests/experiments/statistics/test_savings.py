@@ -84,3 +84,5 @@ def test_rivals_stand_side_by_side(frame, make_row, tmp_path):
     assert list(zip(found.method, found.novice_minutes, strict=True)) == points
     assert found.pretrain_finetune[:4].str.startswith("2 [").all() and found.sidm[0].startswith("4.")
     assert not len(rivals(both, ["mirrored"], ["sidm", "novice_only"]))  # which was not run
+    fewer = both[(both.method != "sidm") | (both.seed < 2)]  # the seeds that both sides have differ by comparison
+    assert len(rivals(fewer, ["mirrored"], ["sidm", "pretrain_finetune"])) == 4

@@ -39,5 +39,7 @@ def test_the_claim_holds_where_three_times_the_data_of_the_best_rival_are_worth_
 def test_before_all_pairs_are_run_the_claim_can_only_fail(every, make_row):
     some = frame_of(make_row(t, losses({METHOD: 9.0})(t)) for t in every if t.system != PAIRS[-1])
     assert verdict(table(some)) is None and verdict(table(some[:0])) is None
+    every_pair = frame_of(make_row(t, losses({METHOD: 9.0})(t)) for t in every if t.method != RIVALS[-1])
+    assert not len(table(every_pair)) and verdict(table(every_pair)) is None  # it could have been the best
     less = frame_of(make_row(t, losses({})(t)) for t in every if t.system == PAIRS[0])
     assert verdict(table(less)) is False

@@ -45,6 +45,8 @@ def test_every_size_and_method_is_driven_beside_a_floor_and_a_ceiling(tmp_path):
     of_one = [job.episodes for job in jobs if job.trial and job.trial.method == "sidm"][:3]
     assert sorted(number for episodes in of_one for number in episodes) == list(range(50))
     assert len({job.planning for job in jobs}) == 2  # one planner for all who plan
+    more = [job.episodes for job in d.jobs(Study("study", tmp_path, tmp_path), "system2", [1.0]) if job.trial]
+    assert sorted(sum(more, ())) == sorted(3 * [*range(50)])  # with ten seeds at 1 min in Figure 3
 
 
 def test_episodes_are_the_same_for_all_and_differ():

@@ -51,6 +51,7 @@ def test_the_verdict_needs_every_point(frame):
     said = {"averaged": ["4 of 4", "0 of 4", "no"], "mirrored": ["4 of 4", "4 of 4", "yes"]}
     assert by_method(found, 4).set_index("method").T.to_dict("list") == said
     assert by_method(found, 8).set_index("method").half["mirrored"] == "not all run"
+    assert by_method(found[found.against == "sidm"], 4).set_index("method").half["mirrored"] == "not all run"
 
 
 def test_where_nothing_is_known_there_is_no_line(frame):

@@ -85,16 +85,16 @@ def paths_figure(table: pd.DataFrame, system: str) -> Figure:
     return figure
 
 
-def driving_film(table: pd.DataFrame, system: str, number: int = 0) -> bytes:
-    """An animated GIF of an episode, seen from above: all drivers set out together, each stands where it ended.
+def driving_film(table: pd.DataFrame, system: str) -> bytes:
+    """An animated GIF of the first episode, seen from above: all drivers set out together, each stands where it ended.
 
     Raises:
-        ValueError: nobody has driven that episode.
+        ValueError: nobody has driven it.
     """
-    shown = ways(table, system, number)
+    shown = ways(table, system, 0)
     if not shown:
-        raise ValueError(f"no driver of {system} has a stored way of episode {number}")
-    one = episode(system, number)
+        raise ValueError(f"no driver of {system} has a stored way of episode 0")
+    one = episode(system, 0)
     return film([way for way, _ in shown], [look for _, look in shown], one.heights, one.goal)
 
 

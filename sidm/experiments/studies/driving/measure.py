@@ -120,8 +120,8 @@ def jobs(
             system=system, driver=driver, trial=trial, planning=planning, episodes=tuple(numbers), longest=longest
         )
 
-    trials = study.points(system, DRIVEN, sizes)
     seeds = study.preset.seeds
+    trials = study.points(system, DRIVEN, study.preset.held(system, sizes), seeds=seeds)
     models = [one("model", Planning(), range(t.seed, episodes, seeds), t) for t in trials if t.seed < episodes]
     return [one("simulator", Planning(), range(simulated)), *models, one("straight", None, range(episodes))]
 

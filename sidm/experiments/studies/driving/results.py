@@ -136,7 +136,7 @@ def claims(table: pd.DataFrame) -> pd.DataFrame:
         without = means.drop(columns=value).rename(columns={f"{value}_other": value})
         found = beside(means, without, on=["system"], by=[], value=value, difference=True)
         sizes = [_sizes(both[both.system == system].novice_minutes.unique()) for system in found.system]
-        names = [f"{words}, with SIDM's models less without, {some} min" for some in sizes]
+        names = [f"{words}, with SIDM's models minus without, {some} min" for some in sizes]
         parts.append(judged(found, names, PAPER, unit=unit))
     return pd.concat(parts).sort_values("system", kind="stable", ignore_index=True)[list(COLUMNS)]
 

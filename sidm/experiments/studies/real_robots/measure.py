@@ -38,6 +38,7 @@ from sidm.recordings import read_drives
 from sidm.trajectory import checksum
 
 #: Robot -> its body's file.
+RECORDINGS = Path("recordings")
 ROBOTS = {"warthog": "skid_steer.yaml", "husky": "skid_steer.yaml", "hunter": "hunter.yaml"}
 PAIRS = {"husky to warthog": ("husky", "warthog"), "warthog to husky": ("warthog", "husky"),
          "hunter to warthog": ("hunter", "warthog")}  # fmt: skip
@@ -88,11 +89,10 @@ records = records_of(Transferred, "real-robots")  # where they are kept, under a
 
 
 @functools.lru_cache
-def robot(name: str, steps: int | None = None, recordings: str = "recordings") -> Pieces:
+def robot(name: str, steps: int | None = None) -> Pieces:
     """A robot's recorded motion in pieces of `steps`, those of its own shortest drive unless given."""
-    folder = Path(recordings)
-    body = read_body(folder / ROBOTS[name])
-    drives = read_drives(folder / f"{name}.csv.gz", body)
+    body = read_body(RECORDINGS / ROBOTS[name])
+    drives = read_drives(RECORDINGS / f"{name}.csv.gz", body)
     return cut(drives, body, steps or common_length(drives))
 
 

@@ -20,7 +20,7 @@ from sidm.experiments.figures.style import (
     styled,
 )
 from sidm.experiments.statistics import savings
-from sidm.experiments.statistics.claims import BETTER, NO_DIFFERENCE, WORSE, judged
+from sidm.experiments.statistics.claims import beside_one, judged
 from sidm.experiments.statistics.intervals import Interval
 from sidm.experiments.statistics.pairs import complete, together
 from sidm.experiments.studies.recorded_targets.measure import METHODS_HERE, Proxy
@@ -75,7 +75,7 @@ def compare(table: pd.DataFrame, other: Way) -> pd.DataFrame:
     """All other ways with recorded data beside one, the sizes together: `pairs.together` with a `verdict`."""
     rest = table[((table.method != other[0]) | (table.proxy != other[1])) & (table.novice_minutes > 0)]
     found = together(rest, _of(table, other), by=BY, value="loss")
-    return found.assign(verdict=np.select([found.high < 1, found.low > 1], [BETTER, WORSE], NO_DIFFERENCE))
+    return found.assign(verdict=beside_one(found))
 
 
 def by_size(table: pd.DataFrame, other: Way) -> pd.DataFrame:

@@ -112,10 +112,10 @@ def jobs(
     study: Study, system: str, counts: Iterable[int] = COUNTS, sizes: Iterable[float] = SIZES
 ) -> list[Pretraining]:
     """Every number of experts with every seed; beside several, also a single one of the family."""
-    preset, sizes, counts, found = study.preset, tuple(sizes), tuple(counts), []
+    preset, sizes, counts, found = study.preset, study.preset.held(system, sizes), tuple(counts), []
     fresh = change(METHODS["novice_only"].training(preset, system), **FINER_TESTS)
     trained = change(METHODS["pretrain_finetune"].training(preset, system), **FINER_TESTS)
-    further = tuple(size for size in BEYOND if max(sizes) < size <= preset.pool_minutes(system))
+    further = tuple(size for size in preset.held(system, BEYOND) if size > max(sizes))
     whole = preset.datasets(system)["expert"].count
     groups = [(count, True) for count in counts] + [(1, False)] * (max(counts) > 1)
     for count, paper in groups:

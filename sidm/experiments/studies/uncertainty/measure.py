@@ -90,7 +90,7 @@ records = records_of(Fitted, "uncertainty")  # where they are kept, under a fold
 
 def jobs(study: Study, system: str, sizes: Iterable[float] = SIZES, particles: int = PARTICLES) -> list[Fit]:
     """With and without SIDM, each by likelihood and as the twin, at every size and seed."""
-    trials = study.points(system, COMPARED, sizes)
+    trials = study.points(system, COMPARED, study.preset.held(system, sizes))
     return [Fit(trial=trial, likelihood=by, particles=particles) for trial in trials for by in (True, False)]
 
 
