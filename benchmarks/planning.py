@@ -41,7 +41,7 @@ def seconds_a_plan(settings: Planning, threads: int) -> np.ndarray:
 def main() -> None:
     """A line a number of threads: the median round, the least and the most of them, and the slowest plans."""
     settings = Planning()
-    print(f"{settings.samples} sequences of {settings.horizon} control steps a plan, {ROUNDS} rounds")
+    print(f"{settings.samples} sequences of {settings.horizon} control steps a plan, timed in {ROUNDS} rounds")
     for threads in (1, 2):
         rounds = [seconds_a_plan(settings, threads) for _ in range(ROUNDS)]
         rates = [1 / np.median(one) for one in rounds]
