@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import ast
 import contextlib
+import functools
 import os
 import re
 import typing
@@ -165,7 +166,7 @@ def merge_parameters(path: Path, given: Mapping[str, Any], files: Iterable[Path]
     merged: dict[str, Any] = {}
     for file in files:
         values = _read_file(Path(file))
-        everywhere = {name for other in notebooks() for name in inspect(other)} | set(own)
+        everywhere = {name for other in notebooks() for name in _names(other.resolve())} | set(own)
         for name, value in values.items():
             if name not in everywhere:
                 raise unknown_name(name, sorted(everywhere), f"{file} (no notebook has it)")
@@ -176,6 +177,12 @@ def merge_parameters(path: Path, given: Mapping[str, Any], files: Iterable[Path]
             raise unknown_name(name, own, Path(path).name)
         merged[name] = check(value, own[name].kind, name)
     return merged
+
+
+@functools.cache
+def _names(path: Path) -> frozenset[str]:
+    """The parameters of a notebook by name, read once in a process."""
+    return frozenset(inspect(path))
 
 
 def _read_file(path: Path) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from sidm.config import ConfigError, config
+from sidm.config import ConfigError, config, refuse_nonsense
 
 
 @config
@@ -28,6 +28,7 @@ class Robot:
 
     def __post_init__(self) -> None:
         """Refuse a robot that cannot be built."""
+        refuse_nonsense(self)
         if not self.travel_lower < self.travel_upper:
             raise ConfigError(
                 f"Robot.travel_lower must be below travel_upper, not {self.travel_lower} and {self.travel_upper}"
@@ -41,13 +42,16 @@ class Robot:
         return Robot(**(dataclasses.asdict(self) | changes))
 
 
+GRID_SPACING = 0.1  # m, of the ground's heights in the simulator
+
+
 @config
 class Terrain:
     """Random rocky ground: Voronoi steps of random height, smoothed, with finer noise and a flat start."""
 
     cell_height_scale: float  # amplitude of the cells' Perlin heights, m
     size: int = 300  # grid points a side
-    spacing: float = 0.1  # between grid points, m
+    spacing: float = GRID_SPACING  # between grid points, m
     cells_per_area: float = 1.0  # mean density of cell centres, 1/m^2
     cell_frequency: float = 5.0  # of the Perlin noise that gives the cells' heights, 1/m
     start_cell_radius: float = 2.0  # centres nearer to the origin than this are replaced by one at the origin, m
@@ -56,6 +60,12 @@ class Terrain:
     noise_frequency: float = 2.5  # of the fine Perlin noise, 1/m
     flat_radius: float = 1.0  # of the level disc at the origin, m
     blend: float = 0.5  # width of the ring around the disc that leads back to the rough ground, m
+
+    def __post_init__(self) -> None:
+        """Refuse ground that cannot be built."""
+        refuse_nonsense(self)
+        if self.spacing != GRID_SPACING:
+            raise ConfigError(f"Terrain.spacing must be {GRID_SPACING}, as in the simulator, not {self.spacing}")
 
     @property
     def half_width(self) -> float:
@@ -94,6 +104,10 @@ class Physics:
     strut_motors: bool = True  # the struts braked as in the released simulator; without, see FREE_PHYSICS
     drop_height: float = 0.3  # of the body's origin above the highest ground within 1 m at the start, m
     settling_time: float = 0.5  # before a trajectory begins, s
+
+    def __post_init__(self) -> None:
+        """Refuse what is no number."""
+        refuse_nonsense(self)
 
 
 @config

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from terrain_statistics import QUANTILES, statistics
 
+from sidm.config import ConfigError
 from sidm.systems import SYSTEMS, Terrain
 from sidm.terrain import generate_terrain, height_at, perlin
 
@@ -75,3 +76,9 @@ def test_heights_slopes_and_differences_are_distributed_as_the_recorded_terrains
         held = slice(None) if figure == "height" else slice(2, None)
         assert values[held] == pytest.approx(recorded[held], rel=0.05), figure
         assert values[1] == pytest.approx(recorded[1], rel=0.3), figure
+
+
+@pytest.mark.parametrize("wrong", [{"spacing": 0.2}, {"smoothing": float("nan")}])
+def test_ground_that_the_simulator_cannot_build_is_refused(wrong):
+    with pytest.raises(ConfigError, match=f"Terrain.{next(iter(wrong))} must be"):
+        Terrain(cell_height_scale=0.35, **wrong)

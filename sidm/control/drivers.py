@@ -131,4 +131,5 @@ def try_out(simulator: Any, actions: Tensor) -> Tensor:
                 break
         paths.append(np.array(path))
     simulator.restore(now)
+    simulator.forget(now)
     return torch.from_numpy(np.array(paths))

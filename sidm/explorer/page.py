@@ -16,7 +16,7 @@ import altair as alt
 import numpy as np
 import vl_convert
 
-from sidm.experiments.figures.style import GROUND_SPACING, half_width
+from sidm.experiments.figures.style import half_width
 from sidm.explorer.grid import (
     BODY,
     BRAKES,
@@ -41,7 +41,7 @@ from sidm.explorer.skeleton import heave_curves, rover_skeleton
 from sidm.explorer.viewer import SCRIPTS, STYLE, static
 from sidm.explorer.views import LINES
 from sidm.recordings import Ground
-from sidm.systems import Robot
+from sidm.systems import GRID_SPACING, Robot
 from sidm.trajectory import CONTROL_STEP
 
 WHO = ("your robot", "the robot named")
@@ -117,7 +117,7 @@ def _ground(roughness: float) -> list[int]:
     heights = ground(roughness)
     left, right, low, high = VIEW
     across, up = (np.arange(start, end, CELL) + CELL / 2 for start, end in ((left, right), (low, high)))
-    rows, columns = (np.rint((at + half_width(heights)) / GROUND_SPACING).astype(int) for at in (up, across))
+    rows, columns = (np.rint((at + half_width(heights)) / GRID_SPACING).astype(int) for at in (up, across))
     return np.rint(100 * heights[np.ix_(rows, columns)]).astype(int).ravel().tolist()
 
 
@@ -177,7 +177,7 @@ def pieces(grid: Grid, scenes: Path) -> Iterator[tuple[str, Any]]:
     for number, roughness in enumerate(DRIVE[0].values):
         left, right, low, high = REPLAYED
         corners = np.array([[left, low], [right, high]])
-        yield f"ground-{number}", ground_json(cropped(Ground(ground(roughness), GROUND_SPACING), corners, margin=0.0))
+        yield f"ground-{number}", ground_json(cropped(Ground(ground(roughness), GRID_SPACING), corners, margin=0.0))
 
 
 def write(folder: Path, grid: Grid, scenes: Path = FOLDER) -> None:

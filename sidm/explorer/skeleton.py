@@ -8,6 +8,7 @@ their springs. Body frame: x ahead, y left, z up.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -45,7 +46,7 @@ def find_box(words: str) -> Box:
         base, track, radius = map(float, words.split(","))
     except ValueError:
         raise unknown_name(words, BOXES, "the shapes (or WHEELBASE,TRACK,RADIUS in m)") from None
-    if min(base, track, radius) <= 0:
+    if not all(0 < length < math.inf for length in (base, track, radius)):
         raise ConfigError(f"a wheelbase, a track and a radius are positive lengths in m, not '{words}'")
     return Box((1.3 * base, 0.6 * track, 1.2 * radius), base, track, radius, 0.25 * track, 0.9 * radius)
 

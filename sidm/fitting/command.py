@@ -8,6 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from sidm.config import ConfigError, first_line
+
 Adds = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
 
 _DRIVES = "drives: a file, a ROS bag, or a folder of files"
@@ -43,10 +45,9 @@ def run_fit(arguments: argparse.Namespace) -> int:
         arguments.novice, arguments.expert, arguments.body, arguments.expert_body, arguments.method, arguments.out,
         arguments.seed, arguments.topics, progress=True,
     )  # fmt: skip
-    mean = len(found.body.targets)
     print(
         f"{arguments.out}: {found.method}, from {found.minutes:.2g} min in pieces of {found.steps} steps; "
-        f"test loss {found.test_loss:.3g}, where predicting the mean costs {mean}"
+        f"test loss {found.test_loss:.3g}, where predicting the mean costs {found.mean_loss:.3g}"
     )
     return 0
 
@@ -60,7 +61,10 @@ def run_evaluate(arguments: argparse.Namespace) -> int:
     table = evaluate(load(arguments.model), arguments.drives, arguments.topics)
     print(shown(table))
     path = Path(arguments.figure or Path(arguments.model) / "evaluation.png")
-    figure(table).savefig(path)
+    try:
+        figure(table).savefig(path)
+    except ValueError as error:  # another kind of file than there are
+        raise ConfigError(f"{path}: {first_line(error)}") from None
     print(f"figure: {path}")
     return 0
 

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from sidm.body import Body, read_body
+from sidm.body import SI, Body, read_body
 from sidm.config import ConfigError
 from sidm.experiments.engine.execute import one_thread
 from sidm.fitting.learning import SETTINGS, datasets, learn, network_for, pretrain, refuse_method, units_in
 from sidm.fitting.model import RobotModel, save
 from sidm.learning.beyond.recorded import Pieces, common_length, cut, learn_and_test, session_order
 from sidm.learning.evaluation import rollout_errors
-from sidm.learning.losses import component_losses
+from sidm.learning.losses import component_losses, prediction_loss
 from sidm.learning.stopping import Tested
-from sidm.learning.units import units_for
+from sidm.learning.units import loss_weights, units_for
 from sidm.progress import progress_bar
 from sidm.recordings import Drive, read_drives
 
@@ -66,6 +66,10 @@ def fit(
     """
     if body is None:
         raise ConfigError("say what the drives are made of: --body robot.yaml, as the page on your own robot shows")
+    if expert is None and expert_body is not None:
+        raise ConfigError("--expert-body is that of an expert's drives: name them with --expert")
+    if seed < 0:
+        raise ConfigError(f"--seed must be 0 or more, not {seed}")
     mine = _body(body)
     theirs = mine if expert_body is None else _body(expert_body)
     method = method or ("sidm" if expert is not None else "novice_only")
@@ -84,9 +88,12 @@ def fit(
             start = pretrain(method, sets, network, seed, folder=folders[0], progress=tell)
         with _watched(f"fitting {method}, at most", progress) as tell:
             trained = learn(method, sets, network, seed, start=start, folder=folders[1], progress=tell)
-    scale = units_for(units_in(sets, network), "novice").target_std.square().reciprocal()
+    units = units_for(units_in(sets, network), "novice")
+    scale, judged = loss_weights(mine, units), sets.test.targets
+    mean = prediction_loss(units.target_mean.expand_as(judged), judged, scale).mean()
     model = RobotModel(
-        trained.model.eval(), mine, method, steps, pieces.minutes, float(trained.best_test_loss), network, scale
+        trained.model.eval(), mine, method, steps, pieces.minutes, float(trained.best_test_loss), network, scale,
+        float(mean),
     )
     if out is not None:
         save(model, out)
@@ -105,8 +112,8 @@ def _body(body: Body | str | Path) -> Body:
     return body if isinstance(body, Body) else read_body(body)
 
 
-def _drives(drives: Drives, body: Body, topics: Sequence[str]) -> Sequence[Drive]:
-    return read_drives(drives, body, topics) if isinstance(drives, (str, Path)) else drives
+def _drives(drives: Drives, body: Body, topics: Sequence[str], held: bool = False) -> Sequence[Drive]:
+    return read_drives(drives, body, topics, held) if isinstance(drives, (str, Path)) else drives
 
 
 def evaluate(model: RobotModel, drives: Drives, topics: Sequence[str] = ()) -> pd.DataFrame:
@@ -124,14 +131,14 @@ def evaluate(model: RobotModel, drives: Drives, topics: Sequence[str] = ()) -> p
     import pandas as pd
 
     body = model.body
-    found = _drives(drives, body, topics)
+    found = _drives(drives, body, topics, held=True)
     pieces = cut(found, body, common_length(found))
     motion = pieces.motion(model.network.pixels)
     with torch.inference_mode():
         predicted, _ = model.predictor("novice", motion.inputs, motion.maps)
     wrong = component_losses(predicted, motion.targets).double().mean((0, 1)).sqrt()
     spread = motion.targets.flatten(0, 1).double().std(0, correction=0)
-    units = [unit for _, unit in body.state]  # those of a pose are those of its change
+    units = [SI[unit] for _, unit in body.state]  # those of a pose are those of its change
     lines = [
         (name, 1, unit, float(error), float(error / own.clamp_min(1e-12)))
         for name, unit, error, own in zip(body.targets, units, wrong, spread, strict=True)
@@ -166,7 +173,7 @@ def predict(model: RobotModel, drive: Drives, topics: Sequence[str] = ()) -> pd.
     import pandas as pd
 
     body, lines = model.body, []
-    for one in _drives(drive, body, topics):
+    for one in _drives(drive, body, topics, held=True):
         motion = cut([one], body, len(one.actions)).motion(model.network.pixels)
         with torch.inference_mode():
             predicted, _ = model.predictor("novice", motion.inputs, motion.maps)

@@ -31,9 +31,10 @@ class RobotModel(NamedTuple):
     method: str  # of `learning.FITTED`
     steps: int  # of the pieces that it was learnt from
     minutes: float  # of the robot's motion learnt from, train and test together
-    test_loss: float  # equation (1) on the drives that it was stopped by; their mean costs about 1 a component
+    test_loss: float  # equation (1) on the drives that it was stopped by
     network: Network
-    scale: Tensor  # (Y,) weights of the components in equation (1)
+    scale: Tensor | None  # (Y,) weights of the components in equation (1); None: all 1
+    mean_loss: float | None = None  # what always predicting the mean costs where `test_loss` was taken; older: None
 
 
 def save(model: RobotModel, folder: str | Path) -> None:
@@ -52,7 +53,8 @@ def save(model: RobotModel, folder: str | Path) -> None:
         tensors |= {f"units.{name}": one for name, one in model.predictor.units._asdict().items()}
     about = {
         "version": __version__, "method": model.method, "body": body_lines(model.body), "steps": model.steps,
-        "minutes": model.minutes, "test_loss": model.test_loss, "scale": model.scale.tolist(),
+        "minutes": model.minutes, "test_loss": model.test_loss, "mean_loss": model.mean_loss,
+        "scale": None if model.scale is None else model.scale.tolist(),
         "network": {k: v for k, v in to_mapping(model.network).items() if not k.endswith("_body")},
     }  # fmt: skip
     content = packed({name: one.clone() for name, one in tensors.items()})
@@ -78,16 +80,17 @@ def load(folder: str | Path) -> RobotModel:
         about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
         body = body_from(about["body"], "")
         network = from_mapping(Network, about["network"] | {"novice_body": body, "expert_body": body})
-        scale = torch.tensor(about["scale"])
+        scale = None if about["scale"] is None else torch.tensor(about["scale"])
         tensors = load_file(folder / WEIGHTS)
         predictor = _predictor(about["method"], network, tensors, scale)
         values = {name: about[name] for name in ("method", "steps", "minutes", "test_loss")}
+        values["mean_loss"] = about.get("mean_loss")
     except (ValueError, KeyError, TypeError, RuntimeError, SafetensorError) as error:
         raise ConfigError(f"{folder}: the model is damaged ({first_line(error)}); fit it again") from None
     return RobotModel(predictor.eval(), body, network=network, scale=scale, **values)
 
 
-def _predictor(method: str, network: Network, tensors: dict[str, Tensor], scale: Tensor) -> Predictor:
+def _predictor(method: str, network: Network, tensors: dict[str, Tensor], scale: Tensor | None) -> Predictor:
     one: Any = METHODS[method]
     if one.fit != "least_squares":
         model = DynamicsModel(network, roles=["novice"])

@@ -39,7 +39,7 @@ class Trained(NamedTuple):
     best_test_loss: float  # smoothed, of the weights returned
     best_samples: int  # seen when they were reached
     stopped_early: bool  # by the stopping rule, not by max_samples
-    components: Sequence[Components] = ()  # the loss by component at some of the tests; none of a closed form
+    components: Sequence[Components] = ()  # the loss by component at some tests; none of a closed form or a bundle
 
 
 def train(

@@ -117,16 +117,20 @@ def whole_ground(name: str, ground: Ground) -> Ground:
 
 
 def refuse_together(name: str, drives: Sequence[Drive], body: Body) -> None:
-    """RecordingError for what all drives of a robot say together: dead sensors, other units, steering to the left."""
+    """RecordingError for what all drives of a robot say together: other units, steering to the left."""
     if not has_twist(body):  # whose columns are held against each other, drive by drive
-        _refuse_constant(name, drives, body)
         _refuse_other_rates(name, drives, body)
     elif body.actions == DRIVE:
         refuse_other_steering(name, drives)
 
 
-def _refuse_constant(name: str, drives: Sequence[Drive], body: Body) -> None:
-    """RecordingError naming the first column that never changes in any drive, as a dead sensor's does not."""
+def refuse_constant(name: str, drives: Sequence[Drive], body: Body) -> None:
+    """RecordingError naming the first column that never changes in any drive, as a dead sensor's does not.
+
+    Of a body that has no twist, whose columns would be held against each other.
+    """
+    if has_twist(body):
+        return
     for kind, columns in (("states", body.state[body.pose_size :]), ("actions", body.actions)):
         values = np.concatenate([getattr(drive, kind)[:, -len(columns) :] for drive in drives]) if columns else None
         for number, (column, _) in enumerate(columns):
@@ -169,7 +173,7 @@ def _motion(drive: Drive, body: Body) -> tuple[np.ndarray, np.ndarray]:
     return np.diff(yaw) * body.rate, way[:, 0] * np.cos(yaw[:-1]) + way[:, 1] * np.sin(yaw[:-1])
 
 
-def refuse_jumps(name: str, drives: Sequence[Drive], body: Body) -> None:
+def refuse_jumps(drives: Sequence[Drive], body: Body) -> None:
     """RecordingError where a robot is suddenly elsewhere, of one whose velocities are not seen."""
     if body.pose == "none" or has_twist(body):
         return
@@ -230,7 +234,7 @@ def refuse_other_velocities(name: str, states: np.ndarray, body: Body) -> None:
     if jumps.size:
         when = jumps[0] / rate
         raise RecordingError(f"{name}: {when:g} s after its start the position jumps; make two drives of it there")
-    second = round(WINDOW * rate)
+    second = max(1, round(WINDOW * rate))
     ways = np.linalg.norm(np.diff(position, axis=0), axis=1)[:, None]
     off, way = _size(_windows(step, second)), _size(_windows(ways, second))
     if off > max(MISFIT * way, LEAST_WAY):
@@ -251,7 +255,7 @@ def refuse_other_turning(name: str, states: np.ndarray, rate: float) -> None:
     attitudes = Rotation.from_quat(states[:, 3:7])
     turned = (attitudes[:-1].inv() * attitudes[1:]).as_rotvec()  # (R - 1, 3) rad, body frame
     said = states[:, 10:13]
-    second, shorter = round(rate), round(SHORTER * rate)
+    second, shorter = (max(1, round(some * rate)) for some in (WINDOW, SHORTER))
     for axis, column in enumerate(("wx", "wy", "wz")):
         sizes = [_size(_windows(some[:, axis : axis + 1], second)) for some in (turned, _between(said) / rate)]
         if max(sizes) > max(TIMES * min(sizes), LEAST_TURN):

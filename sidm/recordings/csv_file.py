@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import csv
 import gzip
+import io
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -22,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sidm.body import UNITS, Body
+from sidm.body import SI, UNITS, Body
 from sidm.config import first_line, hint, unknown_name
 from sidm.recordings.drive import Drive, Ground, RecordingError, Table
 from sidm.storage import write_atomically
@@ -43,13 +44,18 @@ SEPARATORS = {";": "semicolons", "\t": "tabs"}  # that are none here
 def read_csv(path: Path, body: Body) -> Table:
     """The rows of a file that a body names; RecordingError names the first fault."""
     header, lines, first = _parts(path)
-    rows = list(csv.reader(lines))
+    try:
+        rows = list(csv.reader(lines))
+    except csv.Error as error:
+        raise RecordingError(f"{path}: no table of numbers ({error}); is a quotation mark left open?") from None
     if len(rows) < 3:
         raise RecordingError(f"{path}: it has no rows of numbers")
     named = [re.fullmatch(r"\s*(.*?)\s*(?:\[(.*)\])?\s*", cell) for cell in rows[0]]
     names, units = [match[1] for match in named if match], [(match[2] or "").strip() for match in named if match]
     cells = _cells(path, rows[1:], first + 1, names)
-    timed = "time" in names or "rate" not in header
+    timed = "time" in names
+    if not timed and "rate" not in header:
+        raise RecordingError(f"{path}: it has neither a line '# rate: 10 Hz' nor a column 'time [s]'")
     factors = scales(str(path), names, units, body, timed)
     columns = {name: _numbers(path, name, cells[names.index(name)], first + 1) * factors[name] for name in factors}
     labels = {name: np.array(cells[names.index(name)]) for name in ("drive", "session") if name in names}
@@ -180,13 +186,15 @@ def _heights(path: Path) -> np.ndarray:
 
 
 def write_csv(path: Path, drives: Sequence[Drive], body: Body, origin: str) -> None:
-    """Write drives of a body without a height map, compressed where the name ends in .gz."""
-    columns = [f"{name} [{unit}]" for name, unit in (*body.state, *body.actions)]
-    lines = [f"# origin: {origin}", f"# rate: {body.rate:g} Hz", ",".join(["session", "drive", *columns])]
+    """Write drives of a body without a height map, in SI units, compressed where the name ends in .gz."""
+    file = io.StringIO()
+    file.write(f"# origin: {origin}\n# rate: {body.rate:g} Hz\n")
+    lines = csv.writer(file, lineterminator="\n")
+    lines.writerow(["session", "drive", *(f"{name} [{SI[unit]}]" for name, unit in (*body.state, *body.actions))])
     for number, drive in enumerate(drives):
         actions = np.vstack([drive.actions, drive.actions[-1:]])
         for row in np.hstack([drive.states, actions]):
-            lines.append(",".join([drive.session, str(number), *(f"{value:.5g}" for value in row)]))
-    text = ("\n".join(lines) + "\n").encode()
+            lines.writerow([drive.session, number, *(f"{value:.9g}" for value in row)])
+    text = file.getvalue().encode()
     packed = gzip.compress(text, mtime=0) if path.suffix == ".gz" else text
     write_atomically(path, lambda file: file.write(packed))

@@ -23,13 +23,14 @@ STILL = 2  # rows, at most, that a slower sensor's pose repeats itself
 FEWEST_STEPS = 8  # of a drive
 
 
-def read_drives(path: str | Path, body: Body, topics: Sequence[str] = ()) -> list[Drive]:
+def read_drives(path: str | Path, body: Body, topics: Sequence[str] = (), held: bool = False) -> list[Drive]:
     """The drives of a file or a ROS bag, or of all files of a folder.
 
     Args:
         path: of it.
         body: what they are made of.
         topics: of bags that are read, where several could be meant; all unless given.
+        held: whether a column may never change, as where a model is only tried; what learns needs it to.
 
     Raises:
         RecordingError: there are none, or the first fault; one line that names file, place and fault.
@@ -37,19 +38,19 @@ def read_drives(path: str | Path, body: Body, topics: Sequence[str] = ()) -> lis
     path = Path(path)
     if not path.exists():
         raise RecordingError(f"{path}: there is no such file")
-    files = _files(path, body) if path.is_dir() and not is_bag(path) else [path]
+    files = _files(path) if path.is_dir() and not is_bag(path) else [path]
     if not files:
         raise RecordingError(f"{path}: no file of drives ({', '.join(SUFFIXES)}) and no ROS bag in this folder")
     found = [drive for file in files for table in _tables(file, body, topics) for drive in drives_of(table, body)]
+    if not held:
+        checks.refuse_constant(str(path), found, body)
     checks.refuse_together(str(path), found, body)
     return found
 
 
-def _files(folder: Path, body: Body) -> list[Path]:
+def _files(folder: Path) -> list[Path]:
     """The files of drives in a folder, which are not the heights of one another."""
     every = sorted(file for file in folder.iterdir() if file.name.endswith(SUFFIXES) or is_bag(file))
-    if not body.map_size:
-        return every
     heights = {one.resolve() for file in every if ".csv" in file.name and (one := heights_file(file))}
     return [file for file in every if file.resolve() not in heights]
 
@@ -95,7 +96,7 @@ def drives_of(table: Table, body: Body) -> list[Drive]:
         belongs = str(session[rows[0]] or f"{table.name} {label}")
         name = f"{table.name} drive {label}" if len(changes) or not table.labels else table.name
         found.append(Drive(name, belongs, states, actions, ground))
-    checks.refuse_jumps(table.name, found, body)
+    checks.refuse_jumps(found, body)
     return found
 
 

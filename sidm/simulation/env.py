@@ -21,14 +21,15 @@ except ImportError as error:  # pragma: no cover
     raise ImportError("the environment needs Gymnasium: pip install gymnasium (all else works without it)") from error
 from gymnasium import spaces
 
+from sidm.body import ROVER
 from sidm.simulation.collect import EpisodeRules
 from sidm.simulation.simulator import Simulator
 from sidm.systems import System, find_system
 from sidm.terrain import generate_terrain, height_at
 from sidm.trajectory import ACTION_SIZE, POSITION, QUATERNION, STEPS, TWIST
 
-INPUT_SIZE: Final = 11  # up direction 3, twist 6, action 2: the paper's x, as in sidm.learning.observation
-MAP_SIZE: Final = 5.0  # side of the robot-centred map, m
+INPUT_SIZE: Final = len(ROVER.inputs)  # up direction 3, twist 6, action 2: the paper's x
+MAP_SIZE: Final = ROVER.map_size  # side of the robot-centred map, m
 
 
 class Rover(gymnasium.Env):
@@ -170,24 +171,26 @@ class ReachPoint(gymnasium.Wrapper):
         observation, info = self.env.reset(seed=seed, options=options)
         rng = self.env.unwrapped.np_random
         distance, bearing = rng.uniform(self.nearest, self.farthest), rng.uniform(-np.pi, np.pi)
-        start = info["state"][POSITION][:2]
-        self.goal = start + distance * np.array([np.cos(bearing), np.sin(bearing)])
+        self._state = info["state"]
+        self.goal = self._state[POSITION][:2] + distance * np.array([np.cos(bearing), np.sin(bearing)])
         self._distance = distance
-        return self._with_goal(observation, info["state"]), info | {"goal": self.goal.copy()}
+        return self._with_goal(observation), info | {"goal": self.goal.copy()}
 
     def step(self, action: np.ndarray) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
         """Drive for 0.1 s by (throttle, steering), (2,), rewarded by the metres gained."""
         observation, reward, terminated, truncated, info = self.env.step(action)
-        distance = float(np.linalg.norm(self.goal - info["state"][POSITION][:2]))
+        if np.isfinite(info["state"]).all():  # else the simulation failed, and the robot stays where it was
+            self._state = info["state"]
+        distance = float(np.linalg.norm(self.goal - self._state[POSITION][:2]))
         gained, self._distance = self._distance - distance, distance
         reached = distance < self.radius
-        observation = self._with_goal(observation, info["state"])
+        observation = self._with_goal(observation)
         info |= {"goal": self.goal.copy(), "reached": reached}
         return observation, float(reward) + gained + float(reached), terminated or reached, truncated, info
 
-    def _with_goal(self, observation: dict[str, np.ndarray], state: np.ndarray) -> dict[str, np.ndarray]:
-        cos, sin = _heading(state)
-        east, north = self.goal - state[POSITION][:2]
+    def _with_goal(self, observation: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        cos, sin = _heading(self._state)
+        east, north = self.goal - self._state[POSITION][:2]
         goal = np.array([cos * east + sin * north, cos * north - sin * east], np.float32)
         return {**observation, "goal": goal}
 

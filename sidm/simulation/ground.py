@@ -6,9 +6,8 @@ import numpy as np
 import pybullet
 
 from sidm.simulation.client import Client
-from sidm.systems import Physics
+from sidm.systems import GRID_SPACING, Physics
 
-GRID_SPACING = 0.1  # m, of the heights
 HIGHEST = 100.0  # m: heights lie between this and its negative
 COLOUR = (0.78, 0.74, 0.68, 1.0)  # in pictures
 

@@ -231,7 +231,7 @@ class Simulator:
         return np.asarray(pixels, np.uint8).reshape(height, width, 4)[..., :3]
 
     def save(self) -> tuple[int, list[float]]:
-        """A token for the present moment, to `restore` it later in this simulator."""
+        """A token for the present moment, to `restore` it later in this simulator; it takes memory until `forget`."""
         return self._client.saveState(), [suspension.slip for suspension in self._suspensions.values()]
 
     def restore(self, token: tuple[int, list[float]]) -> np.ndarray:
@@ -241,3 +241,7 @@ class Simulator:
         for suspension, slip in zip(self._suspensions.values(), slips, strict=True):
             suspension.slip = slip
         return self.state
+
+    def forget(self, token: tuple[int, list[float]]) -> None:
+        """Free what `save` keeps; the token serves no more."""
+        self._client.removeState(token[0])

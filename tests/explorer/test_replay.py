@@ -178,6 +178,7 @@ def test_the_command_shows_recordings(tmp_path, capsys):
     assert main([*words, "--shape", "0.5,0.4,0.1"]) == 0
     assert main([*words, "--drive", "3"]) == 2
     assert main([*words, "--shape", "husk"]) == 2
+    assert main([*words, "--shape", "inf,0.4,0.1"]) == 2
     error = capsys.readouterr().err
     assert "drives 0 to 0, not 3" in error and "husky" in error
     assert main(["replay", str(tmp_path / "none.npz"), "--html", "x"]) == 1

@@ -1,5 +1,6 @@
 """A model of one's own robot: fitted, kept, evaluated and asked, by function and by command."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -65,11 +66,36 @@ def test_robots_of_two_bodies_are_learnt_together(drives):
         ({"method": "sidm"}, "learns from an expert's drives too"),
         ({"method": "sdim"}, "did you mean 'sidm'"),
         ({"body": None}, "say what the drives are made of"),
+        ({"expert_body": SKID}, "name them with --expert"),
+        ({"seed": -1}, "--seed must be 0 or more, not -1"),
     ],
 )
 def test_what_cannot_be_fitted_is_one_line(drives, how, words):
     with pytest.raises(ConfigError, match=words):
         fitting.fit(drives["warthog"], **{"body": SKID} | how)
+
+
+def test_an_expert_of_one_piece_cannot_be_pretrained_on(drives):
+    with pytest.raises(ConfigError, match="the expert's motion is one piece"):
+        fitting.fit(drives["warthog"], drives["husky"][:1], SKID, method="core_frozen")
+
+
+def test_without_weights_the_loss_is_in_raw_units(drives, tmp_path):
+    """As fitted, so kept; and what predicting the mean costs is of the same drives and units."""
+    plain = dataclasses.replace(SKID, weights="ones")
+    found = fitting.fit(drives["warthog"], body=plain, method="least_squares", out=tmp_path)
+    back = model.load(tmp_path)
+    assert found.scale is back.scale is back.predictor.loss_weights("novice") is None
+    assert 0 < found.test_loss < found.mean_loss == pytest.approx(back.mean_loss)
+    judged = fitting.fit(drives["warthog"], body=SKID, method="least_squares").mean_loss
+    assert judged == pytest.approx(len(SKID.targets), rel=0.5) and not judged == pytest.approx(found.mean_loss, rel=0.5)
+
+
+def test_errors_are_in_the_units_that_drives_are_read_in(drives):
+    columns = (("yaw_rate", "deg/s"), *SKID.columns[1:])
+    body = dataclasses.replace(SKID, columns=columns)
+    found = fitting.fit(drives["warthog"], body=body, method="least_squares")
+    assert fitting.evaluate(found, drives["warthog"]).unit[3] == "rad/s"
 
 
 def test_copying_between_two_bodies_is_refused(drives):
@@ -93,6 +119,8 @@ def test_the_commands_lead_from_file_to_predictions(tmp_path, capsys):
     assert command_line.main(["evaluate", out, path]) == 0
     assert (tmp_path / "model" / "evaluation.png").stat().st_size > 10_000
     assert "wheel_left" in capsys.readouterr().out
+    assert command_line.main(["evaluate", out, path, "--figure", str(tmp_path / "found.foo")]) == 2
+    assert "found.foo: Format 'foo' is not supported" in capsys.readouterr().err
     assert command_line.main(["predict", out, path, "--out", str(tmp_path / "found.csv")]) == 0
     assert len(pd.read_csv(tmp_path / "found.csv")) == 287 * 19
     assert command_line.main(["evaluate", out, str(RECORDINGS / "hunter.csv.gz")]) == 1

@@ -76,6 +76,15 @@ def test_a_failed_simulation_terminates_with_the_last_observation(env, monkeypat
     assert all(np.array_equal(observation[name], before[name]) for name in before)
 
 
+def test_after_a_failed_simulation_the_goal_is_where_it_was(monkeypatch):
+    with ReachPoint(Rover(pixels=4)) as env:
+        before, _ = env.reset(seed=0)
+        monkeypatch.setattr(env.unwrapped.simulator, "step", lambda action: np.full(13, np.nan))
+        observation, reward, terminated, _, info = env.step(np.zeros(2, np.float32))
+        assert terminated and reward == 0 and not info["reached"]
+        assert np.array_equal(observation["goal"], before["goal"])
+
+
 def test_goal_rewards_metres_gained_and_ends_when_reached():
     with ReachPoint(Rover(pixels=4), nearest=2.0, farthest=2.0, radius=1.0) as env:
         observation, info = env.reset(seed=1, options={"heights": np.zeros((300, 300)), "start": (0.0, 0.0, 0.0)})

@@ -97,6 +97,9 @@ def test_save_and_restore_branch_exactly(rough):
         first = [simulator.step((0.5, -0.5)) for _ in range(6)]
         simulator.restore(token)
         assert np.array_equal(first, [simulator.step((0.5, -0.5)) for _ in range(6)])
+        simulator.forget(token)
+        with pytest.raises(Exception, match="restore"):
+            simulator.restore(token)
 
 
 @pytest.mark.parametrize("role", ROLES)

@@ -14,7 +14,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from sidm.experiments.figures.style import GROUND_SPACING, METHOD_STYLES, STYLE, half_width, lay_ground, legend_below
+from sidm.experiments.figures.style import METHOD_STYLES, STYLE, half_width, lay_ground, legend_below
+from sidm.systems import GRID_SPACING
 from sidm.trajectory import CONTROL_STEP
 
 MARGIN = 0.7  # m of ground shown around the paths
@@ -71,7 +72,7 @@ def _frames(
     (left, low), (right, high) = (every.max(0) + every.min(0)) / 2 + np.array([[-reach], [reach]])
     half = half_width(heights)
     columns, rows = (
-        ((np.array(ends) + half) / GROUND_SPACING).round().astype(int) for ends in ((left, right), (low, high))
+        ((np.array(ends) + half) / GRID_SPACING).round().astype(int) for ends in ((left, right), (low, high))
     )
     seen = heights[max(rows[0], 0) : rows[1] + 1, max(columns[0], 0) : columns[1] + 1]
     frames = []

@@ -20,7 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sidm.experiments.methods import FOR_LITTLE, METHODS
-from sidm.systems import Terrain
+from sidm.systems import GRID_SPACING
 
 STYLE = Path(__file__).with_name("sidm.mplstyle")
 
@@ -72,7 +72,6 @@ EFFICIENCY_MARKS = (
     (">=", "^", "#D55E00", "at least"),
     ("<=", "v", "#009E73", "at most"),
 )
-GROUND_SPACING = Terrain(cell_height_scale=0.0).spacing  # between heights, m
 
 
 def html_picture(figure: Figure, words: str) -> str:
@@ -118,7 +117,7 @@ def side_by_side(count: int, columns: int = 0) -> tuple[Figure, list[Axes]]:
 
 def half_width(heights: np.ndarray) -> float:
     """From the middle of a ground (H, H) to its border, m."""
-    return (len(heights) - 1) * GROUND_SPACING / 2
+    return (len(heights) - 1) * GRID_SPACING / 2
 
 
 def lay_ground(axes: Axes, heights: np.ndarray, palest: float, darkest: float) -> None:

@@ -33,10 +33,12 @@ class Start(NamedTuple):
 
 
 def expert_in_place(datasets: Datasets, seed: int) -> Datasets:
-    """The expert's data in the novice's place, where nothing of the novice is left; ConfigError without them."""
+    """The expert's data in the novice's place, where nothing of the novice is left; ConfigError for fewer than two."""
     expert = datasets.expert
     if expert is None:
         raise ConfigError("pretraining needs the expert's data, but datasets.expert is None")
+    if len(expert) < 2:
+        raise ConfigError("the expert's motion is one piece; pretraining needs one to learn from and one to stop by")
     train_part, test_part = split(len(expert), len(expert), seed)
     testing = expert.part(test_part)
     return Datasets(expert.part(train_part), testing, testing, expert)

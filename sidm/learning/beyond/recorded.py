@@ -59,6 +59,10 @@ class Pieces(NamedTuple):
         """The pieces of some sessions."""
         return self.take(np.isin(self.sessions, sessions))
 
+    def begun(self, steps: int) -> Pieces:
+        """Their first steps."""
+        return self._replace(states=self.states[:, : steps + 1], actions=self.actions[:, :steps])
+
     def rollout(self, model: Predictor, start: int, steps: int, pixels: int = 0, seen: bool = True) -> Tensor:
         """States (N, K + 1, S) that a model predicts open loop for K steps from step `start` of each piece on.
 
@@ -69,9 +73,9 @@ class Pieces(NamedTuple):
             numbers = torch.nonzero(self.ground == ground).flatten()
             some, memory = self.take(numbers), None
             if seen and start:
-                motion = some.motion(pixels)
+                motion = some.begun(start).motion(pixels)
                 with torch.inference_mode():
-                    _, memory = model("novice", motion.inputs[:, :start], motion.maps[:, :start])
+                    _, memory = model("novice", motion.inputs, motion.maps)
             heights, spacing = None, 0.0
             if self.grounds:
                 heights, spacing = self.grounds[ground].expand(len(numbers), -1, -1), self.spacing[ground]
@@ -91,7 +95,7 @@ def cut(drives: Sequence[Drive], body: Body = ROVER, steps: int = STEPS) -> Piec
     """Pieces of `steps` from the beginning of each drive on, less what is left over at its end; equal grounds are one.
 
     Raises:
-        ConfigError: no drive is as long, or grounds lack or have several spacings.
+        ConfigError: no drive is as long, or grounds lack.
     """
     states, actions, sessions, which = [], [], [], []
     grounds: dict[str, int] = {}

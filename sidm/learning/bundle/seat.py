@@ -14,7 +14,6 @@ from sidm.learning.dataset import Datasets
 from sidm.learning.learner import Learner
 from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import TrainingError
-from sidm.learning.units import Units
 
 
 class Run(NamedTuple):
@@ -23,7 +22,6 @@ class Run(NamedTuple):
     datasets: Datasets
     training: Training
     seed: int
-    standardisation: Units | None = None
     checkpoint: Path | None = None  # a folder to go on from and to write to
     start: Mapping[str, Tensor] | None = None  # initial weights; fresh ones by default
 
@@ -34,9 +32,7 @@ class Seat:
     def __init__(self, number: int, run: Run, network: Network, shelves: Mapping[str, Shelf]):
         """Run `number` from its initial weights, or from its checkpoint."""
         self.number, self.run = number, run
-        self.learner = Learner(
-            run.datasets, network, run.training, run.seed, run.standardisation, start=run.start
-        )
+        self.learner = Learner(run.datasets, network, run.training, run.seed, start=run.start)
         if run.checkpoint is not None:
             self.learner.restore(run.checkpoint)
         self.places = {role: shelves[role].places(self.learner.part(role)) for role in self.learner.model.encoders}

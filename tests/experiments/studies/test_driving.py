@@ -112,6 +112,9 @@ class Toy:
         self.state = state
         return state
 
+    def forget(self, token):
+        pass
+
     def step(self, action):
         self.state = self.state.copy()
         self.state[0] += action[0]

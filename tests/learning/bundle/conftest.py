@@ -20,6 +20,6 @@ def make_run(small_training) -> Callable[..., Run]:
         rng = np.random.default_rng(seed)
         parts = [motion(pair[0], count, rng, steps=6) for count in (novice, tests, 2)]
         training = Training(**(dataclasses.asdict(small_training) | changes))
-        return Run(Datasets(*parts, motion(pair[1], 12, rng, steps=6)), training, seed, None, checkpoint, start)
+        return Run(Datasets(*parts, motion(pair[1], 12, rng, steps=6)), training, seed, checkpoint, start)
 
     return make
