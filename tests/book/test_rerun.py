@@ -33,3 +33,18 @@ def test_a_command_prints_what_the_page_says(project, command, output):
     done = subprocess.run([sys.executable, "-m", "sidm", *words], cwd=project, capture_output=True, text=True)
     assert (done.stdout + done.stderr).splitlines() == output.splitlines()
     assert done.returncode == (2 if output.startswith("sidm: ") else 0)
+
+
+def test_what_a_bundle_gains_on_a_gpu_is_what_was_measured():
+    page = " ".join((ROOT / "book" / "rerun.md").read_text(encoding="utf-8").split())
+    measured = (ROOT / "benchmarks" / "bundle.txt").read_text(encoding="utf-8").split("\n\n")[0]
+    assert "H200" in measured.splitlines()[0]
+    gains = {}
+    for name, precision, trials, numbers in re.findall(r"^(.+ px), (\w+), +(\d+): (.+)$", measured, re.MULTILINE):
+        gains[name, precision, int(trials)] = float(numbers.split(";")[4])
+    for precision in ("float32", "bfloat16"):
+        assert f"{gains['3 x 256, 64 px', precision, 128]:.1f} times" in page
+    apart = float(re.search(r"differ by at most (\S+),", measured)[1])
+    assert f"differ there by up to {apart:.1%}".replace("%", " %") in page
+    alike = int(re.search(r"at 300 px.*?(\d+) samples/s", measured)[1])
+    assert f"made {alike:,} samples a second" in page

@@ -63,7 +63,8 @@ def train_bundle(
         What a trial came to, as soon as it ends.
 
     Raises:
-        ConfigError: settings in which the trials of a bundle may not differ, or data of unlike shapes.
+        ConfigError: settings in which the trials of a bundle may not differ, data of unlike shapes, or more trials than
+            the device's memory holds.
     """
     check_shared(runs, network)
     if not runs:
@@ -90,7 +91,11 @@ def _train(
                     bundle.join(Seat(number, run, bundle.network, bundle.shelves))
                 except CheckpointError as error:
                     yield Ended(number, error, 0.0)
-            bundle.timed_phase(progress)
+            try:
+                bundle.timed_phase(progress)
+            except torch.OutOfMemoryError:
+                full = f"the memory of {bundle.device} does not hold {len(bundle.seats)} trials side by side"
+                raise ConfigError(f"{full}; choose a smaller bundle") from None
             for index in [index for index, seat in bundle.taken.items() if seat.over]:
                 seat = bundle.leave(index)
                 yield Ended(seat.number, seat.error or result(seat.learner), seat.seconds)

@@ -9,6 +9,7 @@ from sidm.config import ConfigError
 from sidm.learning import Datasets, TrainingError, train
 from sidm.learning.bundle import Run, train_bundle
 from sidm.learning.bundle.adam import StackedAdam
+from sidm.learning.bundle.bundle import Bundle
 from sidm.learning.bundle.recurrence import Recurrence, lstm
 from sidm.learning.bundle.shelf import Shelf
 from sidm.learning.bundle.stack import Stack
@@ -128,6 +129,15 @@ def test_large_convolutions_are_done_in_pieces(make_run, small_network, monkeypa
     monkeypatch.setattr("sidm.learning.bundle.stack.LARGEST", 5000)
     ((_, bundled, _),) = train_bundle([run], small_network, seats=1)
     assert_same(bundled, alone(run, small_network))
+
+
+def test_a_bundle_that_the_memory_does_not_hold_is_refused_in_one_line(make_run, small_network, monkeypatch):
+    def full(self, progress):
+        raise torch.OutOfMemoryError("a long report")
+
+    monkeypatch.setattr(Bundle, "timed_phase", full)
+    with pytest.raises(ConfigError, match=r"^the memory of cpu does not hold 2 trials side by side; choose a smaller"):
+        list(train_bundle([make_run(0), make_run(1)], small_network, seats=3))
 
 
 def test_what_trials_of_a_bundle_share(make_run, small_network, make_motion):
