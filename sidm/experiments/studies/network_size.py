@@ -1,4 +1,4 @@
-"""Does what an SIDM saves grow with the networks? Maps and LSTMs up to the paper's, one size of data."""
+"""Does what an SIDM saves grow with the networks? Maps up to 128 pixels, LSTMs up to the paper's, one size of data."""
 
 from __future__ import annotations
 
@@ -13,22 +13,23 @@ from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
 
 MINUTES = (5.0,)
-#: Pixels a side of the map, LSTM layers and hidden units -> trials; the paper has 300 pixels and the last LSTM.
+#: Pixels a side of the map, LSTM layers and hidden units -> seeds; the paper has 300 pixels and the last LSTM.
 SIZES = {(16, 3, 256): 3, (32, 1, 128): 3, (32, 3, 256): 3, (64, 3, 256): 3, (128, 3, 256): 3, (32, 4, 1024): 1}
 LARGE = ((64, 3, 256), (128, 3, 256), (32, 4, 1024))  # so slow that the paper's two methods alone are trained
 
-#: At Figure 3's rate the paper's LSTM hardly learns. These were tried with it, on motion that settings are chosen by.
+#: At Figure 3's rate and patience the paper's LSTM hardly learns. These were tried,
+#: on motion that settings are chosen by.
 RATES = (1e-3, 3e-4, 1e-4)
-#: To the cap, on a GPU; both methods with the SIDM's own iterations of Algorithm 2, so that one bundle has both.
+#: To the cap, meant for a GPU; both methods with the SIDM's own iterations of Algorithm 2, so that one bundle has both.
 LONG: dict[str, Any] = {"patience": 1_000_000, "precision": "tf32", "matching_iterations": 5}
-#: The rate of both methods' lowest test loss, a cap well past both losses, and the sizes that are trained so.
+#: The rate of both methods' lowest test loss, a cap past both losses there, and the sizes that are trained so.
 SLOW: dict[str, Any] = LONG | {"learning_rate": 3e-4, "max_samples": 400_000}
 SLOW_SIZES = {(32, 3, 256): 3, (32, 4, 1024): 3}
 SIZE = ("pixels", "layers", "hidden")
 
 
 def trials(study: Study, system: str) -> list[Trial]:
-    """Figure 3's methods with networks of each size, the paper's two with those that are LARGE or trained slowly."""
+    """Figure 3's methods at each size, the paper's two at those that are LARGE or at the smaller rate; the tries."""
     found = []
     for size, seeds in SIZES.items():
         changed = study.changed(**dict(zip(SIZE, size, strict=True)))

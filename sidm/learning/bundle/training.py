@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -73,9 +74,21 @@ def train_bundle(
     roles, device = ROLES if needs_expert else ROLES[:1], torch.device(device)
     shelves = shelves_of(runs, network, roles, device)
     waiting = deque(enumerate(runs))
-    bundle = Bundle(shelves, network, training, roles, min(seats, len(runs)), device)
-    with products(training.precision):
+    seats = min(seats, len(runs))
+    with products(training.precision), enough_memory(device, seats):
+        bundle = Bundle(shelves, network, training, roles, seats, device)
         yield from _train(bundle, waiting, progress)
+
+
+@contextlib.contextmanager
+def enough_memory(device: torch.device, trials: int) -> Iterator[None]:
+    """ConfigError in place of PyTorch's report when the device's memory does not hold so many trials."""
+    try:
+        yield
+    except torch.OutOfMemoryError:
+        what = f"{trials} trials side by side; choose a smaller bundle"
+        one = "the trial; choose smaller networks or maps"
+        raise ConfigError(f"the memory of {device} does not hold {what if trials > 1 else one}") from None
 
 
 def _train(
@@ -91,11 +104,7 @@ def _train(
                     bundle.join(Seat(number, run, bundle.network, bundle.shelves))
                 except CheckpointError as error:
                     yield Ended(number, error, 0.0)
-            try:
-                bundle.timed_phase(progress)
-            except torch.OutOfMemoryError:
-                full = f"the memory of {bundle.device} does not hold {len(bundle.seats)} trials side by side"
-                raise ConfigError(f"{full}; choose a smaller bundle") from None
+            bundle.timed_phase(progress)
             for index in [index for index, seat in bundle.taken.items() if seat.over]:
                 seat = bundle.leave(index)
                 yield Ended(seat.number, seat.error or result(seat.learner), seat.seconds)

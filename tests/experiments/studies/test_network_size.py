@@ -45,13 +45,13 @@ def test_both_methods_share_a_bundle_at_the_smaller_rate(study, every):
     assert len(slow) == 2 * SLOW_SIZES[32, 3, 256] and len(bundles(slow)) == 1
 
 
-def slower(trial):
+def more_saved(trial):
     return 1.5 if trial.training.precision == "tf32" else 1
 
 
 def test_methods_stand_beside_training_without_sidm_of_the_same_size_and_rate(study, every, make_row):
     """Made up: an SIDM saves more the larger the map, and half as much again at the smaller rate."""
-    rows = [make_row(t, 1.0 if t.method == "novice_only" else 16 / t.network.pixels / slower(t)) for t in every]
+    rows = [make_row(t, 1.0 if t.method == "novice_only" else 16 / t.network.pixels / more_saved(t)) for t in every]
     found = table(frame_of(rows)).set_index(["method", "pixels", "hidden", "learning_rate"])
     ratios = [found.ratio["sidm", pixels, 256, 1e-3] for pixels in (16, 32, 64, 128)]
     assert ratios == pytest.approx([1, 0.5, 0.25, 0.125])

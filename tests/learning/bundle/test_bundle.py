@@ -138,6 +138,8 @@ def test_a_bundle_that_the_memory_does_not_hold_is_refused_in_one_line(make_run,
     monkeypatch.setattr(Bundle, "timed_phase", full)
     with pytest.raises(ConfigError, match=r"^the memory of cpu does not hold 2 trials side by side; choose a smaller"):
         list(train_bundle([make_run(0), make_run(1)], small_network, seats=3))
+    with pytest.raises(ConfigError, match=r"^the memory of cpu does not hold the trial; choose smaller networks"):
+        list(train_bundle([make_run(0)], small_network, seats=3))
 
 
 def test_what_trials_of_a_bundle_share(make_run, small_network, make_motion):
