@@ -56,7 +56,7 @@ class Preset:
     tuned: tuple[tuple[str, str, Any], ...] = ()  # method, setting of its training, value instead of `training`'s
     references: tuple[str, ...] = ("least_squares",)  # methods that stand beside Figure 3 at every size
     free_strut_minutes: tuple[float, ...] = (1.0, 5.0, 20.0, 60.0)  # sizes of Figure 3 with free struts
-    free_strut_seeds: int = 3  # trials a point of it
+    free_strut_seeds: int = 5  # trials a point of it
 
     def __post_init__(self) -> None:
         """Refuse sizes that the pools do not hold."""
