@@ -135,7 +135,7 @@ def _add_system(parser: argparse.ArgumentParser) -> None:
 
 def _add_grid(parser: argparse.ArgumentParser) -> None:
     _add_system(parser)
-    figures = "duration, 3, references, 4, tuning, little-data, choices, released, baselines, variants, "
+    figures = "decisive, duration, 3, references, 4, tuning, little-data, choices, released, baselines, variants, "
     figures += "p-expert, iterations, pixels, patience, other-bodies, free-struts, network-size, corrected-claim, "
     figures += "most-data or all"
     parser.add_argument("--figure", default="3", help=f"{figures} (%(default)s)")

@@ -21,12 +21,14 @@ from sidm.experiments.studies import (
     tuning,
     variants,
 )
+from sidm.experiments.studies.decisive import design as decisive
 from sidm.experiments.study import Study
 from sidm.experiments.trials import Trial
 from sidm.systems import FREE_SYSTEMS, SYSTEMS, find_system
 
 #: Figure -> what makes its trials of one system, and the systems that it has.
 FIGURES: dict[str, tuple[Callable[[Study, str], list[Trial]], tuple[str, ...]]] = {
+    "decisive": (decisive.trials, tuple(SYSTEMS)),
     "duration": (duration.trials, ("system1",)),
     "3": (Study.figure3, tuple(SYSTEMS)),
     "references": (Study.references, tuple(SYSTEMS)),
@@ -49,7 +51,7 @@ FIGURES: dict[str, tuple[Callable[[Study, str], list[Trial]], tuple[str, ...]]] 
 }
 
 #: Grids of presets that name them.
-NAMED = ("duration", "little-data", "free-struts", "network-size", "corrected-claim")
+NAMED = ("decisive", "duration", "little-data", "free-struts", "network-size", "corrected-claim")
 
 #: What grids were called before.
 FORMER = {"yardsticks": "references", "ample": "most-data"}

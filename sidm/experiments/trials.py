@@ -59,7 +59,9 @@ def datasets(sizes: Any, system: str, pool_minutes: float) -> dict[str, Dataset]
 
 #: Values that a trial, its network or trainings did not have from the first, and what they are where it does not say.
 LATER = (
-    ("fit", "gradients"), ("motion", "figures"), ("novice_body", None), ("expert_body", None), ("pretrained", "all")
+    ("fit", "gradients"), ("motion", "figures"), ("novice_body", None), ("expert_body", None), ("pretrained", "all"),
+    ("validation_trajectories", 64), ("units", "standardised"), ("zero_gradients", False), ("replacement", True),
+    ("discriminator_draw", "both"),
 )  # fmt: skip
 
 
@@ -144,7 +146,7 @@ class Trial:
 
     def to_json(self) -> dict[str, Any]:
         """All its values as plain nested mappings, without those of LATER by default, so that older keys still hold."""
-        return _without_later(to_mapping(self))
+        return without_later(to_mapping(self))
 
 
 def key_of_values(values: Mapping[str, Any]) -> str:
@@ -153,10 +155,10 @@ def key_of_values(values: Mapping[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:20]
 
 
-def _without_later(values: Mapping[str, Any]) -> dict[str, Any]:
+def without_later(values: Mapping[str, Any]) -> dict[str, Any]:
     """Values without those of LATER, at any depth."""
     return {
-        name: _without_later(value) if isinstance(value, Mapping) else value
+        name: without_later(value) if isinstance(value, Mapping) else value
         for name, value in values.items()
         if (name, value) not in LATER
     }

@@ -14,7 +14,8 @@ from torch import Tensor
 from sidm.config import ConfigError, to_mapping
 from sidm.learning import checkpoint
 from sidm.learning.dataset import Datasets, Motion, Part
-from sidm.learning.evaluation import mean_loss, validation_loss
+from sidm.learning.evaluation import mean_loss
+from sidm.learning.evaluation import validation_loss as component_means
 from sidm.learning.mirror import mirrored
 from sidm.learning.model import DynamicsModel
 from sidm.learning.networks import Discriminator, seeded
@@ -28,6 +29,7 @@ from sidm.systems import ROLES
 #: What is drawn at random, each from a generator of its own, so that one seed gives all methods the same novice draws.
 PURPOSES = ("system", "novice", "expert", "discriminator novice", "discriminator expert", "matching")
 MIRRORING = {purpose: f"{purpose} mirrored" for purpose in PURPOSES[1:]}  # what is drawn beside, for its mirror images
+DISCRIMINATED = "discriminated system"  # whose latents a discriminator's batch has, where it has those of one
 
 
 class Learner:
@@ -48,7 +50,7 @@ class Learner:
     """
 
     kind: type[DynamicsModel] = DynamicsModel
-    measured = True  # whether losses by component are kept
+    measured = True  # whether validation losses, and losses by component, are kept
 
     def __init__(
         self,
@@ -68,14 +70,16 @@ class Learner:
         roles = tuple(roles) or (ROLES if training.needs_expert else ("novice",))
         for role in roles:
             training.refuse_for(network.body(role))
-        if standardisation is None:
+        if training.units == "raw":
+            standardisation = {role: Standardisation.none(network.body(role)) for role in roles}
+        elif standardisation is None:
             standardisation = units_of(datasets, network)
         self.datasets, self.network, self.training, self.seed = datasets, network, training, seed
         self.units = checkpoint.digest(_tensors(standardisation))
         self.start = start and checkpoint.digest(start.values())
         self.device = torch.device(device)
         self.test = datasets.test.first(training.test_trajectories)
-        self.validation = datasets.validation.first(training.test_trajectories)
+        self.validation = datasets.validation.first(training.validation_trajectories)
         self.model = self.kind(network, standardisation, seed, roles).to(self.device)
         if start is not None:
             self.model.start(start)
@@ -86,7 +90,9 @@ class Learner:
         self.discrimination = make_optimiser(self.discriminator, training)
         own = training.matching_optimiser == "own" and "novice" in self.model.encoders
         self.matching = make_optimiser(self.model.encoders["novice"], training) if own else self.prediction
-        self.generators = {purpose: generator(seed, purpose) for purpose in (*PURPOSES, *MIRRORING.values())}
+        purposes = (*PURPOSES, *MIRRORING.values(), DISCRIMINATED)
+        self.generators = {purpose: generator(seed, purpose) for purpose in purposes}
+        self.waiting: dict[str, Tensor] = {}  # of draws without replacement: trajectories by system that come next
         self.stopper = Stopper(training.stopping, training.smoothing, training.patience, training.max_samples)
         self.best = self.weights()
         self.history: list[Tested] = []
@@ -111,14 +117,27 @@ class Learner:
         return motion
 
     def draw_indices(self, role: str, count: int, purpose: str) -> Tensor:
-        """(count,) int64: which of a system's trajectories to learn from, drawn with replacement.
+        """(count,) int64: which of a system's trajectories to learn from.
 
-        With `mirror` the trajectories' mirror images stand behind them: every second one at random is drawn there.
+        Without `replacement` all purposes go through one order of the system's trajectories. With `mirror` the
+        trajectories' mirror images stand behind them: every second one at random is drawn there.
         """
-        drawn = torch.randint(len(self.part(role)), (count,), generator=self.generators[purpose])
+        if self.training.replacement:
+            drawn = torch.randint(len(self.part(role)), (count,), generator=self.generators[purpose])
+        else:
+            drawn = self._next_indices(role, count)
         if self.training.mirror:
             turned = torch.rand(count, generator=self.generators[MIRRORING[purpose]]) < 0.5
             drawn = drawn + len(self.part(role)) * turned
+        return drawn
+
+    def _next_indices(self, role: str, count: int) -> Tensor:
+        """(count,) int64: those that come next in a system's random order; a new order begins where one ends."""
+        waiting = self.waiting.get(role, torch.zeros(0, dtype=torch.long))
+        while len(waiting) < count:
+            order = torch.randperm(len(self.part(role)), generator=self.generators[role])
+            waiting = torch.cat([waiting, order])
+        drawn, self.waiting[role] = waiting[:count], waiting[count:]
         return drawn
 
     def draw(self, role: str, count: int, purpose: str) -> Motion:
@@ -143,7 +162,7 @@ class Learner:
         """Which b_pred trajectories (b,) make a batch, by system: each the expert's with probability p_e (Algorithm 1).
 
         Every place of the batch draws a novice's and an expert's trajectory and takes one of them: the novice's is the
-        same for all methods.
+        same for all methods. Without `replacement` only what is taken is drawn.
         """
         count = self.training.batch
         of_expert = torch.rand(count, generator=self.generators["system"]) < self.training.p_expert
@@ -152,7 +171,10 @@ class Learner:
         chosen = {}
         for role, mine in zip(ROLES, (~of_expert, of_expert), strict=True):
             if role == "novice" or self.datasets.expert is not None:
-                indices = self.draw_indices(role, count, role)[mine]
+                if self.training.replacement:
+                    indices = self.draw_indices(role, count, role)[mine]
+                else:
+                    indices = self.draw_indices(role, int(mine.sum()), role)
                 if len(indices):
                     chosen[role] = indices
         return chosen
@@ -160,6 +182,17 @@ class Learner:
     def draw_batch(self) -> dict[str, Motion]:
         """The trajectories of a batch by system, on the device."""
         return {role: self.take(role, which) for role, which in self.draw_batch_indices().items()}
+
+    def draw_discriminated(self) -> tuple[str, ...]:
+        """The systems whose latents a discriminator's batch has, the expert first."""
+        if self.training.discriminator_draw == "both":
+            return "expert", "novice"
+        of_expert = torch.rand(1, generator=self.generators[DISCRIMINATED]) < 0.5
+        return ("expert",) if of_expert else ("novice",)
+
+    def clear_gradients(self) -> None:
+        """Begin a step of prediction or matching: no part has a gradient, or each that had one has 0."""
+        self.prediction.zero_grad(set_to_none=not self.training.zero_gradients)
 
     def update(self) -> None:
         """A step of prediction along the gradients, and what follows it."""
@@ -188,23 +221,32 @@ class Learner:
     def take_test(self) -> Tested:
         """Measure the test loss; keep the weights if its smoothed value is the lowest so far."""
         with self.follower.averaged():
-            if self.judge(self.test_loss()):
+            if self.judge(self.test_loss(), self.validation_loss()):
                 self.best = self.weights()
-            if self.measured and (not self.components or self.samples >= SPACING * self.components[-1].samples):
+            if self.measured and len(self.validation) and self.components_due:
                 self.components.append(self.measure())
         return self.history[-1]
+
+    @property
+    def components_due(self) -> bool:
+        """Whether losses by component are to be kept of this test."""
+        return not self.components or self.samples >= SPACING * self.components[-1].samples
 
     def test_loss(self) -> float:
         """The loss that training stops by, of the weights as they are now."""
         return mean_loss(self.model, self.test)
 
+    def validation_loss(self) -> float | None:
+        """The loss on the validation set of the weights as they are now; None where it is not measured."""
+        return mean_loss(self.model, self.validation) if self.measured and len(self.validation) else None
+
     def measure(self) -> Components:
         """The loss by component of the weights as they are now."""
-        test, validation = (validation_loss(self.model, motion).tolist() for motion in (self.test, self.validation))
+        test, validation = (component_means(self.model, motion).tolist() for motion in (self.test, self.validation))
         return Components(self.samples, tuple(test), tuple(validation))
 
-    def judge(self, test_loss: float) -> bool:
-        """Add a test to the learning curve; whether its smoothed loss is the lowest so far.
+    def judge(self, test_loss: float, validation_loss: float | None = None) -> bool:
+        """Add a test to the learning curve; whether its smoothed test loss is the lowest so far.
 
         Raises:
             TrainingError: the test or the training loss is not finite; the test is not added.
@@ -212,7 +254,7 @@ class Learner:
         novice, everything = self.losses["novice"], tuple(map(sum, zip(*self.losses.values(), strict=True)))
         total, count = novice if novice[1] else everything
         self.losses = dict.fromkeys(ROLES, (0.0, 0))
-        tested = Tested(self.samples, total / max(count, 1), test_loss, self.accuracy)
+        tested = Tested(self.samples, total / max(count, 1), test_loss, self.accuracy, validation_loss)
         for what, loss in (("training", tested.training_loss), ("test", test_loss)):
             if not math.isfinite(loss):
                 raise TrainingError(what, loss, self.iteration)
@@ -227,6 +269,7 @@ class Learner:
             "best": self.best,
             "generators": {purpose: g.get_state() for purpose, g in self.generators.items()},
             "average": self.follower.tensors(),
+            "waiting": self.waiting,
         }
         groups |= {name: checkpoint.optimiser_tensors(one) for name, one in self._optimisers().items()}
         tensors = {name: t for group, part in groups.items() for name, t in checkpoint.prefixed(group, part).items()}
@@ -261,9 +304,13 @@ class Learner:
         self.best = {name: tensor.to(self.device) for name, tensor in checkpoint.under("best", tensors).items()}
         for name, optimiser in self._optimisers().items():
             checkpoint.load_optimiser(optimiser, checkpoint.under(name, tensors))
+        if self.training.zero_gradients:
+            for parameter in self.prediction.state:  # which have had a gradient
+                parameter.grad = torch.zeros_like(parameter)
         self.follower.restore(checkpoint.under("average", tensors), values["iteration"])
         for purpose, state in checkpoint.under("generators", tensors).items():
             self.generators[purpose].set_state(state)
+        self.waiting = checkpoint.under("waiting", tensors)
         self.stopper = Stopper(**values["stopper"])
         self.history = [Tested(*tested) for tested in values["history"]]
         self.components = [Components(samples, tuple(t), tuple(v)) for samples, t, v in values.get("components", ())]

@@ -51,6 +51,13 @@ def expected_discriminator_loss(expert_logits: Tensor, novice_logits: Tensor) ->
     return discriminator_loss(expert_logits, novice_logits).mean()
 
 
+def one_sided_loss(expert_logits: Tensor | None = None, novice_logits: Tensor | None = None) -> Tensor:
+    """Equation (2) where a batch has one system's logits (...) alone: the mean of that system's term, a scalar."""
+    own = expert_logits if novice_logits is None else -novice_logits
+    assert own is not None
+    return F.softplus(-own).mean()
+
+
 def expected_matching_loss(novice_logits: Tensor) -> Tensor:
     """The expectation of equation (4), estimated by the mean over a batch: a scalar."""
     return matching_loss(novice_logits).mean()

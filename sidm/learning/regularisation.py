@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from sidm.learning.learner import Learner
-from sidm.learning.losses import coral, expected_discriminator_loss, expected_matching_loss, mmd
+from sidm.learning.losses import coral, expected_discriminator_loss, expected_matching_loss, mmd, one_sided_loss
 
 
 def regularise_phase(learner: Learner) -> None:
@@ -23,22 +23,23 @@ def regularise_phase(learner: Learner) -> None:
 
 def discriminator_iteration(learner: Learner) -> None:
     """One update of A alone, equation (2)."""
-    count = learner.training.discriminator_batch
-    expert = learner.draw("expert", count, "discriminator expert")
-    novice = learner.draw("novice", count, "discriminator novice")
+    count, roles = learner.training.discriminator_batch, learner.draw_discriminated()
+    batch = {role: learner.draw(role, count, f"discriminator {role}") for role in roles}
     with torch.no_grad():
-        expert_latents, novice_latents = learner.encode("expert", expert), learner.encode("novice", novice)
+        latents = {role: learner.encode(role, motion) for role, motion in batch.items()}
     learner.discrimination.zero_grad()
-    expected_discriminator_loss(*judged(learner, expert_latents, novice_latents)).backward()
+    logits = discriminate(learner, latents)
+    loss = expected_discriminator_loss(**logits) if len(logits) > 1 else one_sided_loss(**logits)
+    loss.backward()
     learner.discrimination.step()
 
 
-def judged(learner: Learner, expert_latents: Tensor, novice_latents: Tensor) -> tuple[Tensor, Tensor]:
-    """The logits that A gives latents (b, T, 128) of the expert and of the novice; notes how many it tells apart."""
-    expert_logits, novice_logits = map(learner.discriminator.logits, (expert_latents, novice_latents))
-    right = torch.cat([expert_logits.flatten() > 0, novice_logits.flatten() < 0])
+def discriminate(learner: Learner, latents: dict[str, Tensor]) -> dict[str, Tensor]:
+    """The logits (b, T) that A gives latents (b, T, 128), by '<system>_logits'; notes how many A tells apart."""
+    logits = {role: learner.discriminator.logits(one) for role, one in latents.items()}
+    right = torch.cat([one.flatten() > 0 if role == "expert" else one.flatten() < 0 for role, one in logits.items()])
     learner.accuracy = float(right.float().mean())
-    return expert_logits, novice_logits
+    return {f"{role}_logits": one for role, one in logits.items()}
 
 
 def matching_iteration(learner: Learner) -> None:
@@ -49,7 +50,7 @@ def matching_iteration(learner: Learner) -> None:
 
 def update_encoder(learner: Learner, loss: Tensor) -> None:
     """One step of E_n alone down the gradient of `loss`."""
-    learner.prediction.zero_grad()  # drops the gradients of all parts; those without one are not stepped
+    learner.clear_gradients()  # of all parts, since a shared optimiser steps those that have one
     loss.backward(inputs=list(learner.model.encoders["novice"].parameters()))
     learner.matching.step()
 
@@ -80,5 +81,5 @@ def reversed_loss(learner: Learner, latents: dict[str, Tensor]) -> Tensor:
     weight = learner.training.reversal_weight
     # The value is the latents', the derivative by them is -weight.
     expert, novice = ((1 + weight) * latents[role].detach() - weight * latents[role] for role in ("expert", "novice"))
-    expert_logits, novice_logits = judged(learner, expert, novice)
-    return expected_matching_loss(expert_logits) + expected_matching_loss(-novice_logits)  # of unequal numbers
+    logits = discriminate(learner, {"expert": expert, "novice": novice})
+    return sum(one_sided_loss(**{name: one}) for name, one in logits.items())  # of unequal numbers

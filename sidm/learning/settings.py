@@ -88,6 +88,7 @@ class Training:
     weight_decay: float = 1e-5  # of every optimiser
     test_interval: int = 25  # prediction iterations between two tests
     test_trajectories: int = 64  # of the test split, at most, in a test: the first ones
+    validation_trajectories: int = 64  # of the validation set, at most, in a test: the first ones; nothing goes by them
     smoothing: float = 0.5  # weight of the past in the smoothed test loss, [0, 1)
     patience: int = 200_000  # samples without a new minimum of the smoothed test loss before training ends
     max_samples: int = 1_500_000  # of the prediction phases, novice and expert together; 0: the start as it is
@@ -103,6 +104,13 @@ class Training:
     tether: float = 0.0  # share of the way back to their start that weights are pulled, a unit of learning rate
     averaging: float = 0.0  # weight of the past in the average of the weights that is tested and kept; 0: no average
     mirror: bool = False  # whether left and right of trajectories are exchanged, of each drawn with probability 0.5
+    units: Literal["standardised", "raw"] = "standardised"  # inside the networks ('raw': released code)
+    zero_gradients: bool = False  # whether parts that a batch does not touch have gradients of 0 in place of none, so
+    # that momentum and L2 decay move them in every step, once they have had a gradient (released code)
+    replacement: bool = True  # of draws; False: each data set is gone through in a random order, then in another one
+    # (released code)
+    discriminator_draw: Literal["both", "one"] = "both"  # systems of a discriminator's batch; 'one': either with
+    # probability 0.5 (released code)
     precision: Literal["float32", "tf32", "bfloat16"] = "float32"  # 'tf32': of all products, on a GPU; 'bfloat16': of
     # the encoders' arithmetic but for the tests'
 
@@ -118,7 +126,7 @@ class Training:
         refuse_below(self, 1, "batch", "discriminator_batch", "matching_batch", "prediction_iterations",
                      "test_interval", "test_trajectories", "patience")  # fmt: skip
         refuse_below(self, 0, "discriminator_iterations", "matching_iterations", "weight_decay", "reversal_weight",
-                     "tether", "max_samples")  # fmt: skip
+                     "tether", "max_samples", "validation_trajectories")  # fmt: skip
         if not self.learning_rate > 0:
             raise ConfigError(f"Training.learning_rate must be positive, not {self.learning_rate}")
         if self.tether * self.learning_rate > 1:
@@ -144,3 +152,5 @@ class Training:
             raise ConfigError(f"Training.mirror knows left and right of the paper's robots alone, not of '{body.name}'")
         if body != ROVER and self.reduction == "mean":
             raise ConfigError(f"Training.reduction='mean' is the released code's for its 13 numbers, not '{body.name}'")
+        if body.weights == "variance" and self.units == "raw":
+            raise ConfigError(f"Training.units='raw' leaves '{body.name}' no variance to weigh its loss by")

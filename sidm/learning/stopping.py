@@ -31,6 +31,7 @@ class Tested(NamedTuple):
     training_loss: float  # equation (1) on the novice's samples since the test before; on all samples if it had none
     test_loss: float  # equation (1) on the novice's test split, not smoothed
     discriminator_accuracy: float | None  # share of latents told apart in the last discriminator phase; None without
+    validation_loss: float | None = None  # equation (1) on the validation set, which nothing goes by; None: without
 
 
 #: Samples between two measurements by component: each has seen at least so many times those of the one before.

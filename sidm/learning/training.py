@@ -39,7 +39,7 @@ class Trained(NamedTuple):
     best_test_loss: float  # smoothed, of the weights returned
     best_samples: int  # seen when they were reached
     stopped_early: bool  # by the stopping rule, not by max_samples
-    components: Sequence[Components] = ()  # the loss by component at some tests; none of a closed form or a bundle
+    components: Sequence[Components] = ()  # the loss by component at some tests; none of a closed form
 
 
 def train(
@@ -128,7 +128,7 @@ def predict_phase(learner: Learner, progress: Progress | None = None, losses_of:
         losses = (losses_of or batch_losses)(learner, batch, latents)
         loss = torch.cat(list(losses.values())).mean()  # over the whole batch, whatever the system
         aim = loss / TARGET_SIZE if training.reduction == "mean" else loss
-        learner.prediction.zero_grad()
+        learner.clear_gradients()
         if training.reverses:
             learner.discrimination.zero_grad()
             aim = aim + reversed_loss(learner, latents)

@@ -188,7 +188,7 @@ def test_losses_by_component_are_kept_ever_farther_apart(run, make_learner):
     assert all(later >= SPACING * earlier for earlier, later in itertools.pairwise(samples))
     tests = {tested.samples: tested.test_loss for tested in trained.history}
     assert [sum(one.test) for one in trained.components] == pytest.approx([tests[s] for s in samples], rel=1e-5)
-    learner = make_learner(test_trajectories=1)
+    learner = make_learner(validation_trajectories=1)
     expected = validation_loss(learner.model, learner.datasets.validation.first(1))
     assert learner.measure().validation == pytest.approx(expected.tolist())
 

@@ -185,6 +185,7 @@ def evaluate(trial: Trial, trained: Trained, library: Library, start: Start | No
         example_predicted=plain(predicted[0, :, :2]),
         example_actual=plain(actual[0, :, :2]),
         **curve(trained),
+        **every_test(trained),
         iterations=trained.iterations,
         samples=trained.samples,
         pretraining_samples=start.samples if start else 0,
@@ -245,6 +246,16 @@ def curve(trained: Trained) -> dict[str, tuple]:
     tests = [trained.history[number] for number in chosen]
     return {f"curve_{name}": tuple(getattr(test, name) for test in tests)
             for name in ("samples", "test_loss", "training_loss")}  # fmt: skip
+
+
+def every_test(trained: Trained) -> dict[str, Any]:
+    """All tests of a training, as a record has them; none of one that took a single test, or measured less."""
+    history = trained.history
+    if len(history) < 2 or any(test.validation_loss is None for test in history):
+        return {}
+    losses = {f"every_{name}": tuple(getattr(test, name) for test in history)
+              for name in ("training_loss", "test_loss", "validation_loss")}  # fmt: skip
+    return {"test_spacing": history[0].samples} | losses
 
 
 def plain(values: torch.Tensor) -> Any:

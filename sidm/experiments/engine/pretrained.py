@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from sidm.config import to_mapping
-from sidm.experiments.trials import Trial
+from sidm.experiments.trials import Trial, without_later
 from sidm.learning.beyond import pretraining
 from sidm.learning.beyond.pretraining import Start, expert_in_place, start_from
 from sidm.learning.dataset import Datasets
@@ -30,7 +30,7 @@ def folder(trial: Trial, data: str | Path, kind: str = "training") -> Path:
         "dataset": trial.datasets["expert"].name,
         "digest": trial.digests["expert"],
         "network": {name: one for name, one in to_mapping(network_of(trial)).items() if one is not None},
-        "training": dataclasses.asdict(trial.pretraining),  # type: ignore
+        "training": without_later(to_mapping(trial.pretraining)),
         "seed": trial.seed,
     }
     key = hashlib.sha256(json.dumps(made_from, sort_keys=True).encode()).hexdigest()[:20]

@@ -40,8 +40,13 @@ class Outcome:
     iterations: int  # of prediction, in all
     samples: int  # seen by prediction training, in all; without those of pretraining
     pretraining_samples: int = 0  # of the expert's, seen by the pretraining that the trial started from
+    #: Every test of the training, E of them, one after each `test_spacing` samples; of older trials there are none.
+    test_spacing: int = 0  # samples between two tests
+    every_training_loss: tuple[float, ...] = ()  # (E,) equation (1) on the novice's samples since the test before
+    every_test_loss: tuple[float, ...] = ()  # (E,) on the first trajectories of the novice's test split, not smoothed
+    every_validation_loss: tuple[float, ...] = ()  # (E,) on the first trajectories of the validation set
     #: The loss by component at D points along the training, in its units, ever farther apart, on the first trajectories
-    #: of each set; of older trials, of those of a bundle and of closed forms there are none.
+    #: of each set; of older trials, of older ones of a bundle and of closed forms there are none.
     component_samples: tuple[int, ...] = ()  # (D,) samples seen
     component_test: tuple[tuple[float, ...], ...] = ()  # (D, Y) summands of equation (1)
     component_validation: tuple[tuple[float, ...], ...] = ()  # (D, Y)

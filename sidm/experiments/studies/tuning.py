@@ -21,7 +21,7 @@ from sidm.systems import SYSTEMS
 TUNING_SEED = MOST_SEEDS  # no figure's: theirs are below
 
 
-def _rate(batch: int, learning_rate: float) -> dict[str, Any]:
+def rate_and_batch(batch: int, learning_rate: float) -> dict[str, Any]:
     """A batch and a rate, tests as often in samples as the preset's, the phases of Algorithm 2 with the same batch."""
     return dict(
         batch=batch, discriminator_batch=batch, matching_batch=batch,
@@ -30,16 +30,16 @@ def _rate(batch: int, learning_rate: float) -> dict[str, Any]:
 
 
 _ALL: dict[str, dict[str, Any]] = {
-    "batch 8, rate 0.001 (the base)": _rate(8, 1e-3),
-    "batch 8, rate 0.0005": _rate(8, 5e-4),
-    "batch 4, rate 0.001": _rate(4, 1e-3),
-    "batch 4, rate 0.0005": _rate(4, 5e-4),
+    "batch 8, rate 0.001 (the base)": rate_and_batch(8, 1e-3),
+    "batch 8, rate 0.0005": rate_and_batch(8, 5e-4),
+    "batch 4, rate 0.001": rate_and_batch(4, 1e-3),
+    "batch 4, rate 0.0005": rate_and_batch(4, 5e-4),
     "patience 450,000": {"patience": 450_000},
 }
 
 #: Method -> its tries, in words and as changes of the untuned preset, for all trainings of the method.
 TRIES: dict[str, dict[str, dict[str, Any]]] = {
-    "novice_only": _ALL | {"batch 2, rate 0.0003": _rate(2, 3e-4), "weight decay 0.1": {"weight_decay": 0.1}},
+    "novice_only": _ALL | {"batch 2, rate 0.0003": rate_and_batch(2, 3e-4), "weight decay 0.1": {"weight_decay": 0.1}},
     "sidm": _ALL | {
         "the other system's p_e": {"p_expert_system1": 0.5, "p_expert_system2": 0.75},
         "5 matching iterations": {"matching_iterations": 5},
@@ -60,8 +60,8 @@ def _alone(method: str, **values: Any) -> dict[str, Any]:
 #: p_e and 20 matching iterations.
 LITTLE_TRIES: dict[str, dict[str, dict[str, Any]]] = {
     "novice_only": {
-        "the base": {}, "rate 0.0003": {"learning_rate": 3e-4}, "batch 4": _rate(4, 1e-3),
-        "batch 4, rate 0.0003": _rate(4, 3e-4), "weight decay 0.1": {"weight_decay": 0.1},
+        "the base": {}, "rate 0.0003": {"learning_rate": 3e-4}, "batch 4": rate_and_batch(4, 1e-3),
+        "batch 4, rate 0.0003": rate_and_batch(4, 3e-4), "weight decay 0.1": {"weight_decay": 0.1},
         "weight decay 0.1, rate 0.0003": {"weight_decay": 0.1, "learning_rate": 3e-4},
     },
     "sidm": {

@@ -115,9 +115,13 @@ class Bundle:
             return self._spread({i: seat.draw(iterations, role, count, purpose) for i, seat in going.items()})
 
         count, batch = training.discriminator_iterations, training.discriminator_batch
-        expert, novice = (drawn(count, role, batch, f"discriminator {role}") for role in ("expert", "novice"))
+        if training.discriminator_draw == "both":
+            batches = [drawn(count, role, batch, f"discriminator {role}") for role in ("expert", "novice")]
+        else:
+            drawn_one = {index: seat.draw_discriminated(count, batch) for index, seat in going.items()}
+            batches = [self._spread({index: one[part] for index, one in drawn_one.items()}) for part in (0, 1)]
         for iteration in range(count):
-            self.stacked.discriminate(moving, expert[iteration], novice[iteration])
+            self.stacked.discriminate(moving, *(part[iteration] for part in batches))
         matched = drawn(training.matching_iterations, "novice", training.matching_batch, "matching")
         for iteration in range(training.matching_iterations):
             self.stacked.match(moving, matched[iteration])
@@ -130,28 +134,31 @@ class Bundle:
         """Measure the test losses of these seats' trials; keep the weights of those that are the best so far."""
         if not indices:
             return
-        better = []
-        for index, loss in zip(indices, self._test_losses(indices), strict=True):
+        better, tests = [], {index: self.taken[index].tests for index in indices}
+        watched = {index: places for index in indices if len(places := self.taken[index].watched)}
+        test, validation = self._component_losses(tests), self._component_losses(watched)
+        for index in indices:
             seat = self.taken[index]
             self.stacked.settle(index, seat.learner)
-            if seat.judge(loss):
+            if seat.judge(test[index], validation.get(index)):
                 better.append(index)
             if progress is not None and seat.error is None:
                 progress(seat.number, seat.learner.history[-1])
         self.stacked.keep_best(better)
 
-    def _test_losses(self, indices: Sequence[int]) -> list[float]:
-        """Equation (1) on these seats' test splits."""
-        tests = {index: self.taken[index].tests for index in indices}
+    def _component_losses(self, sets: Mapping[int, Tensor]) -> dict[int, Tensor]:
+        """The mean of equation (1) and of its summands, (1 + Y,) float64, over trajectories at places (N,), by seat."""
+        if not sets:
+            return {}
         size = self.training.batch  # at a time: what has room in training has room here
-        length = -(-max(map(len, tests.values())) // size) * size
+        length = -(-max(map(len, sets.values())) // size) * size
         places = torch.zeros(len(self.seats), length, dtype=torch.long)
         counted = torch.zeros(len(self.seats), length, dtype=torch.bool)
-        for index, mine in tests.items():
+        for index, mine in sets.items():
             places[index, : len(mine)], counted[index, : len(mine)] = mine, True
         parts = zip(counted.split(size, dim=1), places.split(size, dim=1), strict=True)
         sums = sum(self.stacked.test(some.to(self.device), at.to(self.device)).cpu() for some, at in parts)
-        return [float(sums[index]) / (len(mine) * self.taken[index].steps) for index, mine in tests.items()]
+        return {index: sums[index] / (len(mine) * self.taken[index].steps) for index, mine in sets.items()}
 
     def _flags(self, indices: Iterable[int]) -> Tensor:
         """(M,) bool, on the device: True at `indices`."""

@@ -17,7 +17,7 @@ from sidm.learning.bundle.recorded import Recorded
 from sidm.learning.bundle.shelf import BLANK, Shelf
 from sidm.learning.bundle.stack import Stack, tensors_of, trailing, within
 from sidm.learning.learner import Learner
-from sidm.learning.losses import discriminator_loss, matching_loss, prediction_loss
+from sidm.learning.losses import component_losses, discriminator_loss, matching_loss, prediction_loss
 from sidm.learning.observation import TARGET_SIZE
 from sidm.learning.settings import Network, Training
 from sidm.systems import ROLES
@@ -44,7 +44,8 @@ class StackedLearners:
         self.frozen = torch.zeros(trials, dtype=torch.bool, device=device)  # whose SIDM stays as it is
         self.totals = torch.zeros(trials, 2, dtype=torch.float64, device=device)  # of losses since a test, by role
         self.right = torch.zeros(trials, device=device)  # share of latents that the discriminators told apart
-        works = self._predict, self._discriminate, self._match, self._test
+        discriminate = self._discriminate if training.discriminator_draw == "both" else self._discriminate_one
+        works = self._predict, discriminate, self._match, self._test
         pool = torch.cuda.graph_pool_handle() if device.type == "cuda" else None
         self.predict, self.discriminate, self.match, self.test = (Recorded(work, device, pool) for work in works)
 
@@ -55,12 +56,20 @@ class StackedLearners:
         gradients = self._gradients(total / TARGET_SIZE if self.training.reduction == "mean" else total, "model")
         # A system's own parts only learn where its trajectories were drawn.
         learning = {"novice": (~of_expert).any(1), "expert": of_expert.any(1), "sidm": ~self.frozen}
-        for part in self.parts:
-            own = {name: one for name, one in gradients.items() if name.startswith(f"{part}.")}
-            self.prediction.step(own, moving & learning[part.rpartition(".")[2]])
+        self._step_prediction(gradients, moving, {part: learning[part.rpartition(".")[2]] for part in self.parts})
         sums = losses.detach().double().sum(2)
         by_role = torch.stack([torch.where(of, sums, 0.0).sum(1) for of in (~of_expert, of_expert)], dim=1)
         self.totals.add_(torch.where(moving[:, None], by_role, 0.0))
+
+    def _step_prediction(self, gradients: dict[str, Tensor], moving: Tensor, learning: Mapping[str, Tensor]) -> None:
+        """A step of the parts that learn (M,); with `zero_gradients` of all that have stepped before, too."""
+        for part in self.parts:
+            now = learning.get(part, torch.zeros_like(moving))
+            names = [name for name in self.prediction.parameters if name.startswith(f"{part}.")]
+            if self.training.zero_gradients:
+                now = now | (self.prediction.moments[names[0]].step > 0)
+                gradients |= {n: torch.zeros_like(self.prediction.parameters[n]) for n in names if n not in gradients}
+            self.prediction.step({name: gradients[name] for name in names if name in gradients}, moving & now)
 
     def _losses(self, places: Tensor, of_expert: Tensor) -> Tensor:
         """Equation (1), (M, b, T), of the trajectories at `places` (M, b), the expert's where `of_expert`."""
@@ -84,22 +93,44 @@ class StackedLearners:
             latents = [self._latents(role, at) for role, at in (("expert", expert_places), ("novice", novice_places))]
         expert, novice = map(self.stack.logits, latents)
         loss = discriminator_loss(expert, novice).mean((1, 2)).sum()
+        self._step_discriminator(loss, torch.cat([expert > 0, novice < 0], dim=1), moving)
+
+    def _discriminate_one(self, moving: Tensor, places: Tensor, of_expert: Tensor) -> None:
+        """One update of A alone on latents of one system each, the expert's of the trials `of_expert` (M,)."""
+        mine = of_expert[:, None].expand_as(places)
+        own = {"expert": torch.where(mine, places, BLANK), "novice": torch.where(mine, BLANK, places)}
+        with torch.no_grad():
+            latents = chosen(mine, [self._latents(role, own[role]) for role in ROLES])
+        logits = self.stack.logits(latents)
+        signed = torch.where(trailing(mine, logits.ndim), logits, -logits)
+        self._step_discriminator(matching_loss(signed).mean((1, 2)).sum(), signed > 0, moving)
+
+    def _step_discriminator(self, loss: Tensor, right: Tensor, moving: Tensor) -> None:
+        """Update A by a loss, and note which of its latents (M, b, T) it told apart."""
         self.discrimination.step(self._gradients(loss, "discriminator"), moving)
-        right = torch.cat([expert > 0, novice < 0], dim=1).float().mean((1, 2))
-        self.right.copy_(torch.where(moving, right, self.right))
+        self.right.copy_(torch.where(moving, right.float().mean((1, 2)), self.right))
 
     def _match(self, moving: Tensor, places: Tensor) -> None:
         """One update of E_n alone, equation (4)."""
         loss = matching_loss(self.stack.logits(self._latents("novice", places))).mean((1, 2)).sum()
-        self.matching.step(self._gradients(loss, NOVICE_ENCODER), moving)
+        gradients = self._gradients(loss, NOVICE_ENCODER)
+        if self.matching is self.prediction:
+            self._step_prediction(gradients, moving, {NOVICE_ENCODER: torch.ones_like(moving)})
+        else:
+            self.matching.step(gradients, moving)
 
     def _test(self, counted: Tensor, places: Tensor) -> Tensor:
-        """(M,) float64: sums of equation (1) over the trajectories at `places` (M, b) that are `counted`."""
+        """Sums of equation (1), and of its summands, over the trajectories at `places` (M, b) that are `counted`.
+
+        Returns:
+            (M, 1 + Y) float64.
+        """
         batch = self.shelves["novice"].motion.take(places)
         with torch.no_grad():
             predicted = self.stack.predict("novice", batch.inputs, batch.maps, exact=True)
-        losses = self._loss("novice", predicted, batch.targets).double().sum(2)
-        return torch.where(counted, losses, 0.0).sum(1)
+        terms = component_losses(predicted, batch.targets, self.stack.loss_weights("novice"))  # (M, b, T, Y)
+        losses = torch.cat([terms.sum(-1, keepdim=True), terms], dim=-1).double().sum(2)
+        return torch.where(counted[..., None], losses, 0.0).sum(1)
 
     def _latents(self, role: str, places: Tensor) -> Tensor:
         batch = self.shelves[role].motion.take(places)

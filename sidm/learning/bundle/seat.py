@@ -13,7 +13,7 @@ from sidm.learning.bundle.shelf import Shelf
 from sidm.learning.dataset import Datasets
 from sidm.learning.learner import Learner
 from sidm.learning.settings import Network, Training
-from sidm.learning.stopping import TrainingError
+from sidm.learning.stopping import Components, TrainingError
 
 
 class Run(NamedTuple):
@@ -37,6 +37,7 @@ class Seat:
             self.learner.restore(run.checkpoint)
         self.places = {role: shelves[role].places(self.learner.part(role)) for role in self.learner.model.encoders}
         self.tests = shelves["novice"].places(run.datasets.test)[: len(self.learner.test)]
+        self.watched = shelves["novice"].places(run.datasets.validation)[: len(self.learner.validation)]
         self.steps = shelves["novice"].steps
         self.error: TrainingError | None = None
         self.seconds = 0.0  # its share of the bundle's time
@@ -66,10 +67,27 @@ class Seat:
         samples = {"novice": (len(of_expert) - experts) * self.steps, "expert": experts * self.steps}
         self.learner.count(samples)
 
-    def judge(self, test_loss: float) -> bool:
-        """Take in a test; whether the weights are the best so far. A loss that is not finite ends the trial."""
+    def draw_discriminated(self, iterations: int, count: int) -> tuple[Tensor, Tensor]:
+        """Places (iterations, count) of trajectories of one system at a time, and whether it is the expert."""
+        places, of_expert = [torch.zeros(0, count, dtype=torch.long)], []
+        for _ in range(iterations):
+            (role,) = self.learner.draw_discriminated()
+            places.append(self.draw(1, role, count, f"discriminator {role}"))
+            of_expert.append(role == "expert")
+        return torch.cat(places), torch.tensor(of_expert, dtype=torch.bool)
+
+    def judge(self, test: Tensor, validation: Tensor | None) -> bool:
+        """Take in a test, the loss and its summands (1 + Y,) of each set; whether the weights are the best so far.
+
+        A loss that is not finite ends the trial.
+        """
+        total, *parts = test.tolist()
+        watched = None if validation is None else validation.tolist()
         try:
-            return self.learner.judge(test_loss)
+            better = self.learner.judge(total, watched and watched[0])
         except TrainingError as error:
             self.error = error
             return False
+        if watched and self.learner.components_due:
+            self.learner.components.append(Components(self.learner.samples, tuple(parts), tuple(watched[1:])))
+        return better

@@ -25,6 +25,7 @@ from sidm.systems import ROLES
 SHARED = (
     "batch", "discriminator_batch", "matching_batch", "prediction_iterations", "discriminator_iterations",
     "matching_iterations", "test_interval", "decay", "matching_optimiser", "reduction", "precision",
+    "zero_gradients", "discriminator_draw",
 )  # fmt: skip
 
 #: What a bundle cannot vary: the settings' only values in it.
@@ -121,7 +122,7 @@ def shelves_of(
     runs: Sequence[Run], network: Network, roles: Sequence[str], device: torch.device
 ) -> dict[str, Shelf]:
     """The data of each system; on one shelf where both have the paper's body, and so the same shapes and units."""
-    novice = [motion for run in runs for motion in (run.datasets.train, run.datasets.test)]
+    novice = [motion for run in runs for motion in (run.datasets.train, run.datasets.test, run.datasets.validation)]
     if len(roles) == 1:
         return {"novice": Shelf(novice, device)}
     expert = [run.datasets.expert for run in runs if run.datasets.expert is not None]

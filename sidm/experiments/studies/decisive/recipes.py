@@ -1,0 +1,29 @@
+"""The motion of the decisive experiment, and the recipe R: training as the authors' released code does it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sidm.experiments.methods import ALL_RELEASED, RELEASED
+from sidm.experiments.studies.duration import RELEASED_PACE
+from sidm.experiments.study import Study
+
+#: The paper's motion of the expert, and what every run keeps: 128 validation trajectories (13.7 min) at every test.
+COMMON: dict[str, Any] = {
+    "expert_minutes": 500_000 / 600, "rollouts": 100, "validation_trajectories": 128, "tuned": (),
+}  # fmt: skip
+
+#: Training as released, beside the paper's networks at 32 pixels: raw units, zero gradients, and the rest.
+R: dict[str, Any] = RELEASED[ALL_RELEASED][0] | RELEASED_PACE | {
+    "units": "raw", "zero_gradients": True, "replacement": False, "discriminator_draw": "one",
+}  # fmt: skip
+
+
+def to_the_cap(samples: int) -> dict[str, int]:
+    """Changes of a preset whose trainings nothing stops before so many samples."""
+    return {"max_samples": samples, "patience": samples}
+
+
+def on_tuning_motion(study: Study) -> Study:
+    """The preset on motion that only settings are chosen by: a pool of 60 min, 20 min of validation."""
+    return study.of(study.preset.replace(**COMMON, tuning_pool_minutes=60.0).for_tuning())
