@@ -82,4 +82,5 @@ def reversed_loss(learner: Learner, latents: dict[str, Tensor]) -> Tensor:
     # The value is the latents', the derivative by them is -weight.
     expert, novice = ((1 + weight) * latents[role].detach() - weight * latents[role] for role in ("expert", "novice"))
     logits = discriminate(learner, {"expert": expert, "novice": novice})
-    return sum(one_sided_loss(**{name: one}) for name, one in logits.items())  # of unequal numbers
+    terms = [one_sided_loss(**{name: one}) for name, one in logits.items()]  # of unequal numbers
+    return torch.stack(terms).sum()

@@ -239,7 +239,7 @@ def roll_out(model: Predictor, trial: Trial, trajectories: list[Trajectory]) -> 
     return rollout(model, heights, states[:, 0], actions[:, :-1], pixels, spacing=spacing, body=body), states
 
 
-def curve(trained: Trained) -> dict[str, tuple]:
+def curve(trained: Trained) -> dict[str, Any]:
     """The learning curve's summary at up to CURVE_POINTS even steps, first and last included, as a record has it."""
     count = len(trained.history)
     chosen = np.unique(np.linspace(0, count - 1, min(count, CURVE_POINTS)).round().astype(int))

@@ -82,9 +82,9 @@ class Seat:
         A loss that is not finite ends the trial.
         """
         total, *parts = test.tolist()
-        watched = None if validation is None else validation.tolist()
+        watched = [] if validation is None else validation.tolist()
         try:
-            better = self.learner.judge(total, watched and watched[0])
+            better = self.learner.judge(total, watched[0] if watched else None)
         except TrainingError as error:
             self.error = error
             return False
