@@ -28,8 +28,9 @@ ROW = {room: number for number, row in enumerate(ROOMS) for room in row}
 
 #: Inside `sidm.learning` itself, first to last.
 LEARNING = [
-    "seeds", "settings", "observation", "dataset", "units", "mirror", "losses", "weights", "networks", "model",
-    "evaluation", "stopping", "checkpoint", "learner", "regularisation", "training",
+    "seeds", "settings", "observation", "dataset", "units", "mirror", "losses", "weights",
+    "convolution_kernels", "convolution", "networks", "model", "evaluation", "stopping", "checkpoint", "learner",
+    "regularisation", "training",
 ]  # fmt: skip
 
 PYBULLET = {"pybullet", "pybullet_data", "pybullet_utils"}

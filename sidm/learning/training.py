@@ -6,6 +6,8 @@ The comparison without SIDM is the same loop with p_expert = 0 and regularise = 
 from __future__ import annotations
 
 import contextlib
+import math
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -24,6 +26,8 @@ from sidm.learning.stopping import Components, Tested, TrainingError
 from sidm.learning.units import Units
 
 __all__ = ["Tested", "Trained", "Training", "TrainingError", "result", "train"]
+
+SAVING = 0.02  # share of the time that goes into writing checkpoints, at most; the first and the last phase always do
 
 Progress = Callable[[Tested], None]  # called after each test
 Losses = Callable[..., dict[str, Tensor]]  # as `batch_losses`
@@ -62,7 +66,7 @@ def train(
         training: every choice of the algorithms.
         seed: of the initial weights and all draws; what two methods share begins and is drawn alike.
         standardisation: units inside the networks, of all systems or of each; by default those of `units_of`.
-        checkpoint: a folder to go on from, bit for bit on one thread, and to write the state to after each phase.
+        checkpoint: a folder to go on from, bit for bit on one thread, and to write the state to after phases.
         progress: called after each test.
         device: where to compute.
         start: initial weights, such as `pretraining.start_from` gives; fresh ones by default.
@@ -79,7 +83,7 @@ def train(
     learner = Learner(datasets, network, training, seed, standardisation, device, start)
     if checkpoint is not None:
         learner.restore(checkpoint)
-    with products(training.precision):
+    with products(training.precision), flushed_denormals():
         return learn(learner, progress, checkpoint)
 
 
@@ -98,16 +102,35 @@ def products(precision: str) -> Iterator[None]:
         matrices.allow_tf32, networks.allow_tf32 = before
 
 
+@contextlib.contextmanager
+def flushed_denormals() -> Iterator[None]:
+    """Inside the block a CPU takes numbers below 1e-38 for 0.
+
+    Gradients that fade along a trajectory, and their squares in Adam, get there; a processor computes with such numbers
+    a hundred times as slowly.
+    """
+    before = not (torch.full((1,), 1e-40) * 1.0).item()
+    torch.set_flush_denormal(True)
+    try:
+        yield
+    finally:
+        torch.set_flush_denormal(before)
+
+
 def learn(
     learner: Learner, progress: Progress | None = None, checkpoint: Path | None = None, losses_of: Losses | None = None
 ) -> Trained:
     """Algorithms 1 and 2 in turn until a learner is finished; `losses_of` as of `predict_phase`."""
+    saved, cost = -math.inf, 0.0
     while not learner.finished:
         predict_phase(learner, progress, losses_of)
         if learner.training.regularise and not learner.training.reverses and not learner.finished:
             regularise_phase(learner)
-        if checkpoint is not None:
+        if checkpoint is not None and (learner.finished or SAVING * (time.monotonic() - saved) > cost):
+            start = time.monotonic()
             learner.save(checkpoint)
+            saved = time.monotonic()
+            cost = saved - start
     if not learner.history:
         _test(learner, progress)
     return result(learner)
