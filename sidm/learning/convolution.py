@@ -33,6 +33,7 @@ def is_fast_for(layers: nn.Sequential, maps: Tensor) -> bool:
     other kernels than 4 x 4, with channels that are no multiples of 4, and where Numba is not installed.
     """
     first, second = layers[0], layers[2]
+    assert isinstance(first, nn.Conv2d) and isinstance(second, nn.Conv2d)
     return (
         maps.device.type == "cpu"
         and maps.dtype == first.weight.dtype

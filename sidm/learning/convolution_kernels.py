@@ -21,7 +21,7 @@ TAPS = 4  # a side of the kernels
 BLOCK = 4  # output channels that share the loads of an input row
 
 #: Sums may run in any order and products be fused; what is not a number stays so.
-OPTIONS = {"fastmath": {"reassoc", "contract", "nsz"}}
+OPTIONS: dict[str, Any] = {"fastmath": {"reassoc", "contract", "nsz"}}
 
 
 def compiled(function: Callable, **options: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -85,6 +86,64 @@ class Stopper:
             waited = iteration - self.best_iteration >= RELEASED_PATIENCE
             return waited and self.training_loss < RELEASED_RATIO * self.test_loss
         return samples - self.best_samples >= self.patience
+
+
+class Curve(NamedTuple):
+    """Every test of a training that was run to its end, E of them."""
+
+    samples: Sequence[int]  # (E,) of the prediction phases so far
+    training_loss: Sequence[float]  # (E,) as `Tested` has them
+    test_loss: Sequence[float]  # (E,) not smoothed
+    validation_loss: Sequence[float]  # (E,)
+    iteration: int  # samples of an iteration
+
+
+class Rule(NamedTuple):
+    """When a training ends; it keeps the weights of the lowest smoothed test loss until then."""
+
+    stopping: Literal["test_loss", "released"] = "test_loss"  # the rules of `Stopper`
+    smoothing: float = 0.5  # weight of the past in the smoothed test loss
+    patience: int | None = None  # samples without a new minimum; None: without end
+    most: int | None = None  # samples; None: as many as there are
+    of_released: int = 128  # samples that count as an iteration of the released rule: 2 trajectories of 64 steps
+
+    def stopper(self) -> Stopper:
+        """What follows the tests by this rule."""
+        without_end = 2**62
+        patience, most = (without_end if one is None else one for one in (self.patience, self.most))
+        return Stopper(self.stopping, self.smoothing, patience, most)
+
+
+class Kept(NamedTuple):
+    """What a rule keeps of a training."""
+
+    samples: int  # seen when the weights were reached
+    test_loss: float  # smoothed, which the rule goes by
+    validation_loss: float  # of these weights
+    seen: int  # samples at the last test before the end
+    ended: bool  # whether the rule ended it; otherwise the training ran no longer
+
+
+def keep(curve: Curve, rule: Rule) -> Kept:
+    """What a training would have kept, had this rule stopped it.
+
+    Raises:
+        ValueError: the training was never tested.
+    """
+    stopper, best, last, ended = rule.stopper(), None, 0, False
+    tests = zip(curve.samples, curve.training_loss, curve.test_loss, strict=True)
+    for number, (samples, training_loss, test_loss) in enumerate(tests):
+        before = samples - curve.iteration  # a training that ends within the tests' interval takes no further test
+        if stopper.finished(before, before // rule.of_released):
+            ended = True
+            break
+        last = samples
+        if stopper.update(samples, samples // rule.of_released, training_loss, test_loss):
+            best = number
+    if best is None or stopper.best is None:
+        raise ValueError("a training without a test keeps nothing")
+    ended = ended or stopper.finished(last, last // rule.of_released)
+    return Kept(curve.samples[best], stopper.best, curve.validation_loss[best], last, ended)
 
 
 def _smooth(past: float | None, now: float, weight: float) -> float:

@@ -14,8 +14,14 @@ from sidm.learning.bundle.recurrence import Recurrence, lstm
 from sidm.learning.bundle.shelf import Shelf
 from sidm.learning.bundle.stack import Stack
 from sidm.learning.learner import Learner
-from sidm.learning.training import products
+from sidm.learning.regularisation import regularise_phase
+from sidm.learning.training import predict_phase, products
 
+SHARED_L2 = dict(matching_optimiser="shared", decay="l2", weight_decay=0.1)
+RECIPE = dict(
+    p_expert=0.5, reduction="mean", system_draw="iteration", units="raw", zero_gradients=True, replacement=False,
+    discriminator_draw="one", **SHARED_L2,
+)  # fmt: skip
 ROUNDING = 1e-4  # relative, of losses: sums run in another order; two tests of a run here are never as near
 
 
@@ -46,7 +52,14 @@ def assert_same(bundled, single, rel=ROUNDING):
     assert len(bundled.history) == len(single.history) > 0
     for mine, theirs in zip(bundled.history, single.history, strict=True):
         assert mine[:3] == pytest.approx(theirs[:3], rel=rel)
+        assert mine.validation_loss == pytest.approx(theirs.validation_loss, rel=rel)
         assert mine.discriminator_accuracy == pytest.approx(theirs.discriminator_accuracy, abs=0.06)  # a sample or two
+    assert len(bundled.components) == len(single.components) > 0
+    for mine, theirs in zip(bundled.components, single.components, strict=True):
+        assert mine.samples == theirs.samples
+        for kind in ("test", "validation"):
+            losses = getattr(theirs, kind)
+            assert getattr(mine, kind) == pytest.approx(losses, rel=10 * rel, abs=rel * sum(losses))
     for name, weights in single.model.state_dict().items():
         assert torch.allclose(bundled.model.state_dict()[name], weights, rtol=1e-3, atol=10 * rel), name
 
@@ -54,8 +67,11 @@ def assert_same(bundled, single, rel=ROUNDING):
 @pytest.mark.parametrize(
     "changes",
     [{}, dict(p_expert=0.0, regularise=False), dict(matching_optimiser="shared", decay="l2", weight_decay=0.1),
-     dict(reduction="mean", system_draw="iteration"), dict(stopping="released", smoothing=0.9)],
-    ids=["sidm", "novice only", "shared, l2", "mean, by iteration", "released stopping"],
+     dict(reduction="mean", system_draw="iteration"), dict(stopping="released", smoothing=0.9),
+     dict(discriminator_draw="one"), dict(zero_gradients=True, **SHARED_L2), dict(units="raw", replacement=False),
+     RECIPE],
+    ids=["sidm", "novice only", "shared, l2", "mean, by iteration", "released stopping", "discriminator of one system",
+         "zero gradients", "raw, without replacement", "the released recipe"],
 )  # fmt: skip
 def test_a_bundle_of_one_is_the_trial(make_run, small_network, changes):
     run = make_run(**changes)
@@ -122,6 +138,19 @@ def test_a_finished_checkpoint(make_run, small_network, tmp_path):
     first = train(run.datasets, small_network, run.training, run.seed, checkpoint=tmp_path)
     ((_, again, _),) = train_bundle([run], small_network, seats=3)
     assert_same(again, first, rel=1e-7)
+
+
+def test_the_released_recipe_side_by_side_and_from_checkpoints(make_run, small_network, tmp_path):
+    """Of unlike seeds, which draw systems unlike, stopped on the way and gone on with."""
+    runs = [make_run(seed, max_samples=24 * 30, checkpoint=tmp_path / str(seed), **RECIPE) for seed in range(3)]
+    expected = [alone(run, small_network) for run in runs]
+    for run in runs:
+        learner = Learner(run.datasets, small_network, run.training, run.seed)
+        predict_phase(learner)
+        regularise_phase(learner)
+        learner.save(run.checkpoint)
+    for number, bundled, _ in train_bundle(runs, small_network, seats=2):
+        assert_same(bundled, expected[number])
 
 
 def test_large_convolutions_are_done_in_pieces(make_run, small_network, monkeypatch):
