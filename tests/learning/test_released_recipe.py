@@ -1,7 +1,7 @@
 """The released code's choices, each held against a plain implementation of a few iterations.
 
-`PlainRecipe` is written from the facts alone: one optimiser of PyTorch's 2020 manners (gradients stay and are set to 0),
-L2 decay in the gradient, one system an iteration, a discriminator that sees one system at a time.
+`PlainRecipe` is written from the facts alone: one optimiser with the manners of PyTorch in 2020 (gradients stay and are
+set to 0), L2 decay in the gradient, one system an iteration, a discriminator that sees one system at a time.
 """
 
 import dataclasses
@@ -78,7 +78,8 @@ class PlainRecipe:
         ((role, batch),) = self.learner.draw_batch().items()  # one system
         values = self.weights | self.buffers
         parts = [remembered(values, latents, self.learner.network.layers) for latents in self.latents(role, batch)]
-        squares = torch.stack([(decoded(values, role, one) - y) ** 2 for one, y in zip(parts, batch.targets, strict=True)])
+        pairs = zip(parts, batch.targets, strict=True)
+        squares = torch.stack([(decoded(values, role, one) - y) ** 2 for one, y in pairs])
         self.descend(self.adam, squares.mean(), self.weights)  # over the 13 components, too
 
     def discriminate(self) -> None:
@@ -104,7 +105,7 @@ class PlainRecipe:
 
 
 def compare(model, plain, names, rel=3e-4):
-    """Adam divides by a gradient's size: rounding of small gradients is seen, so steps are compared, not last digits."""
+    """Adam divides by a gradient's size, so that rounding of small gradients is seen."""
     for name in names:
         one, other = dict(model.named_parameters())[name].detach(), plain[name].detach()
         assert torch.allclose(one, other, rtol=0, atol=rel * other.abs().max().item()), name

@@ -102,9 +102,8 @@ def test_nothing_is_kept_without_a_test():
 def test_a_rule_keeps_what_a_training_that_it_stopped_kept(datasets, small_network, small_training, changes):
     """The same samples, test loss, and validation loss of the weights, to the last digit."""
     common = dict(learning_rate=5e-3, max_samples=24 * 200, patience=24 * 200)
-    long, short = (
-        train(datasets, small_network, dataclasses.replace(small_training, **common | more), 0) for more in ({}, changes)
-    )
+    settings = [dataclasses.replace(small_training, **common | more) for more in ({}, changes)]
+    long, short = (train(datasets, small_network, one, 0) for one in settings)
     history = long.history
     run = Curve(*([getattr(test, name) for test in history] for name in
                   ("samples", "training_loss", "test_loss", "validation_loss")), iteration=24)  # fmt: skip
