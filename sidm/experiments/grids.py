@@ -28,7 +28,7 @@ from sidm.systems import FREE_SYSTEMS, SYSTEMS, find_system
 
 #: Figure -> what makes its trials of one system, and the systems that it has.
 FIGURES: dict[str, tuple[Callable[[Study, str], list[Trial]], tuple[str, ...]]] = {
-    "decisive": (decisive.trials, tuple(SYSTEMS)),
+    "decisive": (decisive.trials, (*SYSTEMS, *FREE_SYSTEMS)),
     "duration": (duration.trials, ("system1",)),
     "3": (Study.figure3, tuple(SYSTEMS)),
     "references": (Study.references, tuple(SYSTEMS)),
@@ -99,6 +99,8 @@ def grid(
             if system in (None, one):
                 found |= {trial.key: trial for trial in maker(study, one)}
     trials = list(found.values())
+    if figure == "decisive":
+        trials = decisive.in_order(trials, study)  # across systems
     if not trials:
         raise ConfigError(f"figure {figure} has no trials of {system}, only of {', '.join(FIGURES[figure][1])}")
     for name, wanted, of in (("minutes", minutes, "novice_minutes"), ("seeds", seeds, "seed")):

@@ -46,7 +46,7 @@ class Preset:
     tuning_minutes: tuple[float, ...] = (20.0,)  # the sizes at which the methods are tuned
     tuning_pool_minutes: float = 0.0  # of a pool that only settings are chosen by; 0: it is the figures'
     tuning_validation_minutes: float = 20.0  # beside such a pool
-    motion: Literal["figures", "tuning", "claim"] = "figures"  # what the novice's motion serves
+    motion: Literal["figures", "tuning", "claim", "decisive"] = "figures"  # what the novice's motion serves
     figures: tuple[str, ...] = ()  # names of its grids; none: those that every preset has
     p_expert_system1: float = 0.75  # section 4: the systems are similar
     p_expert_system2: float = 0.5  # section 4: they differ greatly

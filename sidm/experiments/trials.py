@@ -22,7 +22,7 @@ POOL_SEED, VALIDATION_SEED, EXPERT_SEED, ROLLOUT_SEED = 0, 1, 2, 3
 
 #: Novice motion by what it serves -> what is added to the seeds of pool, validation and rollouts. What settings are
 #: chosen by is never what a figure is drawn from. The expert's motion serves all.
-MOTION = {"figures": 0, "tuning": 10, "claim": 20}
+MOTION = {"figures": 0, "tuning": 10, "claim": 20, "decisive": 30}
 
 
 @config
@@ -88,7 +88,7 @@ class Trial:
     pretrained: Literal["all", "sidm"] = "all"  # what of those weights it starts from; 'sidm': the shared part alone
     residual: bool = False  # the pretrained model stays as it is; what is learnt, from fresh weights, corrects it
     fit: Literal["gradients", "least_squares"] = "gradients"  # the training loop, or weights in closed form
-    motion: Literal["figures", "tuning", "claim"] = "figures"  # what the novice's motion serves, of MOTION
+    motion: Literal["figures", "tuning", "claim", "decisive"] = "figures"  # what the novice's motion serves, of MOTION
 
     def __post_init__(self) -> None:
         """Refuse a trial that cannot be run."""

@@ -11,7 +11,9 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
+from sidm.experiments.methods import COMPARED
 from sidm.experiments.presets import MOST_SEEDS
 from sidm.experiments.studies.decisive.recipes import R, on_tuning_motion, to_the_cap
 from sidm.experiments.studies.tuning import rate_and_batch
@@ -21,8 +23,19 @@ from sidm.experiments.trials import Trial
 MINUTES = 5.0
 CAP = 3_000_000  # samples of a draw, and of a pretraining
 DRAWS = {"sidm": 20, "novice_only": 10, "pretrain_finetune": 10}
+FRESH_DRAWS = 4  # of each method on system 2
 FIRST_SEED = MOST_SEEDS  # of draw 0; no figure's
 AGAIN_SEEDS = (FIRST_SEED + 100, FIRST_SEED + 101)  # of the best draws again, and of the comparison of units
+
+#: Numbers of each method's two best draws on system 1 by `scores`, and of the one chosen for recipe T on each system;
+#: empty until the search has been run.
+BEST: dict[str, tuple[int, ...]] = {}
+CHOSEN: dict[str, dict[str, int]] = {}
+
+#: What tells settings apart, of `frame.frame_of`.
+KNOBS = (
+    "learning_rate", "weight_decay", "batch", "initialisation", "p_expert", "matching_iterations", "units", "decay",
+)  # fmt: skip
 
 #: What each method had in the book before: changes of an untuned preset.
 BEFORE: dict[str, dict[str, Any]] = {
@@ -85,3 +98,60 @@ def trial_of(study: Study, system: str, chosen: Draw, seed: int) -> Trial:
 def yardstick(study: Study, system: str, seed: int) -> Trial:
     """Least squares on a seed's split, whose test loss says how hard its few test trajectories are."""
     return on_tuning_motion(study).changed(**to_the_cap(CAP)).trial(system, "least_squares", MINUTES, seed)
+
+
+def with_yardsticks(study: Study, trials: list[Trial]) -> list[Trial]:
+    """Trainings, and behind them the yardstick of each seed."""
+    seeds = dict.fromkeys((trial.system, trial.seed) for trial in trials)
+    return trials + [yardstick(study, *one) for one in seeds]
+
+
+def first_search(study: Study, system: str = "system1") -> list[Trial]:
+    """Step 0: all draws on system 1, each with its own seed."""
+    return with_yardsticks(study, [trial_of(study, system, one, FIRST_SEED + one.number) for one in first_draws()])
+
+
+def best_again(study: Study, system: str = "system1") -> list[Trial]:
+    """The two best draws of each method with two more seeds."""
+    draws = [draw(method, number) for method, numbers in BEST.items() for number in numbers]
+    return with_yardsticks(study, [trial_of(study, system, one, seed) for seed in AGAIN_SEEDS for one in draws])
+
+
+def units(study: Study, system: str = "system1") -> list[Trial]:
+    """R with raw and with standardised units, of both of the paper's methods."""
+    base, found = on_tuning_motion(study), []
+    for seed in AGAIN_SEEDS:
+        for kind in ("raw", "standardised"):
+            changed = base.changed(**R | {"units": kind} | to_the_cap(CAP))
+            found += [changed.trial(system, method, MINUTES, seed) for method in COMPARED]
+    return found
+
+
+def second_search(study: Study, system: str = "system2") -> list[Trial]:
+    """Step 0': the two best draws of each method, and four fresh ones, on system 2."""
+    draws = [
+        draw(method, number)
+        for method, count in DRAWS.items()
+        for number in (*BEST.get(method, ()), *range(count, count + FRESH_DRAWS))
+    ]
+    return with_yardsticks(study, [trial_of(study, system, one, FIRST_SEED + one.number) for one in draws])
+
+
+def scores(frame: pd.DataFrame) -> pd.DataFrame:
+    """Stored draws from the best to the worst: a line a system, method and setting.
+
+    Args:
+        frame: trials of a search, with their yardsticks.
+
+    Returns:
+        `score`, the lowest smoothed test loss by that of least squares on the same split, the geometric mean over the
+        `seeds`; and the mean validation loss, which nothing goes by.
+    """
+    yardsticks = frame[frame.method == "least_squares"].set_index(["system", "seed"]).best_test_loss
+    trained = frame[frame.method != "least_squares"]
+    by = [yardsticks.get(key, np.nan) for key in zip(trained.system, trained.seed, strict=True)]
+    scored = trained.assign(score=np.log(trained.best_test_loss / by)).dropna(subset="score")
+    found = scored.groupby(["system", "method", *KNOBS], dropna=False).agg(
+        score=("score", "mean"), validation_loss=("validation_loss", "mean"), seeds=("seed", "nunique")
+    )
+    return found.assign(score=np.exp(found.score)).reset_index().sort_values(["system", "method", "score"])
