@@ -88,6 +88,11 @@ def leave_one_out(statistic: Callable[[np.ndarray], float], samples: np.ndarray)
     return Interval(value, value - reach, value + reach)
 
 
+def student(values: np.ndarray) -> Interval:
+    """The mean of one value a seed, (S,), with Student's interval; NaN with one seed."""
+    return leave_one_out(lambda some: float(some.mean()), values)
+
+
 def interval(statistic: Callable[[np.ndarray], float], samples: np.ndarray) -> Interval:
     """`leave_one_out` of samples (S, ...) with fewer than MANY_SEEDS seeds S, else `bootstrap`; NaN of too few."""
     if len(samples) < FEWEST_SEEDS:

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import pandas as pd
 
 from sidm.experiments.engine.store import Results
-from sidm.experiments.methods import COMPARED
 from sidm.experiments.studies.decisive import search
 from sidm.experiments.studies.decisive.recipes import R, on_fresh_motion, to_the_cap
 from sidm.experiments.study import Study
@@ -34,14 +33,16 @@ T_CAPS: Caps = {
     "novice_only": dict.fromkeys((5.0, 1.0, 20.0, 60.0, 120.0), 6 * MILLION),
     FINETUNING: dict.fromkeys((5.0, 1.0, 20.0), 3 * MILLION),
 }
-#: The same at five minutes alone, and with what training alone needs beside it.
-AT_FIVE: dict[str, Caps] = {
-    recipe: {method: {5.0: caps[method][5.0]} for method in COMPARED} for recipe, caps in (("R", R_CAPS), ("T", T_CAPS))
-}
-MORE_SEEDS: dict[str, Caps] = {
-    "R": AT_FIVE["R"] | {"novice_only": {size: R_CAPS["novice_only"][size] for size in (5.0, 20.0)}},
-    "T": AT_FIVE["T"] | {"novice_only": {size: T_CAPS["novice_only"][size] for size in (5.0, 20.0)}},
-}
+
+
+def only(caps: Caps, sizes: Mapping[str, tuple[float, ...]]) -> Caps:
+    """Some methods of a recipe, with some of their sizes, in minutes."""
+    return {method: {minutes: caps[method][minutes] for minutes in some} for method, some in sizes.items()}
+
+
+RECIPES: dict[str, Caps] = {"R": R_CAPS, "T": T_CAPS}
+AT_FIVE: dict[str, tuple[float, ...]] = {"sidm": (5.0,), "novice_only": (5.0,)}
+AT_FIVE_AND_TWENTY: dict[str, tuple[float, ...]] = {"sidm": (5.0,), "novice_only": (5.0, 20.0)}
 
 
 class Step(NamedTuple):
@@ -84,16 +85,16 @@ def other_motion(study: Study) -> list[Trial]:
     found = [
         trial
         for system in SYSTEMS
-        for recipe, caps in AT_FIVE.items()
-        for trial in arm(study, recipe, system + FREE_STRUTS, caps, FEW_SEEDS)
+        for recipe, caps in RECIPES.items()
+        for trial in arm(study, recipe, system + FREE_STRUTS, only(caps, AT_FIVE), FEW_SEEDS)
     ]
-    return found + arm(study, "R", "system1", AT_FIVE["R"], FEW_SEEDS, policy="bounded_noise")
+    return found + arm(study, "R", "system1", only(R_CAPS, AT_FIVE), FEW_SEEDS, policy="bounded_noise")
 
 
 def more_seeds(study: Study) -> list[Trial]:
     """Step D: seeds five to nine."""
     seeds = [seed for seed in ALL_SEEDS if seed not in SEEDS]
-    arms = [(recipe, system, caps) for recipe, caps in MORE_SEEDS.items() for system in SYSTEMS]
+    arms = [(recipe, system, only(caps, AT_FIVE_AND_TWENTY)) for recipe, caps in RECIPES.items() for system in SYSTEMS]
     return [trial for recipe, system, caps in arms for trial in arm(study, recipe, system, caps, seeds)]
 
 
