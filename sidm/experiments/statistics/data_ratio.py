@@ -2,6 +2,7 @@
 
 A seed's ratio is read along the isotonic fit of that seed's losses. Over seeds stand the mean of the logarithm and
 Student's interval. Where a seed's curve does not get there, the ratio is a bound, and a bound has no value.
+"""
 
 from __future__ import annotations
 
