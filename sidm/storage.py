@@ -14,13 +14,18 @@ import os
 import tempfile
 import time
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 
 from sidm.config import first_line
+
+try:
+    import fcntl
+except ImportError:  # Windows: two processes may make the same, each alike
+    fcntl = None  # type: ignore[assignment]
 
 SEAL = 64  # hexadecimal digits of SHA-256
 LARGEST_RECORD = 2**24  # bytes
@@ -72,6 +77,17 @@ def _sync_folder(folder: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+@contextlib.contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """One process of a machine at a time makes the file or folder `path`; the others wait."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with open(path.parent / f".{path.name}.lock", "wb") as lock:
+        if fcntl is not None:
+            with contextlib.suppress(OSError):  # a file system without locks
+                fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def sweep(folder: Path, age: float = 3600.0) -> None:

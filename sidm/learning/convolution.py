@@ -47,10 +47,15 @@ def is_fast_for(layers: nn.Sequential, maps: Tensor) -> bool:
     )
 
 
-def features(layers: nn.Sequential, maps: Tensor) -> Tensor:
-    """What the convolutions and their leaky ReLUs make of maps (N, P, P): (N, R R C), the channels innermost."""
+def features(layers: nn.Sequential, maps: Tensor, mean: Tensor | float = 0.0, std: Tensor | float = 1.0) -> Tensor:
+    """What the convolutions and their leaky ReLUs make of maps (N, P, P) in units of `mean` and `std`.
+
+    Returns:
+        (N, R R C), the channels innermost; R = P - 6.
+    """
     first, second, slope = layers[0], layers[2], layers[1].negative_slope
-    return _Convolutions.apply(maps, first.weight, first.bias, second.weight, second.bias, slope)
+    units = float(mean), float(std)
+    return _Convolutions.apply(maps, first.weight, first.bias, second.weight, second.bias, slope, units)
 
 
 class _Convolutions(torch.autograd.Function):
@@ -58,13 +63,14 @@ class _Convolutions(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, maps: Tensor, *parameters: Any) -> Tensor:
-        *tensors, slope = parameters
+        *tensors, slope, units = parameters
         arrays = [_array(tensor) for tensor in (maps, *tensors)]
         rest = maps.shape[-1] - 6
         found = np.empty((len(maps), rest * rest * len(arrays[3])), arrays[0].dtype)
-        _kernels().forward(*arrays, arrays[0].dtype.type(slope), found)
+        numbers = tuple(map(arrays[0].dtype.type, (slope, *units)))
+        _kernels().forward(*arrays, *numbers, found)
         result = torch.from_numpy(found)
-        ctx.slope = slope
+        ctx.numbers = numbers
         ctx.save_for_backward(maps, *tensors, result)
         return result
 
@@ -74,9 +80,8 @@ class _Convolutions(torch.autograd.Function):
         maps, first, first_bias, second, second_bias, result = map(_array, ctx.saved_tensors)
         given = [np.zeros_like(one) for one in (first, first_bias, second, second_bias)]
         turned = np.ascontiguousarray(second.transpose(1, 0, 2, 3)[:, :, ::-1, ::-1])  # from outputs to inputs
-        slope = maps.dtype.type(ctx.slope)
-        _kernels().backward(maps, first, first_bias, turned, slope, result, _array(gradient), *given)
-        return None, *map(torch.from_numpy, given), None
+        _kernels().backward(maps, first, first_bias, turned, *ctx.numbers, result, _array(gradient), *given)
+        return None, *map(torch.from_numpy, given), None, None
 
 
 def _kernels() -> ModuleType:

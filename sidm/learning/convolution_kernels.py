@@ -38,15 +38,15 @@ def inlined(function: Callable) -> Any:
 
 
 @compiled
-def forward(maps, w1, b1, w2, b2, slope, found):
-    """Features (N, R R C) of maps (N, P, P)."""
+def forward(maps, w1, b1, w2, b2, slope, mean, std, found):
+    """Features (N, R R C), R = P - 6, of maps (N, P, P) with a mean and a standard deviation."""
     side, channels = maps.shape[1], len(w2)
     x = np.empty((1, side, side * LANES), maps.dtype)
     inner = np.empty((len(w1), side - 3, (side - 3) * LANES), maps.dtype)
     outer = np.empty((channels, side - 6, (side - 6) * LANES), maps.dtype)
     for start in range(0, len(maps), LANES):
         count = min(LANES, len(maps) - start)
-        _put_maps(maps[start : start + count], x)
+        _put_maps(maps[start : start + count], mean, std, x)
         _convolve(x, w1, b1, inner, slope)
         _convolve(inner, w2, b2, outer, slope)
         own = found[start : start + count].reshape((count, side - 6, side - 6, channels))
@@ -58,7 +58,7 @@ def forward(maps, w1, b1, w2, b2, slope, found):
 
 
 @compiled
-def backward(maps, w1, b1, turned, slope, found, gradient, gw1, gb1, gw2, gb2):
+def backward(maps, w1, b1, turned, slope, mean, std, found, gradient, gw1, gb1, gw2, gb2):
     """Adds to gw1, gb1, gw2 and gb2 what a gradient (N, R R C) of the features gives.
 
     `turned` are the second layer's weights (in, out, 4, 4), both sides reversed: a convolution with them takes the
@@ -73,7 +73,7 @@ def backward(maps, w1, b1, turned, slope, found, gradient, gw1, gb1, gw2, gb2):
     nothing, one = np.zeros(len(w1), dtype), dtype.type(1)
     for start in range(0, len(maps), LANES):
         count = min(LANES, len(maps) - start)
-        _put_maps(maps[start : start + count], x)
+        _put_maps(maps[start : start + count], mean, std, x)
         _convolve(x, w1, b1, inner, slope)
         if count < LANES:
             framed[:] = 0
@@ -94,14 +94,14 @@ def backward(maps, w1, b1, turned, slope, found, gradient, gw1, gb1, gw2, gb2):
 
 
 @compiled
-def _put_maps(maps, x):
-    """Up to LANES maps (n, P, P) side by side into x (1, P, P LANES); the other lanes become 0."""
+def _put_maps(maps, mean, std, x):
+    """Up to LANES maps (n, P, P), in units, side by side into x (1, P, P LANES); the other lanes become 0."""
     if len(maps) < LANES:
         x[:] = 0
     for i in range(maps.shape[1]):
         for lane in range(len(maps)):
             for j in range(maps.shape[2]):
-                x[0, i, j * LANES + lane] = maps[lane, i, j]
+                x[0, i, j * LANES + lane] = (maps[lane, i, j] - mean) / std
 
 
 @compiled

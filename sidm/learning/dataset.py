@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -14,7 +16,7 @@ from torch import Tensor
 from sidm.body import ROVER, Body
 from sidm.config import ConfigError
 from sidm.learning import observation
-from sidm.storage import write_atomically
+from sidm.storage import locked, write_atomically
 from sidm.systems import Terrain
 from sidm.terrain import generate_terrain
 from sidm.trajectory import (
@@ -27,6 +29,7 @@ from sidm.trajectory import (
     trajectories_for,
 )
 
+AT_A_TIME = 64  # trajectories whose maps are in memory while they are made
 TEST_EVERY = 4  # one trajectory of four is for testing: 75 % train, 25 % test (section 4)
 Indices = Tensor | np.ndarray | Sequence[int]
 
@@ -139,8 +142,9 @@ def load_motion(
         return _motion(trajectories, torch.zeros(shape, dtype=torch.float16), body)
     other = "" if (body.map_size, body.pose) == (ROVER.map_size, ROVER.pose) else f"-{body.map_size:g}m-{body.pose}"
     path = collection.folder(Path(root)) / f"maps-{pixels}{other}-{digest(trajectories)}.npy"
-    if not path.exists():
-        write_atomically(path, lambda file: _write_maps(file, shape, trajectories, terrain, body))
+    with locked(path):
+        if not path.exists():
+            write_atomically(path, lambda file: _write_maps(file, shape, trajectories, terrain, body))
     try:
         maps = np.load(path, mmap_mode="c", allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
@@ -153,11 +157,15 @@ def load_motion(
 def _write_maps(
     file, shape: tuple[int, ...], trajectories: Sequence[Trajectory], terrain: Terrain, body: Body
 ) -> None:
-    """Write an array (N, T, P, P), one trajectory after the other."""
+    """Write an array (N, T, P, P), one trajectory after the other; each core makes maps of its own trajectories."""
     header = {"descr": np.lib.format.dtype_to_descr(np.dtype(np.float16)), "fortran_order": False, "shape": shape}
     np.lib.format.write_array_header_1_0(file, header)
-    for trajectory in trajectories:
-        file.write(_maps(trajectory, terrain, shape[-1], body).data)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    with ThreadPoolExecutor(cores) as pool:
+        for start in range(0, len(trajectories), AT_A_TIME):
+            some = trajectories[start : start + AT_A_TIME]
+            for maps in pool.map(lambda one: _maps(one, terrain, shape[-1], body), some):
+                file.write(maps.data)
 
 
 def _maps(trajectory: Trajectory, terrain: Terrain, pixels: int, body: Body) -> np.ndarray:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor, nn
 
 from sidm.body import ROVER, Body
@@ -60,15 +61,21 @@ class Encoder(nn.Module):
         expect(inputs, ("B", "T", self.size), "inputs")
         expect(maps, (*inputs.shape[:2], self.pixels, self.pixels), "maps")
         numbers = ((inputs - self.input_mean) / self.input_std).flatten(0, 1)  # (B T, X)
+        first, rest = self.dense[0], self.dense[1:]
         if self.pixels:
-            features = self._features((maps.flatten(0, 1).to(inputs.dtype) - self.map_mean) / self.map_std)
-            numbers = torch.cat([features, numbers.to(features.dtype)], dim=-1)
-        return self.dense(numbers).to(inputs.dtype).unflatten(0, inputs.shape[:2])
+            features = self._features(maps.flatten(0, 1).to(inputs.dtype))
+            weights = first.weight.split([features.shape[-1], self.size], dim=1)
+            # The layer of features and numbers together, without a copy of all features beside the numbers.
+            hidden = F.linear(features, weights[0]) + F.linear(numbers, weights[1], first.bias)
+        else:
+            hidden = first(numbers)
+        return rest(hidden).to(inputs.dtype).unflatten(0, inputs.shape[:2])
 
-    def _features(self, pixels: Tensor) -> Tensor:
-        """Map features (B T, 4 (P - 6)^2) of maps (B T, P, P)."""
-        if convolution.is_fast_for(self.convolutions, pixels):
-            return convolution.features(self.convolutions, pixels)
+    def _features(self, maps: Tensor) -> Tensor:
+        """Map features (B T, 4 (P - 6)^2) of maps (B T, P, P), m."""
+        if convolution.is_fast_for(self.convolutions, maps):
+            return convolution.features(self.convolutions, maps, self.map_mean, self.map_std)
+        pixels = (maps - self.map_mean) / self.map_std
         # The channel is made the last dimension in memory: twice as fast on a CPU as the default layout.
         return self.convolutions(pixels.unsqueeze(-1).movedim(-1, 1)).movedim(1, -1).flatten(1)
 

@@ -63,7 +63,18 @@ def test_features_and_gradients_are_pytorchs(count, pixels, channels, dtype):
 def test_gradients_are_those_of_finite_differences(slope):
     layers, maps = layers_of((4, 4), slope=slope, dtype=torch.float64), numbers(3, 8, 8, dtype=torch.float64)
     parameters = [one.detach().clone().requires_grad_() for one in layers.parameters()]
-    assert torch.autograd.gradcheck(lambda *own: convolution._Convolutions.apply(maps, *own, slope), parameters)
+    work = convolution._Convolutions.apply
+    assert torch.autograd.gradcheck(lambda *own: work(maps, *own, slope, (0.3, 1.7)), parameters)
+
+
+def test_units_of_the_maps():
+    layers, maps = layers_of(), 0.2 * numbers(18, 10, 10) + 1
+    mean, std = torch.tensor(1.1), torch.tensor(0.3)
+    found, expected = features(layers, maps, mean, std), by_pytorch(layers, (maps - mean) / std)
+    assert torch.allclose(found, expected, atol=1e-4)
+    weights = numbers(*expected.shape, seed=2)
+    for mine, theirs in zip(gradients(layers, found, weights), gradients(layers, expected, weights), strict=True):
+        assert torch.allclose(mine, theirs, rtol=0, atol=1e-4 * theirs.abs().max().item())
 
 
 def test_the_same_twice_and_apart_from_other_maps():

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import hashlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 from sidm.config import to_mapping
@@ -17,11 +16,7 @@ from sidm.learning.dataset import Datasets
 from sidm.learning.networks import Network
 from sidm.learning.training import Trained, train
 from sidm.numerics import numbered
-
-try:
-    import fcntl
-except ImportError:  # Windows: two processes may make the same weights, each the same
-    fcntl = None  # type: ignore[assignment]
+from sidm.storage import locked
 
 
 def folder(trial: Trial, data: str | Path, kind: str = "training") -> Path:
@@ -57,7 +52,7 @@ def start_of(trial: Trial, datasets: Datasets, data: str | Path, device: str = "
 
 def kept(where: Path, trained: Callable[[Path], Trained]) -> Start:
     """The weights in a folder; where they lack, those of what is `trained` with its state kept in the folder named."""
-    with _alone(where):
+    with locked(where):
         found = pretraining.read(where)
         if found is None:
             found = start_from(trained(where / pretraining.STATE))
@@ -68,14 +63,3 @@ def kept(where: Path, trained: Callable[[Path], Trained]) -> Start:
 def carried(trial: Trial, start: Start) -> Start:
     """What a trial takes of a pretraining's weights."""
     return start.core() if trial.pretrained == "sidm" else start
-
-
-@contextlib.contextmanager
-def _alone(where: Path) -> Iterator[None]:
-    """One process of a machine at a time: the others wait instead of making the same."""
-    where.mkdir(parents=True, exist_ok=True)
-    with open(where / "lock", "wb") as lock:
-        if fcntl is not None:
-            with contextlib.suppress(OSError):  # a file system without locks
-                fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
