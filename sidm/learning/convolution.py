@@ -26,19 +26,20 @@ def kernels() -> ModuleType | None:
         return None
 
 
-def is_fast_for(layers: nn.Sequential, maps: Tensor) -> bool:
+def is_fast_for(layers: nn.Sequential, maps: Tensor, numbers: Tensor) -> bool:
     """Whether `features` computes the encoder's convolutions of these maps.
 
     PyTorch's own do it on GPUs, in low precision, on several threads (PyTorch shares its work out among them), with
-    other kernels than 4 x 4, with channels that are no multiples of 4, and where Numba is not installed.
+    other kernels than 4 x 4, with channels that are no multiples of 4, for inputs with a gradient, and where Numba is
+    not installed.
     """
     first, second = layers[0], layers[2]
     assert isinstance(first, nn.Conv2d) and isinstance(second, nn.Conv2d)
     return (
         maps.device.type == "cpu"
-        and maps.dtype == first.weight.dtype
+        and maps.dtype == numbers.dtype == first.weight.dtype
         and maps.dtype in (torch.float32, torch.float64)
-        and not maps.requires_grad
+        and not (maps.requires_grad or numbers.requires_grad)
         and not torch.is_autocast_enabled("cpu")
         and torch.get_num_threads() == 1
         and first.kernel_size == second.kernel_size == (4, 4)
@@ -47,47 +48,51 @@ def is_fast_for(layers: nn.Sequential, maps: Tensor) -> bool:
     )
 
 
-def features(layers: nn.Sequential, maps: Tensor, mean: Tensor | float = 0.0, std: Tensor | float = 1.0) -> Tensor:
-    """What the convolutions and their leaky ReLUs make of maps (N, P, P) in units of `mean` and `std`.
+def features(
+    layers: nn.Sequential, maps: Tensor, numbers: Tensor, mean: Tensor | float = 0.0, std: Tensor | float = 1.0
+) -> Tensor:
+    """What the convolutions and their leaky ReLUs make of maps, with numbers behind it.
+
+    Args:
+        layers: the two convolutions, a leaky ReLU behind each.
+        maps: (N, P, P), without a gradient.
+        numbers: (N, X), the same.
+        mean: of the unit in which the convolutions see the maps.
+        std: of the same.
 
     Returns:
-        (N, R R C), the channels innermost; R = P - 6.
+        (N, R R C + X), the C channels innermost, R = P - 6.
     """
     first, second, slope = layers[0], layers[2], layers[1].negative_slope
-    units = float(mean), float(std)
-    return _Convolutions.apply(maps, first.weight, first.bias, second.weight, second.bias, slope, units)
+    units = slope, float(mean), float(std)
+    return _Convolutions.apply(maps, numbers, first.weight, first.bias, second.weight, second.bias, units)
 
 
 class _Convolutions(torch.autograd.Function):
-    """Both layers, forward and backward; the maps have no gradient."""
+    """Both layers, forward and backward; `units` are the slope and the maps' mean and standard deviation."""
 
     @staticmethod
-    def forward(ctx: Any, maps: Tensor, *parameters: Any) -> Tensor:
-        *tensors, slope, units = parameters
-        arrays = [_array(tensor) for tensor in (maps, *tensors)]
-        rest = maps.shape[-1] - 6
-        found = np.empty((len(maps), rest * rest * len(arrays[3])), arrays[0].dtype)
-        numbers = tuple(map(arrays[0].dtype.type, (slope, *units)))
-        _kernels().forward(*arrays, *numbers, found)
-        result = torch.from_numpy(found)
-        ctx.numbers = numbers
-        ctx.save_for_backward(maps, *tensors, result)
+    def forward(ctx: Any, maps: Tensor, numbers: Tensor, *parameters: Any) -> Tensor:
+        *weights, units = parameters
+        arrays = [_array(tensor) for tensor in (maps, *weights)]
+        count = (maps.shape[-1] - 6) ** 2 * len(weights[-1])
+        result = maps.new_empty(len(maps), count + numbers.shape[-1])
+        result[:, count:] = numbers
+        ctx.units = tuple(map(arrays[0].dtype.type, units))
+        kernels().forward(*arrays, *ctx.units, result.numpy())  # type: ignore[union-attr]
+        ctx.save_for_backward(maps, *weights, result)
         return result
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:
-        maps, first, first_bias, second, second_bias, result = map(_array, ctx.saved_tensors)
-        given = [np.zeros_like(one) for one in (first, first_bias, second, second_bias)]
+        maps, first, first_bias, second, _, result = map(_array, ctx.saved_tensors)
+        given = [np.zeros_like(_array(one)) for one in ctx.saved_tensors[1:5]]
         turned = np.ascontiguousarray(second.transpose(1, 0, 2, 3)[:, :, ::-1, ::-1])  # from outputs to inputs
-        _kernels().backward(maps, first, first_bias, turned, *ctx.numbers, result, _array(gradient), *given)
-        return None, *map(torch.from_numpy, given), None, None
-
-
-def _kernels() -> ModuleType:
-    found = kernels()
-    assert found is not None  # `is_fast_for` has asked
-    return found
+        kernels().backward(  # type: ignore[union-attr]
+            maps, first, first_bias, turned, *ctx.units, result, _array(gradient), *given
+        )
+        return None, None, *map(torch.from_numpy, given), None
 
 
 def _array(tensor: Tensor) -> np.ndarray:

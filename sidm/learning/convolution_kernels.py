@@ -39,7 +39,10 @@ def inlined(function: Callable) -> Any:
 
 @compiled
 def forward(maps, w1, b1, w2, b2, slope, mean, std, found):
-    """Features (N, R R C), R = P - 6, of maps (N, P, P) with a mean and a standard deviation."""
+    """Writes features of maps (N, P, P), with a mean and a standard deviation, into `found`.
+
+    Its rows begin with R R C features, R = P - 6, the channels innermost; what stands behind them stays.
+    """
     side, channels = maps.shape[1], len(w2)
     x = np.empty((1, side, side * LANES), maps.dtype)
     inner = np.empty((len(w1), side - 3, (side - 3) * LANES), maps.dtype)
@@ -49,17 +52,17 @@ def forward(maps, w1, b1, w2, b2, slope, mean, std, found):
         _put_maps(maps[start : start + count], mean, std, x)
         _convolve(x, w1, b1, inner, slope)
         _convolve(inner, w2, b2, outer, slope)
-        own = found[start : start + count].reshape((count, side - 6, side - 6, channels))
         for i in range(side - 6):  # row by row, which the nearest cache holds
             for lane in range(count):
+                row = found[start + lane, i * (side - 6) * channels : (i + 1) * (side - 6) * channels]
                 for c in range(channels):
                     for j in range(side - 6):
-                        own[lane, i, j, c] = outer[c, i, j * LANES + lane]
+                        row[j * channels + c] = outer[c, i, j * LANES + lane]
 
 
 @compiled
 def backward(maps, w1, b1, turned, slope, mean, std, found, gradient, gw1, gb1, gw2, gb2):
-    """Adds to gw1, gb1, gw2 and gb2 what a gradient (N, R R C) of the features gives.
+    """Adds to gw1, gb1, gw2 and gb2 what a gradient of what `forward` found gives.
 
     `turned` are the second layer's weights (in, out, 4, 4), both sides reversed: a convolution with them takes the
     gradient, in a margin of zeros, back to the first layer's outputs.
@@ -77,14 +80,14 @@ def backward(maps, w1, b1, turned, slope, mean, std, found, gradient, gw1, gb1, 
         _convolve(x, w1, b1, inner, slope)
         if count < LANES:
             framed[:] = 0
-        own = gradient[start : start + count].reshape((count, rest, rest, channels))
-        signs = found[start : start + count].reshape((count, rest, rest, channels))
         for i in range(rest):
             for lane in range(count):
+                own = gradient[start + lane, i * rest * channels : (i + 1) * rest * channels]
+                signs = found[start + lane, i * rest * channels : (i + 1) * rest * channels]
                 for c in range(channels):
                     for j in range(rest):
-                        value = own[lane, i, j, c]
-                        if not signs[lane, i, j, c] > 0:
+                        value = own[j * channels + c]
+                        if not signs[j * channels + c] > 0:
                             value *= slope
                         framed[c, i + 3, (j + 3) * LANES + lane] = value
         _add_weight_gradient(framed, 3, inner, gw2, gb2)

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from typing import TypeVar
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor, nn
 
 from sidm.body import ROVER, Body
@@ -61,23 +60,18 @@ class Encoder(nn.Module):
         expect(inputs, ("B", "T", self.size), "inputs")
         expect(maps, (*inputs.shape[:2], self.pixels, self.pixels), "maps")
         numbers = ((inputs - self.input_mean) / self.input_std).flatten(0, 1)  # (B T, X)
-        first, rest = self.dense[0], self.dense[1:]
         if self.pixels:
-            features = self._features(maps.flatten(0, 1).to(inputs.dtype))
-            weights = first.weight.split([features.shape[-1], self.size], dim=1)
-            # The layer of features and numbers together, without a copy of all features beside the numbers.
-            hidden = F.linear(features, weights[0]) + F.linear(numbers, weights[1], first.bias)
-        else:
-            hidden = first(numbers)
-        return rest(hidden).to(inputs.dtype).unflatten(0, inputs.shape[:2])
+            numbers = self._beside_features(maps.flatten(0, 1).to(inputs.dtype), numbers)
+        return self.dense(numbers).to(inputs.dtype).unflatten(0, inputs.shape[:2])
 
-    def _features(self, maps: Tensor) -> Tensor:
-        """Map features (B T, 4 (P - 6)^2) of maps (B T, P, P), m."""
-        if convolution.is_fast_for(self.convolutions, maps):
-            return convolution.features(self.convolutions, maps, self.map_mean, self.map_std)
+    def _beside_features(self, maps: Tensor, numbers: Tensor) -> Tensor:
+        """Features of maps (N, P, P), m, with numbers (N, X) behind them: (N, 4 (P - 6)^2 + X)."""
+        if convolution.is_fast_for(self.convolutions, maps, numbers):
+            return convolution.features(self.convolutions, maps, numbers, self.map_mean, self.map_std)
         pixels = (maps - self.map_mean) / self.map_std
         # The channel is made the last dimension in memory: twice as fast on a CPU as the default layout.
-        return self.convolutions(pixels.unsqueeze(-1).movedim(-1, 1)).movedim(1, -1).flatten(1)
+        features = self.convolutions(pixels.unsqueeze(-1).movedim(-1, 1)).movedim(1, -1).flatten(1)
+        return torch.cat([features, numbers.to(features.dtype)], dim=-1)
 
 
 class SIDM(nn.Module):

@@ -6,7 +6,7 @@ import torch
 from torch import nn
 
 from sidm.learning import Encoder, Network, convolution
-from sidm.learning.convolution import features, is_fast_for
+from sidm.learning.convolution import is_fast_for
 
 #: Sums run in another order, of up to some 50,000 products here.
 ROUNDING = {torch.float32: 1e-4, torch.float64: 1e-12}
@@ -34,6 +34,18 @@ def numbers(*shape, dtype=torch.float32, seed=1) -> torch.Tensor:
     return torch.randn(*shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64).to(dtype)
 
 
+def features(layers: nn.Sequential, maps: torch.Tensor, *units, count=3) -> torch.Tensor:
+    """With `count` numbers behind them, which are left as they are and cut off."""
+    beside = numbers(len(maps), count, dtype=maps.dtype, seed=3)
+    found = convolution.features(layers, maps, beside, *units)
+    assert torch.equal(found[:, found.shape[1] - count :], beside)
+    return found[:, : found.shape[1] - count]
+
+
+def fast(layers: nn.Sequential, maps: torch.Tensor) -> bool:
+    return is_fast_for(layers, maps, numbers(len(maps), 3, dtype=maps.dtype))
+
+
 def by_pytorch(layers: nn.Sequential, maps: torch.Tensor) -> torch.Tensor:
     return layers(maps[:, None]).movedim(1, -1).flatten(1)
 
@@ -50,7 +62,7 @@ def gradients(layers: nn.Sequential, found: torch.Tensor, weights: torch.Tensor)
 )  # fmt: skip
 def test_features_and_gradients_are_pytorchs(count, pixels, channels, dtype):
     layers, maps = layers_of(channels, dtype=dtype), numbers(count, pixels, pixels, dtype=dtype)
-    assert is_fast_for(layers, maps)
+    assert fast(layers, maps)
     found, expected = features(layers, maps), by_pytorch(layers, maps)
     assert found.shape == expected.shape and found.dtype == dtype
     assert torch.allclose(found, expected, rtol=0, atol=ROUNDING[dtype] * expected.abs().max().item())
@@ -63,8 +75,8 @@ def test_features_and_gradients_are_pytorchs(count, pixels, channels, dtype):
 def test_gradients_are_those_of_finite_differences(slope):
     layers, maps = layers_of((4, 4), slope=slope, dtype=torch.float64), numbers(3, 8, 8, dtype=torch.float64)
     parameters = [one.detach().clone().requires_grad_() for one in layers.parameters()]
-    work = convolution._Convolutions.apply
-    assert torch.autograd.gradcheck(lambda *own: work(maps, *own, slope, (0.3, 1.7)), parameters)
+    beside, work = numbers(3, 2, dtype=torch.float64), convolution._Convolutions.apply
+    assert torch.autograd.gradcheck(lambda *own: work(maps, beside, *own, (slope, 0.3, 1.7)), parameters)
 
 
 def test_units_of_the_maps():
@@ -109,7 +121,7 @@ def test_what_is_not_a_number_stays_so():
     ids=["first channels", "second channels", "kernel", "unlike types", "maps with a gradient", "bfloat16"],
 )  # fmt: skip
 def test_what_pytorch_computes(layers, maps):
-    assert not is_fast_for(layers, maps)
+    assert not fast(layers, maps)
 
 
 def test_an_encoder_is_the_same_without_numba(monkeypatch):
@@ -120,15 +132,20 @@ def test_an_encoder_is_the_same_without_numba(monkeypatch):
     assert torch.allclose(encoder(inputs, maps), compiled, atol=1e-5)
 
 
+def test_numbers_with_a_gradient_are_pytorchs():
+    layers, maps = layers_of(), numbers(2, 9, 9)
+    assert not is_fast_for(layers, maps, numbers(2, 3).requires_grad_())
+
+
 @pytest.mark.parametrize("where", ["threads", "autocast"])
 def test_where_pytorch_is_left_to_it(where):
     layers, maps = layers_of(), numbers(2, 9, 9)
     if where == "threads":
         torch.set_num_threads(2)
-        assert not is_fast_for(layers, maps)
+        assert not fast(layers, maps)
     else:
         with torch.autocast("cpu", torch.bfloat16):
-            assert not is_fast_for(layers, maps)
+            assert not fast(layers, maps)
 
 
 def test_gradients_have_the_weights_layout_or_serve_as_well():
