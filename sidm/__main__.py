@@ -1,4 +1,4 @@
-"""The command line: sidm collect | train | run | study | show | merge | fit | evaluate | predict | replay | notebook.
+"""The command line, whose commands `sidm --help` lists.
 
 Exit status: 0; 1 when something failed or is still missing; 2 for arguments that cannot be used.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import functools
+import math
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor, Executor
@@ -29,7 +30,7 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
     parser = notebook.Parser(prog="sidm", description=(__doc__ or "").split("\n\n")[1])
     parser.add_argument("--version", action="version", version=__version__)
-    names = "collect | train | run | study | show | merge | fit | evaluate | predict | replay | notebook"
+    names = "collect | train | run | pack | study | show | merge | fit | evaluate | predict | replay | notebook"
     commands = parser.add_subparsers(metavar=names, required=True)
 
     def command(name: str, work: Callable[[argparse.Namespace], int], help: str) -> argparse.ArgumentParser:
@@ -67,6 +68,15 @@ def build_parser() -> argparse.ArgumentParser:
         help="train N trials side by side on the device, instead of in processes",
     )  # fmt: skip
     _add_dask(run)
+    run.add_argument("--pack", type=Path, metavar="FILE", help="the trials of a file of 'pack', its data under --data")
+    words = "stop a bundle after so long; the same command goes on"
+    run.add_argument("--seconds", type=_positive, metavar="N", help=words)
+
+    pack = command("pack", run_pack, "Write a figure's missing trials and their data into one file for 'run --pack'.")
+    pack.add_argument("file", type=Path, metavar="FILE", help="a .tar file")
+    _add_preset(pack)
+    _add_grid(pack)
+    pack.add_argument("--limit", type=_positive, default=60, metavar="MIB", help="of the file's size (%(default)s)")
 
     for trainer in (train, run):
         words = "where to compute, cpu or cuda (%(default)s)"
@@ -239,16 +249,35 @@ def run_run(arguments: argparse.Namespace) -> int:
     """`run`: 1 when trials are missing at the end."""
     from sidm.experiments import Results, run
 
-    trials = _trials(arguments, _preset(arguments))
+    if arguments.pack is None:
+        trials = _trials(arguments, _preset(arguments))
+    else:
+        from sidm.experiments.engine.pack import unpack
+
+        trials = unpack(arguments.pack, Path(arguments.data))
     store = Results(arguments.results)
     with _executor(arguments) as executor:
         run(
             trials, executor, workers=arguments.workers, data=arguments.data, results=store, device=arguments.device,
-            bundle=arguments.bundle, log=arguments.log,
+            bundle=arguments.bundle, log=arguments.log, seconds=arguments.seconds or math.inf,
         )  # fmt: skip
     missing = len(store.missing(trials))
     print(f"{len(trials) - missing} of {len(trials)} trials stored")
     return 1 if missing else 0
+
+
+def run_pack(arguments: argparse.Namespace) -> int:
+    """`pack`: prints how many trials went into the file, and its size."""
+    from sidm.experiments import Results
+    from sidm.experiments.engine.pack import MEBIBYTE, pack
+    from sidm.experiments.trials import UNKNOWN
+
+    missing = Results(arguments.results).missing(_trials(arguments, _preset(arguments)))
+    known = [trial for trial in missing if UNKNOWN not in trial.digests.values() and not trial.solved]
+    taken = pack(known, arguments.file, Path(arguments.data), arguments.limit)
+    size = arguments.file.stat().st_size / MEBIBYTE
+    print(f"{arguments.file}: {len(taken)} of {len(missing)} missing trials, {size:.1f} MiB")
+    return 0
 
 
 def run_study(arguments: argparse.Namespace) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
@@ -56,7 +57,7 @@ class Hooks(NamedTuple):
 
 def run_bundle(
     trials: Sequence[Trial], seats: int, data: str | Path, checkpoint: Callable[[Trial], Path], hooks: Hooks,
-    device: str = "cpu",
+    device: str = "cpu", until: float = math.inf,
 ) -> Iterator[Row | Failure]:  # fmt: skip
     """Train trials side by side, `seats` at a time, and evaluate each when it ends.
 
@@ -67,6 +68,7 @@ def run_bundle(
         checkpoint: the folder of a trial, to go on from and to write to.
         hooks: what is told of them meanwhile.
         device: where to compute.
+        until: `time.monotonic()` at which all states are written and the rest is left for the next call.
 
     Yields:
         What is stored of a trial: its outcome is that of `execute.perform` but for rounding.
@@ -80,8 +82,10 @@ def run_bundle(
             hooks.fault(trial, error)
         else:
             ready.append(trial)
-    starts, going, runs = _starts(ready, seats, data, library, device), [], []
+    starts, going, runs = _starts(ready, seats, data, library, device, until), [], []
     for trial in ready:
+        if trial.key not in starts:
+            continue  # its pretraining goes on next time
         given = starts[trial.key]
         if isinstance(given, TrainingError):
             made = provenance.here(0.0, torch.get_num_threads(), False, device, bundle=seats)
@@ -95,7 +99,7 @@ def run_bundle(
     ready = [trial for trial, _ in going]
     resumed = [checkpoint(trial).exists() for trial in ready]
     for number, found, seconds in train_bundle(
-        runs, trials[0].network, seats, device, lambda number, tested: hooks.progress(ready[number], tested)
+        runs, trials[0].network, seats, device, lambda number, tested: hooks.progress(ready[number], tested), until
     ):
         (trial, given), start = going[number], time.perf_counter()
         try:
@@ -115,9 +119,12 @@ def run_bundle(
 
 
 def _starts(
-    trials: Sequence[Trial], seats: int, data: str | Path, library: Library, device: str
+    trials: Sequence[Trial], seats: int, data: str | Path, library: Library, device: str, until: float
 ) -> dict[str, Start | TrainingError | CheckpointError | None]:
-    """By key, the weights that each trial starts from, or why there are none; made, side by side, where they lack."""
+    """By key, the weights that each trial starts from, or why there are none; made, side by side, where they lack.
+
+    Those whose pretraining does not end in time are left out.
+    """
     users = {folder(trial, data, "bundle"): trial for trial in trials if trial.pretraining is not None}
     kept: dict[Path, Start | TrainingError | CheckpointError] = {}  # one for all its users
     for where in users:
@@ -126,14 +133,19 @@ def _starts(
                 kept[where] = start
         except CheckpointError as error:
             kept[where] = error
-    kept |= _pretrained({where: trial for where, trial in users.items() if where not in kept}, seats, library, device)
-    return {
-        trial.key: kept[folder(trial, data, "bundle")] if trial.pretraining is not None else None for trial in trials
-    }
+    lacking = {where: trial for where, trial in users.items() if where not in kept}
+    kept |= _pretrained(lacking, seats, library, device, until)
+    found: dict[str, Start | TrainingError | CheckpointError | None] = {}
+    for trial in trials:
+        if trial.pretraining is None:
+            found[trial.key] = None
+        elif (where := folder(trial, data, "bundle")) in kept:
+            found[trial.key] = kept[where]
+    return found
 
 
 def _pretrained(
-    lacking: dict[Path, Trial], seats: int, library: Library, device: str
+    lacking: dict[Path, Trial], seats: int, library: Library, device: str, until: float
 ) -> dict[Path, Start | TrainingError | CheckpointError]:
     """By folder, the weights of its trial's pretraining, made and kept there, or why there are none."""
     runs = [
@@ -142,7 +154,9 @@ def _pretrained(
         if one.pretraining is not None
     ]
     folders, made = list(lacking), {}
-    for number, found, _ in train_bundle(runs, network_of(lacking[folders[0]]), seats, device) if runs else ():
+    if not runs:
+        return {}
+    for number, found, _ in train_bundle(runs, network_of(lacking[folders[0]]), seats, device, until=until):
         where = folders[number]
         made[where] = start_from(found) if isinstance(found, Trained) else found
         if isinstance(found, Trained):

@@ -9,8 +9,10 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
+import math
 import shutil
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -60,6 +62,7 @@ def run(
     device: str = "cpu",
     bundle: int = 0,
     log: str | Path | None = None,
+    seconds: float = math.inf,
 ) -> Results:
     """Run the trials that are not stored, and store each as soon as it is done.
 
@@ -75,14 +78,15 @@ def run(
         bundle: how many trials are trained side by side in this process, instead of in workers; what a GPU is for.
             Those that no bundle can train follow in workers.
         log: a folder for TensorBoard's event files.
+        seconds: after which a bundle writes its trials' states and ends; the next call goes on.
 
     Returns:
         The store. Trials that failed are reported on stderr and are still `missing` there; those whose training this
         code has seen fail are not run again.
 
     Raises:
-        ConfigError: the digest of a trial's data is unknown, `workers` is below 1, `bundle` below 0, or a bundle meant
-            for an executor.
+        ConfigError: the digest of a trial's data is unknown, `workers` is below 1, `bundle` below 0, a bundle meant
+            for an executor, or `seconds` for trials without a bundle.
         ImportError: TensorBoard is asked for and not installed; one line.
     """
     store = results if isinstance(results, Results) else Results(results)
@@ -93,6 +97,9 @@ def run(
         raise ConfigError(f"workers must be at least 1, not {workers}")
     if bundle < 0 or (bundle and executor):
         raise ConfigError(f"bundle must not be negative, nor go with an executor; it is {bundle}")
+    if seconds < math.inf and not bundle:
+        raise ConfigError("seconds are those of a bundle; trials in workers go on where they were when they are killed")
+    until = time.monotonic() + seconds
     sweep(store.folder / "trials")
     EventLog(log)  # a missing TensorBoard is known before hours of work
     if missing:
@@ -100,7 +107,9 @@ def run(
         note_datasets(missing, data, store.folder)
         with progress_bar(len(missing), "trials", "trial", progress) as bar:
             runner = _Runner(store, data, bar, device, log)
-            runner.bundles([trial for trial in missing if bundle and fits(trial)], bundle)
+            runner.bundles([trial for trial in missing if bundle and fits(trial)], bundle, until)
+            if time.monotonic() >= until:
+                return store
             alone = [trial for trial in missing if not (bundle and fits(trial))]
             places = min(workers, len(alone))
             pool = local_pool(places) if executor is None and places > 1 else contextlib.nullcontext(executor)
@@ -142,8 +151,8 @@ class _Runner(NamedTuple):
         self.bar.update()
         shutil.rmtree(folder, ignore_errors=True)
 
-    def bundles(self, trials: list[Trial], seats: int) -> None:
-        """Train bundle after bundle in this process."""
+    def bundles(self, trials: list[Trial], seats: int, until: float) -> None:
+        """Train bundle after bundle in this process until the time is up."""
         folder = functools.partial(checkpoint_folder, self.data, kind="bundle")
         with EventLog(self.log) as events:
 
@@ -152,7 +161,10 @@ class _Runner(NamedTuple):
                 self.bar.set_postfix(samples=tested.samples, test_loss=f"{tested.test_loss:.4g}", refresh=False)
 
             for group in bundles(trials):
-                for row in run_bundle(group, seats, self.data, folder, Hooks(show, self.fault), self.device):
+                if time.monotonic() >= until:
+                    return
+                hooks = Hooks(show, self.fault)
+                for row in run_bundle(group, seats, self.data, folder, hooks, self.device, until):
                     try:
                         self.keep(row, folder(row.trial))
                     except StoreError as error:

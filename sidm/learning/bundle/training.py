@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -49,6 +50,7 @@ def train_bundle(
     seats: int,
     device: str | torch.device = "cpu",
     progress: Callable[[int, Tested], None] | None = None,
+    until: float = math.inf,
 ) -> Iterator[Ended]:
     """Train many trials side by side, `seats` at a time; a trial that ends makes room for the next.
 
@@ -60,6 +62,7 @@ def train_bundle(
         seats: M, how many are trained at once.
         device: where to compute.
         progress: called after each test with the trial's number among `runs`.
+        until: `time.monotonic()` at which the states of all are written and those that have not ended are left.
 
     Yields:
         What a trial came to, as soon as it ends.
@@ -78,7 +81,7 @@ def train_bundle(
     seats = min(seats, len(runs))
     with products(training.precision), enough_memory(device, seats):
         bundle = Bundle(shelves, network, training, roles, seats, device)
-        yield from _train(bundle, waiting, progress)
+        yield from _train(bundle, waiting, progress, until)
 
 
 @contextlib.contextmanager
@@ -93,9 +96,9 @@ def enough_memory(device: torch.device, trials: int) -> Iterator[None]:
 
 
 def _train(
-    bundle: Bundle, waiting: deque[tuple[int, Run]], progress: Callable[[int, Tested], None] | None
+    bundle: Bundle, waiting: deque[tuple[int, Run]], progress: Callable[[int, Tested], None] | None, until: float
 ) -> Iterator[Ended]:
-    """Seat those who wait and train until nobody is left."""
+    """Seat those who wait and train until nobody is left, or the time is up."""
     saved = time.monotonic()
     try:
         while waiting or bundle.taken:
@@ -109,9 +112,12 @@ def _train(
             for index in [index for index, seat in bundle.taken.items() if seat.over]:
                 seat = bundle.leave(index)
                 yield Ended(seat.number, seat.error or result(seat.learner), seat.seconds)
-            if time.monotonic() - saved > SAVE_INTERVAL:
+            late = time.monotonic() >= until
+            if late or time.monotonic() - saved > SAVE_INTERVAL:
                 bundle.save()
                 saved = time.monotonic()
+            if late:
+                return
             if not waiting and bundle.taken and bundle.seats.count(None) * SHRINK >= len(bundle.seats):
                 bundle = bundle.shrunk()
     finally:
