@@ -25,14 +25,14 @@ FIGURE = Path("book/static/figure3.png")  # that the README shows
 
 
 def numbers(frame: pd.DataFrame, little: pd.DataFrame) -> list[str]:
-    """What the README says in bold: what an SIDM saves at best, what one tuned for least data, and what fine-tuning.
+    """What the README says in bold: what an SIDM saves, what one tuned for least data, and what fine-tuning.
 
     Args:
         frame: of Figure 3; of both systems, one after the other.
         little: of the methods that were tuned for little data.
     """
-    at_best = [saved(frame, system) for system in SYSTEMS]
-    ratios = [one[name].iloc[0] for one in at_best if len(one) for name in ("value", "low", "high")]
+    both = [saved(frame, system) for system in SYSTEMS]
+    ratios = [one[name].iloc[0] for one in both if len(one) for name in ("value", "low", "high")]
     least = savings(pd.concat([little, best_alone(frame, little)]), ["sidm" + FOR_LITTLE]).drop_duplicates("system")
     finetuned = savings(frame, ["pretrain_finetune"]).drop_duplicates("system").ratio
     return [f"{one:.2g}" for one in (*ratios, *least[["ratio", "low", "high"]].to_numpy().ravel(), *finetuned)]

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from sidm.experiments.methods import COMPARED
-from sidm.experiments.statistics.efficiency import greatest_ratio, known
 from sidm.experiments.statistics.intervals import Interval, interval
 from sidm.experiments.statistics.pairs import beside, complete
+from sidm.experiments.statistics.savings import savings
 from sidm.systems import SYSTEMS
 
 REPRODUCED = "Reproduced"
@@ -23,6 +23,7 @@ NO_VERDICT = "No verdict"  # not run, fewer than three seeds, or sizes from whic
 
 #: Of a table of claims: the quantity, the paper's words, its value here with the interval's ends, NaN where unknown.
 COLUMNS = ("claim", "system", "paper", "value", "low", "high", "ours", "seeds", "verdict")
+AT = 5.0  # min of novice data at which claims 1 and 2 are judged
 SAVED = {"system1": ("up to 20 x", 20.0), "system2": ("about 5 x", 5.0)}  # claims 1 and 2
 
 
@@ -67,22 +68,26 @@ def beside_one(table: pd.DataFrame) -> np.ndarray:
 
 
 def saved(frame: pd.DataFrame, system: str) -> pd.DataFrame:
-    """Claims 1 and 2: how many times the data training without SIDM needs, at most, for what it reaches with SIDM.
+    """Claims 1 and 2: how many times the data training without SIDM needs for what it reaches with SIDM.
+
+    It is said at one size, fixed before: the one nearest to AT. The greatest of several ratios is picked after the
+    fact, which no interval knows of.
 
     Args:
         frame: of Figure 3.
         system: whose; the paper has a figure for its own two.
     """
-    losses = complete(frame, system)
-    if not losses.values.size:
+    table = savings(frame[frame.system == system])
+    if not len(table):
         return pd.DataFrame(columns=list(COLUMNS))
     paper, figure = SAVED.get(system, ("-", None))
-    ratio, bound = greatest_ratio(losses.minutes, losses.values)
-    ends = np.exp(interval(lambda pairs: known(*greatest_ratio(losses.minutes, pairs)), losses.values)[1:])
-    found = Interval(ratio, *ends)
-    ours = f"{'at least ' if bound == '>=' else ''}{found.words(3)} x" if np.isfinite(ratio) else "-"
-    line = ("data without SIDM / with SIDM, same loss", system, paper, *found, ours, len(losses.values))
-    return pd.DataFrame([(*line, verdict(found, 1.0, figure))], columns=list(COLUMNS))
+    nearest = (np.log(table.novice_minutes) - np.log(AT)).abs().idxmin()
+    line = table.loc[nearest]
+    found = Interval(line.ratio, line.low, line.high)
+    bound = {"=": "", ">=": "at least ", "<=": "at most "}[line.bound]
+    words = f"data without SIDM / with SIDM, same loss, {line.novice_minutes:g} min with it"
+    line = (words, system, paper, *found, f"{bound}{found.words(3)} x", int(line.seeds), verdict(found, 1.0, figure))
+    return pd.DataFrame([line], columns=list(COLUMNS))
 
 
 def met(frame: pd.DataFrame, system: str) -> pd.DataFrame:

@@ -1,7 +1,6 @@
 """How often 95 % intervals hold the truth: measured on synthetic studies whose data-efficiency ratio is known.
 
-Beside it stands how often the greatest of a study's ratios looks like a saving where nothing is saved: it is picked
-after the fact, which no interval knows of.
+First for two kinds of interval, then for each estimator that a page or a verdict uses, at a size fixed before.
 
 Run as a module it measures anew and writes `results/coverage.json`.
 """
@@ -16,8 +15,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from sidm.experiments.statistics.efficiency import efficiency, greatest_ratio, known
-from sidm.experiments.statistics.intervals import Interval, bootstrap, interval, leave_one_out
+from sidm.experiments.statistics.data_ratio import data_ratio
+from sidm.experiments.statistics.efficiency import efficiency
+from sidm.experiments.statistics.intervals import (
+    Interval,
+    bootstrap,
+    leave_one_out,
+    mean_ratio,
+    ratio_of_means,
+)
+from sidm.experiments.statistics.pairs import Losses
+from sidm.experiments.statistics.savings import savings_between
 from sidm.storage import read_record, write_record
 
 MINUTES = np.array([1.0, 2, 5, 20, 60, 120])
@@ -26,8 +34,9 @@ SLOPE = 0.25  # loss falls with data to this power
 LEVEL = (RATIO * 10.0) ** -SLOPE  # the loss at which the ratio is read, inside both curves
 NOISE, COMMON = 0.15, 0.1  # standard deviations of log loss: of each training, and of a seed's trainings together
 FIGURE3_NOISE = 0.04, 0.03  # the same, about as in Figure 3
-FIGURE3_SEEDS = 5  # of the preset `study` at every size
-SEEDS, STUDIES, RESAMPLES = (3, FIGURE3_SEEDS, 10, 30), 500, 300
+SEEDS, STUDIES, RESAMPLES = (3, 5, 10, 30), 500, 300
+ESTIMATED_SEEDS, TRUTHS = (5, 10), (1.0, 3.0, 20.0)  # seeds of a study, and what its estimators are held against
+AT = 2  # which of MINUTES: 5
 FILE = Path("results") / "coverage.json"
 
 
@@ -61,32 +70,50 @@ def coverage(method: Callable[[np.ndarray], Interval], seeds: int) -> tuple[floa
     return float(np.mean(held)), float(np.median([one.high - one.low for one in found]))
 
 
-def nothing_saved(seeds: int) -> tuple[float, float]:
-    """Share of synthetic studies that save nothing whose greatest ratio still lies above 1 with its whole interval.
+def of_mean_curves(study: np.ndarray) -> tuple[float, float]:
+    """The interval of `savings` at 5 min, of losses (S, 2, M): SIDM's before the comparison's."""
+    seeds = np.arange(len(study))
+    sides = [Losses(MINUTES, study[:, [side]], seeds) for side in (0, 1)]
+    return savings_between(*sides)[AT][4:6]
+
+
+def by_seed(study: np.ndarray) -> tuple[float, float]:
+    """The interval of `data_ratio` at 5 min."""
+    return data_ratio(MINUTES.tolist(), study[:, 1], study[:, 0, AT], MINUTES[AT])[1:]
+
+
+#: Estimator -> its interval from losses (S, 2, M), and what it is of: the data ratio, or the ratio of losses at 5 min.
+ESTIMATORS: dict[str, tuple[Callable[[np.ndarray], Sequence[float]], Callable[[float], float]]] = {
+    "data ratio of mean curves": (of_mean_curves, float),
+    "data ratio by seed": (by_seed, float),
+    "ratio of mean losses": (lambda study: ratio_of_means(study[:, ::-1, AT])[1:], lambda ratio: ratio**-SLOPE),
+    "mean ratio of losses": (
+        lambda study: mean_ratio(study[:, :1, AT], study[:, 1:, AT])[1:], lambda ratio: ratio**-SLOPE
+    ),
+}  # fmt: skip
+
+
+def estimated(name: str, ratio: float, seeds: int) -> tuple[float, float, float]:
+    """Of an estimator on studies with a data ratio: the share of its intervals that hold the truth.
 
     Returns:
-        The share, and the median greatest ratio of those where it is no bound.
+        The share, that of the intervals that lie above the truth, and that of studies without an interval.
     """
-    rng = np.random.default_rng(seeds)
-    found = []
-    for _ in range(STUDIES):
-        study = synthetic_study(seeds, rng, ratio=1.0, noise=FIGURE3_NOISE)
-        if np.isfinite(log_greatest(study)):
-            found.append(interval(log_greatest, study))
-    return float(np.sum([one.low > 0 for one in found]) / STUDIES), float(np.exp(np.median([f.value for f in found])))
-
-
-def log_greatest(pairs: np.ndarray) -> float:
-    """Logarithm of the greatest ratio over the M sizes of losses (S, 2, M), NaN where it is a bound."""
-    return known(*greatest_ratio(MINUTES, pairs))
+    ends_of, truth_of = ESTIMATORS[name]
+    rng, truth = np.random.default_rng([seeds, round(10 * ratio)]), truth_of(ratio)
+    ends = np.array([ends_of(synthetic_study(seeds, rng, ratio, FIGURE3_NOISE)) for _ in range(STUDIES)])
+    there = ends[np.isfinite(ends[:, 0])]
+    held = (there[:, 0] <= truth) & (truth <= there[:, 1])
+    return float(held.mean()), float((there[:, 0] > truth).mean()), 1 - len(there) / STUDIES
 
 
 def measure(seeds: Sequence[int] = SEEDS) -> dict[str, Any]:
-    """Coverage and width by method and number of seeds, and what looks like a saving where there is none."""
+    """Coverage and width by kind of interval and number of seeds, and coverage of each estimator."""
     found: dict[str, Any] = {
         name: {str(n): [round(x, 4) for x in coverage(one, n)] for n in seeds} for name, one in METHODS.items()
     }
-    return found | {"nothing_saved": [round(x, 4) for x in nothing_saved(FIGURE3_SEEDS)]}
+    lines = [(name, ratio, n) for name in ESTIMATORS for ratio in TRUTHS for n in ESTIMATED_SEEDS]
+    return found | {"estimators": [[*line, *(round(x, 4) for x in estimated(*line))] for line in lines]}
 
 
 def table(file: Path = FILE) -> pd.DataFrame:
@@ -96,10 +123,13 @@ def table(file: Path = FILE) -> pd.DataFrame:
     return pd.DataFrame(lines, columns=["interval", "seeds", "share", "width"])
 
 
-def greatest(file: Path = FILE) -> tuple[float, float]:
-    """As `nothing_saved`, as it is stored."""
-    share, median = read_record(file)["nothing_saved"]
-    return share, median
+def estimators(file: Path = FILE) -> pd.DataFrame:
+    """As stored: the `share` of intervals that hold the truth, and of those `above` it, a line an estimator and truth.
+
+    `ratio` is the data ratio of the synthetic studies; `open`, the share of studies without an interval.
+    """
+    names = ["estimator", "ratio", "seeds", "share", "above", "open"]
+    return pd.DataFrame(read_record(file)["estimators"], columns=names)
 
 
 if __name__ == "__main__":

@@ -70,19 +70,3 @@ def efficiency_at_sizes(
 def known(ratio: float, bound: str) -> float:
     """Logarithm of a ratio, NaN where it is only a bound: intervals are of values, not of bounds."""
     return float(np.log(ratio)) if bound == "=" else float("nan")
-
-
-def greatest_ratio(minutes: np.ndarray, pairs: np.ndarray) -> tuple[float, str]:
-    """The paper's 'up to': the greatest ratio of the mean curves over the losses that SIDM reaches at a size.
-
-    Args:
-        minutes: (M,) sizes, rising.
-        pairs: (S, 2, M) losses, SIDM's before the comparison's.
-
-    Returns:
-        The ratio and '=' or, where only a lower bound is known, '>='; NaN and '?' where neither is.
-    """
-    found = efficiency_at_sizes(minutes, *np.asarray(pairs, float).mean(0))
-    usable = [(ratio, bound) for ratio, bound in zip(found.ratio, found.bound, strict=True) if bound in ("=", ">=")]
-    ratio, bound = max(usable, default=(np.nan, "?"))
-    return float(ratio), str(bound)
