@@ -73,8 +73,8 @@ def coverage(method: Callable[[np.ndarray], Interval], seeds: int) -> tuple[floa
 def of_mean_curves(study: np.ndarray) -> tuple[float, float]:
     """The interval of `savings` at 5 min, of losses (S, 2, M): SIDM's before the comparison's."""
     seeds = np.arange(len(study))
-    sides = [Losses(MINUTES, study[:, [side]], seeds) for side in (0, 1)]
-    return savings_between(*sides)[AT][4:6]
+    own, other = (Losses(MINUTES, study[:, [side]], seeds) for side in (0, 1))
+    return savings_between(own, other)[AT][4:6]
 
 
 def by_seed(study: np.ndarray) -> tuple[float, float]:

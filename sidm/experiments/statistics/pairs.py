@@ -21,6 +21,7 @@ def beside(
     by: Sequence[str] = ("method",),
     value: str = "validation_loss",
     difference: bool = False,
+    held_out: float = 0.0,
 ) -> pd.DataFrame:
     """Two sides point by point, paired by seed, in the order in which the groups come.
 
@@ -31,6 +32,7 @@ def beside(
         by: further columns of `frame` that tell its groups apart.
         value: the column that is compared.
         difference: whether by the mean of differences instead of the ratio of means.
+        held_out: the share of the same data that each seed judges on, where seeds only split them anew.
 
     Returns:
         A line a group that has a seed in common with the reference: `on` and `by`, `seeds`, `reference` and `mean`, the
@@ -46,7 +48,7 @@ def beside(
     for key, group in both.groupby(groups, sort=False):
         pairs = group[["reference", value]].to_numpy(float)
         lower = int((pairs[:, 1] < pairs[:, 0]).sum())
-        found = interval(_mean_difference, pairs) if difference else ratio_of_means(pairs)
+        found = interval(_mean_difference, pairs, held_out) if difference else ratio_of_means(pairs, held_out)
         lines.append((*key, len(pairs), *pairs.mean(0).tolist(), lower, *found))
     names = ["seeds", "reference", "mean", "lower", "difference" if difference else "ratio", "low", "high"]
     return _table(lines, both[groups], names)

@@ -23,7 +23,7 @@ COLUMNS = ["system", "method", "against", "novice_minutes", "seeds", "loss", "ra
 
 def savings(
     frame: pd.DataFrame, methods: Sequence[str] = ("sidm",), against: Sequence[str] = ("novice_only",),
-    value: str = "validation_loss",
+    value: str = "validation_loss", held_out: float = 0.0,
 ) -> pd.DataFrame:  # fmt: skip
     """How many times a method's data others, on their own sizes, need to do as well as it does at each size.
 
@@ -32,6 +32,7 @@ def savings(
         methods: that save.
         against: the comparisons.
         value: the column that is compared.
+        held_out: the share of the same data that each seed judges on, where seeds only split them anew.
 
     Returns:
         A line a system, method, comparison and size: `loss`, that the method reaches along its isotonic fit, and the
@@ -43,14 +44,14 @@ def savings(
         for method in methods:
             own = complete(frame, system, [method], value)
             for other in against:
-                found = savings_between(own, complete(frame, system, [other], value))
+                found = savings_between(own, complete(frame, system, [other], value), held_out)
                 lines += [(system, method, other, *line) for line in found]
     found = pd.DataFrame(lines, columns=COLUMNS)
     return found.astype({name: float for name in ("novice_minutes", "seeds", "loss", "ratio", "low", "high")})
 
 
-def savings_between(own: Losses, other: Losses) -> list[tuple]:
-    """The same of two sides of one method each: size, seeds, loss, ratio, its ends, bound."""
+def savings_between(own: Losses, other: Losses, held_out: float = 0.0) -> list[tuple]:
+    """Data ratio between two methods, one curve each: size, seeds, loss, ratio, its ends, bound."""
     seeds, count = np.intersect1d(own.seeds, other.seeds), len(own.minutes)
     if not (seeds.size and count and len(other.minutes)):
         return []
@@ -65,7 +66,7 @@ def savings_between(own: Losses, other: Losses) -> list[tuple]:
             again = at_sizes(some)
             return known(again.ratio[size], str(again.bound[size]))
 
-        return np.exp(interval(ratio, both)[1:])
+        return np.exp(interval(ratio, both, held_out)[1:])
 
     found = at_sizes(both)
     return [
@@ -96,8 +97,8 @@ def with_savings(
     lines: list[tuple] = []
     for key, own in frame.groupby(point[:-1], sort=False):
         other = reference[(reference[list(on)] == list(key[: len(on)])).all(axis=1)]
-        sides = (complete(side.assign(method="any"), str(key[0]), ["any"], "loss") for side in (own, other))
-        lines += [(*key, minutes, *ends) for minutes, _, _, *ends in savings_between(*sides)]
+        mine, its = (complete(side.assign(method="any"), str(key[0]), ["any"], "loss") for side in (own, other))
+        lines += [(*key, minutes, *ends) for minutes, _, _, *ends in savings_between(mine, its)]
     saved = pd.DataFrame(lines, columns=[*point, "saved", "saved_low", "saved_high", "bound"])
     found = means.merge(ratios[[*point, "ratio", "low", "high"]], how="left", on=point)
     return found.merge(saved.astype(means[point].dtypes), how="left", on=point)

@@ -179,6 +179,7 @@ class Group(NamedTuple):
     size: float  # of the novice's data that is nearest to a minute, in the frame's `novice_minutes`
     value: str = "validation_loss"
     pair: str = ""  # whose gap is all these systems'; their own unless given
+    held_out: float = 0.0  # share of the same data that each seed judges on, where seeds only split them anew
 
 
 def saved(groups: Mapping[str, Group]) -> pd.DataFrame:
@@ -187,9 +188,9 @@ def saved(groups: Mapping[str, Group]) -> pd.DataFrame:
     A line a `kind` of pairs, `system` and method that is there: `pair`, whose gap it goes with, and what `savings` has.
     """
     parts = []
-    for kind, (frame, size, value, pair) in groups.items():
+    for kind, (frame, size, value, pair, held_out) in groups.items():
         methods = [name for name in SAVING if name in set(frame.method)]
-        found = savings(frame, methods, ("novice_only",), value)
+        found = savings(frame, methods, ("novice_only",), value, held_out)
         found = found[found.novice_minutes == size]
         parts.append(found.assign(kind=kind, pair=pair or found.system))
     return pd.concat(parts, ignore_index=True)

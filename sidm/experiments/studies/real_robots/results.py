@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from sidm.experiments.figures.style import METHOD_STYLES, finish, side_by_side, styled
 from sidm.experiments.statistics.pairs import beside
-from sidm.experiments.studies.real_robots.measure import ALONE, PAIRS
+from sidm.experiments.studies.real_robots.measure import ALONE, HELD_OUT, PAIRS
 
 SIZED = ("minutes", "loss", "displacement", "heading", "cold_displacement", "cold_heading")
 LABELS = {"loss": "loss (always the mean: 6)", "displacement": "displacement error after 1.5 s (m)",
@@ -39,13 +39,15 @@ def long(frame: pd.DataFrame) -> pd.DataFrame:
 def table(frame: pd.DataFrame, value: str = "loss", against: str = "novice_only") -> pd.DataFrame:
     """Every method beside another, seed by seed: `pairs.beside`, below 1 where it predicts better.
 
+    The intervals know that the seeds split the same sessions.
+
     Args:
         frame: of records.
         value: 'loss', or an error open loop after 1.5 s.
         against: the method that the others are held against.
     """
     every = long(frame)
-    found = beside(every[every.method != against], every[every.method == against], value=value)
+    found = beside(every[every.method != against], every[every.method == against], value=value, held_out=HELD_OUT)
     return found.rename(columns={"novice_minutes": "sessions"})
 
 
