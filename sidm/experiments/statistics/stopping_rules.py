@@ -32,12 +32,17 @@ def kept(row: pd.Series, rule: Rule) -> Kept:
 
 
 def kept_by(frame: pd.DataFrame, rule: Rule) -> pd.DataFrame:
-    """The trials that are stored with every test, with `kept_samples`, `kept_test`, `kept_validation` and `ended`."""
+    """The trials that are stored with every test, with what a rule keeps of each.
+
+    `kept_samples`, `kept_test` and `kept_validation` are of the weights, `seen` the samples at the last test before the
+    end, `ended` says whether the rule ended the training.
+    """
     whole = frame[frame.test_spacing > 0]
     found = [kept(row, rule) for _, row in whole.iterrows()]
     return whole.assign(
         kept_samples=[one.samples for one in found],
         kept_test=[one.test_loss for one in found],
         kept_validation=[one.validation_loss for one in found],
+        seen=[one.seen for one in found],
         ended=[one.ended for one in found],
     )

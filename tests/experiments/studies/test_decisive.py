@@ -9,7 +9,7 @@ from sidm.experiments import Results, Study
 from sidm.experiments.engine.frame import frame_of
 from sidm.experiments.statistics.claims import CONTRARY, DIRECTION, NO_VERDICT, NOT_SEEN, REPRODUCED
 from sidm.experiments.statistics.data_ratio import data_ratio
-from sidm.experiments.studies.decisive import design, search, verdicts
+from sidm.experiments.studies.decisive import design, figures, search, verdicts
 from sidm.experiments.studies.decisive.design import FINETUNING, RECIPES, SEEDS, STEPS, arm
 from sidm.experiments.studies.decisive.verdicts import judge
 
@@ -159,6 +159,24 @@ def test_a_saving_that_a_longer_training_takes_away(make_results):
     small = table[table.verdict == "S"]
     assert set(small[small.recipe == "R"].says) == {DIRECTION} and set(small[small.recipe == "T"].says) == {NOT_SEEN}
     assert small[small.recipe == "R"].value.tolist() == pytest.approx([20**-0.25] * 4, rel=0.03)
+
+
+def test_the_saving_shrinks_along_the_training(make_results, tmp_path):
+    """Early there is one, at the end none: the line ends where the point of the end lies."""
+    worth = {(recipe, "sidm"): 4.0 for recipe in RECIPES}
+    results = make_results(power(worth), power({}, level=0.5))
+    table = figures.along(results)
+    line = table[(table.recipe == "R") & (table.system == "system1") & (table.quantity == "data")]
+    points, line = line[line.rule != ""].set_index("rule"), line[line.rule == ""].set_index("samples")
+    assert line.value[line.index > 1e6].iloc[0] == pytest.approx(4, rel=0.1)
+    assert set(points.index) == set(figures.MARKED)
+    assert line.value.iloc[-1] == pytest.approx(1, rel=0.1) == pytest.approx(points.value["the end"], rel=0.1)
+    assert points.value["the released code's"] == pytest.approx(4, rel=0.1)
+    assert points.samples["this book's"] < points.samples["the released code's"] < points.samples["the end"]
+    figures.by_length(table).savefig(tmp_path / "length.png")
+    drawn = figures.by_rule(results, "T", "system2")
+    assert [len(axes.lines) for axes in drawn.axes] == [3] * 4 and len(figures.by_length(table).axes) == 4
+    assert not len(figures.along(results[:0]))
 
 
 def test_harm_is_contrary(make_results):

@@ -70,19 +70,33 @@ def wide(frame: pd.DataFrame, method: str, sizes: Sequence[float]) -> pd.DataFra
     return own.reindex(columns=list(sizes)).dropna()
 
 
+def ratio_of_data(frame: pd.DataFrame, method: str) -> tuple[int, float, float, float]:
+    """Seeds, and the data ratio of a method at AT with its ends, from one recipe's losses on one system."""
+    alone, mine = wide(frame, "novice_only", ALONE_SIZES), wide(frame, method, [AT])
+    seeds = alone.index.intersection(mine.index)
+    found = data_ratio(ALONE_SIZES, alone.loc[seeds].to_numpy(), mine.loc[seeds, AT].to_numpy(), AT)
+    return len(seeds), *found
+
+
+def loss_ratio(frame: pd.DataFrame, minutes: float) -> tuple[int, float, float, float]:
+    """Seeds, and the SIDM's loss by that of training alone with its ends, from one recipe's losses on one system."""
+    sidm, alone = (wide(frame, method, [minutes]) for method in ("sidm", "novice_only"))
+    seeds = sidm.index.intersection(alone.index)
+    if len(seeds) < FEWEST_SEEDS:
+        return len(seeds), np.nan, np.nan, np.nan
+    return len(seeds), *mean_ratio(sidm.loc[seeds].to_numpy(), alone.loc[seeds].to_numpy())
+
+
 def data_ratios(frame: pd.DataFrame) -> pd.DataFrame:
     """Verdicts R1, R2, T1 and T2 of stored `results`: a line a verdict, system and method."""
     lines = []
     for name, (recipe, rule, methods) in RATIOS.items():
         for system in SYSTEMS:
             own = losses_by(frame[(frame.recipe == recipe) & (frame.system == system)], rule)
-            alone = wide(own, "novice_only", ALONE_SIZES)
             for method in methods:
-                mine = wide(own, method, [AT])
-                seeds = alone.index.intersection(mine.index)
-                found = data_ratio(ALONE_SIZES, alone.loc[seeds].to_numpy(), mine.loc[seeds, AT].to_numpy(), AT)
-                says = judge(found, PAPER[system] if method == "sidm" else None)
-                lines.append((name, system, recipe, rule, method, AT, len(seeds), *found, says))
+                seeds, *found = ratio_of_data(own, method)
+                says = judge(Saving(*found), PAPER[system] if method == "sidm" else None)
+                lines.append((name, system, recipe, rule, method, AT, seeds, *found, says))
     return pd.DataFrame(lines, columns=list(COLUMNS))
 
 
@@ -93,13 +107,9 @@ def small_data(frame: pd.DataFrame) -> pd.DataFrame:
         for system in SYSTEMS:
             own = losses_by(frame[(frame.recipe == recipe) & (frame.system == system)], rule)
             for minutes in SMALL:
-                sidm, alone = (wide(own, method, [minutes]) for method in ("sidm", "novice_only"))
-                seeds = sidm.index.intersection(alone.index)
-                found = Interval(np.nan, np.nan, np.nan)
-                if len(seeds) >= FEWEST_SEEDS:
-                    found = mean_ratio(sidm.loc[seeds].to_numpy(), alone.loc[seeds].to_numpy())
-                says = judge(found, above=False)
-                lines.append(("S", system, recipe, rule, "sidm", minutes, len(seeds), *found, says))
+                seeds, *found = loss_ratio(own, minutes)
+                says = judge(Interval(*found), above=False)
+                lines.append(("S", system, recipe, rule, "sidm", minutes, seeds, *found, says))
     return pd.DataFrame(lines, columns=list(COLUMNS))
 
 
