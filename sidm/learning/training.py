@@ -27,7 +27,8 @@ from sidm.learning.units import Units
 
 __all__ = ["Tested", "Trained", "Training", "TrainingError", "result", "train"]
 
-SAVING = 0.02  # share of the time that goes into writing checkpoints, at most; the first and the last phase always do
+SAVING = 0.02  # share of the time that may go into writing checkpoints; the first and the last phase always write one
+LONGEST = 60.0  # s without a checkpoint, however long one takes
 
 Progress = Callable[[Tested], None]  # called after each test
 Losses = Callable[..., dict[str, Tensor]]  # as `batch_losses`
@@ -126,7 +127,8 @@ def learn(
         predict_phase(learner, progress, losses_of)
         if learner.training.regularise and not learner.training.reverses and not learner.finished:
             regularise_phase(learner)
-        if checkpoint is not None and (learner.finished or SAVING * (time.monotonic() - saved) > cost):
+        due = time.monotonic() - saved > min(cost / SAVING, LONGEST)
+        if checkpoint is not None and (learner.finished or due):
             start = time.monotonic()
             learner.save(checkpoint)
             saved = time.monotonic()
