@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from sidm import __version__, notebook
-from sidm.config import ConfigError, Fault, first_line
+from sidm.config import ConfigError, Fault, changes, first_line
 from sidm.explorer.command import add_replay
 from sidm.fitting.command import add_commands
 from sidm.systems import FAMILY_PAIRS, FREE_SYSTEMS, SYSTEMS
@@ -168,13 +168,7 @@ def _preset(arguments: argparse.Namespace):
     """The preset that was asked for, with the changes of --set."""
     from sidm.experiments import load_preset
 
-    changes: dict[str, Any] = {}
-    for text in arguments.changes:
-        name, equals, value = text.partition("=")
-        if not equals:
-            raise ConfigError(f"--set takes NAME=VALUE, not '{text}'")
-        changes[name] = notebook.read_value(value, Any, f"--set {name}")
-    return load_preset(arguments.preset, **changes)
+    return load_preset(arguments.preset, **changes(arguments.changes))
 
 
 def _device(name: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import difflib
 import functools
@@ -151,3 +152,28 @@ def to_mapping(settings: Any) -> dict[str, Any]:
     cls: Any = type(settings)
     values, nested = {name: getattr(settings, name) for name in _kinds(cls)}, _nested(cls)
     return {name: to_mapping(one) if name in nested and one is not None else one for name, one in values.items()}
+
+
+def parsed(text: str, name: str) -> Any:
+    """The value that a command line's `text` stands for, by YAML; ConfigError, with the value's name, for none."""
+    import yaml
+
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError:
+        raise ConfigError(f"'{name}' cannot be read as YAML: {text!r}") from None
+    if isinstance(value, str):  # YAML 1.1 takes 1e-3 for text
+        with contextlib.suppress(ValueError):
+            return float(value)
+    return value
+
+
+def changes(texts: Iterable[str]) -> dict[str, Any]:
+    """Values by name from texts such as 'seeds=5', as `--set` takes them; ConfigError for another form."""
+    found: dict[str, Any] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise ConfigError(f"--set takes NAME=VALUE, not '{text}'")
+        found[name] = parsed(value, f"--set {name}")
+    return found

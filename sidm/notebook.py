@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import ast
-import contextlib
 import functools
 import os
 import re
@@ -19,7 +18,7 @@ from typing import Any, NamedTuple, NoReturn, Optional
 
 import yaml
 
-from sidm.config import ConfigError, conform, first_line, hint, unknown_name
+from sidm.config import ConfigError, conform, first_line, hint, parsed, unknown_name
 from sidm.notebook_runs import Run, execute
 
 DEFAULT_OUTPUT = Path("_build/runs")  # where a run goes that names no output
@@ -144,15 +143,9 @@ def read_value(text: str, kind: Any, name: str) -> Any:
     """
     if kind is str:
         return text
-    try:
-        value = yaml.safe_load(text)
-    except yaml.YAMLError:
-        raise ConfigError(f"'{name}' cannot be read as YAML: {text!r}") from None
+    value = parsed(text, name)
     if kind == Optional[str]:  # noqa: UP045 - as the notebooks write it
         return None if value is None else text
-    if isinstance(value, str):  # YAML 1.1 takes 1e-3 for text
-        with contextlib.suppress(ValueError):
-            return check(float(value), kind, name)
     return check(value, kind, name)
 
 

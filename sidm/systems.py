@@ -201,6 +201,11 @@ def member(number: int) -> Robot:
 FAMILY_PAIRS = {"family20_21": (20, 21, "system1"), "family22_23": (22, 23, "system2")}
 
 
+def is_known(name: str) -> bool:
+    """Whether `find_system` finds a system of that name."""
+    return name in SYSTEMS or name in FREE_SYSTEMS or name in FAMILY_PAIRS
+
+
 def find_system(name: str) -> System:
     """The system of that name; ConfigError naming the known ones otherwise."""
     if name in FAMILY_PAIRS:

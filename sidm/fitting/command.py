@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from sidm.config import ConfigError, first_line
+from sidm.config import ConfigError, changes, first_line
 
 Adds = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
 
@@ -24,6 +24,10 @@ def add_commands(command: Adds) -> None:
     fit.add_argument("--expert-body", metavar="FILE", help="the same of the expert's (the novice's unless given)")
     fit.add_argument("--method", help="sidm, novice_only, ... (sidm with an expert, novice_only without)")
     fit.add_argument("--seed", type=int, default=0, help="of choice, weights and batches (%(default)s)")
+    fit.add_argument(
+        "--set", action="append", default=[], metavar="NAME=VALUE", dest="changes",
+        help="one setting of networks or training, as hidden=64 or p_expert=0.5; may be given again",
+    )  # fmt: skip
     fit.add_argument("--out", metavar="DIR", required=True, help="folder of the model")
     evaluate = command("evaluate", run_evaluate, "How well a fitted model predicts other drives, with a figure.")
     predict = command("predict", run_predict, "What a fitted model predicts of drives, as CSV.")
@@ -43,7 +47,7 @@ def run_fit(arguments: argparse.Namespace) -> int:
 
     found = fit(
         arguments.novice, arguments.expert, arguments.body, arguments.expert_body, arguments.method, arguments.out,
-        arguments.seed, arguments.topics, progress=True,
+        arguments.seed, arguments.topics, progress=True, values=changes(arguments.changes),
     )  # fmt: skip
     print(
         f"{arguments.out}: {found.method}, from {found.minutes:.2g} min in pieces of {found.steps} steps; "

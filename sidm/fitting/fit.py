@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -14,11 +15,12 @@ import torch
 from sidm.body import SI, Body, read_body
 from sidm.config import ConfigError
 from sidm.experiments.engine.execute import one_thread
-from sidm.fitting.learning import SETTINGS, datasets, learn, network_for, pretrain, refuse_method, units_in
+from sidm.fitting.learning import datasets, learn, network_for, pretrain, refuse_method, settings, units_in
 from sidm.fitting.model import RobotModel, save
 from sidm.learning.beyond.recorded import Pieces, common_length, cut, learn_and_test, session_order
 from sidm.learning.evaluation import rollout_errors
 from sidm.learning.losses import component_losses, prediction_loss
+from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import Tested
 from sidm.learning.units import loss_weights, units_for
 from sidm.progress import progress_bar
@@ -43,6 +45,9 @@ def fit(
     seed: int = 0,
     topics: Sequence[str] = (),
     progress: bool = False,
+    network: Network | None = None,
+    training: Training | None = None,
+    values: Mapping[str, Any] = MappingProxyType({}),
 ) -> RobotModel:
     """Learn a robot from its drives, with another robot's if there are any.
 
@@ -56,14 +61,18 @@ def fit(
         seed: of the choice of drives to stop by, the initial weights and the batches.
         topics: of ROS bags that are read, where several could be meant.
         progress: whether to show it, with the time left at most.
+        network: sizes of the networks, as of `learning.settings`, as are the next two.
+        training: settings of the training.
+        values: single settings of both, by name.
 
     Returns:
         The model, written to `out` if given.
 
     Raises:
         RecordingError: the first fault of a file of drives.
-        ConfigError: a body or a method that these robots cannot be learnt with.
+        ConfigError: a body, a method or a setting that these robots cannot be learnt with.
     """
+    preset = settings(network, training, values)
     if body is None:
         raise ConfigError("say what the drives are made of: --body robot.yaml, as the page on your own robot shows")
     if expert is None and expert_body is not None:
@@ -79,15 +88,16 @@ def fit(
     steps = common_length(own, *([other] if other else []))
     pieces = cut(own, mine, steps)
     parts = learn_and_test(pieces, session_order(pieces, seed))
-    network = network_for(SETTINGS, mine, theirs)
+    network = network_for(preset, mine, theirs)
     sets = datasets(*parts, parts[1], None if other is None else cut(other, theirs, steps), network.pixels)
     state = None if out is None else Path(out) / UNFINISHED
     folders = [state / name if state else None for name in ("pretraining", "training")]
+    most = preset.training.max_samples
     with one_thread():
-        with _watched("pretraining, at most", progress) as tell:
-            start = pretrain(method, sets, network, seed, folder=folders[0], progress=tell)
-        with _watched(f"fitting {method}, at most", progress) as tell:
-            trained = learn(method, sets, network, seed, start=start, folder=folders[1], progress=tell)
+        with _watched("pretraining, at most", most, progress) as tell:
+            start = pretrain(method, sets, network, seed, preset, folder=folders[0], progress=tell)
+        with _watched(f"fitting {method}, at most", most, progress) as tell:
+            trained = learn(method, sets, network, seed, preset, start=start, folder=folders[1], progress=tell)
     units = units_for(units_in(sets, network), "novice")
     scale, judged = loss_weights(mine, units), sets.test.targets
     mean = prediction_loss(units.target_mean.expand_as(judged), judged, scale).mean()
@@ -102,9 +112,9 @@ def fit(
 
 
 @contextlib.contextmanager
-def _watched(title: str, shown: bool) -> Iterator[Callable[[Tested], None]]:
-    """What a training is to call after each test."""
-    with progress_bar(SETTINGS.training.max_samples, title, "sample", shown, scaled=True) as bar:
+def _watched(title: str, most: int, shown: bool) -> Iterator[Callable[[Tested], None]]:
+    """What a training of at most so many samples is to call after each test."""
+    with progress_bar(most, title, "sample", shown, scaled=True) as bar:
         yield lambda tested: bar.update(max(0, tested.samples - bar.n))
 
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 from sidm.body import Body
 from sidm.config import ConfigError, unknown_name
@@ -14,7 +17,7 @@ from sidm.learning.beyond.least_squares import fit as fit_least_squares
 from sidm.learning.beyond.pretraining import Start, expert_in_place, start_from
 from sidm.learning.beyond.recorded import Pieces
 from sidm.learning.dataset import Datasets
-from sidm.learning.settings import Network
+from sidm.learning.settings import Network, Training
 from sidm.learning.training import Progress, Trained, train
 from sidm.learning.units import Standardisation, Units, loss_weights, units_for, units_of
 
@@ -23,7 +26,8 @@ FITTED = (
     "novice_only", "sidm", "no_regularisation", *CORES, "pretrain_finetune", "expert_only", "least_squares", "corrected"
 )  # fmt: skip
 
-#: Networks and patience for minutes of motion of robots that see no ground, the same for every method.
+#: Networks and patience for minutes of motion of robots that see no ground, the same for every method. The share of the
+#: expert is the paper's for robots that are alike, p_e = 0.75.
 SETTINGS = load_preset("laptop").replace(
     layers=1, hidden=128, batch=16, discriminator_batch=16, matching_batch=16, patience=100_000, max_samples=1_500_000
 )
@@ -42,6 +46,31 @@ def refuse_method(method: str, novice: Body, expert: Body | None) -> None:
             f"{method} copies the expert's encoder and decoder, which needs robots of one body; "
             "take sidm or core_finetune"
         )
+
+
+def settings(
+    network: Network | None = None, training: Training | None = None, values: Mapping[str, Any] = MappingProxyType({})
+) -> Preset:
+    """SETTINGS with networks and a training of one's own.
+
+    Args:
+        network: the sizes; the robots' bodies are put in.
+        training: of every method, in place of what each was tuned to; `regularise` is the method's, and `p_expert`
+            holds where the method learns from the expert's drives.
+        values: single settings of both by name, as `{"hidden": 64, "p_expert": 0.5}`; the others stay as they are.
+
+    Raises:
+        ConfigError: a name or a value that is not known.
+    """
+    preset: Preset = SETTINGS
+    if network is not None:
+        preset = dataclasses.replace(preset, network=network)  # type: ignore[type-var]
+    if training is not None:
+        preset = dataclasses.replace(  # type: ignore[type-var]
+            preset, training=training, tuned=(), p_expert_system1=training.p_expert
+        )
+    names = {"p_expert": "p_expert_system1"}
+    return preset.replace(**{names.get(name, name): value for name, value in values.items()})
 
 
 def network_for(preset: Preset, novice: Body, expert: Body | None = None) -> Network:

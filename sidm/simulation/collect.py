@@ -15,12 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
+from sidm.config import ConfigError, to_mapping
 from sidm.pool import local_pool
 from sidm.progress import progress_bar
 from sidm.simulation.exploration import draw_actions
 from sidm.simulation.simulator import Simulator
-from sidm.storage import sweep
-from sidm.systems import System, find_system
+from sidm.storage import read_record, sweep, write_record
+from sidm.systems import ROLES, System, find_system, is_known
 from sidm.terrain import generate_terrain
 from sidm.trajectory import (
     DISCARDS,
@@ -98,17 +99,36 @@ def _simulator(system: System, role: str) -> Simulator:
     return Simulator(system.robot(role), np.zeros((system.terrain.size, system.terrain.size)), system.physics)
 
 
+def robots_of(collection: Collection, system: System | None) -> System:
+    """The robots and the ground of a collection: those given, or those that are known by its name.
+
+    Raises:
+        ConfigError: no system of that name is known and none given, or another one than is known by that name.
+    """
+    if system is None:
+        return find_system(collection.system)
+    if system.name != collection.system:
+        raise ConfigError(f"the collection is of '{collection.system}', the robots given are of '{system.name}'")
+    if collection.role in ROLES and is_known(system.name) and system != find_system(system.name):
+        raise ConfigError(f"'{system.name}' is known with other robots, ground or physics; give yours another name")
+    return system
+
+
 def simulate(collection: Collection, index: int, system: System | None = None) -> Trajectory:
     """Trajectory `index` of a collection: the first attempt to last 64 steps, with the count of those that did not.
 
-    The robot and the ground are those of the system that the collection names, unless another is given for its expert.
+    Args:
+        collection: what the trajectory is one of.
+        index: its number.
+        system: robots and ground; by default those of the collection's name. Of a role that is neither 'novice' nor
+            'expert' the robot is the one in the expert's place.
 
     Raises:
+        ConfigError: as of `robots_of`.
         RuntimeError: none of MOST_ATTEMPTS did.
     """
-    role = "expert" if system else collection.role  # a member of the family stands in the expert's place
-    system = system or find_system(collection.system)
-    simulator = _simulator(system, role)
+    system = robots_of(collection, system)
+    simulator = _simulator(system, collection.role if collection.role in ROLES else "expert")
     causes: list[str | None] = []
     for number in range(MOST_ATTEMPTS):
         trajectory, cause = attempt(simulator, system, collection, index, number)
@@ -151,9 +171,12 @@ def collect(
         system: as of `simulate`.
 
     Raises:
+        ConfigError: as of `robots_of`, or the folder has motion of other robots of that name.
         ShardError: a shard on disk is damaged; the message names it.
     """
     root = Path(root).absolute()  # the same for workers elsewhere
+    if system is not None:
+        _refuse_other_robots(collection.folder(root), robots_of(collection, system))
     sweep(collection.folder(root))
     missing = missing_shards(root, collection, count)
     if missing:
@@ -164,6 +187,15 @@ def collect(
             for future in as_completed(futures):
                 bar.update(future.result())
     return load(root, collection, count)
+
+
+def _refuse_other_robots(folder: Path, system: System) -> None:
+    """Note beside the shards whose motion they are; ConfigError where they are another system's of the same name."""
+    path, values = folder / "system.json", to_mapping(system)
+    if path.exists() and read_record(path) != values:
+        raise ConfigError(f"{folder} has motion of other robots called '{system.name}'; delete it or choose a new name")
+    if not path.exists():
+        write_record(path, values)
 
 
 def discards(trajectories: list[Trajectory]) -> dict[str, int]:

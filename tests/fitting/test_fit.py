@@ -10,8 +10,10 @@ import pytest
 from sidm import __main__ as command_line
 from sidm.body import ROVER, read_body
 from sidm.config import ConfigError
+from sidm.experiments.methods import METHODS
 from sidm.fitting import fit as fitting
 from sidm.fitting import learning, model
+from sidm.learning import Network, Training
 from sidm.recordings import read_drives, write_drives
 
 RECORDINGS = Path(__file__).parents[2] / "recordings"
@@ -21,11 +23,7 @@ SKID = read_body(BODY)
 
 @pytest.fixture(autouse=True)
 def few_samples(monkeypatch):
-    small = learning.SETTINGS.replace(max_samples=4_000, hidden=16)
-    monkeypatch.setattr(fitting, "SETTINGS", small)
-    for name in ("learn", "pretrain"):
-        own = getattr(learning, name)
-        monkeypatch.setattr(fitting, name, lambda *given, own=own, **how: own(*given, preset=small, **how))
+    monkeypatch.setattr(learning, "SETTINGS", learning.SETTINGS.replace(max_samples=4_000, hidden=16))
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +41,24 @@ def test_a_model_is_the_same_after_it_was_kept(drives, tmp_path, method):
     one, other = (fitting.evaluate(some, drives["warthog"]) for some in (found, back))
     pd.testing.assert_frame_equal(one, other)
     assert np.isfinite(one.error).all() and list(one.quantity[:6]) == list(SKID.targets)
+
+
+def test_networks_and_training_may_be_ones_own(drives):
+    """Whole or by single values; what each method was tuned to holds where nothing else is said."""
+    used = []
+    for how in ({}, {"values": {"hidden": 8, "p_expert": 0.5}}, {"training": Training(max_samples=2_000, batch=4)},
+                {"network": Network(layers=2, hidden=8)}):  # fmt: skip
+        found = fitting.fit(drives["warthog"], drives["husky"], SKID, **how)
+        used.append((found.network.layers, found.network.hidden))
+    assert used == [(1, 16), (1, 8), (1, 16), (2, 8)]
+    preset = learning.settings(values={"p_expert": 0.5})
+    sidm, alone = (METHODS[name].training(preset, "system1") for name in ("sidm", "novice_only"))
+    assert (sidm.p_expert, sidm.matching_iterations, alone.p_expert, alone.weight_decay) == (0.5, 5, 0.0, 0.1)
+    preset = learning.settings(training=Training(p_expert=0.9, matching_iterations=20, weight_decay=0.01))
+    sidm, alone = (METHODS[name].training(preset, "system1") for name in ("sidm", "novice_only"))
+    assert (sidm.p_expert, sidm.matching_iterations, alone.p_expert, alone.weight_decay) == (0.9, 20, 0.0, 0.01)
+    with pytest.raises(ConfigError, match="did you mean 'hidden'"):
+        fitting.fit(drives["warthog"], drives["husky"], SKID, values={"hiden": 8})
 
 
 def test_predictions_stand_beside_what_was_recorded(drives):

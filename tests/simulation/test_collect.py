@@ -1,5 +1,6 @@
 """Collection: the rules of an episode, resuming, independence of workers and order."""
 
+import dataclasses
 import json
 import shutil
 from concurrent.futures import Executor, Future
@@ -8,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sidm.simulation import collect, discards
-from sidm.simulation.collect import EpisodeRules, missing_shards
-from sidm.systems import SYSTEMS
+from sidm.config import ConfigError
+from sidm.simulation import Simulator, collect, discards, simulate
+from sidm.simulation.collect import EpisodeRules, drawn, missing_shards
+from sidm.systems import SYSTEMS, System, Terrain
 from sidm.terrain import generate_terrain
 from sidm.trajectory import SHARD_SIZE, STEPS, Collection, ShardError, checksum, digest
 
@@ -35,6 +37,42 @@ def collected(tmp_path_factory):
     """Two shards, made in this process."""
     root = tmp_path_factory.mktemp("data")
     return root, collect(root, COLLECTION, 2 * SHARD_SIZE, executor=InOrder(), progress=False)
+
+
+OWN = System(
+    name="mine", novice=SYSTEMS["system1"].novice.replace(spring=20_000.0, throttle_scale=20.0),
+    expert=SYSTEMS["system2"].expert, terrain=Terrain(cell_height_scale=0.1, size=120),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("role", ["novice", "expert"])
+def test_robots_of_ones_own_drive_in_their_own_role(role, tmp_path):
+    """What `simulate` gives is what each robot does on its own ground, whichever process does it."""
+    collection = Collection(system="mine", role=role, seed=3)
+    found = simulate(collection, 0, OWN)
+    number = sum(found.discarded)
+    seed, yaw, actions = drawn(collection, 0, number)
+    with Simulator(OWN.robot(role), generate_terrain(OWN.terrain, seed)) as simulator:
+        states = [simulator.reset(0.0, 0.0, yaw), *(simulator.step(action) for action in actions)]
+    assert np.array_equal(found.states, np.array(states, np.float32))
+    other = simulate(collection, 0, dataclasses.replace(OWN, novice=OWN.expert, expert=OWN.novice))
+    assert not np.array_equal(found.states, other.states)
+    (first, *_) = collect(tmp_path, collection, 2, workers=1, progress=False, system=OWN)  # a spawned worker
+    assert np.array_equal(first.states, found.states)
+
+
+def test_a_name_stands_for_one_pair(tmp_path):
+    own = Collection(system="mine", role="novice", seed=3)
+    with pytest.raises(ConfigError, match="unknown system 'mine'"):
+        simulate(own, 0)
+    with pytest.raises(ConfigError, match="the collection is of 'system1', the robots given are of 'mine'"):
+        simulate(COLLECTION, 0, OWN)
+    with pytest.raises(ConfigError, match="'system1' is known with other robots, ground or physics; give yours"):
+        simulate(COLLECTION, 0, dataclasses.replace(OWN, name="system1"))
+    collect(tmp_path, own, 0, progress=False, system=OWN)
+    collect(tmp_path, own, 0, progress=False, system=OWN)
+    with pytest.raises(ConfigError, match="has motion of other robots called 'mine'; delete it or choose a new name"):
+        collect(tmp_path, own, 0, progress=False, system=dataclasses.replace(OWN, expert=OWN.novice))
 
 
 def state(x=0.0, y=0.0, up=1.0, speed=0.0):
