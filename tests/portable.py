@@ -29,7 +29,7 @@ LEVELS = ["DEFAULT", "AVX2", "AVX512"]  # of x86 processors, as PyTorch calls th
 VARIABLES = {
     "ATEN_CPU_CAPABILITY": "PyTorch", "ONEDNN_MAX_CPU_ISA": "oneDNN", "MKL_CBWR": "MKL",
     "OPENBLAS_CORETYPE": "OpenBLAS", "NPY_DISABLE_CPU_FEATURES": "NumPy", "GLIBC_TUNABLES": "libm",
-    "OMP_NUM_THREADS": "OpenMP",
+    "NUMBA_CPU_NAME": "Numba", "OMP_NUM_THREADS": "OpenMP",
 }  # fmt: skip
 
 
@@ -49,6 +49,7 @@ LEGS = {
         "ATEN_CPU_CAPABILITY": "default", "ONEDNN_MAX_CPU_ISA": "SSE41", "MKL_CBWR": "COMPATIBLE",
         "OPENBLAS_CORETYPE": "Nehalem", "NPY_DISABLE_CPU_FEATURES": "X86 AVX F16C FMA",
         "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX2_Usable,-FMA_Usable",  # older and newer names
+        "NUMBA_CPU_NAME": "generic",
     }),
     "two-threads": Leg(None, {"OMP_NUM_THREADS": "2"}),
 }  # fmt: skip
@@ -76,6 +77,7 @@ def computed(library: str) -> dict[str, Any]:
         | {"log_softmax": y.log_softmax(1), "atan2": torch.atan2(y, y.T)},
         "oneDNN": networks,
         "MKL": lambda: {"product": c @ d, "float32 product": c.float() @ d.float(), "qr": torch.linalg.qr(c)[0]},
+        "Numba": compiled,
         "OpenMP": lambda: {"sum": z.sum(), "float32 sum": z.float().sum(), "sum of squares": z.square().sum()},
     }[library]()
 
@@ -97,6 +99,23 @@ def networks() -> dict[str, Any]:
         "convolution of one channel": torch.conv2d(maps[:, :1], kernels[:, :1], biases),
         "LSTM": learnt.detach(), "LSTM's gradient": lstm.weight_hh_l0.grad,
     }  # fmt: skip
+
+
+def compiled() -> dict[str, Any]:
+    """The encoder's convolutions and their gradients."""
+    import torch
+
+    from sidm.learning import Network
+    from sidm.learning.convolution import features
+    from sidm.learning.networks import Encoder
+
+    torch.set_num_threads(1)
+    torch.manual_seed(0)
+    layers = Encoder(Network(pixels=12)).convolutions
+    maps, beside = torch.from_numpy(numbers(20, 12, 12)).float(), torch.zeros(20, 1)
+    found = features(layers, maps, beside)
+    found.sum().backward()
+    return {"features": found.detach(), "gradient": layers[0].weight.grad}
 
 
 def digests(library: str) -> dict[str, str]:
