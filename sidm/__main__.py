@@ -291,6 +291,7 @@ def run_show(arguments: argparse.Namespace) -> int:
     from sidm.experiments import Results, Study
     from sidm.experiments.engine.datasets import differing
     from sidm.experiments.statistics.tables import overview
+    from sidm.experiments.studies.decisive.design import listed
 
     store = Results(arguments.results)
     if arguments.against:
@@ -299,11 +300,9 @@ def run_show(arguments: argparse.Namespace) -> int:
     trials = _trials(arguments, preset)
     print(f"preset {arguments.preset}, figure {arguments.figure}: {len(trials)} trials")
     study = Study(preset, arguments.data, arguments.results)
-    if arguments.figure == "decisive":
-        unknown = _show_steps(study, store, {trial.key for trial in trials})
-    else:
-        unknown = 0
-        print("\n".join(overview(store, trials, study)))
+    lines, unknown = listed(study, store, trials) if arguments.figure == "decisive" else (
+        overview(store, trials, study), 0)  # fmt: skip
+    print("\n".join(lines))
     for failure in store.failures(trials):
         print(f"note: {failure}")
     for name in differing(preset, arguments.data, arguments.results):
@@ -315,26 +314,6 @@ def run_show(arguments: argparse.Namespace) -> int:
         print(f"table: {arguments.csv}")
     print(f"missing: {len(store.missing(trials)) + unknown}")
     return 0
-
-
-def _show_steps(study: Any, store: Any, wanted: set[str]) -> int:
-    """The decisive experiment step by step; how many of its planned trainings have no settings yet."""
-    from sidm.experiments.statistics.tables import overview
-    from sidm.experiments.studies.decisive.design import STEPS, progress
-
-    unknown = 0
-    for step, line in zip(STEPS, progress(study, store).itertuples(), strict=True):
-        words = f"step {step.name}: {step.words}: {line.stored} of {step.trainings} trainings stored"
-        if line.stored:
-            words += f", {line.core_hours:.1f} core-hours, {line.samples_a_second:.0f} samples a second"
-        print(words)
-        known = step.trials(study)
-        for text in overview(store, [trial for trial in known if trial.key in wanted], study):
-            print(f"  {text}")
-        if lacking := step.trainings - sum(not trial.solved for trial in known):
-            print(f"  {lacking} trainings with settings that the search has not chosen yet")
-            unknown += lacking
-    return unknown
 
 
 def _show_against(stored: Any, made: Any) -> int:

@@ -220,3 +220,7 @@ def test_progress_counts_trainings_and_their_hours(study, make_row, tmp_path):
         store.put(make_row(trial))
     found = design.progress(study, store).set_index("step")
     assert found.stored["0"] == 3 and found.planned.sum() == 358 and found.core_hours["0"] == pytest.approx(36 / 3600)
+    lines, unknown = design.listed(study, store, trials)
+    assert lines[0].startswith("step 0: search, system 1: 3 of 40 trainings stored, 0.0 core-hours")
+    planned = sum(step.trainings for step in STEPS)
+    assert unknown == planned - sum(not trial.solved for step in STEPS for trial in step.trials(study))

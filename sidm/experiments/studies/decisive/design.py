@@ -11,6 +11,7 @@ from typing import NamedTuple
 import pandas as pd
 
 from sidm.experiments.engine.store import Results
+from sidm.experiments.statistics.tables import overview
 from sidm.experiments.studies.decisive import search
 from sidm.experiments.studies.decisive.recipes import R, on_fresh_motion, to_the_cap
 from sidm.experiments.study import Study
@@ -142,3 +143,19 @@ def progress(study: Study, store: Results) -> pd.DataFrame:
                       made.seconds.sum() / 3600, pace))  # fmt: skip
     names = ["step", "what", "planned", "stored", "failed", "core_hours", "samples_a_second"]
     return pd.DataFrame(lines, columns=names)
+
+
+def listed(study: Study, store: Results, trials: Iterable[Trial]) -> tuple[list[str], int]:
+    """Some of the table's trials for people, step by step, and how many trainings have no settings yet."""
+    lines, unknown, wanted = [], 0, {trial.key for trial in trials}
+    for step, line in zip(STEPS, progress(study, store).itertuples(), strict=True):
+        words = f"step {step.name}: {step.words}: {line.stored} of {step.trainings} trainings stored"
+        if line.stored:
+            words += f", {line.core_hours:.1f} core-hours, {line.samples_a_second:.0f} samples a second"
+        known = step.trials(study)
+        shown = overview(store, [trial for trial in known if trial.key in wanted], study)
+        lacking = step.trainings - sum(not trial.solved for trial in known)
+        later = [f"  {lacking} trainings with settings that the search has not chosen yet"] if lacking else []
+        lines += [words, *(f"  {text}" for text in shown), *later]
+        unknown += lacking
+    return lines, unknown

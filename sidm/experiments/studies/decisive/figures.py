@@ -32,7 +32,7 @@ RULE_MARKERS = dict(zip(MARKED, ("^", "s", "o"), strict=True))
 
 
 def lengths_of(frame: pd.DataFrame) -> list[int]:
-    """Those of LENGTHS at which all trainings of some results have been tested, and some still go on."""
+    """LENGTHS at which all trainings of some results have been tested, and some still go on."""
     if not len(frame):
         return []
     return [samples for samples in LENGTHS if frame.test_spacing.max() <= samples <= frame.max_samples.max()]
@@ -92,7 +92,7 @@ def by_length(table: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> F
 
 
 def _draw(axes, some: pd.DataFrame, recipe: str) -> None:
-    """One recipe's line, its interval, and the points of the stopping rules."""
+    """Draw the line of a recipe, its interval, and the points of the stopping rules."""
     style, line = RECIPE_STYLES[recipe], some[some.rule == ""].sort_values("samples")
     axes.plot(line.samples, line.value, **style, marker="", label=RECIPE_LABELS[recipe])
     axes.fill_between(line.samples, line.low, line.high.replace(np.inf, np.nan), color=style["color"], alpha=0.15, lw=0)

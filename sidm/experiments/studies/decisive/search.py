@@ -46,7 +46,7 @@ BEFORE: dict[str, dict[str, Any]] = {
 
 
 class Draw(NamedTuple):
-    """One setting of a method."""
+    """Settings of a method, by a number."""
 
     method: str
     number: int  # 0: as the book before, 1: the recipe R, else at random
