@@ -15,7 +15,7 @@ from sidm.experiments.trials import Dataset, Trial
 from sidm.storage import write_atomically
 from sidm.trajectory import SHARD_SIZE, ShardError
 
-TRIALS = "trials.json"  # in the file, and in the folder that it is unpacked to
+TRIALS = "trials.json"  # in the file: the trials, in their order
 MEBIBYTE = 2**20
 
 
