@@ -69,6 +69,7 @@ def build_parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     _add_dask(run)
     run.add_argument("--pack", type=Path, metavar="FILE", help="the trials of a file of 'pack', its data under --data")
+    run.add_argument("--here", action="store_true", help="only trials whose data lie under --data, in the figure's order")
     words = "stop a bundle after so long; the same command goes on"
     run.add_argument("--seconds", type=_positive, metavar="N", help=words)
 
@@ -242,9 +243,12 @@ def run_train(arguments: argparse.Namespace) -> int:
 def run_run(arguments: argparse.Namespace) -> int:
     """`run`: 1 when trials are missing at the end."""
     from sidm.experiments import Results, run
+    from sidm.experiments.engine.datasets import is_here
 
     if arguments.pack is None:
         trials = _trials(arguments, _preset(arguments))
+        if arguments.here:
+            trials = [trial for trial in trials if is_here(trial, arguments.data)]
     else:
         from sidm.experiments.engine.pack import unpack
 

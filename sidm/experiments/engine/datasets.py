@@ -48,6 +48,15 @@ def verify(dataset: Dataset, data: str | Path = "data", results: str | Path = "r
     return differences
 
 
+def is_here(trial: Trial, data: str | Path = "data") -> bool:
+    """Whether the data that a trial wants have been collected under `data`, or data that stand for them."""
+    return UNKNOWN not in trial.digests.values() and all(
+        trial.digests[kind] in (noted["digest"], noted.get("stands_for"))
+        for kind, dataset in trial.datasets.items()
+        for noted in [read_digest(local_file(dataset, data))]
+    )
+
+
 def others(made: Any, data: str | Path = "data") -> tuple[str, ...]:
     """Kind and digest of the data under `data` that are not those of a trial, or the like, but stand for them."""
     local = {kind: read_digest(local_file(dataset, data)) for kind, dataset in made.datasets.items()}

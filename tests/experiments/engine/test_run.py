@@ -12,7 +12,7 @@ from sidm.__main__ import main
 from sidm.config import ConfigError
 from sidm.experiments import Results, Study, perform, run, run_trial
 from sidm.experiments.digests import find_digest
-from sidm.experiments.engine.datasets import load_dataset, note_collected, note_committed
+from sidm.experiments.engine.datasets import is_here, load_dataset, note_collected, note_committed
 from sidm.experiments.engine.execute import Library, stored_as
 from sidm.experiments.engine.records import Making, one_line, rounded
 from sidm.experiments.engine.run import checkpoint_folder, run_here
@@ -191,3 +191,10 @@ def test_data_made_again_elsewhere_stand_for_those_of_the_results(tiny, data, tm
     assert read_record(path)["digest"] == "0123456789abcdef"
     with pytest.raises(ShardError, match="the trial wants 0123456789abcdee"):
         load_dataset(sets["novice"], "0123456789abcdee", own)
+
+
+def test_only_what_has_its_data_here(study, trials, data, tmp_path):
+    """By what was collected, not by what the results know of."""
+    assert all(is_here(trial, data) for trial in trials)
+    assert not is_here(trials[0].replace(novice_data="0" * 16), data) and not is_here(trials[0], tmp_path)
+    assert not is_here(study.trial("system2", "sidm", 0.25), data)
