@@ -69,7 +69,7 @@ def build_parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     _add_dask(run)
     run.add_argument("--pack", type=Path, metavar="FILE", help="the trials of a file of 'pack', its data under --data")
-    run.add_argument("--here", action="store_true", help="only trials whose data lie under --data, in the figure's order")
+    run.add_argument("--here", action="store_true", help="only trials whose data lie under --data")
     words = "stop a bundle after so long; the same command goes on"
     run.add_argument("--seconds", type=_positive, metavar="N", help=words)
 
