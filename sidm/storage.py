@@ -81,7 +81,7 @@ def _sync_folder(folder: Path) -> None:
 
 @contextlib.contextmanager
 def locked(path: Path) -> Iterator[None]:
-    """One process of a machine at a time makes the file or folder `path`; the others wait."""
+    """Let a single process of this machine make the file or folder `path`; the others wait."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with open(path.parent / f".{path.name}.lock", "wb") as lock:
         if fcntl is not None:

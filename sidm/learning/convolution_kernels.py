@@ -24,12 +24,12 @@ BLOCK = 4  # output channels that share the loads of an input row
 OPTIONS: dict[str, Any] = {"fastmath": {"reassoc", "contract", "nsz"}}
 
 
-def compiled(function: Callable, **options: Any) -> Any:
+def compiled(function: Callable) -> Any:
     """`function` as machine code, made when it is first called and kept on disk where there is a place for it."""
     try:
-        return njit(**OPTIONS, **options, cache=True)(function)
+        return njit(**OPTIONS, cache=True)(function)
     except RuntimeError:  # no folder to keep it in
-        return njit(**OPTIONS, **options)(function)
+        return njit(**OPTIONS)(function)
 
 
 def inlined(function: Callable) -> Any:

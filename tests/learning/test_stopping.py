@@ -100,7 +100,7 @@ def test_nothing_is_kept_without_a_test():
 
 @pytest.mark.parametrize("changes", [dict(patience=24 * 12), dict(patience=24 * 13), dict(max_samples=24 * 22)])
 def test_a_rule_keeps_what_a_training_that_it_stopped_kept(datasets, small_network, small_training, changes):
-    """The same samples, test loss, and validation loss of the weights, to the last digit."""
+    """Samples, test loss, and validation loss of the weights agree to the last digit."""
     common = dict(learning_rate=5e-3, max_samples=24 * 200, patience=24 * 200)
     settings = [dataclasses.replace(small_training, **common | more) for more in ({}, changes)]
     long, short = (train(datasets, small_network, one, 0) for one in settings)

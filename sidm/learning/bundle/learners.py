@@ -96,7 +96,7 @@ class StackedLearners:
         self._step_discriminator(loss, torch.cat([expert > 0, novice < 0], dim=1), moving)
 
     def _discriminate_one(self, moving: Tensor, places: Tensor, of_expert: Tensor) -> None:
-        """One update of A alone on latents of one system each, the expert's of the trials `of_expert` (M,)."""
+        """Update A alone on latents of a single system, the expert's in the trials `of_expert` (M,)."""
         mine = of_expert[:, None].expand_as(places)
         own = {"expert": torch.where(mine, places, BLANK), "novice": torch.where(mine, BLANK, places)}
         with torch.no_grad():
