@@ -45,27 +45,27 @@ $(STAMP): requirements.txt constraints.txt pyproject.toml
 book: $(STAMP)
 	rm -rf _build/book
 	mkdir -p _build/book
-	cp -R _config.yml _toc.yml CHANGELOG.md CONTRIBUTING.md book sidm params _build/book/
+	cp -R _config.yml _toc.yml CHANGELOG.md CONTRIBUTING.md book sidm companion params _build/book/
 	mkdir -p _build/book/results _build/book/recordings
 	cp -R results/explorer _build/book/results/
 	cp recordings/*.yaml _build/book/recordings/
-	$(BIN)/python -m sidm notebook all _build/book/notebooks $(if $(PARAMS),-f $(PARAMS))
+	$(BIN)/python -m companion notebook all _build/book/notebooks $(if $(PARAMS),-f $(PARAMS))
 	$(RENDER) --path-output . _build/book
 
 page: $(STAMP)
 	@test -d _build/book || { echo "make page renders into a built book: run 'make book' first"; exit 2; }
-	$(BIN)/python -m sidm notebook $(NAME) _build/book/notebooks/$(NAME).ipynb $(if $(PARAMS),-f $(PARAMS))
+	$(BIN)/python -m companion notebook $(NAME) _build/book/notebooks/$(NAME).ipynb $(if $(PARAMS),-f $(PARAMS))
 	$(RENDER) --path-output . _build/book
 
 figures: $(STAMP)
-	$(BIN)/python -m sidm.book.headline
+	$(BIN)/python -m companion.pages.headline
 
 notebooks: $(STAMP)
-	$(BIN)/python -m sidm notebook all --in-place
+	$(BIN)/python -m companion notebook all --in-place
 
 pdf: $(STAMP)
 	@test -f _build/html/index.html || $(MAKE) book
-	@newer="$$(find book notebooks sidm results -newer _build/html/index.html -type f -not -name '*.pyc' | head -1)"; \
+	@newer="$$(find book notebooks sidm companion results -newer _build/html/index.html -type f -not -name '*.pyc' | head -1)"; \
 	test -z "$$newer" || echo "note: $$newer is newer than _build/html; 'make book' renders it"
 	$(BIN)/python book/pdf.py _build/html _build/sidm-companion.pdf
 
@@ -78,7 +78,7 @@ explore: $(STAMP)
 # order here what takes long comes first, so that no worker is left alone with it. One worker more than two cores have,
 # since kernels and browsers let them wait.
 test: $(STAMP)
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --nbval-lax --nbval-current-env tests/test_crash.py tests/test_cluster.py notebooks tests
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --nbval-lax --nbval-current-env tests/companion/test_crash.py tests/companion/test_cluster.py notebooks tests
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
@@ -89,7 +89,7 @@ bench: $(STAMP)
 
 # In one process: all write into one file.
 golden: $(STAMP)
-	SIDM_GOLDEN=1 $(BIN)/python -m pytest tests/simulation tests/experiments -k "figures or diagnosed or stored"
+	SIDM_GOLDEN=1 $(BIN)/python -m pytest tests/sidm tests/companion -k "figures or diagnosed or stored"
 
 planted: $(STAMP)
 	$(BIN)/python tests/planted.py

@@ -19,11 +19,11 @@ from released import ReleasedLoop
 from torch.utils._python_dispatch import TorchDispatchMode
 from work import operations, random_data
 
+from companion.bundle import Run, train_bundle
+from companion.bundle.bundle import Bundle
+from companion.bundle.seat import Seat
+from companion.bundle.shelf import Shelf
 from sidm.learning import PAPER_NETWORK, RELEASED_NETWORK, Network, Training, train
-from sidm.learning.bundle import Run, train_bundle
-from sidm.learning.bundle.bundle import Bundle
-from sidm.learning.bundle.seat import Seat
-from sidm.learning.bundle.shelf import Shelf
 from sidm.learning.learner import Learner
 from sidm.learning.training import predict_phase
 from sidm.systems import ROLES

@@ -1,7 +1,7 @@
 """How many plans a second a learned model makes: python benchmarks/planning.py, half a minute.
 
 The networks of the preset `laptop`, untrained, which takes as long; a plan takes in the steps that were driven since
-the one before. `sidm study driving` stores what its own plans took, on one thread beside other work.
+the one before. `companion study driving` stores what its own plans took, on one thread beside other work.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import time
 import numpy as np
 import torch
 
-from sidm.control.planning import Dreamer, Planner, Planning
-from sidm.experiments.presets import load_preset
+from companion.beyond.planning import Dreamer, Planner, Planning
+from companion.presets import load_preset
 from sidm.learning import DynamicsModel
 from sidm.systems import SYSTEMS
 from sidm.terrain import generate_terrain

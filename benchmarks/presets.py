@@ -2,7 +2,7 @@
 
 Nearly all of them, and 8 GB of memory, go to 'paper'. Collecting and training are timed for a while, and Figure 3 is
 reckoned from that with every training up to its cap: an upper bound, since most stop early. The module
-`sidm.experiments.grids` adds up what stored trials really took.
+`companion.grids` adds up what stored trials really took.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ import torch
 from simulation import collecting
 from work import random_data
 
-from sidm.book.pages import markdown_table
-from sidm.experiments.engine.provenance import peak_memory
-from sidm.experiments.grids import grid
-from sidm.experiments.presets import PRESETS, Preset, load_preset
+from companion.engine.provenance import peak_memory
+from companion.grids import grid
+from companion.pages.pages import markdown_table
+from companion.presets import PRESETS, Preset, load_preset
 from sidm.learning.learner import Learner
 from sidm.learning.regularisation import discriminator_iteration, matching_iteration
 from sidm.learning.training import predict_phase

@@ -17,10 +17,10 @@ from pdf import chromium
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from sidm.explorer import ROBOTS, Scene, View, weave
-from sidm.explorer.rides import drive, sampled_physics
-from sidm.explorer.scene import SPACING, ride_track
 from sidm.recordings import Ground
+from sidm.replay import ROBOTS, Scene, View, weave
+from sidm.replay.rides import drive, sampled_physics
+from sidm.replay.scene import SPACING, ride_track
 from sidm.simulation import Simulator
 from sidm.systems import Terrain
 from sidm.terrain import generate_terrain

@@ -3,4 +3,4 @@
 The rooms and what each is for stand on the book's page on the design. Importing `sidm` itself imports none of them.
 """
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

@@ -137,6 +137,11 @@ def refuse_below(settings: Any, least: float, *names: str) -> None:
             raise ConfigError(f"{type(settings).__name__}.{name} must be at least {least}, not {value}")
 
 
+def replace(settings: T, **changes: Any) -> T:
+    """A copy of a configuration with some values changed, checked like a new one."""
+    return dataclasses.replace(settings, **changes)  # type: ignore[type-var]
+
+
 def from_mapping(cls: type[T], values: Mapping[str, Any]) -> T:
     """An instance of a `config` class from a mapping (as read from YAML), nested classes from nested mappings."""
     nested = _nested(cls)  # type: ignore[arg-type]

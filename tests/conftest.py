@@ -12,6 +12,7 @@ from xdist.scheduler import LoadFileScheduling
 
 from sidm.learning import Datasets, Motion, Network, Training
 from sidm.learning.learner import Learner
+from sidm.replay import ROBOTS, Ride, ride
 from sidm.systems import Terrain
 from sidm.terrain import generate_terrain
 from sidm.trajectory import Trajectory, checksum, probe
@@ -137,3 +138,10 @@ def make_learner(datasets, small_network, small_training) -> Callable[..., Learn
         return Learner(datasets, small_network, training, 0)
 
     return make
+
+
+@pytest.fixture(scope="session")
+def rides() -> dict[str, Ride]:
+    """Two robots over the same ground for half a second."""
+    ground = Terrain(cell_height_scale=0.35)
+    return {name: ride(ROBOTS[name], ground, 3, 0.5, steps=5) for name in ("system1 novice", "system2 expert")}

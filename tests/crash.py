@@ -31,10 +31,10 @@ READY = 1.0  # s that a process needs at least before it does anything
 
 
 def command(verb: str, data: Path, results: Path) -> list[str]:
-    """`sidm collect` or `run` of the small study, with two workers."""
+    """`companion collect` or `run` of the small study, with two workers."""
     changes = [word for name, value in SETTINGS.items() for word in ("--set", f"{name}={value}")]
     places = ["--data", str(data), "--results", str(results), "--workers", "2"]
-    return [sys.executable, "-m", "sidm", verb, "--preset", "smoke", "--system", "system1", *places, *changes]
+    return [sys.executable, "-m", "companion", verb, "--preset", "smoke", "--system", "system1", *places, *changes]
 
 
 def finish(words: list[str]) -> float:

@@ -1,7 +1,7 @@
 """Figures of short examples of every kind of work, held against those in golden.json.
 
-`make golden` writes there what is new and what belongs to a kind whose version in `sidm.numerics` was raised; figures
-of today's versions are never written over.
+`make golden` writes there what is new and what belongs to a kind whose version in `companion.numerics` was raised;
+figures of today's versions are never written over.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sidm.numerics import versions
+from companion.numerics import versions
 
 FILE = Path(__file__).with_suffix(".json")
 WRITE = "SIDM_GOLDEN"  # the environment variable that asks for writing
@@ -39,7 +39,7 @@ class Golden:
             differing = np.abs(np.subtract(value, stored[what])) > abs + rel * np.abs(stored[what])
             assert not differing.any(), (
                 f"{name}: {what} is {value}, stored is {stored[what]}; if it is meant to change, raise "
-                f"NUMERICS['{kind}'] in sidm/numerics.py and run 'make golden'"
+                f"NUMERICS['{kind}'] in companion/numerics.py and run 'make golden'"
             )
 
     def _put(self, name: str, kind: str, figures: Mapping[str, float | Sequence[float]]) -> None:

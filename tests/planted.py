@@ -15,14 +15,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
-METHODS, SIMULATION = "tests/experiments/test_golden_methods.py", "tests/simulation/test_golden_simulation.py"
-PARTS = "tests/learning/test_golden_parts.py"
+METHODS, SIMULATION = "tests/companion/test_golden_methods.py", "tests/sidm/simulation/test_golden_simulation.py"
+PARTS = "tests/sidm/learning/test_golden_parts.py"
 
 
 class Planted(NamedTuple):
     """A change of one line, and the golden tests that are to see it."""
 
-    file: str  # below sidm/
+    file: str  # of a module
     old: str
     new: str
     tests: str
@@ -30,37 +30,37 @@ class Planted(NamedTuple):
 
 
 CHANGES = (
-    Planted("systems.py", "smoothing: float = 0.7", "smoothing: float = 0.72", SIMULATION, "ground"),
-    Planted("simulation/suspension.py", "heave_damping=1050.0", "heave_damping=1040.0", SIMULATION, "robot"),
-    Planted("simulation/exploration.py", "keep=0.99", "keep=0.98", SIMULATION, "policy"),
-    Planted("body.py", "map_size=5.0", "map_size=4.9", METHODS, "sidm or novice_only"),
-    Planted("learning/networks.py", "slope: float = 0.01", "slope: float = 0.03", METHODS, "sidm or novice_only"),
-    Planted("learning/dataset.py", "np.arange(count) % TEST_EVERY == 1", "np.arange(count) % TEST_EVERY == 0", METHODS,
-            "novice_only"),
-    Planted("learning/training.py", "torch.cat(list(losses.values())).mean()",
+    Planted("sidm/systems.py", "smoothing: float = 0.7", "smoothing: float = 0.72", SIMULATION, "ground"),
+    Planted("sidm/simulation/suspension.py", "heave_damping=1050.0", "heave_damping=1040.0", SIMULATION, "robot"),
+    Planted("sidm/simulation/exploration.py", "keep=0.99", "keep=0.98", SIMULATION, "policy"),
+    Planted("sidm/body.py", "map_size=5.0", "map_size=4.9", METHODS, "sidm or novice_only"),
+    Planted("sidm/learning/networks.py", "slope: float = 0.01", "slope: float = 0.03", METHODS, "sidm or novice_only"),
+    Planted("sidm/learning/dataset.py", "np.arange(count) % TEST_EVERY == 1", "np.arange(count) % TEST_EVERY == 0",
+            METHODS, "novice_only"),
+    Planted("sidm/learning/training.py", "torch.cat(list(losses.values())).mean()",
             "torch.stack([one.mean() for one in losses.values()]).mean()", METHODS, "sidm"),
-    Planted("learning/losses.py", "(0.5, 1.0, 2.0)", "(0.5, 1.0, 4.0)", PARTS),
-    Planted("learning/regularisation.py", "update_encoder(learner, expected_matching_loss(learner",
+    Planted("sidm/learning/losses.py", "(0.5, 1.0, 2.0)", "(0.5, 1.0, 4.0)", PARTS),
+    Planted("sidm/learning/regularisation.py", "update_encoder(learner, expected_matching_loss(learner",
             "update_encoder(learner, -expected_matching_loss(learner", METHODS, "strong_matching"),
-    Planted("learning/stopping.py", "weight * past + (1 - weight) * now", "now", METHODS, "sidm"),
-    Planted("learning/bundle/adam.py", "BETA1, BETA2, EPSILON = 0.9, 0.999", "BETA1, BETA2, EPSILON = 0.9, 0.99",
+    Planted("sidm/learning/stopping.py", "weight * past + (1 - weight) * now", "now", METHODS, "sidm"),
+    Planted("companion/bundle/adam.py", "BETA1, BETA2, EPSILON = 0.9, 0.999", "BETA1, BETA2, EPSILON = 0.9, 0.99",
             METHODS, "bundle"),
-    Planted("learning/beyond/least_squares.py", "held[..., first] * held[..., second]",
+    Planted("sidm/rivals/least_squares.py", "held[..., first] * held[..., second]",
             "held[..., first] + held[..., second]", METHODS, "least_squares"),
-    Planted("experiments/studies/latent_space/latents.py", "np.median(distances[2])", "np.mean(distances[2]) * 1.5",
-            "tests/experiments/studies/test_latent_space.py", "diagnosed_and_stored"),
-    Planted("control/planning.py", "elites: int = 6", "elites: int = 5", "tests/experiments/studies/test_driving.py",
-            "stored_as_it_was"),
+    Planted("companion/studies/latent_space/latents.py", "np.median(distances[2])", "np.mean(distances[2]) * 1.5",
+            "tests/companion/studies/test_latent_space.py", "diagnosed_and_stored"),
+    Planted("companion/beyond/planning.py", "elites: int = 6", "elites: int = 5",
+            "tests/companion/studies/test_driving.py", "stored_as_it_was"),
 )  # fmt: skip
 
 
 def seen(one: Planted, folder: Path) -> bool:
     """Whether a golden test fails on a copy of the project with the change."""
     copy = folder / "copy"
-    for name in ("sidm", "tests", "recordings"):
+    for name in ("sidm", "companion", "tests", "recordings"):
         shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "pyproject.toml", copy)
-    path = copy / "sidm" / one.file
+    path = copy / one.file
     text = path.read_text()
     assert text.count(one.old) == 1, f"{one.file} has not exactly one '{one.old}'"
     path.write_text(text.replace(one.old, one.new))
@@ -68,7 +68,7 @@ def seen(one: Planted, folder: Path) -> bool:
     done = subprocess.run(words, cwd=copy, env=os.environ | {"PYTHONPATH": str(copy)}, capture_output=True, text=True)
     shutil.rmtree(copy)
     assert done.returncode in (0, 1), done.stdout + done.stderr
-    return done.returncode == 1 and "sidm/numerics.py" in done.stdout
+    return done.returncode == 1 and "companion/numerics.py" in done.stdout
 
 
 def main() -> int:

@@ -22,7 +22,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 ROOT = Path(__file__).parents[1]
-CORE = ["learning", "simulation", "recordings", "test_rotations.py", "test_terrain.py", "test_trajectory.py"]
+CORE = [
+    "sidm/learning", "sidm/simulation", "sidm/recordings", "sidm/test_rotations.py", "sidm/test_terrain.py",
+    "sidm/test_trajectory.py", "sidm/rivals", "companion/bundle", "companion/beyond",
+]  # fmt: skip
 LEVELS = ["DEFAULT", "AVX2", "AVX512"]  # of x86 processors, as PyTorch calls them; the lowest has SSE
 
 
@@ -212,7 +215,7 @@ def main() -> int:
         print(f"{leg}, on a processor with {here['level']}:", flush=True)
         try:
             if settings := seen(LEGS[leg], here):
-                ends[leg] = tested([*CORE, *([] if options.core else ["experiments"])], settings, options.jobs)
+                ends[leg] = tested([*CORE, *([] if options.core else ["companion"])], settings, options.jobs)
         except Blunt as error:
             print(f"  {error}")
             ends[leg] = False

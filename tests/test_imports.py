@@ -10,17 +10,15 @@ from pathlib import Path
 
 import pytest
 
-import sidm
-
-PACKAGE = Path(sidm.__file__).parent
-ROOT = PACKAGE.parent
-
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("sidm", "companion")  # the second uses the first
 
 
 def rooms() -> list[list[str]]:
     """The rooms of the table in the book's page on the design, row by row."""
     lines = (ROOT / "book" / "design.md").read_text(encoding="utf-8").splitlines()
-    return [re.findall(r"`(sidm\.[\w.]+)`", line.split("|")[1]) for line in lines if line.startswith("| `sidm.")]
+    names = [re.findall(r"`((?:sidm|companion)\.[\w.]+)`", line.split("|")[1]) for line in lines if line[:3] == "| `"]
+    return [row for row in names if row]
 
 
 ROOMS = rooms()
@@ -28,24 +26,25 @@ ROW = {room: number for number, row in enumerate(ROOMS) for room in row}
 
 #: Inside `sidm.learning` itself, first to last.
 LEARNING = [
-    "seeds", "settings", "observation", "dataset", "units", "mirror", "losses", "weights",
-    "convolution_kernels", "convolution", "networks", "model", "evaluation", "stopping", "checkpoint", "learner",
-    "regularisation", "training",
+    "seeds", "arithmetic", "observation", "dataset", "units", "mirror", "losses", "weights", "convolution_kernels",
+    "convolution", "networks", "model", "evaluation", "stopping", "checkpoint", "learner", "regularisation", "training",
 ]  # fmt: skip
 
 PYBULLET = {"pybullet", "pybullet_data", "pybullet_utils"}
+WITHOUT_TORCH = ("sidm.terrain", "sidm.simulation", "sidm.trajectory", "sidm.settings", "sidm.recordings")
 
 
 def modules() -> dict[str, Path]:
-    """Dotted name -> file, of every module of the package."""
+    """Dotted name -> file, of every module of both packages."""
     found = {}
-    for path in sorted(PACKAGE.rglob("*.py")):
+    for path in sorted(path for name in PACKAGES for path in (ROOT / name).rglob("*.py")):
         parts = path.relative_to(ROOT).with_suffix("").parts
         found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
     return found
 
 
 MODULES = modules()
+INSIDE = [name for name in MODULES if name not in PACKAGES]  # both packages hand on names of their rooms
 
 
 def imported(name: str, top_level_only: bool = False) -> Iterator[str]:
@@ -69,7 +68,7 @@ def _outside_functions(tree: ast.AST) -> Iterator[ast.AST]:
 
 
 def room_of(name: str) -> str | None:
-    """The room that a module stands in; None for the package and for packages whose rooms are listed one by one."""
+    """The room that a module stands in; None for the packages and for packages whose rooms are listed one by one."""
     return max((room for room in ROW if f"{name}.".startswith(f"{room}.")), key=len, default=None)
 
 
@@ -83,29 +82,33 @@ def runs_backwards(importer: str, target: str) -> bool:
     return ROW[there] >= ROW[here]
 
 
-FACES = {"sidm", "sidm.experiments"}  # packages that hand on names of their rooms
+def test_every_module_stands_in_a_room_and_every_room_has_a_module():
+    assert [name for name in INSIDE if not room_of(name)] == []
+    assert [room for room in ROW if room not in MODULES] == []
 
 
-@pytest.mark.parametrize("name", [name for name in MODULES if name not in FACES])
-def test_every_module_stands_in_a_room(name):
-    assert room_of(name)
+def test_no_import_runs_backwards():
+    wrong = [
+        (name, target) for name in INSIDE for target in imported(name)
+        if target.split(".")[0] in PACKAGES and runs_backwards(name, target)
+    ]  # fmt: skip
+    assert wrong == []
 
 
-@pytest.mark.parametrize("name", [name for name in MODULES if name not in FACES])
-def test_no_import_runs_backwards(name):
-    ours = [target for target in imported(name) if target.split(".")[0] == "sidm"]
-    assert [target for target in ours if runs_backwards(name, target)] == []
+def test_the_library_imports_nothing_of_the_companion():
+    library = [name for name in MODULES if name.split(".")[0] == "sidm"]
+    assert [(name, target) for name in library for target in imported(name) if target.startswith("companion")] == []
 
 
 def test_the_check_would_see_a_backward_import():
-    assert runs_backwards("sidm.learning.dataset", "sidm.experiments.trials")
+    assert runs_backwards("sidm.learning.dataset", "companion.trials")
     assert runs_backwards("sidm.learning.dataset", "sidm.simulation")
-    assert runs_backwards("sidm.learning.dataset", "sidm.learning.beyond.several")
+    assert runs_backwards("sidm.learning.dataset", "sidm.rivals.least_squares")
     assert runs_backwards("sidm.simulation.collect", "sidm.learning")
     assert runs_backwards("sidm.rotations", "sidm.trajectory")
-    assert runs_backwards("sidm.experiments.engine.run", "sidm.experiments.studies.ablations")
+    assert runs_backwards("companion.engine.run", "companion.studies.ablations")
     assert runs_backwards("sidm", "sidm.config")
-    assert not runs_backwards("sidm.experiments.engine.run", "sidm.simulation")
+    assert not runs_backwards("companion.engine.run", "sidm.simulation")
     assert len(ROOMS) > 15
 
 
@@ -128,30 +131,30 @@ def test_no_module_imports_itself_in_a_circle():
     graphlib.TopologicalSorter(graph).prepare()
 
 
-@pytest.mark.parametrize("name", [name for name in MODULES if room_of(name) != "sidm.simulation"])
-def test_only_the_simulation_imports_pybullet(name):
-    assert not PYBULLET & {target.split(".")[0] for target in imported(name)}
-    ours = set(imported(name, top_level_only=True))
-    assert not any(target.startswith("sidm.simulation") for target in ours), "import it inside the function"
+def test_only_the_simulation_imports_pybullet():
+    """Others import the simulation inside the function that simulates."""
+    for name in MODULES:
+        if room_of(name) != "sidm.simulation":
+            assert not PYBULLET & {target.split(".")[0] for target in imported(name)}, name
+            ours = set(imported(name, top_level_only=True))
+            assert not any(target.startswith("sidm.simulation") for target in ours), name
 
 
-@pytest.mark.parametrize(
-    "name", [name for name in MODULES if room_of(name) in ("sidm.terrain", "sidm.simulation", "sidm.trajectory")]
-)
-def test_simulation_does_without_torch(name):
-    assert "torch" not in {target.split(".")[0] for target in imported(name)}
+def test_what_does_not_learn_does_without_torch():
+    plain = [name for name in MODULES if room_of(name) in WITHOUT_TORCH]
+    assert [name for name in plain if "torch" in {target.split(".")[0] for target in imported(name)}] == []
 
 
-@pytest.mark.parametrize("name", ["sidm.learning", "sidm.experiments"])
-def test_every_name_of_a_lazy_package_is_there(name):
-    code = f"import types, {name} as package; from {name} import *; "
-    code += "assert not set(package.__all__) - set(dir(package)); "
-    code += "print([n for n in package.__all__ if isinstance(getattr(package, n), types.ModuleType)])"
+def test_every_name_of_the_companion_is_there():
+    """It imports a name's module when the name is first asked for."""
+    code = "import types, companion; from companion import *; "
+    code += "assert not set(companion.__all__) - set(dir(companion)); "
+    code += "print([n for n in companion.__all__ if isinstance(getattr(companion, n), types.ModuleType)])"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert done.stdout.strip() == "[]", done.stderr
 
 
-@pytest.mark.parametrize("name", ["sidm", "sidm.learning", "sidm.experiments"])
+@pytest.mark.parametrize("name", ["sidm", "sidm.learning", "companion.engine.run"])
 def test_imports_without_pybullet(name):
     block = "; ".join(f"sys.modules[{module!r}] = None" for module in sorted(PYBULLET))
     done = subprocess.run(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sphinx.application import Sphinx
 
-from sidm.explorer import grid, page
+from companion.explorer import grid, page
 
 
 def write_scripts(app: Sphinx, error: Exception | None) -> None:

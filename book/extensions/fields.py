@@ -57,7 +57,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     def analyze(self: ModuleAnalyzer) -> None:
         if not self._analyzed:
             plain(self)
-            if self.modname.split(".")[0] == "sidm":  # bases from elsewhere keep their own ways
+            if self.modname.split(".")[0] in ("sidm", "companion"):  # bases from elsewhere keep their own ways
                 found = field_docs(self.code) | self.attr_docs
                 # What stands before a colon of the first line napoleon would call a type.
                 self.attr_docs = {name: [doc[0].replace(": ", " – "), *doc[1:]] for name, doc in found.items()}

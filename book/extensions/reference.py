@@ -18,17 +18,18 @@ from sphinx.ext import autosummary
 from sphinx.ext.autosummary.generate import generate_autosummary_docs
 from sphinx.util.docutils import SphinxDirective
 
+import companion
 import sidm
 
 PAGES = "book/api"
 DESIGN = "book/design.md"
-ROOM = re.compile(r"^\| (`sidm\..+?) \| (.+?) \| .*\|$", re.MULTILINE)
-LINKED = re.compile(r"`(?=sidm\.[a-z])")  # `sidm.__main__` has no page
+ROOM = re.compile(r"^\| (`(?:sidm|companion)\..+?) \| (.+?) \| .*\|$", re.MULTILINE)
+LINKED = re.compile(r"`(?=(?:sidm|companion)\.[a-z])")  # `sidm.__main__` has no page
 TITLE = re.compile(r"(?<=<h1>)[\w.]+")
 
 
 class Rooms(SphinxDirective):
-    """The rooms of the package, linked, in the order of the page on its design."""
+    """The rooms of both packages, linked, in the order of the page on its design."""
 
     def run(self) -> list[nodes.Node]:
         """The table, made from that page's."""
@@ -51,7 +52,9 @@ def read_modules(app: Sphinx, config: Config) -> None:
 
 def write_sources(app: Sphinx) -> None:
     """Look for modules in all sources, as `autosummary` would in those that change; none outlives its module."""
-    modules = {"sidm", *(module.name for module in pkgutil.walk_packages(sidm.__path__, "sidm."))}
+    modules = {module.name for package in (sidm, companion)
+               for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")}
+    modules |= {"sidm", "companion"}
     sources = list((Path(app.srcdir) / PAGES).glob("*.rst"))
     if not modules.issuperset(path.stem for path in sources):
         while sources:  # others may name what is gone

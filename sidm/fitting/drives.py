@@ -9,11 +9,12 @@ import numpy as np
 
 from sidm.body import Body
 from sidm.config import ConfigError, unknown_name
-from sidm.experiments.trials import EXPERT_SEED, POOL_SEED
 from sidm.recordings import Drive, Ground, read_drives
 from sidm.systems import ROLES, SYSTEMS, System
 from sidm.terrain import generate_terrain
 from sidm.trajectory import Collection, Trajectory, trajectories_for
+
+SEEDS = {"novice": 0, "expert": 2}  # of a simulated robot's motion
 
 #: Robots of the paper by what they are called here -> system and role.
 SIMULATED = {f"{system} {role}": (system, role) for system in SYSTEMS for role in ROLES}
@@ -40,8 +41,7 @@ def robot_drives(
         from sidm.simulation import collect
 
         system, role = SIMULATED[source]
-        seed = EXPERT_SEED if role == "expert" else POOL_SEED
-        collection = Collection(system=system, role=role, policy=policy, seed=seed)
+        collection = Collection(system=system, role=role, policy=policy, seed=SEEDS[role])
         return [as_drive(one, SYSTEMS[system]) for one in collect(data, collection, trajectories_for(minutes))]
     if not Path(source).exists():
         raise ConfigError(f"'{source}' is no file, and {unknown_name(source, SIMULATED, 'the simulated robots')}")

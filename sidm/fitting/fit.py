@@ -14,17 +14,18 @@ import torch
 
 from sidm.body import SI, Body, read_body
 from sidm.config import ConfigError
-from sidm.experiments.engine.execute import one_thread
-from sidm.fitting.learning import datasets, learn, network_for, pretrain, refuse_method, settings, units_in
+from sidm.fitting.learning import datasets, learn, network_for, pretrain, refuse_method, units_in
 from sidm.fitting.model import RobotModel, save
-from sidm.learning.beyond.recorded import Pieces, common_length, cut, learn_and_test, session_order
+from sidm.fitting.settings import settings
+from sidm.fitting.windows import Pieces, common_length, cut, learn_and_test, session_order
+from sidm.learning.arithmetic import one_thread
 from sidm.learning.evaluation import rollout_errors
 from sidm.learning.losses import component_losses, prediction_loss
-from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import Tested
 from sidm.learning.units import loss_weights, units_for
 from sidm.progress import progress_bar
 from sidm.recordings import Drive, read_drives
+from sidm.settings import Network, Training
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,12 +57,12 @@ def fit(
         expert: of another robot, whose motion is cheaper.
         body: what the novice's data are made of, or the file that says it.
         expert_body: the expert's; as the novice's unless given.
-        method: one of `learning.FITTED`; 'sidm' with an expert and 'novice_only' without one by default.
+        method: one of `rivals.methods.METHODS`; 'sidm' with an expert and 'novice_only' without one by default.
         out: a folder for the model; it also keeps an unfinished training, which the same call goes on with.
         seed: of the choice of drives to stop by, the initial weights and the batches.
         topics: of ROS bags that are read, where several could be meant.
         progress: whether to show it, with the time left at most.
-        network: sizes of the networks, as of `learning.settings`, as are the next two.
+        network: sizes of the networks, as of `settings.settings`, as are the next two.
         training: settings of the training.
         values: single settings of both, by name.
 
@@ -72,7 +73,7 @@ def fit(
         RecordingError: the first fault of a file of drives.
         ConfigError: a body, a method or a setting that these robots cannot be learnt with.
     """
-    preset = settings(network, training, values)
+    chosen = settings(network, training, values)
     if body is None:
         raise ConfigError("say what the drives are made of: --body robot.yaml, as the page on your own robot shows")
     if expert is None and expert_body is not None:
@@ -88,16 +89,16 @@ def fit(
     steps = common_length(own, *([other] if other else []))
     pieces = cut(own, mine, steps)
     parts = learn_and_test(pieces, session_order(pieces, seed))
-    network = network_for(preset, mine, theirs)
+    network = network_for(chosen, mine, theirs)
     sets = datasets(*parts, parts[1], None if other is None else cut(other, theirs, steps), network.pixels)
     state = None if out is None else Path(out) / UNFINISHED
     folders = [state / name if state else None for name in ("pretraining", "training")]
-    most = preset.training.max_samples
+    most = chosen.training.max_samples
     with one_thread():
         with _watched("pretraining, at most", most, progress) as tell:
-            start = pretrain(method, sets, network, seed, preset, folder=folders[0], progress=tell)
+            start = pretrain(method, sets, network, seed, chosen, folder=folders[0], progress=tell)
         with _watched(f"fitting {method}, at most", most, progress) as tell:
-            trained = learn(method, sets, network, seed, preset, start=start, folder=folders[1], progress=tell)
+            trained = learn(method, sets, network, seed, chosen, start=start, folder=folders[1], progress=tell)
     units = units_for(units_in(sets, network), "novice")
     scale, judged = loss_weights(mine, units), sets.test.targets
     mean = prediction_loss(units.target_mean.expand_as(judged), judged, scale).mean()

@@ -2,41 +2,25 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any
 
 from sidm.body import Body
-from sidm.config import ConfigError, unknown_name
-from sidm.experiments.engine.execute import frozen
-from sidm.experiments.methods import CORES, METHODS
-from sidm.experiments.presets import Preset, load_preset
-from sidm.learning.beyond.least_squares import fit as fit_least_squares
-from sidm.learning.beyond.pretraining import Start, expert_in_place, start_from
-from sidm.learning.beyond.recorded import Pieces
+from sidm.config import ConfigError, replace, unknown_name
+from sidm.fitting.settings import SETTINGS, Settings
+from sidm.fitting.windows import Pieces
 from sidm.learning.dataset import Datasets
-from sidm.learning.settings import Network, Training
 from sidm.learning.training import Progress, Trained, train
 from sidm.learning.units import Standardisation, Units, loss_weights, units_for, units_of
-
-#: Methods that recorded robots are learnt by.
-FITTED = (
-    "novice_only", "sidm", "no_regularisation", *CORES, "pretrain_finetune", "expert_only", "least_squares", "corrected"
-)  # fmt: skip
-
-#: Networks and patience for minutes of motion of robots that see no ground, the same for every method. The share of the
-#: expert is the paper's for robots that are alike, p_e = 0.75.
-SETTINGS = load_preset("laptop").replace(
-    layers=1, hidden=128, batch=16, discriminator_batch=16, matching_batch=16, patience=100_000, max_samples=1_500_000
-)
+from sidm.rivals.fine_tuning import Start, expert_in_place, frozen, start_from
+from sidm.rivals.least_squares import fit as fit_least_squares
+from sidm.rivals.methods import METHODS
+from sidm.settings import Network
 
 
 def refuse_method(method: str, novice: Body, expert: Body | None) -> None:
     """ConfigError for a method that is not known, or not for such robots."""
-    if method not in FITTED:
-        raise unknown_name(method, FITTED, "the methods of 'sidm fit'")
+    if method not in METHODS:
+        raise unknown_name(method, METHODS, "the methods of 'sidm fit'")
     one = METHODS[method]
     if (one.expert or one.pretrained) and expert is None:
         raise ConfigError(f"{method} learns from an expert's drives too: name them, or take novice_only")
@@ -48,34 +32,9 @@ def refuse_method(method: str, novice: Body, expert: Body | None) -> None:
         )
 
 
-def settings(
-    network: Network | None = None, training: Training | None = None, values: Mapping[str, Any] = MappingProxyType({})
-) -> Preset:
-    """SETTINGS with networks and a training of one's own.
-
-    Args:
-        network: the sizes; the robots' bodies are put in.
-        training: of every method, in place of what each was tuned to; `regularise` is the method's, and `p_expert`
-            holds where the method learns from the expert's drives.
-        values: single settings of both by name, as `{"hidden": 64, "p_expert": 0.5}`; the others stay as they are.
-
-    Raises:
-        ConfigError: a name or a value that is not known.
-    """
-    preset: Preset = SETTINGS
-    if network is not None:
-        preset = dataclasses.replace(preset, network=network)  # type: ignore[type-var]
-    if training is not None:
-        preset = dataclasses.replace(  # type: ignore[type-var]
-            preset, training=training, tuned=(), p_expert_system1=training.p_expert
-        )
-    names = {"p_expert": "p_expert_system1"}
-    return preset.replace(**{names.get(name, name): value for name, value in values.items()})
-
-
-def network_for(preset: Preset, novice: Body, expert: Body | None = None) -> Network:
-    """The preset's networks around robots of these bodies."""
-    return dataclasses.replace(preset.network, novice_body=novice, expert_body=expert or novice)  # type: ignore
+def network_for(chosen: Settings, novice: Body, expert: Body | None = None) -> Network:
+    """The networks around robots of these bodies."""
+    return replace(chosen.network, novice_body=novice, expert_body=expert or novice)
 
 
 def datasets(
@@ -92,31 +51,31 @@ def units_in(sets: Datasets, network: Network) -> Units:
 
 
 def pretrain(
-    method: str, sets: Datasets, network: Network, seed: int = 0, preset: Preset = SETTINGS,
+    method: str, sets: Datasets, network: Network, seed: int = 0, chosen: Settings = SETTINGS,
     folder: Path | None = None, progress: Progress | None = None,
 ) -> Start | None:  # fmt: skip
     """The weights that a method starts from, of the expert alone; None for one that begins afresh. As of `learn`."""
     refuse_method(method, network.body("novice"), None if sets.expert is None else network.body("expert"))
-    training = METHODS[method].pretraining(preset)
+    training = METHODS[method].pretraining(chosen.training)
     if training is None:
         return None
-    alone = dataclasses.replace(network, novice_body=network.expert_body)  # type: ignore[type-var]
+    alone = replace(network, novice_body=network.expert_body)
     expert = expert_in_place(sets, seed)
     return start_from(train(expert, alone, training, seed, checkpoint=folder, progress=progress))
 
 
 def learn(
-    method: str, sets: Datasets, network: Network, seed: int = 0, preset: Preset = SETTINGS,
+    method: str, sets: Datasets, network: Network, seed: int = 0, chosen: Settings = SETTINGS,
     start: Start | None = None, folder: Path | None = None, progress: Progress | None = None,
 ) -> Trained:  # fmt: skip
     """Train a method on recorded robots.
 
     Args:
-        method: one of FITTED.
+        method: one of METHODS.
         sets: the novice's, and the expert's where the method wants it.
         network: of the robots' bodies.
         seed: of initial weights and batches.
-        preset: of settings.
+        chosen: the settings.
         start: what `pretrain` gave.
         folder: of the state of an unfinished training, to go on from.
         progress: called after each test.
@@ -133,7 +92,7 @@ def learn(
         base = None if start is None else frozen(network, start, own)
         return fit_least_squares(sets, own, base, scale=loss_weights(network.body("novice"), own))
     weights = None if start is None else start.weights
-    training = one.training(preset, "system1")
+    training = chosen.training_of(one)
     return train(
         sets, network, training, seed, standardisation=units, checkpoint=folder, progress=progress, start=weights
     )

@@ -12,12 +12,12 @@ from torch import Tensor
 from sidm import __version__
 from sidm.body import Body, body_from, body_lines
 from sidm.config import ConfigError, first_line, from_mapping, to_mapping
-from sidm.experiments.methods import METHODS
-from sidm.learning.beyond.least_squares import LeastSquares
 from sidm.learning.checkpoint import module_tensors
 from sidm.learning.model import DynamicsModel, Predictor
-from sidm.learning.settings import Network
 from sidm.learning.units import Standardisation
+from sidm.rivals.least_squares import LeastSquares
+from sidm.rivals.methods import METHODS
+from sidm.settings import Network
 from sidm.storage import write_atomically
 
 WEIGHTS, ABOUT = "model.safetensors", "model.json"
@@ -28,7 +28,7 @@ class RobotModel(NamedTuple):
 
     predictor: Predictor
     body: Body
-    method: str  # of `learning.FITTED`
+    method: str  # of `rivals.methods.METHODS`
     steps: int  # of the pieces that it was learnt from
     minutes: float  # of the robot's motion learnt from, train and test together
     test_loss: float  # equation (1) on the drives that it was stopped by

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from sidm.experiments.figures.style import METHOD_STYLES, finish, side_by_side, styled
+from sidm.plots import finish, side_by_side, styled
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,24 +30,4 @@ def figure(table: pd.DataFrame) -> Figure:
         axes.set(xlabel="steps ahead", ylabel=f"{name} error ({mine.unit.iloc[0]})", ylim=(0, None))
         axes.set_title(f"{name}, open loop")
         finish(axes, legend=False)
-    return figure
-
-
-@styled
-def compare(tables: Mapping[str, pd.DataFrame], rate: float) -> Figure:
-    """Errors open loop, a line a method.
-
-    Args:
-        tables: by the method, as `fit.evaluate` gives them.
-        rate: of the body, Hz.
-    """
-    figure, panels = side_by_side(2)
-    for axes, name in zip(panels, ("position", "heading"), strict=True):
-        for method, table in tables.items():
-            mine = table[table.quantity == name]
-            axes.plot(mine.horizon / rate, mine.error, **METHOD_STYLES[method] | {"marker": ""})
-        unit = {"position": "m", "heading": "rad"}[name]
-        axes.set(xlabel="time ahead, open loop (s)", ylabel=f"{name} error ({unit})", ylim=(0, None))
-        axes.set_title(f"{name} on drives held out")
-        finish(axes, legend=name == "position")
     return figure

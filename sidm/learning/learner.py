@@ -20,10 +20,10 @@ from sidm.learning.mirror import mirrored
 from sidm.learning.model import DynamicsModel
 from sidm.learning.networks import Discriminator, seeded
 from sidm.learning.seeds import generator
-from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import SPACING, Components, Stopper, Tested, TrainingError
 from sidm.learning.units import Standardisation, Units, units_of
 from sidm.learning.weights import Follower, make_optimiser
+from sidm.settings import Network, Training
 from sidm.systems import ROLES
 
 #: What is drawn at random, each from a generator of its own, so that one seed gives all methods the same novice draws.

@@ -9,8 +9,8 @@ from torch import Tensor, nn
 
 from sidm.config import ConfigError
 from sidm.learning.networks import SIDM, Decoder, Encoder, Memory, seeded
-from sidm.learning.settings import Network
 from sidm.learning.units import Units, units_for
+from sidm.settings import Network
 from sidm.systems import ROLES
 
 Own = Callable[[str], bool]  # whether each system has the parameter of that name for itself

@@ -15,9 +15,9 @@ from torch import Tensor, nn
 from sidm.body import ROVER, Body
 from sidm.learning import convolution
 from sidm.learning.seeds import derive
-from sidm.learning.settings import Network
 from sidm.learning.units import Standardisation, loss_weights
 from sidm.learning.weights import scale_columns, scale_last, scale_layers, scale_recurrence
+from sidm.settings import Network
 
 M = TypeVar("M", bound=nn.Module)
 Memory = tuple[Tensor, Tensor]  # the LSTM's hidden and cell state, each (layers, B, hidden)

@@ -5,25 +5,25 @@ The comparison without SIDM is the same loop with p_expert = 0 and regularise = 
 
 from __future__ import annotations
 
-import contextlib
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
+from sidm.learning.arithmetic import flushed_denormals, matmul_precision
 from sidm.learning.dataset import Datasets, Motion
 from sidm.learning.learner import Learner
 from sidm.learning.losses import prediction_loss
 from sidm.learning.model import Predictor
 from sidm.learning.observation import TARGET_SIZE
 from sidm.learning.regularisation import regularise_phase, reversed_loss
-from sidm.learning.settings import Network, Training
 from sidm.learning.stopping import Components, Tested, TrainingError
 from sidm.learning.units import Units
+from sidm.settings import Network, Training
 
 __all__ = ["Tested", "Trained", "Training", "TrainingError", "result", "train"]
 
@@ -84,38 +84,8 @@ def train(
     learner = Learner(datasets, network, training, seed, standardisation, device, start)
     if checkpoint is not None:
         learner.restore(checkpoint)
-    with products(training.precision), flushed_denormals():
+    with matmul_precision(training.precision), flushed_denormals():
         return learn(learner, progress, checkpoint)
-
-
-@contextlib.contextmanager
-def products(precision: str) -> Iterator[None]:
-    """Inside the block a GPU rounds products to TensorFloat-32 where `precision` is 'tf32', and nowhere else.
-
-    PyTorch rounds convolutions and LSTMs by default and matrix products not. A CPU knows no such rounding.
-    """
-    matrices, networks = torch.backends.cuda.matmul, torch.backends.cudnn
-    before = matrices.allow_tf32, networks.allow_tf32
-    matrices.allow_tf32 = networks.allow_tf32 = precision == "tf32"
-    try:
-        yield
-    finally:
-        matrices.allow_tf32, networks.allow_tf32 = before
-
-
-@contextlib.contextmanager
-def flushed_denormals() -> Iterator[None]:
-    """Inside the block a CPU takes numbers below 1e-38 for 0.
-
-    Gradients that fade along a trajectory, and their squares in Adam, get there; a processor computes with such numbers
-    a hundred times as slowly.
-    """
-    before = not (torch.full((1,), 1e-40) * 1.0).item()
-    torch.set_flush_denormal(True)
-    try:
-        yield
-    finally:
-        torch.set_flush_denormal(before)
 
 
 def learn(

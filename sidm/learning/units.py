@@ -11,7 +11,7 @@ from torch import Tensor
 from sidm.body import ROVER, Body
 from sidm.config import ConfigError
 from sidm.learning.dataset import Datasets, Motion, Part
-from sidm.learning.settings import Network
+from sidm.settings import Network
 
 SMALLEST_STD = 1e-6  # of a component that changes; one that does not keeps its raw unit
 

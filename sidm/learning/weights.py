@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import torch
 from torch import Tensor, nn
 
-from sidm.learning.settings import Training
+from sidm.settings import Training
 
 WARM_UP = 10  # updates; an average of n has no more of the past than n / (n + WARM_UP)
 

@@ -14,8 +14,8 @@ from pages import DESK, ROOT
 from pdf import chromium
 from playwright.sync_api import sync_playwright
 
-from sidm.experiments import collect_datasets, load_preset
-from tests.experiments.conftest import figure3_frame, figure3_rows, laptop, make_row, power_law  # noqa: F401
+from companion import collect_datasets, load_preset
+from tests.companion.conftest import figure3_frame, figure3_rows, laptop, make_row, power_law  # noqa: F401
 
 
 def shared_by_workers(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -66,7 +66,7 @@ def motion(tmp_path_factory) -> Path:
 def project(tmp_path_factory, motion) -> Path:
     """A worker's copy of what the notebooks work with: trials are run in it once."""
     copy = tmp_path_factory.mktemp("copy") / "project"
-    for name in ("sidm", "notebooks", "params", "results", "recordings", "benchmarks"):
+    for name in ("sidm", "companion", "notebooks", "params", "results", "recordings", "benchmarks"):
         shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copytree(motion, copy / "_build" / "smoke" / "data")
     return copy

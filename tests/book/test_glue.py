@@ -6,7 +6,7 @@ from IPython.core.interactiveshell import InteractiveShell
 from IPython.display import HTML
 from IPython.utils.capture import capture_output
 
-from sidm.book.glue import glue
+from companion.pages.glue import glue
 
 
 @pytest.mark.parametrize("thing", [HTML("<p>3</p>"), "text", 2.5])

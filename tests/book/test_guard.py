@@ -8,9 +8,9 @@ from changed import change
 from conftest import one_at_a_time, shared_by_workers
 from pages import ROOT
 
-from sidm.book.guard import Outdated, hold
-from sidm.notebook import notebooks
-from sidm.notebook_runs import NotebookError, Run, execute
+from companion.pages.guard import Outdated, hold
+from companion.pages.notebook import notebooks
+from companion.pages.notebook_runs import NotebookError, Run, execute
 
 #: Chapters with words about stored results; others simulate what theirs are about.
 GUARDED = [

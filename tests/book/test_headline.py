@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from sidm.book.headline import FIGURE, numbers, stated, stored
-from sidm.experiments.methods import FOR_LITTLE
+from companion.methods import FOR_LITTLE
+from companion.pages.headline import FIGURE, numbers, stated, stored
 
 ROOT = Path(__file__).parents[2]
 

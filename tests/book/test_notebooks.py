@@ -6,8 +6,8 @@ import nbformat
 import pytest
 from pages import ROOT, contents
 
-from sidm.__main__ import main
-from sidm.notebook import inspect, notebooks
+from companion.__main__ import main
+from companion.pages.notebook import inspect, notebooks
 
 NOTEBOOKS = [pytest.param(path, id=path.stem) for path in notebooks(ROOT)]
 GLUED = re.compile(r"^```\{glue\} (\S+)\n:doc: \.\./(\S+)$", re.MULTILINE)  # name, notebook

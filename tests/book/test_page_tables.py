@@ -3,7 +3,9 @@
 import pandas as pd
 import pytest
 
-from sidm.book.pages import (
+from companion import Results
+from companion.engine.frame import frame_of
+from companion.pages.pages import (
     in_html,
     markdown_table,
     on_page,
@@ -13,9 +15,7 @@ from sidm.book.pages import (
     stored_count,
     stored_line,
 )
-from sidm.experiments import Results
-from sidm.experiments.engine.frame import frame_of
-from sidm.experiments.statistics.claims import figure3_claims, written
+from companion.statistics.claims import figure3_claims, written
 
 
 @pytest.fixture
@@ -42,8 +42,8 @@ def test_what_a_study_lacks_is_counted_with_the_command_that_makes_it():
 
 
 def test_a_provenance_line_counts_trials_and_names_the_command(figure3_frame):
-    line = provenance_line(figure3_frame, "sidm run")
-    assert line.startswith("108 trials; ") and "older code" not in line and line.endswith("; again: `sidm run`.")
+    line = provenance_line(figure3_frame, "companion run")
+    assert line.startswith("108 trials; ") and "older code" not in line and line.endswith("; again: `companion run`.")
     older = figure3_frame.assign(stale=True, other_data=[("novice 1",)] * 108)
     assert "108 of them made by older code, 108 from data reproduced on another machine" in provenance_line(older)
     assert provenance_line(figure3_frame[:0], "cmd") == "No trials stored; `cmd` runs them."

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from pages import ABROAD, ROOT, STYLE_ADDRESS, Page, contents
 
-from sidm.notebook import find_notebook
+from companion.pages.notebook import find_notebook
 
 EQUATIONS = {  # the paper's number -> the label, and the function that computes it
     1: ("prediction-loss", "sidm.learning.losses.prediction_loss"),
@@ -121,8 +121,9 @@ def public_names(module: str, path: Path) -> set[str]:
 
 
 def modules() -> dict[str, Path]:
-    """Every module of the package but the command, by its name."""
-    files = [path for path in (ROOT / "sidm").rglob("*.py") if path.name != "__main__.py"]
+    """Every module of both packages but their commands, by its name."""
+    files = [path for name in ("sidm", "companion") for path in (ROOT / name).rglob("*.py")
+             if path.name != "__main__.py"]
     return {".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path for path in files}
 
 
@@ -132,13 +133,14 @@ def test_every_module_has_its_page_in_the_reference(book):
 
 def test_the_page_of_the_package_leads_to_every_room(book):
     links = {urldefrag(address)[0] for _, address in read(book / "book" / "api.html").links}
-    rooms = re.findall(r"`(sidm\.[a-z][\w.]*)`", (ROOT / "book" / "design.md").read_text().partition("## ")[0])
+    design = (ROOT / "book" / "design.md").read_text().partition("## ")[0]
+    rooms = re.findall(r"`((?:sidm|companion)\.[a-z][\w.]*)`", design)
     assert len(rooms) > 15 and {room for room in rooms if f"api/{room}.html" not in links} == set()
 
 
 def test_modules_fill_the_sidebar_of_the_reference_alone(book):
     def listed(name: str) -> int:
-        return sum("api/" in a or a.startswith("sidm.") for _, a in read(book / f"{name}.html").links)
+        return sum("api/" in a or a.startswith(("sidm.", "companion.")) for _, a in read(book / f"{name}.html").links)
 
     assert listed("book/references") == 0 and listed("book/api/sidm.systems") >= len(modules())
 

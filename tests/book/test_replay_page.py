@@ -7,8 +7,9 @@ from pdf import chromium
 from playwright.sync_api import sync_playwright
 from test_browser import PHONE
 
-from sidm.explorer import ROBOTS, grid, replay, ride
-from sidm.explorer.rides import SAMPLE
+from companion.explorer import grid
+from sidm.replay import ROBOTS, replay, ride
+from sidm.replay.rides import SAMPLE
 from sidm.systems import Terrain
 
 WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")

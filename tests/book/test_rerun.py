@@ -29,10 +29,10 @@ def test_the_page_shows_what_commands_print():
 @pytest.mark.parametrize(("command", "output"), sessions())
 def test_a_command_prints_what_the_page_says(project, command, output):
     program, *words = shlex.split(command)
-    assert program == ".venv/bin/sidm"
-    done = subprocess.run([sys.executable, "-m", "sidm", *words], cwd=project, capture_output=True, text=True)
+    assert program == ".venv/bin/companion"
+    done = subprocess.run([sys.executable, "-m", "companion", *words], cwd=project, capture_output=True, text=True)
     assert (done.stdout + done.stderr).splitlines() == output.splitlines()
-    assert done.returncode == (2 if output.startswith("sidm: ") else 0)
+    assert done.returncode == (2 if output.startswith("companion: ") else 0)
 
 
 def test_what_a_bundle_gains_on_a_gpu_is_what_was_measured():

@@ -12,13 +12,14 @@ import pytest
 import yaml
 from pages import ROOT, contents
 
-import sidm
-from sidm.__main__ import build_parser
-from sidm.notebook import add_arguments, find_notebook, inspect, merge_parameters, read_value
+import companion.__main__
+import sidm.__main__
+from companion.pages.notebook import add_arguments, find_notebook, inspect, merge_parameters, read_value
 
 ROLE = re.compile(r"\{py:\w+\}`~?(?:[^`<]*<)?([\w.]+)>?`")
 BASH = re.compile(r"^```bash\n(.*?)^```", re.MULTILINE | re.DOTALL)
-COMMAND = re.compile(r"(?:\.venv/bin/)?sidm (.+)")
+COMMAND = re.compile(r"(?:\.venv/bin/)?(sidm|companion) (.+)")
+PARSERS = {"sidm": sidm.__main__.build_parser, "companion": companion.__main__.build_parser}
 PIN = re.compile(r"^([A-Za-z0-9_.-]+)==([^\s#]+)(?:\s+# (.+))?$")
 
 
@@ -70,7 +71,7 @@ def commands() -> list[str]:
 def words_of(command: str) -> list[str]:
     found = COMMAND.match(command)
     assert found is not None
-    return shlex.split(found[1], comments=True)
+    return shlex.split(found[2], comments=True)
 
 
 @pytest.mark.parametrize("command", [one for one in commands() if words_of(one)[0] != "notebook"])
@@ -83,7 +84,7 @@ def test_a_command_could_be_run(command, monkeypatch):
         return
     if words[-1] == "--help":
         words = words[:-1]
-    build_parser().parse_args(words)
+    PARSERS[command.removeprefix(".venv/bin/").split()[0]]().parse_args(words)
 
 
 @pytest.mark.parametrize("command", [one for one in commands() if words_of(one)[0] == "notebook"])
@@ -126,7 +127,7 @@ def test_nothing_runs_while_the_book_is_rendered():
 
 
 def test_presets_name_parameters_that_some_notebook_has():
-    from sidm.notebook import inspect, notebooks
+    from companion.pages.notebook import inspect, notebooks
 
     known = {name for path in notebooks(ROOT) for name in inspect(path)}
     for path in (ROOT / "params").glob("*.yaml"):

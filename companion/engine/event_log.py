@@ -1,0 +1,66 @@
+"""Learning curves that can be watched while a trial runs: TensorBoard event files.
+
+`tensorboard --logdir DIR` shows them; the package of that name writes them and is an optional extra.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sidm.learning.stopping import Tested
+
+if TYPE_CHECKING:
+    from torch.utils.tensorboard import SummaryWriter
+
+    from companion.trials import Trial
+
+
+class EventLog:
+    """The event files under a folder, one folder a trial; without a folder nothing is written."""
+
+    def __init__(self, folder: str | Path | None):
+        """ImportError, in one line, where TensorBoard is asked for and not installed."""
+        self.folder = None if folder is None else Path(folder)
+        self._files = contextlib.ExitStack()
+        self._writers: dict[str, SummaryWriter] = {}
+        if self.folder is not None:
+            _writer_class()
+
+    def __enter__(self) -> EventLog:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._files.close()
+
+    def progress(self, trial: Trial, also: Callable[[Tested], None] | None = None) -> Callable[[Tested], None]:
+        """What `train` calls after each test of `trial`: writes it down, then calls `also`."""
+
+        def write(tested: Tested) -> None:
+            if self.folder is not None:
+                self._write(trial, tested)
+            if also is not None:
+                also(tested)
+
+        return write
+
+    def _write(self, trial: Trial, tested: Tested) -> None:
+        if trial.key not in self._writers:
+            name = f"{trial} {trial.key}".replace(" ", "-")
+            self._writers[trial.key] = self._files.enter_context(_writer_class()(str(self.folder / name)))  # type: ignore
+        writer = self._writers[trial.key]
+        writer.add_scalar("loss/test", tested.test_loss, tested.samples)
+        writer.add_scalar("loss/training", tested.training_loss, tested.samples)
+        if tested.discriminator_accuracy is not None:
+            writer.add_scalar("discriminator/accuracy", tested.discriminator_accuracy, tested.samples)
+        writer.flush()
+
+
+def _writer_class() -> type[SummaryWriter]:
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError:
+        raise ImportError("event files need TensorBoard: pip install tensorboard, or name no log folder") from None
+    return SummaryWriter

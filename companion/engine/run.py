@@ -1,0 +1,244 @@
+"""Run many trials on any `concurrent.futures.Executor`; what is stored is not run again.
+
+A trial that is killed goes on from its checkpoint, a trial that fails is reported in one line and the others go on.
+With an executor of other machines, `data` must be a folder that they all see.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import functools
+import math
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import Executor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+from typing import NamedTuple
+
+from companion.engine.bundles import Hooks, bundles, fits, run_bundle
+from companion.engine.datasets import note_datasets, others
+from companion.engine.event_log import EventLog
+from companion.engine.execute import run_trial
+from companion.engine.records import StoreError, one_line
+from companion.engine.store import Failure, Results, Row
+from companion.numerics import numbered
+from companion.trials import UNKNOWN, Trial
+from sidm.config import ConfigError
+from sidm.learning.training import Tested, TrainingError
+from sidm.pool import local_pool
+from sidm.progress import Bar, progress_bar
+from sidm.storage import sweep
+
+WORKERS = 2  # by default
+
+
+def checkpoint_folder(data: str | Path, trial: Trial, kind: str = "training") -> Path:
+    """Where an unfinished trial keeps its state: apart for each version of the numbers, so that none are mixed."""
+    return Path(data) / "checkpoints" / f"{trial.key}-{numbered(kind)}"
+
+
+def refuse_unknown_data(trials: Iterable[Trial]) -> None:
+    """ConfigError naming the first dataset whose digest is not known, and the command that makes it."""
+    for trial in trials:
+        for kind, dataset in trial.datasets.items():
+            if trial.digests[kind] == UNKNOWN:
+                raise ConfigError(
+                    f"the dataset {dataset.name} is neither on this disk nor known to the results; "
+                    f"'companion collect --preset NAME --system {trial.system}' makes a preset's data"
+                )
+
+
+def run(
+    trials: Iterable[Trial],
+    executor: Executor | None = None,
+    workers: int = WORKERS,
+    data: str | Path = "data",
+    results: Results | str | Path = "results",
+    progress: bool = True,
+    device: str = "cpu",
+    bundle: int = 0,
+    log: str | Path | None = None,
+    seconds: float = math.inf,
+) -> Results:
+    """Run the trials that are not stored, and store each as soon as it is done.
+
+    Args:
+        trials: in the order in which they are started; each is run once.
+        executor: where they run, e.g. `distributed.Client(...).get_executor()`; it is left open. By default `workers`
+            local processes of one thread each.
+        workers: number of local processes; for one of them, or a single trial, this process does.
+        data: the folder of the shards; checkpoints lie there too.
+        results: the store, or its folder.
+        progress: whether to show a bar with the time left.
+        device: where the workers compute, 'cpu' or 'cuda'.
+        bundle: how many trials are trained side by side in this process, instead of in workers; what a GPU is for.
+            Those that no bundle can train follow in workers.
+        log: a folder for TensorBoard's event files.
+        seconds: after which a bundle writes its trials' states and ends; the next call goes on.
+
+    Returns:
+        The store. Trials that failed are reported on stderr and are still `missing` there; those whose training this
+        code has seen fail are not run again.
+
+    Raises:
+        ConfigError: the digest of a trial's data is unknown, `workers` is below 1, `bundle` below 0, a bundle meant
+            for an executor, or `seconds` for trials without a bundle.
+        ImportError: TensorBoard is asked for and not installed; one line.
+    """
+    store = results if isinstance(results, Results) else Results(results)
+    wanted = list({trial.key: trial for trial in trials}.values())
+    missing = _not_failed(store, store.missing(wanted))
+    refuse_unknown_data(missing)
+    if workers < 1:
+        raise ConfigError(f"workers must be at least 1, not {workers}")
+    if bundle < 0 or (bundle and executor):
+        raise ConfigError(f"bundle must not be negative, nor go with an executor; it is {bundle}")
+    if seconds < math.inf and not bundle:
+        raise ConfigError("seconds are those of a bundle; trials in workers go on where they were when they are killed")
+    until = time.monotonic() + seconds
+    sweep(store.folder / "trials")
+    EventLog(log)  # a missing TensorBoard is known before hours of work
+    if missing:
+        data = Path(data).absolute()
+        note_datasets(missing, data, store.folder)
+        with progress_bar(len(missing), "trials", "trial", progress) as bar:
+            runner = _Runner(store, data, bar, device, log)
+            runner.bundles([trial for trial in missing if bundle and fits(trial)], bundle, until)
+            if time.monotonic() >= until:
+                return store
+            alone = [trial for trial in missing if not (bundle and fits(trial))]
+            places = min(workers, len(alone))
+            pool = local_pool(places) if executor is None and places > 1 else contextlib.nullcontext(executor)
+            with pool as where:
+                runner.alone(alone, where)
+    return store
+
+
+def _not_failed(store: Results, trials: list[Trial]) -> list[Trial]:
+    """Those that today's code has not seen fail; the others are reported."""
+    failed = {failure.trial.key: failure for failure in store.failures(trials)}
+    for failure in failed.values():
+        where = store.failed.path(failure.trial)
+        print(f"companion: {failure}; not run again unless {where} is deleted", file=sys.stderr)
+    return [trial for trial in trials if trial.key not in failed]
+
+
+class _Runner(NamedTuple):
+    """Runs trials and stores each as soon as it is done."""
+
+    store: Results
+    data: Path
+    bar: Bar
+    device: str
+    log: str | Path | None
+
+    def report(self, message: str) -> None:
+        self.bar.write(f"companion: {message}", file=sys.stderr)
+
+    def fault(self, trial: Trial, error: Exception) -> None:
+        """One trial's failure must not lose the others."""
+        self.report(f"{trial}: {one_line(error)}")
+        self.bar.update()
+
+    def keep(self, row: Row | Failure, folder: Path) -> None:
+        """Store what became of a trial, and delete the folder of its checkpoint."""
+        self.store.put(of_data(row, self.data))
+        if isinstance(row, Failure):
+            self.report(str(row))
+        self.bar.update()
+        shutil.rmtree(folder, ignore_errors=True)
+
+    def bundles(self, trials: list[Trial], seats: int, until: float) -> None:
+        """Train bundle after bundle in this process until the time is up."""
+        folder = functools.partial(checkpoint_folder, self.data, kind="bundle")
+        with EventLog(self.log) as events:
+
+            def show(trial: Trial, tested: Tested) -> None:
+                events.progress(trial)(tested)
+                self.bar.set_postfix(samples=tested.samples, test_loss=f"{tested.test_loss:.4g}", refresh=False)
+
+            for group in bundles(trials):
+                if time.monotonic() >= until:
+                    return
+                hooks = Hooks(show, self.fault)
+                for row in run_bundle(group, seats, self.data, folder, hooks, self.device, until):
+                    try:
+                        self.keep(row, folder(row.trial))
+                    except StoreError as error:
+                        self.fault(row.trial, error)
+
+    def alone(self, trials: list[Trial], executor: Executor | None) -> None:
+        """Run trials with an executor, stored as they end, or without one here, one after the other."""
+        work, lost = functools.partial(run_trial, device=self.device, log=self.log), 0
+        folders = {trial: checkpoint_folder(self.data, trial) for trial in trials}
+        jobs = {trial: functools.partial(work, trial, self.data, folder) for trial, folder in folders.items()}
+        for trial, outcome in _ended(jobs, executor):
+            try:
+                self.keep(outcome(), folders[trial])
+            except BrokenProcessPool:
+                lost += 1
+            except Exception as error:
+                self.fault(trial, error)
+        if lost:
+            self.report(f"a worker was killed (out of memory?); {lost} trials not done, run again to go on")
+
+
+Outcome = Callable[[], Row | Failure]  # what became of a trial, or the error that it raised
+
+
+def _ended(jobs: Mapping[Trial, Outcome], executor: Executor | None) -> Iterator[tuple[Trial, Outcome]]:
+    """Every trial with its outcome: in this process one after the other, with an executor as they end."""
+    if executor is None:
+        yield from jobs.items()
+    else:
+        futures = {executor.submit(job): trial for trial, job in jobs.items()}
+        for done in as_completed(futures):
+            yield futures[done], done.result
+
+
+def of_data(row: Row | Failure, data: str | Path) -> Row | Failure:
+    """The row with a word of data that only stand for the trial's own."""
+    found = others(row.trial, data)
+    made = dataclasses.replace(row.provenance, other_data=found)  # type: ignore[type-var]
+    return dataclasses.replace(row, provenance=made) if found else row  # type: ignore[type-var]
+
+
+def run_here(
+    trial: Trial,
+    data: str | Path = "data",
+    results: Results | str | Path = "results",
+    progress: bool = True,
+    device: str = "cpu",
+    log: str | Path | None = None,
+) -> Row:
+    """Run one trial in this process unless it is stored, and store it; errors are raised.
+
+    The bar counts samples up to `max_samples`, which early stopping seldom lets a trial reach.
+
+    Raises:
+        ShardError: data are missing or others than the trial's.
+        TrainingError: a loss was not finite; the failure is stored.
+    """
+    store = results if isinstance(results, Results) else Results(results)
+    stored = store.get(trial)
+    if stored is not None:
+        return stored
+    refuse_unknown_data([trial])
+    note_datasets([trial], data, store.folder)
+    with progress_bar(trial.training.max_samples, str(trial), "sample", progress, scaled=True) as bar:
+
+        def show(tested: Tested) -> None:
+            bar.set_postfix(test_loss=f"{tested.test_loss:.4g}", refresh=False)
+            bar.update(tested.samples - bar.n)
+
+        row = run_trial(trial, data, checkpoint_folder(data, trial), show, device, log)
+    row = of_data(row, data)
+    store.put(row)
+    shutil.rmtree(checkpoint_folder(data, trial), ignore_errors=True)
+    if isinstance(row, Failure):
+        raise TrainingError(row.what, float(row.loss), row.iteration)
+    return row

@@ -1,0 +1,165 @@
+"""The results store: one small JSON file a trial, written whole or not at all.
+
+A row holds its trial, what came out, and what made it. Floats of the outcome carry 6 significant digits. Every file has
+its checksum. Files of different trials have different names, so that one store takes in another.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from companion.engine.provenance import Provenance
+from companion.engine.records import F, Records, rounded
+from companion.trials import Trial
+from sidm.config import config
+from sidm.storage import Damaged
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SCHEMA = 3  # of a row's file: 3 has the versions of its numbers
+
+
+@config
+class Outcome:
+    """What a trial yields: a pure function of the trial and its data. K rollout steps of 0.1 s, C curve points."""
+
+    validation_loss: float  # equation (1) on the validation set, a sample, in raw units of y or, as a body may ask,
+    component_losses: tuple[float, ...]  # over each component's variance there; (Y,) its summands
+    best_test_loss: float  # equation (1) on the novice test split, smoothed, of the weights that were kept
+    position_error: tuple[float, ...]  # (K,) m, mean over the rollouts, after each step
+    heading_error: tuple[float, ...]  # (K,) rad, mean over the rollouts, after each step
+    example_predicted: tuple[tuple[float, float], ...]  # (K + 1, 2) m, x and y of the first rollout
+    example_actual: tuple[tuple[float, float], ...]  # (K + 1, 2) m, where the robot really went
+    curve_samples: tuple[int, ...]  # (C,) samples seen, of the learning curve's summary
+    curve_test_loss: tuple[float, ...]  # (C,) test loss then
+    curve_training_loss: tuple[float, ...]  # (C,) novice training loss then
+    iterations: int  # of prediction, in all
+    samples: int  # seen by prediction training, in all; without those of pretraining
+    pretraining_samples: int = 0  # of the expert's, seen by the pretraining that the trial started from
+    #: Every test of the training, E of them, one after each `test_spacing` samples; of older trials there are none.
+    test_spacing: int = 0  # samples between two tests
+    every_training_loss: tuple[float, ...] = ()  # (E,) equation (1) on the novice's samples since the test before
+    every_test_loss: tuple[float, ...] = ()  # (E,) on the first trajectories of the novice's test split, not smoothed
+    every_validation_loss: tuple[float, ...] = ()  # (E,) on the first trajectories of the validation set
+    #: The loss by component at D points along the training, in its units, ever farther apart, on the first trajectories
+    #: of each set; of older trials, of older ones of a bundle and of closed forms there are none.
+    component_samples: tuple[int, ...] = ()  # (D,) samples seen
+    component_test: tuple[tuple[float, ...], ...] = ()  # (D, Y) summands of equation (1)
+    component_validation: tuple[tuple[float, ...], ...] = ()  # (D, Y)
+    rollouts_predicted: tuple[tuple[tuple[float, ...], ...], ...] = ()  # (3, K + 1, 13) states of the first rollouts
+    rollouts_actual: tuple[tuple[tuple[float, ...], ...], ...] = ()  # (3, K + 1, 13) where the robot really went
+
+
+@config
+class Row:
+    """A line of the store."""
+
+    trial: Trial
+    outcome: Outcome
+    provenance: Provenance
+
+
+@config
+class Failure:
+    """What is kept of a trial that came to nothing: the loss that was not finite, and when."""
+
+    trial: Trial
+    what: str  # 'training' or 'test' loss
+    loss: str  # 'nan' or 'inf'
+    iteration: int  # of prediction
+    provenance: Provenance
+
+    def __str__(self) -> str:
+        return f"{self.trial}: failed, the {self.what} loss was {self.loss} after {self.iteration} iterations"
+
+
+class _OfTrials(Records[F]):
+    """Records that are about trials and go by their keys."""
+
+    subject = "trial"
+
+    def path(self, about: Trial) -> Path:
+        """The file of a trial's record, whether it exists or not."""
+        return self.folder / self.place / f"{about.key}.json"
+
+    def _values(self, found: Any) -> dict[str, Any]:
+        return {"schema": SCHEMA, **rounded(dataclasses.asdict(found)), "trial": found.trial.to_json()}
+
+    def _readable(self, values: dict[str, Any]) -> dict[str, Any]:
+        if (schema := values.pop("schema", None)) != SCHEMA:
+            raise Damaged(f"it has schema {schema}, this version reads {SCHEMA}")
+        return values
+
+
+class Failures(_OfTrials[Failure]):
+    """How trials failed, under a folder of results."""
+
+    place = "failures"
+
+
+class Results(_OfTrials[Row]):
+    """The rows under a folder, by trial; `failed` are those that came to nothing."""
+
+    place = "trials"
+
+    def __init__(self, folder: str | Path = "results") -> None:
+        """`folder` need not exist."""
+        super().__init__(Row, folder, "companion run")
+        self.failed = Failures(Failure, folder, "companion run")
+
+    def __contains__(self, trial: Trial) -> bool:
+        """Whether a trial's row is stored."""
+        return self.path(trial).is_file()
+
+    def put(self, found: Row | Failure) -> Path:
+        """Store a row, in place of an earlier one of the same trial and of its failure; or a failure.
+
+        Raises:
+            StoreError: a number is not finite (the training diverged).
+        """
+        if isinstance(found, Failure):
+            return self.failed.put(found)
+        path = super().put(found)
+        self.failed.path(found.trial).unlink(missing_ok=True)
+        return path
+
+    def rows(self, trials: Iterable[Trial]) -> list[Row]:
+        """The stored rows among `trials`, in their order."""
+        return self.stored(trials)
+
+    def failures(self, trials: Iterable[Trial]) -> list[Failure]:
+        """The failures among `trials` that today's code would repeat, in their order."""
+        return [one for one in self.failed.stored(trials) if not one.provenance.stale]
+
+    def frame(self, trials: Iterable[Trial] | None = None) -> pd.DataFrame:
+        """The stored rows among `trials`, all unless given, as a table: `frame.frame_of`."""
+        from companion.engine.frame import frame_of
+
+        return frame_of(self.all() if trials is None else self.rows(trials))
+
+    def missing(self, trials: Iterable[Trial]) -> list[Trial]:
+        """Those of `trials` that are not stored, in their order."""
+        return [trial for trial in trials if trial not in self]
+
+    def take_in(self, other: Results) -> int:
+        """Copy what another store has and this one lacks: rows, failures, digests of datasets; how many rows came.
+
+        Raises:
+            StoreError: a row there is damaged.
+        """
+        came = 0
+        for row in other.all():
+            if row.trial not in self:
+                self.put(row)
+                came += 1
+        for name in ("failures", "datasets"):
+            for path in (other.folder / name).rglob("*.json"):
+                target = self.folder / path.relative_to(other.folder)
+                if not target.exists() and not (name == "failures" and (self.folder / "trials" / path.name).exists()):
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    target.write_bytes(path.read_bytes())
+        return came

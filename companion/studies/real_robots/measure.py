@@ -1,0 +1,188 @@
+"""Real robots as novice and expert: what is learnt from seconds to minutes of motion, with and without another robot.
+
+`companion study real-robots` makes what is not stored of it in results/real_robots. Sessions, contiguous in time, are
+never parted between learning and judging; each seed judges by others.
+"""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from companion.engine.provenance import Provenance
+from companion.engine.records import Making, by_field, records_of
+from companion.methods import METHODS
+from companion.presets import Preset
+from companion.study import Study
+from sidm.body import Body, read_body
+from sidm.config import config
+from sidm.fitting.learning import datasets, learn, network_for, pretrain
+from sidm.fitting.settings import SETTINGS, Settings
+from sidm.fitting.windows import Pieces, common_length, cut, learn_and_test, session_order
+from sidm.learning.arithmetic import one_thread
+from sidm.learning.dataset import Datasets
+from sidm.learning.evaluation import rollout_errors
+from sidm.learning.losses import component_losses
+from sidm.learning.model import Predictor
+from sidm.learning.networks import Network
+from sidm.learning.training import Trained
+from sidm.learning.units import Standardisation, loss_weights, units_for, units_of
+from sidm.recordings import read_drives
+from sidm.rivals.fine_tuning import Start
+from sidm.rivals.kinematics import identify
+from sidm.settings import Training
+from sidm.trajectory import checksum
+
+#: Robot -> its body's file.
+RECORDINGS = Path("recordings")
+ROBOTS = {"warthog": "skid_steer.yaml", "husky": "skid_steer.yaml", "hunter": "hunter.yaml"}
+PAIRS = {"husky to warthog": ("husky", "warthog"), "warthog to husky": ("warthog", "husky"),
+         "hunter to warthog": ("hunter", "warthog")}  # fmt: skip
+SEEDS = 10
+SESSIONS = (2, 4, 8, 16, 32, 72)  # of the novice, of some 6 s each; all but those that judge, of a Warthog
+HELD_OUT = 0.25  # of the novice's sessions, that judge
+WARM_UP, HORIZON = 4, 15  # steps seen before a rollout, and predicted: 0.4 s and 1.5 s
+
+KINEMATICS = ("differential_drive", "rotation_centres")
+ALONE = ("novice_only", "least_squares", *KINEMATICS)  # that need no expert
+WITH_EXPERT = ("sidm", "no_regularisation", "core_finetune", "core_frozen")
+PRETRAINED = "pretrain_finetune"
+ONE_BODY = (PRETRAINED, "expert_only", "corrected")  # that need robots of one body
+
+
+@config
+class Transfer:
+    """All sizes of one robot's motion, learnt by one method from one seed's sessions."""
+
+    novice: str  # of ROBOTS
+    expert: str  # '' without one
+    method: str  # of METHODS, or of KINEMATICS
+    seed: int
+    sessions: tuple[int, ...]  # sizes
+    steps: int  # of a piece
+    data: tuple[str, ...]  # checksums of the robots' pieces
+    network: Network
+    training: Training  # that the methods' own settings are changes of
+
+
+@config
+class Transferred:
+    """What came out, an entry a size; errors are means over the pieces that judge."""
+
+    about: Transfer
+    minutes: tuple[float, ...]  # of the novice's motion learnt from, train and test together
+    loss: tuple[float, ...]  # equation (1), each component by its variance in the training motion of all sessions
+    components: tuple[tuple[float, ...], ...]  # (6,) of it
+    displacement: tuple[tuple[float, ...], ...]  # (15,) m, open loop, after the warm-up
+    heading: tuple[tuple[float, ...], ...]  # (15,) rad
+    cold_displacement: tuple[tuple[float, ...], ...]  # (15,) m, from the same state without a warm-up
+    cold_heading: tuple[tuple[float, ...], ...]  # (15,) rad
+    samples: tuple[int, ...]  # seen by the training
+    provenance: Provenance
+
+
+records = records_of(Transferred, "real-robots")  # where they are kept, under a folder of results
+
+
+@functools.lru_cache
+def robot(name: str, steps: int | None = None) -> Pieces:
+    """A robot's recorded motion in pieces of `steps`, those of its own shortest drive unless given."""
+    body = read_body(RECORDINGS / ROBOTS[name])
+    drives = read_drives(RECORDINGS / f"{name}.csv.gz", body)
+    return cut(drives, body, steps or common_length(drives))
+
+
+def jobs(study: Study, pair: str, sessions: tuple[int, ...] = SESSIONS, seeds: int = SEEDS) -> list[Transfer]:
+    """All trainings of a pair; what needs no expert is that of the novice alone, the same for every pair."""
+    expert, novice = PAIRS[pair]
+    steps = min(robot(name).actions.shape[1] for name in (novice, expert))
+    chosen = settings(study.preset)
+    one_body = robot(novice).body == robot(expert).body
+    methods = [(name, "") for name in ALONE]
+    methods += [(name, expert) for name in (*WITH_EXPERT, *(ONE_BODY if one_body else ()))]
+    return [
+        Transfer(
+            novice=novice, expert=other, method=method, seed=seed, sessions=sessions, steps=steps,
+            data=tuple(checksum(robot(name, steps).states.numpy()) for name in (novice, other) if name),
+            network=network_for(chosen, robot(novice).body, robot(other or novice).body), training=chosen.training,
+        )
+        for seed in range(seeds) for method, other in methods
+    ]  # fmt: skip
+
+
+def settings(preset: Preset) -> Settings:
+    """Those of `sidm fit`, with at most the preset's samples."""
+    samples = min(SETTINGS.training.max_samples, preset.training.max_samples) if preset.name == "smoke" else None
+    return SETTINGS.with_values({"max_samples": samples}) if samples else SETTINGS
+
+
+def measure(about: Transfer, data: str | Path = "data") -> Transferred:
+    """Train and judge all sizes; needs the recordings alone, no `data`."""
+    making = Making("fitting", None, data)
+    novice = robot(about.novice, about.steps)
+    expert = robot(about.expert, about.steps) if about.expert else None
+    order = session_order(novice, about.seed)
+    judging = round(HELD_OUT * len(order))
+    judge, pool = novice.of_sessions(order[:judging]), order[judging:]
+    scale = loss_weights(novice.body, Standardisation.of(novice.of_sessions(pool).motion()))
+    with one_thread():
+        found = [_one(about, pool[:count], novice, judge, expert, scale) for count in about.sessions]
+    return Transferred(
+        about=about,
+        **by_field(found),
+        provenance=making.done(),
+    )
+
+
+def _one(
+    about: Transfer, sessions: np.ndarray, novice: Pieces, judge: Pieces, expert: Pieces | None, scale: Tensor | None
+) -> dict[str, Any]:
+    """The fields on one size."""
+    train_part, test_part = learn_and_test(novice, sessions)
+    sets = datasets(train_part, test_part, judge, expert)
+    trained = _learn(about, sets, novice.body)
+    with torch.inference_mode():
+        motion = judge.motion()
+        predicted, _ = trained.model("novice", motion.inputs, motion.maps)
+        components = component_losses(predicted, motion.targets, scale).double().mean((0, 1)).tolist()
+    (displacement, heading), (cold, cold_heading) = (_errors(trained.model, judge, seen) for seen in (True, False))
+    return {
+        "minutes": train_part.minutes + test_part.minutes,
+        "loss": sum(components),
+        "components": components,
+        "displacement": displacement,
+        "heading": heading,
+        "cold_displacement": cold,
+        "cold_heading": cold_heading,
+        "samples": trained.samples,
+    }
+
+
+def _learn(about: Transfer, sets: Datasets, body: Body) -> Trained:
+    if about.method in KINEMATICS:
+        own = units_for(units_of(sets, about.network), "novice")
+        return identify(sets, body, about.method, loss_weights(body, own))  # type: ignore[arg-type]
+    chosen, start = SETTINGS.with_values({"max_samples": about.training.max_samples}), None
+    if METHODS[about.method].pretrained:
+        start = _pretrained(about.expert, about.steps, about.network.body("expert"), about.seed, chosen)
+    return learn(about.method, sets, about.network, about.seed, chosen, start)
+
+
+@functools.lru_cache(maxsize=4)
+def _pretrained(name: str, steps: int, body: Body, seed: int, chosen: Settings) -> Start | None:
+    """Weights that learnt from an expert alone, for all sizes and methods of a seed."""
+    expert = robot(name, steps).motion()
+    return pretrain(PRETRAINED, Datasets(expert, expert, expert, expert), network_for(chosen, body), seed, chosen)
+
+
+def _errors(model: Predictor, judge: Pieces, seen: bool) -> tuple[list[float], list[float]]:
+    """Mean displacement, m, and heading error, rad, (15,) each, after the WARM_UP, which the model has seen or not."""
+    path = judge.rollout(model, WARM_UP, HORIZON, seen=seen)
+    errors = rollout_errors(path, judge.states[:, WARM_UP : WARM_UP + HORIZON + 1], judge.body)
+    displacement, heading = (error.mean(0).tolist() for error in errors)
+    return displacement, heading

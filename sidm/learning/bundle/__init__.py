@@ -1,6 +1,0 @@
-"""M trials at once on one device: what fills a GPU that a single training leaves idle."""
-
-from sidm.learning.bundle.seat import Run
-from sidm.learning.bundle.training import ONLY, SHARED, Ended, train_bundle
-
-__all__ = ["ONLY", "SHARED", "Ended", "Run", "train_bundle"]

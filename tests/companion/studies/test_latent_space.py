@@ -1,0 +1,111 @@
+"""Latents that are alike and apart, and a diagnosis of a tiny trial that is stored."""
+
+import numpy as np
+import pytest
+import torch
+from sklearn.linear_model import LogisticRegression
+
+from companion import run_trial
+from companion.engine.execute import Library
+from companion.studies.latent_space import latents, measure, results
+from sidm.config import ConfigError
+from sidm.learning import DynamicsModel, validation_loss
+from sidm.systems import ROLES
+from tests.companion.conftest import write_motion
+
+
+@pytest.fixture
+def pair():
+    """Features (40, 8, 5) of two systems of one distribution."""
+    return np.random.default_rng(3).normal(size=(2, 40, 8, 5))
+
+
+def test_like_features_are_not_told_apart(pair):
+    assert latents.told_apart(pair, LogisticRegression()) == pytest.approx(0.5, abs=0.1)
+    assert latents.squared_mmd(*pair) == pytest.approx(0, abs=0.01)
+
+
+def test_features_far_apart_are(pair):
+    apart = pair[0], pair[1] + 6
+    assert latents.told_apart(apart, LogisticRegression()) == 1.0
+    assert latents.squared_mmd(*apart) > 0.5
+    novice, expert = map(np.array, latents.picture(*apart))
+    assert novice.shape == (latents.PICTURED, 2) and abs(novice.mean(0) - expert.mean(0))[0] > 1
+
+
+def test_only_whole_trajectories_are_held_out(pair):
+    """A mark of single trajectories, not of systems, does not help the classifier."""
+    marks = np.random.default_rng(4).normal(size=(2, 40, 1, 30)).repeat(8, axis=2)
+    assert latents.told_apart(np.concatenate([pair, marks], -1), LogisticRegression()) < 0.7
+
+
+def test_mmd_is_that_of_its_definition(pair):
+    """Sums over pairs, written out."""
+    x, y = pair[:, :6].reshape(2, -1, 5)
+    both = np.concatenate([x, y])
+    x, y = ((one - both.mean(0)) / both.std(0) for one in (x, y))
+    width = np.median([((a - b) ** 2).sum() for a in x for b in y])
+
+    def mean(one, other, same):
+        terms = [np.exp(-((a - b) ** 2).sum() / width) for i, a in enumerate(one) for j, b in enumerate(other)
+                 if not (same and i == j)]  # fmt: skip
+        return np.mean(terms)
+
+    wanted = mean(x, x, True) + mean(y, y, True) - 2 * mean(x, y, False)
+    assert latents.squared_mmd(*pair[:, :6]) == pytest.approx(wanted)
+
+
+def test_a_trial_is_diagnosed_and_stored(study, data, tmp_path, golden):
+    """On data that its model has not seen; what comes back is what was stored, and damage is named."""
+    trial = measure.jobs(study, "system1")[0]
+    write_motion(data, measure.held_out_expert(trial))
+    found = measure.measure(trial, data)
+    assert found.validation_loss == run_trial(trial, data).outcome.validation_loss
+    assert found.a_distance == pytest.approx(max(0, 4 * found.network_accuracy - 2))
+    assert 0 <= found.discriminator_accuracy <= 1 and not found.provenance.stale
+    names = ("linear_accuracy", "network_accuracy", "raw_accuracy", "mmd", *results.CROSSED)
+    golden.hold("diagnosis", "diagnosis", {name: getattr(found, name) for name in names}, rel=0.05, abs=0.02)
+    store = measure.records(tmp_path)
+    store.put(found)
+    frame = store.frame([trial])
+    assert frame.mmd[0] == pytest.approx(found.mmd, rel=1e-5) and not frame.stale[0]
+    (line,) = results.table(frame, [*results.ALIKE, *results.CROSSED]).itertuples(index=False)
+    assert line[:4] == ("system1", 0.25, "sidm", 1)
+    assert line[4:] == pytest.approx([getattr(found, name) for name in (*results.ALIKE, *results.CROSSED)], rel=1e-5)
+    assert len(results.figure(frame).axes) == 1 and results.figure(frame[:0]).axes[0].texts
+    (drawn,) = results.crossed_figure(frame, ["system1"]).axes[0].get_lines()
+    assert list(drawn.get_ydata()) == pytest.approx([getattr(found, name) for name in results.CROSSED], rel=1e-5)
+    assert results.crossed_figure(frame[:0], ["system1"]).axes[0].texts[0].get_text() == "no trials stored"
+
+
+def test_one_systems_parts_are_crossed_with_the_others(small_network, make_motion):
+    """The novice's own give its loss; other parts give others."""
+    model, motion = DynamicsModel(small_network), make_motion(3)
+    losses = {(e, g): latents.crossed_loss(model, motion, e, g) for e in ROLES for g in ROLES}
+    for role in ROLES:
+        assert losses[role, role] == pytest.approx(float(validation_loss(model, motion, role).sum()), rel=1e-5)
+    assert len(set(losses.values())) == 4
+
+
+def test_what_is_held_out_was_not_learnt_from(study, data, monkeypatch):
+    """The latents are those of the expert's trajectories after the trial's, and of the validation set."""
+    trial = measure.jobs(study, "system1")[1]
+    write_motion(data, measure.held_out_expert(trial))
+    seen, true = {}, measure.latents_of
+
+    def latents_of(model, role, motion):
+        seen[role] = motion
+        return true(model, role, motion)
+
+    monkeypatch.setattr(measure, "latents_of", latents_of)
+    measure.measure(trial, data)
+    library = Library(data)
+    learnt = library.motion(trial, "expert").inputs
+    assert len(seen["expert"]) == trial.datasets["validation"].count
+    assert not any(torch.equal(one, other) for one in seen["expert"].inputs for other in learnt)
+    assert torch.equal(seen["novice"].inputs, library.motion(trial, "validation").inputs)
+
+
+def test_a_novice_alone_has_nothing_to_compare(study, data):
+    with pytest.raises(ConfigError, match="no expert whose latents"):
+        measure.measure(study.trial("system1", "novice_only", 0.25), data)

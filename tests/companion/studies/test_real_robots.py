@@ -1,0 +1,83 @@
+"""Real robots: their recordings learnt by every method, judged by sessions that none has seen, and told as a table."""
+
+import numpy as np
+import pytest
+import torch
+
+from companion import Study
+from companion.catalogue import run_study
+from companion.presets import load_preset
+from companion.studies.real_robots import jitter
+from companion.studies.real_robots import measure as m
+from companion.studies.real_robots import results as r
+from sidm.config import ConfigError
+from sidm.fitting.windows import learn_and_test, session_order
+from tests.companion.conftest import kept
+
+JOBS = {(job.expert, job.method): job for pair in m.PAIRS for job in m.jobs(Study("smoke"), pair, (4, 8), 1)}
+
+
+def test_only_robots_of_one_body_are_asked_for_what_copies_weights():
+    assert ("husky", "pretrain_finetune") in JOBS and ("hunter", "pretrain_finetune") not in JOBS
+    assert ("hunter", "sidm") in JOBS and ("", "rotation_centres") in JOBS
+
+
+JUDGED = [("", "rotation_centres"), ("", "least_squares"), ("hunter", "sidm"), ("husky", "corrected")]
+
+
+@pytest.mark.parametrize("job", JUDGED)
+def test_a_robot_is_learnt_judged_and_stored(job, tmp_path, golden):
+    found = m.measure(JOBS[job])
+    assert len(found.loss) == len(found.minutes) == 2 and len(found.displacement[0]) == len(found.heading[0]) == 15
+    assert found.loss == pytest.approx([sum(parts) for parts in found.components])
+    figures = {"loss": found.loss, "displacement": [one[-1] for one in found.displacement]}
+    golden.hold(" ".join(filter(None, ("real robots", *job))), "fitting", figures, rel=0.1, abs=0.02)
+    assert kept(m.records(tmp_path), found)
+
+
+def test_sessions_are_never_parted():
+    pieces = m.robot("warthog", 19)
+    order = session_order(pieces, 3)
+    learning, testing = learn_and_test(pieces, order[:12])
+    assert not set(learning.sessions) & set(testing.sessions)
+    assert set(learning.sessions) | set(testing.sessions) == set(order[:12])
+    more, _ = learn_and_test(pieces, order[:16])
+    assert set(learning.sessions) <= set(more.sessions)
+
+
+def test_the_stored_study_is_whole_and_its_table_pairs_the_seeds():
+    jobs = list(dict.fromkeys(job for pair in m.PAIRS for job in m.jobs(Study("laptop"), pair)))
+    frame = m.records("results").frame(jobs)
+    assert len(frame) == len(jobs) and not frame.stale.any()
+    table = r.table(frame)
+    assert set(table.system) == set(m.PAIRS) and (table.seeds == m.SEEDS).all()
+    assert len(r.figure(frame).axes) == 4
+
+
+def test_a_study_is_asked_for_its_own_systems_alone(tmp_path):
+    with pytest.raises(ConfigError, match="is about husky to warthog"):
+        run_study("real-robots", load_preset("smoke"), ["system1"], 1, tmp_path, tmp_path)
+
+
+def test_jitter_is_found_in_a_smooth_path(rng):
+    """Noise of 2 cm, 1 cm and 0.01 rad on a curve of 20 steps; the curve itself is no jitter."""
+    piece, time = m.robot("warthog", 19), 0.1 * np.arange(20)
+    yaw = np.tile(0.5 * time, (300, 1))
+    smooth = np.stack([2 * np.sin(yaw), 2 - 2 * np.cos(yaw), yaw, *np.zeros((3, 300, 20))], -1)
+    first, size = piece._replace(states=torch.from_numpy(smooth)), (0.02, 0.01, 0.01)
+    assert jitter.jitter(first).max() < 1e-4
+    forward, left, turn = (scale * rng.normal(size=yaw.shape) for scale in size)
+    noisy = smooth.copy()
+    noisy[..., 0] += np.cos(yaw) * forward - np.sin(yaw) * left
+    noisy[..., 1] += np.sin(yaw) * forward + np.cos(yaw) * left
+    noisy[..., 2] += turn
+    assert jitter.jitter(piece._replace(states=torch.from_numpy(noisy))) == pytest.approx(size, rel=0.1)
+
+
+def test_jitter_costs_at_least_half_of_what_it_costs_without_memory():
+    found = jitter.floor(m.robot("warthog"))
+    assert found.loss[1] == 2 * found.loss[0] and 0.1 < found.loss[0] < 0.2
+    assert 0.02 < found.displacement[0] < found.displacement[1] < 0.1 and found.heading[1] > found.heading[0]
+    floors = {"warthog": found.loss, "husky": jitter.floor(m.robot("husky")).loss}
+    figure = r.figure(m.records("results").frame(), "loss", floors)
+    assert [line.get_text() for line in figure.axes[-1].get_legend().get_texts()][-1] == "jitter of the pose"

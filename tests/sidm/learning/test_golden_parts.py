@@ -1,0 +1,56 @@
+"""What a training is made of comes to the figures of today's versions, before any update makes much of rounding."""
+
+import numpy as np
+import pytest
+import torch
+
+from sidm.learning import losses
+from sidm.learning.dataset import prepare
+from sidm.learning.evaluation import validation_loss
+from sidm.learning.model import DynamicsModel
+from sidm.learning.networks import Discriminator
+from sidm.learning.units import Standardisation
+from sidm.settings import PAPER_NETWORK, Network
+
+CLOSE = dict(rel=1e-4, abs=1e-6)  # float32 sums of some thousand terms
+
+
+def samples(rows: int, columns: int, shift: float = 0.0) -> torch.Tensor:
+    """Numbers (rows, columns) that any processor makes alike."""
+    return torch.tensor(np.sin(np.arange(rows * columns, dtype=float) * 1.7 + shift).reshape(rows, columns)).float()
+
+
+def test_every_loss_comes_to_its_figures(golden):
+    one, other = samples(40, 13), samples(40, 13, 0.4) + 0.2
+    figures = {
+        "prediction": float(losses.prediction_loss(one, other).mean()),
+        "discriminator": float(losses.expected_discriminator_loss(one, other)),
+        "matching": float(losses.expected_matching_loss(one)),
+        "mmd": float(losses.mmd(one, other)),
+        "coral": float(losses.coral(one, other)),
+    }
+    golden.hold("losses", "training", figures, **CLOSE)
+
+
+@pytest.mark.parametrize(
+    ("name", "network"),
+    [
+        ("scaled weights", Network(pixels=16, hidden=32)),
+        ("PyTorch's weights", Network(pixels=16, hidden=32, initialisation="pytorch")),
+        ("the paper's layers", Network(pixels=16, hidden=32, layers=PAPER_NETWORK.layers)),
+    ],
+)
+def test_fresh_networks_come_to_their_figures(golden, make_trajectories, small_terrain, name, network):
+    """From trajectories over maps and standardised numbers to a loss by component, and a discriminator's logits."""
+    motion = prepare(make_trajectories(3), small_terrain, network.pixels)
+    model = DynamicsModel(network, Standardisation.of(motion), seed=0)
+    with torch.no_grad():
+        latents = model.encoders["novice"](motion.inputs, motion.maps)
+    torch.manual_seed(0)
+    figures = {
+        "component_losses": validation_loss(model, motion).tolist(),
+        "latents": float(latents.square().mean()),
+        "logits": float(Discriminator(network).logits(latents).detach().mean()),
+        "maps": float(motion.maps.float().square().mean()),
+    }
+    golden.hold(name, "training", figures, **CLOSE)

@@ -1,0 +1,212 @@
+"""The released code's choices, each held against a plain implementation of a few iterations.
+
+`PlainRecipe` is written from the facts alone: one optimiser with the manners of PyTorch in 2020 (gradients stay and are
+set to 0), L2 decay in the gradient, one system an iteration, a discriminator that sees one system at a time.
+"""
+
+import dataclasses
+
+import pytest
+import torch
+import torch.nn.functional as F
+
+from sidm.config import ConfigError
+from sidm.learning import Standardisation, Training
+from sidm.learning.learner import Learner
+from sidm.learning.regularisation import regularise_phase
+from sidm.learning.training import predict_phase, train
+from tests.sidm.learning.test_other_bodies import TRACKED
+from tests.sidm.learning.test_reference import decoded, encoded, remembered
+
+RECIPE = dict(
+    p_expert=0.5, batch=2, discriminator_batch=2, matching_batch=2, prediction_iterations=5, test_interval=10**6,
+    learning_rate=1e-3, weight_decay=0.05, decay="l2", system_draw="iteration", matching_optimiser="shared",
+    reduction="mean", units="raw", zero_gradients=True, replacement=False, discriminator_draw="one",
+)  # fmt: skip
+
+
+class PlainAdam:
+    """Adam with L2 decay; a weight that never had a gradient stays, one that had is moved in every step."""
+
+    def __init__(self, weights, rate, decay):
+        self.weights, self.rate, self.decay, self.state = weights, rate, decay, {}
+
+    @torch.no_grad()
+    def step(self, gradients) -> None:
+        for name, weight in self.weights.items():
+            if gradients.get(name) is None and name not in self.state:
+                continue
+            gradient = gradients.get(name)
+            gradient = (torch.zeros_like(weight) if gradient is None else gradient) + self.decay * weight
+            count, mean, square = self.state.get(name, (0, torch.zeros_like(weight), torch.zeros_like(weight)))
+            count, mean, square = count + 1, 0.9 * mean + 0.1 * gradient, 0.999 * square + 0.001 * gradient**2
+            self.state[name] = count, mean, square
+            weight -= self.rate * (mean / (1 - 0.9**count)) / ((square / (1 - 0.999**count)).sqrt() + 1e-8)
+
+
+class PlainRecipe:
+    """A phase of prediction, one of the discriminator, one of matching, on what a Learner's twin draws."""
+
+    def __init__(self, learner: Learner) -> None:
+        self.learner, training = learner, learner.training
+        self.weights = {n: one.detach().clone().requires_grad_() for n, one in learner.model.named_parameters()}
+        self.critic = {n: one.detach().clone().requires_grad_() for n, one in learner.discriminator.named_parameters()}
+        units = Standardisation.none()._asdict()
+        self.buffers = {
+            f"{part}.{role}.{name}": units[name]
+            for role in ("novice", "expert")
+            for part, names in (("encoders", ("input_mean", "input_std", "map_mean", "map_std")),
+                                ("decoders", ("target_mean", "target_std")))
+            for name in names
+        }  # fmt: skip
+        self.adam = PlainAdam(self.weights, training.learning_rate, training.weight_decay)
+        self.critics_adam = PlainAdam(self.critic, training.learning_rate, training.weight_decay)
+
+    def latents(self, role, batch):
+        values = self.weights | self.buffers
+        return torch.stack([encoded(values, role, x, m) for x, m in zip(batch.inputs, batch.maps, strict=True)])
+
+    def log_odds(self, latents):
+        hidden = F.leaky_relu(latents @ self.critic["dense.0.weight"].T + self.critic["dense.0.bias"], 0.01)
+        return hidden @ self.critic["dense.2.weight"].T + self.critic["dense.2.bias"]
+
+    def descend(self, adam, loss, of) -> None:
+        found = torch.autograd.grad(loss, list(of.values()), allow_unused=True)
+        adam.step(dict(zip(of, found, strict=True)))
+
+    def predict(self) -> None:
+        ((role, batch),) = self.learner.draw_batch().items()  # one system
+        values = self.weights | self.buffers
+        parts = [remembered(values, latents, self.learner.network.layers) for latents in self.latents(role, batch)]
+        pairs = zip(parts, batch.targets, strict=True)
+        squares = torch.stack([(decoded(values, role, one) - y) ** 2 for one, y in pairs])
+        self.descend(self.adam, squares.mean(), self.weights)  # over the 13 components, too
+
+    def discriminate(self) -> None:
+        of_expert = bool(torch.rand(1, generator=self.learner.generators["discriminated system"]) < 0.5)
+        role = "expert" if of_expert else "novice"
+        odds = self.log_odds(self.latents(role, self.learner.draw(role, 2, "")).detach())
+        loss = -torch.log(torch.sigmoid(odds) if of_expert else 1 - torch.sigmoid(odds)).mean()
+        self.descend(self.critics_adam, loss, self.critic)
+
+    def match(self) -> None:
+        odds = self.log_odds(self.latents("novice", self.learner.draw("novice", 2, "")))
+        encoder = {name: one for name, one in self.weights.items() if name.startswith("encoders.novice.")}
+        self.descend(self.adam, -torch.log(torch.sigmoid(odds)).mean(), encoder)
+
+    def phases(self) -> None:
+        training = self.learner.training
+        for step, count in (
+            (self.predict, training.prediction_iterations), (self.discriminate, training.discriminator_iterations),
+            (self.match, training.matching_iterations),
+        ):  # fmt: skip
+            for _ in range(count):
+                step()
+
+
+def compare(model, plain, names, rel=3e-4):
+    """Adam divides by a gradient's size, so that rounding of small gradients is seen."""
+    for name in names:
+        one, other = dict(model.named_parameters())[name].detach(), plain[name].detach()
+        assert torch.allclose(one, other, rtol=0, atol=rel * other.abs().max().item()), name
+
+
+def test_two_rounds_of_all_phases_are_the_plain_ones(make_learner):
+    ours, plain = make_learner(**RECIPE), PlainRecipe(make_learner(**RECIPE))
+    for _ in range(2):
+        predict_phase(ours)
+        regularise_phase(ours)
+        plain.phases()
+        compare(ours.model, plain.weights, plain.weights)
+        compare(ours.discriminator, plain.critic, plain.critic)
+
+
+@pytest.mark.parametrize(
+    "other", [dict(zero_gradients=False), dict(units="standardised"), dict(discriminator_draw="both"),
+              dict(replacement=True), dict(decay="decoupled"), dict(matching_optimiser="own"), dict(reduction="sum")],
+    ids=str,
+)  # fmt: skip
+def test_each_choice_makes_a_difference(make_learner, other):
+    """So that the comparison above could fail."""
+    ends = []
+    for changes in (RECIPE, RECIPE | other):
+        learner = make_learner(**changes)
+        for _ in range(2):
+            predict_phase(learner)
+            regularise_phase(learner)
+        ends.append(torch.cat([one.detach().flatten() for one in learner.model.parameters()]))
+    assert (ends[0] - ends[1]).abs().max() > 2e-3
+
+
+def test_momentum_and_decay_move_parts_without_a_gradient(make_learner):
+    """The expert's parts too, in matching steps, once they have had a gradient; before that they stay."""
+    learner = make_learner(**RECIPE | {"p_expert": 0.0, "prediction_iterations": 1})
+    expert = [name for name, _ in learner.model.named_parameters() if ".expert." in name]
+    predict_phase(learner)
+    before = learner.weights()
+    regularise_phase(learner)
+    after = learner.weights()
+    moved = {name for name in after if not torch.equal(after[name], before[name])}
+    assert moved and not moved & set(expert)
+    learner = make_learner(**RECIPE | {"p_expert": 1.0, "prediction_iterations": 1})
+    predict_phase(learner)
+    before = learner.weights()
+    regularise_phase(learner)
+    after = learner.weights()
+    assert all(not torch.equal(after[name], before[name]) for name in (*expert, "sidm.output.0.weight"))
+
+
+def test_a_restored_training_moves_them_as_one_that_went_on(make_learner, tmp_path):
+    first, second = make_learner(**RECIPE), make_learner(**RECIPE)
+    predict_phase(first)
+    first.save(tmp_path)
+    assert second.restore(tmp_path)
+    for learner in (first, second):
+        regularise_phase(learner)
+        predict_phase(learner)
+    for name, weights in first.weights().items():
+        assert torch.equal(weights, second.weights()[name]), name
+
+
+def test_draws_without_replacement_go_through_all(make_learner):
+    learner = make_learner(**RECIPE)
+    count = len(learner.datasets.train)
+    drawn = torch.cat([learner.draw_indices("novice", 2, purpose) for purpose in ("novice", "matching", "x") * count])
+    for order in drawn.split(count):
+        assert sorted(order.tolist()) == list(range(count))
+    assert not torch.equal(*drawn.split(count)[:2])
+
+
+def test_without_replacement_nothing_is_drawn_in_vain(make_learner):
+    """Batches of the other system do not use up a system's order."""
+    learner = make_learner(**RECIPE)
+    seen = {"novice": [], "expert": []}
+    for _ in range(60):
+        for role, which in learner.draw_batch_indices().items():
+            seen[role] += which.tolist()
+    for role, drawn in seen.items():
+        count = len(learner.part(role))
+        assert len(drawn) > 2 * count
+        for start in range(0, len(drawn) - count, count):
+            assert sorted(drawn[start : start + count]) == list(range(count))
+
+
+def test_one_system_for_the_discriminator_is_either(make_learner):
+    learner = make_learner(**RECIPE)
+    drawn = [learner.draw_discriminated() for _ in range(400)]
+    assert set(drawn) == {("expert",), ("novice",)} and 160 < drawn.count(("expert",)) < 240
+
+
+def test_raw_units_are_every_methods(datasets, small_network, small_training):
+    """Also where units are given, as for a correction."""
+    raw = dataclasses.replace(small_training, units="raw", max_samples=24)
+    trained = train(datasets, small_network, raw, 0, standardisation=Standardisation.of(datasets.expert))
+    for name, buffer in trained.model.named_buffers():
+        assert torch.equal(buffer, torch.ones_like(buffer) if name.endswith("_std") else torch.zeros_like(buffer))
+
+
+def test_raw_units_leave_nothing_to_weigh_a_loss_by(datasets, small_network):
+    network = dataclasses.replace(small_network, novice_body=TRACKED)
+    alone = Training(units="raw", p_expert=0.0, regularise=False)
+    with pytest.raises(ConfigError, match="Training.units='raw' leaves 'tracked' no variance to weigh its loss by"):
+        Learner(datasets, network, alone, 0)

@@ -1,0 +1,205 @@
+"""Drives of any body: what a file may hold, how it is brought to the rate, and every fault in one line."""
+
+import gzip
+
+import numpy as np
+import pytest
+
+from sidm.body import DRIVE, ROVER, TWIST, Body
+from sidm.recordings import RecordingError, read_drives, write_drives
+
+BODY = Body(
+    name="cart", pose="planar", columns=(("yaw_rate", "rad/s"), ("wheel", "rad/s")), actions=(("left", "1"),),
+)  # fmt: skip
+NAMES = "x [m],y [m],yaw [rad],yaw_rate [rad/s],wheel [rad/s],left [1]"
+
+
+def circle(count: int = 41, rate: float = 20.0) -> np.ndarray:
+    """Rows of a cart on a circle of 2 m, a turn of 0.5 rad/s: (R, 6)."""
+    time = np.arange(count) / rate
+    yaw = 0.5 * time
+    return np.column_stack(
+        [2 * np.sin(yaw), 2 - 2 * np.cos(yaw), yaw, 0.5 + 0.01 * np.sin(time), 5 + np.sin(time), np.cos(3 * time)]
+    )
+
+
+def text(rows: np.ndarray, names: str = NAMES, header: str = "# rate: 20 Hz\n") -> str:
+    return header + names + "\n" + "\n".join(",".join(f"{value:.9g}" for value in row) for row in rows) + "\n"
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(content: str, name: str = "drive.csv"):
+        path = tmp_path / name
+        path.write_bytes(gzip.compress(content.encode()) if name.endswith(".gz") else content.encode())
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("name", ["drive.csv", "drive.csv.gz"])
+def test_a_file_is_read_at_the_bodys_rate(write, name):
+    rows = circle()
+    (drive,) = read_drives(write(text(rows), name), BODY)
+    assert drive.states.shape == (21, 5) and drive.actions.shape == (20, 1)
+    assert np.allclose(drive.states, rows[::2, :5], atol=1e-8)
+    assert np.allclose(drive.actions[:, 0], (rows[:-1:2, 5] + rows[1::2, 5]) / 2)
+
+
+def test_columns_come_in_any_order_and_unit_and_others_are_left_out(write):
+    rows = circle()
+    other = np.column_stack([rows[:, ::-1], np.zeros(len(rows))])
+    other[:, 3] = np.degrees(other[:, 3])
+    other[:, 5] *= 100
+    names = "left,wheel [rad/s],yaw_rate [rad/s],yaw [deg],y [m],x [cm],battery [V]"
+    (drive,) = read_drives(write(text(other, names)), BODY)
+    assert np.allclose(drive.states, rows[::2, :5], atol=1e-6)
+
+
+def test_uneven_times_are_interpolated(write, rng):
+    time = np.cumsum(rng.uniform(0.08, 0.13, 60))
+    yaw = 0.5 * time
+    place = [2 * np.sin(yaw), 2 - 2 * np.cos(yaw), yaw]
+    rows = np.column_stack([time, *place, 0.5 + 0.01 * np.sin(time), 5 + time, np.sin(time)])
+    (drive,) = read_drives(write(text(rows, "time [s]," + NAMES, "")), BODY)
+    assert np.allclose(np.diff(drive.states[:, 2]), 0.05, atol=1e-9)
+    assert np.allclose(np.diff(drive.states[:, 4]), 0.1, atol=1e-9)
+
+
+def test_a_slow_sensors_pose_is_interpolated(write):
+    rows = circle()
+    rows[1::2, :3] = rows[:-1:2, :3]  # new every second row only
+    (drive,) = read_drives(write(text(rows)), Body(name="fast", rate=20.0, **{k: getattr(BODY, k) for k in (
+        "pose", "columns", "actions")}))  # fmt: skip
+    assert np.allclose(np.diff(drive.states[:-1, 2]), 0.025, atol=1e-6)
+
+
+def test_a_robot_that_stands_still_is_left_where_it_is(write):
+    rows = circle()
+    rows[10:20, :3] = rows[10, :3]
+    (drive,) = read_drives(write(text(rows)), BODY)
+    assert np.allclose(drive.states[5:10, :3], rows[10, :3])
+
+
+def test_drives_and_sessions_are_told_apart(write):
+    rows = np.vstack([circle(), circle(), circle()])
+    lines = text(rows).splitlines()
+    labels = ["a,0"] * 41 + ["a,1"] * 41 + ["b,0"] * 41
+    body = [lines[0], "session,drive," + lines[1], *(f"{k},{line}" for k, line in zip(labels, lines[2:], strict=True))]
+    drives = read_drives(write("\n".join(body) + "\n"), BODY)
+    assert [drive.session for drive in drives] == ["a", "a", "b"]
+
+
+def test_a_folder_is_read_file_by_file(write, tmp_path):
+    write(text(circle()), "a.csv"), write(text(circle()), "b.csv.gz"), write("notes", "readme.txt")
+    assert len(read_drives(tmp_path, BODY)) == 2
+
+
+def test_what_is_written_reads_back(write, tmp_path):
+    drives = read_drives(write(text(circle())), BODY)
+    write_drives(tmp_path / "again.csv.gz", drives, BODY, "a test")
+    (again,) = read_drives(tmp_path / "again.csv.gz", BODY)
+    assert np.allclose(again.states, drives[0].states, rtol=1e-8) and again.session == drives[0].session
+
+
+def test_numbers_are_written_in_the_unit_that_stands_above_them(write, tmp_path):
+    """The SI's, whatever the body's is; a session may have a comma in its name."""
+    body = Body(name="cart", pose="planar", columns=(("yaw_rate", "deg/s"), ("wheel", "rad/s")), actions=BODY.actions)
+    drives = [one._replace(session="a, b") for one in read_drives(write(text(circle())), body)]
+    write_drives(tmp_path / "again.csv", drives, body, "a test")
+    (again,) = read_drives(tmp_path / "again.csv", body)
+    assert again.session == "a, b" and np.allclose(again.states, drives[0].states, rtol=1e-8)
+
+
+def test_a_command_may_be_held_where_nothing_is_learnt(write):
+    path = write(text(circle() * [1, 1, 1, 1, 1, 0]))
+    assert len(read_drives(path, BODY, held=True)) == 1
+
+
+def test_slow_drives_with_velocities_are_read(write):
+    """At 1 Hz, straight on at 1 m/s."""
+    names = ",".join(f"{name} [{unit}]" for name, unit in (*ROVER.state, *ROVER.actions))
+    rows = np.zeros((20, len(names.split(","))))
+    rows[:, 0], rows[:, 6], rows[:, 7], rows[:, 13] = np.arange(20), 1, 1, 0.5
+    slow = Body(name="slow", pose="spatial", columns=TWIST, actions=DRIVE, rate=1.0)
+    assert len(read_drives(write(text(rows, names, "# rate: 1 Hz\n")), slow)) == 1
+
+
+def test_a_file_of_many_drives_keeps_their_sessions(write, tmp_path):
+    (drive,) = read_drives(write(text(circle())), BODY)
+    write_drives(tmp_path / "many.npz", [drive._replace(session=name) for name in "aab"], BODY, "a test")
+    found = read_drives(tmp_path / "many.npz", BODY)
+    assert [one.session for one in found] == ["a", "a", "b"]
+    assert all(np.allclose(one.states, drive.states, atol=1e-5) and one.ground is None for one in found)
+
+
+def test_drives_are_not_written_as_what_cannot_hold_them(tmp_path):
+    with pytest.raises(ValueError, match="0 drives of body 'cart'; they are written as .csv, .csv.gz, .npz"):
+        write_drives(tmp_path / "none.csv", [], BODY, "nobody")
+
+
+def with_value(column: int, row: int, value: float) -> np.ndarray:
+    rows = circle()
+    rows[row, column] = value
+    return rows
+
+
+TIMES = np.arange(41) / 20
+
+
+@pytest.mark.parametrize(
+    "content, words",
+    [
+        (text(circle()[:, 1:], NAMES.partition(",")[2]), "column 'x' of body 'cart' is missing"),
+        (text(circle(), NAMES.replace("wheel", "whel")), "did you mean 'whel'"),
+        (text(circle(), NAMES.replace("yaw [rad]", "yaw [grad]")), "'yaw' in 'grad'; an angle is in rad or deg"),
+        (text(circle(), NAMES.replace("x [m]", "x")), "'x' without a unit; a length is in"),
+        (text(circle(), header=""), "it has neither a line '# rate: 10 Hz' nor a column 'time [s]'"),
+        (text(circle()) + '"' + "9," * 70_000, "is a quotation mark left open?"),
+        (text(circle(), header="# rate: fast\n"), "not a positive number in Hz"),
+        (text(circle(), header="# rat: 20 Hz\n"), "did you mean 'rate'"),
+        (text(circle(), header="# 20 Hz\n"), "is not '# name: value'"),
+        (text(with_value(3, 7, np.nan)), "line 10: 'nan' of 'yaw_rate' is no finite number"),
+        (text(circle()).replace(",0.5,", ",half,", 1), "line 3: 'half' of 'yaw_rate' is no finite number"),
+        (text(circle()) + "1,2\n", "line 44 has 2 cells, not 6"),
+        (text(with_value(0, 20, 30.0)), "m farther within one step"),
+        (text(circle() * [1, 1, 1, 1, 0, 1]), "'wheel' never changes"),
+        (text(circle() * [1, 1, 1, 1, 1, 0]), "'left' never changes"),
+        (text(circle() * [1, 1, 1, -1, 1, 1]), "of the other sign"),
+        (text(circle() * [1, 1, 1, 57.3, 1, 1]), "in another unit or frame"),
+        (text(circle(9)), "4 steps of 0.1 s; a drive has 8"),
+        (text(circle()[:1]), "it has no rows of numbers"),
+        ("", "it has no rows of numbers"),
+        (text(circle(), "x [m]," + NAMES.partition(",")[2].replace("y [m]", "x [m]")), "'y' of body 'cart' is missing"),
+        (text(np.column_stack([TIMES[::-1], circle()]), "time [s]," + NAMES, ""), "sort the rows"),
+        (text(np.column_stack([np.r_[TIMES[:20], TIMES[19:40]], circle()]), "time [s]," + NAMES, ""), "the same time"),
+        (text(np.column_stack([TIMES + (TIMES > 1), circle()]), "time [s]," + NAMES, ""), "make two drives of it"),
+    ],
+)  # fmt: skip
+def test_a_fault_is_one_line_that_names_file_place_and_fault(write, content, words):
+    path = write(content)
+    with pytest.raises(RecordingError) as error:
+        read_drives(path, BODY)
+    assert words in str(error.value) and str(path) in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_file_that_is_cut_off_is_named(write, tmp_path):
+    path = write(text(circle()), "drive.csv.gz")
+    path.write_bytes(path.read_bytes()[:-30])
+    with pytest.raises(RecordingError, match="cannot be read as text"):
+        read_drives(path, BODY)
+
+
+def test_the_recorded_robots_are_read():
+    """Minutes of motion at 10 Hz, in windows of 2 s, and runs of about two minutes."""
+    from pathlib import Path
+
+    from sidm.body import read_body
+
+    folder = Path(__file__).parents[3] / "recordings"
+    for robot, body, count, minutes in (
+        ("warthog", "skid_steer", 287, 9.1), ("husky", "skid_steer", 480, 15.2), ("hunter", "hunter", 80, 149.0)
+    ):  # fmt: skip
+        drives = read_drives(folder / f"{robot}.csv.gz", read_body(folder / f"{body}.yaml"))
+        assert len(drives) == count
+        assert sum(len(drive.actions) for drive in drives) / 600 == pytest.approx(minutes, abs=0.1)
