@@ -21,11 +21,11 @@ from companion.engine.provenance import peak_memory
 from companion.grids import grid
 from companion.pages.pages import markdown_table
 from companion.presets import PRESETS, Preset, load_preset
+from sidm.drives import STEPS
 from sidm.learning.learner import Learner
 from sidm.learning.regularisation import discriminator_iteration, matching_iteration
 from sidm.learning.training import predict_phase
 from sidm.systems import SYSTEMS
-from sidm.trajectory import STEPS
 
 ROUNDS = 3
 MAP_BYTES = 2  # a pixel, as float16

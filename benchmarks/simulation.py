@@ -13,10 +13,11 @@ from collections.abc import Callable
 import numpy as np
 from rounds import rate, report
 
+from sidm.drives import STEPS
+from sidm.shards import SHARD_SIZE, Collection
 from sidm.simulation import Simulator, collect, draw_actions
 from sidm.systems import ROLES, SYSTEMS, System
 from sidm.terrain import generate_terrain
-from sidm.trajectory import SHARD_SIZE, STEPS, Collection
 
 RELEASED_STEPS, RELEASED_TERRAINS = 7.0, 1 / 2.5  # a second on one core, as measured on machines of this kind
 

@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
+from sidm.drives import STEPS, TWIST
 from sidm.simulation import Simulator, draw_actions
-from sidm.simulation.collect import EpisodeRules
+from sidm.simulation.collecting import EpisodeRules
 from sidm.systems import ROLES, SYSTEMS
 from sidm.terrain import generate_terrain
-from sidm.trajectory import STEPS, TWIST
 
 PART = 25  # trajectories
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
-from sidm.learning import Datasets, Motion
+from sidm.learning import Datasets, Windows
 from sidm.learning.learner import Learner
 from sidm.learning.training import predict_phase
 
@@ -17,7 +17,7 @@ def random_data(pixels: int) -> Datasets:
     draw = torch.Generator().manual_seed(0)
     sizes = (TRAJECTORIES, STEPS, 11), (TRAJECTORIES, STEPS, 13), (TRAJECTORIES, STEPS, pixels, pixels)
     inputs, targets, maps = (torch.randn(size, generator=draw) for size in sizes)
-    motion = Motion(inputs, targets, maps.half())
+    motion = Windows(inputs, targets, maps.half())
     return Datasets(train=motion, test=motion, validation=motion, expert=motion)
 
 

@@ -17,7 +17,7 @@ from pdf import chromium
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from sidm.recordings import Ground
+from sidm.drives import Ground
 from sidm.replay import ROBOTS, Scene, View, weave
 from sidm.replay.rides import drive, sampled_physics
 from sidm.replay.scene import SPACING, ride_track

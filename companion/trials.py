@@ -11,8 +11,8 @@ from typing import Any, Literal
 
 from sidm.config import ConfigError, config, refuse_nonsense, to_mapping
 from sidm.settings import Network, Training
+from sidm.shards import Collection, trajectories_for
 from sidm.systems import find_system
-from sidm.trajectory import Collection, trajectories_for
 
 #: Stands for the digest of a dataset that was never collected here nor belongs to a stored result.
 UNKNOWN = "unknown"

@@ -53,7 +53,16 @@ Columns = tuple[tuple[str, str], ...]  # name and unit
 
 @config
 class Body:
-    """The make-up of one robot's data."""
+    """The make-up of one robot's data: what a state and an action are, X and Y of section 3.
+
+    Raises:
+        ConfigError: an unknown name, a wrong type, or a unit that is not known.
+
+    Examples:
+        >>> cart = sidm.Body(name="cart", pose="planar", columns=(("speed", "m/s"),), actions=(("throttle", "1"),))
+        >>> cart.targets
+        ('forward', 'left', 'turn', 'speed')
+    """
 
     name: str
     pose: Pose = "spatial"
@@ -145,6 +154,22 @@ def read_body(path: str | Path) -> Body:
         return body_from(values, Path(path).stem)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
+
+
+def as_body(body: Body | str | Path | Mapping[str, Any]) -> Body:
+    """A body from what stands for it: itself, the YAML file that describes it, or the mapping in such a file.
+
+    Raises:
+        ConfigError: the file or the mapping has a fault; one line.
+        TypeError: something else.
+    """
+    if isinstance(body, Body):
+        return body
+    if isinstance(body, (str, Path)):
+        return read_body(body)
+    if isinstance(body, Mapping):
+        return body_from(body, "robot")
+    raise TypeError(f"a body is a sidm.Body, a YAML file or a mapping, not {type(body).__name__}")
 
 
 #: Lines of a body's file that are written otherwise than the fields of `Body`.

@@ -43,24 +43,24 @@ def run_fit(arguments: argparse.Namespace) -> int:
     """`fit`: a line of what was learnt."""
     from sidm.fitting.fit import fit
 
-    found = fit(
-        arguments.novice, arguments.expert, arguments.body, arguments.expert_body, arguments.method, arguments.out,
-        arguments.seed, arguments.topics, progress=True, values=changes(arguments.changes),
+    model = fit(
+        arguments.novice, arguments.expert, arguments.method, body=arguments.body, expert_body=arguments.expert_body,
+        settings=changes(arguments.changes), seed=arguments.seed, out=arguments.out, topics=arguments.topics,
+        progress=True,
     )  # fmt: skip
     print(
-        f"{arguments.out}: {found.method}, from {found.minutes:.2g} min in pieces of {found.steps} steps; "
-        f"test loss {found.test_loss:.3g}, where predicting the mean costs {found.mean_loss:.3g}"
+        f"{arguments.out}: {model.method}, from {model.minutes:.2g} min in windows of {model.steps} steps; "
+        f"test loss {model.test_loss:.3g}, where predicting the mean costs {model.mean_loss:.3g}"
     )
     return 0
 
 
 def run_evaluate(arguments: argparse.Namespace) -> int:
     """`evaluate`: the table, and its figure."""
-    from sidm.fitting.fit import evaluate
     from sidm.fitting.model import load
     from sidm.fitting.report import figure
 
-    table = evaluate(load(arguments.model), arguments.drives, arguments.topics)
+    table = load(arguments.model).evaluate(arguments.drives, arguments.topics)
     print(shown(table))
     path = Path(arguments.figure or Path(arguments.model) / "evaluation.png")
     try:
@@ -79,11 +79,11 @@ def shown(table: Any) -> str:
 
 def run_predict(arguments: argparse.Namespace) -> int:
     """`predict`: CSV."""
-    from sidm.fitting.fit import predict
     from sidm.fitting.model import load
     from sidm.storage import write_atomically
 
-    text = predict(load(arguments.model), arguments.drives, arguments.topics).to_csv(index=False, float_format="%.6g")
+    table = load(arguments.model).predict(arguments.drives, arguments.topics)
+    text = table.to_csv(index=False, float_format="%.6g")
     if arguments.out:
         write_atomically(Path(arguments.out), lambda file: file.write(text.encode()))
     else:
@@ -133,4 +133,4 @@ def _scene(path: Path, arguments: argparse.Namespace) -> Any:
     drives = read_drives(path, body)
     if not 0 <= arguments.drive < len(drives):
         raise ConfigError(f"{path}: it has drives 0 to {len(drives) - 1}, not {arguments.drive}")
-    return drives_scene([drives[arguments.drive]], body, like)
+    return drives_scene([drives[arguments.drive]], like)

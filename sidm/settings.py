@@ -14,7 +14,15 @@ from sidm.config import ConfigError, config, refuse_below, refuse_nonsense
 
 @config
 class Network:
-    """Sizes of all networks; the defaults are the paper's but for the map and the LSTM."""
+    """Sizes of all networks (section 4); the defaults are the paper's but for the map and the LSTM.
+
+    Raises:
+        ConfigError: an unknown name, a wrong type, or sizes that make no network.
+
+    Examples:
+        >>> sidm.Network(pixels=64, hidden=512).layers
+        3
+    """
 
     pixels: int = 32  # P, a side of the height map; the paper has 300
     channels: tuple[int, int] = (8, 4)  # of the encoder's two convolutions
@@ -74,6 +82,13 @@ class Training:
 
     The defaults are the paper's where it gives a value: p_e, 100 prediction and 20 matching iterations, whole novice
     trajectories split 75 to 25. A sample is one control step.
+
+    Raises:
+        ConfigError: an unknown name, a wrong type, or values that no run can have.
+
+    Examples:
+        >>> sidm.Training(p_expert=0.5, max_samples=300_000).matching_iterations
+        20
     """
 
     p_expert: float = 0.75  # p_e: probability that a trajectory of a batch is the expert's

@@ -90,6 +90,13 @@ def locked(path: Path) -> Iterator[None]:
         yield
 
 
+def checksum(array: np.ndarray) -> str:
+    """16 hexadecimal digits that change when any byte, the shape or the type of `array` does."""
+    digest = hashlib.sha256(f"{array.dtype.str}{array.shape}".encode())
+    digest.update(np.ascontiguousarray(array).data)
+    return digest.hexdigest()[:16]
+
+
 def sweep(folder: Path, age: float = 3600.0) -> None:
     """Delete what killed writers left in `folder` more than `age` seconds ago."""
     for part in folder.glob(".*.part"):

@@ -2,6 +2,10 @@
 
 The values are those of the authors' released simulation parameters (footnote 1 of the paper); the ratios between
 novice and expert are the paper's (section 5).
+
+Examples:
+    >>> sidm.SYSTEMS["system1"].novice.spring  # N/m
+    50000.0
 """
 
 from __future__ import annotations
@@ -14,7 +18,16 @@ from sidm.config import ConfigError, config, refuse_nonsense
 
 @config
 class Robot:
-    """What distinguishes one robot from another; what is the same for all is in `simulation.dimensions`."""
+    """What distinguishes one robot from another; what is the same for all is in `simulation.dimensions`.
+
+    Raises:
+        ConfigError: an unknown name, a wrong type, or values that make no robot.
+
+    Examples:
+        >>> soft = sidm.SYSTEMS["system1"].novice.replace(spring=500.0)
+        >>> soft.spring, soft.damping
+        (500.0, 100.0)
+    """
 
     throttle_scale: float  # wheel speed at full throttle, rad/s
     steering_scale: float  # kingpin angle at full steering, rad
@@ -47,7 +60,15 @@ GRID_SPACING = 0.1  # m, of the ground's heights in the simulator
 
 @config
 class Terrain:
-    """Random rocky ground: Voronoi steps of random height, smoothed, with finer noise and a flat start."""
+    """Random rocky ground: Voronoi steps of random height, smoothed, with finer noise and a flat start (section 5).
+
+    Raises:
+        ConfigError: an unknown name, a wrong type, or a spacing that the simulator does not have.
+
+    Examples:
+        >>> sidm.Terrain(cell_height_scale=0.4).half_width  # m
+        14.95...
+    """
 
     cell_height_scale: float  # amplitude of the cells' Perlin heights, m
     size: int = 300  # grid points a side
@@ -112,7 +133,17 @@ class Physics:
 
 @config
 class System:
-    """A pair of similar robots and the ground they drive on."""
+    """A pair of similar robots and the ground they drive on.
+
+    Raises:
+        ConfigError: an unknown name or a wrong type.
+
+    Examples:
+        >>> pair = sidm.SYSTEMS["system2"]
+        >>> own = sidm.System(name="own", novice=pair.expert, expert=pair.novice, terrain=pair.terrain)
+        >>> own.robot("novice") == pair.expert
+        True
+    """
 
     name: str
     novice: Robot  # the target, whose data are dear

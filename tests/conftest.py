@@ -10,12 +10,14 @@ import pytest
 import torch
 from xdist.scheduler import LoadFileScheduling
 
-from sidm.learning import Datasets, Motion, Network, Training
+from sidm.drives import Drive, SimulatedGround, probe
+from sidm.learning import Datasets, Network, Training, Windows
 from sidm.learning.learner import Learner
 from sidm.replay import ROBOTS, Ride, ride
+from sidm.shards import simulated_drive
+from sidm.storage import checksum
 from sidm.systems import Terrain
 from sidm.terrain import generate_terrain
-from sidm.trajectory import Trajectory, checksum, probe
 from tests.golden import Golden
 
 
@@ -90,10 +92,10 @@ def small_training() -> Training:
 
 
 @pytest.fixture(scope="session")
-def make_trajectories(small_terrain) -> Callable[..., list[Trajectory]]:
+def make_trajectories(small_terrain) -> Callable[..., list[Drive]]:
     """Random but lawful motion: `make_trajectories(count, steps=6, seed=0)`."""
 
-    def make(count: int, steps: int = 6, seed: int = 0) -> list[Trajectory]:
+    def make(count: int, steps: int = 6, seed: int = 0) -> list[Drive]:
         rng, made = np.random.default_rng(seed), []
         for index in range(count):
             quaternion = rng.normal(size=(steps + 1, 4))
@@ -102,23 +104,24 @@ def make_trajectories(small_terrain) -> Callable[..., list[Trajectory]]:
             states = np.hstack([position, quaternion, rng.normal(size=(steps + 1, 6))]).astype(np.float32)
             actions = rng.uniform(-1, 1, (steps, 2)).astype(np.float32)
             heights = generate_terrain(small_terrain, index)
-            made.append(Trajectory(index, states, actions, index, checksum(heights), probe(heights), (0, 0, 0, 0)))
+            ground = SimulatedGround(small_terrain, index, checksum(heights), probe(heights))
+            made.append(simulated_drive("rover", index, states, actions, ground, (0, 0, 0, 0)))
         return made
 
     return make
 
 
 @pytest.fixture(scope="session")
-def make_motion() -> Callable[..., Motion]:
+def make_motion() -> Callable[..., Windows]:
     """Motion that can be learnt: `make_motion(count, seed=0, steps=6, gain=1.0)`; y is linear in x."""
 
-    def make(count: int, seed: int = 0, steps: int = 6, pixels: int = 8, gain: float = 1.0) -> Motion:
+    def make(count: int, seed: int = 0, steps: int = 6, pixels: int = 8, gain: float = 1.0) -> Windows:
         generator = torch.Generator().manual_seed(seed)
         inputs = torch.randn(count, steps, 11, generator=generator)
         maps = 0.2 * torch.randn(count, steps, pixels, pixels, generator=generator).half()
         law = torch.randn(11, 13, generator=torch.Generator().manual_seed(99)) / 11
         targets = gain * inputs @ law + maps.float().mean((-2, -1))[..., None]
-        return Motion(inputs, targets, maps)
+        return Windows(inputs, targets, maps)
 
     return make
 

@@ -31,7 +31,7 @@ LEARNING = [
 ]  # fmt: skip
 
 PYBULLET = {"pybullet", "pybullet_data", "pybullet_utils"}
-WITHOUT_TORCH = ("sidm.terrain", "sidm.simulation", "sidm.trajectory", "sidm.settings", "sidm.recordings")
+WITHOUT_TORCH = ("sidm.terrain", "sidm.simulation", "sidm.drives", "sidm.settings", "sidm.recordings")
 
 
 def modules() -> dict[str, Path]:
@@ -105,7 +105,7 @@ def test_the_check_would_see_a_backward_import():
     assert runs_backwards("sidm.learning.dataset", "sidm.simulation")
     assert runs_backwards("sidm.learning.dataset", "sidm.rivals.least_squares")
     assert runs_backwards("sidm.simulation.collect", "sidm.learning")
-    assert runs_backwards("sidm.rotations", "sidm.trajectory")
+    assert runs_backwards("sidm.rotations", "sidm.drives")
     assert runs_backwards("companion.engine.run", "companion.studies.ablations")
     assert runs_backwards("sidm", "sidm.config")
     assert not runs_backwards("companion.engine.run", "sidm.simulation")

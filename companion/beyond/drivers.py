@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from companion.beyond.planning import Dreamer, Planner, straight
-from sidm.trajectory import CONTROL_STEP, POSITION, QUATERNION, TWIST, upright
+from sidm.drives import CONTROL_STEP, POSITION, QUATERNION, TWIST, upright
 
 ARRIVED = 0.5  # m from the goal
 UPSIDE_DOWN = (1.0, 0.0, 0.0, 0.0)  # a quaternion

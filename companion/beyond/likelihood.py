@@ -7,7 +7,7 @@ from torch import Tensor
 
 from companion.beyond.distributions import DistributionModel
 from sidm.config import ConfigError
-from sidm.learning.dataset import Datasets, Motion, Part
+from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.evaluation import EVALUATION_BATCH
 from sidm.learning.learner import Learner
 from sidm.learning.seeds import generator
@@ -43,7 +43,7 @@ class DistributionLearner(Learner):
         super().__init__(datasets, network, training, seed, standardisation)
         self.noise = generator(seed, "latents")
 
-    def encode(self, role: str, motion: Motion) -> Tensor:
+    def encode(self, role: str, motion: Windows) -> Tensor:
         """A draw of latent state-actions (b, T, 128)."""
         return self.model.encode(role, motion.inputs, motion.maps, self.noise)
 
@@ -52,7 +52,7 @@ class DistributionLearner(Learner):
         return mean_nll(self.model, self.test)
 
 
-def mean_nll(model: DistributionModel, motion: Motion | Part) -> float:
+def mean_nll(model: DistributionModel, motion: Windows) -> float:
     """Negative log-likelihood, nats, averaged over the steps of `motion`, all latents at their means."""
     total = 0.0
     with torch.inference_mode():
@@ -78,7 +78,7 @@ def train_distributions(
 
 
 def batch_nll(
-    learner: DistributionLearner, batch: dict[str, Motion], latents: dict[str, Tensor]
+    learner: DistributionLearner, batch: dict[str, Windows], latents: dict[str, Tensor]
 ) -> dict[str, Tensor]:
     """Negative log-likelihood of each sample of a batch and its latents by system, (b, T) each, as `batch_losses`."""
     model = learner.model

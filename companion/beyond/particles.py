@@ -11,11 +11,11 @@ from torch import Tensor
 
 from companion.beyond.distributions import Stochastic
 from sidm import rotations
-from sidm.learning.dataset import Motion
+from sidm.drives import QUATERNION
+from sidm.learning.dataset import Windows
 from sidm.learning.evaluation import EVALUATION_BATCH
 from sidm.learning.networks import Memory
 from sidm.learning.observation import TARGET_SIZE, encode_inputs, integrate, robot_centred_map
-from sidm.trajectory import QUATERNION
 
 DRAWS = 16  # of the latents, whose mixture a likelihood is of
 LEVELS = (0.5, 0.9)  # of the intervals
@@ -33,7 +33,7 @@ class Calibration(NamedTuple):
 
 
 def one_step(
-    model: Stochastic, motion: Motion, generator: torch.Generator | None, draws: int = DRAWS
+    model: Stochastic, motion: Windows, generator: torch.Generator | None, draws: int = DRAWS
 ) -> Calibration:
     """Likelihood and coverage of the mixture over so many draws of the latents, whole trajectories each.
 

@@ -11,10 +11,10 @@ from torch import Tensor
 
 from sidm import rotations
 from sidm.config import ConfigError, config, refuse_below, refuse_nonsense
+from sidm.drives import ACTION_SIZE, POSITION, QUATERNION, STEPS, upright
 from sidm.learning.model import Predictor
 from sidm.learning.networks import Memory
 from sidm.learning.observation import encode_inputs, integrate, robot_centred_map
-from sidm.trajectory import ACTION_SIZE, POSITION, QUATERNION, STEPS, upright
 
 #: Where actions (N, H, 2) lead: states (N, H + 1, 13), the present one first.
 Imagination = Callable[[Tensor], Tensor]

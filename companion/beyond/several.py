@@ -13,7 +13,7 @@ from torch import Tensor
 
 from sidm.config import ConfigError
 from sidm.learning import checkpoint
-from sidm.learning.dataset import Datasets, Motion, Part, split
+from sidm.learning.dataset import Datasets, Windows, split
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.learner import Learner
 from sidm.learning.model import DynamicsModel
@@ -36,7 +36,7 @@ class SeveralLearner(Learner):
 
     def __init__(
         self,
-        experts: Mapping[str, Motion],
+        experts: Mapping[str, Windows],
         network: Network,
         training: Training,
         seed: int,
@@ -45,15 +45,15 @@ class SeveralLearner(Learner):
         if training.needs_expert or training.mirror:
             raise ConfigError("several experts without a novice: p_expert=0, regularise=False and mirror=False")
         parts = {role: split(len(motion), len(motion), seed) for role, motion in experts.items()}
-        self.learning = {role: experts[role].part(learning) for role, (learning, _) in parts.items()}
+        self.learning = {role: experts[role].subset(learning) for role, (learning, _) in parts.items()}
         count = training.test_trajectories
-        self.testing = {role: experts[role].part(testing).first(count) for role, (_, testing) in parts.items()}
+        self.testing = {role: experts[role].subset(testing).first(count) for role, (_, testing) in parts.items()}
         first = next(iter(experts))
         sets = Datasets(self.learning[first], self.testing[first], experts[first])
         super().__init__(sets, network, training, seed, standardisation, roles=experts)
         self.generators |= {role: generator(seed, role) for role in experts}
 
-    def part(self, role: str) -> Motion | Part:
+    def part(self, role: str) -> Windows:
         """The trajectories of an expert to learn from."""
         return self.learning[role]
 
@@ -75,7 +75,7 @@ class SeveralLearner(Learner):
 
 
 def train_several(
-    experts: Mapping[str, Motion], network: Network, training: Training, seed: int, standardisation: Standardisation
+    experts: Mapping[str, Windows], network: Network, training: Training, seed: int, standardisation: Standardisation
 ) -> Trained:
     """Train one SIDM, and an encoder and a decoder for each expert, by Algorithm 1 until their test loss rises.
 
@@ -105,7 +105,7 @@ def as_novice(model: DynamicsModel, role: str) -> Parts:
     return found
 
 
-def nearest(model: DynamicsModel, motion: Motion | Part) -> str:
+def nearest(model: DynamicsModel, motion: Windows) -> str:
     """The expert whose encoder and decoder predict some motion of a novice with the smallest loss."""
     return min(model.encoders, key=lambda role: mean_loss(model, motion, role))
 

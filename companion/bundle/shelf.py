@@ -7,8 +7,8 @@ from collections.abc import Iterable
 import torch
 from torch import Tensor
 
-from sidm.config import ConfigError
-from sidm.learning.dataset import Motion, Part
+from sidm.config import ConfigError, replace
+from sidm.learning.dataset import Windows
 
 BLANK = 0  # the place of a trajectory of zeros, for places of a batch where none was drawn
 
@@ -16,13 +16,13 @@ BLANK = 0  # the place of a trajectory of zeros, for places of a batch where non
 class Shelf:
     """All trajectories that some trials learn from and test on, of systems of one body."""
 
-    def __init__(self, motions: Iterable[Motion | Part], device: torch.device):
+    def __init__(self, motions: Iterable[Windows], device: torch.device):
         """Copy the data of `motions` to `device`.
 
         Raises:
             ConfigError: they differ in steps or pixels, or do not fit.
         """
-        self._wholes = {id(whole): whole for whole in map(_whole, motions)}
+        self._wholes = {id(one.stored_inputs): replace(one, rows=None) for one in motions}
         shapes = {tuple(whole.maps.shape[1:]) for whole in self._wholes.values()}
         if len(shapes) > 1:
             raise ConfigError(f"the maps (T, P, P) of a bundle must have one shape, not {sorted(shapes)}")
@@ -30,7 +30,7 @@ class Shelf:
         self._first, count = {}, BLANK + 1
         for key, whole in self._wholes.items():
             self._first[key], count = count, count + len(whole)
-        self.motion = Motion(*(_copied([getattr(whole, name) for whole in self._wholes.values()], count, device)
+        self.motion = Windows(*(_copied([getattr(whole, name) for whole in self._wholes.values()], count, device)
                                for name in ("inputs", "targets", "maps")))  # fmt: skip
 
     @property
@@ -38,13 +38,12 @@ class Shelf:
         """T of every trajectory."""
         return self.motion.inputs.shape[1]
 
-    def places(self, motion: Motion | Part) -> Tensor:
+    def places(self, motion: Windows) -> Tensor:
         """(N,) int64, on the CPU: where the trajectories of `motion`, one of those given, stand."""
-        indices = motion.indices if isinstance(motion, Part) else torch.arange(len(motion))
-        return indices + self._first[id(_whole(motion))]
+        return motion.places + self._first[id(motion.stored_inputs)]
 
 
-def refuse_too_much(motions: Iterable[Motion], device: torch.device) -> None:
+def refuse_too_much(motions: Iterable[Windows], device: torch.device) -> None:
     """ConfigError when the maps are larger than what is free on a GPU."""
     needed = sum(motion.maps.numel() * motion.maps.element_size() for motion in motions)
     if device.type == "cuda" and needed > (free := torch.cuda.mem_get_info(device)[0]):
@@ -52,10 +51,6 @@ def refuse_too_much(motions: Iterable[Motion], device: torch.device) -> None:
             f"the maps take {needed / 2**30:.0f} GiB and {device} has {free / 2**30:.0f} free; "
             "choose fewer pixels or leave out the bundle"
         )
-
-
-def _whole(motion: Motion | Part) -> Motion:
-    return motion.whole if isinstance(motion, Part) else motion
 
 
 def _copied(tensors: list[Tensor], count: int, device: torch.device) -> Tensor:

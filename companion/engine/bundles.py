@@ -17,11 +17,12 @@ from companion.engine.pretrained import carried, folder, network_of
 from companion.engine.store import Failure, Outcome, Row
 from companion.trials import Trial
 from sidm.config import ConfigError
+from sidm.drives import GroundError
 from sidm.learning.checkpoint import CheckpointError
 from sidm.learning.training import Tested, Trained, TrainingError
 from sidm.rivals import fine_tuning
 from sidm.rivals.fine_tuning import STATE, Start, expert_in_place, start_from
-from sidm.trajectory import ShardError
+from sidm.shards import ShardError
 
 
 def fits(trial: Trial) -> bool:
@@ -79,7 +80,7 @@ def run_bundle(
         try:
             library.rollouts(trial)  # missing ones are known before hours of work
             library.datasets(trial)
-        except ShardError as error:
+        except (GroundError, ShardError) as error:
             hooks.fault(trial, error)
         else:
             ready.append(trial)

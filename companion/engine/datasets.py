@@ -20,10 +20,11 @@ from companion.engine.likeness import Likeness
 from companion.presets import Preset
 from companion.trials import UNKNOWN, Dataset, Trial
 from sidm.config import from_mapping
+from sidm.drives import Drive
 from sidm.pool import local_pool
+from sidm.shards import ShardError, digest, load
 from sidm.storage import write_record
 from sidm.systems import SYSTEMS
-from sidm.trajectory import ShardError, Trajectory, digest, load
 
 
 def verify(dataset: Dataset, data: str | Path = "data", results: str | Path = "results") -> list[str]:
@@ -72,7 +73,7 @@ def differing(preset: Preset, data: str | Path = "data", results: str | Path = "
     return [one.name for one, noted in known.items() if noted not in (UNKNOWN, find_digest(one, data, results))]
 
 
-def note_digest(dataset: Dataset, trajectories: Sequence[Trajectory], data: str | Path = "data") -> str:
+def note_digest(dataset: Dataset, trajectories: Sequence[Drive], data: str | Path = "data") -> str:
     """Write the digest and the likeness of a dataset beside its shards, and return the digest."""
     found, path = digest(trajectories), local_file(dataset, data)
     if read_digest(path)["digest"] != found:
@@ -101,7 +102,7 @@ def note_datasets(trials: Iterable[Trial], data: str | Path = "data", results: s
         note_committed(dataset, found, data, results)
 
 
-def load_dataset(dataset: Dataset, wanted: str, data: str | Path = "data") -> list[Trajectory]:
+def load_dataset(dataset: Dataset, wanted: str, data: str | Path = "data") -> list[Drive]:
     """The trajectories of a dataset from disk, held against the digest that a trial wants.
 
     Raises:

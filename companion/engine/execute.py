@@ -20,8 +20,9 @@ from companion.engine.store import Failure, Outcome, Row
 from companion.numerics import versions
 from companion.trials import Dataset, Trial
 from sidm.body import ROVER, Body
+from sidm.drives import Drive
 from sidm.learning.arithmetic import one_thread
-from sidm.learning.dataset import Datasets, Motion, load_motion, novice_split
+from sidm.learning.dataset import Datasets, Windows, load_windows, novice_split
 from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
 from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.observation import seen_as
@@ -30,9 +31,8 @@ from sidm.learning.units import Standardisation, loss_weights, units_for, units_
 from sidm.rivals.fine_tuning import Start, frozen
 from sidm.rivals.least_squares import fit
 from sidm.rivals.residual import Corrected, left_over, units
+from sidm.shards import simulated_ground
 from sidm.systems import find_system
-from sidm.terrain import generate_terrain
-from sidm.trajectory import Trajectory
 
 ROLLOUT_STEPS = 25  # control steps of Figure 4's rollouts, 2.5 s
 CURVE_POINTS = 40  # at most, of the learning curve's summary
@@ -41,11 +41,11 @@ ROLLOUTS_KEPT = 3  # whole, for pictures
 Progress = Callable[[Tested], None]  # called after each test
 
 
-def load_checked(dataset: Dataset, digest: str, data: str | Path, pixels: int, body: Body = ROVER) -> Motion:
+def load_checked(dataset: Dataset, digest: str, data: str | Path, pixels: int, body: Body = ROVER) -> Windows:
     """The motion of a dataset; ShardError when it is missing, damaged, or of another digest."""
     load_dataset(dataset, digest, data)
     terrain = find_system(dataset.collection.system).terrain
-    return load_motion(data, dataset.collection, dataset.count, terrain, pixels, body)
+    return load_windows(data, dataset.collection, dataset.count, terrain, pixels, body)
 
 
 class Library:
@@ -53,17 +53,17 @@ class Library:
 
     def __init__(self, data: str | Path = "data"):
         self.data = Path(data)
-        self._rollouts: dict[tuple, list[Trajectory]] = {}
-        self._motions: dict[tuple, Motion] = {}
+        self._rollouts: dict[tuple, list[Drive]] = {}
+        self._motions: dict[tuple, Windows] = {}
 
-    def rollouts(self, trial: Trial) -> list[Trajectory]:
+    def rollouts(self, trial: Trial) -> list[Drive]:
         """The trajectories of the 25-step test; ShardError as in `motion`."""
         key = trial.datasets["rollout"], trial.digests["rollout"]
         if key not in self._rollouts:
             self._rollouts[key] = load_dataset(*key, self.data)
         return self._rollouts[key]
 
-    def motion(self, trial: Trial, kind: str) -> Motion:
+    def motion(self, trial: Trial, kind: str) -> Windows:
         """One of the trial's datasets; ShardError when it is missing, damaged, or not that of the trial."""
         dataset, pixels = trial.datasets[kind], trial.network.pixels
         body = trial.network.body(dataset.collection.role)
@@ -76,7 +76,7 @@ class Library:
         """What the trial learns from and is judged by."""
         pool, validation, expert = (self.motion(trial, kind) for kind in ("novice", "validation", "expert"))
         train_part, test_part = novice_split(len(pool), trial.novice_minutes, trial.seed)
-        return Datasets(pool.part(train_part), pool.part(test_part), validation, expert)
+        return Datasets(pool.subset(train_part), pool.subset(test_part), validation, expert)
 
 
 def perform(
@@ -209,16 +209,16 @@ def stored_as(trial: Trial, found: Outcome | TrainingError, made: Provenance) ->
     return Row(trial=trial, outcome=found, provenance=made)
 
 
-def roll_out(model: Predictor, trial: Trial, trajectories: list[Trajectory]) -> tuple[torch.Tensor, torch.Tensor]:
-    """Predicted and actual states, each (B, K + 1, S), of trajectories under their own actions; K = ROLLOUT_STEPS."""
-    terrain, body = find_system(trial.system).terrain, trial.network.body("novice")
-    heights = torch.tensor(np.stack([generate_terrain(terrain, t.terrain_seed) for t in trajectories]))
-    states = torch.tensor(np.stack([t.states[: ROLLOUT_STEPS + 1] for t in trajectories]))
-    actions = torch.tensor(np.stack([t.actions[:ROLLOUT_STEPS] for t in trajectories]))
+def roll_out(model: Predictor, trial: Trial, drives: list[Drive]) -> tuple[torch.Tensor, torch.Tensor]:
+    """Predicted and actual states, each (B, K + 1, S), of drives under their own actions; K = ROLLOUT_STEPS."""
+    spacing, body = find_system(trial.system).terrain.spacing, trial.network.body("novice")
+    heights = torch.tensor(np.stack([simulated_ground(drive).heights for drive in drives]))
+    states = torch.tensor(np.stack([drive.states[: ROLLOUT_STEPS + 1] for drive in drives]))
+    actions = torch.tensor(np.stack([drive.actions[:ROLLOUT_STEPS] for drive in drives]))
     last = actions[:, -1:]  # stands behind the last state, where no action is
     states, actions = seen_as(body, states, torch.cat([actions, last], 1))
-    pixels, spacing = trial.network.pixels, terrain.spacing
-    return rollout(model, heights, states[:, 0], actions[:, :-1], pixels, spacing=spacing, body=body), states
+    path = rollout(model, heights, states[:, 0], actions[:, :-1], trial.network.pixels, spacing=spacing, body=body)
+    return path, states
 
 
 def curve(trained: Trained) -> dict[str, Any]:

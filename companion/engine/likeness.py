@@ -13,7 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from sidm.config import config
-from sidm.trajectory import POSITION, Trajectory
+from sidm.drives import POSITION, Drive
+from sidm.shards import simulated_ground
 
 SAMPLED = 32  # trajectories, evenly spread
 EARLY = 5  # control steps after which their places are held against each other
@@ -33,7 +34,7 @@ class Likeness:
     standard_errors: tuple[float, ...]  # (2 K,) of them, over trajectories
 
     @classmethod
-    def of(cls, trajectories: Sequence[Trajectory]) -> Likeness:
+    def of(cls, trajectories: Sequence[Drive]) -> Likeness:
         """That of a dataset of at least one trajectory."""
         import torch  # which takes seconds, and reading results does not need it
 
@@ -46,7 +47,7 @@ class Likeness:
         numbers = np.concatenate([transition(states[:, :-1], states[:, 1:]).numpy(), actions], axis=-1)  # (N, T, K)
         means = np.concatenate([numbers.mean(1), (numbers**2).mean(1)], axis=-1)  # (N, 2 K)
         return cls(
-            terrain_seeds=tuple(t.terrain_seed for t in sampled),
+            terrain_seeds=tuple(simulated_ground(t).seed for t in sampled),
             places=tuple(tuple(_short(t.states[EARLY, POSITION])) for t in sampled),
             moments=tuple(_short(means.mean(0))),
             standard_errors=tuple(_short(means.std(0) / np.sqrt(len(means)))),

@@ -12,8 +12,8 @@ from typing import IO
 from companion.digests import local_file
 from companion.trials import Dataset, Trial
 from sidm.config import ConfigError, from_mapping
+from sidm.shards import SHARD_SIZE, ShardError
 from sidm.storage import write_atomically
-from sidm.trajectory import SHARD_SIZE, ShardError
 
 TRIALS = "trials.json"  # in the file: the trials, in their order
 MEBIBYTE = 2**20

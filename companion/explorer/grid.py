@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from companion.numerics import versions
+from sidm.drives import POSITION, QUATERNION
 from sidm.pool import local_pool
 from sidm.progress import progress_bar
 from sidm.replay.packing import pack, unpack
@@ -23,7 +24,6 @@ from sidm.replay.rides import ROBOTS, SAMPLES, Ride, drive, sampled_physics, wea
 from sidm.storage import read_arrays, read_record, write_arrays, write_record
 from sidm.systems import ROLES, Robot, Terrain
 from sidm.terrain import generate_terrain
-from sidm.trajectory import POSITION, QUATERNION
 
 FOLDER = Path("results/explorer")
 BODY = ROBOTS["system1 novice"]

@@ -35,14 +35,13 @@ from companion.explorer.grid import (
 )  # fmt: skip
 from companion.explorer.views import LINES
 from companion.figures.style import half_width
-from sidm.recordings import Ground
+from sidm.drives import CONTROL_STEP, Ground
 from sidm.replay.packing import text
 from sidm.replay.rides import SAMPLE, STRUTS
 from sidm.replay.scene_file import cropped, ground_json, read_scene, scene_json
 from sidm.replay.skeleton import heave_curves, rover_skeleton
 from sidm.replay.viewer import SCRIPTS, STYLE, static
 from sidm.systems import GRID_SPACING, Robot
-from sidm.trajectory import CONTROL_STEP
 
 WHO = ("your robot", "the robot named")
 VIEW = (-1.5, 14.5, -5.0, 5.0)  # left, right, low and high of the ground that is shown, m

@@ -13,7 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from sidm.recordings import Ground
+import sidm
+from sidm.config import replace
+from sidm.drives import CONTROL_STEP, POSITION, QUATERNION, Ground
 from sidm.replay.rides import Ride, drive, sampled_physics
 from sidm.replay.scene import (
     GHOST,
@@ -31,8 +33,8 @@ from sidm.replay.scene import (
 )
 from sidm.replay.scene_file import write_scene
 from sidm.replay.skeleton import BOXES, Skeleton
+from sidm.shards import Collection
 from sidm.terrain import generate_terrain
-from sidm.trajectory import CONTROL_STEP, POSITION, QUATERNION, Collection
 
 FOLDER = Path("results/explorer")
 TRUTH = "#F2F2EE"  # the robot that really drove, beside the methods' own colours
@@ -43,11 +45,11 @@ WARTHOG_DRIVE = 23  # it turns more than most
 
 def collected_ride(collection: Collection, index: int, steps: int) -> Ride:
     """Trajectory `index` of a collection as a ride: the same motion, with all that moves."""
-    from sidm.simulation import Simulator, simulate
-    from sidm.simulation.collect import drawn
+    from sidm.simulation import Simulator, simulate_trajectory
+    from sidm.simulation.collecting import drawn
     from sidm.systems import find_system
 
-    system, attempts = find_system(collection.system), sum(simulate(collection, index).discarded)
+    system, attempts = find_system(collection.system), sum(simulate_trajectory(collection, index).discarded)
     terrain_seed, yaw, actions = drawn(collection, index, attempts)
     physics = sampled_physics(system.physics.strut_motors)
     with Simulator(system.robot(collection.role), generate_terrain(system.terrain, terrain_seed), physics) as simulator:
@@ -113,21 +115,12 @@ def rollout_scene(rows: Sequence[Any], minutes: float) -> Scene:
 
 def warthog_scene(recordings: Path = Path("recordings")) -> Scene:
     """A drive of the real Warthog, and what the model that is kept beside the recording predicts from its start."""
-    import torch
-
-    from sidm.body import read_body
-    from sidm.fitting.model import load
-    from sidm.learning.evaluation import rollout
-    from sidm.recordings import read_drives
-
-    body = read_body(recordings / "skid_steer.yaml")
-    drive = read_drives(recordings / "warthog.csv.gz", body)[WARTHOG_DRIVE]
-    model = load(recordings / "models" / "warthog")
-    start, actions = torch.as_tensor(drive.states[0]), torch.as_tensor(drive.actions)
-    path = rollout(model.predictor, None, start, actions, model.network.pixels, body=body).numpy()
+    drive = sidm.read_drives(recordings / "warthog.csv.gz", recordings / "skid_steer.yaml")[WARTHOG_DRIVE]
+    model = sidm.load(recordings / "models" / "warthog")
+    path = model.rollout(drive.states[0], drive.actions)
     ground, box = level(np.concatenate([drive.states[:, :2], path[:, :2]])), BOXES["warthog"]
-    robot = drive_track(drive, body, ground, box, "the Warthog", TRUTH)
-    ghost = drive_track(drive._replace(states=path), body, ground, box, "its model", "#D55E00")
+    robot = drive_track(drive, ground, box, "the Warthog", TRUTH)
+    ghost = drive_track(replace(drive, states=path), ground, box, "its model", "#D55E00")
     return Scene((robot, ghost._replace(ghost=GHOST)), ground, 4.5 * box.wheelbase, "a Warthog and its model")
 
 

@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.figures.style import lay_ground
+from sidm.drives import POSITION
 from sidm.plots import STYLE
 from sidm.replay.rides import Ride, tilt
-from sidm.trajectory import POSITION
 
 #: Of the first and the second robot.
 LINES: tuple[dict[str, Any], ...] = ({"color": "#0072B2", "linestyle": "-"}, {"color": "#D55E00", "linestyle": "--"})

@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from companion.figures.style import METHOD_STYLES, half_width, lay_ground, legend_below
+from sidm.drives import CONTROL_STEP
 from sidm.plots import STYLE
 from sidm.systems import GRID_SPACING
-from sidm.trajectory import CONTROL_STEP
 
 MARGIN = 0.7  # m of ground shown around the paths
 HELD = 1.5  # s that the last picture stays

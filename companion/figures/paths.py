@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from companion.figures.curves import by_method_and_size, size_style
 from companion.figures.style import METHOD_STYLES, legend_below
+from sidm.drives import CONTROL_STEP
 from sidm.plots import finish, side_by_side, styled
-from sidm.trajectory import CONTROL_STEP
 
 
 @styled

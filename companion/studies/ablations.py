@@ -19,8 +19,8 @@ from companion.study import Study
 from companion.trials import Trial
 from sidm.config import ConfigError, replace
 from sidm.plots import finish, side_by_side, styled
+from sidm.shards import trajectories_for
 from sidm.systems import SYSTEMS
-from sidm.trajectory import trajectories_for
 
 EMPTY: Mapping[str, float] = MappingProxyType({})
 

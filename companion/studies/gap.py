@@ -19,12 +19,12 @@ from companion.engine.records import asked, single
 from companion.figures.style import SIZE_STYLES, legend_below
 from companion.numerics import versions
 from sidm.config import to_mapping
+from sidm.drives import CONTROL_STEP
 from sidm.plots import finish, side_by_side, styled
 from sidm.pool import local_pool
 from sidm.storage import write_record
 from sidm.systems import FREE_SYSTEMS, ROLES, SYSTEMS, find_system
 from sidm.terrain import generate_terrain
-from sidm.trajectory import CONTROL_STEP
 
 GAP_SEED = 6  # apart from the seeds of all data
 POLICY = "ornstein_uhlenbeck"

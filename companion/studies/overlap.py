@@ -20,10 +20,10 @@ from companion.engine.datasets import load_dataset
 from companion.engine.records import asked, single
 from companion.numerics import versions
 from companion.study import Study
+from sidm.drives import STEPS, Drive
 from sidm.learning.observation import encode_inputs, transition
 from sidm.storage import write_record
 from sidm.systems import SYSTEMS
-from sidm.trajectory import STEPS, Trajectory
 
 MOST = 40_000  # steps of each robot, among which neighbours are looked up
 QUERIES = 5_000  # steps of the validation set
@@ -40,7 +40,7 @@ class Neighbourhood(NamedTuple):
     loss: float  # equation (1) of the mean of what followed at the NEIGHBOURS nearest
 
 
-def steps(trajectories: list[Trajectory], count: int) -> tuple[np.ndarray, np.ndarray]:
+def steps(trajectories: list[Drive], count: int) -> tuple[np.ndarray, np.ndarray]:
     """Inputs (count, 11) and transitions (count, 13) of steps evenly taken from trajectories."""
     states = torch.tensor(np.stack([t.states for t in trajectories]), dtype=torch.float64)
     actions = torch.tensor(np.stack([t.actions for t in trajectories]), dtype=torch.float64)

@@ -29,11 +29,13 @@ from companion.studies.real_robots.measure import PAIRS, robot
 from companion.studies.several_experts.family import collect_members, dataset
 from companion.studies.several_experts.results import MEMBER as MEMBER_ALONE
 from companion.trials import EXPERT_SEED, POOL_SEED
+from sidm.drives import Drive
+from sidm.learning.dataset import stacked
 from sidm.plots import finish, side_by_side, styled
 from sidm.pool import local_pool
+from sidm.shards import Collection, load
 from sidm.storage import write_record
 from sidm.systems import FREE_SYSTEMS, SYSTEMS
-from sidm.trajectory import Collection, Trajectory, load
 
 AHEAD, BEFORE = 10, 4  # steps of 0.1 s: of the answer, and over which a velocity is taken
 TRAJECTORIES = 128  # of a simulated robot
@@ -63,7 +65,7 @@ class Moments(NamedTuple):
     pieces: np.ndarray  # (M,) number of the piece
 
 
-def simulated(trajectories: list[Trajectory]) -> Planar:
+def simulated(trajectories: list[Drive]) -> Planar:
     """Of the paper's robots."""
     states = np.stack([one.states for one in trajectories]).astype(float)
     x, y, z, w = np.moveaxis(states[..., 3:7], -1, 0)
@@ -74,8 +76,8 @@ def simulated(trajectories: list[Trajectory]) -> Planar:
 
 def recorded(name: str) -> Planar:
     """Of a real robot, or of someone else's simulator."""
-    pieces = robot(name)
-    return Planar(pieces.states[..., :3].numpy(), pieces.states[..., 3].numpy(), pieces.actions.numpy())
+    states, actions = (values.numpy() for values in stacked(robot(name)))
+    return Planar(states[..., :3], states[..., 3], actions)
 
 
 def moments(motion: Planar) -> Moments:

@@ -20,8 +20,8 @@ from companion.methods import BASELINES, FIGURE3, METHODS
 from companion.study import Study
 from companion.trials import Trial
 from sidm.config import replace
+from sidm.drives import STEPS
 from sidm.storage import write_record
-from sidm.trajectory import STEPS
 
 NAME = "pace.json"
 SYSTEM = "system1"  # on the other one the same networks see batches of the same size

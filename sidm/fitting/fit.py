@@ -1,4 +1,4 @@
-"""From drives to a model of the robot, and from a model to what it predicts: `sidm fit`, `evaluate`, `predict`."""
+"""From drives to a model of the robot: `sidm.fit`, and several methods side by side: `sidm.compare`."""
 
 from __future__ import annotations
 
@@ -9,62 +9,60 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-import torch
-
-from sidm.body import SI, Body, read_body
 from sidm.config import ConfigError
+from sidm.drives import Drive, minutes_of
+from sidm.fitting.arguments import drives_from, refuse_swapped
 from sidm.fitting.learning import datasets, learn, network_for, pretrain, refuse_method, units_in
-from sidm.fitting.model import RobotModel, save
-from sidm.fitting.settings import settings
-from sidm.fitting.windows import Pieces, common_length, cut, learn_and_test, session_order
+from sidm.fitting.model import Model
+from sidm.fitting.settings import Settings, settings_with
+from sidm.fitting.windows import common_length, cut, hold_out, learn_and_test, session_order
 from sidm.learning.arithmetic import one_thread
-from sidm.learning.evaluation import rollout_errors
-from sidm.learning.losses import component_losses, prediction_loss
+from sidm.learning.losses import prediction_loss
 from sidm.learning.stopping import Tested
 from sidm.learning.units import loss_weights, units_for
 from sidm.progress import progress_bar
-from sidm.recordings import Drive, read_drives
 from sidm.settings import Network, Training
 
 if TYPE_CHECKING:
     import pandas as pd
 
-UNFINISHED = "unfinished"  # a folder in the model's, of the state to go on from
-WARM_UP = 4  # steps that a model sees before it predicts open loop
+    from sidm.fitting.arguments import BodyLike, Drives
 
-Drives = str | Path | Sequence[Drive]
+UNFINISHED = "unfinished"  # a folder in the model's, of the state to go on from
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 def fit(
     novice: Drives,
     expert: Drives | None = None,
-    body: Body | str | Path | None = None,
-    expert_body: Body | str | Path | None = None,
     method: str | None = None,
-    out: str | Path | None = None,
-    seed: int = 0,
-    topics: Sequence[str] = (),
-    progress: bool = False,
+    *,
+    body: BodyLike | None = None,
+    expert_body: BodyLike | None = None,
     network: Network | None = None,
     training: Training | None = None,
-    values: Mapping[str, Any] = MappingProxyType({}),
-) -> RobotModel:
+    settings: Mapping[str, Any] = NOTHING,
+    seed: int = 0,
+    out: str | Path | None = None,
+    topics: Sequence[str] = (),
+    progress: bool = False,
+) -> Model:
     """Learn a robot from its drives, with another robot's if there are any.
 
     Args:
-        novice: a file or a folder of drives, or drives that are read already.
-        expert: of another robot, whose motion is cheaper.
-        body: what the novice's data are made of, or the file that says it.
-        expert_body: the expert's; as the novice's unless given.
-        method: one of `rivals.methods.METHODS`; 'sidm' with an expert and 'novice_only' without one by default.
-        out: a folder for the model; it also keeps an unfinished training, which the same call goes on with.
+        novice: drives of the robot, as `sidm.simulate` and `sidm.read_drives` give them; or a file, a ROS bag or a
+            folder of them, or several; or a pandas table.
+        expert: drives of another robot, whose motion is cheaper.
+        method: one of `sidm.rivals.methods.METHODS`; 'sidm' with an expert and 'novice_only' without one by default.
+        body: what the novice's drives are made of, where they come from files: a body, its YAML file or a mapping.
+        expert_body: what the expert's drives are made of; as the novice's unless given.
+        network: sizes of the networks; the robots' bodies are put in.
+        training: settings of the training, in place of what each method was tuned to.
+        settings: single settings of both by name, as `{"hidden": 64, "p_expert": 0.5}`.
         seed: of the choice of drives to stop by, the initial weights and the batches.
+        out: a folder for the model; it also keeps an unfinished training, which the same call goes on with.
         topics: of ROS bags that are read, where several could be meant.
         progress: whether to show it, with the time left at most.
-        network: sizes of the networks, as of `settings.settings`, as are the next two.
-        training: settings of the training.
-        values: single settings of both, by name.
 
     Returns:
         The model, written to `out` if given.
@@ -72,25 +70,44 @@ def fit(
     Raises:
         RecordingError: the first fault of a file of drives.
         ConfigError: a body, a method or a setting that these robots cannot be learnt with.
+        TypeError: something else than drives.
+
+    Examples:
+        >>> drives = sidm.read_drives("recordings/warthog.csv.gz", body="recordings/skid_steer.yaml")
+        >>> model = sidm.fit(drives[:200], method="least_squares")
+        >>> model
+        Model('least_squares' of body 'skid-steered', from 6.3 min)
+        >>> round(model.loss(drives[200:]), 1) < 1.0
+        True
     """
-    chosen = settings(network, training, values)
-    if body is None:
-        raise ConfigError("say what the drives are made of: --body robot.yaml, as the page on your own robot shows")
-    if expert is None and expert_body is not None:
-        raise ConfigError("--expert-body is that of an expert's drives: name them with --expert")
+    chosen = settings_with(network, training, settings)
     if seed < 0:
-        raise ConfigError(f"--seed must be 0 or more, not {seed}")
-    mine = _body(body)
-    theirs = mine if expert_body is None else _body(expert_body)
-    method = method or ("sidm" if expert is not None else "novice_only")
-    refuse_method(method, mine, None if expert is None else theirs)
-    own = _drives(novice, mine, topics)
-    other = None if expert is None else _drives(expert, theirs, topics)
+        raise ConfigError(f"seed must be 0 or more, not {seed}")
+    if expert is None and expert_body is not None:
+        raise ConfigError("expert_body says what an expert's drives are made of, but there is no expert")
+    own = drives_from(novice, body, "novice", topics)
+    other = None if expert is None else drives_from(expert, expert_body or body, "expert", topics)
+    method = method or ("novice_only" if other is None else "sidm")
+    refuse_method(method, own[0].body, None if other is None else other[0].body)
+    refuse_swapped(own, other)
+    model = _fit(own, other, method, chosen, seed, out, progress)
+    if out is not None:
+        model.save(out)
+        shutil.rmtree(Path(out) / UNFINISHED, ignore_errors=True)
+    return model
+
+
+def _fit(
+    own: Sequence[Drive], other: Sequence[Drive] | None, method: str, chosen: Settings, seed: int,
+    out: str | Path | None, progress: bool,
+) -> Model:  # fmt: skip
+    """`fit` of drives that were read, by settings that were made."""
     steps = common_length(own, *([other] if other else []))
-    pieces = cut(own, mine, steps)
-    parts = learn_and_test(pieces, session_order(pieces, seed))
-    network = network_for(chosen, mine, theirs)
-    sets = datasets(*parts, parts[1], None if other is None else cut(other, theirs, steps), network.pixels)
+    windows = cut(own, steps)
+    parts = learn_and_test(windows, session_order(windows, seed))
+    body = own[0].body
+    network = network_for(chosen, body, other[0].body if other else None)
+    sets = datasets(*parts, parts[1], cut(other, steps) if other else None, network.pixels)
     state = None if out is None else Path(out) / UNFINISHED
     folders = [state / name if state else None for name in ("pretraining", "training")]
     most = chosen.training.max_samples
@@ -100,16 +117,10 @@ def fit(
         with _watched(f"fitting {method}, at most", most, progress) as tell:
             trained = learn(method, sets, network, seed, chosen, start=start, folder=folders[1], progress=tell)
     units = units_for(units_in(sets, network), "novice")
-    scale, judged = loss_weights(mine, units), sets.test.targets
-    mean = prediction_loss(units.target_mean.expand_as(judged), judged, scale).mean()
-    model = RobotModel(
-        trained.model.eval(), mine, method, steps, pieces.minutes, float(trained.best_test_loss), network, scale,
-        float(mean),
-    )
-    if out is not None:
-        save(model, out)
-        shutil.rmtree(Path(out) / UNFINISHED, ignore_errors=True)
-    return model
+    scale, targets = loss_weights(body, units), sets.test.targets
+    mean = prediction_loss(units.target_mean.expand_as(targets), targets, scale).mean()
+    minutes, best = minutes_of(windows), float(trained.best_test_loss)
+    return Model(trained.model.eval(), body, method, steps, minutes, best, network, scale, float(mean))
 
 
 @contextlib.contextmanager
@@ -119,78 +130,55 @@ def _watched(title: str, most: int, shown: bool) -> Iterator[Callable[[Tested], 
         yield lambda tested: bar.update(max(0, tested.samples - bar.n))
 
 
-def _body(body: Body | str | Path) -> Body:
-    return body if isinstance(body, Body) else read_body(body)
+def compare(
+    novice: Drives,
+    expert: Drives | None = None,
+    methods: Sequence[str] = (),
+    *,
+    body: BodyLike | None = None,
+    expert_body: BodyLike | None = None,
+    share: float = 0.25,
+    seed: int = 0,
+    settings: Mapping[str, Any] = NOTHING,
+    progress: bool = False,
+) -> pd.DataFrame:
+    """Fit several methods to the same drives, and judge each by the same drives that none has learnt from.
 
-
-def _drives(drives: Drives, body: Body, topics: Sequence[str], held: bool = False) -> Sequence[Drive]:
-    return read_drives(drives, body, topics, held) if isinstance(drives, (str, Path)) else drives
-
-
-def evaluate(model: RobotModel, drives: Drives, topics: Sequence[str] = ()) -> pd.DataFrame:
-    """How well a model predicts drives that it has not learnt from; `topics` as of `fit`.
+    Args:
+        novice: as of `fit`.
+        expert: as of `fit`.
+        methods: names as of `fit`; by default those that these robots can be learnt by without pretraining.
+        body: as of `fit`.
+        expert_body: as of `fit`.
+        share: of the novice's steps that judge, at most: the last sessions.
+        seed: as of `fit`.
+        settings: as of `fit`.
+        progress: whether to show it.
 
     Returns:
-        A line a component of y and a line a horizon: `quantity`, `horizon` in steps (1 for components), `error`, the
-        root mean square in the `unit`, and `share`, of it that predicting the drives' mean would leave; of a horizon
-        that of the position in m, or of the heading in rad, open loop after WARM_UP steps, its share that of a robot
-        that stays as it is.
+        A line a method, the best first: `loss` on the held-out drives, a step; and the `position` error, m, and the
+        `heading` error, rad, at the end of an open-loop prediction, where the body has a pose.
 
     Raises:
-        RecordingError: the first fault of a file; ConfigError: drives that are too short.
+        ConfigError: as of `fit`, or a single drive.
+
+    Examples:
+        >>> drives = sidm.read_drives("recordings/warthog.csv.gz", body="recordings/skid_steer.yaml")
+        >>> table = sidm.compare(drives, methods=["least_squares"])
+        >>> list(table.columns)
+        ['method', 'loss', 'position', 'heading']
     """
     import pandas as pd
 
-    body = model.body
-    found = _drives(drives, body, topics, held=True)
-    pieces = cut(found, body, common_length(found))
-    motion = pieces.motion(model.network.pixels)
-    with torch.inference_mode():
-        predicted, _ = model.predictor("novice", motion.inputs, motion.maps)
-    wrong = component_losses(predicted, motion.targets).double().mean((0, 1)).sqrt()
-    spread = motion.targets.flatten(0, 1).double().std(0, correction=0)
-    units = [SI[unit] for _, unit in body.state]  # those of a pose are those of its change
-    lines = [
-        (name, 1, unit, float(error), float(error / own.clamp_min(1e-12)))
-        for name, unit, error, own in zip(body.targets, units, wrong, spread, strict=True)
-    ]
-    return pd.DataFrame(
-        [*lines, *_horizons(model, pieces)], columns=["quantity", "horizon", "unit", "error", "share"]
-    )
-
-
-def _horizons(model: RobotModel, pieces: Pieces) -> list[tuple[str, int, str, float, float]]:
-    """Lines of `evaluate` for open loop."""
-    body, ahead = model.body, pieces.actions.shape[1] - WARM_UP
-    if body.pose == "none" or ahead < 1:
-        return []
-    path, actual = pieces.rollout(model.predictor, WARM_UP, ahead, model.network.pixels), pieces.states[:, WARM_UP:]
-    stays = actual[:, :1].expand_as(actual)
-    both = [[one.square().mean(0).sqrt() for one in rollout_errors(some, actual, body)] for some in (path, stays)]
-    names = (("position", "m"), ("heading", "rad"))
-    return [
-        (name, step + 1, unit, float(error[step]), float(error[step] / still[step].clamp_min(1e-12)))
-        for (name, unit), error, still in zip(names, *both, strict=True)
-        for step in range(ahead)
-    ]
-
-
-def predict(model: RobotModel, drive: Drives, topics: Sequence[str] = ()) -> pd.DataFrame:
-    """What a model predicts of drives, each step from the recorded state before it; `topics` as of `fit`.
-
-    Returns:
-        A line a step: `drive`, `time` s, and each component of y as `predicted_...` and `actual_...`.
-    """
-    import pandas as pd
-
-    body, lines = model.body, []
-    for one in _drives(drive, body, topics, held=True):
-        motion = cut([one], body, len(one.actions)).motion(model.network.pixels)
-        with torch.inference_mode():
-            predicted, _ = model.predictor("novice", motion.inputs, motion.maps)
-        time = np.arange(1, len(one.actions) + 1) / body.rate
-        values = {f"{kind}_{name.replace(' ', '_')}": part[0, :, number].numpy()
-                  for kind, part in (("predicted", predicted), ("actual", motion.targets))
-                  for number, name in enumerate(body.targets)}  # fmt: skip
-        lines.append(pd.DataFrame({"drive": one.name, "time": time} | values))
-    return pd.concat(lines, ignore_index=True)
+    own = drives_from(novice, body, "novice")
+    other = None if expert is None else drives_from(expert, expert_body or body, "expert")
+    learning, judging = hold_out(own, share)
+    methods = methods or ("least_squares", "novice_only", *(("sidm",) if other else ()))
+    lines = []
+    for method in methods:
+        model = fit(learning, other, method, settings=settings, seed=seed, progress=progress)
+        table = model.evaluate(judging)
+        last = {name: table[table.quantity == name].error for name in ("position", "heading")}
+        lines.append({"method": method, "loss": model.loss(judging)}
+                     | {name: errors.iloc[-1] for name, errors in last.items() if len(errors)})  # fmt: skip
+    return pd.DataFrame(lines).sort_values("loss", ignore_index=True)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from sidm.body import Body
 from sidm.config import ConfigError, replace, unknown_name
+from sidm.drives import Drive
 from sidm.fitting.settings import SETTINGS, Settings
-from sidm.fitting.windows import Pieces
-from sidm.learning.dataset import Datasets
+from sidm.learning.dataset import Datasets, windows_of
 from sidm.learning.training import Progress, Trained, train
 from sidm.learning.units import Standardisation, Units, loss_weights, units_for, units_of
 from sidm.rivals.fine_tuning import Start, expert_in_place, frozen, start_from
@@ -38,11 +39,12 @@ def network_for(chosen: Settings, novice: Body, expert: Body | None = None) -> N
 
 
 def datasets(
-    train_part: Pieces, test_part: Pieces, validation: Pieces, expert: Pieces | None, pixels: int = 0
-) -> Datasets:
+    train_part: Sequence[Drive], test_part: Sequence[Drive], validation: Sequence[Drive],
+    expert: Sequence[Drive] | None, pixels: int = 0,
+) -> Datasets:  # fmt: skip
     """What a method learns from and is judged by, with maps of `pixels` a side where a body does not say how many."""
-    own, stops, judges = (part.motion(pixels) for part in (train_part, test_part, validation))
-    return Datasets(own, stops, judges, None if expert is None else expert.motion(pixels))
+    own, stops, judges = (windows_of(part, pixels) for part in (train_part, test_part, validation))
+    return Datasets(own, stops, judges, None if expert is None else windows_of(expert, pixels))
 
 
 def units_in(sets: Datasets, network: Network) -> Units:

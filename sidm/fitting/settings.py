@@ -62,7 +62,7 @@ SETTINGS = Settings(
 )  # fmt: skip
 
 
-def settings(
+def settings_with(
     network: Network | None = None, training: Training | None = None, values: Mapping[str, Any] = MappingProxyType({})
 ) -> Settings:
     """SETTINGS with networks and a training of your own.

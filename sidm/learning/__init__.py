@@ -1,7 +1,7 @@
 """The paper's method: what the networks see, the networks, their losses, training and evaluation; without PyBullet."""
 
 from sidm.learning.checkpoint import CheckpointError
-from sidm.learning.dataset import Datasets, Motion, load_motion, novice_split, prepare
+from sidm.learning.dataset import Datasets, Windows, load_windows, novice_split, windows_of
 from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
 from sidm.learning.model import DynamicsModel
 from sidm.learning.networks import SIDM, Decoder, Discriminator, Encoder, parameter_count
@@ -12,7 +12,7 @@ from sidm.settings import PAPER_NETWORK, RELEASED_NETWORK, Network, Training
 
 __all__ = [
     "PAPER_NETWORK", "RELEASED_NETWORK", "SIDM", "CheckpointError", "Datasets", "Decoder", "Discriminator",
-    "DynamicsModel", "Encoder", "Motion", "Network", "Standardisation", "Tested", "Trained", "Training",
-    "TrainingError", "encode_inputs", "integrate", "load_motion", "novice_split", "parameter_count", "prepare",
-    "robot_centred_map", "rollout", "rollout_errors", "train", "transition", "validation_loss",
+    "DynamicsModel", "Encoder", "Network", "Standardisation", "Tested", "Trained", "Training",
+    "TrainingError", "Windows", "encode_inputs", "integrate", "load_windows", "novice_split", "parameter_count",
+    "robot_centred_map", "rollout", "rollout_errors", "train", "transition", "validation_loss", "windows_of",
 ]  # fmt: skip

@@ -15,8 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from sidm.config import Fault
-from sidm.storage import read_arrays, write_arrays
-from sidm.trajectory import checksum
+from sidm.storage import checksum, read_arrays, write_arrays
 
 FILE = "checkpoint.npz"
 TEXT = "json"  # the name of the array that holds the text

@@ -1,4 +1,4 @@
-"""From trajectories to tensors: maps cached on disk, the nested novice split."""
+"""From drives to tensors: windows of equal length, their maps cached on disk, the nested novice split."""
 
 from __future__ import annotations
 
@@ -14,120 +14,124 @@ import torch
 from torch import Tensor
 
 from sidm.body import ROVER, Body
-from sidm.config import ConfigError
+from sidm.config import ConfigError, replace
+from sidm.drives import Drive
 from sidm.learning import observation
+from sidm.shards import Collection, ShardError, digest, load, trajectories_for
 from sidm.storage import locked, write_atomically
 from sidm.systems import Terrain
-from sidm.terrain import generate_terrain
-from sidm.trajectory import (
-    Collection,
-    ShardError,
-    Trajectory,
-    digest,
-    is_ground_of,
-    load,
-    trajectories_for,
-)
 
 AT_A_TIME = 64  # trajectories whose maps are in memory while they are made
 TEST_EVERY = 4  # one trajectory of four is for testing: 75 % train, 25 % test (section 4)
 Indices = Tensor | np.ndarray | Sequence[int]
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """N trajectories of T steps as the networks see them."""
+@dataclass(frozen=True, eq=False, repr=False)
+class Windows:
+    """N windows of T steps of one robot, as the networks see them.
 
-    inputs: Tensor  # (N, T, X) float32, raw units; X is 11 of the paper's body
-    targets: Tensor  # (N, T, Y) float32, raw units; Y is 13 of the paper's body
-    maps: Tensor  # (N, T, P, P) float16, m; P is 0 of a body without a map
+    All that is stored, or some `rows` of it: those are copied when they are asked for, so that maps can stay in a file.
+    """
 
-    def __len__(self) -> int:
-        """N."""
-        return len(self.inputs)
-
-    def take(self, indices: Indices) -> Motion:
-        """The trajectories of these indices, copied."""
-        chosen = torch.as_tensor(indices, dtype=torch.long)
-        return Motion(self.inputs[chosen], self.targets[chosen], self.maps[chosen])
-
-    def part(self, indices: Indices) -> Part:
-        """The trajectories of these indices, not copied."""
-        return Part(self, torch.as_tensor(indices, dtype=torch.long))
-
-    def first(self, count: int) -> Motion:
-        """The first `count` trajectories, or all where there are fewer, not copied."""
-        return Motion(self.inputs[:count], self.targets[:count], self.maps[:count])
-
-    def split(self, size: int) -> Iterator[Motion]:
-        """All trajectories in order, at most `size` at a time, not copied."""
-        parts = zip(self.inputs.split(size), self.targets.split(size), self.maps.split(size), strict=True)
-        return (Motion(*part) for part in parts)
-
-    def to(self, device: torch.device | str) -> Motion:
-        """The same on a device."""
-        return Motion(self.inputs.to(device), self.targets.to(device), self.maps.to(device))
-
-
-@dataclass(frozen=True, eq=False)
-class Part:
-    """Some trajectories of a Motion, by index: their maps stay in its file until they are taken."""
-
-    whole: Motion
-    indices: Tensor  # (N,) int64
+    stored_inputs: Tensor  # (M, T, X) float32, raw units; X is 11 of the paper's body
+    stored_targets: Tensor  # (M, T, Y) float32, raw units; Y is 13 of the paper's body
+    stored_maps: Tensor  # (M, T, P, P) float16, m; P is 0 of a body without a map
+    rows: Tensor | None = None  # (N,) int64, which of the stored; None: all, in order
 
     def __len__(self) -> int:
         """N."""
-        return len(self.indices)
+        return len(self.stored_inputs if self.rows is None else self.rows)
+
+    def __repr__(self) -> str:
+        return f"Windows({len(self)} of {self.stored_inputs.shape[1]} steps)"
 
     @property
     def inputs(self) -> Tensor:
         """(N, T, X) float32, raw units."""
-        return self.whole.inputs[self.indices]
+        return self._of(self.stored_inputs)
 
     @property
     def targets(self) -> Tensor:
         """(N, T, Y) float32, raw units."""
-        return self.whole.targets[self.indices]
+        return self._of(self.stored_targets)
 
-    def take(self, indices: Indices) -> Motion:
-        """The trajectories of these indices within the part, copied."""
-        return self.whole.take(self.indices[torch.as_tensor(indices, dtype=torch.long)])
+    @property
+    def maps(self) -> Tensor:
+        """(N, T, P, P) float16, m."""
+        return self._of(self.stored_maps)
 
-    def first(self, count: int) -> Part:
-        """The first `count` trajectories, or all where there are fewer."""
-        return Part(self.whole, self.indices[:count])
+    def _of(self, stored: Tensor) -> Tensor:
+        return stored if self.rows is None else stored[self.rows]
 
-    def split(self, size: int) -> Iterator[Motion]:
-        """All trajectories in order, at most `size` at a time, each copied when its turn comes."""
-        return (self.whole.take(indices) for indices in self.indices.split(size))
+    @property
+    def places(self) -> Tensor:
+        """(N,) int64: which of the stored windows these are."""
+        return torch.arange(len(self)) if self.rows is None else self.rows
+
+    def take(self, indices: Indices) -> Windows:
+        """The windows of these indices, copied."""
+        chosen = torch.as_tensor(indices, dtype=torch.long)
+        chosen = chosen if self.rows is None else self.rows[chosen]
+        return Windows(self.stored_inputs[chosen], self.stored_targets[chosen], self.stored_maps[chosen])
+
+    def subset(self, indices: Indices) -> Windows:
+        """The windows of these indices, not copied."""
+        chosen = torch.as_tensor(indices, dtype=torch.long)
+        return replace(self, rows=chosen if self.rows is None else self.rows[chosen])
+
+    def first(self, count: int) -> Windows:
+        """The first `count` windows, or all where there are fewer, not copied."""
+        if self.rows is not None:
+            return replace(self, rows=self.rows[:count])
+        return Windows(self.stored_inputs[:count], self.stored_targets[:count], self.stored_maps[:count])
+
+    def split(self, size: int) -> Iterator[Windows]:
+        """All windows in order, at most `size` at a time; of some rows each part is copied when its turn comes."""
+        if self.rows is not None:
+            return (self.take(part) for part in torch.arange(len(self)).split(size))
+        parts = zip(*(one.split(size) for one in (self.inputs, self.targets, self.maps)), strict=True)
+        return (Windows(*part) for part in parts)
+
+    def to(self, device: torch.device | str) -> Windows:
+        """The same on a device."""
+        return Windows(self.inputs.to(device), self.targets.to(device), self.maps.to(device))
 
 
 class Datasets(NamedTuple):
     """What a trial learns from and is judged by."""
 
-    train: Motion | Part  # the novice's, to learn from
-    test: Motion | Part  # the novice's, to stop by
-    validation: Motion | Part  # the novice's, to judge by
-    expert: Motion | None = None
+    train: Windows  # the novice's, to learn from
+    test: Windows  # the novice's, to stop by
+    validation: Windows  # the novice's, to judge by
+    expert: Windows | None = None
 
 
-def prepare(trajectories: Sequence[Trajectory], terrain: Terrain, pixels: int, body: Body = ROVER) -> Motion:
-    """Trajectories of equal length T as tensors, as `body` has them, with maps of `pixels` a side unless it says.
+def windows_of(drives: Sequence[Drive], pixels: int, body: Body | None = None) -> Windows:
+    """Drives of equal length T as tensors, with maps of their ground.
+
+    Args:
+        drives: of one robot.
+        pixels: P, a side of the maps where the body does not say how many.
+        body: what the networks are to see of a robot of the paper; by default the drives' own body.
 
     Raises:
-        ShardError: a terrain that cannot be made again as it was; one line.
-        ValueError: no trajectories.
+        GroundError: simulated ground that cannot be made again as it was; one line.
+        ConfigError: the body sees a height map, and a drive has no ground.
+        ValueError: no drives.
     """
+    if not drives:
+        raise ValueError("no drives to make windows of")
+    body = body or drives[0].body
     pixels = body.pixels(pixels)
-    maps = np.stack([_maps(trajectory, terrain, pixels, body) for trajectory in trajectories])
-    return _motion(trajectories, torch.from_numpy(maps), body)
+    if not pixels:
+        return _windows(drives, None, body)
+    return _windows(drives, torch.from_numpy(np.stack([_maps(drive, pixels, body) for drive in drives])), body)
 
 
-def load_motion(
+def load_windows(
     root: str | Path, collection: Collection, count: int, terrain: Terrain, pixels: int, body: Body = ROVER
-) -> Motion:
-    """The first `count` trajectories of a collection as tensors, as `body` has them.
+) -> Windows:
+    """The first `count` drives of a collection as tensors, as `body` has them.
 
     Their maps are computed once, written beside the shards and read by memory map, so that processes share them: a step
     takes 96 bytes of memory, and 2 P^2 bytes of a file.
@@ -135,67 +139,71 @@ def load_motion(
     Raises:
         ShardError: a shard is missing or damaged, or a terrain cannot be made again as it was; one line.
     """
-    trajectories = load(Path(root), collection, count)
+    drives = load(Path(root), collection, count, terrain)
     pixels = body.pixels(pixels)
-    shape = (len(trajectories), len(trajectories[0].actions), pixels, pixels)
+    shape = (len(drives), len(drives[0]), pixels, pixels)
     if not pixels:
-        return _motion(trajectories, torch.zeros(shape, dtype=torch.float16), body)
+        return _windows(drives, None, body)
     other = "" if (body.map_size, body.pose) == (ROVER.map_size, ROVER.pose) else f"-{body.map_size:g}m-{body.pose}"
-    path = collection.folder(Path(root)) / f"maps-{pixels}{other}-{digest(trajectories)}.npy"
+    path = collection.folder(Path(root)) / f"maps-{pixels}{other}-{digest(drives)}.npy"
     with locked(path):
         if not path.exists():
-            write_atomically(path, lambda file: _write_maps(file, shape, trajectories, terrain, body))
+            write_atomically(path, lambda file: _write_maps(file, shape, drives, body))
     try:
         maps = np.load(path, mmap_mode="c", allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
         raise ShardError(f"{path}: the maps are damaged ({error}); delete the file to make it anew") from None
     if maps.shape != shape or maps.dtype != np.float16:
         raise ShardError(f"{path}: maps {maps.shape} where {shape} were expected; delete the file to make it anew")
-    return _motion(trajectories, torch.from_numpy(maps), body)
+    return _windows(drives, torch.from_numpy(maps), body)
 
 
-def _write_maps(
-    file, shape: tuple[int, ...], trajectories: Sequence[Trajectory], terrain: Terrain, body: Body
-) -> None:
-    """Write an array (N, T, P, P), one trajectory after the other; each core makes maps of its own trajectories."""
+def _write_maps(file, shape: tuple[int, ...], drives: Sequence[Drive], body: Body) -> None:
+    """Write an array (N, T, P, P), one drive after the other; each core makes maps of its own drives."""
     header = {"descr": np.lib.format.dtype_to_descr(np.dtype(np.float16)), "fortran_order": False, "shape": shape}
     np.lib.format.write_array_header_1_0(file, header)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     with ThreadPoolExecutor(cores) as pool:
-        for start in range(0, len(trajectories), AT_A_TIME):
-            some = trajectories[start : start + AT_A_TIME]
-            for maps in pool.map(lambda one: _maps(one, terrain, shape[-1], body), some):
+        for start in range(0, len(drives), AT_A_TIME):
+            for maps in pool.map(lambda drive: _maps(drive, shape[-1], body), drives[start : start + AT_A_TIME]):
                 file.write(maps.data)
 
 
-def _maps(trajectory: Trajectory, terrain: Terrain, pixels: int, body: Body) -> np.ndarray:
+def _maps(drive: Drive, pixels: int, body: Body) -> np.ndarray:
     """(T, P, P) float16: the maps at the start of each step."""
-    heights = generate_terrain(terrain, trajectory.terrain_seed)
-    if not is_ground_of(heights, trajectory):
-        raise ShardError(
-            f"trajectory {trajectory.index}: terrain {trajectory.terrain_seed} is no longer the one it drove on; "
-            "delete the collection's folder and collect again"
-        )
-    states, _ = observation.seen_as(body, *map(torch.from_numpy, (trajectory.states[:-1], trajectory.actions)))
-    maps = observation.robot_centred_map(heights, states, pixels, body.map_size, terrain.spacing, body)
+    if drive.ground is None:
+        raise ConfigError(f"{drive.name}: body '{body.name}' sees a height map, and the drive has no ground")
+    heights = drive.ground.heights
+    states = _seen(drive.body, body, torch.from_numpy(drive.states[:-1]), torch.from_numpy(drive.actions))[0]
+    maps = observation.robot_centred_map(heights, states, pixels, body.map_size, drive.ground.spacing, body)
     return maps.numpy().astype(np.float16)
 
 
-def _motion(trajectories: Sequence[Trajectory], maps: Tensor, body: Body) -> Motion:
-    states = torch.from_numpy(np.stack([t.states for t in trajectories])).double()  # (N, T + 1, 13)
-    actions = torch.from_numpy(np.stack([t.actions for t in trajectories])).double()  # (N, T, 2)
+def _windows(drives: Sequence[Drive], maps: Tensor | None, body: Body) -> Windows:
+    states, actions = stacked(drives)
     last = actions[:, -1:]  # stands behind the last step, where no action is
-    states, actions = observation.seen_as(body, states, torch.cat([actions, last], 1))
-    return motion_of(body, states, actions[:, :-1], maps)
+    states, actions = _seen(drives[0].body, body, states, torch.cat([actions, last], 1))
+    return windows_from(body, states, actions[:, :-1], maps)
 
 
-def motion_of(body: Body, states: Tensor, actions: Tensor, maps: Tensor | None = None) -> Motion:
+def stacked(drives: Sequence[Drive]) -> tuple[Tensor, Tensor]:
+    """States (N, T + 1, S) and actions (N, T, A), float64, of drives of equal length."""
+    states, actions = ([getattr(drive, name) for drive in drives] for name in ("states", "actions"))
+    return torch.from_numpy(np.stack(states)).double(), torch.from_numpy(np.stack(actions)).double()
+
+
+def _seen(own: Body, body: Body, states: Tensor, actions: Tensor) -> tuple[Tensor, Tensor]:
+    """States and actions of a robot as another body has them; as they are where it is the robot's own."""
+    return (states, actions) if own == body else observation.seen_as(body, states, actions)
+
+
+def windows_from(body: Body, states: Tensor, actions: Tensor, maps: Tensor | None = None) -> Windows:
     """States (N, T + 1, S) and actions (N, T, A) of a body as the networks see them, with maps (N, T, P, P) if any."""
     inputs = observation.encode_inputs(states[:, :-1], actions, body)
     targets = observation.transition(states[:, :-1], states[:, 1:], body)
     if maps is None:
         maps = torch.zeros(*actions.shape[:2], 0, 0, dtype=torch.float16)
-    return Motion(inputs.float(), targets.float(), maps)
+    return Windows(inputs.float(), targets.float(), maps)
 
 
 def novice_split(pool_size: int, minutes: float, seed: int) -> tuple[np.ndarray, np.ndarray]:

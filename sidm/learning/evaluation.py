@@ -10,7 +10,7 @@ from torch import Tensor
 
 from sidm import rotations
 from sidm.body import ROVER, Body
-from sidm.learning.dataset import Motion, Part
+from sidm.learning.dataset import Windows
 from sidm.learning.losses import component_losses
 from sidm.learning.model import Predictor
 from sidm.learning.observation import encode_inputs, heading_of, integrate, robot_centred_map
@@ -18,14 +18,14 @@ from sidm.learning.observation import encode_inputs, heading_of, integrate, robo
 EVALUATION_BATCH = 32  # trajectories at a time where no gradient is needed
 
 
-def mean_loss(model: Predictor, motion: Motion | Part, role: str = "novice") -> float:
+def mean_loss(model: Predictor, motion: Windows, role: str = "novice") -> float:
     """Equation (1) averaged over the steps of `motion`."""
     total = sum(float(terms.sum(-1).double().sum()) for terms in _terms(model, motion, role))
     return total / motion.targets[..., 0].numel()
 
 
 def validation_loss(
-    model: Predictor, motion: Motion | Part, role: str = "novice", weights: Tensor | None = None
+    model: Predictor, motion: Windows, role: str = "novice", weights: Tensor | None = None
 ) -> Tensor:
     """Mean over all steps of `motion` of each term of equation (1): (Y,) float64; their sum is the loss.
 
@@ -36,7 +36,7 @@ def validation_loss(
 
 
 @torch.inference_mode()
-def _terms(model: Predictor, motion: Motion | Part, role: str, weights: Tensor | None = None) -> list[Tensor]:
+def _terms(model: Predictor, motion: Windows, role: str, weights: Tensor | None = None) -> list[Tensor]:
     """The terms of equation (1), (B, T, Y), batch by batch."""
     parts = (part.to(model.device) for part in motion.split(EVALUATION_BATCH))
     weights = model.loss_weights(role) if weights is None else weights.to(model.device)

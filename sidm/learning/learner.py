@@ -13,7 +13,7 @@ from torch import Tensor
 
 from sidm.config import ConfigError, to_mapping
 from sidm.learning import checkpoint
-from sidm.learning.dataset import Datasets, Motion, Part
+from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.evaluation import validation_loss as component_means
 from sidm.learning.mirror import mirrored
@@ -110,7 +110,7 @@ class Learner:
         """A copy of the model's weights and buffers by name, in their shapes."""
         return {name: tensor.clone() for name, tensor in checkpoint.module_tensors(self.model).items()}
 
-    def part(self, role: str) -> Motion | Part:
+    def part(self, role: str) -> Windows:
         """The trajectories of a system to learn from."""
         motion = self.datasets.expert if role == "expert" else self.datasets.train
         assert motion is not None
@@ -140,11 +140,11 @@ class Learner:
         drawn, self.waiting[role] = waiting[:count], waiting[count:]
         return drawn
 
-    def draw(self, role: str, count: int, purpose: str) -> Motion:
+    def draw(self, role: str, count: int, purpose: str) -> Windows:
         """`count` random training trajectories of a system, on the device."""
         return self.take(role, self.draw_indices(role, count, purpose))
 
-    def take(self, role: str, which: Tensor) -> Motion:
+    def take(self, role: str, which: Tensor) -> Windows:
         """A system's training trajectories (b, T) numbered `which` (b,), or their mirror images, on the device."""
         count = len(self.part(role))
         motion = self.part(role).take(which % count)
@@ -152,7 +152,7 @@ class Learner:
             motion = mirrored(motion, which >= count)
         return motion.to(self.device)
 
-    def encode(self, role: str, motion: Motion) -> Tensor:
+    def encode(self, role: str, motion: Windows) -> Tensor:
         """Latent state-actions (b, T, 128), float32, computed in the training's precision."""
         low = self.training.precision == "bfloat16"
         with torch.autocast(self.device.type, torch.bfloat16, enabled=low):
@@ -179,7 +179,7 @@ class Learner:
                     chosen[role] = indices
         return chosen
 
-    def draw_batch(self) -> dict[str, Motion]:
+    def draw_batch(self) -> dict[str, Windows]:
         """The trajectories of a batch by system, on the device."""
         return {role: self.take(role, which) for role, which in self.draw_batch_indices().items()}
 

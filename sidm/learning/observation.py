@@ -1,6 +1,6 @@
 """From states to what the networks see and predict, and back (section 4 of the paper).
 
-What they are made of is a body's (`sidm.body`). The paper's state is the table of `sidm.trajectory`; its input x is 11
+What they are made of is a body's (`sidm.body`). The paper's state is the table of `sidm.drives`; its input x is 11
 numbers and a robot-centred height map, its output y, a transition, 13 numbers:
 
 =====  ========================================  ==========  =======================
@@ -29,7 +29,7 @@ from torch import Tensor
 from sidm import rotations
 from sidm.body import ROVER, UP, Body
 from sidm.config import unknown_name
-from sidm.trajectory import ACTION_SIZE, POSITION, QUATERNION, STATE_SIZE, TWIST
+from sidm.drives import ACTION_SIZE, POSITION, QUATERNION, STATE_SIZE, TWIST
 
 INPUT_SIZE, TARGET_SIZE = len(ROVER.inputs), len(ROVER.targets)  # 11 and 13, of the paper
 

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from sidm.learning.arithmetic import flushed_denormals, matmul_precision
-from sidm.learning.dataset import Datasets, Motion
+from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.learner import Learner
 from sidm.learning.losses import prediction_loss
 from sidm.learning.model import Predictor
@@ -80,6 +80,15 @@ def train(
         ConfigError: data that the settings need are not there.
         CheckpointError: the checkpoint is damaged or of another run.
         TrainingError: a test found a loss that is not finite; the message names the iteration.
+
+    Examples:
+        >>> from sidm.learning import Datasets, windows_of
+        >>> windows = windows_of(sidm.simulate("system1", "novice", minutes=0.3), pixels=8)
+        >>> sets = Datasets(train=windows.subset([0]), test=windows.subset([1]), validation=windows, expert=windows)
+        >>> network = sidm.Network(pixels=8, layers=1, hidden=8)
+        >>> trained = sidm.train(sets, network, sidm.Training(batch=2, max_samples=3_000), seed=0)
+        >>> trained.samples
+        3072
     """
     learner = Learner(datasets, network, training, seed, standardisation, device, start)
     if checkpoint is not None:
@@ -136,12 +145,12 @@ def predict_phase(learner: Learner, progress: Progress | None = None, losses_of:
             return
 
 
-def encode_batch(learner: Learner, batch: dict[str, Motion]) -> dict[str, Tensor]:
+def encode_batch(learner: Learner, batch: dict[str, Windows]) -> dict[str, Tensor]:
     """Latent state-actions (b, T, 128) of a batch by system."""
     return {role: learner.encode(role, motion) for role, motion in batch.items()}
 
 
-def batch_losses(learner: Learner, batch: dict[str, Motion], latents: dict[str, Tensor]) -> dict[str, Tensor]:
+def batch_losses(learner: Learner, batch: dict[str, Windows], latents: dict[str, Tensor]) -> dict[str, Tensor]:
     """Equation (1) for each sample of a batch and its latents by system, (b, T) each; the SIDM sees all at once."""
     model = learner.model
     transitions, _ = model.sidm(torch.cat(list(latents.values())))

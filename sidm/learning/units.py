@@ -10,7 +10,7 @@ from torch import Tensor
 
 from sidm.body import ROVER, Body
 from sidm.config import ConfigError
-from sidm.learning.dataset import Datasets, Motion, Part
+from sidm.learning.dataset import Datasets, Windows
 from sidm.settings import Network
 
 SMALLEST_STD = 1e-6  # of a component that changes; one that does not keeps its raw unit
@@ -34,7 +34,7 @@ class Standardisation(NamedTuple):
         return cls(zeros(x), ones(x), zeros(()), ones(()), zeros(y), ones(y))
 
     @classmethod
-    def of(cls, motion: Motion | Part, maps_from: int = 256) -> Standardisation:
+    def of(cls, motion: Windows, maps_from: int = 256) -> Standardisation:
         """Mean and standard deviation over the steps of `motion`; maps: of its first `maps_from` trajectories."""
         input_mean, input_std = _moments([motion.inputs.flatten(0, 1)])
         maps = motion.first(maps_from).take(range(min(maps_from, len(motion)))).maps

@@ -20,7 +20,8 @@ is refused stands in `checks`.
 
 from __future__ import annotations
 
-from sidm.recordings.drive import Drive, Ground, RecordingError
-from sidm.recordings.drives import read_drives, write_drives
+from sidm.drives import Drive, Ground
+from sidm.recordings.reading import read_drives, write_drives
+from sidm.recordings.table import RecordingError
 
 __all__ = ["Drive", "Ground", "RecordingError", "read_drives", "write_drives"]

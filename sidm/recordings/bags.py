@@ -24,7 +24,7 @@ import numpy as np
 
 from sidm.body import Body
 from sidm.config import first_line, hint, unknown_name
-from sidm.recordings.drive import RecordingError, Table
+from sidm.recordings.table import RecordingError, Table
 
 Read = Callable[[Any], dict[str, float]]
 

@@ -12,7 +12,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation  # attitudes as arrays; those of `sidm.rotations` are tensors
 
 from sidm.body import DRIVE, TWIST, Body
-from sidm.recordings.drive import Drive, Ground, RecordingError
+from sidm.drives import Drive, Ground
+from sidm.recordings.table import RecordingError
 from sidm.terrain import height_at
 
 NOT_UNIT = 1e-3  # that a quaternion's length may be off

@@ -25,7 +25,8 @@ import numpy as np
 
 from sidm.body import SI, UNITS, Body
 from sidm.config import first_line, hint, unknown_name
-from sidm.recordings.drive import Drive, Ground, RecordingError, Table
+from sidm.drives import Drive, Ground
+from sidm.recordings.table import RecordingError, Table
 from sidm.storage import write_atomically
 
 #: Names of the header: what each is.
@@ -185,8 +186,9 @@ def _heights(path: Path) -> np.ndarray:
         raise RecordingError(f"{path}: the heights cannot be read ({first_line(error)})") from None
 
 
-def write_csv(path: Path, drives: Sequence[Drive], body: Body, origin: str) -> None:
+def write_csv(path: Path, drives: Sequence[Drive], origin: str) -> None:
     """Write drives of a body without a height map, in SI units, compressed where the name ends in .gz."""
+    body = drives[0].body
     file = io.StringIO()
     file.write(f"# origin: {origin}\n# rate: {body.rate:g} Hz\n")
     lines = csv.writer(file, lineterminator="\n")

@@ -26,8 +26,9 @@ import numpy as np
 
 from sidm.body import SI, UNITS, Body
 from sidm.config import first_line, unknown_name
+from sidm.drives import Drive, Ground
 from sidm.recordings.csv_file import scales
-from sidm.recordings.drive import Drive, Ground, RecordingError, Table
+from sidm.recordings.table import RecordingError, Table
 from sidm.storage import write_atomically
 
 #: Names of the header -> types.
@@ -133,12 +134,13 @@ def _whole(path: Path, name: str, member: np.ndarray) -> np.ndarray:
     return member.astype(int)
 
 
-def write_npz(path: Path, drives: Sequence[Drive], body: Body, origin: str) -> None:
+def write_npz(path: Path, drives: Sequence[Drive], origin: str) -> None:
     """Pack drives: numbers in float32, each ground once, its heights in whole millimetres.
 
     Raises:
         ValueError: grounds of several shapes or spacings.
     """
+    body = drives[0].body
     columns = dict((*body.state, *body.actions))
     header: dict[str, Any] = {
         "columns": list(columns), "units": [SI[unit] for unit in columns.values()], "rate": body.rate, "origin": origin
@@ -149,16 +151,16 @@ def write_npz(path: Path, drives: Sequence[Drive], body: Body, origin: str) -> N
         "sessions": np.array([drive.session for drive in drives]),
     }  # fmt: skip
     if body.map_size:
-        found = [drive.ground for drive in drives if drive.ground is not None]
-        if len({(ground.heights.shape, ground.spacing) for ground in found}) != 1:
+        grounds = [drive.ground for drive in drives if drive.ground is not None]
+        heights = [np.round(1e3 * ground.heights).astype(np.int32) for ground in grounds]
+        if len({(one.shape, ground.spacing) for one, ground in zip(heights, grounds, strict=True)}) != 1:
             raise ValueError("drives to pack have grounds of one shape and spacing")
-        heights = [np.round(1e3 * ground.heights).astype(np.int32) for ground in found]
         if max(np.abs(one).max() for one in heights) <= np.iinfo(np.int16).max:
             heights = [one.astype(np.int16) for one in heights]
         each = {one.tobytes(): one for one in heights}
         order = list(each)
         members |= {"ground": np.array([order.index(one.tobytes()) for one in heights]),
                     "heights": np.stack(list(each.values()))}  # fmt: skip
-        header |= {"spacing": found[0].spacing, "height_unit": "mm"}
+        header |= {"spacing": grounds[0].spacing, "height_unit": "mm"}
     members["header"] = np.array(json.dumps(header))
     write_atomically(path, lambda file: np.savez_compressed(file, allow_pickle=False, **members))

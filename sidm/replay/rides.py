@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sidm.config import unknown_name
+from sidm.drives import CONTROL_STEP, QUATERNION
 from sidm.systems import FREE_PHYSICS, ROLES, SYSTEMS, Physics, Robot, Terrain
 from sidm.terrain import generate_terrain
-from sidm.trajectory import CONTROL_STEP, QUATERNION
 
 #: The robots of all systems, by the names the explorer's menus show.
 ROBOTS = {f"{system.name} {role}": system.robot(role) for system in SYSTEMS.values() for role in ROLES}

@@ -8,14 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sidm.body import Body
 from sidm.config import ConfigError
-from sidm.recordings import Drive, Ground
+from sidm.drives import POSITION, QUATERNION, Drive, Ground
 from sidm.replay.rides import Ride
 from sidm.replay.skeleton import BOXES, Box, Skeleton, box_skeleton, rover_skeleton
 from sidm.systems import Robot
 from sidm.terrain import height_at
-from sidm.trajectory import POSITION, QUATERNION
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # told apart by colour-blind readers, too
 SPACING = 0.1  # m, of the simulated ground
@@ -111,9 +109,9 @@ def height_on(ground: Ground, points: np.ndarray) -> np.ndarray:
     return height_at(ground.heights, x, y, ground.spacing)
 
 
-def drive_track(drive: Drive, body: Body, ground: Ground, like: Box | Robot, name: str, colour: str) -> Track:
+def drive_track(drive: Drive, ground: Ground, like: Box | Robot, name: str, colour: str) -> Track:
     """A recorded drive, of a planar or a spatial pose, by a robot that looks like this one; its wheels roll."""
-    pose = drive.states[:, : body.pose_size]
+    body, pose = drive.body, drive.states[:, : drive.body.pose_size]
     box, planar = isinstance(like, Box), body.pose == "planar"
     base, track, radius = (like.wheelbase, like.track, like.radius) if isinstance(like, Box) else ROVER_WHEELS
     if planar:
@@ -130,20 +128,22 @@ def drive_track(drive: Drive, body: Body, ground: Ground, like: Box | Robot, nam
     return Track(name, 1 / body.rate, position, turn, joints, skeleton, colour)
 
 
-def drives_scene(drives: Iterable[Drive], body: Body, like: Box | Robot = BOXES["husky"]) -> Scene:
+def drives_scene(drives: Iterable[Drive], like: Box | Robot = BOXES["husky"]) -> Scene:
     """Recorded drives over the ground of the first, or over level ground where none was recorded.
 
     Raises:
         ConfigError: the body has no pose, so that one does not know where it was.
     """
+    drives = list(drives)
+    body = drives[0].body
     if body.pose == "none":
         raise ConfigError(f"body '{body.name}' has no pose; a replay needs pose: planar or spatial")
-    drives = list(drives)
     places = np.concatenate([drive.states[:, :2] for drive in drives])
     # Positions are relative to the middle of a recorded ground.
-    ground = drives[0].ground._replace(centre=(0.0, 0.0)) if drives[0].ground else level(places)
+    below = drives[0].ground
+    ground = Ground(below.heights, below.spacing) if below else level(places)
     tracks = [
-        drive_track(drive, body, ground, like, drive.name, COLOURS[number % len(COLOURS)])
+        drive_track(drive, ground, like, drive.name, COLOURS[number % len(COLOURS)])
         for number, drive in enumerate(drives)
     ]
     base = like.wheelbase if isinstance(like, Box) else ROVER_WHEELS[0]

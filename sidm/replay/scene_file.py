@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from sidm.recordings import Ground
+from sidm.drives import Ground
 from sidm.replay.packing import pack, text
 from sidm.replay.scene import MARGIN, Scene, Track
 from sidm.storage import Damaged, read_arrays, write_arrays

@@ -43,8 +43,8 @@ def expert_in_place(datasets: Datasets, seed: int) -> Datasets:
     if len(expert) < 2:
         raise ConfigError("the expert's motion is one piece; pretraining needs one to learn from and one to stop by")
     train_part, test_part = split(len(expert), len(expert), seed)
-    testing = expert.part(test_part)
-    return Datasets(expert.part(train_part), testing, testing, expert)
+    testing = expert.subset(test_part)
+    return Datasets(expert.subset(train_part), testing, testing, expert)
 
 
 def start_from(trained: Trained) -> Start:

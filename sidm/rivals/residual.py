@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from sidm.config import ConfigError
-from sidm.learning.dataset import Datasets, Motion, Part
+from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.evaluation import EVALUATION_BATCH
 from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.units import Standardisation
@@ -33,14 +33,14 @@ def left_over(datasets: Datasets, base: DynamicsModel) -> Datasets:
     return datasets._replace(**sets)
 
 
-def _unexplained(motion: Motion | Part, base: DynamicsModel) -> Motion:
+def _unexplained(motion: Windows, base: DynamicsModel) -> Windows:
     whole = motion.take(range(len(motion)))
     with torch.inference_mode():
         predicted = [
             base("novice", part.inputs.to(base.device), part.maps.to(base.device))[0].cpu()
             for part in whole.split(EVALUATION_BATCH)
         ]
-    return Motion(whole.inputs, whole.targets - torch.cat(predicted), whole.maps)
+    return Windows(whole.inputs, whole.targets - torch.cat(predicted), whole.maps)
 
 
 def units(datasets: Datasets) -> Standardisation:

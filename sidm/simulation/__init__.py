@@ -19,8 +19,9 @@ def _import_pybullet_quietly() -> None:
 
 _import_pybullet_quietly()
 
-from sidm.simulation.collect import collect, discards, simulate  # noqa: E402
+from sidm.simulation.collecting import collect, discards, simulate_trajectory  # noqa: E402
 from sidm.simulation.exploration import POLICIES, draw_actions  # noqa: E402
+from sidm.simulation.motion import simulate  # noqa: E402
 from sidm.simulation.simulator import Simulator  # noqa: E402
 
-__all__ = ["POLICIES", "Simulator", "collect", "discards", "draw_actions", "simulate"]
+__all__ = ["POLICIES", "Simulator", "collect", "discards", "draw_actions", "simulate", "simulate_trajectory"]

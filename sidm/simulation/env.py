@@ -22,11 +22,11 @@ except ImportError as error:  # pragma: no cover
 from gymnasium import spaces
 
 from sidm.body import ROVER
-from sidm.simulation.collect import EpisodeRules
+from sidm.drives import ACTION_SIZE, POSITION, QUATERNION, STEPS, TWIST
+from sidm.simulation.collecting import EpisodeRules
 from sidm.simulation.simulator import Simulator
 from sidm.systems import System, find_system
 from sidm.terrain import generate_terrain, height_at
-from sidm.trajectory import ACTION_SIZE, POSITION, QUATERNION, STEPS, TWIST
 
 INPUT_SIZE: Final = len(ROVER.inputs)  # up direction 3, twist 6, action 2: the paper's x
 MAP_SIZE: Final = ROVER.map_size  # side of the robot-centred map, m

@@ -179,7 +179,7 @@ class Simulator:
 
     @property
     def state(self) -> np.ndarray:
-        """The state (13,), float64, as `sidm.trajectory` tables it."""
+        """The state (13,), float64, as `sidm.drives` tables it."""
         position, quaternion = self._client.getBasePositionAndOrientation(self._body)
         velocity = self._client.getBaseVelocity(self._body)
         world_to_body = np.array(self._client.getMatrixFromQuaternion(quaternion)).reshape(3, 3).T

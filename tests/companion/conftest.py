@@ -10,9 +10,11 @@ from companion import Outcome, Row, Study, Trial, load_preset
 from companion.engine.datasets import note_digest
 from companion.engine.frame import frame_of
 from companion.engine.provenance import here
+from sidm.drives import STEPS, SimulatedGround, probe
+from sidm.shards import SHARD_SIZE, load, simulated_drive, write_shard
+from sidm.storage import checksum
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain, height_at
-from sidm.trajectory import SHARD_SIZE, STEPS, Trajectory, checksum, load, probe, write_shard
 
 RESULTS = Path(__file__).parents[2] / "results"  # those that are committed
 TINY = dict(
@@ -56,7 +58,8 @@ def write_motion(data: Path, dataset) -> None:
         heights = generate_terrain(terrain, index % 2)
         actions = np.tile(rng.uniform(-1, 1, 2), (STEPS, 1)).astype(np.float32)
         states = glide(heights, actions, rng)
-        made.append(Trajectory(index, states, actions, index % 2, checksum(heights), probe(heights), (0, 0, 0, 0)))
+        ground = SimulatedGround(terrain, index % 2, checksum(heights), probe(heights))
+        made.append(simulated_drive("rover", index, states, actions, ground, (0, 0, 0, 0)))
     for number, start in enumerate(range(0, len(made), SHARD_SIZE)):
         write_shard(collection.shard(data, number), made[start : start + SHARD_SIZE])
     note_digest(dataset, load(data, collection, dataset.count), data)

@@ -14,8 +14,8 @@ from crash import SETTINGS
 from companion import Results, Study, load_preset
 from companion.__main__ import main
 from companion.cluster import dask_executor
+from sidm.shards import digest
 from sidm.simulation import collect
-from sidm.trajectory import digest
 
 
 def start(*words: str) -> subprocess.Popen:

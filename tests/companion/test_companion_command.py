@@ -15,7 +15,7 @@ from companion import FIGURES, Results, Study, grid, load_preset
 from companion.__main__ import main
 from companion.catalogue import STUDIES
 from sidm.__main__ import main as library
-from sidm.trajectory import read_shard
+from sidm.shards import read_shard
 
 ROOT = Path(__file__).parents[2]
 

@@ -130,7 +130,7 @@ def jobs(
 def measure(about: Drive, data: str | Path = "data") -> Driven:
     """Drive all episodes of one driver; ImportError without PyBullet, in one line."""
     from sidm.simulation import Simulator
-    from sidm.simulation.collect import EpisodeRules
+    from sidm.simulation.collecting import EpisodeRules
 
     making, system = Making("driving", about.trial, data), find_system(about.system)
     pace: list[float] = []

@@ -14,7 +14,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from torch import Tensor
 
-from sidm.learning.dataset import Motion
+from sidm.learning.dataset import Windows
 from sidm.learning.evaluation import EVALUATION_BATCH
 from sidm.learning.losses import prediction_loss
 from sidm.learning.model import DynamicsModel
@@ -24,7 +24,7 @@ PICTURED = 150  # latents of each system
 MMD_SAMPLES = 1000  # of each system, at most
 
 
-def latents_of(model: DynamicsModel, role: str, motion: Motion) -> np.ndarray:
+def latents_of(model: DynamicsModel, role: str, motion: Windows) -> np.ndarray:
     """Latent state-actions (N, T / EVERY, 128) of trajectories."""
     found: list[Tensor] = []
     with torch.inference_mode():
@@ -33,7 +33,7 @@ def latents_of(model: DynamicsModel, role: str, motion: Motion) -> np.ndarray:
     return torch.cat(found).double().numpy()
 
 
-def crossed_loss(model: DynamicsModel, motion: Motion, encoder: str, decoder: str) -> float:
+def crossed_loss(model: DynamicsModel, motion: Windows, encoder: str, decoder: str) -> float:
     """Equation (1) averaged over the steps of `motion`, through one system's encoder and one system's decoder.
 
     Only robots whose states, actions and transitions mean the same can be asked so, as the paper's can.

@@ -29,7 +29,7 @@ from companion.studies.latent_space.latents import (
 from companion.study import Study
 from companion.trials import Dataset, Trial
 from sidm.config import ConfigError, config
-from sidm.learning.dataset import load_motion
+from sidm.learning.dataset import load_windows
 from sidm.learning.model import DynamicsModel
 from sidm.learning.training import Trained
 from sidm.systems import ROLES, find_system
@@ -92,8 +92,8 @@ def measure(trial: Trial, data: str | Path = "data") -> Diagnosis:
     assert isinstance(trained.model, DynamicsModel)  # it has an expert, so it corrects none
     more = held_out_expert(trial)
     terrain, pixels = find_system(trial.system).terrain, trial.network.pixels
-    expert = load_motion(data, more.collection, more.count, terrain, pixels)
-    held_out = expert.part(range(trial.datasets["expert"].count, more.count))
+    expert = load_windows(data, more.collection, more.count, terrain, pixels)
+    held_out = expert.subset(range(trial.datasets["expert"].count, more.count))
     novice = Library(data).motion(trial, "validation")
     motions = novice, held_out.take(range(len(held_out)))
     latents = [latents_of(trained.model, role, m) for role, m in zip(ROLES, motions, strict=True)]

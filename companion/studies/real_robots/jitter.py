@@ -6,12 +6,14 @@ take away what is smooth, and of white noise of variance s^2 leave 70 s^2.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from companion.studies.real_robots.measure import HORIZON, WARM_UP
-from sidm.fitting.windows import Pieces
+from sidm.drives import Drive
+from sidm.learning.dataset import stacked, windows_of
 from sidm.learning.units import Standardisation, loss_weights
 from sidm.rotations import turn
 
@@ -27,9 +29,9 @@ class Floor(NamedTuple):
     heading: tuple[float, float]  # rad
 
 
-def jitter(pieces: Pieces) -> np.ndarray:
+def jitter(windows: Sequence[Drive]) -> np.ndarray:
     """Standard deviations (3,) of a planar pose's noise: forward, m, to the left, m, and heading, rad."""
-    x, y, yaw = pieces.states[..., :3].numpy().transpose(2, 0, 1)
+    x, y, yaw = stacked(windows)[0][..., :3].numpy().transpose(2, 0, 1)
     yaw = np.unwrap(yaw, axis=1)
     across, along, turned = (np.diff(one, n=ORDER, axis=1) for one in (x, y, yaw))
     heading = yaw[:, ORDER // 2 : -ORDER // 2]
@@ -38,19 +40,19 @@ def jitter(pieces: Pieces) -> np.ndarray:
     return np.sqrt([np.square(one).mean() / NOISE for one in (forward, left, turned)])
 
 
-def floor(pieces: Pieces) -> Floor:
+def floor(windows: Sequence[Drive]) -> Floor:
     """What the jitter of a robot's planar poses costs.
 
     A step's change is off by the noise of the pose after it, which nothing before can tell, and by that of the pose
     before it, which the steps until then could. So it is open loop, where noise of the first heading turns the path.
     """
-    noise = jitter(pieces)
-    weights = loss_weights(pieces.body, Standardisation.of(pieces.motion()))
+    noise, states = jitter(windows), stacked(windows)[0]
+    weights = loss_weights(windows[0].body, Standardisation.of(windows_of(windows, 0)))
     assert weights is not None
     least = float((weights[:3].numpy() * noise**2).sum())
     rng = np.random.default_rng(SEED)
-    first, last = rng.normal(size=(2, DRAWS, len(pieces.states), 3)) * noise
-    start, end = pieces.states[:, WARM_UP], pieces.states[:, WARM_UP + HORIZON]
+    first, last = rng.normal(size=(2, DRAWS, len(states), 3)) * noise
+    start, end = states[:, WARM_UP], states[:, WARM_UP + HORIZON]
     way = turn((end - start)[:, :2], -start[:, 2]).numpy()  # (N, 2) m, in the first one's frame
     turned = np.stack([-way[:, 1] * first[..., 2], way[:, 0] * first[..., 2]], -1)
     ends = (last, last - first - np.concatenate([turned, np.zeros_like(turned[..., :1])], -1))

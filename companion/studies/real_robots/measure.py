@@ -21,11 +21,12 @@ from companion.presets import Preset
 from companion.study import Study
 from sidm.body import Body, read_body
 from sidm.config import config
+from sidm.drives import Drive, minutes_of
 from sidm.fitting.learning import datasets, learn, network_for, pretrain
 from sidm.fitting.settings import SETTINGS, Settings
-from sidm.fitting.windows import Pieces, common_length, cut, learn_and_test, session_order
+from sidm.fitting.windows import common_length, cut, learn_and_test, of_sessions, rollouts, session_order
 from sidm.learning.arithmetic import one_thread
-from sidm.learning.dataset import Datasets
+from sidm.learning.dataset import Datasets, stacked, windows_of
 from sidm.learning.evaluation import rollout_errors
 from sidm.learning.losses import component_losses
 from sidm.learning.model import Predictor
@@ -36,7 +37,7 @@ from sidm.recordings import read_drives
 from sidm.rivals.fine_tuning import Start
 from sidm.rivals.kinematics import identify
 from sidm.settings import Training
-from sidm.trajectory import checksum
+from sidm.storage import checksum
 
 #: Robot -> its body's file.
 RECORDINGS = Path("recordings")
@@ -90,26 +91,27 @@ records = records_of(Transferred, "real-robots")  # where they are kept, under a
 
 
 @functools.lru_cache
-def robot(name: str, steps: int | None = None) -> Pieces:
-    """A robot's recorded motion in pieces of `steps`, those of its own shortest drive unless given."""
+def robot(name: str, steps: int | None = None) -> list[Drive]:
+    """A robot's recorded motion in windows of `steps`, those of its own shortest drive unless given."""
     body = read_body(RECORDINGS / ROBOTS[name])
     drives = read_drives(RECORDINGS / f"{name}.csv.gz", body)
-    return cut(drives, body, steps or common_length(drives))
+    return cut(drives, steps or common_length(drives))
 
 
 def jobs(study: Study, pair: str, sessions: tuple[int, ...] = SESSIONS, seeds: int = SEEDS) -> list[Transfer]:
     """All trainings of a pair; what needs no expert is that of the novice alone, the same for every pair."""
     expert, novice = PAIRS[pair]
-    steps = min(robot(name).actions.shape[1] for name in (novice, expert))
+    steps = min(len(robot(name)[0]) for name in (novice, expert))
     chosen = settings(study.preset)
-    one_body = robot(novice).body == robot(expert).body
+    bodies = {name: robot(name)[0].body for name in (novice, expert)}
+    one_body = bodies[novice] == bodies[expert]
     methods = [(name, "") for name in ALONE]
     methods += [(name, expert) for name in (*WITH_EXPERT, *(ONE_BODY if one_body else ()))]
     return [
         Transfer(
             novice=novice, expert=other, method=method, seed=seed, sessions=sessions, steps=steps,
-            data=tuple(checksum(robot(name, steps).states.numpy()) for name in (novice, other) if name),
-            network=network_for(chosen, robot(novice).body, robot(other or novice).body), training=chosen.training,
+            data=tuple(checksum(stacked(robot(name, steps))[0].numpy()) for name in (novice, other) if name),
+            network=network_for(chosen, bodies[novice], bodies[other or novice]), training=chosen.training,
         )
         for seed in range(seeds) for method, other in methods
     ]  # fmt: skip
@@ -128,8 +130,8 @@ def measure(about: Transfer, data: str | Path = "data") -> Transferred:
     expert = robot(about.expert, about.steps) if about.expert else None
     order = session_order(novice, about.seed)
     judging = round(HELD_OUT * len(order))
-    judge, pool = novice.of_sessions(order[:judging]), order[judging:]
-    scale = loss_weights(novice.body, Standardisation.of(novice.of_sessions(pool).motion()))
+    judge, pool = of_sessions(novice, order[:judging]), order[judging:]
+    scale = loss_weights(novice[0].body, Standardisation.of(windows_of(of_sessions(novice, pool), 0)))
     with one_thread():
         found = [_one(about, pool[:count], novice, judge, expert, scale) for count in about.sessions]
     return Transferred(
@@ -140,19 +142,20 @@ def measure(about: Transfer, data: str | Path = "data") -> Transferred:
 
 
 def _one(
-    about: Transfer, sessions: np.ndarray, novice: Pieces, judge: Pieces, expert: Pieces | None, scale: Tensor | None
+    about: Transfer, sessions: np.ndarray, novice: list[Drive], judge: list[Drive],
+    expert: list[Drive] | None, scale: Tensor | None
 ) -> dict[str, Any]:
     """The fields on one size."""
     train_part, test_part = learn_and_test(novice, sessions)
     sets = datasets(train_part, test_part, judge, expert)
-    trained = _learn(about, sets, novice.body)
+    trained = _learn(about, sets, novice[0].body)
     with torch.inference_mode():
-        motion = judge.motion()
+        motion = windows_of(judge, 0)
         predicted, _ = trained.model("novice", motion.inputs, motion.maps)
         components = component_losses(predicted, motion.targets, scale).double().mean((0, 1)).tolist()
     (displacement, heading), (cold, cold_heading) = (_errors(trained.model, judge, seen) for seen in (True, False))
     return {
-        "minutes": train_part.minutes + test_part.minutes,
+        "minutes": minutes_of(train_part) + minutes_of(test_part),
         "loss": sum(components),
         "components": components,
         "displacement": displacement,
@@ -176,13 +179,13 @@ def _learn(about: Transfer, sets: Datasets, body: Body) -> Trained:
 @functools.lru_cache(maxsize=4)
 def _pretrained(name: str, steps: int, body: Body, seed: int, chosen: Settings) -> Start | None:
     """Weights that learnt from an expert alone, for all sizes and methods of a seed."""
-    expert = robot(name, steps).motion()
+    expert = windows_of(robot(name, steps), 0)
     return pretrain(PRETRAINED, Datasets(expert, expert, expert, expert), network_for(chosen, body), seed, chosen)
 
 
-def _errors(model: Predictor, judge: Pieces, seen: bool) -> tuple[list[float], list[float]]:
+def _errors(model: Predictor, judge: list[Drive], seen: bool) -> tuple[list[float], list[float]]:
     """Mean displacement, m, and heading error, rad, (15,) each, after the WARM_UP, which the model has seen or not."""
-    path = judge.rollout(model, WARM_UP, HORIZON, seen=seen)
-    errors = rollout_errors(path, judge.states[:, WARM_UP : WARM_UP + HORIZON + 1], judge.body)
+    path = rollouts(model, judge, WARM_UP, HORIZON, seen=seen)
+    errors = rollout_errors(path, stacked(judge)[0][:, WARM_UP : WARM_UP + HORIZON + 1], judge[0].body)
     displacement, heading = (error.mean(0).tolist() for error in errors)
     return displacement, heading

@@ -37,7 +37,7 @@ from companion.trials import Dataset
 from sidm.body import ROVER
 from sidm.config import config, replace
 from sidm.learning.arithmetic import one_thread
-from sidm.learning.dataset import Datasets, Motion
+from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.networks import Network
 from sidm.learning.training import Trained, train
@@ -233,11 +233,11 @@ def _training(trained: Trained, seconds: float) -> dict[str, Any]:
 
 
 def _learn(
-    about: Transfer, minutes: float, recorded: Recorded, proxy: Motion, units: Standardisation, start: Start | None,
+    about: Transfer, minutes: float, recorded: Recorded, proxy: Windows, units: Standardisation, start: Start | None,
     alone: DynamicsModel | None,
 ) -> Trained:  # fmt: skip
     """From fresh weights or the proxy's; or by least squares, which leave the proxy's model as it is."""
-    training, testing = (recorded.motion.part(part) for part in recorded_subsets(recorded, minutes, about.seed))
+    training, testing = (recorded.motion.subset(part) for part in recorded_subsets(recorded, minutes, about.seed))
     sets = Datasets(training, testing, recorded.judges, proxy)
     if about.fit == "least_squares":
         return fit(sets, units, alone, about.training.mirror)
@@ -246,7 +246,7 @@ def _learn(
 
 
 def _start(
-    about: Transfer, recorded: Recorded, proxy: Motion, units: Standardisation, data: str | Path
+    about: Transfer, recorded: Recorded, proxy: Windows, units: Standardisation, data: str | Path
 ) -> Start | None:
     """Weights that learnt from the proxy alone, kept for all methods that begin with them; None where none does."""
     if about.pretraining is None:

@@ -14,12 +14,13 @@ from torch import Tensor
 from companion.engine.execute import ROLLOUT_STEPS
 from sidm.body import ROVER
 from sidm.config import ConfigError
-from sidm.fitting.windows import Pieces, apart_by_ground, cut
-from sidm.learning.dataset import TEST_EVERY, Motion
+from sidm.drives import Drive
+from sidm.fitting.windows import apart_by_ground, cut, grounds_of, rollouts
+from sidm.learning.dataset import TEST_EVERY, Windows, stacked, windows_of
 from sidm.learning.evaluation import rollout_errors, validation_loss
 from sidm.learning.model import Predictor
-from sidm.recordings import Drive, RecordingError, read_drives
-from sidm.trajectory import trajectories_for
+from sidm.recordings import RecordingError, read_drives
+from sidm.shards import trajectories_for
 
 
 def recordings_of(system: str, folder: str | Path = "recordings") -> Path:
@@ -40,13 +41,13 @@ def checksum_of(drives: Sequence[Drive]) -> str:
 class Recorded(NamedTuple):
     """The recordings of a system, apart by ground."""
 
-    pieces: Pieces
-    motion: Motion
-    learning: Tensor  # numbers of the pieces to learn from
+    drives: list[Drive]  # windows of 64 steps
+    motion: Windows  # the same as tensors
+    learning: Tensor  # numbers of the windows to learn from
     judging: Tensor  # and of those to judge by
 
     @property
-    def judges(self) -> Motion:
+    def judges(self) -> Windows:
         """The motion to judge by."""
         return self.motion.take(self.judging)
 
@@ -63,8 +64,8 @@ def load_recorded(
     drives = read_drives(path, ROVER)
     if wanted not in (None, found := checksum_of(drives)):
         raise RecordingError(f"{path}: has checksum {found}, the training wants {wanted}")
-    pieces = cut(drives)
-    return Recorded(pieces, pieces.motion(pixels), *apart_by_ground(pieces, held_out))
+    windows = cut(drives)
+    return Recorded(windows, windows_of(windows, pixels), *apart_by_ground(windows, held_out))
 
 
 def subsets(recorded: Recorded, minutes: float, seed: int) -> tuple[Tensor, Tensor]:
@@ -75,7 +76,7 @@ def subsets(recorded: Recorded, minutes: float, seed: int) -> tuple[Tensor, Tens
     Raises:
         ConfigError: so much is not there.
     """
-    rng, ground = np.random.default_rng(seed), recorded.pieces.ground[recorded.learning].numpy()
+    rng, ground = np.random.default_rng(seed), grounds_of(recorded.drives)[recorded.learning]
     grounds = rng.permutation(np.unique(ground))
     shuffled = rng.permutation(len(ground))
     testing = np.isin(ground[shuffled], grounds[: max(1, round(len(grounds) / TEST_EVERY))])
@@ -98,7 +99,7 @@ def piece_losses(model: Predictor, recorded: Recorded) -> Tensor:
 
 def path_errors(model: Predictor, recorded: Recorded, pixels: int) -> tuple[Tensor, Tensor]:
     """(K,) m and (K,) rad, K = ROLLOUT_STEPS: position and heading from the start of each piece that judges, mean."""
-    judges = recorded.pieces.take(recorded.judging)
-    path, states = judges.rollout(model, 0, ROLLOUT_STEPS, pixels), judges.states[:, : ROLLOUT_STEPS + 1]
+    judges = [recorded.drives[number] for number in recorded.judging.tolist()]
+    path, states = rollouts(model, judges, 0, ROLLOUT_STEPS, pixels), stacked(judges)[0][:, : ROLLOUT_STEPS + 1]
     position, heading = rollout_errors(path, states)
     return position.mean(0), heading.mean(0)

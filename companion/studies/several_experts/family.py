@@ -9,8 +9,8 @@ from pathlib import Path
 
 from companion.engine.datasets import note_collected, note_digest
 from companion.trials import EXPERT_SEED, Dataset
+from sidm.shards import Collection
 from sidm.systems import System, find_system, member
-from sidm.trajectory import Collection
 
 
 def own_system(system: str, number: int) -> System:

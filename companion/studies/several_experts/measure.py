@@ -29,7 +29,7 @@ from companion.trials import Dataset, Trial
 from sidm.config import config, replace
 from sidm.learning import checkpoint
 from sidm.learning.arithmetic import one_thread
-from sidm.learning.dataset import Datasets, Motion, split
+from sidm.learning.dataset import Datasets, Windows, split
 from sidm.learning.evaluation import mean_loss, validation_loss
 from sidm.learning.model import DynamicsModel
 from sidm.learning.training import Trained, train
@@ -153,7 +153,7 @@ def members_needed(wanted: Iterable[Pretraining]) -> dict[int, set[int]]:
     return needed
 
 
-def load_experts(about: Pretraining, data: str | Path) -> tuple[dict[str, Motion], Standardisation]:
+def load_experts(about: Pretraining, data: str | Path) -> tuple[dict[str, Windows], Standardisation]:
     """The experts' motion by name, and the units inside the networks, which are those of the paper's expert's data."""
     trial = about.trial
     paper, pixels = trial.datasets["expert"], trial.network.pixels
@@ -183,7 +183,7 @@ def measure(about: Pretraining, data: str | Path = "data") -> Pretrained:
             starts = {way: as_novice(model, role) for way in ("all", "parts")}
             starts["fresh_parts"] = fresh_around(model, trial.network, units, trial.seed)
             found.append([_novice(about, way, sets, starts[way], units, library) for way in WAYS])
-        testing = {role: one.part(split(len(one), len(one), trial.seed)[1]) for role, one in experts.items()}
+        testing = {role: one.subset(split(len(one), len(one), trial.seed)[1]) for role, one in experts.items()}
         own = tuple(mean_loss(model, part, role) for role, part in testing.items())  # its training was stopped by it
 
     return Pretrained(
@@ -200,7 +200,7 @@ def measure(about: Pretraining, data: str | Path = "data") -> Pretrained:
 
 
 def _sidm_of(
-    about: Pretraining, experts: dict[str, Motion], units: Standardisation, data: str | Path
+    about: Pretraining, experts: dict[str, Windows], units: Standardisation, data: str | Path
 ) -> tuple[dict[str, Tensor], dict[str, Any]]:
     """The weights of the SIDM and all experts' parts, and how they came about; trained once and kept under `data`."""
     trial = about.trial

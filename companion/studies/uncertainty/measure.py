@@ -27,14 +27,13 @@ from companion.study import Study
 from companion.trials import Trial
 from sidm.config import config
 from sidm.learning.arithmetic import one_thread
-from sidm.learning.dataset import Datasets, Motion, Part
+from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.evaluation import EVALUATION_BATCH, validation_loss
 from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.seeds import generator
 from sidm.learning.training import Trained
 from sidm.learning.units import Standardisation
-from sidm.systems import find_system
-from sidm.terrain import generate_terrain
+from sidm.shards import simulated_ground
 
 SIZES = (1.0, 5.0, 60.0)  # novice data, min
 PARTICLES = 64  # of a rollout
@@ -149,7 +148,7 @@ def _judged(model: Stochastic, about: Fit, library: Library, draws: int) -> dict
     }
 
 
-def latents_of(model: DistributionModel, motion: Motion | Part) -> dict[str, Any]:
+def latents_of(model: DistributionModel, motion: Windows) -> dict[str, Any]:
     """How the spreads of encoder and SIDM compare with what their means vary by, and how many are at the bound."""
     lowest = math.exp(QUIETEST) * (1 + 1e-5)
     encoded, moved, quiet = [], [], []
@@ -176,10 +175,10 @@ def residual_spread(model: DynamicsModel, sets: Datasets) -> Tensor:
 
 def rollout_coverage(model: Stochastic, trial: Trial, library: Library, particles: int) -> Along:
     """How the particles' intervals fit what happened, mean over the rollouts of the trial."""
-    terrain, noise = find_system(trial.system).terrain, generator(trial.seed, "particles")
+    noise = generator(trial.seed, "particles")
     found = []
     for trajectory in library.rollouts(trial):
-        heights = torch.from_numpy(generate_terrain(terrain, trajectory.terrain_seed))
+        heights = torch.from_numpy(simulated_ground(trajectory).heights)
         states = torch.from_numpy(np.asarray(trajectory.states[: ROLLOUT_STEPS + 1], float))
         actions = torch.from_numpy(np.asarray(trajectory.actions[:ROLLOUT_STEPS], float))
         paths = particle_rollout(model, heights, states[0], actions, trial.network.pixels, particles, noise)

@@ -15,9 +15,9 @@ from companion.engine.frame import of_trials
 from companion.figures.style import LOSS_BY_SIZE, METHOD_STYLES, by_system, legend_below
 from companion.statistics.claims import judged
 from companion.statistics.pairs import beside
+from sidm.drives import CONTROL_STEP, QUATERNION
 from sidm.plots import finish, styled
 from sidm.systems import SYSTEMS
-from sidm.trajectory import CONTROL_STEP, QUATERNION
 
 WORDS = {True: "by likelihood", False: "deterministic"}
 DATA = ["system", "novice_minutes", "method"]

@@ -9,8 +9,8 @@ import torch
 from companion.beyond.planning import ROLLED_OVER, Dreamer, Planner, Planning, cost, heading_to, straight
 from sidm import rotations
 from sidm.config import ConfigError
+from sidm.drives import STEPS
 from sidm.learning import DynamicsModel, rollout
-from sidm.trajectory import STEPS
 
 FREE = Planning(replan=1, slowest=-1.0, fastest=1.0)
 HERE = np.array([0, 0, 0.2, 0, 0, 0, 1, *[0] * 6], float)

@@ -45,7 +45,7 @@ def test_a_batch_is_drawn_from_all_and_all_learn(experts, small_network, alone):
 def test_trajectories_to_stop_by_are_not_learnt_from(experts, small_network, alone):
     learner = SeveralLearner(experts, small_network, alone, 0, UNITS)
     for role in experts:
-        assert not set(learner.learning[role].indices.tolist()) & set(learner.testing[role].indices.tolist())
+        assert not set(learner.learning[role].places.tolist()) & set(learner.testing[role].indices.tolist())
         assert len(learner.learning[role]) == 6 and len(learner.testing[role]) == 2
     tested = learner.take_test()
     losses = [mean_loss(learner.model, learner.testing[role], role) for role in experts]

@@ -13,10 +13,11 @@ from companion.digests import find_digest
 from companion.engine.datasets import load_dataset, note_committed, note_digest, verify
 from companion.engine.likeness import Likeness
 from companion.trials import Dataset
+from sidm.config import replace
+from sidm.shards import SHARD_SIZE, Collection, load
 from sidm.simulation import collect
 from sidm.storage import read_record
 from sidm.systems import SYSTEMS
-from sidm.trajectory import SHARD_SIZE, Collection, load
 
 DATASET = Dataset(collection=Collection(system="system1", role="novice", seed=78), count=8)
 #: NumPy's and OpenBLAS' oldest ways to compute on x86; elsewhere nothing is reduced, and the bits may be the same.
@@ -41,8 +42,8 @@ def reduced(tmp_path_factory):
     data = tmp_path_factory.mktemp("reduced")
     code = f"""if True:
         from pathlib import Path
-        from sidm.simulation.collect import make_shard
-        from sidm.trajectory import Collection
+        from sidm.simulation.collecting import make_shard
+        from sidm.shards import Collection
         for number in range({DATASET.count // SHARD_SIZE}):
             make_shard(Path({str(data)!r}), {DATASET.collection!r}, number)
     """
@@ -63,7 +64,7 @@ def test_what_differs_by_rounding_alone_serves_under_the_same_digest(results, re
 
 def test_another_robots_motion_is_refused(results, tmp_path, monkeypatch):
     """Tyres with a tenth less friction; the digest stays that of the data themselves."""
-    from sidm.simulation.collect import make_shard
+    from sidm.simulation.collecting import make_shard
 
     own = SYSTEMS["system1"]
     slippery = dataclasses.replace(own.novice, friction=0.9 * own.novice.friction)
@@ -79,10 +80,10 @@ def test_another_robots_motion_is_refused(results, tmp_path, monkeypatch):
 
 def test_other_actions_and_other_attempts_are_seen(make_trajectories):
     one = make_trajectories(40)
-    other = [t._replace(actions=t.actions + 0.3) for t in one]
+    other = [replace(t, actions=t.actions + 0.3) for t in one]
     assert Likeness.of(one).differences(Likeness.of(one)) == []
     assert "standard errors apart" in Likeness.of(one).differences(Likeness.of(other))[0]
-    others = [t._replace(terrain_seed=t.terrain_seed + 100 * (t.index % 5 == 0)) for t in one]
+    others = [replace(t, ground=t.ground._replace(seed=t.ground.seed + 100 * (t.index % 5 == 0))) for t in one]
     assert "are other attempts" in Likeness.of(one).differences(Likeness.of(others))[0]
     assert Likeness.of(one).differences(Likeness.of(one[:8])) == ["another number of trajectories"]
 

@@ -14,7 +14,7 @@ from companion.bundle import training as bundle_training
 from companion.engine.pack import pack, unpack
 from companion.engine.run import checkpoint_folder
 from sidm.config import ConfigError
-from sidm.trajectory import ShardError
+from sidm.shards import ShardError
 
 
 @pytest.fixture

@@ -18,8 +18,8 @@ from companion.engine.run import checkpoint_folder, run_here
 from companion.numerics import versions
 from companion.studies.other_bodies import NOVICES
 from sidm.config import ConfigError
+from sidm.shards import ShardError
 from sidm.storage import read_record, write_record
-from sidm.trajectory import ShardError
 
 
 @pytest.fixture

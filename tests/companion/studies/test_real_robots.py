@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import torch
 
 from companion import Study
 from companion.catalogue import run_study
@@ -10,7 +9,7 @@ from companion.presets import load_preset
 from companion.studies.real_robots import jitter
 from companion.studies.real_robots import measure as m
 from companion.studies.real_robots import results as r
-from sidm.config import ConfigError
+from sidm.config import ConfigError, replace
 from sidm.fitting.windows import learn_and_test, session_order
 from tests.companion.conftest import kept
 
@@ -61,17 +60,18 @@ def test_a_study_is_asked_for_its_own_systems_alone(tmp_path):
 
 def test_jitter_is_found_in_a_smooth_path(rng):
     """Noise of 2 cm, 1 cm and 0.01 rad on a curve of 20 steps; the curve itself is no jitter."""
-    piece, time = m.robot("warthog", 19), 0.1 * np.arange(20)
+    windows, time = m.robot("warthog", 19)[:300], 0.1 * np.arange(20)
     yaw = np.tile(0.5 * time, (300, 1))
     smooth = np.stack([2 * np.sin(yaw), 2 - 2 * np.cos(yaw), yaw, *np.zeros((3, 300, 20))], -1)
-    first, size = piece._replace(states=torch.from_numpy(smooth)), (0.02, 0.01, 0.01)
+    first, size = [replace(one, states=path) for one, path in zip(windows, smooth, strict=True)], (0.02, 0.01, 0.01)
     assert jitter.jitter(first).max() < 1e-4
     forward, left, turn = (scale * rng.normal(size=yaw.shape) for scale in size)
     noisy = smooth.copy()
     noisy[..., 0] += np.cos(yaw) * forward - np.sin(yaw) * left
     noisy[..., 1] += np.sin(yaw) * forward + np.cos(yaw) * left
     noisy[..., 2] += turn
-    assert jitter.jitter(piece._replace(states=torch.from_numpy(noisy))) == pytest.approx(size, rel=0.1)
+    shaken = [replace(one, states=path) for one, path in zip(windows, noisy, strict=True)]
+    assert jitter.jitter(shaken) == pytest.approx(size, rel=0.1)
 
 
 def test_jitter_costs_at_least_half_of_what_it_costs_without_memory():

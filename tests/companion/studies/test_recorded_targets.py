@@ -25,10 +25,10 @@ from companion.studies.recorded_targets.results import (
 )
 from sidm.body import ROVER
 from sidm.config import ConfigError
-from sidm.recordings import Drive, Ground, RecordingError, read_drives, write_drives
+from sidm.drives import STEPS, Drive, Ground
+from sidm.recordings import RecordingError, read_drives, write_drives
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain
-from sidm.trajectory import STEPS
 from tests.companion.conftest import glide, kept, made, write_motion
 
 
@@ -40,8 +40,8 @@ def recordings(tmp_path_factory):
     for number in range(12):
         heights = generate_terrain(find_system("system1").terrain, number // 2)
         actions = np.tile(rng.uniform(-1, 1, 2), (STEPS, 1))
-        found.append(Drive("a", "", glide(heights, actions, rng).astype(float), actions, Ground(heights, 0.1)))
-    write_drives(folder / "system1.npz", found, ROVER, "made up")
+        found.append(Drive(glide(heights, actions, rng).astype(float), actions, ROVER, Ground(heights, 0.1)))
+    write_drives(folder / "system1.npz", found, "made up")
     return folder
 
 
@@ -129,7 +129,7 @@ def test_other_recordings_are_refused(recordings):
 def test_a_checksum_is_of_what_recordings_hold(recordings, tmp_path):
     """Not of their file: packed by another version they are the same, with another state or ground they are not."""
     found = read_drives(recordings / "system1.npz", ROVER)
-    write_drives(tmp_path / "again.npz", found, ROVER, "packed again")
+    write_drives(tmp_path / "again.npz", found, "packed again")
     again = read_drives(tmp_path / "again.npz", ROVER)
     assert (tmp_path / "again.npz").read_bytes() != (recordings / "system1.npz").read_bytes()
     assert len(checksum_of(found)) == 16 and checksum_of(again) == checksum_of(found)

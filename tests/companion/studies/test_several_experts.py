@@ -23,8 +23,8 @@ from companion.studies.several_experts.results import (
     table,
 )
 from sidm import systems
+from sidm.drives import STEPS
 from sidm.systems import LINEAR, LOGARITHMIC, ROLES, SYSTEMS, member
-from sidm.trajectory import STEPS
 from tests.companion.conftest import kept, made, write_motion
 
 

@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import sidm
 from sidm import __main__ as command_line
 from sidm.body import ROVER, read_body
-from sidm.config import ConfigError
-from sidm.fitting import fit as fitting
-from sidm.fitting import model, settings
+from sidm.config import ConfigError, replace
+from sidm.fitting import settings
 from sidm.learning import Network, Training
 from sidm.recordings import read_drives, write_drives
 from sidm.rivals.methods import METHODS
@@ -34,36 +34,40 @@ def drives():
 @pytest.mark.parametrize("method", METHODS)
 def test_a_model_is_the_same_after_it_was_kept(drives, tmp_path, method):
     expert = None if method in ("novice_only", "least_squares") else drives["husky"]
-    found = fitting.fit(drives["warthog"], expert, SKID, method=method, out=tmp_path / "model")
-    back = model.load(tmp_path / "model")
+    found = sidm.fit(drives["warthog"], expert, method, out=tmp_path / "model")
+    back = sidm.load(tmp_path / "model")
     assert (back.method, back.steps, back.body) == (method, 19, SKID)
     assert sorted(path.name for path in (tmp_path / "model").iterdir()) == ["model.json", "model.safetensors"]
-    one, other = (fitting.evaluate(some, drives["warthog"]) for some in (found, back))
+    one, other = (some.evaluate(drives["warthog"]) for some in (found, back))
     pd.testing.assert_frame_equal(one, other)
     assert np.isfinite(one.error).all() and list(one.quantity[:6]) == list(SKID.targets)
+
+
+def settings_of(with_sidm, alone):
+    return with_sidm.p_expert, with_sidm.matching_iterations, alone.p_expert, alone.weight_decay
 
 
 def test_networks_and_training_may_be_ones_own(drives):
     """Whole or by single values; what each method was tuned to holds where nothing else is said."""
     used = []
-    for how in ({}, {"values": {"hidden": 8, "p_expert": 0.5}}, {"training": Training(max_samples=2_000, batch=4)},
+    for how in ({}, {"settings": {"hidden": 8, "p_expert": 0.5}}, {"training": Training(max_samples=2_000, batch=4)},
                 {"network": Network(layers=2, hidden=8)}):  # fmt: skip
-        found = fitting.fit(drives["warthog"], drives["husky"], SKID, **how)
+        found = sidm.fit(drives["warthog"], drives["husky"], **how)
         used.append((found.network.layers, found.network.hidden))
     assert used == [(1, 16), (1, 8), (1, 16), (2, 8)]
-    chosen = settings.settings(values={"p_expert": 0.5})
-    sidm, alone = (chosen.training_of(METHODS[name]) for name in ("sidm", "novice_only"))
-    assert (sidm.p_expert, sidm.matching_iterations, alone.p_expert, alone.weight_decay) == (0.5, 5, 0.0, 0.1)
-    chosen = settings.settings(training=Training(p_expert=0.9, matching_iterations=20, weight_decay=0.01))
-    sidm, alone = (chosen.training_of(METHODS[name]) for name in ("sidm", "novice_only"))
-    assert (sidm.p_expert, sidm.matching_iterations, alone.p_expert, alone.weight_decay) == (0.9, 20, 0.0, 0.01)
+    chosen = settings.settings_with(values={"p_expert": 0.5})
+    with_sidm, alone = (chosen.training_of(METHODS[name]) for name in ("sidm", "novice_only"))
+    assert settings_of(with_sidm, alone) == (0.5, 5, 0.0, 0.1)
+    chosen = settings.settings_with(training=Training(p_expert=0.9, matching_iterations=20, weight_decay=0.01))
+    with_sidm, alone = (chosen.training_of(METHODS[name]) for name in ("sidm", "novice_only"))
+    assert settings_of(with_sidm, alone) == (0.9, 20, 0.0, 0.01)
     with pytest.raises(ConfigError, match="did you mean 'hidden'"):
-        fitting.fit(drives["warthog"], drives["husky"], SKID, values={"hiden": 8})
+        sidm.fit(drives["warthog"], drives["husky"], settings={"hiden": 8})
 
 
 def test_predictions_stand_beside_what_was_recorded(drives):
-    found = fitting.fit(drives["warthog"], body=SKID, method="least_squares")
-    table = fitting.predict(found, drives["warthog"])
+    found = sidm.fit(drives["warthog"], body=SKID, method="least_squares")
+    table = found.predict(drives["warthog"])
     assert len(table) == 40 * 19 and table.drive.nunique() == 40
     assert np.allclose(table.actual_yaw_rate[:19], drives["warthog"][0].states[1:, 3], atol=1e-5)
     assert np.corrcoef(table.predicted_yaw_rate, table.actual_yaw_rate)[0, 1] > 0.9
@@ -71,8 +75,8 @@ def test_predictions_stand_beside_what_was_recorded(drives):
 
 def test_robots_of_two_bodies_are_learnt_together(drives):
     hunter = read_body(RECORDINGS / "hunter.yaml")
-    expert = [drive._replace(states=drive.states, actions=drive.actions) for drive in drives["husky"]]
-    found = fitting.fit(drives["warthog"], expert, SKID, hunter)
+    expert = [replace(drive, states=drive.states, actions=drive.actions) for drive in drives["husky"]]
+    found = sidm.fit(drives["warthog"], expert, expert_body=hunter)
     assert found.method == "sidm" and found.predictor.encoders.keys() == {"novice", "expert"}
 
 
@@ -81,51 +85,52 @@ def test_robots_of_two_bodies_are_learnt_together(drives):
     [
         ({"method": "sidm"}, "learns from an expert's drives too"),
         ({"method": "sdim"}, "did you mean 'sidm'"),
-        ({"body": None}, "say what the drives are made of"),
-        ({"expert_body": SKID}, "name them with --expert"),
-        ({"seed": -1}, "--seed must be 0 or more, not -1"),
+        ({"novice": BODY.with_name("warthog.csv.gz"), "body": None}, "read from a file: say what its drives are"),
+        ({"novice": []}, "novice has no drives"),
+        ({"expert_body": SKID}, "but there is no expert"),
+        ({"seed": -1}, "seed must be 0 or more, not -1"),
     ],
 )
 def test_what_cannot_be_fitted_is_one_line(drives, how, words):
     with pytest.raises(ConfigError, match=words):
-        fitting.fit(drives["warthog"], **{"body": SKID} | how)
+        sidm.fit(**{"novice": drives["warthog"], "body": SKID} | how)
 
 
 def test_an_expert_of_one_piece_cannot_be_pretrained_on(drives):
     with pytest.raises(ConfigError, match="the expert's motion is one piece"):
-        fitting.fit(drives["warthog"], drives["husky"][:1], SKID, method="core_frozen")
+        sidm.fit(drives["warthog"], drives["husky"][:1], method="core_frozen")
 
 
 def test_without_weights_the_loss_is_in_raw_units(drives, tmp_path):
     """As fitted, so kept; and what predicting the mean costs is of the same drives and units."""
     plain = dataclasses.replace(SKID, weights="ones")
-    found = fitting.fit(drives["warthog"], body=plain, method="least_squares", out=tmp_path)
-    back = model.load(tmp_path)
+    found = sidm.fit(drives["warthog"], body=plain, method="least_squares", out=tmp_path)
+    back = sidm.load(tmp_path)
     assert found.scale is back.scale is back.predictor.loss_weights("novice") is None
     assert 0 < found.test_loss < found.mean_loss == pytest.approx(back.mean_loss)
-    judged = fitting.fit(drives["warthog"], body=SKID, method="least_squares").mean_loss
+    judged = sidm.fit(drives["warthog"], body=SKID, method="least_squares").mean_loss
     assert judged == pytest.approx(len(SKID.targets), rel=0.5) and not judged == pytest.approx(found.mean_loss, rel=0.5)
 
 
 def test_errors_are_in_the_units_that_drives_are_read_in(drives):
     columns = (("yaw_rate", "deg/s"), *SKID.columns[1:])
     body = dataclasses.replace(SKID, columns=columns)
-    found = fitting.fit(drives["warthog"], body=body, method="least_squares")
-    assert fitting.evaluate(found, drives["warthog"]).unit[3] == "rad/s"
+    found = sidm.fit(drives["warthog"], body=body, method="least_squares")
+    assert found.evaluate(drives["warthog"]).unit[3] == "rad/s"
 
 
 def test_copying_between_two_bodies_is_refused(drives):
     with pytest.raises(ConfigError, match="needs robots of one body"):
-        fitting.fit(drives["warthog"], drives["husky"], SKID, RECORDINGS / "hunter.yaml", "pretrain_finetune")
+        sidm.fit(drives["warthog"], drives["husky"], "pretrain_finetune", expert_body=RECORDINGS / "hunter.yaml")
 
 
 def test_a_damaged_model_is_named(drives, tmp_path):
-    fitting.fit(drives["warthog"], body=SKID, method="least_squares", out=tmp_path)
+    sidm.fit(drives["warthog"], body=SKID, method="least_squares", out=tmp_path)
     (tmp_path / "model.safetensors").write_bytes(b"no weights")
     with pytest.raises(ConfigError, match="the model is damaged"):
-        model.load(tmp_path)
+        sidm.load(tmp_path)
     with pytest.raises(ConfigError, match="no model is there"):
-        model.load(tmp_path / "other")
+        sidm.load(tmp_path / "other")
 
 
 def test_the_commands_lead_from_file_to_predictions(tmp_path, capsys):
@@ -146,17 +151,17 @@ def test_the_commands_lead_from_file_to_predictions(tmp_path, capsys):
 def test_a_robot_on_rough_ground_is_learnt_with_its_map(tmp_path):
     """The paper's body, from an .npz with grounds; it drives open loop over the map."""
     some = read_drives(RECORDINGS / "system1.npz", ROVER)[:12]
-    write_drives(tmp_path / "mine.npz", some, ROVER, "some")
-    found = fitting.fit(tmp_path / "mine.npz", body=RECORDINGS / "rover.yaml", out=tmp_path / "model")
-    table = fitting.evaluate(model.load(tmp_path / "model"), tmp_path / "mine.npz")
+    write_drives(tmp_path / "mine.npz", some, "some")
+    found = sidm.fit(tmp_path / "mine.npz", body=RECORDINGS / "rover.yaml", out=tmp_path / "model")
+    table = sidm.load(tmp_path / "model").evaluate(tmp_path / "mine.npz")
     assert found.body == ROVER and found.steps == 64
     assert np.isfinite(table.error).all() and table[table.quantity == "position"].horizon.max() == 60
-    assert len(fitting.predict(found, tmp_path / "mine.npz")) == 12 * 64
+    assert len(found.predict(tmp_path / "mine.npz")) == 12 * 64
 
 
 @pytest.mark.parametrize("name", ["warthog", "husky", "hunter"])
 def test_the_models_kept_here_predict_their_robots(name):
     """Better than the mean by far; they have learnt from these drives."""
-    found = model.load(RECORDINGS / "models" / name)
+    found = sidm.load(RECORDINGS / "models" / name)
     drives = read_drives(RECORDINGS / f"{name}.csv.gz", found.body)
-    assert fitting.evaluate(found, drives[:50]).share.iloc[len(found.body.targets) - 1] < 0.3
+    assert found.evaluate(drives[:50]).share.iloc[len(found.body.targets) - 1] < 0.3

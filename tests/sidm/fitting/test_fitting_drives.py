@@ -3,18 +3,19 @@
 import numpy as np
 import pytest
 
+from companion.pages.own_data import robot_drives
 from sidm.body import ROVER
 from sidm.config import ConfigError
-from sidm.fitting.drives import hold_out, robot_drives
-from sidm.recordings import Drive, write_drives
-from sidm.trajectory import STEPS
+from sidm.drives import STEPS, Drive
+from sidm.fitting.windows import hold_out
+from sidm.recordings import write_drives
 
 
 def test_a_simulated_robot_goes_by_its_name(tmp_path):
     """It is simulated, and is a recording like any other."""
     drives = robot_drives("system1 expert", ROVER, 0.2, tmp_path)
     assert [drive.states.shape for drive in drives] == 2 * [(STEPS + 1, 13)] and drives[0].ground is not None
-    write_drives(tmp_path / "its.npz", drives, ROVER, "simulated")
+    write_drives(tmp_path / "its.npz", drives, "simulated")
     back = robot_drives(str(tmp_path / "its.npz"), ROVER)
     assert np.allclose([drive.states for drive in back], [drive.states for drive in drives], atol=1e-6)
 
@@ -25,7 +26,7 @@ def test_what_is_neither_is_named():
 
 
 def drive(session: str, steps: int = 10) -> Drive:
-    return Drive(f"{session}, {steps}", session, np.zeros((steps + 1, 3)), np.zeros((steps, 1)))
+    return Drive(np.zeros((steps + 1, 13)), np.zeros((steps, 2)), session=session)
 
 
 @pytest.mark.parametrize(

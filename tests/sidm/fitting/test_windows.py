@@ -1,56 +1,54 @@
-"""Recordings as tensors: the same as simulated trajectories of the same motion."""
+"""Recorded drives as windows: the same as simulated ones of the same motion."""
 
 import numpy as np
 import pytest
 import torch
 
-from sidm.config import ConfigError
-from sidm.fitting.windows import apart_by_ground, cut
-from sidm.learning import prepare
-from sidm.recordings import Drive, Ground
+from sidm.config import ConfigError, replace
+from sidm.drives import STEPS, Ground
+from sidm.fitting.windows import apart_by_ground, cut, grounds_of
+from sidm.learning import windows_of
 from sidm.terrain import generate_terrain
-from sidm.trajectory import STEPS
+
+
+def recorded(drive, ground):
+    """A simulated drive as a file has it."""
+    return replace(drive, states=drive.states.astype(float), actions=drive.actions.astype(float), ground=ground)
 
 
 @pytest.fixture
 def recordings(make_trajectories, small_terrain):
-    """Five drives of two pieces and a rest each, over three grounds."""
-    found = []
-    for one in make_trajectories(5, steps=2 * STEPS + 10):
-        ground = Ground(generate_terrain(small_terrain, one.index // 2), small_terrain.spacing)
-        found.append(Drive(f"drive {one.index}", "", one.states.astype(float), one.actions.astype(float), ground))
-    return found
+    """Five drives of two windows and a rest each, over three grounds."""
+    drives = make_trajectories(5, steps=2 * STEPS + 10)
+    heights = [generate_terrain(small_terrain, drive.index // 2) for drive in drives]
+    return [recorded(drive, Ground(one, small_terrain.spacing)) for drive, one in zip(drives, heights, strict=True)]
 
 
-def test_pieces_are_those_that_a_simulated_robot_would_have(make_trajectories, small_terrain):
-    """Inputs, targets and maps of `dataset.prepare`."""
-    trajectories = make_trajectories(3, steps=STEPS)
-    grounds = [Ground(generate_terrain(small_terrain, t.terrain_seed), small_terrain.spacing) for t in trajectories]
-    some = [
-        Drive("a", "", t.states.astype(float), t.actions.astype(float), ground)
-        for t, ground in zip(trajectories, grounds, strict=True)
-    ]
-    ours, theirs = cut(some).motion(8), prepare(trajectories, small_terrain, 8)
+def test_windows_are_those_that_a_simulated_robot_would_have(make_trajectories, small_terrain):
+    drives = make_trajectories(3, steps=STEPS)
+    some = [recorded(one, Ground(one.ground.heights, small_terrain.spacing)) for one in drives]
+    ours, theirs = windows_of(cut(some), 8), windows_of(drives, 8)
     assert torch.allclose(ours.inputs, theirs.inputs, atol=1e-6)  # float32
     assert torch.allclose(ours.targets, theirs.targets, atol=1e-6)
     assert torch.allclose(ours.maps.float(), theirs.maps.float(), atol=2e-3)  # float16
 
 
 def test_recordings_are_cut_and_share_their_grounds(recordings):
-    pieces = cut(recordings)
-    assert pieces.states.shape == (10, STEPS + 1, 13) and pieces.actions.shape == (10, STEPS, 2)
-    assert pieces.ground.tolist() == [0, 0, 0, 0, 1, 1, 1, 1, 2, 2] and len(pieces.grounds) == 3
-    assert np.array_equal(pieces.states[3], recordings[1].states[STEPS : 2 * STEPS + 1])
+    windows = cut(recordings)
+    assert [(one.states.shape, one.actions.shape) for one in windows] == [((STEPS + 1, 13), (STEPS, 2))] * 10
+    assert grounds_of(windows).tolist() == [0, 0, 0, 0, 1, 1, 1, 1, 2, 2]
+    assert np.array_equal(windows[3].states, recordings[1].states[STEPS : 2 * STEPS + 1])
 
 
 def test_grounds_held_out_are_not_learnt_on(recordings):
-    pieces = cut(recordings)
-    learning, judging = apart_by_ground(pieces, 1)
+    windows = cut(recordings)
+    learning, judging = apart_by_ground(windows, 1)
     assert learning.tolist() == list(range(8)) and judging.tolist() == [8, 9]
     with pytest.raises(ValueError, match="from 1 to 2 of 3 grounds, not 3"):
-        apart_by_ground(pieces, 3)
+        apart_by_ground(windows, 3)
 
 
-def test_no_drives_are_refused():
-    with pytest.raises(ConfigError, match="no drive has 64 steps"):
-        cut([])
+def test_drives_that_are_too_short_are_refused(recordings):
+    for drives in ([], cut(recordings, 20)):
+        with pytest.raises(ConfigError, match="no drive of .* has 64 steps"):
+            cut(drives)

@@ -1,6 +1,5 @@
 """Tensors from trajectories, the cache of maps, the nested split, standardisation."""
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -9,19 +8,20 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sidm.config import ConfigError
+from sidm.config import ConfigError, replace
+from sidm.drives import GroundError
 from sidm.learning import (
-    Motion,
     Standardisation,
+    Windows,
     encode_inputs,
-    load_motion,
+    load_windows,
     novice_split,
-    prepare,
     robot_centred_map,
     transition,
+    windows_of,
 )
+from sidm.shards import SHARD_SIZE, Collection, ShardError, trajectories_for, write_shard
 from sidm.terrain import generate_terrain
-from sidm.trajectory import SHARD_SIZE, Collection, ShardError, trajectories_for, write_shard
 
 COLLECTION = Collection(system="system1", role="novice")
 
@@ -39,13 +39,13 @@ def cached(root):
     return list(COLLECTION.folder(root).glob("maps-*.npy"))
 
 
-def test_prepare(small_terrain, make_trajectories):
+def test_windows_of_drives(small_terrain, make_trajectories):
     trajectories = make_trajectories(3)
-    motion = prepare(trajectories, small_terrain, 8)
+    motion = windows_of(trajectories, 8)
     assert len(motion) == 3
     assert (motion.inputs.shape, motion.targets.shape, motion.maps.shape) == ((3, 6, 11), (3, 6, 13), (3, 6, 8, 8))
     assert (motion.inputs.dtype, motion.targets.dtype, motion.maps.dtype) == (torch.float32,) * 2 + (torch.float16,)
-    states, actions = (torch.from_numpy(part).double() for part in trajectories[1][1:3])
+    states, actions = (torch.from_numpy(part).double() for part in (trajectories[1].states, trajectories[1].actions))
     # of one trajectory alone in float64: all three together round otherwise, float32 more than either
     assert torch.allclose(motion.inputs[1].double(), encode_inputs(states[:-1], actions), atol=1e-6)
     assert torch.allclose(motion.targets[1].double(), transition(states[:-1], states[1:]), atol=1e-6)
@@ -53,41 +53,42 @@ def test_prepare(small_terrain, make_trajectories):
     assert torch.allclose(motion.maps[1].double(), maps, atol=2e-3)
 
 
-def test_prepare_refuses_another_terrain(small_terrain, make_trajectories):
+def test_another_terrain_is_refused(small_terrain, make_trajectories):
     trajectories = make_trajectories(2)
-    trajectories[1] = trajectories[1]._replace(terrain_probe=trajectories[1].terrain_probe + 1e-5)
-    with pytest.raises(ShardError, match="trajectory 1: terrain 1 is no longer the one it drove on") as caught:
-        prepare(trajectories, small_terrain, 8)
+    ground = trajectories[1].ground
+    trajectories[1] = replace(trajectories[1], ground=ground._replace(probe=ground.probe + 1e-5))
+    with pytest.raises(GroundError, match="terrain 1 is no longer the one that was driven on") as caught:
+        windows_of(trajectories, 8)
     assert "\n" not in str(caught.value)
 
 
-def test_load_motion_is_prepare_of_what_lies_on_disk(stored, small_terrain):
+def test_loaded_windows_are_those_of_what_lies_on_disk(stored, small_terrain):
     root, trajectories = stored
     count = SHARD_SIZE + 1
-    expected = prepare(trajectories[:count], small_terrain, 8)
+    expected = windows_of(trajectories[:count], 8)
     for _ in range(2):  # made, then read
-        motion = load_motion(root, COLLECTION, count, small_terrain, 8)
-        for field in dataclasses.fields(Motion):
-            assert torch.equal(getattr(motion, field.name), getattr(expected, field.name))
+        motion = load_windows(root, COLLECTION, count, small_terrain, 8)
+        for name in ("inputs", "targets", "maps"):
+            assert torch.equal(getattr(motion, name), getattr(expected, name))
 
 
 def test_maps_are_computed_once(stored, small_terrain, monkeypatch):
     root, _ = stored
-    load_motion(root, COLLECTION, 3, small_terrain, 8)
-    monkeypatch.setattr("sidm.learning.dataset.generate_terrain", lambda *_: pytest.fail("built a terrain again"))
-    load_motion(root, COLLECTION, 3, small_terrain, 8)
+    load_windows(root, COLLECTION, 3, small_terrain, 8)
+    monkeypatch.setattr("sidm.drives.generate_terrain", lambda *_: pytest.fail("built a terrain again"))
+    load_windows(root, COLLECTION, 3, small_terrain, 8)
 
 
 def test_each_resolution_and_count_has_its_file(stored, small_terrain):
     root, _ = stored
     for count, pixels in ((3, 8), (3, 7), (4, 8)):
-        assert load_motion(root, COLLECTION, count, small_terrain, pixels).maps.shape == (count, 6, pixels, pixels)
+        assert load_windows(root, COLLECTION, count, small_terrain, pixels).maps.shape == (count, 6, pixels, pixels)
     assert len(cached(root)) == 3
 
 
 def test_reading_leaves_the_cache_unharmed(stored, small_terrain):
     root, _ = stored
-    motion = load_motion(root, COLLECTION, 2, small_terrain, 8)
+    motion = load_windows(root, COLLECTION, 2, small_terrain, 8)
     before = cached(root)[0].read_bytes()
     motion.maps.zero_()
     assert cached(root)[0].read_bytes() == before
@@ -96,19 +97,19 @@ def test_reading_leaves_the_cache_unharmed(stored, small_terrain):
 @pytest.mark.parametrize("content", [b"", b"not an array", b"\x93NUMPY\x01\x00"])
 def test_damaged_maps_are_named(stored, small_terrain, content):
     root, _ = stored
-    load_motion(root, COLLECTION, 2, small_terrain, 8)
+    load_windows(root, COLLECTION, 2, small_terrain, 8)
     cached(root)[0].write_bytes(content)
     with pytest.raises(ShardError, match="maps-8-.*delete the file") as caught:
-        load_motion(root, COLLECTION, 2, small_terrain, 8)
+        load_windows(root, COLLECTION, 2, small_terrain, 8)
     assert "\n" not in str(caught.value)
 
 
 def test_maps_of_another_shape_are_named(stored, small_terrain):
     root, _ = stored
-    load_motion(root, COLLECTION, 2, small_terrain, 8)
+    load_windows(root, COLLECTION, 2, small_terrain, 8)
     np.save(cached(root)[0], np.zeros((1, 2), np.float16))
     with pytest.raises(ShardError, match=r"maps \(1, 2\) where \(2, 6, 8, 8\)"):
-        load_motion(root, COLLECTION, 2, small_terrain, 8)
+        load_windows(root, COLLECTION, 2, small_terrain, 8)
 
 
 def test_take_first_and_split(make_motion):
@@ -140,7 +141,7 @@ def test_maps_stay_in_their_file(tmp_path):
     count, steps, pixels, batch = 192, 64, 64, 3
     np.save(tmp_path / "maps.npy", np.ones((count, steps, pixels, pixels), np.float16))
     maps = torch.from_numpy(np.load(tmp_path / "maps.npy", mmap_mode="c"))
-    motion = Motion(torch.zeros(count, steps, 11), torch.zeros(count, steps, 13), maps)
+    motion = Windows(torch.zeros(count, steps, 11), torch.zeros(count, steps, 13), maps)
     part = motion.part(range(0, count, 2))
     part.take(range(batch))
     before = anonymous_memory()

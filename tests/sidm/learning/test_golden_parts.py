@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from sidm.learning import losses
-from sidm.learning.dataset import prepare
+from sidm.learning.dataset import windows_of
 from sidm.learning.evaluation import validation_loss
 from sidm.learning.model import DynamicsModel
 from sidm.learning.networks import Discriminator
@@ -42,7 +42,7 @@ def test_every_loss_comes_to_its_figures(golden):
 )
 def test_fresh_networks_come_to_their_figures(golden, make_trajectories, small_terrain, name, network):
     """From trajectories over maps and standardised numbers to a loss by component, and a discriminator's logits."""
-    motion = prepare(make_trajectories(3), small_terrain, network.pixels)
+    motion = windows_of(make_trajectories(3), network.pixels)
     model = DynamicsModel(network, Standardisation.of(motion), seed=0)
     with torch.no_grad():
         latents = model.encoders["novice"](motion.inputs, motion.maps)

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from sidm.learning import Motion, encode_inputs, robot_centred_map, transition
+from sidm.learning import Windows, encode_inputs, robot_centred_map, transition
 from sidm.learning.mirror import mirrored
-from sidm.terrain import generate_terrain
 
 REFLECTED = torch.tensor([1, -1, 1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1.0]).double()  # of a state, by y to -y
 
@@ -15,15 +14,15 @@ REFLECTED = torch.tensor([1, -1, 1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1.0]).double
 def seen(make_trajectories, small_terrain):
     """Motion of one trajectory, and of its reflection: y to -y in the world, left steering for right."""
 
-    def motion(reflect: bool) -> Motion:
+    def motion(reflect: bool) -> Windows:
         (trajectory,) = make_trajectories(1)
         states = torch.tensor(trajectory.states).double()
         actions = torch.tensor(trajectory.actions).double()
-        heights = generate_terrain(small_terrain, trajectory.terrain_seed)
+        heights = trajectory.ground.heights
         if reflect:
             states, actions, heights = states * REFLECTED, actions * torch.tensor([1, -1]), heights[::-1].copy()
         maps = robot_centred_map(heights, states[:-1], 8)
-        return Motion(
+        return Windows(
             encode_inputs(states[:-1], actions)[None], transition(states[:-1], states[1:])[None], maps[None]
         )
 

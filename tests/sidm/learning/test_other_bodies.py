@@ -9,8 +9,8 @@ import torch
 
 from sidm.body import DRIVE, ROVER, TWIST, Body
 from sidm.config import ConfigError
-from sidm.learning import Motion, Training, encode_inputs, integrate, robot_centred_map, rollout, train, transition
-from sidm.learning.dataset import Datasets, motion_of
+from sidm.learning import Training, Windows, encode_inputs, integrate, robot_centred_map, rollout, train, transition
+from sidm.learning.dataset import Datasets, windows_from
 from sidm.learning.evaluation import mean_loss, rollout_errors, validation_loss
 from sidm.learning.learner import Learner
 from sidm.learning.observation import seen_as
@@ -94,7 +94,7 @@ def test_a_body_without_a_map_needs_no_ground(make_pair):
         rollout(model, None, torch.zeros(4), torch.zeros(7, 2), 16, body=TRACKED)
 
 
-def motion(body: Body, count: int, rng: np.random.Generator, steps: int = 12) -> Motion:
+def motion(body: Body, count: int, rng: np.random.Generator, steps: int = 12) -> Windows:
     """Smooth made-up motion of a body, `steps` a trajectory."""
     states = torch.from_numpy(rng.normal(size=(count, steps + 1, len(body.state))).cumsum(1) * 0.1)
     if body.pose == "spatial":
@@ -102,7 +102,7 @@ def motion(body: Body, count: int, rng: np.random.Generator, steps: int = 12) ->
     actions = torch.from_numpy(rng.normal(size=(count, steps, len(body.actions))))
     pixels = body.pixels(PIXELS)
     maps = torch.from_numpy(rng.normal(size=(count, steps, pixels, pixels))).half()
-    return motion_of(body, states, actions, maps)
+    return windows_from(body, states, actions, maps)
 
 
 @pytest.fixture

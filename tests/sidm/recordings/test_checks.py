@@ -7,7 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from sidm.body import ROVER
-from sidm.recordings import Drive, RecordingError, read_drives
+from sidm.config import replace
+from sidm.drives import Drive
+from sidm.recordings import RecordingError, read_drives
 from sidm.recordings.checks import refuse_other_steering, refuse_other_turning, refuse_other_velocities
 
 ROOT = Path(__file__).parents[3]
@@ -117,7 +119,7 @@ def test_steering_to_the_left_is_noticed_in_a_file(drives):
     """Of twenty drives together, whatever the ground; a drive that is steered straight, or stands, is not judged."""
     refuse_other_steering("file", drives)
     for first in range(0, len(drives) - 19, 20):
-        other = [drive._replace(actions=drive.actions * (1, -1)) for drive in drives[first : first + 20]]
+        other = [replace(drive, actions=drive.actions * (1, -1)) for drive in drives[first : first + 20]]
         with pytest.raises(RecordingError, match="file: robots turn against their steering, .* positive to the right"):
             refuse_other_steering("file", other)
     states, steering = turning(10.0, 0.03), np.full((70, 2), 0.05)

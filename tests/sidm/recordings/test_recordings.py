@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from sidm.body import ROVER, SI
-from sidm.recordings import Drive, Ground, RecordingError, read_drives, write_drives
+from sidm.drives import Drive, Ground
+from sidm.recordings import RecordingError, read_drives, write_drives
 from sidm.terrain import height_at
 
 ROOT = Path(__file__).parents[3]
@@ -231,7 +232,7 @@ def test_another_separator_is_named(tmp_path, sign, words):
 def test_drives_are_packed_and_come_back(tmp_path, made):
     """Numbers to float32's seventh digit, heights to half a millimetre, a shared ground once."""
     rough = made(where=ground()._replace(heights=np.random.default_rng(0).uniform(0, 0.1, (81, 81))))
-    write_drives(tmp_path / "a.npz", [made(), rough, made()], ROVER, "two circles")
+    write_drives(tmp_path / "a.npz", [made(), rough, made()], "two circles")
     back = read_drives(tmp_path / "a.npz", ROVER)
     for one, other in zip(back, (made(), rough, made()), strict=True):
         assert np.allclose(one.states, other.states, atol=1e-6) and np.allclose(one.actions, other.actions, atol=1e-6)
@@ -329,7 +330,7 @@ def test_high_mountains_are_packed(tmp_path, made):
     high = Ground(np.full((81, 81), 40.0), 0.1, (0.0, 2.0))
     rows = circle()
     rows[:, 2] += 40.0
-    write_drives(tmp_path / "a.npz", [made(rows, where=high)], ROVER, "up")
+    write_drives(tmp_path / "a.npz", [made(rows, where=high)], "up")
     assert read_drives(tmp_path / "a.npz", ROVER)[0].ground.heights.max() == pytest.approx(40)
 
 

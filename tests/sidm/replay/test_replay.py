@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 from sidm.__main__ import main
 from sidm.body import ROVER, Body
 from sidm.config import ConfigError
-from sidm.recordings import Drive, Ground, write_drives
+from sidm.drives import Drive, Ground
+from sidm.recordings import write_drives
 from sidm.replay import ROBOTS, drives_scene, read_scene, replay, ride, rides_scene, write_scene
 from sidm.replay.packing import pack, unpack
 from sidm.replay.scene import laid, level, rolled
@@ -145,11 +146,11 @@ def cart(steps=20):
     """A recorded drive in the plane."""
     time = np.arange(steps + 1) / 10
     states = np.stack([time, 0.1 * time**2, np.arctan(0.2 * time), np.hypot(1, 0.2 * time)], axis=1)
-    return Drive("cart", "a", states, np.stack([time, -time], axis=1)[:-1] / 10)
+    return Drive(states, np.stack([time, -time], axis=1)[:-1] / 10, PLANAR, name="cart")
 
 
 def test_a_recorded_drive_rolls_over_level_ground():
-    scene = drives_scene([cart()], PLANAR, BOXES["husky"])
+    scene = drives_scene([cart()], BOXES["husky"])
     track = scene.tracks[0]
     assert track.position[:, :2] == pytest.approx(cart().states[:, :2]) and not scene.ground.heights.any()
     found = places(track.skeleton, track.position[7], track.quaternion[7], track.joints[7])
@@ -159,7 +160,8 @@ def test_a_recorded_drive_rolls_over_level_ground():
 
 def test_a_body_without_a_pose_cannot_be_shown():
     with pytest.raises(ConfigError, match="'belt' has no pose"):
-        drives_scene([cart()], Body(name="belt", pose="none", columns=(("v", "m/s"),), actions=(("u", "1"),)))
+        belt = Body(name="belt", pose="none", columns=(("v", "m/s"),), actions=(("u", "1"),))
+        drives_scene([Drive(np.zeros((9, 1)), np.zeros((8, 1)), belt)])
 
 
 def test_the_command_writes_a_page(rides, tmp_path, capsys):
@@ -170,7 +172,7 @@ def test_the_command_writes_a_page(rides, tmp_path, capsys):
 
 
 def test_the_command_shows_recordings(tmp_path, capsys):
-    write_drives(tmp_path / "cart.csv", [cart()], PLANAR, "made up")
+    write_drives(tmp_path / "cart.csv", [cart()], "made up")
     body = "pose: planar\ncolumns: {speed: m/s}\nactions: {left: 1, right: 1}\nrate: 10 Hz\n"
     (tmp_path / "cart.yaml").write_text(body)
     files = {name: str(tmp_path / name) for name in ("cart.csv", "cart.yaml", "cart.html")}
@@ -189,7 +191,7 @@ def test_the_papers_recordings_have_the_papers_robot():
     from sidm.recordings import read_drives
 
     drive = read_drives("recordings/system1.npz", ROVER)[0]
-    scene = drives_scene([drive], ROVER, ROBOTS["system1 novice"])
+    scene = drives_scene([drive], ROBOTS["system1 novice"])
     assert scene.tracks[0].joints.shape == (65, 10) and scene.ground.heights is drive.ground.heights
     assert scene.tracks[0].position == pytest.approx(drive.states[:, :3])
 

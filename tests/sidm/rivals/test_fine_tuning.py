@@ -22,7 +22,7 @@ def test_the_expert_stands_in_the_novices_place(datasets):
     sets = expert_in_place(datasets, 3)
     assert len(sets.train) + len(sets.test) == len(datasets.expert)
     assert len(sets.test) == round(len(datasets.expert) / 4)
-    assert not set(sets.train.indices.tolist()) & set(sets.test.indices.tolist())
+    assert not set(sets.train.places.tolist()) & set(sets.test.indices.tolist())
     assert sets.train.whole is datasets.expert and sets.validation is sets.test
     with pytest.raises(ConfigError, match="pretraining needs the expert's data"):
         expert_in_place(datasets._replace(expert=None), 0)

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from sidm.learning import DynamicsModel, Standardisation, validation_loss
-from sidm.learning.dataset import Datasets, Motion
+from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.evaluation import rollout
 from sidm.learning.mirror import INPUT_SIGNS, TARGET_SIGNS
 from sidm.rivals import least_squares as ls
@@ -133,7 +133,7 @@ def test_it_rolls_out(datasets, base, alone):
 
 def test_parts_give_what_the_whole_does(many):
     """Data that lie in a larger set are taken from it."""
-    whole = Motion(*(torch.cat([getattr(one, f.name) for one in many[:2]]) for f in dataclasses.fields(Motion)))
+    whole = Windows(*(torch.cat([getattr(one, f.name) for one in many[:2]]) for f in dataclasses.fields(Windows)))
     parts = many._replace(train=whole.part(range(30)), test=whole.part(range(30, 40)))
     first, second = (ls.fit(one, Standardisation.none()).model.weights for one in (many, parts))
     assert torch.equal(first, second)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sidm.body import DRIVE, ROVER, TWIST, Body
+from sidm.config import replace
 from sidm.recordings import RecordingError, read_drives, write_drives
 
 BODY = Body(
@@ -97,7 +98,7 @@ def test_a_folder_is_read_file_by_file(write, tmp_path):
 
 def test_what_is_written_reads_back(write, tmp_path):
     drives = read_drives(write(text(circle())), BODY)
-    write_drives(tmp_path / "again.csv.gz", drives, BODY, "a test")
+    write_drives(tmp_path / "again.csv.gz", drives, "a test")
     (again,) = read_drives(tmp_path / "again.csv.gz", BODY)
     assert np.allclose(again.states, drives[0].states, rtol=1e-8) and again.session == drives[0].session
 
@@ -105,8 +106,8 @@ def test_what_is_written_reads_back(write, tmp_path):
 def test_numbers_are_written_in_the_unit_that_stands_above_them(write, tmp_path):
     """The SI's, whatever the body's is; a session may have a comma in its name."""
     body = Body(name="cart", pose="planar", columns=(("yaw_rate", "deg/s"), ("wheel", "rad/s")), actions=BODY.actions)
-    drives = [one._replace(session="a, b") for one in read_drives(write(text(circle())), body)]
-    write_drives(tmp_path / "again.csv", drives, body, "a test")
+    drives = [replace(one, session="a, b") for one in read_drives(write(text(circle())), body)]
+    write_drives(tmp_path / "again.csv", drives, "a test")
     (again,) = read_drives(tmp_path / "again.csv", body)
     assert again.session == "a, b" and np.allclose(again.states, drives[0].states, rtol=1e-8)
 
@@ -127,7 +128,7 @@ def test_slow_drives_with_velocities_are_read(write):
 
 def test_a_file_of_many_drives_keeps_their_sessions(write, tmp_path):
     (drive,) = read_drives(write(text(circle())), BODY)
-    write_drives(tmp_path / "many.npz", [drive._replace(session=name) for name in "aab"], BODY, "a test")
+    write_drives(tmp_path / "many.npz", [replace(drive, session=name) for name in "aab"], "a test")
     found = read_drives(tmp_path / "many.npz", BODY)
     assert [one.session for one in found] == ["a", "a", "b"]
     assert all(np.allclose(one.states, drive.states, atol=1e-5) and one.ground is None for one in found)
@@ -135,7 +136,7 @@ def test_a_file_of_many_drives_keeps_their_sessions(write, tmp_path):
 
 def test_drives_are_not_written_as_what_cannot_hold_them(tmp_path):
     with pytest.raises(ValueError, match="0 drives of body 'cart'; they are written as .csv, .csv.gz, .npz"):
-        write_drives(tmp_path / "none.csv", [], BODY, "nobody")
+        write_drives(tmp_path / "none.csv", [], "nobody")
 
 
 def with_value(column: int, row: int, value: float) -> np.ndarray:

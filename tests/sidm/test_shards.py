@@ -1,47 +1,38 @@
 """Shards on disk: round trip, damage, order."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sidm.config import ConfigError
-from sidm.systems import SYSTEMS
-from sidm.terrain import generate_terrain
-from sidm.trajectory import (
-    PROBES,
+from sidm.config import ConfigError, replace
+from sidm.drives import PROBES, STEPS, GroundError, SimulatedGround, probe
+from sidm.shards import (
     SHARD_SIZE,
-    STEPS,
     Collection,
     ShardError,
-    Trajectory,
-    checksum,
     digest,
-    is_ground_of,
     load,
-    probe,
     read_shard,
+    simulated_drive,
     trajectories_for,
     write_shard,
 )
+from sidm.storage import checksum, read_arrays, write_arrays
+from sidm.systems import SYSTEMS
+from sidm.terrain import generate_terrain
 
-COLLECTION = Collection(system="system1", role="novice")
+COLLECTION, TERRAIN = Collection(system="system1", role="novice"), SYSTEMS["system1"].terrain
 
 
 def some_trajectories(first, count):
     rng = np.random.default_rng(first)
     return [
-        Trajectory(
-            index=i,
-            states=rng.normal(size=(STEPS + 1, 13)).astype(np.float32),
-            actions=rng.uniform(-1, 1, (STEPS, 2)).astype(np.float32),
-            terrain_seed=2**62 - 1 - i,
-            terrain_checksum=f"{i:016x}",
-            terrain_probe=rng.uniform(0, 2, PROBES),
-            discarded=(i, 0, 1, 0),
-        )
+        simulated_drive(
+            "rover", i, rng.normal(size=(STEPS + 1, 13)).astype(np.float32),
+            rng.uniform(-1, 1, (STEPS, 2)).astype(np.float32),
+            SimulatedGround(TERRAIN, 2**62 - 1 - i, f"{i:016x}", rng.uniform(0, 2, PROBES)), (i, 0, 1, 0),
+        )  # fmt: skip
         for i in range(first, first + count)
     ]
 
@@ -59,9 +50,9 @@ def test_what_is_written_is_read(tmp_path):
     assert len(read) == SHARD_SIZE + 1
     for before, after in zip(made, read, strict=False):
         assert np.array_equal(before.states, after.states) and np.array_equal(before.actions, after.actions)
-        assert np.array_equal(before.terrain_probe, after.terrain_probe)
-        plain = dict(states=0, actions=0, terrain_probe=0)
-        assert before._replace(**plain) == after._replace(**plain)
+        assert np.array_equal(before.ground.probe, after.ground.probe)
+        assert before.ground._replace(probe=0) == after.ground._replace(probe=0)
+        assert (before.index, before.discarded) == (after.index, after.discarded)
     assert digest(read) == digest(made[: len(read)]) != digest(made)
 
 
@@ -82,7 +73,7 @@ def test_every_flipped_bit_is_seen_and_the_file_named(tmp_path, where, bit):
     data[int(where * len(data))] ^= 1 << bit
     path.write_bytes(data)
     with pytest.raises(ShardError, match="damaged") as caught:
-        read_shard(path)
+        read_shard(path, TERRAIN)
     assert str(path) in str(caught.value) and "\n" not in str(caught.value) and "delete it" in str(caught.value)
 
 
@@ -99,14 +90,16 @@ def test_a_truncated_shard_is_found(tmp_path):
     path = COLLECTION.shard(tmp_path, 0)
     path.write_bytes(path.read_bytes()[:500])
     with pytest.raises(ShardError, match="damaged"):
-        read_shard(path)
+        read_shard(path, TERRAIN)
 
 
 def test_columns_that_do_not_belong_together_are_found(tmp_path):
     path = COLLECTION.shard(tmp_path, 0)
-    write_shard(path, [one._replace(states=one.states[:-1]) for one in some_trajectories(0, 2)])
+    write_shard(path, some_trajectories(0, 2))
+    members = read_arrays(path)
+    write_arrays(path, members | {"states": members["states"][:, :-1]})
     with pytest.raises(ShardError, match=r"states has shape \(2, 64, 13\), not \(2, 65, 13\)"):
-        read_shard(path)
+        read_shard(path, TERRAIN)
 
 
 def test_a_missing_shard_is_named(tmp_path):
@@ -116,13 +109,13 @@ def test_a_missing_shard_is_named(tmp_path):
 
 
 def test_a_ground_is_known_again_but_for_rounding():
-    terrain = SYSTEMS["system1"].terrain
-    heights = generate_terrain(terrain, 5)
-    driven = some_trajectories(0, 1)[0]._replace(terrain_probe=probe(heights))
+    heights = generate_terrain(TERRAIN, 5)
     assert probe(heights).shape == (PROBES,) and len(set(probe(heights))) == PROBES
-    assert is_ground_of(heights * (1 + 1e-12), driven)
-    assert not is_ground_of(generate_terrain(terrain, 6), driven)
-    assert not is_ground_of(generate_terrain(dataclasses.replace(terrain, smoothing=0.701), 5), driven)
+    driven = SimulatedGround(TERRAIN, 5, "", probe(heights * (1 + 1e-12)))
+    assert np.array_equal(driven.heights, heights)
+    for other in (driven._replace(seed=6), driven._replace(terrain=replace(TERRAIN, smoothing=0.701))):
+        with pytest.raises(GroundError, match="is no longer the one that was driven on"):
+            _ = other.heights
 
 
 def test_checksum_sees_values_shape_and_type():

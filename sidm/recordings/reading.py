@@ -9,46 +9,95 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sidm.body import UNITS, Body
+from sidm.body import UNITS, Body, as_body
+from sidm.drives import Drive
 from sidm.recordings import checks
 from sidm.recordings.csv_file import heights_file, read_csv, write_csv
-from sidm.recordings.drive import Drive, RecordingError, Table
 from sidm.recordings.npz_file import read_npz, write_npz
+from sidm.recordings.table import RecordingError, Table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SUFFIXES = (".csv", ".csv.gz", ".npz")
 STILL = 2  # rows, at most, that a slower sensor's pose repeats itself
 FEWEST_STEPS = 8  # of a drive
 
 
-def read_drives(path: str | Path, body: Body, topics: Sequence[str] = (), held: bool = False) -> list[Drive]:
+def read_drives(
+    path: str | Path | Sequence[str | Path],
+    body: Body | str | Path | Mapping[str, Any],
+    topics: Sequence[str] = (),
+    held: bool = False,
+) -> list[Drive]:
     """The drives of a file or a ROS bag, or of all files of a folder.
 
     Args:
-        path: of it.
-        body: what they are made of.
+        path: of the file, the bag or the folder, or several of them.
+        body: what the drives are made of: a body, the YAML file that describes it, or the mapping in such a file.
         topics: of bags that are read, where several could be meant; all unless given.
         held: whether a column may never change, as where a model is only tried; what learns needs it to.
 
+    Returns:
+        The drives, at the body's rate and in SI units.
+
     Raises:
         RecordingError: there are none, or the first fault; one line that names file, place and fault.
+        ConfigError: the body has a fault.
+
+    Examples:
+        >>> drives = sidm.read_drives("recordings/warthog.csv.gz", body="recordings/skid_steer.yaml")
+        >>> len(drives), drives[0].states.shape
+        (287, (20, 6))
     """
-    path = Path(path)
-    if not path.exists():
-        raise RecordingError(f"{path}: there is no such file")
-    files = _files(path) if path.is_dir() and not is_bag(path) else [path]
-    if not files:
-        raise RecordingError(f"{path}: no file of drives ({', '.join(SUFFIXES)}) and no ROS bag in this folder")
+    body = as_body(body)
+    paths = [Path(one) for one in ([path] if isinstance(path, (str, Path)) else path)]
+    files = [file for one in paths for file in _files(one)]
+    where = ", ".join(map(str, paths))
     found = [drive for file in files for table in _tables(file, body, topics) for drive in drives_of(table, body)]
     if not held:
-        checks.refuse_constant(str(path), found, body)
-    checks.refuse_together(str(path), found, body)
+        checks.refuse_constant(where, found, body)
+    checks.refuse_together(where, found, body)
     return found
 
 
-def _files(folder: Path) -> list[Path]:
+def drives_from_frame(frame: pd.DataFrame, body: Body) -> list[Drive]:
+    """The drives of a table that is in memory: columns as in a CSV file, in SI units.
+
+    Args:
+        frame: a row a moment; `time`, s, and the body's columns, and where there are several drives `drive` or
+            `session`.
+        body: what the drives are made of.
+
+    Raises:
+        RecordingError: a column is missing, or the first fault; one line.
+    """
+    wanted = [name for name, _ in (*body.state, *body.actions)]
+    if missing := [name for name in ("time", *wanted) if name not in frame]:
+        names = ", ".join(wanted)
+        raise RecordingError(f"the table has no column '{missing[0]}'; body '{body.name}' wants time, {names}")
+    columns = {name: frame[name].to_numpy(float) for name in ("time", *wanted)}
+    labels = {name: frame[name].to_numpy(str) for name in ("drive", "session") if name in frame}
+    return drives_of(Table("the table", columns, labels, None), body)
+
+
+def _files(path: Path) -> list[Path]:
+    """A file or a bag itself, or the files of drives in a folder."""
+    if not path.exists():
+        raise RecordingError(f"{path}: there is no such file")
+    if not path.is_dir() or is_bag(path):
+        return [path]
+    files = _inside(path)
+    if not files:
+        raise RecordingError(f"{path}: no file of drives ({', '.join(SUFFIXES)}) and no ROS bag in this folder")
+    return files
+
+
+def _inside(folder: Path) -> list[Path]:
     """The files of drives in a folder, which are not the heights of one another."""
     every = sorted(file for file in folder.iterdir() if file.name.endswith(SUFFIXES) or is_bag(file))
     heights = {one.resolve() for file in every if ".csv" in file.name and (one := heights_file(file))}
@@ -95,7 +144,7 @@ def drives_of(table: Table, body: Body) -> list[Drive]:
             checks.refuse_other_velocities(where, states, body)
         belongs = str(session[rows[0]] or f"{table.name} {label}")
         name = f"{table.name} drive {label}" if len(changes) or not table.labels else table.name
-        found.append(Drive(name, belongs, states, actions, ground))
+        found.append(Drive(states, actions, body, ground, name, session=belongs))
     checks.refuse_jumps(found, body)
     return found
 
@@ -149,13 +198,12 @@ def _fresh(pose: np.ndarray) -> np.ndarray:
     return fresh
 
 
-def write_drives(path: str | Path, drives: Sequence[Drive], body: Body, origin: str) -> None:
+def write_drives(path: str | Path, drives: Sequence[Drive], origin: str) -> None:
     """Write drives as a file that `read_drives` reads: .csv, .csv.gz, or .npz, which holds their grounds as well.
 
     Args:
         path: of the file.
-        drives: of the body.
-        body: what they are made of.
+        drives: of one robot.
         origin: where they are from, for people.
 
     Raises:
@@ -163,7 +211,10 @@ def write_drives(path: str | Path, drives: Sequence[Drive], body: Body, origin: 
         OSError: it cannot be written; one line.
     """
     path = Path(path)
-    if not drives or not path.name.endswith(SUFFIXES) or (body.map_size and path.suffix != ".npz"):
+    if not drives:
+        raise ValueError(f"{path}: there are no drives to write")
+    body = drives[0].body
+    if not path.name.endswith(SUFFIXES) or (body.map_size and path.suffix != ".npz"):
         kinds = ".npz" if body.map_size else ", ".join(SUFFIXES)
-        raise ValueError(f"{path}: {len(drives)} drives of body '{body.name}'; they are written as {kinds}")
-    (write_npz if path.suffix == ".npz" else write_csv)(path, drives, body, origin)
+        raise ValueError(f"{path}: drives of body '{body.name}' are written as {kinds}")
+    (write_npz if path.suffix == ".npz" else write_csv)(path, drives, origin)

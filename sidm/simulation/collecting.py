@@ -15,28 +15,16 @@ from pathlib import Path
 
 import numpy as np
 
-from sidm.config import ConfigError, to_mapping
+from sidm.config import ConfigError, replace, to_mapping
+from sidm.drives import POSITION, STEPS, TWIST, Drive, SimulatedGround, probe, upright
 from sidm.pool import local_pool
 from sidm.progress import progress_bar
+from sidm.shards import DISCARDS, SHARD_SIZE, Collection, load, simulated_drive, write_shard
 from sidm.simulation.exploration import draw_actions
 from sidm.simulation.simulator import Simulator
-from sidm.storage import read_record, sweep, write_record
+from sidm.storage import checksum, read_record, sweep, write_record
 from sidm.systems import ROLES, System, find_system, is_known
 from sidm.terrain import generate_terrain
-from sidm.trajectory import (
-    DISCARDS,
-    POSITION,
-    SHARD_SIZE,
-    STEPS,
-    TWIST,
-    Collection,
-    Trajectory,
-    checksum,
-    load,
-    probe,
-    upright,
-    write_shard,
-)
 
 STUCK_STEPS, STUCK_DISTANCE = 25, 0.1  # more control steps than this within this distance, m, are stuck
 BORDER = 1.0  # m from the terrain's edge
@@ -78,8 +66,8 @@ def drawn(collection: Collection, index: int, number: int) -> tuple[int, float, 
 
 def attempt(
     simulator: Simulator, system: System, collection: Collection, index: int, number: int
-) -> tuple[Trajectory | None, str | None]:
-    """Try number `number` at trajectory `index`: the trajectory, or the cause why it is thrown away."""
+) -> tuple[Drive | None, str | None]:
+    """Try number `number` at trajectory `index`: the drive, or the cause why it is thrown away."""
     terrain_seed, yaw, actions = drawn(collection, index, number)
     heights = generate_terrain(system.terrain, terrain_seed)
     simulator.put_on(heights)
@@ -90,8 +78,9 @@ def attempt(
         cause = rules.ended(states[-1])
         if cause:
             return None, cause
-    ground = terrain_seed, checksum(heights), probe(heights)
-    return Trajectory(index, np.array(states, np.float32), actions, *ground, ()), None
+    ground = SimulatedGround(system.terrain, terrain_seed, checksum(heights), probe(heights))
+    robot = f"{collection.system} {collection.role}"
+    return simulated_drive(robot, index, np.array(states, np.float32), actions, ground), None
 
 
 @functools.lru_cache(maxsize=1)  # a worker keeps it from shard to shard: building one takes a quarter of a trajectory
@@ -114,7 +103,7 @@ def robots_of(collection: Collection, system: System | None) -> System:
     return system
 
 
-def simulate(collection: Collection, index: int, system: System | None = None) -> Trajectory:
+def simulate_trajectory(collection: Collection, index: int, system: System | None = None) -> Drive:
     """Trajectory `index` of a collection: the first attempt to last 64 steps, with the count of those that did not.
 
     Args:
@@ -131,17 +120,17 @@ def simulate(collection: Collection, index: int, system: System | None = None) -
     simulator = _simulator(system, collection.role if collection.role in ROLES else "expert")
     causes: list[str | None] = []
     for number in range(MOST_ATTEMPTS):
-        trajectory, cause = attempt(simulator, system, collection, index, number)
-        if trajectory is not None:
-            return trajectory._replace(discarded=tuple(causes.count(name) for name in DISCARDS))
+        drive, cause = attempt(simulator, system, collection, index, number)
+        if drive is not None:
+            return replace(drive, discarded=tuple(causes.count(name) for name in DISCARDS))
         causes.append(cause)
     raise RuntimeError(f"{collection}: {MOST_ATTEMPTS} attempts at trajectory {index} ended early; last: {causes[-1]}")
 
 
 def make_shard(root: Path, collection: Collection, number: int, system: System | None = None) -> int:
-    """Simulate and write one shard, as `simulate`; how many trajectories it holds."""
+    """Simulate and write one shard, as `simulate_trajectory`; how many trajectories it holds."""
     indices = range(SHARD_SIZE * number, SHARD_SIZE * (number + 1))
-    write_shard(collection.shard(root, number), [simulate(collection, index, system) for index in indices])
+    write_shard(collection.shard(root, number), [simulate_trajectory(collection, index, system) for index in indices])
     return SHARD_SIZE
 
 
@@ -158,7 +147,7 @@ def collect(
     executor: Executor | None = None,
     progress: bool = True,
     system: System | None = None,
-) -> list[Trajectory]:
+) -> list[Drive]:
     """The first `count` trajectories of a collection; what is on disk is read, the rest is simulated and written.
 
     Args:
@@ -168,7 +157,7 @@ def collect(
         workers: processes, one a core when None; ignored with an `executor`.
         executor: runs the shards elsewhere; its workers write into the same `root`.
         progress: show a bar with the time left.
-        system: as of `simulate`.
+        system: as of `simulate_trajectory`.
 
     Raises:
         ConfigError: as of `robots_of`, or the folder has motion of other robots of that name.
@@ -186,7 +175,7 @@ def collect(
             futures = [run.submit(make_shard, root, collection, number, system) for number in missing]
             for future in as_completed(futures):
                 bar.update(future.result())
-    return load(root, collection, count)
+    return load(root, collection, count, robots_of(collection, system).terrain)
 
 
 def _refuse_other_robots(folder: Path, system: System) -> None:
@@ -198,6 +187,6 @@ def _refuse_other_robots(folder: Path, system: System) -> None:
         write_record(path, values)
 
 
-def discards(trajectories: list[Trajectory]) -> dict[str, int]:
-    """How many attempts were thrown away on the way to these trajectories, by cause."""
-    return {cause: sum(t.discarded[k] for t in trajectories) for k, cause in enumerate(DISCARDS)}
+def discards(drives: list[Drive]) -> dict[str, int]:
+    """How many attempts were thrown away on the way to these drives, by cause."""
+    return {cause: sum(drive.discarded[k] for drive in drives) for k, cause in enumerate(DISCARDS)}

@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from sidm.config import ConfigError
-from sidm.simulation import Simulator, collect, discards, simulate
-from sidm.simulation.collect import EpisodeRules, drawn, missing_shards
+from sidm.drives import STEPS
+from sidm.shards import SHARD_SIZE, Collection, ShardError, digest
+from sidm.simulation import Simulator, collect, discards, simulate_trajectory
+from sidm.simulation.collecting import EpisodeRules, drawn, missing_shards
+from sidm.storage import checksum
 from sidm.systems import SYSTEMS, System, Terrain
 from sidm.terrain import generate_terrain
-from sidm.trajectory import SHARD_SIZE, STEPS, Collection, ShardError, checksum, digest
 
 COLLECTION = Collection(system="system1", role="novice", seed=77)
 
@@ -49,13 +51,13 @@ OWN = System(
 def test_robots_of_ones_own_drive_in_their_own_role(role, tmp_path):
     """What `simulate` gives is what each robot does on its own ground, whichever process does it."""
     collection = Collection(system="mine", role=role, seed=3)
-    found = simulate(collection, 0, OWN)
+    found = simulate_trajectory(collection, 0, OWN)
     number = sum(found.discarded)
     seed, yaw, actions = drawn(collection, 0, number)
     with Simulator(OWN.robot(role), generate_terrain(OWN.terrain, seed)) as simulator:
         states = [simulator.reset(0.0, 0.0, yaw), *(simulator.step(action) for action in actions)]
     assert np.array_equal(found.states, np.array(states, np.float32))
-    other = simulate(collection, 0, dataclasses.replace(OWN, novice=OWN.expert, expert=OWN.novice))
+    other = simulate_trajectory(collection, 0, dataclasses.replace(OWN, novice=OWN.expert, expert=OWN.novice))
     assert not np.array_equal(found.states, other.states)
     (first, *_) = collect(tmp_path, collection, 2, workers=1, progress=False, system=OWN)  # a spawned worker
     assert np.array_equal(first.states, found.states)
@@ -64,11 +66,11 @@ def test_robots_of_ones_own_drive_in_their_own_role(role, tmp_path):
 def test_a_name_stands_for_one_pair(tmp_path):
     own = Collection(system="mine", role="novice", seed=3)
     with pytest.raises(ConfigError, match="unknown system 'mine'"):
-        simulate(own, 0)
+        simulate_trajectory(own, 0)
     with pytest.raises(ConfigError, match="the collection is of 'system1', the robots given are of 'mine'"):
-        simulate(COLLECTION, 0, OWN)
+        simulate_trajectory(COLLECTION, 0, OWN)
     with pytest.raises(ConfigError, match="'system1' is known with other robots, ground or physics; give yours"):
-        simulate(COLLECTION, 0, dataclasses.replace(OWN, name="system1"))
+        simulate_trajectory(COLLECTION, 0, dataclasses.replace(OWN, name="system1"))
     collect(tmp_path, own, 0, progress=False, system=OWN)
     collect(tmp_path, own, 0, progress=False, system=OWN)
     with pytest.raises(ConfigError, match="has motion of other robots called 'mine'; delete it or choose a new name"):
@@ -89,8 +91,8 @@ def test_trajectories_have_their_length_order_and_terrain(collected):
         assert t.states.shape == (STEPS + 1, 13) and t.states.dtype == np.float32 and t.actions.shape == (STEPS, 2)
         assert np.hypot(*t.states[0, :2]) < 0.2
     t = trajectories[3]
-    assert checksum(generate_terrain(SYSTEMS["system1"].terrain, t.terrain_seed)) == t.terrain_checksum
-    assert len({t.terrain_seed for t in trajectories}) == len(trajectories)
+    assert checksum(t.ground.heights) == t.ground.checksum
+    assert len({t.ground.seed for t in trajectories}) == len(trajectories)
     assert set(discards(trajectories)) == {"stuck", "border", "rollover", "unstable"}
 
 
