@@ -61,7 +61,7 @@ def test_a_flat_recipe_is_flat():
     assert np.ptp(generate_terrain(Terrain(cell_height_scale=0.0, noise_height_scale=0.0), 1)) == 0
 
 
-RECORDED = json.loads((Path(__file__).parent / "recorded" / "terrain_quantiles.json").read_text())
+RECORDED = json.loads((Path(__file__).parents[1] / "recorded" / "terrain_quantiles.json").read_text())
 
 
 @pytest.mark.parametrize("name", SYSTEMS)

@@ -13,9 +13,10 @@ from companion.bundle.shelf import Shelf
 from companion.bundle.stack import Stack
 from sidm.config import ConfigError
 from sidm.learning import Datasets, TrainingError, train
+from sidm.learning.arithmetic import matmul_precision
 from sidm.learning.learner import Learner
 from sidm.learning.regularisation import regularise_phase
-from sidm.learning.training import predict_phase, products
+from sidm.learning.training import predict_phase
 
 SHARED_L2 = dict(matching_optimiser="shared", decay="l2", weight_decay=0.1)
 RECIPE = dict(
@@ -184,7 +185,7 @@ def test_rounding_of_products_is_set_and_put_back():
     matrices, networks = torch.backends.cuda.matmul, torch.backends.cudnn
     before = matrices.allow_tf32, networks.allow_tf32
     for precision, rounded in (("float32", False), ("tf32", True), ("bfloat16", False)):
-        with products(precision):
+        with matmul_precision(precision):
             assert matrices.allow_tf32 is networks.allow_tf32 is rounded
         assert (matrices.allow_tf32, networks.allow_tf32) == before
 

@@ -11,9 +11,9 @@ from companion.methods import (
     PATIENCE,
     PYTORCH_WEIGHTS,
     RELEASED,
-    change,
 )
 from companion.studies import choices
+from sidm.config import replace
 from sidm.systems import SYSTEMS
 
 
@@ -67,6 +67,6 @@ def test_released_choices_are_made_together_at_every_size():
         assert {t.network.initialisation for t in every} == {"pytorch"}
         ours = [t.training for t in study.figure3(system) if t.method == "sidm"]
         plain = dict(system_draw="trajectory", matching_optimiser="own")
-        assert [change(t.training, **plain) for t in two] == ours
+        assert [replace(t.training, **plain) for t in two] == ours
         mine = [t.training for t in every if t.method == "sidm"]
-        assert [change(t, **plain, reduction="sum", decay="decoupled") for t in mine] == ours
+        assert [replace(t, **plain, reduction="sum", decay="decoupled") for t in mine] == ours
