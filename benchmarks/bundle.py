@@ -24,8 +24,8 @@ from companion.bundle.bundle import Bundle
 from companion.bundle.seat import Seat
 from companion.bundle.shelf import Shelf
 from sidm.learning import PAPER_NETWORK, RELEASED_NETWORK, Network, Training, train
-from sidm.learning.learner import Learner
-from sidm.learning.training import predict_phase
+from sidm.learning.trainer import Trainer
+from sidm.learning.training import predict
 from sidm.systems import ROLES
 
 
@@ -109,12 +109,12 @@ def bundle_phase(bundle: Bundle) -> int:
 
 def single(case: Case, device: torch.device) -> Callable[[], int]:
     """A phase of prediction of one training, in samples."""
-    learner = Learner(random_data(case.network.pixels), case.network, settings(case), 0, device=device)
+    trainer = Trainer(random_data(case.network.pixels), case.network, settings(case), 0, device=device)
 
     def work() -> int:
-        before = learner.samples
-        predict_phase(learner)
-        return learner.samples - before
+        before = trainer.samples
+        predict(trainer)
+        return trainer.samples - before
 
     return work
 
@@ -172,7 +172,7 @@ def measure(cases: Iterable[Case], device: torch.device, seconds: float) -> floa
         if case.network not in rates:
             loop = ReleasedLoop(case.network.pixels, case.network, str(device))
             alone = per_second(single(case, device), device, seconds)
-            each = operations(Learner(random_data(case.network.pixels), case.network, settings(case, phase=1), 0))
+            each = operations(Trainer(random_data(case.network.pixels), case.network, settings(case, phase=1), 0))
             rates[case.network] = alone, per_second(loop.iterate, device, seconds), each, bytes_a_sample(case)
         alone, released, each, moved = rates[case.network]
         with closing(make_bundle(case, device)) as bundle:

@@ -22,9 +22,8 @@ from companion.grids import grid
 from companion.pages.pages import markdown_table
 from companion.presets import PRESETS, Preset, load_preset
 from sidm.drives import STEPS
-from sidm.learning.learner import Learner
-from sidm.learning.regularisation import discriminator_iteration, matching_iteration
-from sidm.learning.training import predict_phase
+from sidm.learning.trainer import Trainer
+from sidm.learning.training import discriminator_iteration, matching_iteration, predict
 from sidm.systems import SYSTEMS
 
 ROUNDS = 3
@@ -54,15 +53,15 @@ def training(name: str) -> tuple[list[float], float]:
     preset = load_preset(name)
     usual = dataclasses.replace(preset.training, **preset.tuned_values("sidm"))
     one = dataclasses.replace(usual, prediction_iterations=1, test_interval=10**9, max_samples=10**12, patience=10**12)
-    learner = Learner(random_data(preset.network.pixels), preset.network, one, seed=0)
-    parts: dict[Callable[[Learner], object], int] = {
-        predict_phase: usual.prediction_iterations,
+    trainer = Trainer(random_data(preset.network.pixels), preset.network, one, seed=0)
+    parts: dict[Callable[[Trainer], object], int] = {
+        predict: usual.prediction_iterations,
         discriminator_iteration: usual.discriminator_iterations,
         matching_iteration: usual.matching_iterations,
     }
     rates = []
     for number in range(1 + ROUNDS):  # the first warms up
-        phase = sum(count * seconds(lambda part=part: part(learner)) for part, count in parts.items())
+        phase = sum(count * seconds(lambda part=part: part(trainer)) for part, count in parts.items())
         if number:
             rates.append(usual.prediction_iterations * usual.batch * STEPS / phase)
     return rates, peak_memory()

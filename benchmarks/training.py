@@ -20,31 +20,32 @@ from rounds import rate, report
 from work import operations, random_data
 
 from sidm.learning import Network, Training, convolution
-from sidm.learning.learner import Learner
-from sidm.learning.training import flushed_denormals, predict_phase
+from sidm.learning.arithmetic import flushed_denormals
+from sidm.learning.trainer import Trainer
+from sidm.learning.training import predict
 
 ROUNDS = 5
 
 
 @functools.cache
-def learner(pixels: int, batch: int, precision: str) -> Learner:
+def trainer(pixels: int, batch: int, precision: str) -> Trainer:
     """A training on random numbers, which take as long as real ones; of this process."""
     torch.set_num_threads(1)
     training = Training(
         batch=batch, prediction_iterations=5, test_interval=10**6, max_samples=10**9, precision=precision
     )
-    return Learner(random_data(pixels), Network(pixels=pixels), training, seed=0)
+    return Trainer(random_data(pixels), Network(pixels=pixels), training, seed=0)
 
 
 def train(pixels: int, batch: int, precision: str, plain: bool = False) -> float:
     """Samples a second of wall-clock time of four short phases, in this process; `plain`: by PyTorch alone."""
-    running, kernels = learner(pixels, batch, precision), convolution.kernels
+    running, kernels = trainer(pixels, batch, precision), convolution.kernels
     convolution.kernels = (lambda: None) if plain else kernels
     try:
         with contextlib.nullcontext() if plain else flushed_denormals():
             before, start = running.samples, time.perf_counter()
             for _ in range(4):
-                predict_phase(running)
+                predict(running)
             return (running.samples - before) / (time.perf_counter() - start)
     finally:
         convolution.kernels = kernels
@@ -93,7 +94,7 @@ def main() -> None:
     for stand_in in stand_ins:
         report(f"{released} / {stand_in}", np.array(rates[released]) / np.array(rates[stand_in]), "times")
     torch.set_num_threads(1)
-    products, each = np.median(rate(matrix_products())), operations(learner(64, 2, "float32"))
+    products, each = np.median(rate(matrix_products())), operations(trainer(64, 2, "float32"))
     share = np.median(rates[released]) / 2 * each / products
     print(f"floor: {each / 1e6:.1f} million operations a sample; at {products / 1e9:.0f} GFLOP/s of products a core")
     print(f"    at most {2 * products / each:.0f} samples a s on two cores; our share of it {share:.2f} in float32")

@@ -6,8 +6,8 @@ import torch
 from torch.utils.flop_counter import FlopCounterMode
 
 from sidm.learning import Datasets, Windows
-from sidm.learning.learner import Learner
-from sidm.learning.training import predict_phase
+from sidm.learning.trainer import Trainer
+from sidm.learning.training import predict
 
 STEPS, TRAJECTORIES = 64, 20
 
@@ -21,11 +21,11 @@ def random_data(pixels: int) -> Datasets:
     return Datasets(train=motion, test=motion, validation=motion, expert=motion)
 
 
-def operations(running: Learner) -> float:
+def operations(running: Trainer) -> float:
     """Floating point operations a sample of a prediction iteration, forward and backward."""
     before = running.samples
     with FlopCounterMode(display=False) as counter:
-        predict_phase(running)
+        predict(running)
     network = running.network
     sizes = [network.latent] + [network.hidden] * network.layers
     lstm = sum(2 * 4 * network.hidden * (size + network.hidden) for size in sizes[:-1])

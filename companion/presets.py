@@ -9,10 +9,11 @@ import dataclasses
 from collections.abc import Iterable
 from typing import Any, Literal
 
+from companion.training import StudyTraining
 from companion.trials import Dataset, datasets
 from sidm.config import ConfigError, config, conform, refuse_nonsense, replace, unknown_name
 from sidm.rivals.methods import Method
-from sidm.settings import PAPER_NETWORK, RELEASED_NETWORK, Network, Training
+from sidm.settings import PAPER_NETWORK, RELEASED_NETWORK, Network
 from sidm.systems import FREE_STRUTS, find_system
 
 #: The exploration policies of `sidm.simulation`, which need not be installed to read results.
@@ -53,7 +54,7 @@ class Preset:
     p_expert_system2: float = 0.5  # section 4: they differ greatly
     policy: str = "ornstein_uhlenbeck"  # that explores, in all but the 25-step test
     network: Network = Network()
-    training: Training = Training()
+    training: StudyTraining = StudyTraining()
     tuned: tuple[tuple[str, str, Any], ...] = ()  # method, setting of its training, value instead of `training`'s
     references: tuple[str, ...] = ("least_squares",)  # methods that stand beside Figure 3 at every size
     free_strut_minutes: tuple[float, ...] = (1.0, 5.0, 20.0, 60.0)  # sizes of Figure 3 with free struts
@@ -74,7 +75,7 @@ class Preset:
                 raise ConfigError(f"{name} must be from 0 to 1, not {value}")
             if name.endswith("seeds") and name != "more_seeds" and not 1 <= value <= MOST_SEEDS:
                 raise ConfigError(f"{name} must be from 1 to {MOST_SEEDS}, not {value}")
-        names = {field.name for field in dataclasses.fields(Training)} - {"p_expert", "regularise"}  # type: ignore
+        names = {field.name for field in dataclasses.fields(StudyTraining)} - {"p_expert", "regularise"}  # type: ignore
         for _, setting, _ in self.tuned:
             if setting not in names:
                 raise unknown_name(setting, names, "what a method is tuned in")
@@ -104,12 +105,12 @@ class Preset:
         """The paper's p_e for a system."""
         return self._of(system, "p_expert")
 
-    def training_of(self, method: Method, system: str) -> Training:
+    def training_of(self, method: Method, system: str) -> StudyTraining:
         """A method's training on a system's novice, with what the method was tuned to."""
         base = replace(self.training, p_expert=self.p_expert(system))
         return method.training(base, self.tuned_values(method.tuned_as))
 
-    def pretraining_of(self, method: Method) -> Training | None:
+    def pretraining_of(self, method: Method) -> StudyTraining | None:
         """A method's training on the expert alone; None for a method that begins afresh."""
         return method.pretraining(self.training, self.tuned_values("pretraining"))
 
@@ -160,7 +161,8 @@ class Preset:
             if group is None:
                 raise unknown_name(name, (n for group in groups for n in group if n not in hidden), "a preset")
             group[name] = value
-        return Preset(**(own | {"network": Network(**parts["network"]), "training": Training(**parts["training"])}))
+        own |= {"network": Network(**parts["network"]), "training": StudyTraining(**parts["training"])}
+        return Preset(**own)
 
 
 _PAPER_SIZES: dict[str, Any] = dict(
@@ -192,7 +194,7 @@ _LAPTOP: dict[str, Any] = dict(
     rollouts=32,
     seeds=3,
     network=Network(pixels=32, layers=3, hidden=256),
-    training=Training(max_samples=1_000_000, patience=150_000),
+    training=StudyTraining(max_samples=1_000_000, patience=150_000),
     tuned=_LAPTOP_TUNED,
 )
 
@@ -221,7 +223,7 @@ PRESETS: dict[str, Preset] = {
             free_strut_minutes=(0.5, 2),
             free_strut_seeds=1,
             network=Network(pixels=16, layers=1, hidden=32),
-            training=Training(
+            training=StudyTraining(
                 prediction_iterations=5,
                 discriminator_iterations=2,
                 matching_iterations=2,
@@ -246,13 +248,13 @@ PRESETS: dict[str, Preset] = {
             name="released",
             **_PAPER_SIZES,
             network=RELEASED_NETWORK,
-            training=Training(max_samples=20_000_000),
+            training=StudyTraining(max_samples=20_000_000),
         ),
         Preset(
             name="paper",
             **_PAPER_SIZES,
             network=PAPER_NETWORK,
-            training=Training(max_samples=20_000_000),
+            training=StudyTraining(max_samples=20_000_000),
         ),
     )
 }

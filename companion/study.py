@@ -13,9 +13,9 @@ from companion.methods import (
     METHODS,
 )
 from companion.presets import Preset, load_preset
+from companion.training import StudyTraining
 from companion.trials import Trial
 from sidm.config import unknown_name
-from sidm.settings import Training
 from sidm.systems import find_system
 
 
@@ -49,7 +49,9 @@ class Study:
             self._digests[system] = {f"{k}_data": find_digest(d, self.data, self.results) for k, d in needed.items()}
         return self._digests[system]
 
-    def trial(self, system: str, method: str, minutes: float, seed: int = 0, training: Training | None = None) -> Trial:
+    def trial(
+        self, system: str, method: str, minutes: float, seed: int = 0, training: StudyTraining | None = None
+    ) -> Trial:
         """One trial of the preset's sizes; `training` replaces the method's own.
 
         Raises:
@@ -84,7 +86,7 @@ class Study:
         system: str,
         methods: Sequence[str],
         sizes: Iterable[float],
-        training: Training | None = None,
+        training: StudyTraining | None = None,
         seeds: int | None = None,
     ) -> list[Trial]:
         """Trials of every size, seed (the preset's numbers unless given) and method, those of a seed side by side."""

@@ -9,8 +9,9 @@ import json
 from collections.abc import Mapping
 from typing import Any, Literal
 
+from companion.training import StudyTraining
 from sidm.config import ConfigError, config, refuse_nonsense, to_mapping
-from sidm.settings import Network, Training
+from sidm.settings import Network
 from sidm.shards import Collection, trajectories_for
 from sidm.systems import find_system
 
@@ -83,8 +84,8 @@ class Trial:
     validation_data: str = UNKNOWN  # of the validation motion
     rollout_data: str = UNKNOWN  # of the rollouts
     network: Network = Network()  # sizes of all networks
-    training: Training = Training()  # of the method
-    pretraining: Training | None = None  # on the expert alone, whose weights the novice starts from; none: fresh ones
+    training: StudyTraining = StudyTraining()  # of the method
+    pretraining: StudyTraining | None = None  # on the expert alone, whose weights the novice starts from; none: fresh
     pretrained: Literal["all", "sidm"] = "all"  # what of those weights it starts from; 'sidm': the shared part alone
     residual: bool = False  # the pretrained model stays as it is; what is learnt, from fresh weights, corrects it
     fit: Literal["gradients", "least_squares"] = "gradients"  # the training loop, or weights in closed form

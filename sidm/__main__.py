@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from sidm import __version__
 from sidm.command_line import Parser, adder, carry_out
-from sidm.commands import add_fitting, add_replay
+from sidm.commands import add_demo, add_fitting, add_replay
 
 DESCRIPTION = "Dynamics models of your own robot from recorded drives. Exit status: 0; 1 when something failed; 2 for "
 DESCRIPTION += "arguments that cannot be used."
@@ -18,7 +18,8 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
     parser = Parser(prog="sidm", description=DESCRIPTION)
     parser.add_argument("--version", action="version", version=__version__)
-    add = adder(parser, ("fit", "evaluate", "predict", "replay"))
+    add = adder(parser, ("demo", "fit", "evaluate", "predict", "replay"))
+    add_demo(add)
     add_fitting(add)
     add_replay(add)
     return parser

@@ -56,12 +56,16 @@ def run_fit(arguments: argparse.Namespace) -> int:
 
 
 def run_evaluate(arguments: argparse.Namespace) -> int:
-    """`evaluate`: the table, and its figure."""
+    """`evaluate`: the table, and its figure where Matplotlib is installed."""
     from sidm.fitting.model import load
-    from sidm.fitting.report import figure
 
     table = load(arguments.model).evaluate(arguments.drives, arguments.topics)
     print(shown(table))
+    try:
+        from sidm.fitting.report import figure
+    except ImportError:
+        print("note: no figure is drawn without Matplotlib: pip install 'sidm[plots]'", file=sys.stderr)
+        return 0
     path = Path(arguments.figure or Path(arguments.model) / "evaluation.png")
     try:
         figure(table).savefig(path)
@@ -101,6 +105,24 @@ def add_replay(command: Adds) -> None:
     words = "what a recorded robot looks like: rover, warthog, husky, or WHEELBASE,TRACK,RADIUS in m"
     made.add_argument("--shape", metavar="NAME", help=f"{words} (rover for the paper's, else husky)")
     made.add_argument("--title", help="of the page (the file's name)")
+
+
+def add_demo(command: Adds) -> None:
+    """Add it to a command line."""
+    made = command("demo", run_demo, "A model of a real robot in half a minute, from drives that come with sidm.")
+    made.add_argument("--out", metavar="DIR", default="sidm-demo", help="folder of what is made (%(default)s)")
+
+
+def run_demo(arguments: argparse.Namespace) -> int:
+    """`demo`: what was learnt, how well, and what to do next."""
+    from sidm.demo import run
+
+    made = run(arguments.out)
+    print(f"{made.model}, {made.learnt} drives of a Warthog; its errors on {made.judged} others:")
+    print(shown(made.errors))
+    print(f"model: {made.page.parent / 'model'}")
+    print(f"replay: {made.page}; open it in a browser: the ghost is where the model says that the robot would be")
+    return 0
 
 
 def run_replay(arguments: argparse.Namespace) -> int:

@@ -26,7 +26,6 @@ import numpy as np
 from sidm.body import ROVER, Body
 from sidm.config import Fault
 from sidm.systems import Terrain
-from sidm.terrain import generate_terrain
 
 POSITION, QUATERNION, TWIST = slice(0, 3), slice(3, 7), slice(7, 13)
 STATE_SIZE, ACTION_SIZE = 13, 2
@@ -67,6 +66,8 @@ class SimulatedGround(NamedTuple):
     @property
     def heights(self) -> np.ndarray:
         """(H, W), m, index [y, x]; GroundError where this machine makes other ones."""
+        from sidm.terrain import generate_terrain  # which brings SciPy
+
         heights = generate_terrain(self.terrain, self.seed)
         if not np.allclose(probe(heights), self.probe, rtol=0, atol=SAME_HEIGHT):
             raise GroundError(

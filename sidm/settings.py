@@ -6,7 +6,7 @@ Without PyTorch, so that results can be read without it.
 from __future__ import annotations
 
 import dataclasses
-from typing import Literal
+from typing import Any, Literal
 
 from sidm.body import ROVER, Body
 from sidm.config import ConfigError, config, refuse_below, refuse_nonsense
@@ -110,15 +110,9 @@ class Training:
     system_draw: Literal["trajectory", "iteration"] = "trajectory"  # 'iteration': one system a batch (released code)
     decay: Literal["decoupled", "l2"] = "decoupled"  # 'l2': in the gradient (released code)
     matching_optimiser: Literal["own", "shared"] = "own"  # 'shared': the prediction optimiser's moments (released code)
-    stopping: Literal["test_loss", "released"] = "test_loss"  # the rules of `stopping.Stopper`
+    stopping: Literal["test_loss", "released"] = "test_loss"  # the rules of `stopping.EarlyStopping`
     reduction: Literal["sum", "mean"] = "sum"  # over the 13 components of the loss that is minimised ('mean': released)
-    matching: Literal["adversary", "mmd", "coral", "reversal"] = "adversary"  # what makes the latents alike: the
-    # paper's Algorithm 2, the same by the maximum mean discrepancy or by moments, or gradient reversal in Algorithm 1
-    reversal_weight: float = 0.1  # of the discriminator's loss in the encoders' gradient, with matching='reversal'
     frozen: Literal["nothing", "sidm"] = "nothing"  # 'sidm': encoders and decoders alone learn
-    tether: float = 0.0  # share of the way back to their start that weights are pulled, a unit of learning rate
-    averaging: float = 0.0  # weight of the past in the average of the weights that is tested and kept; 0: no average
-    mirror: bool = False  # whether left and right of trajectories are exchanged, of each drawn with probability 0.5
     units: Literal["standardised", "raw"] = "standardised"  # inside the networks ('raw': released code)
     zero_gradients: bool = False  # whether parts that a batch does not touch have gradients of 0 in place of none, so
     # that momentum and L2 decay move them in every step, once they have had a gradient (released code)
@@ -132,29 +126,17 @@ class Training:
     def __post_init__(self) -> None:
         """Refuse values that no run can have."""
         refuse_nonsense(self)
-        for name in ("p_expert", "smoothing", "averaging"):
+        for name in ("p_expert", "smoothing"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ConfigError(f"Training.{name} must be from 0 to 1, not {getattr(self, name)}")
-        for name, what in (("smoothing", "a test"), ("averaging", "an update")):
-            if getattr(self, name) == 1:
-                raise ConfigError(f"Training.{name} must be below 1; 1 would never take in {what}")
+        if self.smoothing == 1:
+            raise ConfigError("Training.smoothing must be below 1; 1 would never take in a test")
         refuse_below(self, 1, "batch", "discriminator_batch", "matching_batch", "prediction_iterations",
                      "test_interval", "test_trajectories", "patience")  # fmt: skip
-        refuse_below(self, 0, "discriminator_iterations", "matching_iterations", "weight_decay", "reversal_weight",
-                     "tether", "max_samples", "validation_trajectories")  # fmt: skip
+        refuse_below(self, 0, "discriminator_iterations", "matching_iterations", "weight_decay", "max_samples",
+                     "validation_trajectories")  # fmt: skip
         if not self.learning_rate > 0:
             raise ConfigError(f"Training.learning_rate must be positive, not {self.learning_rate}")
-        if self.tether * self.learning_rate > 1:
-            raise ConfigError(
-                f"Training.tether must be at most 1 / learning_rate ({1 / self.learning_rate:g}), not {self.tether}"
-            )
-        if self.reverses and self.system_draw == "iteration":
-            raise ConfigError("Training.matching='reversal' needs batches of both systems: system_draw='trajectory'")
-
-    @property
-    def reverses(self) -> bool:
-        """Whether the adversary works within Algorithm 1, by gradient reversal, in place of Algorithm 2."""
-        return self.regularise and self.matching == "reversal"
 
     @property
     def needs_expert(self) -> bool:
@@ -163,9 +145,11 @@ class Training:
 
     def refuse_for(self, body: Body) -> None:
         """ConfigError naming the first setting that has a meaning for the paper's body alone."""
-        if body != ROVER and self.mirror:
-            raise ConfigError(f"Training.mirror knows left and right of the paper's robots alone, not of '{body.name}'")
         if body != ROVER and self.reduction == "mean":
             raise ConfigError(f"Training.reduction='mean' is the released code's for its 13 numbers, not '{body.name}'")
         if body.weights == "variance" and self.units == "raw":
             raise ConfigError(f"Training.units='raw' leaves '{body.name}' no variance to weigh its loss by")
+
+    def hooks(self) -> tuple[Any, ...]:
+        """What a study adds to the training loop, of `learning.trainer.Hook`; these settings add nothing."""
+        return ()

@@ -10,9 +10,10 @@ import pytest
 import torch
 from xdist.scheduler import LoadFileScheduling
 
+from companion.training import StudyTraining
 from sidm.drives import Drive, SimulatedGround, probe
-from sidm.learning import Datasets, Network, Training, Windows
-from sidm.learning.learner import Learner
+from sidm.learning import Datasets, Network, Windows
+from sidm.learning.trainer import Trainer
 from sidm.replay import ROBOTS, Ride, ride
 from sidm.shards import simulated_drive
 from sidm.storage import checksum
@@ -83,9 +84,9 @@ def small_network() -> Network:
 
 
 @pytest.fixture
-def small_training() -> Training:
+def small_training() -> StudyTraining:
     """Two phases of a few iterations; a batch holds 4 trajectories of 6 steps."""
-    return Training(
+    return StudyTraining(
         batch=4, discriminator_batch=3, matching_batch=3, prediction_iterations=6, discriminator_iterations=2,
         matching_iterations=2, test_interval=4, max_samples=24 * 12,
     )  # fmt: skip
@@ -133,12 +134,12 @@ def datasets(make_motion) -> Datasets:
 
 
 @pytest.fixture
-def make_learner(datasets, small_network, small_training) -> Callable[..., Learner]:
-    """A Learner with some settings changed."""
+def make_trainer(datasets, small_network, small_training) -> Callable[..., Trainer]:
+    """A Trainer with some settings changed."""
 
-    def make(**changes) -> Learner:
-        training = Training(**(dataclasses.asdict(small_training) | changes))
-        return Learner(datasets, small_network, training, 0)
+    def make(**changes) -> Trainer:
+        training = dataclasses.replace(small_training, **changes)
+        return Trainer(datasets, small_network, training, 0)
 
     return make
 

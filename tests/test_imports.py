@@ -26,8 +26,8 @@ ROW = {room: number for number, row in enumerate(ROOMS) for room in row}
 
 #: Inside `sidm.learning` itself, first to last.
 LEARNING = [
-    "seeds", "arithmetic", "observation", "dataset", "units", "mirror", "losses", "weights", "convolution_kernels",
-    "convolution", "networks", "model", "evaluation", "stopping", "checkpoint", "learner", "regularisation", "training",
+    "seeds", "arithmetic", "observation", "dataset", "units", "losses", "weights", "convolution_kernels", "convolution",
+    "networks", "model", "evaluation", "stopping", "checkpoint", "sampler", "trainer", "resuming", "training",
 ]  # fmt: skip
 
 PYBULLET = {"pybullet", "pybullet_data", "pybullet_utils"}

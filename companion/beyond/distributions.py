@@ -116,7 +116,9 @@ class DistributionModel(DynamicsModel):
 
     _parts = (GaussianEncoder, GaussianSIDM, GaussianDecoder)
 
-    def encode(self, role: str, inputs: Tensor, maps: Tensor, generator: torch.Generator | None = None) -> Tensor:
+    def draw_latents(
+        self, role: str, inputs: Tensor, maps: Tensor, generator: torch.Generator | None = None
+    ) -> Tensor:
         """Latent state-actions (B, T, latent): a draw, or their means."""
         return self.encoders[role].distribution(inputs, maps).sample(generator)  # type: ignore[operator]
 
@@ -136,7 +138,7 @@ class DistributionModel(DynamicsModel):
         generator: torch.Generator | None = None,
     ) -> tuple[Gaussian, Memory]:
         """As `Stochastic.predict`: of (B, T, 13)."""
-        transitions, memory = self.transit(self.encode(role, inputs, maps, generator), memory, generator)
+        transitions, memory = self.transit(self.draw_latents(role, inputs, maps, generator), memory, generator)
         return self.decoders[role].distribution(transitions), memory  # type: ignore[operator]
 
     def forward(

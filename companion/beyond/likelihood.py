@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+
 import torch
 from torch import Tensor
 
@@ -9,47 +11,18 @@ from companion.beyond.distributions import DistributionModel
 from sidm.config import ConfigError
 from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.evaluation import EVALUATION_BATCH
-from sidm.learning.learner import Learner
 from sidm.learning.seeds import generator
+from sidm.learning.trainer import Trainer
 from sidm.learning.training import Trained, learn
-from sidm.learning.units import Standardisation
+from sidm.learning.units import Standardisation, Units
 from sidm.settings import Network, Training
+from sidm.systems import ROLES
 
 #: Settings that have one value here.
 ONLY = {
     "precision": "float32", "frozen": "nothing", "reduction": "sum", "stopping": "test_loss", "matching": "adversary",
     "own": "all",
 }  # fmt: skip
-
-
-class DistributionLearner(Learner):
-    """A model of distributions in training; losses and tests are negative log-likelihoods, nats a sample.
-
-    Raises:
-        ConfigError: a setting that a likelihood does not know.
-    """
-
-    kind = DistributionModel
-    measured = False
-    model: DistributionModel
-
-    def __init__(
-        self, datasets: Datasets, network: Network, training: Training, seed: int, standardisation: Standardisation
-    ):
-        for name, only in ONLY.items():
-            value = getattr(training, name, getattr(network, name, None))
-            if value != only:
-                raise ConfigError(f"training by likelihood has no {name}={value!r}, only {only!r}")
-        super().__init__(datasets, network, training, seed, standardisation)
-        self.noise = generator(seed, "latents")
-
-    def encode(self, role: str, motion: Windows) -> Tensor:
-        """A draw of latent state-actions (b, T, 128)."""
-        return self.model.encode(role, motion.inputs, motion.maps, self.noise)
-
-    def test_loss(self) -> float:
-        """The negative log-likelihood of the test split."""
-        return mean_nll(self.model, self.test)
 
 
 def mean_nll(model: DistributionModel, motion: Windows) -> float:
@@ -74,17 +47,35 @@ def train_distributions(
         ConfigError: data that the settings need are not there, or settings that it does not know.
         TrainingError: a test found a loss that is not finite; the message names the iteration.
     """
-    return learn(DistributionLearner(datasets, network, training, seed, standardisation), losses_of=batch_nll)
+    for name, only in ONLY.items():
+        value = getattr(training, name, getattr(network, name, only))
+        if value != only:
+            raise ConfigError(f"training by likelihood has no {name}={value!r}, only {only!r}")
+    trainer = Trainer(
+        datasets, network, training, seed, standardisation, model=LikelihoodModel, test_loss=mean_nll,
+        measured=False,
+    )  # fmt: skip
+    return learn(trainer)
 
 
-def batch_nll(
-    learner: DistributionLearner, batch: dict[str, Windows], latents: dict[str, Tensor]
-) -> dict[str, Tensor]:
-    """Negative log-likelihood of each sample of a batch and its latents by system, (b, T) each, as `batch_losses`."""
-    model = learner.model
-    transitions, _ = model.transit(torch.cat(list(latents.values())), generator=learner.noise)
-    parts = transitions.split([len(motion) for motion in batch.values()])
-    return {
-        role: model.decoders[role].distribution(part).nll(motion.targets)  # type: ignore[operator]
-        for (role, motion), part in zip(batch.items(), parts, strict=True)
-    }
+class LikelihoodModel(DistributionModel):
+    """A model of distributions in training: latents are drawn, and the loss is the negative log-likelihood, nats."""
+
+    def __init__(
+        self, network: Network, standardisation: Units | None = None, seed: int = 0, roles: Iterable[str] = ROLES
+    ):
+        super().__init__(network, standardisation, seed, roles)
+        self.noise = generator(seed, "latents")
+
+    def encode(self, role: str, batch: Windows) -> Tensor:
+        """A draw of latent state-actions (b, T, latent)."""
+        return self.draw_latents(role, batch.inputs, batch.maps, self.noise)
+
+    def losses(self, batch: Mapping[str, Windows], latents: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        """Negative log-likelihood of each sample of a batch and its latents by system, (b, T) each."""
+        transitions, _ = self.transit(torch.cat(list(latents.values())), generator=self.noise)
+        parts = transitions.split([len(windows) for windows in batch.values()])
+        return {
+            role: self.decoders[role].distribution(part).nll(windows.targets)  # type: ignore[operator]
+            for (role, windows), part in zip(batch.items(), parts, strict=True)
+        }

@@ -15,9 +15,10 @@ from sidm.config import ConfigError
 from sidm.learning import checkpoint
 from sidm.learning.dataset import Datasets, Windows, split
 from sidm.learning.evaluation import mean_loss
-from sidm.learning.learner import Learner
 from sidm.learning.model import DynamicsModel
+from sidm.learning.sampler import Sampler
 from sidm.learning.seeds import generator
+from sidm.learning.trainer import Trainer
 from sidm.learning.training import Trained, learn
 from sidm.learning.units import Standardisation
 from sidm.settings import Network, Training
@@ -25,53 +26,58 @@ from sidm.settings import Network, Training
 Parts = Mapping[str, Tensor]  # weights and buffers by name
 
 
-class SeveralLearner(Learner):
-    """A model of several experts in training: each has three of four trajectories to learn from, one to stop by.
+class SeveralSampler(Sampler):
+    """Draws from several experts, each with equal probability.
 
-    Raises:
-        ConfigError: settings with a novice.
+    Args:
+        windows: to learn from, by expert.
+        training: how batches are drawn.
+        seed: of all draws.
     """
 
-    measured = False
+    one_curve = True
 
-    def __init__(
-        self,
-        experts: Mapping[str, Windows],
-        network: Network,
-        training: Training,
-        seed: int,
-        standardisation: Standardisation,
-    ):
-        if training.needs_expert or training.mirror:
-            raise ConfigError("several experts without a novice: p_expert=0, regularise=False and mirror=False")
-        parts = {role: split(len(motion), len(motion), seed) for role, motion in experts.items()}
-        self.learning = {role: experts[role].subset(learning) for role, (learning, _) in parts.items()}
-        count = training.test_trajectories
-        self.testing = {role: experts[role].subset(testing).first(count) for role, (_, testing) in parts.items()}
-        first = next(iter(experts))
-        sets = Datasets(self.learning[first], self.testing[first], experts[first])
-        super().__init__(sets, network, training, seed, standardisation, roles=experts)
-        self.generators |= {role: generator(seed, role) for role in experts}
+    def __init__(self, windows: Mapping[str, Windows], training: Training, seed: int) -> None:
+        first = next(iter(windows.values()))
+        super().__init__(Datasets(first, first, first), training, seed)
+        self.windows = dict(windows)
+        self.generators |= {role: generator(seed, role) for role in windows}
 
-    def part(self, role: str) -> Windows:
-        """The trajectories of an expert to learn from."""
-        return self.learning[role]
-
-    def draw_batch_indices(self) -> dict[str, Tensor]:
-        """Which trajectories (b,) make a batch, by expert: each of one that is drawn with equal probability."""
-        roles, count = list(self.learning), self.training.batch
+    def batch_indices(self) -> dict[str, Tensor]:
+        """Which windows (b,) make a batch, by expert: each of one that is drawn with equal probability."""
+        roles, count = list(self.windows), self.training.batch
         whose = torch.randint(len(roles), (count,), generator=self.generators["system"])
-        drawn = {role: self.draw_indices(role, count, role)[whose == number] for number, role in enumerate(roles)}
+        drawn = {role: self.indices(role, count, role)[whose == number] for number, role in enumerate(roles)}
         return {role: indices for role, indices in drawn.items() if len(indices)}
 
-    def note(self, losses: dict[str, Tensor]) -> None:
-        """Count an iteration; all experts' losses, (b, T) each, make one learning curve."""
-        super().note({"novice": torch.cat(list(losses.values()))})
 
-    def test_loss(self) -> float:
+def several_trainer(
+    experts: Mapping[str, Windows], network: Network, training: Training, seed: int, standardisation: Standardisation
+) -> Trainer:
+    """A model of several experts in training: each has three of four windows to learn from, one to stop by.
+
+    Raises:
+        ConfigError: settings with a novice, or that add to the loop.
+    """
+    if training.needs_expert or training.hooks():
+        raise ConfigError("several experts without a novice: p_expert=0, regularise=False and nothing that adds to it")
+    parts = {role: split(len(windows), len(windows), seed) for role, windows in experts.items()}
+    learning = {role: experts[role].subset(which) for role, (which, _) in parts.items()}
+    count = training.test_trajectories
+    testing = {role: experts[role].subset(which).first(count) for role, (_, which) in parts.items()}
+
+    def test_loss(model: DynamicsModel, _: Windows) -> float:
         """The mean of the experts' test losses."""
-        losses = [mean_loss(self.model, motion, role) for role, motion in self.testing.items()]
+        losses = [mean_loss(model, windows, role) for role, windows in testing.items()]
         return sum(losses) / len(losses)
+
+    first = next(iter(experts))
+    sets = Datasets(learning[first], testing[first], experts[first])
+    sampler = SeveralSampler(learning, training, seed)
+    return Trainer(
+        sets, network, training, seed, standardisation, roles=experts, sampler=sampler, test_loss=test_loss,
+        measured=False,
+    )  # fmt: skip
 
 
 def train_several(
@@ -90,7 +96,7 @@ def train_several(
         ConfigError: settings with a novice.
         TrainingError: a test found a loss that is not finite.
     """
-    return learn(SeveralLearner(experts, network, training, seed, standardisation))
+    return learn(several_trainer(experts, network, training, seed, standardisation))
 
 
 def as_novice(model: DynamicsModel, role: str) -> Parts:

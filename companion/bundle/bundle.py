@@ -1,6 +1,6 @@
 """M trials in their seats: the phases of Algorithms 1 and 2, and their tests.
 
-Each trial keeps its `Learner`, which draws its batches, follows its test loss and says when it is over, as in a
+Each trial keeps its `Trainer`, which draws its batches, follows its test loss and says when it is over, as in a
 training of its own; `StackedLearners` do the arithmetic of all. M seats, b trajectories in a batch.
 """
 
@@ -15,6 +15,7 @@ from torch import Tensor
 from companion.bundle.learners import StackedLearners
 from companion.bundle.seat import Seat
 from companion.bundle.shelf import Shelf
+from sidm.learning.resuming import Checkpoint
 from sidm.learning.stopping import Tested
 from sidm.settings import Network, Training
 
@@ -37,12 +38,12 @@ class Bundle:
         """Seat a trial in the first free place."""
         index = self.seats.index(None)
         self.seats[index] = seat
-        self.stacked.put(index, seat.learner)
+        self.stacked.put(index, seat.trainer)
 
     def leave(self, index: int) -> Seat:
-        """Give a trial's learner what it has learnt, and free its place."""
+        """Give a trial's trainer what it has learnt, and free its place."""
         seat = self.taken[index]
-        self.stacked.get(index, seat.learner)
+        self.stacked.get(index, seat.trainer)
         self.seats[index] = None
         return seat
 
@@ -50,8 +51,8 @@ class Bundle:
         """Write the checkpoints of all trials that have a folder for it."""
         for index, seat in self.taken.items():
             if seat.run.checkpoint is not None:
-                self.stacked.get(index, seat.learner)
-                seat.learner.save(seat.run.checkpoint)
+                self.stacked.get(index, seat.trainer)
+                Checkpoint(seat.run.checkpoint).save(seat.trainer)
 
     def close(self) -> None:
         """Free what the device holds for the trials that are here."""
@@ -70,7 +71,7 @@ class Bundle:
         """A phase of Algorithm 1 and one of Algorithm 2 of all trials."""
         self.predict_phase(progress)
         for index, seat in self.taken.items():
-            if seat.over and not seat.error and not seat.learner.history:
+            if seat.over and not seat.error and not seat.trainer.history:
                 self.take_tests([index], progress)
         self.regularise_phase()
 
@@ -94,7 +95,7 @@ class Bundle:
             self.stacked.predict(moving, places[iteration], of_expert[iteration])
             for index, seat in going.items():
                 seat.count(batches[index][1][iteration])
-            due = [index for index, seat in going.items() if seat.learner.iteration % self.training.test_interval == 0]
+            due = [index for index, seat in going.items() if seat.trainer.iteration % self.training.test_interval == 0]
             self.take_tests(due, progress)
             if any(seat.over for seat in going.values()):
                 going = {index: seat for index, seat in going.items() if not seat.over}
@@ -105,7 +106,7 @@ class Bundle:
     def regularise_phase(self) -> None:
         """Algorithm 2, of the trials that have one."""
         training = self.training
-        going = {i: seat for i, seat in self.taken.items() if seat.learner.training.regularise and not seat.over}
+        going = {i: seat for i, seat in self.taken.items() if seat.trainer.training.regularise and not seat.over}
         if not going:
             return
         moving = self._flags(going)
@@ -128,7 +129,7 @@ class Bundle:
         if count:
             right = self.stacked.right.tolist()
             for index, seat in going.items():
-                seat.learner.accuracy = right[index]
+                seat.trainer.accuracy = right[index]
 
     def take_tests(self, indices: Sequence[int], progress: Callable[[int, Tested], None] | None = None) -> None:
         """Measure the test losses of these seats' trials; keep the weights of those that are the best so far."""
@@ -139,11 +140,11 @@ class Bundle:
         test, validation = self._component_losses(tests), self._component_losses(watched)
         for index in indices:
             seat = self.taken[index]
-            self.stacked.settle(index, seat.learner)
+            self.stacked.settle(index, seat.trainer)
             if seat.judge(test[index], validation.get(index)):
                 better.append(index)
             if progress is not None and seat.error is None:
-                progress(seat.number, seat.learner.history[-1])
+                progress(seat.number, seat.trainer.history[-1])
         self.stacked.keep_best(better)
 
     def _component_losses(self, sets: Mapping[int, Tensor]) -> dict[int, Tensor]:

@@ -1,4 +1,4 @@
-"""What a `Learner` changes on the device, for M of them at once: weights, moments, best weights, losses.
+"""What a `Trainer` changes on the device, for M of them at once: weights, moments, best weights, losses.
 
 The updates are those of `training`: Algorithm 1 and the two halves of Algorithm 2. Trajectories are named by their
 places on their system's `Shelf`. M trials, b trajectories of T steps.
@@ -16,9 +16,9 @@ from companion.bundle.recorded import Recorded
 from companion.bundle.shelf import BLANK, Shelf
 from companion.bundle.stack import Stack, tensors_of, trailing, within
 from sidm.learning import checkpoint
-from sidm.learning.learner import Learner
 from sidm.learning.losses import component_losses, discriminator_loss, matching_loss, prediction_loss
 from sidm.learning.observation import TARGET_SIZE
+from sidm.learning.trainer import Trainer
 from sidm.settings import Network, Training
 from sidm.systems import ROLES
 
@@ -151,50 +151,50 @@ class StackedLearners:
         for name, best in self.best.items():
             best[chosen] = self.stack.weights[name].detach()[chosen]
 
-    def put(self, trial: int, learner: Learner) -> None:
-        """Take over what `learner` has learnt so far."""
-        modules = nn.ModuleDict({"model": learner.model, "discriminator": learner.discriminator})
+    def put(self, trial: int, trainer: Trainer) -> None:
+        """Take over what `trainer` has learnt so far."""
+        modules = nn.ModuleDict({"model": trainer.model, "discriminator": trainer.discriminator})
         self.stack.put(trial, tensors_of(modules))
         for name, best in self.best.items():
-            best[trial] = learner.best.get(name.removeprefix("model."), torch.zeros(()))
-        self.frozen[trial] = learner.training.frozen == "sidm"
+            best[trial] = trainer.best.get(name.removeprefix("model."), torch.zeros(()))
+        self.frozen[trial] = trainer.training.frozen == "sidm"
         self.totals[trial] = self.right[trial] = 0.0
-        for stacked, single, names in self._optimisers(learner):
+        for stacked, single, names in self._optimisers(trainer):
             state = {}
             for path, tensor in checkpoint.optimiser_tensors(single).items():
                 number, what = path.split("/")
                 state[f"{names[int(number)]}/{what}"] = tensor
-            stacked.put(trial, learner.training.learning_rate, learner.training.weight_decay, state)
+            stacked.put(trial, trainer.training.learning_rate, trainer.training.weight_decay, state)
 
-    def get(self, trial: int, learner: Learner) -> None:
-        """Give `learner` what its trial has learnt, so that it can go on alone or be saved."""
-        for name, module in (("model", learner.model), ("discriminator", learner.discriminator)):
+    def get(self, trial: int, trainer: Trainer) -> None:
+        """Give `trainer` what its trial has learnt, so that it can go on alone or be saved."""
+        for name, module in (("model", trainer.model), ("discriminator", trainer.discriminator)):
             mine = within(name, self.stack.weights)
             module.load_state_dict({key: mine[key][trial] for key in module.state_dict()})
-        learner.best = {key: self.best[f"model.{key}"][trial].to("cpu", copy=True) for key in learner.best}
-        for stacked, single, names in self._optimisers(learner):
+        trainer.best = {key: self.best[f"model.{key}"][trial].to("cpu", copy=True) for key in trainer.best}
+        for stacked, single, names in self._optimisers(trainer):
             state = {}
             for path, tensor in stacked.get(trial).items():
                 name, what = path.split("/")
                 if name in names:
                     state[f"{names.index(name)}/{what}"] = tensor
             checkpoint.load_optimiser(single, state)
-        self.settle(trial, learner)
+        self.settle(trial, trainer)
 
-    def settle(self, trial: int, learner: Learner) -> None:
-        """Give `learner` the sums of its losses since the last time."""
+    def settle(self, trial: int, trainer: Trainer) -> None:
+        """Give `trainer` the sums of its losses since the last time."""
         for role, total in zip(ROLES, self.totals[trial].tolist(), strict=True):
-            learner.add_losses(role, total)
+            trainer.add_losses(role, total)
         self.totals[trial] = 0.0
 
-    def _optimisers(self, learner: Learner) -> Iterator[tuple[StackedAdam, torch.optim.Optimizer, list[str]]]:
+    def _optimisers(self, trainer: Trainer) -> Iterator[tuple[StackedAdam, torch.optim.Optimizer, list[str]]]:
         """Stacked and single optimisers, and the names that the single one's parameters have in the stack."""
         pairs: list[tuple[StackedAdam, torch.optim.Optimizer, str, nn.Module]] = [
-            (self.prediction, learner.prediction, "model", learner.model),
-            (self.discrimination, learner.discrimination, "discriminator", learner.discriminator),
+            (self.prediction, trainer.prediction, "model", trainer.model),
+            (self.discrimination, trainer.discrimination, "discriminator", trainer.discriminator),
         ]
         if self.matching is not self.prediction:
-            pairs.append((self.matching, learner.matching, NOVICE_ENCODER, learner.model.encoders["novice"]))
+            pairs.append((self.matching, trainer.matching, NOVICE_ENCODER, trainer.model.encoders["novice"]))
         for stacked, single, prefix, module in pairs:
             yield stacked, single, [f"{prefix}.{name}" for name, one in module.named_parameters() if one.requires_grad]
 

@@ -112,7 +112,7 @@ def _train(
             bundle.timed_phase(progress)
             for index in [index for index, seat in bundle.taken.items() if seat.over]:
                 seat = bundle.leave(index)
-                yield Ended(seat.number, seat.error or result(seat.learner), seat.seconds)
+                yield Ended(seat.number, seat.error or result(seat.trainer), seat.seconds)
             late = time.monotonic() >= until
             if late or time.monotonic() - saved > SAVE_INTERVAL:
                 bundle.save()
@@ -144,7 +144,7 @@ def check_shared(runs: Sequence[Run], network: Network) -> None:
         raise ConfigError(f"Network.own={network.own!r} cannot be trained in a bundle; train it alone")
     for name, only in ONLY.items():
         for run in runs:
-            if (value := getattr(run.training, name)) != only:
+            if (value := getattr(run.training, name, only)) != only:
                 raise ConfigError(f"Training.{name}={value!r} cannot be trained in a bundle; train it alone")
     for name in SHARED:
         values = sorted({str(getattr(run.training, name)) for run in runs})

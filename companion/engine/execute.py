@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 
+from companion.beyond.mirror import mirror_image
 from companion.engine import provenance
 from companion.engine.datasets import load_dataset
 from companion.engine.event_log import EventLog
@@ -124,7 +125,7 @@ def _solve(trial: Trial, sets: Datasets, start: Start | None) -> Trained:
     """Least squares in the units of every method, alone or on top of the expert's model."""
     base = None if start is None else _frozen(trial, sets, start)
     body, units = trial.network.body("novice"), units_for(units_of(sets, trial.network), "novice")
-    return fit(sets, units, base, trial.training.mirror, loss_weights(body, units))
+    return fit(sets, units, base, mirror_image if trial.training.mirror else None, loss_weights(body, units))
 
 
 def _frozen(trial: Trial, sets: Datasets, start: Start) -> DynamicsModel:

@@ -16,14 +16,15 @@ import pandas as pd
 
 from companion.engine.provenance import Provenance
 from companion.engine.store import Outcome, Row
+from companion.training import StudyTraining
 from companion.trials import Trial
 from sidm.body import Body
 from sidm.config import to_mapping
-from sidm.settings import Network, Training
+from sidm.settings import Network
 
 # Parts of a row -> what stands before their columns' names.
 _PARTS: tuple[tuple[type, str], ...] = (
-    (Trial, ""), (Network, ""), (Training, ""), (Training, "pretraining_"), (Outcome, ""), (Provenance, "")
+    (Trial, ""), (Network, ""), (StudyTraining, ""), (StudyTraining, "pretraining_"), (Outcome, ""), (Provenance, "")
 )  # fmt: skip
 
 
@@ -111,10 +112,11 @@ def _described(cls: type) -> dict[str, tuple[str, str]]:
 
     Lines of comments alone that follow a field go on with its own; those that begin with '#:' are of what comes next.
     """
+    inherited = [base for base in reversed(cls.__mro__[1:]) if dataclasses.is_dataclass(base)]
+    found = {name: said for base in inherited for name, said in _described(base).items()}
     lines = inspect.getsource(cls).splitlines()
     body = ast.parse(textwrap.dedent("\n".join(lines))).body[0]
     assert isinstance(body, ast.ClassDef)
-    found = {}
     for node in body.body:
         if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
             words = [lines[node.end_lineno - 1][node.end_col_offset :]]  # type: ignore[operator]

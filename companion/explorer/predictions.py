@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 import sidm
-from sidm.config import replace
 from sidm.drives import CONTROL_STEP, POSITION, QUATERNION, Ground
 from sidm.replay.rides import Ride, drive, sampled_physics
 from sidm.replay.scene import (
@@ -22,12 +21,12 @@ from sidm.replay.scene import (
     ROVER_JOINTS,
     ROVER_WHEELS,
     SPACING,
+    TRUTH,
     Scene,
     Track,
-    drive_track,
     height_on,
     laid,
-    level,
+    predicted_scene,
     ride_track,
     rolled,
 )
@@ -37,7 +36,6 @@ from sidm.shards import Collection
 from sidm.terrain import generate_terrain
 
 FOLDER = Path("results/explorer")
-TRUTH = "#F2F2EE"  # the robot that really drove, beside the methods' own colours
 METHODS = ("novice_only", "sidm", "pretrain_finetune")
 SEED = 0  # whose trials predict
 WARTHOG_DRIVE = 23  # it turns more than most
@@ -118,10 +116,7 @@ def warthog_scene(recordings: Path = Path("recordings")) -> Scene:
     drive = sidm.read_drives(recordings / "warthog.csv.gz", recordings / "skid_steer.yaml")[WARTHOG_DRIVE]
     model = sidm.load(recordings / "models" / "warthog")
     path = model.rollout(drive.states[0], drive.actions)
-    ground, box = level(np.concatenate([drive.states[:, :2], path[:, :2]])), BOXES["warthog"]
-    robot = drive_track(drive, ground, box, "the Warthog", TRUTH)
-    ghost = drive_track(replace(drive, states=path), ground, box, "its model", "#D55E00")
-    return Scene((robot, ghost._replace(ghost=GHOST)), ground, 4.5 * box.wheelbase, "a Warthog and its model")
+    return predicted_scene(drive, path, BOXES["warthog"], ("the Warthog", "its model"))
 
 
 def make(folder: Path = FOLDER) -> None:

@@ -1,4 +1,4 @@
-"""The losses of the paper, equations (1) to (5), and distances between distributions that others match by.
+"""The losses of the paper, equations (1) to (5).
 
 The discriminator's losses are computed from its logits s, A = sigmoid(s), because -log A(x) = softplus(-s) stays finite
 where A itself rounds to 0 or 1.
@@ -6,7 +6,6 @@ where A itself rounds to 0 or 1.
 
 from __future__ import annotations
 
-import torch
 import torch.nn.functional as F
 from torch import Tensor
 
@@ -61,25 +60,3 @@ def one_sided_loss(expert_logits: Tensor | None = None, novice_logits: Tensor | 
 def expected_matching_loss(novice_logits: Tensor) -> Tensor:
     """The expectation of equation (4), estimated by the mean over a batch: a scalar."""
     return matching_loss(novice_logits).mean()
-
-
-def mmd(first: Tensor, second: Tensor) -> Tensor:
-    """Squared maximum mean discrepancy (Gretton et al., 2012) of samples (N, K) and (M, K): a scalar, 0 for equal ones.
-
-    The kernel is the mean of three Gaussian ones, as wide as half, once and twice the median squared distance.
-    """
-    both = torch.cat([first, second])
-    squares = torch.cdist(both, both, compute_mode="use_mm_for_euclid_dist").square()
-    unit = squares.detach().median()
-    kernel = torch.stack([torch.exp(-squares / (width * unit)) for width in (0.5, 1.0, 2.0)]).mean(0)
-    n = len(first)
-    return kernel[:n, :n].mean() + kernel[n:, n:].mean() - 2 * kernel[:n, n:].mean()
-
-
-def coral(first: Tensor, second: Tensor) -> Tensor:
-    """Distance of the covariances of samples (N, K) and (M, K), after Sun and Saenko (2016), and of their means.
-
-    Their loss leaves the means alone; here a shift counts too, as it does for the adversary.
-    """
-    shift = (first.mean(0) - second.mean(0)).square().mean()
-    return shift + (torch.cov(first.T) - torch.cov(second.T)).square().mean()

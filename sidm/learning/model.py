@@ -8,6 +8,8 @@ import torch
 from torch import Tensor, nn
 
 from sidm.config import ConfigError
+from sidm.learning.dataset import Windows
+from sidm.learning.losses import prediction_loss
 from sidm.learning.networks import SIDM, Decoder, Encoder, Memory, seeded
 from sidm.learning.units import Units, units_for
 from sidm.settings import Network
@@ -96,6 +98,31 @@ class DynamicsModel(Predictor):
     def loss_weights(self, role: str) -> Tensor | None:
         """Weights (Y,) of a system's components in equation (1); None: all 1, as in the paper's body."""
         return self.decoders[role].weights  # type: ignore[return-value]
+
+    def encode(self, role: str, batch: Windows) -> Tensor:
+        """Latent state-actions (b, T, latent) of a system's windows."""
+        return self.encoders[role](batch.inputs, batch.maps)
+
+    def loss(self, role: str, batch: Windows) -> Tensor:
+        """Equation (1) for each sample of a system's windows, (b, T)."""
+        return self.losses({role: batch}, {role: self.encode(role, batch)})[role]
+
+    def losses(self, batch: Mapping[str, Windows], latents: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        """Equation (1) for each sample of windows of several systems: `loss` of each, with the SIDM seeing all at once.
+
+        Args:
+            batch: windows by system.
+            latents: what `encode` makes of them.
+
+        Returns:
+            Losses (b, T) by system.
+        """
+        transitions, _ = self.sidm(torch.cat(list(latents.values())))
+        parts = transitions.split([len(windows) for windows in batch.values()])
+        return {
+            role: prediction_loss(self.decoders[role](part), windows.targets, self.loss_weights(role))
+            for (role, windows), part in zip(batch.items(), parts, strict=True)
+        }
 
     def start(self, weights: Mapping[str, Tensor]) -> None:
         """Take over weights; from those of a model that has the novice's parts alone, the expert's become copies.

@@ -48,7 +48,7 @@ class Components(NamedTuple):
 
 
 @dataclass
-class Stopper:
+class EarlyStopping:
     """Follows the test loss and says when training has to end.
 
     `rule` 'test_loss' ends it when the smoothed test loss has not had a new minimum for `patience` samples; 'released'
@@ -107,11 +107,11 @@ class Rule(NamedTuple):
     most: int | None = None  # samples; None: as many as there are
     of_released: int = 128  # samples that count as an iteration of the released rule: 2 trajectories of 64 steps
 
-    def stopper(self) -> Stopper:
+    def stopper(self) -> EarlyStopping:
         """What follows the tests by this rule."""
         without_end = 2**62
         patience, most = (without_end if one is None else one for one in (self.patience, self.most))
-        return Stopper(self.stopping, self.smoothing, patience, most)
+        return EarlyStopping(self.stopping, self.smoothing, patience, most)
 
 
 class Kept(NamedTuple):

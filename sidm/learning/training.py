@@ -5,9 +5,7 @@ The comparison without SIDM is the same loop with p_expert = 0 and regularise = 
 
 from __future__ import annotations
 
-import math
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,23 +13,17 @@ import torch
 from torch import Tensor
 
 from sidm.learning.arithmetic import flushed_denormals, matmul_precision
-from sidm.learning.dataset import Datasets, Windows
-from sidm.learning.learner import Learner
-from sidm.learning.losses import prediction_loss
+from sidm.learning.dataset import Datasets
+from sidm.learning.losses import expected_discriminator_loss, expected_matching_loss, one_sided_loss
 from sidm.learning.model import Predictor
 from sidm.learning.observation import TARGET_SIZE
-from sidm.learning.regularisation import regularise_phase, reversed_loss
+from sidm.learning.resuming import Checkpoint
 from sidm.learning.stopping import Components, Tested, TrainingError
+from sidm.learning.trainer import Progress, Trainer
 from sidm.learning.units import Units
 from sidm.settings import Network, Training
 
-__all__ = ["Tested", "Trained", "Training", "TrainingError", "result", "train"]
-
-SAVING = 0.02  # share of the time that may go into writing checkpoints; the first and the last phase always write one
-LONGEST = 60.0  # s without a checkpoint, however long one takes
-
-Progress = Callable[[Tested], None]  # called after each test
-Losses = Callable[..., dict[str, Tensor]]  # as `batch_losses`
+__all__ = ["Progress", "Tested", "Trained", "Training", "TrainingError", "learn", "result", "train"]
 
 
 class Trained(NamedTuple):
@@ -90,95 +82,79 @@ def train(
         >>> trained.samples
         3072
     """
-    learner = Learner(datasets, network, training, seed, standardisation, device, start)
-    if checkpoint is not None:
-        learner.restore(checkpoint)
+    trainer, state = Trainer(datasets, network, training, seed, standardisation, device, start), Checkpoint(checkpoint)
+    state.restore(trainer)
     with matmul_precision(training.precision), flushed_denormals():
-        return learn(learner, progress, checkpoint)
+        return learn(trainer, progress, state)
 
 
-def learn(
-    learner: Learner, progress: Progress | None = None, checkpoint: Path | None = None, losses_of: Losses | None = None
-) -> Trained:
-    """Algorithms 1 and 2 in turn until a learner is finished; `losses_of` as of `predict_phase`."""
-    saved, cost = -math.inf, 0.0
-    while not learner.finished:
-        predict_phase(learner, progress, losses_of)
-        if learner.training.regularise and not learner.training.reverses and not learner.finished:
-            regularise_phase(learner)
-        due = time.monotonic() - saved > min(cost / SAVING, LONGEST)
-        if checkpoint is not None and (learner.finished or due):
-            start = time.monotonic()
-            learner.save(checkpoint)
-            saved = time.monotonic()
-            cost = saved - start
-    if not learner.history:
-        _test(learner, progress)
-    return result(learner)
+def learn(trainer: Trainer, progress: Progress | None = None, state: Checkpoint | None = None) -> Trained:
+    """Algorithms 1 and 2 in turn until a training is finished."""
+    state = state or Checkpoint(None)
+    while not trainer.finished:
+        predict(trainer, progress)
+        if trainer.training.regularise and not trainer.finished:
+            regularise(trainer)
+        state.save_when_due(trainer)
+    if not trainer.history:
+        trainer.take_test(progress)
+    return result(trainer)
 
 
-def predict_phase(learner: Learner, progress: Progress | None = None, losses_of: Losses | None = None) -> None:
-    """Algorithm 1: the parts of the systems drawn, and the SIDM, learn to predict.
-
-    Args:
-        learner: in training.
-        progress: called after each test.
-        losses_of: another loss than equation (1), as `batch_losses` takes its arguments.
-    """
-    training = learner.training
+def predict(trainer: Trainer, progress: Progress | None = None) -> None:
+    """Algorithm 1: the parts of the systems drawn, and the SIDM, learn to predict."""
+    training = trainer.training
     for _ in range(training.prediction_iterations):
-        batch = learner.draw_batch()
-        latents = encode_batch(learner, batch)
-        losses = (losses_of or batch_losses)(learner, batch, latents)
+        batch = trainer.sampler.batch()  # each window the expert's with probability p_e
+        latents = {role: trainer.encode(role, windows) for role, windows in batch.items()}
+        losses = trainer.model.losses(batch, latents)  # equation (1)
         loss = torch.cat(list(losses.values())).mean()  # over the whole batch, whatever the system
-        aim = loss / TARGET_SIZE if training.reduction == "mean" else loss
-        learner.clear_gradients()
-        if training.reverses:
-            learner.discrimination.zero_grad()
-            aim = aim + reversed_loss(learner, latents)
-        aim.backward()
-        learner.update()
-        learner.note(losses)
-        if learner.iteration % training.test_interval == 0:
-            _test(learner, progress)
-        if learner.finished:
+        trainer.step_prediction(loss / TARGET_SIZE if training.reduction == "mean" else loss, latents)
+        trainer.note(losses)
+        if trainer.test_is_due:
+            trainer.take_test(progress)
+        if trainer.finished:
             return
 
 
-def encode_batch(learner: Learner, batch: dict[str, Windows]) -> dict[str, Tensor]:
-    """Latent state-actions (b, T, 128) of a batch by system."""
-    return {role: learner.encode(role, motion) for role, motion in batch.items()}
+def regularise(trainer: Trainer) -> None:
+    """Algorithm 2: the discriminator learns to tell the systems' latents apart, then E_n learns to deceive it."""
+    if any(hook.regularise(trainer) for hook in trainer.hooks):
+        return
+    for _ in range(trainer.training.discriminator_iterations):
+        discriminator_iteration(trainer)
+    for _ in range(trainer.training.matching_iterations):
+        matching_iteration(trainer)
 
 
-def batch_losses(learner: Learner, batch: dict[str, Windows], latents: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Equation (1) for each sample of a batch and its latents by system, (b, T) each; the SIDM sees all at once."""
-    model = learner.model
-    transitions, _ = model.sidm(torch.cat(list(latents.values())))
-    parts = transitions.split([len(motion) for motion in batch.values()])
-    return {
-        role: prediction_loss(model.decoders[role](part), motion.targets, model.loss_weights(role))
-        for (role, motion), part in zip(batch.items(), parts, strict=True)
-    }
+def discriminator_iteration(trainer: Trainer) -> None:
+    """One step of A alone, equation (2)."""
+    batch = trainer.sampler.discriminator_batch()
+    with torch.no_grad():
+        latents = {role: trainer.encode(role, windows) for role, windows in batch.items()}
+    logits = trainer.discriminate(latents)
+    loss = expected_discriminator_loss(**logits) if len(logits) > 1 else one_sided_loss(**logits)
+    trainer.step_discriminator(loss)
 
 
-def _test(learner: Learner, progress: Progress | None) -> None:
-    tested = learner.take_test()
-    if progress is not None:
-        progress(tested)
+def matching_iteration(trainer: Trainer) -> None:
+    """One step of E_n alone, equation (4)."""
+    latents = trainer.encode("novice", trainer.sampler.matching_batch())
+    trainer.step_encoder(expected_matching_loss(trainer.discriminator.logits(latents)))
 
 
-def result(learner: Learner) -> Trained:
-    """The best model of a finished run, and how it came about."""
-    best = learner.stopper.best
+def result(trainer: Trainer) -> Trained:
+    """The best model of a finished training, and how it came about."""
+    best = trainer.stopping.best
     assert best is not None  # there was a test
-    learner.model.load_state_dict(learner.best)
+    trainer.model.load_state_dict(trainer.best)
     return Trained(
-        model=learner.model.eval(),
-        history=learner.history,
-        samples=learner.samples,
-        iterations=learner.iteration,
+        model=trainer.model.eval(),
+        history=trainer.history,
+        samples=trainer.samples,
+        iterations=trainer.iteration,
         best_test_loss=best,
-        best_samples=learner.stopper.best_samples,
-        stopped_early=learner.samples < learner.training.max_samples,
-        components=learner.components,
+        best_samples=trainer.stopping.best_samples,
+        stopped_early=trainer.samples < trainer.training.max_samples,
+        components=trainer.components,
     )

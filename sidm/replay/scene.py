@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sidm.config import ConfigError
+from sidm.config import ConfigError, replace
 from sidm.drives import POSITION, QUATERNION, Drive, Ground
 from sidm.replay.rides import Ride
 from sidm.replay.skeleton import BOXES, Box, Skeleton, box_skeleton, rover_skeleton
@@ -18,6 +18,7 @@ from sidm.terrain import height_at
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # told apart by colour-blind readers, too
 SPACING = 0.1  # m, of the simulated ground
 MARGIN = 4.0  # m of ground around the ways
+TRUTH = "#F2F2EE"  # the robot that really drove, beside colours of models
 GHOST = 0.42  # opacity
 ROVER_WHEELS = 0.685, 0.360, 0.100  # wheelbase, track and tyres' radius of the paper's robots, m
 ROVER_JOINTS = 10
@@ -148,6 +149,23 @@ def drives_scene(drives: Iterable[Drive], like: Box | Robot = BOXES["husky"]) ->
     ]
     base = like.wheelbase if isinstance(like, Box) else ROVER_WHEELS[0]
     return Scene(tuple(tracks), ground, 3.5 * base)
+
+
+def predicted_scene(
+    drive: Drive, path: np.ndarray, like: Box, names: tuple[str, str] = ("the robot", "model")
+) -> Scene:
+    """A recorded drive over level ground, and as a ghost where a model says that the robot would be.
+
+    Args:
+        drive: of a planar pose.
+        path: the states (K + 1, S) that a model predicts from the drive's start, as `Model.rollout` gives them.
+        like: what the robot looks like.
+        names: of the robot and of the model, for the legend.
+    """
+    ground = level(np.concatenate([drive.states[:, :2], path[:, :2]]))
+    robot = drive_track(drive, ground, like, names[0], TRUTH)
+    ghost = drive_track(replace(drive, states=path), ground, like, names[1], COLOURS[1])
+    return Scene((robot, ghost._replace(ghost=GHOST)), ground, 4.5 * like.wheelbase, f"{names[0]} and {names[1]}")
 
 
 def level(places: np.ndarray) -> Ground:

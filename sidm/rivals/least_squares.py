@@ -10,14 +10,14 @@ from __future__ import annotations
 import functools
 import itertools
 import operator
+from collections.abc import Callable
 from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
-from sidm.learning.dataset import Datasets
+from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.evaluation import EVALUATION_BATCH
-from sidm.learning.mirror import mirrored
 from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.networks import Memory
 from sidm.learning.stopping import Tested
@@ -123,8 +123,8 @@ def moments(functions: Tensor, left: Tensor) -> Moments:
 
 
 def fit(
-    datasets: Datasets, units: Standardisation, base: DynamicsModel | None = None, mirror: bool = False,
-    scale: Tensor | None = None,
+    datasets: Datasets, units: Standardisation, base: DynamicsModel | None = None,
+    image: Callable[[Windows], Windows] | None = None, scale: Tensor | None = None,
 ) -> Trained:  # fmt: skip
     """The weights of the lowest cross-validated loss on the novice's data, train and test together.
 
@@ -132,7 +132,7 @@ def fit(
         datasets: the novice's train and test split; nothing else of them is used.
         units: in which the functions are computed, the same for every method.
         base: what is corrected; none by default.
-        mirror: whether to learn from mirror images too.
+        image: gives another motion for each, to learn from too, such as its mirror image; none by default.
         scale: weights (Y,) of the components in equation (1); all 1 by default.
 
     Returns:
@@ -140,7 +140,7 @@ def fit(
     """
     model = LeastSquares(units, base, scale).eval()
     root = torch.ones(model.targets) if scale is None else scale.sqrt()
-    numbers, left = _observed(model, datasets, mirror)
+    numbers, left = _observed(model, datasets, image)
     model.low, model.high = numbers.amin((0, 1)), numbers.amax((0, 1))
     parts = [slice(fold, None, FOLDS) for fold in range(min(FOLDS, len(numbers)))]  # of whole trajectories
     folds = [moments(model.functions(numbers[part].double()), (left[part] * root).double()) for part in parts]
@@ -158,11 +158,13 @@ def fit(
     return Trained(model, curve, total.steps, 0, lowest, total.steps, True)
 
 
-def _observed(model: LeastSquares, datasets: Datasets, mirror: bool) -> tuple[Tensor, Tensor]:
-    """Of the novice's trajectories: numbers (n, T, N), and what is left to explain, (n, T, Y); 2 T with `mirror`."""
+def _observed(
+    model: LeastSquares, datasets: Datasets, image: Callable[[Windows], Windows] | None
+) -> tuple[Tensor, Tensor]:
+    """Of the novice's windows: numbers (n, T, N), and what is left to explain, (n, T, Y); 2 T with an `image`."""
     numbers, left = [], []
     for part in (*datasets.train.split(EVALUATION_BATCH), *datasets.test.split(EVALUATION_BATCH)):
-        images = [part, *([mirrored(part, torch.ones(len(part), dtype=torch.bool))] if mirror else [])]
+        images = [part] if image is None else [part, image(part)]
         with torch.inference_mode():
             found = [(*model.numbers("novice", one.inputs, one.maps)[:2], one.targets) for one in images]
         numbers.append(torch.cat([seen for seen, _, _ in found], dim=1))

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeVar
 
 from sidm.config import replace
 from sidm.settings import Training
+
+T = TypeVar("T", bound=Training)
 
 
 class Method(NamedTuple):
@@ -25,7 +27,7 @@ class Method(NamedTuple):
     changes: tuple[tuple[str, Any], ...] = ()  # of its training
     all_changes: tuple[tuple[str, Any], ...] = ()  # of its training, and of its pretraining
 
-    def training(self, base: Training, tuned: Mapping[str, Any] = MappingProxyType({})) -> Training:
+    def training(self, base: T, tuned: Mapping[str, Any] = MappingProxyType({})) -> T:
         """The method's training on the novice.
 
         Args:
@@ -36,7 +38,7 @@ class Method(NamedTuple):
         values = dict(tuned) | dict(self.all_changes) | dict(self.changes)
         return replace(base, **({"p_expert": p_expert, "regularise": self.regularise} | values))
 
-    def pretraining(self, base: Training, tuned: Mapping[str, Any] = MappingProxyType({})) -> Training | None:
+    def pretraining(self, base: T, tuned: Mapping[str, Any] = MappingProxyType({})) -> T | None:
         """The method's training on the expert alone; None for a method that begins afresh."""
         if not self.pretrained:
             return None

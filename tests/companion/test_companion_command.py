@@ -16,6 +16,7 @@ from companion.__main__ import main
 from companion.catalogue import STUDIES
 from sidm.__main__ import main as library
 from sidm.shards import read_shard
+from sidm.systems import SYSTEMS
 
 ROOT = Path(__file__).parents[2]
 
@@ -200,4 +201,5 @@ def test_ctrl_c_leaves_a_state_to_go_on_from(tmp_path):
     _, said = process.communicate(timeout=600)
     assert process.returncode == 1 and "Traceback" not in said
     assert said.splitlines()[-1] == "companion: stopped; the same command goes on where this one was"
-    assert all(len(read_shard(path)) == 4 for path in tmp_path.rglob("shard-*.npz"))
+    terrain = SYSTEMS["system1"].terrain
+    assert all(len(read_shard(path, terrain)) == 4 for path in tmp_path.rglob("shard-*.npz"))

@@ -19,6 +19,7 @@ from companion.engine.records import Making, by_field, records_of
 from companion.methods import METHODS
 from companion.presets import Preset
 from companion.study import Study
+from companion.training import StudyTraining
 from sidm.body import Body, read_body
 from sidm.config import config
 from sidm.drives import Drive, minutes_of
@@ -36,7 +37,6 @@ from sidm.learning.units import Standardisation, loss_weights, units_for, units_
 from sidm.recordings import read_drives
 from sidm.rivals.fine_tuning import Start
 from sidm.rivals.kinematics import identify
-from sidm.settings import Training
 from sidm.storage import checksum
 
 #: Robot -> its body's file.
@@ -68,7 +68,7 @@ class Transfer:
     steps: int  # of a piece
     data: tuple[str, ...]  # checksums of the robots' pieces
     network: Network
-    training: Training  # that the methods' own settings are changes of
+    training: StudyTraining  # that the methods' own settings are changes of
 
 
 @config
@@ -111,7 +111,8 @@ def jobs(study: Study, pair: str, sessions: tuple[int, ...] = SESSIONS, seeds: i
         Transfer(
             novice=novice, expert=other, method=method, seed=seed, sessions=sessions, steps=steps,
             data=tuple(checksum(stacked(robot(name, steps))[0].numpy()) for name in (novice, other) if name),
-            network=network_for(chosen, bodies[novice], bodies[other or novice]), training=chosen.training,
+            network=network_for(chosen, bodies[novice], bodies[other or novice]),
+            training=StudyTraining(**vars(chosen.training)),
         )
         for seed in range(seeds) for method, other in methods
     ]  # fmt: skip

@@ -14,6 +14,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, Literal
 
+from companion.beyond.mirror import mirror_image
 from companion.digests import find_digest
 from companion.engine.datasets import collect_dataset, note_collected
 from companion.engine.execute import curve, load_checked, plain
@@ -33,6 +34,7 @@ from companion.studies.recorded_targets.recorded import (
 )
 from companion.studies.recorded_targets.recorded import subsets as recorded_subsets
 from companion.study import Study
+from companion.training import StudyTraining
 from companion.trials import Dataset
 from sidm.body import ROVER
 from sidm.config import config, replace
@@ -45,7 +47,6 @@ from sidm.learning.units import Standardisation
 from sidm.recordings import read_drives
 from sidm.rivals.fine_tuning import Start, expert_in_place, frozen
 from sidm.rivals.least_squares import fit
-from sidm.settings import Training
 
 SIZES = (1.0, 2.0, 5.0)  # of the recorded novice, train and test together, min
 HELD_OUT = 8  # of the 25 grounds, whose recordings judge and nothing else
@@ -85,8 +86,8 @@ class Transfer:
     proxy_novice: Dataset  # simulated, the proxy's data if it is the proxy
     proxy_novice_data: str
     network: Network
-    training: Training
-    pretraining: Training | None
+    training: StudyTraining
+    pretraining: StudyTraining | None
     fit: Literal["gradients", "least_squares"] = "gradients"  # as that of a Trial
 
     @property
@@ -240,7 +241,7 @@ def _learn(
     training, testing = (recorded.motion.subset(part) for part in recorded_subsets(recorded, minutes, about.seed))
     sets = Datasets(training, testing, recorded.judges, proxy)
     if about.fit == "least_squares":
-        return fit(sets, units, alone, about.training.mirror)
+        return fit(sets, units, alone, mirror_image if about.training.mirror else None)
     weights = start and start.weights
     return train(sets, about.network, about.training, about.seed, standardisation=units, start=weights)
 

@@ -76,7 +76,7 @@ def subsets(recorded: Recorded, minutes: float, seed: int) -> tuple[Tensor, Tens
     Raises:
         ConfigError: so much is not there.
     """
-    rng, ground = np.random.default_rng(seed), grounds_of(recorded.drives)[recorded.learning]
+    rng, ground = np.random.default_rng(seed), grounds_of(recorded.drives)[recorded.learning.numpy()]
     grounds = rng.permutation(np.unique(ground))
     shuffled = rng.permutation(len(ground))
     testing = np.isin(ground[shuffled], grounds[: max(1, round(len(grounds) / TEST_EVERY))])

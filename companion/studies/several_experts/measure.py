@@ -25,6 +25,7 @@ from companion.methods import FINER_TESTS, METHODS
 from companion.numerics import numbered
 from companion.studies.several_experts.family import collect_members, dataset
 from companion.study import Study
+from companion.training import StudyTraining
 from companion.trials import Dataset, Trial
 from sidm.config import config, replace
 from sidm.learning import checkpoint
@@ -34,7 +35,6 @@ from sidm.learning.evaluation import mean_loss, validation_loss
 from sidm.learning.model import DynamicsModel
 from sidm.learning.training import Trained, train
 from sidm.learning.units import Standardisation
-from sidm.settings import Training
 
 COUNTS = (1, 2, 4, 8)  # of experts; all together have the minutes that the paper's has alone
 SIZES = (1.0, 5.0, 20.0)  # of the novice's data, min
@@ -53,7 +53,7 @@ class Pretraining:
     """One SIDM of several experts, and the novices that are learnt with it."""
 
     trial: Trial  # of the novice's data and of training 'all' and 'parts'; its size is the largest
-    fresh: Training  # of 'fresh_parts'
+    fresh: StudyTraining  # of 'fresh_parts'
     sizes: tuple[float, ...]  # of the novice's data, min
     experts: int  # the paper's, if it is one of them, and members of the family
     paper: bool  # whether it is
@@ -230,7 +230,7 @@ def _novice(
 ) -> dict[str, Any]:
     """Train and judge one: the fields of `Pretrained` on it."""
     trial, begun = about.trial, time.process_time()
-    trainings: Mapping[str, Training] = {
+    trainings: Mapping[str, StudyTraining] = {
         "all": trial.training,
         "parts": replace(trial.training, frozen="sidm"),
         "fresh_parts": about.fresh,

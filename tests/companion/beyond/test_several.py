@@ -5,11 +5,11 @@ import dataclasses
 import pytest
 import torch
 
-from companion.beyond.several import SeveralLearner, as_novice, fresh_around, nearest, train_several
+from companion.beyond.several import as_novice, fresh_around, nearest, several_trainer, train_several
 from sidm.config import ConfigError
 from sidm.learning import DynamicsModel, Standardisation, train
 from sidm.learning.evaluation import mean_loss
-from sidm.learning.training import predict_phase
+from sidm.learning.training import predict
 
 UNITS = Standardisation.none()
 
@@ -28,28 +28,29 @@ def alone(small_training):
 
 def test_a_batch_is_drawn_from_all_and_all_learn(experts, small_network, alone):
     """Every expert about as often; after a phase every part has changed, and one curve holds all losses."""
-    learner = SeveralLearner(experts, small_network, alone, 0, UNITS)
-    before = {name: part.clone() for name, part in learner.model.state_dict().items()}
+    trainer = several_trainer(experts, small_network, alone, 0, UNITS)
+    before = {name: part.clone() for name, part in trainer.model.state_dict().items()}
     counts = dict.fromkeys(experts, 0)
     for _ in range(100):
-        for role, motion in learner.draw_batch().items():
+        for role, motion in trainer.sampler.batch().items():
             counts[role] += len(motion)
     assert sum(counts.values()) == 400 and min(counts.values()) > 100
     for _ in range(3):
-        predict_phase(learner)
-    after = learner.model.state_dict()
+        predict(trainer)
+    after = trainer.model.state_dict()
     assert set(experts) <= {name.split(".")[1] for name in after if not torch.equal(after[name], before[name])}
-    assert learner.samples == 18 * 24 and len(learner.history) == 4
+    assert trainer.samples == 18 * 24 and len(trainer.history) == 4
 
 
 def test_trajectories_to_stop_by_are_not_learnt_from(experts, small_network, alone):
-    learner = SeveralLearner(experts, small_network, alone, 0, UNITS)
-    for role in experts:
-        assert not set(learner.learning[role].places.tolist()) & set(learner.testing[role].indices.tolist())
-        assert len(learner.learning[role]) == 6 and len(learner.testing[role]) == 2
-    tested = learner.take_test()
-    losses = [mean_loss(learner.model, learner.testing[role], role) for role in experts]
-    assert tested.test_loss == pytest.approx(sum(losses) / 3)
+    trainer = several_trainer(experts, small_network, alone, 0, UNITS)
+    losses = []
+    for role, windows in experts.items():
+        learning = trainer.sampler.windows[role]
+        left = sorted(set(range(len(windows))) - set(learning.places.tolist()))
+        assert len(learning) == 6 and len(left) == 2
+        losses.append(mean_loss(trainer.model, windows.subset(left), role))
+    assert trainer.take_test().test_loss == pytest.approx(sum(losses) / 3)
 
 
 def test_one_expert_alone_is_learnt_and_the_run_repeats(make_motion, small_network, alone):
@@ -84,4 +85,4 @@ def test_fresh_parts_stand_around_the_same_sidm(experts, small_network, alone):
 
 def test_there_is_no_novice_among_several_experts(experts, small_network, small_training):
     with pytest.raises(ConfigError, match="without a novice"):
-        SeveralLearner(experts, small_network, small_training, 0, UNITS)
+        several_trainer(experts, small_network, small_training, 0, UNITS)

@@ -8,7 +8,7 @@ import pytest
 
 from companion.bundle import Run
 from sidm.body import ROVER
-from sidm.learning import Datasets, Training
+from sidm.learning import Datasets
 from tests.sidm.learning.test_other_bodies import motion
 
 
@@ -19,7 +19,7 @@ def make_run(small_training) -> Callable[..., Run]:
     def make(seed=0, pair=(ROVER, ROVER), novice=6, tests=2, start=None, checkpoint=None, **changes) -> Run:
         rng = np.random.default_rng(seed)
         parts = [motion(pair[0], count, rng, steps=6) for count in (novice, tests, 2)]
-        training = Training(**(dataclasses.asdict(small_training) | changes))
+        training = dataclasses.replace(small_training, **changes)
         return Run(Datasets(*parts, motion(pair[1], 12, rng, steps=6)), training, seed, checkpoint, start)
 
     return make

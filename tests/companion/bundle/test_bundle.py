@@ -14,9 +14,9 @@ from companion.bundle.stack import Stack
 from sidm.config import ConfigError
 from sidm.learning import Datasets, TrainingError, train
 from sidm.learning.arithmetic import matmul_precision
-from sidm.learning.learner import Learner
-from sidm.learning.regularisation import regularise_phase
-from sidm.learning.training import predict_phase
+from sidm.learning.resuming import Checkpoint
+from sidm.learning.trainer import Trainer
+from sidm.learning.training import predict, regularise
 
 SHARED_L2 = dict(matching_optimiser="shared", decay="l2", weight_decay=0.1)
 RECIPE = dict(
@@ -102,15 +102,15 @@ def test_low_precision(make_run, small_network):
 
 def test_encoders_alone_are_low(make_run, small_network):
     """The latents are rounded as those of a trial alone are; tests are exact."""
-    learner = Learner(make_run().datasets, small_network, make_run(precision="bfloat16").training, 0)
+    trainer = Trainer(make_run().datasets, small_network, make_run(precision="bfloat16").training, 0)
     stack = Stack(small_network, ("novice", "expert"), 1, torch.device("cpu"), low=True)
-    stack.put(0, {f"model.{name}": weights for name, weights in learner.model.state_dict().items()})
-    motion = learner.draw("novice", 4, "novice")
+    stack.put(0, {f"model.{name}": weights for name, weights in trainer.model.state_dict().items()})
+    motion = trainer.sampler.draw("novice", 4, "novice")
     low = stack.encode("novice", motion.inputs[None], motion.maps[None])[0]
     exact = stack.encode("novice", motion.inputs[None], motion.maps[None], exact=True)[0]
-    assert torch.allclose(exact, learner.model.encoders["novice"](motion.inputs, motion.maps), atol=1e-5)
+    assert torch.allclose(exact, trainer.model.encoders["novice"](motion.inputs, motion.maps), atol=1e-5)
     rounding = 4 * exact.abs().max().item() / 2**8  # of four layers, each to the 8 bits of bfloat16
-    assert torch.allclose(low, learner.encode("novice", motion), atol=rounding)
+    assert torch.allclose(low, trainer.encode("novice", motion), atol=rounding)
     assert 1e-3 < (low - exact).abs().max() < rounding
 
 
@@ -146,10 +146,10 @@ def test_the_released_recipe_side_by_side_and_from_checkpoints(make_run, small_n
     runs = [make_run(seed, max_samples=24 * 30, checkpoint=tmp_path / str(seed), **RECIPE) for seed in range(3)]
     expected = [alone(run, small_network) for run in runs]
     for run in runs:
-        learner = Learner(run.datasets, small_network, run.training, run.seed)
-        predict_phase(learner)
-        regularise_phase(learner)
-        learner.save(run.checkpoint)
+        trainer = Trainer(run.datasets, small_network, run.training, run.seed)
+        predict(trainer)
+        regularise(trainer)
+        Checkpoint(run.checkpoint).save(trainer)
     for number, bundled, _ in train_bundle(runs, small_network, seats=2):
         assert_same(bundled, expected[number])
 
@@ -192,7 +192,7 @@ def test_rounding_of_products_is_set_and_put_back():
 
 def test_the_shelf_holds_shared_data_once(make_motion):
     pool, expert = make_motion(10), make_motion(4, seed=1)
-    parts = pool.part([7, 2, 5]), pool.part([1])
+    parts = pool.subset([7, 2, 5]), pool.subset([1])
     shelf = Shelf([parts[0], expert, parts[1], expert], torch.device("cpu"))
     assert len(shelf.motion) == 15 and shelf.steps == 6
     for motion in (*parts, pool, expert):

@@ -8,7 +8,8 @@ import torch
 from companion.bundle import train_bundle
 from sidm.body import DRIVE, ROVER, TWIST, Body
 from sidm.learning import TrainingError
-from sidm.learning.learner import Learner
+from sidm.learning.resuming import Checkpoint
+from sidm.learning.trainer import Trainer
 from sidm.rivals.fine_tuning import expert_in_place, start_from
 from tests.companion.bundle.test_bundle import alone, assert_same, results
 from tests.sidm.learning.test_other_bodies import ARM, BLIND, TRACKED
@@ -88,7 +89,7 @@ def test_a_killed_bundle_goes_on(make_run, network_of, tmp_path, monkeypatch):
 
     with pytest.raises(Killed):
         list(train_bundle(runs, network, 3, progress=kill))
-    assert Learner(runs[1].datasets, network, runs[1].training, 1).restore(tmp_path / "1")
+    assert Checkpoint(tmp_path / "1").restore(Trainer(runs[1].datasets, network, runs[1].training, 1))
     assert_same(alone(runs[0], network, checkpoint=tmp_path / "0"), alone(runs[0], network))
     for number, bundled, _ in train_bundle(runs[1:], network, 2):
         assert_same(bundled, alone(runs[number + 1], network))

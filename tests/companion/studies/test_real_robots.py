@@ -10,7 +10,7 @@ from companion.studies.real_robots import jitter
 from companion.studies.real_robots import measure as m
 from companion.studies.real_robots import results as r
 from sidm.config import ConfigError, replace
-from sidm.fitting.windows import learn_and_test, session_order
+from sidm.fitting.windows import learn_and_test, session_order, sessions_of
 from tests.companion.conftest import kept
 
 JOBS = {(job.expert, job.method): job for pair in m.PAIRS for job in m.jobs(Study("smoke"), pair, (4, 8), 1)}
@@ -35,13 +35,12 @@ def test_a_robot_is_learnt_judged_and_stored(job, tmp_path, golden):
 
 
 def test_sessions_are_never_parted():
-    pieces = m.robot("warthog", 19)
-    order = session_order(pieces, 3)
-    learning, testing = learn_and_test(pieces, order[:12])
-    assert not set(learning.sessions) & set(testing.sessions)
-    assert set(learning.sessions) | set(testing.sessions) == set(order[:12])
-    more, _ = learn_and_test(pieces, order[:16])
-    assert set(learning.sessions) <= set(more.sessions)
+    windows = m.robot("warthog", 19)
+    order = session_order(windows, 3)
+    learning, testing = (set(sessions_of(part)) for part in learn_and_test(windows, order[:12]))
+    assert not learning & testing and learning | testing == set(order[:12])
+    more, _ = learn_and_test(windows, order[:16])
+    assert learning <= set(sessions_of(more))
 
 
 def test_the_stored_study_is_whole_and_its_table_pairs_the_seeds():
@@ -60,9 +59,9 @@ def test_a_study_is_asked_for_its_own_systems_alone(tmp_path):
 
 def test_jitter_is_found_in_a_smooth_path(rng):
     """Noise of 2 cm, 1 cm and 0.01 rad on a curve of 20 steps; the curve itself is no jitter."""
-    windows, time = m.robot("warthog", 19)[:300], 0.1 * np.arange(20)
-    yaw = np.tile(0.5 * time, (300, 1))
-    smooth = np.stack([2 * np.sin(yaw), 2 - 2 * np.cos(yaw), yaw, *np.zeros((3, 300, 20))], -1)
+    windows, time = m.robot("warthog", 19)[:280], 0.1 * np.arange(20)
+    yaw = np.tile(0.5 * time, (280, 1))
+    smooth = np.stack([2 * np.sin(yaw), 2 - 2 * np.cos(yaw), yaw, *np.zeros((3, 280, 20))], -1)
     first, size = [replace(one, states=path) for one, path in zip(windows, smooth, strict=True)], (0.02, 0.01, 0.01)
     assert jitter.jitter(first).max() < 1e-4
     forward, left, turn = (scale * rng.normal(size=yaw.shape) for scale in size)

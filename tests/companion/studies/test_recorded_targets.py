@@ -24,8 +24,9 @@ from companion.studies.recorded_targets.results import (
     written,
 )
 from sidm.body import ROVER
-from sidm.config import ConfigError
+from sidm.config import ConfigError, replace
 from sidm.drives import STEPS, Drive, Ground
+from sidm.fitting.windows import grounds_of
 from sidm.recordings import RecordingError, read_drives, write_drives
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain
@@ -105,7 +106,7 @@ def test_training_stopping_and_judging_have_grounds_of_their_own(recordings):
     """And of a seed fewer minutes are among more, in the same part."""
     found = load_recorded("system1", 2, 8, recordings)
     smaller, larger = (subsets(found, minutes, 0) for minutes in (0.25, 0.5))
-    grounds = [set(found.pieces.ground[part].tolist()) for part in (*larger, found.judging)]
+    grounds = [set(grounds_of(found.drives)[part.numpy()].tolist()) for part in (*larger, found.judging)]
     assert not (grounds[0] & grounds[1] or grounds[0] & grounds[2] or grounds[1] & grounds[2])
     assert [len(part) for part in (*smaller, *larger)] == [1, 1, 4, 1]
     assert all(set(few.tolist()) <= set(many.tolist()) for few, many in zip(smaller, larger, strict=True))
@@ -134,7 +135,7 @@ def test_a_checksum_is_of_what_recordings_hold(recordings, tmp_path):
     assert (tmp_path / "again.npz").read_bytes() != (recordings / "system1.npz").read_bytes()
     assert len(checksum_of(found)) == 16 and checksum_of(again) == checksum_of(found)
     higher = found[0].ground._replace(heights=found[0].ground.heights + 0.001)
-    other = found[0]._replace(states=found[0].states + 1e-5), found[0]._replace(ground=higher)
+    other = replace(found[0], states=found[0].states + 1e-5), replace(found[0], ground=higher)
     assert len({checksum_of([one, *found[1:]]) for one in (found[0], *other)}) == 3
 
 

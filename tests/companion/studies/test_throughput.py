@@ -18,13 +18,13 @@ def study(tiny, data, tmp_path):
 
 def test_the_stretch_holds_one_phase_of_each_algorithm(study, monkeypatch):
     """The first test is at iteration 2; the phase of Algorithm 2 follows iteration 4, and iteration 6 ends it."""
-    phases, regularise_phase = [], training.regularise_phase
+    phases, regularise = [], training.regularise
 
-    def counted(learner):
-        phases.append(learner.iteration)
-        regularise_phase(learner)
+    def counted(trainer):
+        phases.append(trainer.iteration)
+        regularise(trainer)
 
-    monkeypatch.setattr(training, "regularise_phase", counted)
+    monkeypatch.setattr(training, "regularise", counted)
     (trial,) = study.points("system1", ["sidm"], [0.25], seeds=1)
     assert timed(trial, study.data) > 0 and phases == [4]
 

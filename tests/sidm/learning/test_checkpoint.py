@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from sidm.learning import CheckpointError, Training, train
+from sidm.learning import CheckpointError, train
 from sidm.learning.checkpoint import FILE, read, write
-from sidm.learning.learner import Learner
+from sidm.learning.resuming import Checkpoint
+from sidm.learning.trainer import Trainer
 
 
 class Killed(Exception):
@@ -24,7 +25,7 @@ def start(datasets, small_network, small_training, tmp_path):
             if kill_at is not None and tested.samples >= kill_at:
                 raise Killed
 
-        training = Training(**(dataclasses.asdict(small_training) | {"max_samples": 24 * 24} | changes))
+        training = dataclasses.replace(small_training, **({"max_samples": 24 * 24} | changes))
         return train(datasets, small_network, training, seed, checkpoint=checkpoint, progress=progress)
 
     return start
@@ -61,11 +62,11 @@ def test_a_finished_run_is_read_not_repeated(start):
 
 
 def test_restored_state_is_the_saved_one(datasets, small_network, small_training, tmp_path):
-    learner = Learner(datasets, small_network, small_training, 0)
-    learner.save(tmp_path)
-    twin = Learner(datasets, small_network, small_training, 0)
-    assert twin.restore(tmp_path) and not twin.restore(tmp_path / "elsewhere")
-    assert twin.history == [] and twin.accuracy is None and twin.stopper == learner.stopper
+    trainer = Trainer(datasets, small_network, small_training, 0)
+    Checkpoint(tmp_path).save(trainer)
+    twin = Trainer(datasets, small_network, small_training, 0)
+    assert Checkpoint(tmp_path).restore(twin) and not Checkpoint(tmp_path / "elsewhere").restore(twin)
+    assert twin.history == [] and twin.accuracy is None and twin.stopping == trainer.stopping
 
 
 @pytest.mark.parametrize("changes", [{"seed": 1}, {"learning_rate": 2e-3}])

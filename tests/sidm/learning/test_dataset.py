@@ -75,7 +75,7 @@ def test_loaded_windows_are_those_of_what_lies_on_disk(stored, small_terrain):
 def test_maps_are_computed_once(stored, small_terrain, monkeypatch):
     root, _ = stored
     load_windows(root, COLLECTION, 3, small_terrain, 8)
-    monkeypatch.setattr("sidm.drives.generate_terrain", lambda *_: pytest.fail("built a terrain again"))
+    monkeypatch.setattr("sidm.terrain.generate_terrain", lambda *_: pytest.fail("built a terrain again"))
     load_windows(root, COLLECTION, 3, small_terrain, 8)
 
 
@@ -123,7 +123,7 @@ def test_take_first_and_split(make_motion):
 
 def test_a_part_is_what_take_copies(make_motion):
     motion, chosen = make_motion(7), [4, 1, 5, 0]
-    part, copy = motion.part(chosen), motion.take(chosen)
+    part, copy = motion.subset(chosen), motion.take(chosen)
     assert len(part) == 4 and torch.equal(part.inputs, copy.inputs) and torch.equal(part.targets, copy.targets)
     assert torch.equal(torch.cat([some.maps for some in part.split(3)]), copy.maps)
     assert torch.equal(part.first(2).take([1]).maps, motion.maps[[1]])
@@ -142,7 +142,7 @@ def test_maps_stay_in_their_file(tmp_path):
     np.save(tmp_path / "maps.npy", np.ones((count, steps, pixels, pixels), np.float16))
     maps = torch.from_numpy(np.load(tmp_path / "maps.npy", mmap_mode="c"))
     motion = Windows(torch.zeros(count, steps, 11), torch.zeros(count, steps, 13), maps)
-    part = motion.part(range(0, count, 2))
+    part = motion.subset(range(0, count, 2))
     part.take(range(batch))
     before = anonymous_memory()
     assert sum(float(part.take(range(start, start + batch)).maps[0, 0, 0, 0]) for start in range(64)) == 64

@@ -7,8 +7,8 @@ import torch
 
 from sidm.config import ConfigError
 from sidm.learning import DynamicsModel, Network, parameter_count
-from sidm.learning.learner import Learner
-from sidm.learning.training import predict_phase
+from sidm.learning.trainer import Trainer
+from sidm.learning.training import predict
 
 
 @pytest.fixture
@@ -25,16 +25,16 @@ def make_model(small_network):
     ("biases", {f"encoders.{n}.bias" for n in ("convolutions.0", "convolutions.2", "dense.0", "dense.2")}
      | {f"decoders.{n}.bias" for n in ("dense.0", "dense.2")}),
 ])  # fmt: skip
-def test_each_system_learns_what_is_its_own_and_both_the_rest(make_learner, datasets, small_network, small_training,
+def test_each_system_learns_what_is_its_own_and_both_the_rest(make_trainer, datasets, small_network, small_training,
                                                               own, differing):  # fmt: skip
     network = dataclasses.replace(small_network, own=own)
     training = dataclasses.replace(small_training, p_expert=0.5, regularise=False)
-    learner = Learner(datasets, network, training, 0)
+    trainer = Trainer(datasets, network, training, 0)
     one = DynamicsModel(network, roles=["novice"])
     extra = sum(size_of(one, name) for name in differing)
-    assert parameter_count(learner.model) == parameter_count(one) + extra
-    predict_phase(learner)
-    weights = dict(learner.model.state_dict())
+    assert parameter_count(trainer.model) == parameter_count(one) + extra
+    predict(trainer)
+    weights = dict(trainer.model.state_dict())
     found = set()
     for name, tensor in weights.items():
         if ".novice." in name and not torch.equal(tensor, weights[name.replace(".novice.", ".expert.")]):
@@ -83,4 +83,4 @@ def test_what_is_shared_has_a_name():
 
 def test_one_encoder_has_nothing_to_match(datasets, small_network, small_training):
     with pytest.raises(ConfigError, match="nothing to match"):
-        Learner(datasets, dataclasses.replace(small_network, own="none"), small_training, 0)
+        Trainer(datasets, dataclasses.replace(small_network, own="none"), small_training, 0)

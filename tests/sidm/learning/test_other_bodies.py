@@ -12,8 +12,8 @@ from sidm.config import ConfigError
 from sidm.learning import Training, Windows, encode_inputs, integrate, robot_centred_map, rollout, train, transition
 from sidm.learning.dataset import Datasets, windows_from
 from sidm.learning.evaluation import mean_loss, rollout_errors, validation_loss
-from sidm.learning.learner import Learner
 from sidm.learning.observation import seen_as
+from sidm.learning.trainer import Trainer
 from sidm.learning.units import units_of
 from sidm.rivals.fine_tuning import expert_in_place, start_from
 from tests.sidm.learning.test_observation import at, random_states
@@ -84,7 +84,7 @@ def test_a_planar_robots_map_is_relative_to_the_ground_under_it():
 
 def test_a_body_without_a_map_needs_no_ground(make_pair):
     sets, network = make_pair(TRACKED, ROVER)
-    model = Learner(sets, network, Training(p_expert=0.0, regularise=False), 0).model
+    model = Trainer(sets, network, Training(p_expert=0.0, regularise=False), 0).model
     path = rollout(model, None, torch.zeros(5), torch.zeros(7, 2), 16, body=TRACKED)
     assert path.shape == (8, 5) and torch.isfinite(path).all()
     position, heading = rollout_errors(path, torch.zeros(8, 5), TRACKED)
@@ -133,7 +133,7 @@ def test_a_pair_of_any_bodies_trains_and_the_same_seed_gives_the_same(
 def test_the_mean_of_the_training_motion_costs_one_a_component(make_pair):
     """What is weighted by 1 over the variance: predicting the mean costs 1, of each."""
     sets, network = make_pair(TRACKED, ROVER)
-    model = Learner(sets, network, Training(p_expert=0.0, regularise=False), 0).model
+    model = Trainer(sets, network, Training(p_expert=0.0, regularise=False), 0).model
     for parameter in model.decoders["novice"].dense[-1].parameters():
         parameter.data.zero_()
     assert torch.allclose(validation_loss(model, sets.train), torch.ones(5, dtype=torch.float64), atol=1e-4)
@@ -154,10 +154,10 @@ def test_a_pretrained_core_serves_a_novice_of_another_body(make_pair, small_trai
     pretrained = train(expert_in_place(sets, 0), first, dataclasses.replace(alone, frozen="nothing"), 0)
     core = start_from(pretrained).core().weights
     assert core and all(name.startswith("sidm.") for name in core)
-    learner = Learner(sets, network, alone, 0, start=core)
-    assert all(torch.equal(tensor, core[f"sidm.{name}"]) for name, tensor in learner.model.sidm.state_dict().items())
-    fresh = Learner(sets, network, alone, 0).model.encoders["novice"].state_dict()
-    assert all(torch.equal(fresh[name], one) for name, one in learner.model.encoders["novice"].state_dict().items())
+    trainer = Trainer(sets, network, alone, 0, start=core)
+    assert all(torch.equal(tensor, core[f"sidm.{name}"]) for name, tensor in trainer.model.sidm.state_dict().items())
+    fresh = Trainer(sets, network, alone, 0).model.encoders["novice"].state_dict()
+    assert all(torch.equal(fresh[name], one) for name, one in trainer.model.encoders["novice"].state_dict().items())
     trained = train(sets, network, alone, 0, start=core).model.sidm.state_dict()
     same = all(torch.equal(tensor, core[f"sidm.{name}"]) for name, tensor in trained.items())
     assert same == (frozen == "sidm")
@@ -169,7 +169,7 @@ def test_a_pretrained_core_serves_a_novice_of_another_body(make_pair, small_trai
 def test_settings_that_only_the_papers_body_knows_are_refused(make_pair, small_training, changes, words):
     sets, network = make_pair(TRACKED, ROVER)
     with pytest.raises(ConfigError, match=words):
-        Learner(sets, network, dataclasses.replace(small_training, **changes), 0)
+        Trainer(sets, network, dataclasses.replace(small_training, **changes), 0)
 
 
 def test_robots_of_two_bodies_share_no_encoder(small_network):

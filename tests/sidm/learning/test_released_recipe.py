@@ -12,9 +12,9 @@ import torch.nn.functional as F
 
 from sidm.config import ConfigError
 from sidm.learning import Standardisation, Training
-from sidm.learning.learner import Learner
-from sidm.learning.regularisation import regularise_phase
-from sidm.learning.training import predict_phase, train
+from sidm.learning.resuming import Checkpoint
+from sidm.learning.trainer import Trainer
+from sidm.learning.training import predict, regularise, train
 from tests.sidm.learning.test_other_bodies import TRACKED
 from tests.sidm.learning.test_reference import decoded, encoded, remembered
 
@@ -45,12 +45,12 @@ class PlainAdam:
 
 
 class PlainRecipe:
-    """A phase of prediction, one of the discriminator, one of matching, on what a Learner's twin draws."""
+    """A phase of prediction, one of the discriminator, one of matching, on what a Trainer's twin draws."""
 
-    def __init__(self, learner: Learner) -> None:
-        self.learner, training = learner, learner.training
-        self.weights = {n: one.detach().clone().requires_grad_() for n, one in learner.model.named_parameters()}
-        self.critic = {n: one.detach().clone().requires_grad_() for n, one in learner.discriminator.named_parameters()}
+    def __init__(self, trainer: Trainer) -> None:
+        self.trainer, training = trainer, trainer.training
+        self.weights = {n: one.detach().clone().requires_grad_() for n, one in trainer.model.named_parameters()}
+        self.critic = {n: one.detach().clone().requires_grad_() for n, one in trainer.discriminator.named_parameters()}
         units = Standardisation.none()._asdict()
         self.buffers = {
             f"{part}.{role}.{name}": units[name]
@@ -75,27 +75,27 @@ class PlainRecipe:
         adam.step(dict(zip(of, found, strict=True)))
 
     def predict(self) -> None:
-        ((role, batch),) = self.learner.draw_batch().items()  # one system
+        ((role, batch),) = self.trainer.sampler.batch().items()  # one system
         values = self.weights | self.buffers
-        parts = [remembered(values, latents, self.learner.network.layers) for latents in self.latents(role, batch)]
+        parts = [remembered(values, latents, self.trainer.network.layers) for latents in self.latents(role, batch)]
         pairs = zip(parts, batch.targets, strict=True)
         squares = torch.stack([(decoded(values, role, one) - y) ** 2 for one, y in pairs])
         self.descend(self.adam, squares.mean(), self.weights)  # over the 13 components, too
 
     def discriminate(self) -> None:
-        of_expert = bool(torch.rand(1, generator=self.learner.generators["discriminated system"]) < 0.5)
+        of_expert = bool(torch.rand(1, generator=self.trainer.sampler.generators["discriminated system"]) < 0.5)
         role = "expert" if of_expert else "novice"
-        odds = self.log_odds(self.latents(role, self.learner.draw(role, 2, "")).detach())
+        odds = self.log_odds(self.latents(role, self.trainer.sampler.draw(role, 2, "")).detach())
         loss = -torch.log(torch.sigmoid(odds) if of_expert else 1 - torch.sigmoid(odds)).mean()
         self.descend(self.critics_adam, loss, self.critic)
 
     def match(self) -> None:
-        odds = self.log_odds(self.latents("novice", self.learner.draw("novice", 2, "")))
+        odds = self.log_odds(self.latents("novice", self.trainer.sampler.draw("novice", 2, "")))
         encoder = {name: one for name, one in self.weights.items() if name.startswith("encoders.novice.")}
         self.descend(self.adam, -torch.log(torch.sigmoid(odds)).mean(), encoder)
 
     def phases(self) -> None:
-        training = self.learner.training
+        training = self.trainer.training
         for step, count in (
             (self.predict, training.prediction_iterations), (self.discriminate, training.discriminator_iterations),
             (self.match, training.matching_iterations),
@@ -111,11 +111,11 @@ def compare(model, plain, names, rel=3e-4):
         assert torch.allclose(one, other, rtol=0, atol=rel * other.abs().max().item()), name
 
 
-def test_two_rounds_of_all_phases_are_the_plain_ones(make_learner):
-    ours, plain = make_learner(**RECIPE), PlainRecipe(make_learner(**RECIPE))
+def test_two_rounds_of_all_phases_are_the_plain_ones(make_trainer):
+    ours, plain = make_trainer(**RECIPE), PlainRecipe(make_trainer(**RECIPE))
     for _ in range(2):
-        predict_phase(ours)
-        regularise_phase(ours)
+        predict(ours)
+        regularise(ours)
         plain.phases()
         compare(ours.model, plain.weights, plain.weights)
         compare(ours.discriminator, plain.critic, plain.critic)
@@ -126,74 +126,75 @@ def test_two_rounds_of_all_phases_are_the_plain_ones(make_learner):
               dict(replacement=True), dict(decay="decoupled"), dict(matching_optimiser="own"), dict(reduction="sum")],
     ids=str,
 )  # fmt: skip
-def test_each_choice_makes_a_difference(make_learner, other):
+def test_each_choice_makes_a_difference(make_trainer, other):
     """So that the comparison above could fail."""
     ends = []
     for changes in (RECIPE, RECIPE | other):
-        learner = make_learner(**changes)
+        trainer = make_trainer(**changes)
         for _ in range(2):
-            predict_phase(learner)
-            regularise_phase(learner)
-        ends.append(torch.cat([one.detach().flatten() for one in learner.model.parameters()]))
+            predict(trainer)
+            regularise(trainer)
+        ends.append(torch.cat([one.detach().flatten() for one in trainer.model.parameters()]))
     assert (ends[0] - ends[1]).abs().max() > 2e-3
 
 
-def test_momentum_and_decay_move_parts_without_a_gradient(make_learner):
+def test_momentum_and_decay_move_parts_without_a_gradient(make_trainer):
     """The expert's parts too, in matching steps, once they have had a gradient; before that they stay."""
-    learner = make_learner(**RECIPE | {"p_expert": 0.0, "prediction_iterations": 1})
-    expert = [name for name, _ in learner.model.named_parameters() if ".expert." in name]
-    predict_phase(learner)
-    before = learner.weights()
-    regularise_phase(learner)
-    after = learner.weights()
+    trainer = make_trainer(**RECIPE | {"p_expert": 0.0, "prediction_iterations": 1})
+    expert = [name for name, _ in trainer.model.named_parameters() if ".expert." in name]
+    predict(trainer)
+    before = trainer.weights()
+    regularise(trainer)
+    after = trainer.weights()
     moved = {name for name in after if not torch.equal(after[name], before[name])}
     assert moved and not moved & set(expert)
-    learner = make_learner(**RECIPE | {"p_expert": 1.0, "prediction_iterations": 1})
-    predict_phase(learner)
-    before = learner.weights()
-    regularise_phase(learner)
-    after = learner.weights()
+    trainer = make_trainer(**RECIPE | {"p_expert": 1.0, "prediction_iterations": 1})
+    predict(trainer)
+    before = trainer.weights()
+    regularise(trainer)
+    after = trainer.weights()
     assert all(not torch.equal(after[name], before[name]) for name in (*expert, "sidm.output.0.weight"))
 
 
-def test_a_restored_training_moves_them_as_one_that_went_on(make_learner, tmp_path):
-    first, second = make_learner(**RECIPE), make_learner(**RECIPE)
-    predict_phase(first)
-    first.save(tmp_path)
-    assert second.restore(tmp_path)
-    for learner in (first, second):
-        regularise_phase(learner)
-        predict_phase(learner)
+def test_a_restored_training_moves_them_as_one_that_went_on(make_trainer, tmp_path):
+    first, second = make_trainer(**RECIPE), make_trainer(**RECIPE)
+    predict(first)
+    Checkpoint(tmp_path).save(first)
+    assert Checkpoint(tmp_path).restore(second)
+    for trainer in (first, second):
+        regularise(trainer)
+        predict(trainer)
     for name, weights in first.weights().items():
         assert torch.equal(weights, second.weights()[name]), name
 
 
-def test_draws_without_replacement_go_through_all(make_learner):
-    learner = make_learner(**RECIPE)
-    count = len(learner.datasets.train)
-    drawn = torch.cat([learner.draw_indices("novice", 2, purpose) for purpose in ("novice", "matching", "x") * count])
+def test_draws_without_replacement_go_through_all(make_trainer):
+    trainer = make_trainer(**RECIPE)
+    count = len(trainer.datasets.train)
+    purposes = ("novice", "matching", "x") * count
+    drawn = torch.cat([trainer.sampler.indices("novice", 2, purpose) for purpose in purposes])
     for order in drawn.split(count):
         assert sorted(order.tolist()) == list(range(count))
     assert not torch.equal(*drawn.split(count)[:2])
 
 
-def test_without_replacement_nothing_is_drawn_in_vain(make_learner):
+def test_without_replacement_nothing_is_drawn_in_vain(make_trainer):
     """Batches of the other system do not use up a system's order."""
-    learner = make_learner(**RECIPE)
+    trainer = make_trainer(**RECIPE)
     seen = {"novice": [], "expert": []}
     for _ in range(60):
-        for role, which in learner.draw_batch_indices().items():
+        for role, which in trainer.sampler.batch_indices().items():
             seen[role] += which.tolist()
     for role, drawn in seen.items():
-        count = len(learner.part(role))
+        count = len(trainer.sampler.windows[role])
         assert len(drawn) > 2 * count
         for start in range(0, len(drawn) - count, count):
             assert sorted(drawn[start : start + count]) == list(range(count))
 
 
-def test_one_system_for_the_discriminator_is_either(make_learner):
-    learner = make_learner(**RECIPE)
-    drawn = [learner.draw_discriminated() for _ in range(400)]
+def test_one_system_for_the_discriminator_is_either(make_trainer):
+    trainer = make_trainer(**RECIPE)
+    drawn = [trainer.sampler.discriminated() for _ in range(400)]
     assert set(drawn) == {("expert",), ("novice",)} and 160 < drawn.count(("expert",)) < 240
 
 
@@ -209,4 +210,4 @@ def test_raw_units_leave_nothing_to_weigh_a_loss_by(datasets, small_network):
     network = dataclasses.replace(small_network, novice_body=TRACKED)
     alone = Training(units="raw", p_expert=0.0, regularise=False)
     with pytest.raises(ConfigError, match="Training.units='raw' leaves 'tracked' no variance to weigh its loss by"):
-        Learner(datasets, network, alone, 0)
+        Trainer(datasets, network, alone, 0)

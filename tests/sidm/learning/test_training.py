@@ -12,27 +12,27 @@ from sidm.config import ConfigError
 from sidm.learning import DynamicsModel, Standardisation, Training, TrainingError, train, validation_loss
 from sidm.learning.dataset import Datasets
 from sidm.learning.evaluation import mean_loss
-from sidm.learning.learner import Learner
 from sidm.learning.losses import prediction_loss
-from sidm.learning.regularisation import discriminator_iteration, matching_iteration
 from sidm.learning.stopping import SPACING
-from sidm.learning.training import batch_losses, encode_batch, predict_phase
+from sidm.learning.trainer import Trainer
+from sidm.learning.training import discriminator_iteration, matching_iteration, predict
 from sidm.learning.weights import make_optimiser
 
 PARTS = ("encoders.novice", "encoders.expert", "sidm", "decoders.novice", "decoders.expert")
 
 
-def losses_of(learner: Learner, batch) -> dict[str, torch.Tensor]:
-    return batch_losses(learner, batch, encode_batch(learner, batch))
+def losses_of(trainer: Trainer, batch) -> dict[str, torch.Tensor]:
+    latents = {role: trainer.encode(role, windows) for role, windows in batch.items()}
+    return trainer.model.losses(batch, latents)
 
 
 def vector(module: nn.Module) -> torch.Tensor:
     return torch.cat([parameter.detach().reshape(-1) for parameter in module.parameters()])
 
 
-def parts(learner: Learner) -> dict[str, torch.Tensor]:
+def parts(trainer: Trainer) -> dict[str, torch.Tensor]:
     """All weights by part, the discriminator's as 'A'."""
-    return {name: vector(learner.model.get_submodule(name)) for name in PARTS} | {"A": vector(learner.discriminator)}
+    return {name: vector(trainer.model.get_submodule(name)) for name in PARTS} | {"A": vector(trainer.discriminator)}
 
 
 def changed(before: dict[str, torch.Tensor], after: dict[str, torch.Tensor]) -> set[str]:
@@ -42,88 +42,89 @@ def changed(before: dict[str, torch.Tensor], after: dict[str, torch.Tensor]) -> 
 @pytest.fixture
 def run(datasets, small_network, small_training):
     def run(seed=0, sets=datasets, standardisation=None, progress=None, **changes):
-        training = Training(**(dataclasses.asdict(small_training) | changes))
+        training = dataclasses.replace(small_training, **changes)
         return train(sets, small_network, training, seed, standardisation=standardisation, progress=progress)
 
     return run
 
 
-def test_discriminator_iteration_changes_a_alone(make_learner):
-    learner = make_learner()
-    before = parts(learner)
-    discriminator_iteration(learner)
-    assert changed(before, parts(learner)) == {"A"}
-    assert 0 <= learner.accuracy <= 1
+def test_discriminator_iteration_changes_a_alone(make_trainer):
+    trainer = make_trainer()
+    before = parts(trainer)
+    discriminator_iteration(trainer)
+    assert changed(before, parts(trainer)) == {"A"}
+    assert 0 <= trainer.accuracy <= 1
 
 
 @pytest.mark.parametrize("optimiser", ["own", "shared"])
-def test_matching_iteration_changes_the_novice_encoder_alone(make_learner, optimiser):
-    learner = make_learner(matching_optimiser=optimiser)
-    predict_phase(learner)  # the shared optimiser now has moments for all parts
-    before = parts(learner)
-    matching_iteration(learner)
-    assert changed(before, parts(learner)) == {"encoders.novice"}
+def test_matching_iteration_changes_the_novice_encoder_alone(make_trainer, optimiser):
+    trainer = make_trainer(matching_optimiser=optimiser)
+    predict(trainer)  # the shared optimiser now has moments for all parts
+    before = parts(trainer)
+    matching_iteration(trainer)
+    assert changed(before, parts(trainer)) == {"encoders.novice"}
 
 
-def test_prediction_changes_all_but_a(make_learner):
-    learner = make_learner(p_expert=0.5)
-    before = parts(learner)
-    predict_phase(learner)
-    assert changed(before, parts(learner)) == set(PARTS)
+def test_prediction_changes_all_but_a(make_trainer):
+    trainer = make_trainer(p_expert=0.5)
+    before = parts(trainer)
+    predict(trainer)
+    assert changed(before, parts(trainer)) == set(PARTS)
 
 
 @pytest.mark.parametrize(("p_expert", "untouched"), [(0.0, "expert"), (1.0, "novice")])
-def test_prediction_leaves_the_parts_of_a_system_not_drawn(make_learner, p_expert, untouched):
-    learner = make_learner(p_expert=p_expert)
-    before = parts(learner)
-    predict_phase(learner)
+def test_prediction_leaves_the_parts_of_a_system_not_drawn(make_trainer, p_expert, untouched):
+    trainer = make_trainer(p_expert=p_expert)
+    before = parts(trainer)
+    predict(trainer)
     same = {f"encoders.{untouched}", f"decoders.{untouched}", "A"}
-    assert changed(before, parts(learner)) == set(before) - same
+    assert changed(before, parts(trainer)) == set(before) - same
 
 
-def test_the_discriminator_learns_to_tell_apart_and_matching_deceives_it(make_learner):
-    learner = make_learner(discriminator_batch=6, learning_rate=3e-3)
-    encoder = learner.model.encoders["novice"]
+def test_the_discriminator_learns_to_tell_apart_and_matching_deceives_it(make_trainer):
+    trainer = make_trainer(discriminator_batch=6, learning_rate=3e-3)
+    encoder = trainer.model.encoders["novice"]
     for _ in range(150):
-        discriminator_iteration(learner)
-    novice = learner.datasets.train
+        discriminator_iteration(trainer)
+    novice = trainer.datasets.train
     with torch.no_grad():
-        before = float(learner.discriminator(encoder(novice.inputs, novice.maps)).mean())
-    assert learner.accuracy > 0.7 and before < 0.4
+        before = float(trainer.discriminator(encoder(novice.inputs, novice.maps)).mean())
+    assert trainer.accuracy > 0.7 and before < 0.4
     for _ in range(100):
-        matching_iteration(learner)
+        matching_iteration(trainer)
     with torch.no_grad():
-        assert float(learner.discriminator(encoder(novice.inputs, novice.maps)).mean()) > before + 0.2
+        assert float(trainer.discriminator(encoder(novice.inputs, novice.maps)).mean()) > before + 0.2
 
 
-def test_batch_loss_is_that_of_each_system_alone(make_learner):
-    learner = make_learner(p_expert=0.5, batch=8)
-    batch = learner.draw_batch()
+def test_batch_loss_is_that_of_each_system_alone(make_trainer):
+    trainer = make_trainer(p_expert=0.5, batch=8)
+    batch = trainer.sampler.batch()
     assert set(batch) == {"novice", "expert"} and sum(map(len, batch.values())) == 8
-    for role, losses in losses_of(learner, batch).items():
+    for role, losses in losses_of(trainer, batch).items():
         motion = batch[role]
-        predicted, _ = learner.model(role, motion.inputs, motion.maps)
+        predicted, _ = trainer.model(role, motion.inputs, motion.maps)
         assert torch.allclose(losses, prediction_loss(predicted, motion.targets), rtol=1e-4)
 
 
-def test_system_drawn_per_trajectory(make_learner):
-    learner = make_learner(p_expert=0.75, batch=8)
-    shares = [len(batch["expert"]) if "expert" in batch else 0 for batch in (learner.draw_batch() for _ in range(300))]
+def test_system_drawn_per_trajectory(make_trainer):
+    trainer = make_trainer(p_expert=0.75, batch=8)
+    batches = [trainer.sampler.batch() for _ in range(300)]
+    shares = [len(batch["expert"]) if "expert" in batch else 0 for batch in batches]
     assert len(set(shares)) > 3 and abs(sum(shares) / 2400 - 0.75) < 0.04
 
 
-def test_system_drawn_per_iteration(make_learner):
-    learner = make_learner(p_expert=0.75, system_draw="iteration")
-    batches = [learner.draw_batch() for _ in range(300)]
+def test_system_drawn_per_iteration(make_trainer):
+    trainer = make_trainer(p_expert=0.75, system_draw="iteration")
+    batches = [trainer.sampler.batch() for _ in range(300)]
     assert all(len(batch) == 1 and len(next(iter(batch.values()))) == 4 for batch in batches)
     assert abs(sum("expert" in batch for batch in batches) / 300 - 0.75) < 0.08
 
 
-def test_methods_draw_the_same_novice_trajectories(make_learner):
-    alone, shared = make_learner(p_expert=0.0, regularise=False, batch=8), make_learner(p_expert=0.5, batch=8)
+def test_methods_draw_the_same_novice_trajectories(make_trainer):
+    alone, shared = make_trainer(p_expert=0.0, regularise=False, batch=8), make_trainer(p_expert=0.5, batch=8)
     for _ in range(5):
-        everything = alone.draw_batch()["novice"].inputs
-        some = shared.draw_batch()["novice"].inputs
+        everything = alone.sampler.batch()["novice"].inputs
+        some = shared.sampler.batch()["novice"].inputs
         assert all(any(torch.equal(one, other) for other in everything) for one in some)
 
 
@@ -140,32 +141,32 @@ def test_decay_decoupled_and_l2(small_network):
     assert after["l2"] == pytest.approx([0.9, 1.9, -3.9])
 
 
-def test_reduction_mean_divides_the_gradient_by_thirteen(make_learner):
-    total, mean = (make_learner(prediction_iterations=1, reduction=name) for name in ("sum", "mean"))
-    for learner in (total, mean):
-        predict_phase(learner)
+def test_reduction_mean_divides_the_gradient_by_thirteen(make_trainer):
+    total, mean = (make_trainer(prediction_iterations=1, reduction=name) for name in ("sum", "mean"))
+    for trainer in (total, mean):
+        predict(trainer)
     for one, other in zip(total.model.parameters(), mean.model.parameters(), strict=True):
         assert (one.grad is None) == (other.grad is None)
         assert one.grad is None or torch.allclose(one.grad, 13 * other.grad, rtol=1e-4, atol=1e-7)
     assert total.losses == mean.losses  # what is reported stays equation (1)
 
 
-def test_bfloat16_rounds_the_encoders_alone_and_moves_the_loss_little(make_learner):
-    exact, rounded = (make_learner(prediction_iterations=1, precision=name) for name in ("float32", "bfloat16"))
-    batch = exact.draw_batch()
+def test_bfloat16_rounds_the_encoders_alone_and_moves_the_loss_little(make_trainer):
+    exact, rounded = (make_trainer(prediction_iterations=1, precision=name) for name in ("float32", "bfloat16"))
+    batch = exact.sampler.batch()
     for role, motion in batch.items():
         one, other = exact.encode(role, motion), rounded.encode(role, motion)
         assert one.dtype == other.dtype == torch.float32
         assert 0 < (one - other).abs().max() < 0.02 * one.abs().max()
     pairs = zip(losses_of(exact, batch).values(), losses_of(rounded, batch).values(), strict=True)
     assert all(torch.allclose(one.mean(), other.mean(), rtol=0.01) for one, other in pairs)
-    for phase in (predict_phase, discriminator_iteration, matching_iteration):
+    for phase in (predict, discriminator_iteration, matching_iteration):
         phase(rounded)
     assert all(weights.dtype == torch.float32 and weights.isfinite().all() for weights in rounded.model.parameters())
 
 
-def test_released_stopping_is_chosen_by_its_name(run, make_learner):
-    assert make_learner(stopping="released").stopper.rule == "released"
+def test_released_stopping_is_chosen_by_its_name(run, make_trainer):
+    assert make_trainer(stopping="released").stopping.rule == "released"
     assert not run(stopping="released", patience=1).stopped_early
     assert run(stopping="test_loss", patience=1, max_samples=10**6).stopped_early
 
@@ -180,7 +181,7 @@ def test_a_run_counts_samples_and_tests(run, datasets):
     assert all(math.isfinite(tested.training_loss) for tested in trained.history)
 
 
-def test_losses_by_component_are_kept_ever_farther_apart(run, make_learner):
+def test_losses_by_component_are_kept_ever_farther_apart(run, make_trainer):
     """Of the weights that are tested, on the first trajectories of each set; nothing is chosen by them."""
     trained = run(max_samples=24 * 400, test_interval=1)
     samples = [one.samples for one in trained.components]
@@ -188,18 +189,18 @@ def test_losses_by_component_are_kept_ever_farther_apart(run, make_learner):
     assert all(later >= SPACING * earlier for earlier, later in itertools.pairwise(samples))
     tests = {tested.samples: tested.test_loss for tested in trained.history}
     assert [sum(one.test) for one in trained.components] == pytest.approx([tests[s] for s in samples], rel=1e-5)
-    learner = make_learner(validation_trajectories=1)
-    expected = validation_loss(learner.model, learner.datasets.validation.first(1))
-    assert learner.measure().validation == pytest.approx(expected.tolist())
+    trainer = make_trainer(validation_trajectories=1)
+    expected = validation_loss(trainer.model, trainer.datasets.validation.first(1))
+    assert trainer.measure().validation == pytest.approx(expected.tolist())
 
 
-def test_training_loss_is_the_novices(make_learner):
-    learner = make_learner()
-    learner.note({"novice": torch.full((1, 6), 2.0), "expert": torch.full((3, 6), 8.0)})
-    assert learner.take_test().training_loss == 2.0
-    learner.note({"expert": torch.full((4, 6), 8.0)})
-    assert learner.take_test().training_loss == 8.0
-    assert learner.samples == 48
+def test_training_loss_is_the_novices(make_trainer):
+    trainer = make_trainer()
+    trainer.note({"novice": torch.full((1, 6), 2.0), "expert": torch.full((3, 6), 8.0)})
+    assert trainer.take_test().training_loss == 2.0
+    trainer.note({"expert": torch.full((4, 6), 8.0)})
+    assert trainer.take_test().training_loss == 8.0
+    assert trainer.samples == 48
 
 
 def test_same_seed_same_result_another_seed_another(run):

@@ -123,6 +123,6 @@ def test_steering_to_the_left_is_noticed_in_a_file(drives):
         with pytest.raises(RecordingError, match="file: robots turn against their steering, .* positive to the right"):
             refuse_other_steering("file", other)
     states, steering = turning(10.0, 0.03), np.full((70, 2), 0.05)
-    refuse_other_steering("file", [drives[0]._replace(states=states, actions=steering)])
+    refuse_other_steering("file", [replace(drives[0], states=states, actions=steering)])
     still = np.repeat(states[:1], len(states), axis=0) + np.random.default_rng(0).normal(0, 1e-3, states.shape)
-    refuse_other_steering("file", [drives[0]._replace(states=still, actions=6 * steering)])
+    refuse_other_steering("file", [replace(drives[0], states=still, actions=6 * steering)])

@@ -6,7 +6,7 @@ import torch
 from sidm.config import ConfigError
 from sidm.learning import Training, train
 from sidm.learning.checkpoint import CheckpointError
-from sidm.learning.learner import Learner
+from sidm.learning.trainer import Trainer
 from sidm.rivals.fine_tuning import Start, expert_in_place, keep, read, start_from
 
 ALONE = Training(p_expert=0.0, regularise=False, max_samples=2000, test_interval=5, prediction_iterations=10, batch=4)
@@ -22,19 +22,19 @@ def test_the_expert_stands_in_the_novices_place(datasets):
     sets = expert_in_place(datasets, 3)
     assert len(sets.train) + len(sets.test) == len(datasets.expert)
     assert len(sets.test) == round(len(datasets.expert) / 4)
-    assert not set(sets.train.places.tolist()) & set(sets.test.indices.tolist())
-    assert sets.train.whole is datasets.expert and sets.validation is sets.test
+    assert not set(sets.train.places.tolist()) & set(sets.test.places.tolist())
+    assert sets.train.stored_inputs is datasets.expert.inputs and sets.validation is sets.test
     with pytest.raises(ConfigError, match="pretraining needs the expert's data"):
         expert_in_place(datasets._replace(expert=None), 0)
 
 
 def test_a_novice_goes_on_from_the_experts_weights(datasets, small_network, start):
     """Its first test is that of the pretrained model, not that of fresh weights."""
-    learner = Learner(datasets, small_network, ALONE, 0, start=start.weights)
-    fresh = Learner(datasets, small_network, ALONE, 0)
-    for name, tensor in learner.weights().items():
+    trainer = Trainer(datasets, small_network, ALONE, 0, start=start.weights)
+    fresh = Trainer(datasets, small_network, ALONE, 0)
+    for name, tensor in trainer.weights().items():
         assert torch.equal(tensor, start.weights[name])
-    assert learner.take_test().test_loss < fresh.take_test().test_loss
+    assert trainer.take_test().test_loss < fresh.take_test().test_loss
     assert start.samples >= ALONE.max_samples
 
 

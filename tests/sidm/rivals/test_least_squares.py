@@ -1,15 +1,14 @@
 """Least squares: the closed form, the cross-validation, and the model that comes of them."""
 
-import dataclasses
 
 import numpy as np
 import pytest
 import torch
 
+from companion.beyond.mirror import INPUT_SIGNS, TARGET_SIGNS, mirror_image
 from sidm.learning import DynamicsModel, Standardisation, validation_loss
 from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.evaluation import rollout
-from sidm.learning.mirror import INPUT_SIGNS, TARGET_SIGNS
 from sidm.rivals import least_squares as ls
 
 
@@ -101,8 +100,8 @@ def test_with_mirror_images_left_and_right_are_alike(many):
     inputs, maps = many.validation.inputs, many.validation.maps
     signs = torch.tensor(INPUT_SIGNS), torch.tensor(TARGET_SIGNS)
     gaps = []
-    for mirror in (True, False):
-        model = ls.fit(many, Standardisation.none(), mirror=mirror).model
+    for image in (mirror_image, None):
+        model = ls.fit(many, Standardisation.none(), image=image).model
         seen, turned = (model("novice", one, maps)[0] for one in (inputs, inputs * signs[0]))
         gaps.append(float((turned - seen * signs[1]).abs().max()))
     assert gaps[0] < 1e-4 < 1e-2 < gaps[1]
@@ -133,7 +132,7 @@ def test_it_rolls_out(datasets, base, alone):
 
 def test_parts_give_what_the_whole_does(many):
     """Data that lie in a larger set are taken from it."""
-    whole = Windows(*(torch.cat([getattr(one, f.name) for one in many[:2]]) for f in dataclasses.fields(Windows)))
-    parts = many._replace(train=whole.part(range(30)), test=whole.part(range(30, 40)))
+    whole = Windows(*(torch.cat([getattr(one, name) for one in many[:2]]) for name in ("inputs", "targets", "maps")))
+    parts = many._replace(train=whole.subset(range(30)), test=whole.subset(range(30, 40)))
     first, second = (ls.fit(one, Standardisation.none()).model.weights for one in (many, parts))
     assert torch.equal(first, second)

@@ -5,9 +5,13 @@ import numpy as np
 import pytest
 import torch
 
-from sidm.learning.losses import coral, mmd
-from sidm.learning.regularisation import DISTANCES, distance_iteration, regularise_phase, reversed_loss
-from sidm.learning.training import encode_batch, predict_phase
+from companion.beyond.matching import DISTANCES, DistanceMatching, GradientReversal, coral, mmd
+from sidm.learning.training import predict, regularise
+
+
+def encoded(trainer):
+    """Latents of a batch by system."""
+    return {role: trainer.encode(role, windows) for role, windows in trainer.sampler.batch().items()}
 
 
 def test_distances_grow_with_the_shift(generator):
@@ -36,61 +40,61 @@ def test_coral_sees_covariance_and_mean(generator):
 
 
 @pytest.mark.parametrize("matching", sorted(DISTANCES))
-def test_a_distance_changes_the_novices_encoder_alone_and_shrinks(make_learner, matching):
-    learner = make_learner(matching=matching, matching_batch=6, learning_rate=3e-3)
-    before = learner.weights()
+def test_a_distance_changes_the_novices_encoder_alone_and_shrinks(make_trainer, matching):
+    trainer = make_trainer(matching=matching, matching_batch=6, learning_rate=3e-3)
+    before = trainer.weights()
 
     def distance() -> float:
-        sides = [learner.datasets.expert, learner.datasets.train]
+        sides = [trainer.datasets.expert, trainer.datasets.train]
         with torch.no_grad():
-            latents = [learner.encode(r, m).flatten(0, 1) for r, m in zip(("expert", "novice"), sides, strict=True)]
+            latents = [trainer.encode(r, m).flatten(0, 1) for r, m in zip(("expert", "novice"), sides, strict=True)]
         return float(DISTANCES[matching](*latents))
 
-    first = distance()
+    first, hook = distance(), DistanceMatching(matching)
     for _ in range(60):
-        distance_iteration(learner)
-    changed = {name for name, tensor in learner.weights().items() if not torch.equal(tensor, before[name])}
+        hook.iteration(trainer)
+    changed = {name for name, tensor in trainer.weights().items() if not torch.equal(tensor, before[name])}
     assert changed and all(name.startswith("encoders.novice.") for name in changed)
     assert distance() < 0.6 * first
 
 
-def test_a_distance_needs_no_discriminator(make_learner):
-    learner = make_learner(matching="mmd")
-    before = [p.clone() for p in learner.discriminator.parameters()]
-    regularise_phase(learner)
-    assert all(torch.equal(one, p) for one, p in zip(before, learner.discriminator.parameters(), strict=True))
-    assert learner.accuracy is None
+def test_a_distance_needs_no_discriminator(make_trainer):
+    trainer = make_trainer(matching="mmd")
+    before = [p.clone() for p in trainer.discriminator.parameters()]
+    regularise(trainer)
+    assert all(torch.equal(one, p) for one, p in zip(before, trainer.discriminator.parameters(), strict=True))
+    assert trainer.accuracy is None
 
 
-def test_the_encoders_feel_the_discriminators_gradient_reversed(make_learner):
-    learner = make_learner(matching="reversal", reversal_weight=0.3, p_expert=0.5, batch=8)
-    latents = encode_batch(learner, learner.draw_batch())
+def test_the_encoders_feel_the_discriminators_gradient_reversed(make_trainer):
+    trainer = make_trainer(matching="reversal", reversal_weight=0.3, p_expert=0.5, batch=8)
+    latents = encoded(trainer)
     plain = {role: one.detach().clone().requires_grad_() for role, one in latents.items()}
     turned = {role: one.detach().clone().requires_grad_() for role, one in latents.items()}
-    logits = {role: learner.discriminator.logits(one) for role, one in plain.items()}
-    loss = reversed_loss(learner, turned)
+    logits = {role: trainer.discriminator.logits(one) for role, one in plain.items()}
+    loss = GradientReversal(0.3).auxiliary_loss(trainer, turned)
     loss.backward()
-    of_discriminator = [p.grad.clone() for p in learner.discriminator.parameters()]
-    learner.discriminator.zero_grad()
+    of_discriminator = [p.grad.clone() for p in trainer.discriminator.parameters()]
+    trainer.discriminator.zero_grad()
     torch.nn.functional.softplus(-logits["expert"]).mean().backward(retain_graph=True)
     torch.nn.functional.softplus(logits["novice"]).mean().backward()
     for role in plain:
         assert torch.allclose(turned[role].grad, -0.3 * plain[role].grad, atol=1e-7)
-    for one, parameter in zip(of_discriminator, learner.discriminator.parameters(), strict=True):
+    for one, parameter in zip(of_discriminator, trainer.discriminator.parameters(), strict=True):
         assert torch.allclose(one, parameter.grad, atol=1e-7)
     softplus = torch.nn.functional.softplus
     expected = softplus(-logits["expert"]).mean() + softplus(logits["novice"]).mean()
     assert loss.item() == pytest.approx(expected.item())
 
 
-def test_reversal_teaches_the_discriminator_within_algorithm_1(make_learner):
-    learner = make_learner(matching="reversal", p_expert=0.5)
-    before = [p.clone() for p in learner.discriminator.parameters()]
-    predict_phase(learner)
-    assert any(not torch.equal(one, p) for one, p in zip(before, learner.discriminator.parameters(), strict=True))
-    assert 0 <= learner.accuracy <= 1
+def test_reversal_teaches_the_discriminator_within_algorithm_1(make_trainer):
+    trainer = make_trainer(matching="reversal", p_expert=0.5)
+    before = [p.clone() for p in trainer.discriminator.parameters()]
+    predict(trainer)
+    assert any(not torch.equal(one, p) for one, p in zip(before, trainer.discriminator.parameters(), strict=True))
+    assert 0 <= trainer.accuracy <= 1
 
 
-def test_a_batch_of_one_system_has_nothing_to_tell_apart(make_learner):
-    learner = make_learner(matching="reversal", p_expert=1.0)
-    assert float(reversed_loss(learner, encode_batch(learner, learner.draw_batch()))) == 0.0
+def test_a_batch_of_one_system_has_nothing_to_tell_apart(make_trainer):
+    trainer = make_trainer(matching="reversal", p_expert=1.0)
+    assert float(GradientReversal(0.1).auxiliary_loss(trainer, encoded(trainer))) == 0.0

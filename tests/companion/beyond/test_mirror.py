@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
+from companion.beyond.mirror import mirrored
 from sidm.learning import Windows, encode_inputs, robot_centred_map, transition
-from sidm.learning.mirror import mirrored
 
 REFLECTED = torch.tensor([1, -1, 1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1.0]).double()  # of a state, by y to -y
 
@@ -48,20 +48,20 @@ def test_only_the_chosen_trajectories_turn_and_twice_is_back(make_motion):
         assert torch.equal(getattr(twice, name), getattr(motion, name))
 
 
-def test_seeds_pair_mirror_images_too(make_learner):
+def test_seeds_pair_mirror_images_too(make_trainer):
     """What is the novice's in two batches is turned in both or in neither, whatever else is drawn."""
-    one, other = (make_learner(p_expert=p, mirror=True, regularise=False, batch=8) for p in (0.0, 0.5))
+    one, other = (make_trainer(p_expert=p, mirror=True, regularise=False, batch=8) for p in (0.0, 0.5))
     for _ in range(5):
-        alone, both = (learner.draw_batch_indices()["novice"].tolist() for learner in (one, other))
+        alone, both = (trainer.sampler.batch_indices()["novice"].tolist() for trainer in (one, other))
         assert 0 < len(both) < 8 and all(place in alone for place in both)
         assert len(set(alone) - set(range(6))) > 0  # of six trajectories, images stand from 6 on
 
 
-def test_training_draws_mirror_images_and_the_same_trajectories(make_learner):
-    plain, turned = make_learner(p_expert=0.0), make_learner(p_expert=0.0, mirror=True)
+def test_training_draws_mirror_images_and_the_same_trajectories(make_trainer):
+    plain, turned = make_trainer(p_expert=0.0), make_trainer(p_expert=0.0, mirror=True)
     same = 0
     for _ in range(10):
-        one, other = plain.draw("novice", 8, "novice"), turned.draw("novice", 8, "novice")
+        one, other = plain.sampler.draw("novice", 8, "novice"), turned.sampler.draw("novice", 8, "novice")
         assert torch.equal(one.inputs[..., 0], other.inputs[..., 0])  # up along x has no sign to change
         same += int((one.inputs == other.inputs).all(2).all(1).sum())
     assert 20 < same < 60  # of 80

@@ -1,0 +1,24 @@
+"""`sidm demo`: what comes with the package, and what it makes of it."""
+
+from pathlib import Path
+
+import sidm
+from sidm.__main__ import main
+from sidm.demo import bundled_drives
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_what_is_bundled_is_what_was_recorded():
+    for name in ("warthog.csv.gz", "skid_steer.yaml", "LICENSE-DRIVE.txt"):
+        assert (ROOT / "sidm" / "demo" / name).read_bytes() == (ROOT / "recordings" / name).read_bytes()
+    assert len(bundled_drives()) == 287
+
+
+def test_the_demo_makes_a_model_its_errors_and_a_replay(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["demo"]) == 0
+    said = capsys.readouterr().out
+    assert "least_squares" in said and "yaw_rate" in said and "position" in said
+    assert sidm.load("sidm-demo/model").method == "least_squares"
+    assert Path("sidm-demo/replay.html").stat().st_size > 100_000
