@@ -19,7 +19,7 @@ from work import random_data
 
 from companion.engine.provenance import peak_memory
 from companion.grids import grid
-from companion.pages.pages import markdown_table
+from companion.pages.markdown import markdown_table
 from companion.presets import PRESETS, Preset, load_preset
 from sidm.drives import STEPS
 from sidm.learning.trainer import Trainer

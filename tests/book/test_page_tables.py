@@ -5,7 +5,7 @@ import pytest
 
 from companion import Results
 from companion.engine.frame import frame_of
-from companion.pages.pages import (
+from companion.pages.markdown import (
     in_html,
     markdown_table,
     on_page,
