@@ -10,13 +10,14 @@ RENDER := $(BIN)/jupyter-book build --warningiserror --keep-going
 # Trials run side by side, one thread each: a second thread to each only makes them wait for one another.
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help setup book page notebooks figures explore pdf test lint bench golden planted crash portable clean
+.PHONY: help setup book page notebooks headline figures explore pdf test lint bench golden planted crash portable clean
 .DELETE_ON_ERROR:
 
 help:
 	@echo 'make book [PARAMS=params/smoke.yaml]             run copies of the notebooks and render the book: _build/html'
 	@echo 'make page NAME=05-figure3 [PARAMS=...]           run one copy again and render what changed'
 	@echo 'make notebooks                                   refresh the outputs in notebooks/ themselves'
+	@echo "make headline                                    every number of the README, its rows and how they are made"
 	@echo "make figures                                     Figures 3 and 4 into _build/figures, and that of the README"
 	@echo 'make explore                                     the suspension explorer as an app in your browser'
 	@echo 'make pdf                                         the core of the rendered book as one PDF: _build/sidm-companion.pdf'
@@ -59,6 +60,9 @@ page: $(STAMP)
 
 figures: $(STAMP)
 	$(BIN)/python -m companion.pages.headline
+
+headline: $(STAMP)
+	$(BIN)/python -m companion.pages.headline --numbers
 
 notebooks: $(STAMP)
 	$(BIN)/python -m companion notebook all --in-place

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 import re
 from pathlib import Path
+from typing import NamedTuple
 
 import pandas as pd
 
@@ -52,6 +54,40 @@ def stored(data: str | Path = "data") -> tuple[pd.DataFrame, pd.DataFrame, pd.Da
     return store.frame([*trials["3"], *beside]), little, store.frame(trials["4"])
 
 
+class Headline(NamedTuple):
+    """A number of the README, where it is from, and how its rows are made again."""
+
+    number: str  # as the README has it
+    words: str  # what it is
+    rows: int  # trials that it is computed from
+    command: str  # that makes them again
+
+
+def headlines(frame: pd.DataFrame, little: pd.DataFrame) -> list[Headline]:
+    """The README's numbers in their order; `frame` and `little` as of `numbers`."""
+    run = f"companion run --preset {PRESET} --figure"
+    ends = ("", ", lower end of the 95 % interval", ", upper end of it")
+    alone = "times the novice data that training alone needs, against"
+    compared = frame[frame.method.isin(COMPARED)], frame[frame.method.isin((COMPARED[1], FIGURE3[-1]))]
+    asked = [
+        (f"{alone} an SIDM with 5 min", ends, compared[0], f"{run} 3"),
+        (f"{alone} an SIDM with 1 min, both tuned for little data", ends, little, f"{run} little-data"),
+        (f"{alone} fine-tuning with 1 min", ends[:1], compared[1], f"{run} 3"),
+    ]
+    found = [
+        (f"{system}: {words}{end}", int((rows.system == system).sum()), command)
+        for words, parts, rows, command in asked for system in SYSTEMS for end in parts
+    ]  # fmt: skip
+    return [Headline(number, *said) for number, said in zip(numbers(frame, little), found, strict=True)]
+
+
+def show() -> None:
+    """Print every number of the README with its rows and the command that makes these again."""
+    frame, little, _ = stored()
+    for one in headlines(frame, little):
+        print(f"{one.number:>6}  {one.words}\n        {one.rows} rows of results/; again: {one.command}")
+
+
 def main(figures: Path = Path("_build/figures")) -> None:
     """Draw Figures 3 and 4 into a folder, and Figure 3 for the README."""
     frame, little, frame4 = stored()
@@ -64,4 +100,6 @@ def main(figures: Path = Path("_build/figures")) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--numbers", action="store_true", help="print the README's numbers and where they are from")
+    (show if parser.parse_args().numbers else main)()
