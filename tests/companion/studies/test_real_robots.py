@@ -80,3 +80,13 @@ def test_jitter_costs_at_least_half_of_what_it_costs_without_memory():
     floors = {"warthog": found.loss, "husky": jitter.floor(m.robot("husky")).loss}
     figure = r.figure(m.records("results").frame(), "loss", floors)
     assert [line.get_text() for line in figure.axes[-1].get_legend().get_texts()][-1] == "jitter of the pose"
+
+
+@pytest.mark.parametrize("method", ["least_squares", "differential_drive"])
+def test_a_stored_result_made_again_is_the_stored_one(method):
+    """All sizes of one seed, but for rounding; the recordings are all that they need."""
+    job = next(one for one in m.jobs(Study("laptop"), "husky to warthog") if (one.method, one.seed) == (method, 0))
+    stored, again = m.records("results").get(job), m.measure(job)
+    assert again.minutes == pytest.approx(stored.minutes)
+    assert again.loss == pytest.approx(stored.loss, rel=1e-3)
+    assert again.displacement[-1] == pytest.approx(stored.displacement[-1], rel=1e-2)

@@ -1,11 +1,14 @@
 """A model of one's own robot: fitted, kept, evaluated and asked, by function and by command."""
 
+import contextlib
 import dataclasses
+import importlib
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 
 import sidm
 from sidm import __main__ as command_line
@@ -165,3 +168,34 @@ def test_the_models_kept_here_predict_their_robots(name):
     found = sidm.load(RECORDINGS / "models" / name)
     drives = read_drives(RECORDINGS / f"{name}.csv.gz", found.body)
     assert found.evaluate(drives[:50]).share.iloc[len(found.body.targets) - 1] < 0.3
+
+
+class Killed(Exception):
+    """Stands for the end of a process."""
+
+
+def test_an_unfinished_fit_goes_on_where_it_was(drives, tmp_path, monkeypatch):
+    """The model is that of a fit that nothing stopped, and no test is taken twice."""
+    fit = importlib.import_module("sidm.fitting.fit")
+    settings = {"max_samples": 30_000, "test_interval": 5, "prediction_iterations": 20}
+    whole = sidm.fit(drives["warthog"], settings=settings)
+    seen: list[int] = []
+
+    @contextlib.contextmanager
+    def watched(title, most, shown):
+        def tell(tested):
+            seen.append(tested.samples)
+            if len(seen) == 6:
+                raise Killed
+
+        yield tell
+
+    monkeypatch.setattr(fit, "_watched", watched)
+    with pytest.raises(Killed):
+        sidm.fit(drives["warthog"], settings=settings, out=tmp_path / "model")
+    assert (tmp_path / "model" / "unfinished").is_dir() and not (tmp_path / "model" / "model.json").exists()
+    model = sidm.fit(drives["warthog"], settings=settings, out=tmp_path / "model")
+    assert model.test_loss == whole.test_loss and not (tmp_path / "model" / "unfinished").exists()
+    weights, expected = model.predictor.state_dict(), whole.predictor.state_dict()
+    assert all(torch.equal(weights[name], expected[name]) for name in expected)
+    assert seen[6] > seen[3]  # it began after the last phase that was written
