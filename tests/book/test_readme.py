@@ -1,0 +1,74 @@
+"""The README's commands are carried out, at a test's sizes: a preset of seconds in place of one of hours."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+from pages import ROOT
+
+from sidm.fitting import settings
+
+BLOCKS = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+SMOKE = "--preset smoke --system system1 --data _build/smoke/data"
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+#: What is exchanged in commands, in all that have it: the sizes, and nothing else.
+SMALLER = {
+    "--preset study --figure 3": f"{SMOKE} --figure 3",
+    "--preset study --figure all": f"{SMOKE} --figure 3",
+    "-p rock_height": "-f params/smoke.yaml -p rock_height",
+    "--out model": "--out model --set max_samples=4000",
+}
+
+
+def commands(kind: str) -> list[str]:
+    """The README's lines of one language, those of `make` left out: they are tests themselves."""
+    blocks = [text for language, text in BLOCKS.findall(README) if language == kind]
+    lines = [line.partition("  #")[0].strip() for text in blocks for line in text.splitlines()]
+    return [line for line in lines if line and not line.startswith("make ")]
+
+
+@pytest.fixture(scope="module")
+def place(project, tmp_path_factory):
+    """A copy of the project with a user's files in it, as the README calls them."""
+    folder = tmp_path_factory.mktemp("readme") / "project"
+    shutil.copytree(project, folder)
+    shutil.copy(folder / "recordings" / "skid_steer.yaml", folder / "robot.yaml")
+    for name, robot in (("drives", "warthog"), ("other-drives", "husky")):
+        (folder / name).mkdir()
+        shutil.copy(folder / "recordings" / f"{robot}.csv.gz", folder / name)
+    shutil.copy(folder / "recordings" / "warthog.csv.gz", folder / "drive.csv.gz")
+    subprocess.run(["gunzip", "drive.csv.gz"], cwd=folder, check=True)
+    return folder
+
+
+def test_every_command_is_one_of_these_packages():
+    assert len(commands("bash")) >= 9
+    assert {line.split()[0] for line in commands("bash")} == {
+        ".venv/bin/companion", ".venv/bin/sidm", ".venv/bin/papermill"
+    }  # fmt: skip
+
+
+def test_the_commands_do_what_they_say(place):
+    """In the README's order: later ones use what earlier ones have made."""
+    for command in commands("bash"):
+        for words, smaller in SMALLER.items():
+            command = command.replace(words, smaller)
+        program, *words = command.split()
+        done = subprocess.run(
+            [sys.executable, "-m", os.path.basename(program), *words], cwd=place, capture_output=True, text=True
+        )
+        assert done.returncode == 0, f"{command}\n{done.stderr[-2000:]}"
+    for made in ("mine.ipynb", "_build/mine/trials", "model/model.safetensors", "model/evaluation.png"):
+        assert (place / made).exists(), made
+
+
+def test_the_python_does_what_it_says(monkeypatch, capsys):
+    (code,) = (text for language, text in BLOCKS.findall(README) if language == "python")
+    small = settings.SETTINGS.with_values({"max_samples": 4000, "hidden": 16, "pixels": 8})
+    monkeypatch.setattr(settings, "SETTINGS", small)
+    exec(re.sub(r"minutes=\d+", "minutes=0.5", code), {})  # noqa: S102 - the README's own
+    assert "quantity" in capsys.readouterr().out
