@@ -43,6 +43,18 @@ def upright(states: Any) -> Any:
     return 1 - 2 * (x * x + y * y)
 
 
+def yaw_of(quaternions: np.ndarray) -> np.ndarray:
+    """Headings (...), rad in (-pi, pi], of quaternions (..., 4); `sidm.rotations.yaw` is the same on tensors."""
+    x, y, z, w = np.moveaxis(quaternions, -1, 0)
+    return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2))
+
+
+def tilt_of(quaternions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pitch, nose down positive, and roll, right side down positive, rad, each (...), of quaternions (..., 4)."""
+    x, y, z, w = np.moveaxis(quaternions, -1, 0)
+    return np.arcsin(np.clip(2 * (w * y - z * x), -1, 1)), np.arctan2(2 * (w * x + y * z), 1 - 2 * (x**2 + y**2))
+
+
 class Ground(NamedTuple):
     """The ground that was driven on."""
 

@@ -11,8 +11,8 @@ import hashlib
 import io
 import json
 import os
-import tempfile
 import time
+import uuid
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -45,11 +45,10 @@ def write_atomically(path: Path, write: Callable[[IO[bytes]], object]) -> None:
     part = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor, part = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-        with open(descriptor, "wb") as file:
+        part = path.parent / f".{path.name}.{uuid.uuid4().hex}.part"
+        with open(part, "xb") as file:
             write(file)
             file.flush()
-            os.fchmod(file.fileno(), 0o666 & ~UMASK)
             os.fsync(file.fileno())
         os.replace(part, path)
         _sync_folder(path.parent)
@@ -59,15 +58,6 @@ def write_atomically(path: Path, write: Callable[[IO[bytes]], object]) -> None:
         if part is not None:
             with contextlib.suppress(FileNotFoundError):
                 os.unlink(part)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
-
-
-UMASK = _umask()  # of this process; files are made as `open` would, not for the owner alone
 
 
 def _sync_folder(folder: Path) -> None:

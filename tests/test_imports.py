@@ -31,7 +31,7 @@ LEARNING = [
 ]  # fmt: skip
 
 PYBULLET = {"pybullet", "pybullet_data", "pybullet_utils"}
-WITHOUT_TORCH = ("sidm.terrain", "sidm.simulation", "sidm.drives", "sidm.settings", "sidm.recordings")
+WITHOUT_TORCH = ("sidm.terrain", "sidm.simulation", "sidm.drives", "sidm.shards", "sidm.settings", "sidm.recordings")
 
 
 def modules() -> dict[str, Path]:

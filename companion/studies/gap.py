@@ -19,7 +19,7 @@ from companion.engine.records import asked, single
 from companion.figures.style import SIZE_STYLES, legend_below
 from companion.numerics import versions
 from sidm.config import to_mapping
-from sidm.drives import CONTROL_STEP
+from sidm.drives import CONTROL_STEP, QUATERNION, tilt_of, yaw_of
 from sidm.plots import finish, side_by_side, styled
 from sidm.pool import local_pool
 from sidm.storage import write_record
@@ -63,10 +63,8 @@ def drives(system: str, numbers: Sequence[int]) -> np.ndarray:
 
 def components(states: np.ndarray, yaw: float) -> np.ndarray:
     """(K, 12) COMPONENTS of states (K, 13) that began with a heading `yaw`, rad."""
-    x, y, z, w = states[:, 3:7].T
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x**2 + y**2))
-    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
-    heading = np.unwrap(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2)))
+    pitch, roll = tilt_of(states[:, QUATERNION])
+    heading = np.unwrap(yaw_of(states[:, QUATERNION]))
     moved = states[:, :3] - states[0, :3]
     forward = np.cos(yaw) * moved[:, 0] + np.sin(yaw) * moved[:, 1]
     sideways = np.cos(yaw) * moved[:, 1] - np.sin(yaw) * moved[:, 0]

@@ -29,7 +29,7 @@ from companion.studies.real_robots.measure import PAIRS, robot
 from companion.studies.several_experts.family import collect_members, dataset
 from companion.studies.several_experts.results import MEMBER as MEMBER_ALONE
 from companion.trials import EXPERT_SEED, POOL_SEED
-from sidm.drives import Drive
+from sidm.drives import QUATERNION, Drive, yaw_of
 from sidm.learning.dataset import stacked
 from sidm.plots import finish, side_by_side, styled
 from sidm.pool import local_pool
@@ -68,8 +68,7 @@ class Moments(NamedTuple):
 def simulated(trajectories: list[Drive]) -> Planar:
     """Of the paper's robots."""
     states = np.stack([one.states for one in trajectories]).astype(float)
-    x, y, z, w = np.moveaxis(states[..., 3:7], -1, 0)
-    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2))
+    yaw = yaw_of(states[..., QUATERNION])
     actions = np.stack([one.actions for one in trajectories]).astype(float)
     return Planar(np.concatenate([states[..., :2], yaw[..., None]], -1), states[..., 12], actions)
 

@@ -24,6 +24,7 @@ import numpy as np
 
 from sidm.body import Body
 from sidm.config import first_line, hint, unknown_name
+from sidm.drives import yaw_of
 from sidm.recordings.table import RecordingError, Table
 
 Read = Callable[[Any], dict[str, float]]
@@ -31,7 +32,7 @@ Read = Callable[[Any], dict[str, float]]
 
 def _pose(message: Any) -> dict[str, float]:
     p, q = message.position, message.orientation
-    yaw = np.arctan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y**2 + q.z**2))
+    yaw = yaw_of(np.array([q.x, q.y, q.z, q.w]))
     return {"x": p.x, "y": p.y, "z": p.z, "qx": q.x, "qy": q.y, "qz": q.z, "qw": q.w, "yaw": float(yaw)}
 
 

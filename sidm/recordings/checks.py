@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation  # attitudes as arrays; those of `sidm.rotations` are tensors
 
 from sidm.body import DRIVE, TWIST, Body
-from sidm.drives import Drive, Ground
+from sidm.drives import QUATERNION, Drive, Ground, yaw_of
 from sidm.recordings.table import RecordingError
 from sidm.terrain import height_at
 
@@ -168,8 +168,7 @@ def _motion(drive: Drive, body: Body) -> tuple[np.ndarray, np.ndarray]:
     if body.pose == "planar":
         yaw = states[:, 2]
     else:
-        x, y, z, w = states[:, 3:7].T
-        yaw = np.unwrap(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2)))
+        yaw = np.unwrap(yaw_of(states[:, QUATERNION]))
     way = np.diff(states[:, :2], axis=0) * body.rate
     return np.diff(yaw) * body.rate, way[:, 0] * np.cos(yaw[:-1]) + way[:, 1] * np.sin(yaw[:-1])
 

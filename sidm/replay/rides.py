@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sidm.config import unknown_name
-from sidm.drives import CONTROL_STEP, QUATERNION
+from sidm.drives import CONTROL_STEP, QUATERNION, tilt_of
 from sidm.systems import FREE_PHYSICS, ROLES, SYSTEMS, Physics, Robot, Terrain
 from sidm.terrain import generate_terrain
 
@@ -94,7 +94,5 @@ def drive(
 
 def tilt(states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Pitch (nose down positive) and roll (right side down positive), degrees, each (...,), of states (..., 13)."""
-    x, y, z, w = np.moveaxis(states[..., QUATERNION], -1, 0)
-    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch, roll = tilt_of(states[..., QUATERNION])
     return np.degrees(pitch), np.degrees(roll)

@@ -20,6 +20,7 @@ from sidm.drives import POSITION, STEPS, TWIST, Drive, SimulatedGround, probe, u
 from sidm.pool import local_pool
 from sidm.progress import progress_bar
 from sidm.shards import DISCARDS, SHARD_SIZE, Collection, load, simulated_drive, write_shard
+from sidm.simulation.client import bullet
 from sidm.simulation.exploration import draw_actions
 from sidm.simulation.simulator import Simulator
 from sidm.storage import checksum, read_record, sweep, write_record
@@ -169,6 +170,7 @@ def collect(
     sweep(collection.folder(root))
     missing = missing_shards(root, collection, count)
     if missing:
+        bullet()  # which is known to lack before workers start
         pool = nullcontext(executor) if executor else local_pool(min(workers or os.cpu_count() or 1, len(missing)))
         title = f"{collection.system} {collection.role} {collection.policy}"
         with pool as run, progress_bar(len(missing) * SHARD_SIZE, title, "trajectory", progress) as bar:

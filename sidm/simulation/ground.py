@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pybullet
 
 from sidm.simulation.client import Client
 from sidm.systems import GRID_SPACING, Physics
@@ -83,7 +82,7 @@ class Ground:
         """Heights (N,), m, where vertical rays at `points` (N, 2), m, meet it; NaN where they miss or hit the robot."""
         top, bottom = self.heights.max() + 1, self.heights.min() - 1
         hits: list[float] = []
-        for some in np.array_split(points, -(-len(points) // pybullet.MAX_RAY_INTERSECTION_BATCH_SIZE)):
+        for some in np.array_split(points, -(-len(points) // self._client.MAX_RAY_INTERSECTION_BATCH_SIZE)):
             rays = self._client.rayTestBatch([[*p, top] for p in some], [[*p, bottom] for p in some])
             hits += [hit[3][2] if hit[0] == self.body else np.nan for hit in rays]
         return np.array(hits)
