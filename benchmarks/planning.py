@@ -1,7 +1,7 @@
 """How many plans a second a learned model makes: python benchmarks/planning.py, half a minute.
 
 The networks of the preset `laptop`, untrained, which takes as long; a plan takes in the steps that were driven since
-the one before. `companion study driving` stores what its own plans took, on one thread beside other work.
+the one before. `companion run --figure driving` stores what its own plans took, on one thread beside other work.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from companion.commands import run_collect, run_merge, run_pack, run_run, run_show, run_study, run_train
+from companion.commands import run_collect, run_merge, run_pack, run_run, run_show, run_train
 from companion.pages import notebook
 from sidm import __version__
 from sidm.command_line import Parser, adder, carry_out, whole_number
@@ -18,8 +18,9 @@ from sidm.systems import FAMILY_PAIRS, FREE_SYSTEMS, SYSTEMS
 DESCRIPTION = "What the book measures. Exit status: 0; 1 when something failed or is still missing; 2 for arguments "
 DESCRIPTION += "that cannot be used."
 
-#: As the catalogue has them, which would bring PyTorch.
-_STUDIES = "latent-space, recorded-targets, driving, uncertainty, several-experts, real-robots"
+#: As the registry has them, which would bring pandas.
+_STUDIES = "latent-space, recorded-targets, driving, uncertainty, several-experts, real-robots, gap, overlap, payoff, "
+_STUDIES += "throughput, coverage, explorer"
 _PAIRS = (*SYSTEMS, *FREE_SYSTEMS, *FAMILY_PAIRS)
 SEED = functools.partial(whole_number, least=0)
 
@@ -28,7 +29,7 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
     parser = Parser(prog="companion", description=DESCRIPTION)
     parser.add_argument("--version", action="version", version=__version__)
-    command = adder(parser, ("collect", "train", "run", "pack", "study", "show", "merge", "notebook"))
+    command = adder(parser, ("collect", "train", "run", "pack", "show", "merge", "notebook"))
     collect = command("collect", run_collect, "Simulate the data that a preset lacks; what is on disk is kept.")
     _add_preset(collect)
     _add_system(collect)
@@ -75,12 +76,6 @@ def build_parser() -> argparse.ArgumentParser:
         trainer.add_argument("--device", type=_device, default="cpu", help=words)
         trainer.add_argument("--log", metavar="DIR", help="write TensorBoard event files there, to watch it learn")
 
-    study = command("study", run_study, "Simulate, train and measure what a study beyond the trials lacks.")
-    study.add_argument("name", metavar="NAME", help=f"one of {_STUDIES}")
-    _add_preset(study)
-    _add_system(study)
-    _add_workers(study)
-
     show = command("show", run_show, "List what is stored, stale (made by older code) and missing.")
     _add_preset(show)
     _add_grid(show)
@@ -126,7 +121,7 @@ def _add_grid(parser: argparse.ArgumentParser) -> None:
     _add_system(parser)
     figures = "decisive, duration, 3, references, 4, tuning, little-data, choices, released, baselines, variants, "
     figures += "p-expert, iterations, pixels, patience, other-bodies, free-struts, network-size, corrected-claim, "
-    figures += "most-data or all"
+    figures += f"most-data, {_STUDIES} or all"
     parser.add_argument("--figure", default="3", help=f"{figures} (%(default)s)")
     parser.add_argument("--minutes", type=float, nargs="+", help="only these novice dataset sizes, minutes of motion")
     parser.add_argument("--seeds", type=int, nargs="+", help="only these seeds")

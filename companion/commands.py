@@ -88,9 +88,11 @@ def run_train(arguments: argparse.Namespace) -> int:
 
 def run_run(arguments: argparse.Namespace) -> int:
     """`run`: 1 when trials are missing at the end."""
-    from companion import Results, run
+    from companion import Results, registry, run
     from companion.engine.datasets import is_here
 
+    if arguments.pack is None and not registry.is_of_trials(arguments.figure):
+        return _run_other(arguments)
     if arguments.pack is None:
         trials = _trials(arguments, _preset(arguments))
         if arguments.here:
@@ -110,6 +112,17 @@ def run_run(arguments: argparse.Namespace) -> int:
     return 1 if missing else 0
 
 
+def _run_other(arguments: argparse.Namespace) -> int:
+    """`run` of what is not trials."""
+    from companion import registry
+
+    missing = registry.run(
+        arguments.figure, _preset(arguments), arguments.system, arguments.workers, arguments.data, arguments.results
+    )
+    print(f"missing: {len(missing)}")
+    return 1 if missing else 0
+
+
 def run_pack(arguments: argparse.Namespace) -> int:
     """`pack`: prints how many trials went into the file, and its size."""
     from companion import Results
@@ -124,21 +137,9 @@ def run_pack(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def run_study(arguments: argparse.Namespace) -> int:
-    """`study`: 1 when results are missing at the end."""
-    from companion.catalogue import run_study
-
-    systems = [arguments.system] if arguments.system else None
-    have, wanted = run_study(
-        arguments.name, _preset(arguments), systems, arguments.workers, arguments.data, arguments.results
-    )
-    print(f"{have} of {wanted} results stored")
-    return 0 if have == wanted else 1
-
-
 def run_show(arguments: argparse.Namespace) -> int:
     """`show`: a line a point, then 'missing: N'."""
-    from companion import Results, Study
+    from companion import Results, Study, registry
     from companion.engine.datasets import differing
     from companion.statistics.tables import overview
     from companion.studies.decisive.design import listed
@@ -147,6 +148,12 @@ def run_show(arguments: argparse.Namespace) -> int:
     if arguments.against:
         return _show_against(Results(arguments.against), store)
     preset = _preset(arguments)
+    if not registry.is_of_trials(arguments.figure):
+        lines, missing = registry.overview(
+            arguments.figure, preset, arguments.system, arguments.data, arguments.results
+        )
+        print("\n".join([*lines, f"missing: {missing}"]))
+        return 0
     trials = _trials(arguments, preset)
     print(f"preset {arguments.preset}, figure {arguments.figure}: {len(trials)} trials")
     study = Study(preset, arguments.data, arguments.results)

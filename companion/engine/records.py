@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import sys
 import time
@@ -29,16 +28,6 @@ DIGITS = 6  # significant, of stored floats
 
 #: Values that older records do not have, where they are as they were then; `fit` they had from the first.
 LATER = tuple(one for one in LATER_OF_TRIALS if one[0] != "fit")
-
-#: What studies that are run as modules may be told: by default, and what it is.
-OPTIONS = {
-    "preset": ("laptop", "whose data and methods"),
-    "data": (Path("data"), "folder of trajectories"),
-    "results": (Path("results"), "folder of the results"),
-    "workers": (2, "processes"),
-    "beside": ("nothing else", "what else the machine does meanwhile"),
-}
-
 
 class StoreError(OSError):
     """A record that cannot be read, or not be stored; the message is one line that names the file and the mend."""
@@ -70,7 +59,7 @@ def by_field(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def records_of(kind: type[F], study: str) -> Callable[..., Records[F]]:
     """A study's `records(results)`: where its results of a kind are kept, under the folder of all results."""
     place = study.replace("-", "_")
-    return lambda results="results": Records(kind, Path(results) / place, f"companion study {study}")
+    return lambda results="results": Records(kind, Path(results) / place, f"companion run --figure {study}")
 
 
 def single(path: Path) -> dict[str, Any]:
@@ -79,15 +68,6 @@ def single(path: Path) -> dict[str, Any]:
         return read_record(path)
     except FileNotFoundError:
         return {}
-
-
-def asked(doc: str, *names: str) -> argparse.Namespace:
-    """The command line of a study that is run as a module, with its own of the OPTIONS."""
-    parser = argparse.ArgumentParser(description=doc.splitlines()[0])
-    for name in names:
-        default, words = OPTIONS[name]
-        parser.add_argument(f"--{name}", type=type(default), default=default, help=f"{words} (%(default)s)")
-    return parser.parse_args()
 
 
 class Records(Generic[F]):

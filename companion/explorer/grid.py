@@ -1,17 +1,16 @@
 """The rides behind the explorer's page: every combination of its sliders, simulated once and stored as whole numbers.
 
-`python -m companion.explorer.grid` makes them anew, about ten minutes on two cores. What the sliders do not
+`companion run --figure explorer` makes them again, about ten minutes on two cores. What the sliders do not
 change (mass, tyres, gearing) is the novice's of system 1; the paper's four robots ride on the same grounds as they are.
 """
 
 from __future__ import annotations
 
-import argparse
 import functools
 import itertools
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -118,8 +117,9 @@ def simulate(setting: tuple[Robot, bool], drives: Sequence[int] = range(len(DRIV
     return np.array(found)
 
 
-def make(folder: Path = FOLDER, workers: int = 2) -> None:
-    """Simulate every ride and store them."""
+def make(study: Any, workers: int) -> None:
+    """`companion run --figure explorer`: simulate every ride and store them."""
+    folder = Path(study.results) / FOLDER.name
     settings = list(itertools.product([*set_ups(), *PAPERS.values()], BRAKES))
     with local_pool(workers) as pool, progress_bar(len(settings), "rides", "set-up") as bar:
         packed = []
@@ -147,9 +147,3 @@ def read(folder: Path = FOLDER) -> Grid:
     every = np.array([unpack(one, drives) for one in packed]).reshape(-1, len(BRAKES), *drives)
     rides = every[: -len(PAPERS)].reshape(*(len(knob.values) for knob in SET_UP), *every.shape[1:])
     return Grid(rides, every[-len(PAPERS) :], tuple(packed), read_record(folder / "rides.json")["numerics"])
-
-
-if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (%(default)s)")
-    make(workers=parser.parse_args().workers)

@@ -132,5 +132,6 @@ def estimators(file: Path = FILE) -> pd.DataFrame:
     return pd.DataFrame(read_record(file)["estimators"], columns=names)
 
 
-if __name__ == "__main__":
-    write_record(FILE, measure())
+def make(study: Any, workers: int) -> None:
+    """`companion run --figure coverage`, in one process."""
+    write_record(Path(study.results) / FILE.name, measure())

@@ -15,9 +15,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from companion.engine.records import asked, single
+from companion.engine.records import single
 from companion.figures.style import SIZE_STYLES, legend_below
 from companion.numerics import versions
+from companion.study import Study
 from sidm.config import to_mapping
 from sidm.drives import CONTROL_STEP, QUATERNION, tilt_of, yaw_of
 from sidm.plots import finish, side_by_side, styled
@@ -123,7 +124,7 @@ def figure(table: pd.DataFrame, time: float = 1.0) -> Figure:
     return figure
 
 
-if __name__ == "__main__":
-    given = asked(__doc__, "results", "workers")
-    with local_pool(given.workers) as pool:
-        measure(pool, given.results)
+def make(study: Study, workers: int) -> None:
+    """`companion run --figure gap`."""
+    with local_pool(workers) as pool:
+        measure(pool, study.results)

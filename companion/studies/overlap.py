@@ -17,7 +17,7 @@ import torch
 from scipy.spatial import cKDTree
 
 from companion.engine.datasets import load_dataset
-from companion.engine.records import asked, single
+from companion.engine.records import single
 from companion.numerics import versions
 from companion.study import Study
 from sidm.drives import STEPS, Drive
@@ -88,6 +88,6 @@ def read(results: Path | str) -> dict[str, dict[str, Neighbourhood]]:
     return {s: {role: Neighbourhood(*one) for role, one in values[s].items()} for s in SYSTEMS if s in values}
 
 
-if __name__ == "__main__":
-    given = asked(__doc__, "preset", "data", "results")
-    measure(Study(given.preset, given.data, given.results), given.results)
+def make(study: Study, workers: int) -> None:
+    """`companion run --figure overlap`, in one process."""
+    measure(study, study.results)

@@ -19,7 +19,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
-from companion.engine.records import asked, single
+from companion.engine.records import single
 from companion.figures.style import SIZE_STYLES, legend_below
 from companion.methods import CORES
 from companion.numerics import versions
@@ -28,6 +28,7 @@ from companion.studies.overlap import NEIGHBOURS
 from companion.studies.real_robots.measure import PAIRS, robot
 from companion.studies.several_experts.family import collect_members, dataset
 from companion.studies.several_experts.results import MEMBER as MEMBER_ALONE
+from companion.study import Study
 from companion.trials import EXPERT_SEED, POOL_SEED
 from sidm.drives import QUATERNION, Drive, yaw_of
 from sidm.learning.dataset import stacked
@@ -246,7 +247,7 @@ def figure(table: pd.DataFrame) -> Figure:
     return figure
 
 
-if __name__ == "__main__":
-    given = asked(__doc__, "data", "results")
-    with local_pool(2) as pool:
-        measure(given.data, given.results, pool)
+def make(study: Study, workers: int) -> None:
+    """`companion run --figure payoff`."""
+    with local_pool(workers) as pool:
+        measure(study.data, study.results, pool)

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from companion.engine.provenance import THREADS, here
-from companion.engine.records import asked, single
+from companion.engine.records import single
 from companion.methods import BASELINES, FIGURE3, METHODS
 from companion.study import Study
 from companion.trials import Trial
@@ -95,7 +95,7 @@ def read(results: Path | str, preset: str) -> dict[str, Pace]:
 
 def pace_note(results: Path | str, preset: str) -> str:
     """How a preset's paces were measured, or the command that does it."""
-    found, command = _stored(results, preset), f"`python -m companion.studies.throughput --preset {preset}`"
+    found, command = _stored(results, preset), f"`companion run --figure throughput --preset {preset}`"
     if not found:
         return f"Seconds a sample are not measured for this preset; {command} does."
     rounds = len(next(iter(found["seconds"].values())))
@@ -112,6 +112,6 @@ def seconds(frame: pd.DataFrame, paces: Mapping[str, Pace]) -> pd.Series:
     return spent.where(frame.samples + frame.pretraining_samples > 0)
 
 
-if __name__ == "__main__":
-    given = asked(__doc__, "preset", "data", "results", "beside")
-    measure(Study(given.preset, given.data, given.results), given.results, beside=given.beside)
+def make(study: Study, workers: int) -> None:
+    """`companion run --figure throughput`, in one process."""
+    measure(study, study.results, beside="what else it did, which was not said")

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from companion import FIGURES, Results, Study, grid, load_preset
+from companion import Results, Study, grid, load_preset
 from companion.__main__ import main
-from companion.catalogue import STUDIES
+from companion.registry import NAMES
 from sidm.__main__ import main as library
 from sidm.shards import read_shard
 from sidm.systems import SYSTEMS
@@ -68,7 +68,7 @@ def test_without_pybullet(tmp_path):
 
 
 def test_help_shows_defaults_and_units(capsys):
-    for command in ("collect", "train", "run", "study", "show", "notebook"):
+    for command in ("collect", "train", "run", "show", "notebook"):
         with pytest.raises(SystemExit) as stop:
             main([command, "--help"])
         assert stop.value.code == 0
@@ -78,26 +78,19 @@ def test_help_shows_defaults_and_units(capsys):
     assert "minutes of motion" in said and "(laptop)" in said and "(data)" in said
 
 
-def test_help_names_every_study(capsys):
-    with pytest.raises(SystemExit):
-        main(["study", "--help"])
-    said = "".join(capsys.readouterr().out.split())
-    assert ",".join(STUDIES) in said
-
-
 def test_help_names_every_figure(capsys):
     with pytest.raises(SystemExit):
         main(["run", "--help"])
     said = "".join(capsys.readouterr().out.split())  # lines break at hyphens, too
-    assert f"{','.join(FIGURES)}orall" in said
+    assert f"{','.join(NAMES)}orall" in said
 
 
 @pytest.mark.parametrize(
     "words, message",
     [
         (["show", "--preset", "lapto"], "did you mean 'laptop'?"),
-        (["study", "drivin"], "did you mean 'driving'?"),
-        (["study", "experts"], "study 'experts' is called 'several-experts' now"),
+        (["run", "--figure", "drivin"], "did you mean 'driving'?"),
+        (["show", "--figure", "experts"], "figure 'experts' is called 'several-experts' now"),
         (["show", "--set", "pixel=3"], "did you mean 'pixels'?"),
         (["show", "--set", "pixels"], "--set takes NAME=VALUE, not 'pixels'"),
         (["show", "--set", "pixels=big"], "'Network.pixels' must be int, not str ('big')"),

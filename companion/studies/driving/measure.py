@@ -1,6 +1,6 @@
 """Driving to a goal over unseen ground: planned on a learned model, on the simulator itself, or straight ahead.
 
-`companion study driving` makes what is not stored of it in results/driving.
+`companion run --figure driving` makes what is not stored of it in results/driving.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Kind = Literal["model", "simulator", "straight"]
 
 
 @config
-class Drive:
+class DriverTest:
     """Episodes with one driver."""
 
     system: str
@@ -51,14 +51,14 @@ class Drive:
     def __post_init__(self) -> None:
         """Refuse a drive without an episode."""
         if not self.episodes or min(self.episodes) < 0:
-            raise ConfigError(f"Drive.episodes must be numbers from 0 on, not {self.episodes}")
+            raise ConfigError(f"DriverTest.episodes must be numbers from 0 on, not {self.episodes}")
 
 
 @config
 class Driven:
     """What came of it; E episodes."""
 
-    about: Drive
+    about: DriverTest
     ended: tuple[str, ...]  # (E,) 'arrived', a cause of `trajectory.DISCARDS`, or 'time'
     seconds: tuple[float, ...]  # (E,) of driving until then
     length: tuple[float, ...]  # (E,) m, of the path
@@ -104,7 +104,7 @@ def jobs(
     episodes: int = EPISODES,
     simulated: int = EPISODES_SIMULATED,
     longest: float = LONGEST,
-) -> list[Drive]:
+) -> list[DriverTest]:
     """All that are compared on a system.
 
     Args:
@@ -116,8 +116,8 @@ def jobs(
         longest: s of an episode.
     """
 
-    def one(driver: Kind, planning: Planning | None, numbers: Iterable[int], trial: Trial | None = None) -> Drive:
-        return Drive(
+    def one(driver: Kind, planning: Planning | None, numbers: Iterable[int], trial: Trial | None = None) -> DriverTest:
+        return DriverTest(
             system=system, driver=driver, trial=trial, planning=planning, episodes=tuple(numbers), longest=longest
         )
 
@@ -127,8 +127,8 @@ def jobs(
     return [one("simulator", Planning(), range(simulated)), *models, one("straight", None, range(episodes))]
 
 
-def measure(about: Drive, data: str | Path = "data") -> Driven:
-    """Drive all episodes of one driver; ImportError without PyBullet, in one line."""
+def measure(about: DriverTest, data: str | Path = "data") -> Driven:
+    """DriverTest all episodes of one driver; ImportError without PyBullet, in one line."""
     from sidm.simulation import Simulator
     from sidm.simulation.collecting import EpisodeRules
 
@@ -177,7 +177,7 @@ def _quality(model: Predictor, trial: Trial, data: str | Path) -> tuple[float, f
     return float(found.losses.sum()), float(found.position[-1])
 
 
-def _driver(about: Drive, model: Predictor | None, simulator: Any, one: Episode, number: int) -> Driver:
+def _driver(about: DriverTest, model: Predictor | None, simulator: Any, one: Episode, number: int) -> Driver:
     """The driver of an episode."""
     if about.planning is None:
         return Driver(one.goal)

@@ -1,6 +1,6 @@
 """How alike two systems' latent state-actions are: fresh domain classifiers, MMD, a picture.
 
-`companion study latent-space` trains the models again, at the two sizes of the baselines with and without
+`companion run --figure latent-space` trains the models again, at the two sizes of the baselines with and without
 regularisation, and keeps what it finds in results/latent_space.
 """
 

@@ -1,7 +1,7 @@
 """Real robots as novice and expert: what is learnt from seconds to minutes of motion, with and without another robot.
 
-`companion study real-robots` makes what is not stored of it in results/real_robots. Sessions, contiguous in time, are
-never parted between learning and judging; each seed judges by others.
+`companion run --figure real-robots` makes what is not stored of it in results/real_robots. Sessions, contiguous in
+time, are never parted between learning and judging; each seed judges by others.
 """
 
 from __future__ import annotations

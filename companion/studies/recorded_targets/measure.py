@@ -1,6 +1,6 @@
 """A target from another simulator: recorded motion is the novice, this package's simulator the cheap expert.
 
-`companion study recorded-targets` makes what is not stored of it in results/recorded_targets.
+`companion run --figure recorded-targets` makes what is not stored of it in results/recorded_targets.
 """
 
 from __future__ import annotations

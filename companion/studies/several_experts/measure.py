@@ -1,6 +1,6 @@
 """Several experts: an SIDM that learnt from 1, 2, 4 and 8 robots, and what a novice needs of its own then (section 6).
 
-`companion study several-experts` makes what is not stored of it in results/several_experts.
+`companion run --figure several-experts` makes what is not stored of it in results/several_experts.
 """
 
 from __future__ import annotations

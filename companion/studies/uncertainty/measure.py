@@ -1,6 +1,6 @@
 """How sure the models are: training by likelihood beside its deterministic twin (section 3.2, last paragraph).
 
-`companion study uncertainty` makes what is not stored of it in results/uncertainty.
+`companion run --figure uncertainty` makes what is not stored of it in results/uncertainty.
 """
 
 from __future__ import annotations

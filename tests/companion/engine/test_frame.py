@@ -5,8 +5,8 @@ import pytest
 
 from companion import Results
 from companion.__main__ import main
-from companion.catalogue import STUDIES
 from companion.engine.frame import columns, numbers_and_words
+from companion.registry import STUDIES
 from tests.companion.conftest import RESULTS
 
 
@@ -60,7 +60,7 @@ def test_a_file_has_what_fits_in_a_cell(store, tmp_path):
 
 
 def test_records_are_a_table_too():
-    records = STUDIES["uncertainty"].doors.records(RESULTS)
+    records = STUDIES["uncertainty"].module.records(RESULTS)
     frame, found = records.frame(), records.all()
     assert list(frame.trial_seed) == [one.about.trial.seed for one in found] != []
     assert list(frame.date) == [one.provenance.date for one in found]

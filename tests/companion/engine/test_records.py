@@ -4,12 +4,13 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from companion import Study
-from companion.catalogue import STUDIES, find_study
+from companion import Study, load_preset
 from companion.engine.provenance import Provenance, here
 from companion.engine.records import Making, Records, key_of
 from companion.numerics import versions
+from companion.registry import MEASUREMENTS, NAMES, STUDIES, is_of_trials, overview, run
 from sidm.config import ConfigError, config
+from sidm.storage import write_record
 from tests.companion.conftest import RESULTS
 
 
@@ -68,18 +69,19 @@ def test_a_record_says_what_it_depends_on():
     assert made.seconds >= 0 and made.threads == 1 and not made.other_data and not made.stale
 
 
-def test_a_study_goes_by_its_name():
-    assert find_study("driving") is STUDIES["driving"]
-    with pytest.raises(ConfigError, match="study 'elsewhere' is called 'recorded-targets' now"):
-        find_study("elsewhere")
+def test_what_is_run_goes_by_its_name():
+    assert is_of_trials("3") and is_of_trials("all") and not is_of_trials("driving") and not is_of_trials("gap")
+    with pytest.raises(ConfigError, match="figure 'elsewhere' is called 'recorded-targets' now"):
+        is_of_trials("elsewhere")
     with pytest.raises(ConfigError, match="did you mean 'driving'?"):
-        find_study("drivng")
+        is_of_trials("drivng")
+    assert len(set(NAMES)) == len(NAMES)
 
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_stored_records_are_found_under_their_keys(name):
     """What they are about may gain values: those that older records do not have must leave keys as they are."""
-    records = STUDIES[name].doors.records(RESULTS)
+    records = STUDIES[name].module.records(RESULTS)
     paths = {records.path(one.about) for one in records.all()}
     assert paths == set(records.folder.glob("*.json")) != set()
 
@@ -87,5 +89,23 @@ def test_stored_records_are_found_under_their_keys(name):
 @pytest.mark.parametrize("name", STUDIES)
 def test_every_study_has_work_at_the_smallest_sizes(name, tmp_path):
     """Sizes that a preset's pool does not hold are left out."""
-    jobs = find_study(name).doors.jobs(Study("smoke", tmp_path, tmp_path), find_study(name).systems[0])
-    assert len(jobs)
+    assert len(STUDIES[name].module.jobs(Study("smoke", tmp_path, tmp_path), STUDIES[name].pairs[0]))
+
+
+@pytest.mark.parametrize("name", [*STUDIES, *MEASUREMENTS])
+def test_nothing_that_is_stored_is_stale(name):
+    lines, _ = overview(name, load_preset("laptop"), None, "no data", RESULTS)
+    assert lines and all(line.endswith((": stored", "stale 0")) for line in lines), lines
+
+
+def test_a_measurement_is_made_where_it_lacks_or_is_stale(tmp_path, monkeypatch):
+    made = []
+    monkeypatch.setattr("companion.studies.gap.make", lambda study, workers: made.append(study.results))
+    asked = "gap", load_preset("smoke"), None, 1, tmp_path, tmp_path
+    assert overview("gap", asked[1], None, tmp_path, tmp_path)[1] == 1 and run(*asked) == []
+    for made_by, count in (({"simulation": -1}, 2), (versions("free_struts"), 2)):
+        write_record(tmp_path / "gap.json", {"numerics": made_by})
+        assert run(*asked) == [] and len(made) == count
+    (tmp_path / "gap.json").write_text("{")
+    with pytest.raises(ConfigError, match="gap.json: damaged"):
+        run(*asked)

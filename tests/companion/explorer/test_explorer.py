@@ -104,7 +104,7 @@ def stored():
 
 
 def test_the_stored_rides_are_of_todays_physics(stored):
-    assert stored.numerics == versions("free_struts"), "make them anew: python -m companion.explorer.grid"
+    assert stored.numerics == versions("free_struts"), "make them anew: companion run --figure explorer"
 
 
 def test_a_stored_ride_is_what_is_simulated(stored):

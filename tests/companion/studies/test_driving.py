@@ -28,10 +28,10 @@ def jobs(tiny, data, tmp_path_factory):
     plain = dict(system="system1", episodes=(0,), longest=0.5)
     small = Planning(samples=3, elites=2, horizon=4, hold=2)
     return {
-        "model": d.Drive(driver="model", trial=trial, planning=small, **plain),
-        "corrected": d.Drive(driver="model", trial=corrected, planning=small, **plain),
-        "simulator": d.Drive(driver="simulator", trial=None, planning=dataclasses.replace(small, replan=2), **plain),
-        "straight": d.Drive(driver="straight", trial=None, planning=None, **plain),
+        "model": d.DriverTest(driver="model", trial=trial, planning=small, **plain),
+        "corrected": d.DriverTest(driver="model", trial=corrected, planning=small, **plain),
+        "simulator": d.DriverTest(driver="simulator", trial=None, planning=dataclasses.replace(small, replan=2), **plain),
+        "straight": d.DriverTest(driver="straight", trial=None, planning=None, **plain),
     }
 
 
@@ -146,7 +146,7 @@ def test_a_ride_whose_numbers_are_lost_ends_there():
     assert ride(toy, Driver(np.array([1.5, 0.0])), toy, 2.0).ended == "rollover"
 
 
-def driven(about: d.Drive, arrived: int, episodes: int = 10, seed: int = 0) -> d.Driven:
+def driven(about: d.DriverTest, arrived: int, episodes: int = 10, seed: int = 0) -> d.Driven:
     """Made up: so many arrive, the others are stuck."""
     path = tuple((0.1 * k, 0.05 * k) for k in range(30))
     numbers = tuple(range(seed, 3 * episodes, 3))
@@ -253,5 +253,5 @@ def test_figures_draw_all_drivers(made_up):
 
 
 def test_a_drive_has_an_episode(jobs):
-    with pytest.raises(ConfigError, match=r"Drive.episodes must be numbers from 0 on, not \(\)"):
+    with pytest.raises(ConfigError, match=r"DriverTest.episodes must be numbers from 0 on, not \(\)"):
         dataclasses.replace(jobs["straight"], episodes=())

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from companion import Study
-from companion.catalogue import run_study
+from companion import Study, registry
 from companion.presets import load_preset
 from companion.studies.real_robots import jitter
 from companion.studies.real_robots import measure as m
@@ -54,7 +53,8 @@ def test_the_stored_study_is_whole_and_its_table_pairs_the_seeds():
 
 def test_a_study_is_asked_for_its_own_systems_alone(tmp_path):
     with pytest.raises(ConfigError, match="is about husky to warthog"):
-        run_study("real-robots", load_preset("smoke"), ["system1"], 1, tmp_path, tmp_path)
+        registry.run("real-robots", load_preset("smoke"), "system1", 1, tmp_path, tmp_path)
+    assert registry.STUDIES["real-robots"].pairs == tuple(m.PAIRS)
 
 
 def test_jitter_is_found_in_a_smooth_path(rng):
