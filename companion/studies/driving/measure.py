@@ -128,7 +128,7 @@ def jobs(
 
 
 def measure(about: DriverTest, data: str | Path = "data") -> Driven:
-    """DriverTest all episodes of one driver; ImportError without PyBullet, in one line."""
+    """Drive all episodes of one driver; ImportError without PyBullet, in one line."""
     from sidm.simulation import Simulator
     from sidm.simulation.collecting import EpisodeRules
 

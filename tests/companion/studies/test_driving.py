@@ -30,7 +30,9 @@ def jobs(tiny, data, tmp_path_factory):
     return {
         "model": d.DriverTest(driver="model", trial=trial, planning=small, **plain),
         "corrected": d.DriverTest(driver="model", trial=corrected, planning=small, **plain),
-        "simulator": d.DriverTest(driver="simulator", trial=None, planning=dataclasses.replace(small, replan=2), **plain),
+        "simulator": d.DriverTest(
+            driver="simulator", trial=None, planning=dataclasses.replace(small, replan=2), **plain
+        ),
         "straight": d.DriverTest(driver="straight", trial=None, planning=None, **plain),
     }
 
