@@ -145,7 +145,7 @@ def run(name: str, preset: Preset, pair: str | None, workers: int, data: str | P
             for collect in found.collect:
                 collect(study, one, pool)
         study = Study(preset, Path(data), Path(results))  # by the digests that are known now
-        jobs = [job for one in pairs for job in found.module.jobs(study, one)]
+        jobs = list(dict.fromkeys(job for one in pairs for job in found.module.jobs(study, one)))  # pairs share some
         work = functools.partial(found.module.measure, data=Path(data).absolute())
         records = found.module.records(results)
         records.run(jobs, work, pool, name)
@@ -168,11 +168,11 @@ def overview(
         stale = MEASUREMENTS[name].is_stale(results)
         words = {None: "missing", True: "stored, stale", False: "stored"}[stale]
         return [f"{Path(results) / MEASUREMENTS[name].file}: {words}"], int(stale is None)
-    lines, missing = [], 0
+    lines, missing, records = [], set(), STUDIES[name].module.records(results)
     for one in pairs_of(name, pair):
         jobs = list(dict.fromkeys(STUDIES[name].module.jobs(Study(preset, data, results), one)))
-        stored = STUDIES[name].module.records(results).stored(jobs)
+        stored = records.stored(jobs)
         stale = sum(record.provenance.stale for record in stored)
         lines.append(f"{one}: stored {len(stored)} of {len(jobs)}  stale {stale}")
-        missing += len(jobs) - len(stored)
-    return lines, missing
+        missing |= {job for job in jobs if records.get(job) is None}
+    return lines, len(missing)

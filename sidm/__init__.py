@@ -21,7 +21,7 @@ __version__ = "0.2.0"
 #: Public name -> the module that it is imported from when it is first asked for: PyTorch alone takes seconds.
 _MODULES = {
     "SYSTEMS": "systems", "System": "systems", "Robot": "systems", "Terrain": "systems", "Body": "body",
-    "Drive": "drives", "Model": "fitting.model", "Network": "settings", "Training": "settings",
+    "Drive": "drives", "Ground": "drives", "Model": "fitting.model", "Network": "settings", "Training": "settings",
     "simulate": "simulation.motion", "read_drives": "recordings.reading", "fit": "fitting.fit",
     "compare": "fitting.fit", "load": "fitting.model", "train": "learning.training",
 }  # fmt: skip

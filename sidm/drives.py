@@ -56,7 +56,12 @@ def tilt_of(quaternions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Ground(NamedTuple):
-    """The ground that was driven on."""
+    """The ground that was driven on.
+
+    >>> ground = sidm.Ground(np.zeros((81, 81)), spacing=0.1)  # 8 m by 8 m of flat floor
+    >>> ground.centre
+    (0.0, 0.0)
+    """
 
     heights: np.ndarray  # (H, W), m, index [y, x]
     spacing: float  # m, between neighbours of the grid
@@ -135,10 +140,10 @@ class Drive:
         """Refuse arrays that are not of the body."""
         states, actions, body = np.shape(self.states), np.shape(self.actions), self.body
         wanted = (len(actions) and actions[0] + 1, len(body.state)), (states and states[0] - 1, len(body.actions))
-        if (states, actions) != wanted:
+        if (states, actions) != wanted or not actions[0]:
             raise ValueError(
                 f"a drive of body '{body.name}' has states (K + 1, {len(body.state)}) and actions "
-                f"(K, {len(body.actions)}), not {states} and {actions}"
+                f"(K, {len(body.actions)}) of at least one step, not {states} and {actions}"
             )
 
     def __len__(self) -> int:

@@ -21,6 +21,7 @@ from sidm.learning.losses import prediction_loss
 from sidm.learning.stopping import Tested
 from sidm.learning.units import loss_weights, units_for
 from sidm.progress import progress_bar
+from sidm.rivals.methods import METHODS
 from sidm.settings import Network, Training
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ def fit(
     if expert is None and expert_body is not None:
         raise ConfigError("expert_body says what an expert's drives are made of, but there is no expert")
     own = drives_from(novice, body, "novice", topics)
-    other = None if expert is None else drives_from(expert, expert_body or body, "expert", topics)
+    other = None if expert is None else drives_from(expert, expert_body, "expert", topics, otherwise=body)
     method = method or ("novice_only" if other is None else "sidm")
     refuse_method(method, own[0].body, None if other is None else other[0].body)
     refuse_swapped(own, other)
@@ -110,15 +111,14 @@ def _fit(
     sets = datasets(*parts, parts[1], cut(other, steps) if other else None, network.pixels)
     state = None if out is None else Path(out) / UNFINISHED
     folders = [state / name if state else None for name in ("pretraining", "training")]
-    most = chosen.training.max_samples
+    most, chosen_method = chosen.training.max_samples, METHODS[method]
     with one_thread():
-        with _watched("pretraining, at most", most, progress) as tell:
+        with _watched("pretraining, at most", most, progress and chosen_method.pretrained) as tell:
             start = pretrain(method, sets, network, seed, chosen, folder=folders[0], progress=tell)
-        with _watched(f"fitting {method}, at most", most, progress) as tell:
+        with _watched(f"fitting {method}, at most", most, progress and chosen_method.fit == "gradients") as tell:
             trained = learn(method, sets, network, seed, chosen, start=start, folder=folders[1], progress=tell)
-    units = units_for(units_in(sets, network), "novice")
-    scale, targets = loss_weights(body, units), sets.test.targets
-    mean = prediction_loss(units.target_mean.expand_as(targets), targets, scale).mean()
+    scale, targets = loss_weights(body, units_for(units_in(sets, network), "novice")), sets.test.targets
+    mean = prediction_loss(sets.train.targets.mean((0, 1)).expand_as(targets), targets, scale).mean()
     minutes, best = minutes_of(windows), float(trained.best_test_loss)
     return Model(trained.model.eval(), body, method, steps, minutes, best, network, scale, float(mean))
 
@@ -147,10 +147,10 @@ def compare(
     Args:
         novice: as of `fit`.
         expert: as of `fit`.
-        methods: names as of `fit`; by default those that these robots can be learnt by without pretraining.
+        methods: names as of `fit`; by default least squares, the novice alone, and with an expert an SIDM.
         body: as of `fit`.
         expert_body: as of `fit`.
-        share: of the novice's steps that judge, at most: the last sessions.
+        share: of the novice's steps that judge, at most: the last sessions, and the very last in any case.
         seed: as of `fit`.
         settings: as of `fit`.
         progress: whether to show it.
@@ -171,9 +171,12 @@ def compare(
     import pandas as pd
 
     own = drives_from(novice, body, "novice")
-    other = None if expert is None else drives_from(expert, expert_body or body, "expert")
-    learning, judging = hold_out(own, share)
+    other = None if expert is None else drives_from(expert, expert_body, "expert", otherwise=body)
+    methods = [methods] if isinstance(methods, str) else methods
     methods = methods or ("least_squares", "novice_only", *(("sidm",) if other else ()))
+    for method in methods:
+        refuse_method(method, own[0].body, None if other is None else other[0].body)
+    learning, judging = hold_out(own, share)
     lines = []
     for method in methods:
         model = fit(learning, other, method, settings=settings, seed=seed, progress=progress)

@@ -68,7 +68,10 @@ def learn_and_test(drives: Sequence[Drive], sessions: np.ndarray) -> tuple[list[
     number = np.array([order[one.session] for one in mine]) if len(sessions) > 1 else np.arange(len(mine))
     testing = number % TEST_EVERY == 1
     if not testing.any() or testing.all():
-        raise ConfigError(f"{len(mine)} windows of {len(sessions)} sessions are too few to learn and to test")
+        raise ConfigError(
+            f"{len(mine)} windows of {len(sessions)} sessions are too few to learn and to test: record more, or "
+            "shorter drives"
+        )
     learning = [drive for drive, tests in zip(mine, testing, strict=True) if not tests]
     return learning, [drive for drive, tests in zip(mine, testing, strict=True) if tests]
 

@@ -62,7 +62,7 @@ def train(
         checkpoint: a folder to go on from, bit for bit on one thread, and to write the state to after phases.
         progress: called after each test.
         device: where to compute.
-        start: initial weights, such as `pretraining.start_from` gives; fresh ones by default.
+        start: initial weights, such as `rivals.fine_tuning.start_from(...).weights`; fresh ones by default.
 
     Returns:
         The best model by test loss, and how it came about. A function of the arguments up to `standardisation`, and of

@@ -125,7 +125,7 @@ def test_simulated_motion_may_be_kept_on_disk(tmp_path):
 
 
 def test_a_drive_has_its_bodys_shape():
-    with pytest.raises(ValueError, match=r"body 'rover' has states \(K \+ 1, 13\) and actions \(K, 2\), not"):
+    with pytest.raises(ValueError, match=r"\(K, 2\) of at least one step, not \(5, 13\)"):
         sidm.Drive(np.zeros((5, 13)), np.zeros((5, 2)))
 
 

@@ -22,6 +22,7 @@ from sidm.rivals.methods import METHODS
 RECORDINGS = Path(__file__).parents[3] / "recordings"
 BODY = RECORDINGS / "skid_steer.yaml"
 SKID = read_body(BODY)
+HUNTER = read_body(RECORDINGS / "hunter.yaml")
 
 
 @pytest.fixture(autouse=True)
@@ -77,9 +78,8 @@ def test_predictions_stand_beside_what_was_recorded(drives):
 
 
 def test_robots_of_two_bodies_are_learnt_together(drives):
-    hunter = read_body(RECORDINGS / "hunter.yaml")
-    expert = [replace(drive, states=drive.states, actions=drive.actions) for drive in drives["husky"]]
-    found = sidm.fit(drives["warthog"], expert, expert_body=hunter)
+    expert = [replace(drive, body=HUNTER) for drive in drives["husky"]]
+    found = sidm.fit(drives["warthog"], expert)
     assert found.method == "sidm" and found.predictor.encoders.keys() == {"novice", "expert"}
 
 
@@ -88,7 +88,7 @@ def test_robots_of_two_bodies_are_learnt_together(drives):
     [
         ({"method": "sidm"}, "learns from an expert's drives too"),
         ({"method": "sdim"}, "did you mean 'sidm'"),
-        ({"novice": BODY.with_name("warthog.csv.gz"), "body": None}, "read from a file: say what its drives are"),
+        ({"novice": BODY.with_name("warthog.csv.gz"), "body": None}, "say what the drives of novice are made of"),
         ({"novice": []}, "novice has no drives"),
         ({"expert_body": SKID}, "but there is no expert"),
         ({"seed": -1}, "seed must be 0 or more, not -1"),
@@ -123,8 +123,15 @@ def test_errors_are_in_the_units_that_drives_are_read_in(drives):
 
 
 def test_copying_between_two_bodies_is_refused(drives):
+    expert = [replace(drive, body=HUNTER) for drive in drives["husky"]]
     with pytest.raises(ConfigError, match="needs robots of one body"):
-        sidm.fit(drives["warthog"], drives["husky"], "pretrain_finetune", expert_body=RECORDINGS / "hunter.yaml")
+        sidm.fit(drives["warthog"], expert, "pretrain_finetune")
+
+
+def test_drives_keep_the_body_that_they_were_read_with(drives):
+    """Another body would call a drive's columns by other names; the same one with other weights only weighs them."""
+    with pytest.raises(ConfigError, match="expert has drives of 'skid-steered', whose actions is not that of 'hunter'"):
+        sidm.fit(drives["warthog"], drives["husky"], expert_body=HUNTER)
 
 
 def test_a_damaged_model_is_named(drives, tmp_path):
