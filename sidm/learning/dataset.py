@@ -65,7 +65,7 @@ class Windows:
 
     @property
     def places(self) -> Tensor:
-        """(N,) int64: which of the stored windows these are."""
+        """(N,) int64, which of the stored windows these are."""
         return torch.arange(len(self)) if self.rows is None else self.rows
 
     def take(self, indices: Indices) -> Windows:
