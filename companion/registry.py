@@ -26,7 +26,7 @@ from sidm.systems import SYSTEMS
 class Recorded(NamedTuple):
     """A study whose results are records."""
 
-    name: str  # of its module
+    name: str  # of the module that makes it
     collects: tuple[str, ...] = ("collect_preset",)  # functions that simulate what its jobs need
     pairs: tuple[str, ...] = tuple(SYSTEMS)  # that it is about
 
@@ -44,7 +44,7 @@ class Recorded(NamedTuple):
 class Measured(NamedTuple):
     """A measurement whose result is one file."""
 
-    name: str  # of its module
+    name: str  # of the module that makes it
     file: str  # below the results
     kind: str = ""  # of `numerics`; '' where no version makes it stale
 

@@ -132,9 +132,9 @@ class Drive:
     ground: AnyGround | None = None  # of a body with a height map; positions are relative to its middle
     name: str = ""  # for messages
     robot: str = ""  # which robot drove; of a simulated one its system and role
-    session: str = ""  # drives of one session belong together: they are learnt from or judged by as one
-    index: int = 0  # its number within a simulated collection
-    discarded: tuple[int, ...] = ()  # attempts thrown away before it, of a simulated one, by the causes of collecting
+    session: str = ""  # drives of one session are all for training or all for validation
+    index: int = 0  # number of the drive within a simulated collection
+    discarded: tuple[int, ...] = ()  # simulated attempts thrown away before this one, a number for each cause
 
     def __post_init__(self) -> None:
         """Refuse arrays that are not of the body."""

@@ -78,10 +78,10 @@ class Model:
             topics: of ROS bags that are read, where several could be meant.
 
         Returns:
-            A line a component of y and a line a horizon: `quantity`, `horizon` in steps (1 for components), `error`,
-            the root mean square in the `unit`, and `share`, of it that predicting the drives' mean would leave; of a
-            horizon that of the position in m, or of the heading in rad, open loop after WARM_UP steps, its share that
-            of a robot that stays as it is.
+            A row for each component of y, one step ahead, and a row for each horizon, open loop after WARM_UP steps.
+            Columns: `quantity`; `horizon`, steps; `error`, the root mean square error in `unit`; `share`, the error
+            divided by that of a trivial prediction. The trivial prediction of a component is the drives' mean; the
+            trivial prediction of position (m) and heading (rad) is a robot that stays where it is.
 
         Raises:
             RecordingError: the first fault of a file.

@@ -79,7 +79,7 @@ def learn_and_test(drives: Sequence[Drive], sessions: np.ndarray) -> tuple[list[
 def hold_out(drives: Sequence[Drive], share: float) -> tuple[list[Drive], list[Drive]]:
     """Drives to learn from and to judge by: whole sessions, or of a single one its drives, the last.
 
-    Those that judge have at most a `share` of the steps, but for the last session or drive, which always judges.
+    The drives to judge by have at most a `share` of all steps. The last session or drive always judges, however long.
 
     Raises:
         ConfigError: there is but one drive.

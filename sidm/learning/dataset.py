@@ -30,7 +30,7 @@ Indices = Tensor | np.ndarray | Sequence[int]
 class Windows:
     """N windows of T steps of one robot, as the networks see them.
 
-    All that is stored, or some `rows` of it: those are copied when they are asked for, so that maps can stay in a file.
+    All windows that are stored, or some `rows`. Rows are copied when asked for, so that maps can stay in a file.
     """
 
     stored_inputs: Tensor  # (M, T, X) float32, raw units; X is 11 of the paper's body
@@ -93,7 +93,7 @@ class Windows:
         return (Windows(*part) for part in parts)
 
     def to(self, device: torch.device | str) -> Windows:
-        """The same on a device."""
+        """A copy on a device."""
         return Windows(self.inputs.to(device), self.targets.to(device), self.maps.to(device))
 
 

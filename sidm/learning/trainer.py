@@ -249,7 +249,7 @@ class Trainer:
         return self.stopping.update(self.samples, self.iteration, tested.training_loss, test_loss)
 
     def optimisers(self) -> dict[str, torch.optim.Optimizer]:
-        """Those that there are, by name."""
+        """The optimisers, by the phase that steps them."""
         found = {"prediction": self.prediction, "discrimination": self.discrimination}
         return found if self.matching is self.prediction else found | {"matching": self.matching}
 

@@ -27,7 +27,7 @@ __all__ = ["Progress", "Tested", "Trained", "Training", "TrainingError", "learn"
 
 
 class Trained(NamedTuple):
-    """What a run gives."""
+    """The result of a training."""
 
     model: Predictor  # with the weights of the lowest smoothed test loss
     history: list[Tested]  # the learning curve, one entry a test
