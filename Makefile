@@ -96,13 +96,13 @@ golden: $(STAMP)
 	SIDM_GOLDEN=1 $(BIN)/python -m pytest tests/sidm tests/companion -k "figures or diagnosed or stored"
 
 planted: $(STAMP)
-	$(BIN)/python tests/planted.py
+	$(BIN)/python -m tests.planted
 
 crash: $(STAMP)
-	$(BIN)/python tests/crash.py
+	$(BIN)/python -m tests.crash
 
 portable: $(STAMP)
-	$(BIN)/python tests/portable.py --jobs $(JOBS) $(LEGS)
+	$(BIN)/python -m tests.portable --jobs $(JOBS) $(LEGS)
 
 clean:
 	rm -rf _build

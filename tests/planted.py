@@ -34,7 +34,7 @@ CHANGES = (
     Planted("sidm/simulation/suspension.py", "heave_damping=1050.0", "heave_damping=1040.0", SIMULATION, "robot"),
     Planted("sidm/simulation/exploration.py", "keep=0.99", "keep=0.98", SIMULATION, "policy"),
     Planted("sidm/body.py", "map_size=5.0", "map_size=4.9", METHODS, "sidm or novice_only"),
-    Planted("sidm/learning/networks.py", "slope: float = 0.01", "slope: float = 0.03", METHODS, "sidm or novice_only"),
+    Planted("sidm/settings.py", "slope: float = 0.01", "slope: float = 0.03", METHODS, "sidm or novice_only"),
     Planted("sidm/learning/dataset.py", "np.arange(count) % TEST_EVERY == 1", "np.arange(count) % TEST_EVERY == 0",
             METHODS, "novice_only"),
     Planted("sidm/learning/training.py", "torch.cat(list(losses.values())).mean()",

@@ -24,7 +24,7 @@ import numpy as np
 ROOT = Path(__file__).parents[1]
 CORE = [
     "sidm/learning", "sidm/simulation", "sidm/recordings", "sidm/test_rotations.py", "sidm/test_terrain.py",
-    "sidm/test_trajectory.py", "sidm/rivals", "companion/bundle", "companion/beyond",
+    "sidm/test_shards.py", "sidm/rivals", "companion/bundle", "companion/beyond",
 ]  # fmt: skip
 LEVELS = ["DEFAULT", "AVX2", "AVX512"]  # of x86 processors, as PyTorch calls them; the lowest has SSE
 
@@ -152,8 +152,8 @@ def environment(settings: dict[str, str]) -> dict[str, str]:
 
 def ask(question: str, settings: dict[str, str]) -> Any:
     """What a process of its own answers under some settings: of 'processor', or of what a library computes."""
-    words = [sys.executable, __file__, "--ask", question]
-    return json.loads(subprocess.check_output(words, env=environment(settings), text=True))
+    words = [sys.executable, "-m", "tests.portable", "--ask", question]
+    return json.loads(subprocess.check_output(words, env=environment(settings), cwd=ROOT, text=True))
 
 
 @functools.cache
