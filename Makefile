@@ -82,7 +82,7 @@ explore: $(STAMP)
 # order here what takes long comes first, so that no worker is left alone with it. One worker more than two cores have,
 # since kernels and browsers let them wait.
 test: $(STAMP)
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --nbval-lax --nbval-current-env tests/companion/test_crash.py tests/companion/test_cluster.py notebooks tests
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --nbval-lax --nbval-current-env --nbval-kernel-startup-timeout=600 tests/companion/test_crash.py tests/companion/test_cluster.py notebooks tests
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -1,7 +1,8 @@
 """How many plans a second a learned model makes: python benchmarks/planning.py, half a minute.
 
-The networks of the preset `laptop`, untrained, which takes as long; a plan takes in the steps that were driven since
-the one before. `companion run --figure driving` stores what its own plans took, on one thread beside other work.
+The networks of the preset `laptop`, untrained, which takes as long; a plan takes in the
+steps that were driven since the one before. `companion run --figure driving` stores
+what its own plans took, on one thread beside other work.
 """
 
 from __future__ import annotations
@@ -27,7 +28,12 @@ def seconds_a_plan(settings: Planning, threads: int) -> np.ndarray:
     torch.set_num_threads(threads)
     network = load_preset("laptop").network
     model = DynamicsModel(network, roles=["novice"]).eval().requires_grad_(False)
-    dreamer = Dreamer(model, generate_terrain(SYSTEMS["system1"].terrain, 0), network.pixels, settings.horizon)
+    dreamer = Dreamer(
+        model,
+        generate_terrain(SYSTEMS["system1"].terrain, 0),
+        network.pixels,
+        settings.horizon,
+    )
     planner, taken = Planner(settings, np.array([5.0, 2.0]), 0), []
     for _ in range(PLANS):
         start = time.perf_counter()
@@ -41,7 +47,9 @@ def seconds_a_plan(settings: Planning, threads: int) -> np.ndarray:
 def main() -> None:
     """A line a number of threads: the median round, the least and the most of them, and the slowest plans."""
     settings = Planning()
-    print(f"{settings.samples} sequences of {settings.horizon} control steps a plan, timed in {ROUNDS} rounds")
+    print(
+        f"{settings.samples} sequences of {settings.horizon} control steps a plan, timed in {ROUNDS} rounds"
+    )
     for threads in (1, 2):
         rounds = [seconds_a_plan(settings, threads) for _ in range(ROUNDS)]
         rates = [1 / np.median(one) for one in rounds]

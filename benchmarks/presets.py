@@ -1,8 +1,9 @@
 """What each preset asks of one core: python benchmarks/presets.py, six minutes.
 
-Nearly all of them, and 8 GB of memory, go to 'paper'. Collecting and training are timed for a while, and Figure 3 is
-reckoned from that with every training up to its cap: an upper bound, since most stop early. The module
-`companion.grids` adds up what stored trials really took.
+Nearly all of them, and 8 GB of memory, go to 'paper'. Collecting and training are timed
+for a while, and Figure 3 is reckoned from that with every training up to its cap: an
+upper bound, since most stop early. The module `companion.grids` adds up what stored
+trials really took.
 """
 
 from __future__ import annotations
@@ -30,9 +31,15 @@ ROUNDS = 3
 MAP_BYTES = 2  # a pixel, as float16
 HOUR = 36_000  # control steps of 0.1 s
 HEAD = (
-    "preset", "motion (h)", "its maps (GB)", "to collect (h)", "training (samples a s)", "memory (MiB)",
-    "Figure 3: trainings", "at most (h)",
-)  # fmt: skip
+    "preset",
+    "motion (h)",
+    "its maps (GB)",
+    "to collect (h)",
+    "training (samples a s)",
+    "memory (MiB)",
+    "Figure 3: trainings",
+    "at most (h)",
+)
 
 
 def seconds(work: Callable[[], object], least: float = 2.0) -> float:
@@ -47,12 +54,19 @@ def seconds(work: Callable[[], object], least: float = 2.0) -> float:
 def training(name: str) -> tuple[list[float], float]:
     """Samples a second of SIDM's training, Algorithm 2 in its share, one figure a round; and this process's MiB.
 
-    Run in a process of its own, on one thread and random numbers, which take as long as real ones.
+    Run in a process of its own, on one thread and random numbers, which take as long as
+    real ones.
     """
     torch.set_num_threads(1)
     preset = load_preset(name)
     usual = dataclasses.replace(preset.training, **preset.tuned_values("sidm"))
-    one = dataclasses.replace(usual, prediction_iterations=1, test_interval=10**9, max_samples=10**12, patience=10**12)
+    one = dataclasses.replace(
+        usual,
+        prediction_iterations=1,
+        test_interval=10**9,
+        max_samples=10**12,
+        patience=10**12,
+    )
     trainer = Trainer(random_data(preset.network.pixels), preset.network, one, seed=0)
     parts: dict[Callable[[Trainer], object], int] = {
         predict: usual.prediction_iterations,
@@ -61,7 +75,10 @@ def training(name: str) -> tuple[list[float], float]:
     }
     rates = []
     for number in range(1 + ROUNDS):  # the first warms up
-        phase = sum(count * seconds(lambda part=part: part(trainer)) for part, count in parts.items())
+        phase = sum(
+            count * seconds(lambda part=part: part(trainer))
+            for part, count in parts.items()
+        )
         if number:
             rates.append(usual.prediction_iterations * usual.batch * STEPS / phase)
     return rates, peak_memory()
@@ -69,7 +86,11 @@ def training(name: str) -> tuple[list[float], float]:
 
 def motion(preset: Preset) -> int:
     """Control steps of all data of both systems."""
-    return sum(one.count * STEPS for system in SYSTEMS for one in preset.datasets(system).values())
+    return sum(
+        one.count * STEPS
+        for system in SYSTEMS
+        for one in preset.datasets(system).values()
+    )
 
 
 def main() -> None:
@@ -80,8 +101,13 @@ def main() -> None:
         with multiprocessing.get_context("spawn").Pool(1) as pool:
             rates, memory = pool.apply(training, [name])
         steps = motion(preset)
-        seeds = max(preset.seeds_at(minutes) for system in SYSTEMS for minutes in preset.novice_minutes(system))
-        trainings = len(grid(preset, "3")) + seeds * len(SYSTEMS)  # those on the expert alone are no trials
+        seeds = max(
+            preset.seeds_at(minutes)
+            for system in SYSTEMS
+            for minutes in preset.novice_minutes(system)
+        )
+        # those on the expert alone are no trials
+        trainings = len(grid(preset, "3")) + seeds * len(SYSTEMS)
         hours = trainings * preset.training.max_samples / np.median(rates) / 3600
         lines.append(
             (
@@ -96,7 +122,9 @@ def main() -> None:
             )
         )
     print(markdown_table(HEAD, lines))
-    print(f"One core collects {np.median(pace):.0f} control steps a second [{pace.min():.0f}, {pace.max():.0f}].")
+    print(
+        f"One core collects {np.median(pace):.0f} control steps a second [{pace.min():.0f}, {pace.max():.0f}]."
+    )
 
 
 if __name__ == "__main__":

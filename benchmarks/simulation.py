@@ -1,6 +1,7 @@
 """How fast the simulator is, beside the released one's figures, and what a physics step spends its time on.
 
-Rates are a second of CPU time, one process; scaling to two processes is of wall-clock time.
+Rates are a second of CPU time, one process; scaling to two processes is of wall-clock
+time.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from sidm.simulation import Simulator, collect, draw_actions
 from sidm.systems import ROLES, SYSTEMS, System
 from sidm.terrain import generate_terrain
 
-RELEASED_STEPS, RELEASED_TERRAINS = 7.0, 1 / 2.5  # a second on one core, as measured on machines of this kind
+#: a second on one core, as measured on machines of this kind
+RELEASED_STEPS, RELEASED_TERRAINS = 7.0, 1 / 2.5
 
 
 def driving(simulator: Simulator, actions: np.ndarray) -> Callable[[], int]:
@@ -49,23 +51,32 @@ def measure_stepping(system: System, role: str, heights: np.ndarray) -> None:
     actions = draw_actions("ornstein_uhlenbeck", STEPS, np.random.default_rng(0))
     with Simulator(system.robot(role), heights, system.physics) as simulator:
         rates = rate(driving(simulator, actions), simulator.reset)
-        report(f"{system.name} {role}: control steps", rates, "a s of CPU", RELEASED_STEPS)
+        report(
+            f"{system.name} {role}: control steps", rates, "a s of CPU", RELEASED_STEPS
+        )
 
         def start() -> None:
             simulator.reset()
-            simulator.step(actions[STEPS // 2])  # its wheel speeds and steering hold from here on
+            # its wheel speeds and steering hold from here on
+            simulator.step(actions[STEPS // 2])
 
         floor = rate(without_python(simulator, STEPS), start)
         step = 1e6 / system.physics.steps_per_control / np.median(rates)
         share = np.median(rates) / np.median(floor)
-        print(f"    a physics step: {step:.0f} us, {share:.2f} of it in Bullet's own step")
+        print(
+            f"    a physics step: {step:.0f} us, {share:.2f} of it in Bullet's own step"
+        )
 
 
 def measure_parts(system: System, heights: np.ndarray) -> None:
     """What a physics step costs with something left out: contacts, or all but a few of the solver's iterations."""
     aloft = dataclasses.replace(system.physics, drop_height=1e4, gravity=1e-6)
     few = dataclasses.replace(system.physics, solver_iterations=10)
-    for what, physics in {"as it is": system.physics, "no contacts": aloft, "10 solver iterations": few}.items():
+    for what, physics in {
+        "as it is": system.physics,
+        "no contacts": aloft,
+        "10 solver iterations": few,
+    }.items():
         with Simulator(system.novice, heights, physics) as simulator:
             rates = rate(without_python(simulator, STEPS), simulator.reset)
             report(f"{system.name} novice at rest, {what}", rates, "a s of CPU")
@@ -73,7 +84,9 @@ def measure_parts(system: System, heights: np.ndarray) -> None:
 
 def collecting(workers: int, shards: int = 6) -> float:
     """Kept control steps a second of wall-clock time of a collection in an empty folder, processes started anew."""
-    collection = Collection(system="system1", role="novice", policy="ornstein_uhlenbeck", seed=99)
+    collection = Collection(
+        system="system1", role="novice", policy="ornstein_uhlenbeck", seed=99
+    )
     with tempfile.TemporaryDirectory() as folder:
         start = time.perf_counter()
         count = workers * shards * SHARD_SIZE
@@ -92,7 +105,9 @@ def measure_collection(rounds: int = 3) -> None:
 def main() -> None:
     """Measure terrains, the simulator's construction, stepping, its parts and collection."""
     for system in SYSTEMS.values():
-        making = rate(lambda system=system: generate_terrain(system.terrain, 1) is not None)
+        making = rate(
+            lambda system=system: generate_terrain(system.terrain, 1) is not None
+        )
         report(f"{system.name}: terrain", making, "a s of CPU", RELEASED_TERRAINS)
         heights = generate_terrain(system.terrain, 1)
         for role in ROLES:

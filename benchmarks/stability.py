@@ -1,7 +1,8 @@
 """How stable the simulator is: thousands of trajectories of each robot on its own system's terrain.
 
-Prints how each robot's trajectories ended, the fastest body and the farthest that a strut went past its stops.
-Finished parts are kept in the data folder, so that a run that was killed goes on; delete them after a change.
+Prints how each robot's trajectories ended, the fastest body and the farthest that a
+strut went past its stops. Finished parts are kept in the data folder, so that a run
+that was killed goes on; delete them after a change.
 """
 
 from __future__ import annotations
@@ -37,7 +38,15 @@ def drive(name: str, role: str, index: int) -> dict[str, float | str]:
         for action in draw_actions(policy, STEPS, rng):
             state, struts = simulator.step(action), simulator.strut_positions
             fastest = max(fastest, float(np.linalg.norm(state[TWIST][:3])))
-            overshoot = max(overshoot, float(max(robot.travel_lower - struts.min(), struts.max() - robot.travel_upper)))
+            overshoot = max(
+                overshoot,
+                float(
+                    max(
+                        robot.travel_lower - struts.min(),
+                        struts.max() - robot.travel_upper,
+                    )
+                ),
+            )
             cause = rules.ended(state)
             if cause:
                 break
@@ -55,22 +64,45 @@ def make_part(job: tuple[Path, str, str, int]) -> int:
 def main() -> None:
     """Drive what is missing and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--trajectories", type=int, default=100, help="of each robot; 2000 take an hour on two cores")
-    parser.add_argument("--data", type=Path, default=Path("data/stability"), help="where parts are kept")
-    parser.add_argument("--workers", type=int, default=None, help="processes, one a core when not given")
+    parser.add_argument(
+        "--trajectories",
+        type=int,
+        default=100,
+        help="of each robot; 2000 take an hour on two cores",
+    )
+    parser.add_argument(
+        "--data", type=Path, default=Path("data/stability"), help="where parts are kept"
+    )
+    parser.add_argument(
+        "--workers", type=int, default=None, help="processes, one a core when not given"
+    )
     options = parser.parse_args()
     options.data.mkdir(parents=True, exist_ok=True)
     parts = -(-options.trajectories // PART)
     robots = [(name, role) for name in SYSTEMS for role in ROLES]
-    jobs = [(options.data / f"{n}-{r}-{k:03d}.json", n, r, k) for k in range(parts) for n, r in robots]
+    jobs = [
+        (options.data / f"{n}-{r}-{k:03d}.json", n, r, k)
+        for k in range(parts)
+        for n, r in robots
+    ]
     missing = [job for job in jobs if not job[0].exists()]
-    with multiprocessing.Pool(options.workers) as pool, tqdm(total=PART * len(missing), unit="traj") as bar:
+    with (
+        multiprocessing.Pool(options.workers) as pool,
+        tqdm(total=PART * len(missing), unit="traj") as bar,
+    ):
         for count in pool.imap_unordered(make_part, missing):
             bar.update(count)
     for name, role in robots:
-        rows = [row for path, n, r, _ in jobs if (n, r) == (name, role) for row in json.loads(path.read_text())]
+        rows = [
+            row
+            for path, n, r, _ in jobs
+            if (n, r) == (name, role)
+            for row in json.loads(path.read_text())
+        ]
         ends = Counter(row["end"] for row in rows)
-        shares = ", ".join(f"{end} {100 * ends[end] / len(rows):.1f} %" for end in sorted(ends))
+        shares = ", ".join(
+            f"{end} {100 * ends[end] / len(rows):.1f} %" for end in sorted(ends)
+        )
         print(
             f"{name} {role}: {len(rows)} trajectories: {shares}; "
             f"fastest body {max(r['fastest'] for r in rows):.1f} m/s; "

@@ -15,7 +15,11 @@ STEPS, TRAJECTORIES = 64, 20
 def random_data(pixels: int) -> Datasets:
     """Random numbers, which take as long as real ones."""
     draw = torch.Generator().manual_seed(0)
-    sizes = (TRAJECTORIES, STEPS, 11), (TRAJECTORIES, STEPS, 13), (TRAJECTORIES, STEPS, pixels, pixels)
+    sizes = (
+        (TRAJECTORIES, STEPS, 11),
+        (TRAJECTORIES, STEPS, 13),
+        (TRAJECTORIES, STEPS, pixels, pixels),
+    )
     inputs, targets, maps = (torch.randn(size, generator=draw) for size in sizes)
     motion = Windows(inputs, targets, maps.half())
     return Datasets(train=motion, test=motion, validation=motion, expert=motion)
@@ -29,4 +33,5 @@ def operations(running: Trainer) -> float:
     network = running.network
     sizes = [network.latent] + [network.hidden] * network.layers
     lstm = sum(2 * 4 * network.hidden * (size + network.hidden) for size in sizes[:-1])
-    return counter.get_total_flops() / (running.samples - before) + 3 * lstm  # the counter does not know the LSTM
+    # the counter does not know the LSTM
+    return counter.get_total_flops() / (running.samples - before) + 3 * lstm

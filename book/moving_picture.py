@@ -1,6 +1,7 @@
 """The first page's moving picture: the paper's four robots drive over the same ground, as the replay shows them.
 
-`python book/moving_picture.py` makes book/static/robots.webp anew, and robots-still.webp for who wants no motion.
+`python book/moving_picture.py` makes book/static/robots.webp anew, and
+robots-still.webp for who wants no motion.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ WHEEL_SPEED = 13.0  # rad/s of all four, which have other gearings
 APART, STEPS = 1.15, 60  # m from robot to robot at the start, control steps
 COLOURS = ("#0072B2", "#D55E00", "#56B4E9", "#E69F00")
 SIZE, FINER = (720, 405), 2  # px; drawn so many times as large
-RATE, SECONDS, FADE, BEGIN = 15, 4.4, 9, 0.7  # frames a second, s, frames that the end takes over into the beginning, s
+#: frames a second, s, frames that the end takes over into the beginning, s
+RATE, SECONDS, FADE, BEGIN = 15, 4.4, 9, 0.7
 QUALITY = 68
 DRAW = """([time, azimuth, size, finer]) => {
     const view = document.getElementById("replay").replay;
@@ -58,8 +60,12 @@ def scene() -> Scene:
     for number, (name, robot) in enumerate(ROBOTS.items()):
         with Simulator(robot, heights, sampled_physics(True)) as simulator:
             settle = simulator.reset
-            simulator.reset = lambda y=APART * (1.5 - number), settle=settle: settle(-1.0, y)  # type: ignore[method-assign]
-            ride = drive(simulator, WHEEL_SPEED / robot.throttle_scale, weave(STEPS), STEPS)
+            simulator.reset = lambda y=APART * (1.5 - number), settle=settle: settle(
+                -1.0, y
+            )  # type: ignore[method-assign]
+            ride = drive(
+                simulator, WHEEL_SPEED / robot.throttle_scale, weave(STEPS), STEPS
+            )
         tracks.append(ride_track(ride, name, COLOURS[number]))
     return Scene(tuple(tracks), Ground(heights, SPACING))
 
@@ -70,15 +76,20 @@ def frames(one: Scene) -> list[Image.Image]:
     with sync_playwright() as play, tempfile.TemporaryDirectory() as folder:
         View(one).write(Path(folder) / "page.html")
         browser = play.chromium.launch(
-            executable_path=chromium(), args=["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+            executable_path=chromium(),
+            args=["--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
         )
-        page = browser.new_page(viewport={"width": 1000, "height": 800}, reduced_motion="reduce")
+        page = browser.new_page(
+            viewport={"width": 1000, "height": 800}, reduced_motion="reduce"
+        )
         page.goto((Path(folder) / "page.html").as_uri())
         page.wait_for_selector("body[data-shown]", state="attached")
         drawn = [picture(page, number) for number in range(count + FADE)]
         browser.close()
     for number in range(FADE):
-        drawn[number] = Image.blend(drawn[count + number], drawn[number], (number + 1) / (FADE + 1))
+        drawn[number] = Image.blend(
+            drawn[count + number], drawn[number], (number + 1) / (FADE + 1)
+        )
     return drawn[FADE:count] + drawn[:FADE]  # so that it begins with a clear one
 
 
@@ -86,19 +97,35 @@ def picture(page: Any, number: int) -> Image.Image:
     """Frame `number`; the camera swings slowly to and fro."""
     time = number / RATE
     azimuth = -0.75 + 0.3 * np.sin(2 * np.pi * time / SECONDS)
-    content = page.evaluate(DRAW, [BEGIN + time, azimuth, SIZE, FINER]).partition(",")[2]
-    return Image.open(io.BytesIO(base64.b64decode(content))).convert("RGB").resize(SIZE, Image.Resampling.LANCZOS)
+    content = page.evaluate(DRAW, [BEGIN + time, azimuth, SIZE, FINER]).partition(",")[
+        2
+    ]
+    return (
+        Image.open(io.BytesIO(base64.b64decode(content)))
+        .convert("RGB")
+        .resize(SIZE, Image.Resampling.LANCZOS)
+    )
 
 
 def main() -> int:
     """Write both files; 1 without a browser."""
     if chromium() is None:
-        print("no Chromium found; install it (Debian's package 'chromium')", file=sys.stderr)
+        print(
+            "no Chromium found; install it (Debian's package 'chromium')",
+            file=sys.stderr,
+        )
         return 1
     shown = frames(scene())
     looks: dict[str, Any] = {"quality": QUALITY, "method": 6}
     duration = round(1000 / RATE)
-    shown[0].save(FOLDER / "robots.webp", save_all=True, append_images=shown[1:], duration=duration, loop=0, **looks)
+    shown[0].save(
+        FOLDER / "robots.webp",
+        save_all=True,
+        append_images=shown[1:],
+        duration=duration,
+        loop=0,
+        **looks,
+    )
     shown[len(shown) // 3].save(FOLDER / "robots-still.webp", quality=80, method=6)
     return 0
 

@@ -32,19 +32,28 @@ def chromium() -> str | None:
 def chapters() -> list[tuple[str, list[str]]]:
     """The book's parts, each with its core pages in reading order; parts without one are left out."""
     toc = yaml.safe_load(CONTENTS.read_text(encoding="utf-8"))
-    parts = [(part["caption"], [chapter["file"] for chapter in part["chapters"]]) for part in toc["parts"]]
+    parts = [
+        (part["caption"], [chapter["file"] for chapter in part["chapters"]])
+        for part in toc["parts"]
+    ]
     core = CORE.read_text(encoding="utf-8").split()
-    chosen = [(name, [file for file in files if file in core]) for name, files in (("Start", [toc["root"]]), *parts)]
+    chosen = [
+        (name, [file for file in files if file in core])
+        for name, files in (("Start", [toc["root"]]), *parts)
+    ]
     return [(name, files) for name, files in chosen if files]
 
 
 def prepare(browser: Browser, path: Path) -> Page:
     """One page as it is to be printed: equations and charts drawn, folded tables open."""
-    page = browser.new_page(viewport={"width": 860, "height": 1200})  # less than a sheet takes at SCALE: charts fit
+    # less than a sheet takes at SCALE: charts fit
+    page = browser.new_page(viewport={"width": 860, "height": 1200})
     page.emulate_media(media="print", color_scheme="light")
     page.goto(path.resolve().as_uri(), wait_until="load")
     page.evaluate("() => window.MathJax?.startup?.promise")
-    page.evaluate("() => document.querySelectorAll('details').forEach(folded => (folded.open = true))")
+    page.evaluate(
+        "() => document.querySelectorAll('details').forEach(folded => (folded.open = true))"
+    )
     if page.locator("#explorer").count():
         page.wait_for_selector("#explorer[data-shown]")
     for number in range(page.locator(".vega-chart").count()):
@@ -83,10 +92,16 @@ def bind_links(writer: PdfWriter, html: Path, starts: dict[str, int]) -> None:
             address = annotation.get("/A", {}).get("/URI", "")
             if str(address).startswith("file:"):
                 target = Path(unquote(urlparse(urldefrag(str(address))[0]).path))
-                name = str(target.relative_to(html).with_suffix("")) if target.is_relative_to(html) else ""
+                name = (
+                    str(target.relative_to(html).with_suffix(""))
+                    if target.is_relative_to(html)
+                    else ""
+                )
                 if name not in starts:
                     continue
-                there = ArrayObject([writer.pages[starts[name]].indirect_reference, NameObject("/Fit")])
+                there = ArrayObject(
+                    [writer.pages[starts[name]].indirect_reference, NameObject("/Fit")]
+                )
                 annotation[NameObject("/A")] = DictionaryObject(
                     {NameObject("/S"): NameObject("/GoTo"), NameObject("/D"): there}
                 )
@@ -95,7 +110,9 @@ def bind_links(writer: PdfWriter, html: Path, starts: dict[str, int]) -> None:
             sheet[NameObject("/Annots")] = ArrayObject(kept)
 
 
-def make_pdf(browser: Browser, html: Path, parts: list[tuple[str, list[str]]], output: Path) -> int:
+def make_pdf(
+    browser: Browser, html: Path, parts: list[tuple[str, list[str]]], output: Path
+) -> int:
     """Print and bind pages of the rendered book in `html`; how many sheets there are."""
     html, writer, starts = html.resolve(), PdfWriter(), {}
     for caption, names in parts:
@@ -104,11 +121,15 @@ def make_pdf(browser: Browser, html: Path, parts: list[tuple[str, list[str]]], o
             printed = print_page(browser, html / f"{name}.html")
             starts[name] = len(writer.pages)
             writer.append(printed, import_outline=False)
-            part = part or writer.add_outline_item(title=caption, page_number=starts[name])
+            part = part or writer.add_outline_item(
+                title=caption, page_number=starts[name]
+            )
             title = str((printed.metadata or {}).get("/Title", name)).split(" — ")[0]
             writer.add_outline_item(title=title, page_number=starts[name], parent=part)
     bind_links(writer, html, starts)
-    for sheet, number in zip(writer.pages, numbers(browser, len(writer.pages)).pages, strict=True):
+    for sheet, number in zip(
+        writer.pages, numbers(browser, len(writer.pages)).pages, strict=True
+    ):
         sheet.merge_page(number)
     writer.add_metadata({"/Title": "System invariant dynamics models: a companion"})
     output.parent.mkdir(parents=True, exist_ok=True)
@@ -120,7 +141,9 @@ def main(html: Path, output: Path) -> None:
     """Bind the core."""
     found = chromium()
     if found is None:
-        raise SystemExit("make pdf needs Chromium: install it, for example Debian's package 'chromium'")
+        raise SystemExit(
+            "make pdf needs Chromium: install it, for example Debian's package 'chromium'"
+        )
     with sync_playwright() as play:
         browser = play.chromium.launch(executable_path=found)
         print(f"{output}: {make_pdf(browser, html, chapters(), output)} sheets")

@@ -8,7 +8,14 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from companion.commands import run_collect, run_merge, run_pack, run_run, run_show, run_train
+from companion.commands import (
+    run_collect,
+    run_merge,
+    run_pack,
+    run_run,
+    run_show,
+    run_train,
+)
 from companion.pages import notebook
 from sidm import __version__
 from sidm.command_line import Parser, adder, carry_out, whole_number
@@ -29,83 +36,178 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
     parser = Parser(prog="companion", description=DESCRIPTION)
     parser.add_argument("--version", action="version", version=__version__)
-    command = adder(parser, ("collect", "train", "run", "pack", "show", "merge", "notebook"))
-    collect = command("collect", run_collect, "Simulate the data that a preset lacks; what is on disk is kept.")
+    command = adder(
+        parser, ("collect", "train", "run", "pack", "show", "merge", "notebook")
+    )
+    collect = command(
+        "collect",
+        run_collect,
+        "Simulate the data that a preset lacks; what is on disk is kept.",
+    )
     _add_preset(collect)
     _add_system(collect)
     collect.add_argument("--figure", help="what this one needs alone; names as of run")
     collect.add_argument(
-        "--verify", action="store_true",
+        "--verify",
+        action="store_true",
         help="hold the data against those of the results: what differs by rounding alone stands for them",
-    )  # fmt: skip
-    collect.add_argument("--workers", type=whole_number, metavar="N", help="processes; all cores unless given")
+    )
+    collect.add_argument(
+        "--workers",
+        type=whole_number,
+        metavar="N",
+        help="processes; all cores unless given",
+    )
     _add_dask(collect)
 
-    train = command("train", run_train, "Run one trial and store its result; goes on from its checkpoint.")
+    train = command(
+        "train",
+        run_train,
+        "Run one trial and store its result; goes on from its checkpoint.",
+    )
     _add_preset(train)
-    train.add_argument("--system", required=True, choices=_PAIRS, help="the pair of robots")
-    train.add_argument("--method", default="sidm", help="sidm, novice_only, ... (%(default)s)")
-    train.add_argument("--minutes", type=float, required=True, help="novice data, minutes of motion")
     train.add_argument(
-        "--seed", type=SEED, default=0,
+        "--system", required=True, choices=_PAIRS, help="the pair of robots"
+    )
+    train.add_argument(
+        "--method", default="sidm", help="sidm, novice_only, ... (%(default)s)"
+    )
+    train.add_argument(
+        "--minutes", type=float, required=True, help="novice data, minutes of motion"
+    )
+    train.add_argument(
+        "--seed",
+        type=SEED,
+        default=0,
         help="of the novice subset, the weights and the batches (%(default)s)",
-    )  # fmt: skip
+    )
 
-    run = command("run", run_run, "Run the trials of a figure that are not stored; can be stopped and goes on.")
+    run = command(
+        "run",
+        run_run,
+        "Run the trials of a figure that are not stored; can be stopped and goes on.",
+    )
     _add_preset(run)
     _add_grid(run)
     _add_workers(run)
     run.add_argument(
-        "--bundle", type=whole_number, default=0, metavar="N",
+        "--bundle",
+        type=whole_number,
+        default=0,
+        metavar="N",
         help="train N trials side by side on the device, instead of in processes",
-    )  # fmt: skip
+    )
     _add_dask(run)
-    run.add_argument("--pack", type=Path, metavar="FILE", help="the trials of a file of 'pack', its data under --data")
-    run.add_argument("--here", action="store_true", help="only trials whose data lie under --data")
+    run.add_argument(
+        "--pack",
+        type=Path,
+        metavar="FILE",
+        help="the trials of a file of 'pack', its data under --data",
+    )
+    run.add_argument(
+        "--here", action="store_true", help="only trials whose data lie under --data"
+    )
     words = "stop a bundle after so long; the same command goes on"
     run.add_argument("--seconds", type=whole_number, metavar="N", help=words)
 
-    pack = command("pack", run_pack, "Write a figure's missing trials and their data into one file for 'run --pack'.")
+    pack = command(
+        "pack",
+        run_pack,
+        "Write a figure's missing trials and their data into one file for 'run --pack'.",
+    )
     pack.add_argument("file", type=Path, metavar="FILE", help="a .tar file")
     _add_preset(pack)
     _add_grid(pack)
-    pack.add_argument("--limit", type=whole_number, default=60, metavar="MIB", help="of the file's size (%(default)s)")
+    pack.add_argument(
+        "--limit",
+        type=whole_number,
+        default=60,
+        metavar="MIB",
+        help="of the file's size (%(default)s)",
+    )
 
     for trainer in (train, run):
         words = "where to compute, cpu or cuda (%(default)s)"
         trainer.add_argument("--device", type=_device, default="cpu", help=words)
-        trainer.add_argument("--log", metavar="DIR", help="write TensorBoard event files there, to watch it learn")
+        trainer.add_argument(
+            "--log",
+            metavar="DIR",
+            help="write TensorBoard event files there, to watch it learn",
+        )
 
-    show = command("show", run_show, "List what is stored, stale (made by older code) and missing.")
+    show = command(
+        "show", run_show, "List what is stored, stale (made by older code) and missing."
+    )
     _add_preset(show)
     _add_grid(show)
-    show.add_argument("--csv", metavar="FILE", help="write the stored ones there as a table, a line a trial")
-    show.add_argument("--against", metavar="DIR", help="other results: how the losses differ where both have a point")
+    show.add_argument(
+        "--csv",
+        metavar="FILE",
+        help="write the stored ones there as a table, a line a trial",
+    )
+    show.add_argument(
+        "--against",
+        metavar="DIR",
+        help="other results: how the losses differ where both have a point",
+    )
 
-    merge = command("merge", run_merge, "Take in the results of another store, such as one that was filled elsewhere.")
+    merge = command(
+        "merge",
+        run_merge,
+        "Take in the results of another store, such as one that was filled elsewhere.",
+    )
     merge.add_argument("other", metavar="DIR", help="its folder")
-    merge.add_argument("--results", default="results", metavar="DIR", help="the store that takes it in (%(default)s)")
+    merge.add_argument(
+        "--results",
+        default="results",
+        metavar="DIR",
+        help="the store that takes it in (%(default)s)",
+    )
 
-    notebook.add_arguments(command("notebook", notebook.run_from_arguments, "Run a notebook with checked parameters."))
+    notebook.add_arguments(
+        command(
+            "notebook",
+            notebook.run_from_arguments,
+            "Run a notebook with checked parameters.",
+        )
+    )
     return parser
 
 
 def _add_preset(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--preset", default="laptop", metavar="NAME",
+        "--preset",
+        default="laptop",
+        metavar="NAME",
         help="smoke, laptop, study, released or paper (%(default)s)",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE", dest="changes",
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        dest="changes",
         help="change one value of the preset, e.g. seeds=5 or pixels=64; may be given again",
-    )  # fmt: skip
-    parser.add_argument("--data", default="data", metavar="DIR", help="trajectories and checkpoints (%(default)s)")
-    parser.add_argument("--results", default="results", metavar="DIR", help="the results store (%(default)s)")
+    )
+    parser.add_argument(
+        "--data",
+        default="data",
+        metavar="DIR",
+        help="trajectories and checkpoints (%(default)s)",
+    )
+    parser.add_argument(
+        "--results",
+        default="results",
+        metavar="DIR",
+        help="the results store (%(default)s)",
+    )
 
 
 def _add_workers(parser: argparse.ArgumentParser) -> None:
     words = "processes of one thread each (%(default)s)"
-    parser.add_argument("--workers", type=whole_number, default=2, metavar="N", help=words)
+    parser.add_argument(
+        "--workers", type=whole_number, default=2, metavar="N", help=words
+    )
 
 
 def _add_dask(parser: argparse.ArgumentParser) -> None:
@@ -114,7 +216,11 @@ def _add_dask(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_system(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--system", choices=_PAIRS, help="only this one; all that are asked for unless given")
+    parser.add_argument(
+        "--system",
+        choices=_PAIRS,
+        help="only this one; all that are asked for unless given",
+    )
 
 
 def _add_grid(parser: argparse.ArgumentParser) -> None:
@@ -123,7 +229,12 @@ def _add_grid(parser: argparse.ArgumentParser) -> None:
     figures += "p-expert, iterations, pixels, patience, other-bodies, free-struts, network-size, corrected-claim, "
     figures += f"most-data, {_STUDIES} or all"
     parser.add_argument("--figure", default="3", help=f"{figures} (%(default)s)")
-    parser.add_argument("--minutes", type=float, nargs="+", help="only these novice dataset sizes, minutes of motion")
+    parser.add_argument(
+        "--minutes",
+        type=float,
+        nargs="+",
+        help="only these novice dataset sizes, minutes of motion",
+    )
     parser.add_argument("--seeds", type=int, nargs="+", help="only these seeds")
 
 
@@ -134,7 +245,9 @@ def _device(name: str) -> str:
     try:
         torch.zeros(1, device=name)
     except (RuntimeError, AssertionError) as error:
-        raise argparse.ArgumentTypeError(f"'{name}' cannot be used here: {first_line(error)}") from None
+        raise argparse.ArgumentTypeError(
+            f"'{name}' cannot be used here: {first_line(error)}"
+        ) from None
     return name
 
 

@@ -1,7 +1,8 @@
 """Workers on other machines: an executor on a Dask cluster.
 
-The workers need this package, and the data folder under the same path. Tasks may be done twice without harm, so that
-what a lost worker had in hand is done again by another.
+The workers need this package, and the data folder under the same path. Tasks may be
+done twice without harm, so that what a lost worker had in hand is done again by
+another.
 """
 
 from __future__ import annotations
@@ -28,11 +29,17 @@ def dask_executor(address: str) -> Iterator[Executor]:
     try:
         from distributed import Client
     except ImportError:
-        raise ImportError("a Dask cluster needs the package distributed: pip install distributed") from None
-    where = {"scheduler_file": address} if os.path.exists(address) else {"address": address}
+        raise ImportError(
+            "a Dask cluster needs the package distributed: pip install distributed"
+        ) from None
+    where = (
+        {"scheduler_file": address} if os.path.exists(address) else {"address": address}
+    )
     try:
         client = Client(**where, timeout=WAIT)
     except (OSError, TimeoutError, ValueError, ImportError) as error:
-        raise OSError(f"{address}: no Dask scheduler answers there ({first_line(error)})") from None
+        raise OSError(
+            f"{address}: no Dask scheduler answers there ({first_line(error)})"
+        ) from None
     with client:
         yield client.get_executor(pure=False, retries=LOSSES)

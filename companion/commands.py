@@ -13,7 +13,9 @@ from sidm.config import ConfigError, changes
 from sidm.systems import SYSTEMS
 
 
-def _executor(arguments: argparse.Namespace) -> contextlib.AbstractContextManager[Executor | None]:
+def _executor(
+    arguments: argparse.Namespace,
+) -> contextlib.AbstractContextManager[Executor | None]:
     """The cluster of --dask, or None without."""
     if arguments.dask is None:
         return contextlib.nullcontext()
@@ -51,24 +53,44 @@ def run_collect(arguments: argparse.Namespace) -> int:
 
     preset = _preset(arguments)
     if arguments.figure:
-        trials = grid(preset, arguments.figure, arguments.system, data=arguments.data, results=arguments.results)
-        needed = list(dict.fromkeys(dataset for trial in trials for dataset in trial.datasets.values()))
+        trials = grid(
+            preset,
+            arguments.figure,
+            arguments.system,
+            data=arguments.data,
+            results=arguments.results,
+        )
+        needed = list(
+            dict.fromkeys(
+                dataset for trial in trials for dataset in trial.datasets.values()
+            )
+        )
     else:
         systems = [arguments.system] if arguments.system else list(SYSTEMS)
-        needed = [dataset for system in systems for dataset in preset.every_dataset(system)]
+        needed = [
+            dataset for system in systems for dataset in preset.every_dataset(system)
+        ]
     with _executor(arguments) as executor:
         found = collect_datasets(
-            preset, data=arguments.data, workers=arguments.workers, executor=executor, needed=needed
+            preset,
+            data=arguments.data,
+            workers=arguments.workers,
+            executor=executor,
+            needed=needed,
         )
     for name, digest in found.items():
         print(f"{name}: {digest}")
     if not arguments.verify:
         for name in differing(preset, arguments.data, arguments.results):
-            print(f"note: {name} has other bits than the results' data; collect --verify: is it rounding alone?")
+            print(
+                f"note: {name} has other bits than the results' data; collect --verify: is it rounding alone?"
+            )
         return 0
     verified = verify_datasets(needed, arguments.data, arguments.results)
     for name, differences in verified.items():
-        print(f"{name}: {'; '.join(differences) or 'stands for the data of the results'}")
+        print(
+            f"{name}: {'; '.join(differences) or 'stands for the data of the results'}"
+        )
     return int(any(verified.values()))
 
 
@@ -81,7 +103,9 @@ def run_train(arguments: argparse.Namespace) -> int:
         arguments.system, arguments.method, arguments.minutes, arguments.seed
     )
     store = Results(arguments.results)
-    row = run_here(trial, arguments.data, store, device=arguments.device, log=arguments.log)
+    row = run_here(
+        trial, arguments.data, store, device=arguments.device, log=arguments.log
+    )
     print(f"{store.path(trial)}: validation loss {row.outcome.validation_loss:.6g}")
     return 0
 
@@ -104,9 +128,16 @@ def run_run(arguments: argparse.Namespace) -> int:
     store = Results(arguments.results)
     with _executor(arguments) as executor:
         run(
-            trials, executor, workers=arguments.workers, data=arguments.data, results=store, device=arguments.device,
-            bundle=arguments.bundle, log=arguments.log, seconds=arguments.seconds or math.inf,
-        )  # fmt: skip
+            trials,
+            executor,
+            workers=arguments.workers,
+            data=arguments.data,
+            results=store,
+            device=arguments.device,
+            bundle=arguments.bundle,
+            log=arguments.log,
+            seconds=arguments.seconds or math.inf,
+        )
     missing = len(store.missing(trials))
     print(f"{len(trials) - missing} of {len(trials)} trials stored")
     return 1 if missing else 0
@@ -117,7 +148,12 @@ def _run_other(arguments: argparse.Namespace) -> int:
     from companion import registry
 
     missing = registry.run(
-        arguments.figure, _preset(arguments), arguments.system, arguments.workers, arguments.data, arguments.results
+        arguments.figure,
+        _preset(arguments),
+        arguments.system,
+        arguments.workers,
+        arguments.data,
+        arguments.results,
     )
     print(f"missing: {len(missing)}")
     return 1 if missing else 0
@@ -130,10 +166,16 @@ def run_pack(arguments: argparse.Namespace) -> int:
     from companion.trials import UNKNOWN
 
     missing = Results(arguments.results).missing(_trials(arguments, _preset(arguments)))
-    known = [trial for trial in missing if UNKNOWN not in trial.digests.values() and not trial.solved]
+    known = [
+        trial
+        for trial in missing
+        if UNKNOWN not in trial.digests.values() and not trial.solved
+    ]
     taken = pack(known, arguments.file, Path(arguments.data), arguments.limit)
     size = arguments.file.stat().st_size / MEBIBYTE
-    print(f"{arguments.file}: {len(taken)} of {len(missing)} missing trials, {size:.1f} MiB")
+    print(
+        f"{arguments.file}: {len(taken)} of {len(missing)} missing trials, {size:.1f} MiB"
+    )
     return 0
 
 
@@ -150,20 +192,29 @@ def run_show(arguments: argparse.Namespace) -> int:
     preset = _preset(arguments)
     if not registry.is_of_trials(arguments.figure):
         lines, missing = registry.overview(
-            arguments.figure, preset, arguments.system, arguments.data, arguments.results
+            arguments.figure,
+            preset,
+            arguments.system,
+            arguments.data,
+            arguments.results,
         )
         print("\n".join([*lines, f"missing: {missing}"]))
         return 0
     trials = _trials(arguments, preset)
     print(f"preset {arguments.preset}, figure {arguments.figure}: {len(trials)} trials")
     study = Study(preset, arguments.data, arguments.results)
-    lines, unknown = listed(study, store, trials) if arguments.figure == "decisive" else (
-        overview(store, trials, study), 0)  # fmt: skip
+    lines, unknown = (
+        listed(study, store, trials)
+        if arguments.figure == "decisive"
+        else (overview(store, trials, study), 0)
+    )
     print("\n".join(lines))
     for failure in store.failures(trials):
         print(f"note: {failure}")
     for name in differing(preset, arguments.data, arguments.results):
-        print(f"note: the data on this disk are not those of the stored results: {name}; see collect --verify")
+        print(
+            f"note: the data on this disk are not those of the stored results: {name}; see collect --verify"
+        )
     if arguments.csv:
         from companion.engine.frame import numbers_and_words
 
@@ -182,7 +233,9 @@ def _show_against(stored: Any, made: Any) -> int:
     for one in points.itertuples():
         words = f"{one.system}  {one.method:<18}{one.novice_minutes:>6g} min  seeds {one.seeds}"
         ratio = Interval(one.ratio, one.low, one.high).words(3)
-        print(f"{words}  stored {one.reference:.4g}  here {one.mean:.4g}  ratio {ratio}")
+        print(
+            f"{words}  stored {one.reference:.4g}  here {one.mean:.4g}  ratio {ratio}"
+        )
     print(f"points in both: {len(points)}")
     return 0
 
@@ -193,5 +246,7 @@ def run_merge(arguments: argparse.Namespace) -> int:
 
     if not Path(arguments.other).is_dir():
         raise ConfigError(f"there is no folder '{arguments.other}'")
-    print(f"{Results(arguments.results).take_in(Results(arguments.other))} results taken in")
+    print(
+        f"{Results(arguments.results).take_in(Results(arguments.other))} results taken in"
+    )
     return 0

@@ -1,8 +1,9 @@
 """The digests by which trials know their datasets.
 
-Beside the shards of a collection lies a file `digest-COUNT.json`, written after collecting; with the results lies one
-like it under `datasets/` for each dataset that the stored trials learnt from, so that reading results needs no data.
-Where both speak, the data on this disk count.
+Beside the shards of a collection lies a file `digest-COUNT.json`, written after
+collecting; with the results lies one like it under `datasets/` for each dataset that
+the stored trials learnt from, so that reading results needs no data. Where both speak,
+the data on this disk count.
 """
 
 from __future__ import annotations
@@ -34,16 +35,24 @@ def read_digest(path: Path) -> dict[str, Any]:
     except FileNotFoundError:
         return {"digest": UNKNOWN}
     except Damaged as error:
-        raise ConfigError(f"{path}: damaged ({error}); restore it, or delete it and collect again") from None
+        raise ConfigError(
+            f"{path}: damaged ({error}); restore it, or delete it and collect again"
+        ) from None
     return found
 
 
-def find_digest(dataset: Dataset, data: str | Path = "data", results: str | Path = "results") -> str:
+def find_digest(
+    dataset: Dataset, data: str | Path = "data", results: str | Path = "results"
+) -> str:
     """The digest of a dataset: of what lies under `data`, else of what the `results` were made from, else UNKNOWN.
 
-    Of data that `verify` has found to stand for those of the results it is the results'.
+    Of data that `verify` has found to stand for those of the results it is the
+    results'.
     """
-    local, committed = read_digest(local_file(dataset, data)), read_digest(committed_file(dataset, results))["digest"]
+    local, committed = (
+        read_digest(local_file(dataset, data)),
+        read_digest(committed_file(dataset, results))["digest"],
+    )
     if local["digest"] == UNKNOWN or local.get("stands_for") == committed:
         return committed
     return local["digest"]

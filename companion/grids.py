@@ -51,7 +51,14 @@ FIGURES: dict[str, tuple[Callable[[Study, str], list[Trial]], tuple[str, ...]]] 
 }
 
 #: Grids of presets that name them.
-NAMED = ("decisive", "duration", "little-data", "free-struts", "network-size", "corrected-claim")
+NAMED = (
+    "decisive",
+    "duration",
+    "little-data",
+    "free-struts",
+    "network-size",
+    "corrected-claim",
+)
 
 #: What grids were called before.
 FORMER = {"yardsticks": "references", "ample": "most-data"}
@@ -83,7 +90,8 @@ def grid(
         results: where the digests of the stored study lie.
 
     Raises:
-        ConfigError: a name that does not exist, or sizes or seeds that the figure does not have.
+        ConfigError: a name that does not exist, or sizes or seeds that the figure does
+            not have.
     """
     if figure in FORMER:
         raise ConfigError(f"figure '{figure}' is called '{FORMER[figure]}' now")
@@ -102,14 +110,21 @@ def grid(
     if figure == "decisive":
         trials = decisive.in_order(trials, study)  # across systems
     if not trials:
-        raise ConfigError(f"figure {figure} has no trials of {system}, only of {', '.join(FIGURES[figure][1])}")
-    for name, wanted, of in (("minutes", minutes, "novice_minutes"), ("seeds", seeds, "seed")):
+        raise ConfigError(
+            f"figure {figure} has no trials of {system}, only of {', '.join(FIGURES[figure][1])}"
+        )
+    for name, wanted, of in (
+        ("minutes", minutes, "novice_minutes"),
+        ("seeds", seeds, "seed"),
+    ):
         if wanted is not None:
             known = sorted({getattr(trial, of) for trial in trials})
             strange = [value for value in wanted if value not in known]
             if strange:
                 listed = ", ".join(f"{value:g}" for value in known)
-                raise ConfigError(f"{name} {strange[0]:g} is not in this grid; it has {listed}")
+                raise ConfigError(
+                    f"{name} {strange[0]:g} is not in this grid; it has {listed}"
+                )
             trials = [trial for trial in trials if getattr(trial, of) in wanted]
     return trials
 
@@ -117,14 +132,28 @@ def grid(
 def figure_costs(study: Study, store: Results) -> pd.DataFrame:
     """A line a `figure` of a study, whose `trials` count in each that they serve; of those `stored` what they took.
 
-    `hours` of one processor or GPU all together, the pretraining in the trials that did it; `peak_memory`, MiB, of the
-    trial that needed most; `devices`; and how many were `resumed`, of which only the last stretch is counted.
+    `hours` of one processor or GPU all together, the pretraining in the trials that did
+    it; `peak_memory`, MiB, of the trial that needed most; `devices`; and how many were
+    `resumed`, of which only the last stretch is counted.
     """
     lines = []
     for figure in figures_of(study.preset):
         trials = grid(study.preset, figure, data=study.data, results=study.results)
         made = store.frame(trials)
-        most, devices = made.peak_memory.max() if len(made) else 0.0, tuple(sorted(set(made.device)))
-        lines.append((figure, len(trials), len(made), made.seconds.sum() / 3600, most, devices, made.resumed.sum()))
+        most, devices = (
+            made.peak_memory.max() if len(made) else 0.0,
+            tuple(sorted(set(made.device))),
+        )
+        lines.append(
+            (
+                figure,
+                len(trials),
+                len(made),
+                made.seconds.sum() / 3600,
+                most,
+                devices,
+                made.resumed.sum(),
+            )
+        )
     names = ["figure", "trials", "stored", "hours", "peak_memory", "devices", "resumed"]
     return pd.DataFrame(lines, columns=names)

@@ -1,7 +1,8 @@
 """Versions of the numbers: a stored result counts as today's while the versions that it was made with are today's.
 
-Whoever changes what a kind of work comes to raises its version here. The golden tests hold short examples of every kind
-against stored figures and fail until that is done; moving, renaming or rewording code changes neither.
+Whoever changes what a kind of work comes to raises its version here. The golden tests
+hold short examples of every kind against stored figures and fail until that is done;
+moving, renaming or rewording code changes neither.
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ from __future__ import annotations
 NUMERICS: dict[str, int] = {
     "simulation": 1,  # a collection's values -> its trajectories
     "free_struts": 2,  # the same of robots whose struts no motor brakes
-    "training": 1,  # trajectories -> a trial's outcome: maps, networks, Algorithms 1 and 2, evaluation
+    # trajectories -> a trial's outcome: maps, networks, Algorithms 1 and 2, evaluation
+    "training": 1,
     "bundle": 1,  # the same of many trials as one computation
     "least_squares": 1,  # weights in closed form
     "diagnosis": 1,  # how alike two systems' latents are

@@ -1,6 +1,7 @@
 """Presets: how much of the study is run, from a test's seconds to the paper's sizes.
 
-This table is the only place where a preset's numbers stand; `params/NAME.yaml` names the preset to the notebooks.
+This table is the only place where a preset's numbers stand; `params/NAME.yaml` names
+the preset to the notebooks.
 """
 
 from __future__ import annotations
@@ -11,12 +12,20 @@ from typing import Any, Literal
 
 from companion.training import StudyTraining
 from companion.trials import Dataset, datasets
-from sidm.config import ConfigError, config, conform, refuse_nonsense, replace, unknown_name
+from sidm.config import (
+    ConfigError,
+    config,
+    conform,
+    refuse_nonsense,
+    replace,
+    unknown_name,
+)
 from sidm.rivals.methods import Method
 from sidm.settings import PAPER_NETWORK, RELEASED_NETWORK, Network
 from sidm.systems import FREE_STRUTS, find_system
 
-#: The exploration policies of `sidm.simulation`, which need not be installed to read results.
+#: The exploration policies of `sidm.simulation`, which need not be installed to read
+#: results.
 POLICIES = ("ornstein_uhlenbeck", "sinusoid", "bounded_noise", "held")
 
 MOST_SEEDS = 1000  # trials a point
@@ -37,45 +46,71 @@ class Preset:
     validation_minutes: float
     rollouts: int  # trajectories of the 25-step test
     seeds: int  # trials a point
-    more_seeds: tuple[tuple[float, int], ...] = ()  # minutes of a size that has more of them, and how many
+    #: minutes of a size that has more of them, and how many
+    more_seeds: tuple[tuple[float, int], ...] = ()
     figure4_minutes: tuple[float, ...] = (5.0, 120.0)
     figure4_seeds: int = 10  # trials a point of Figure 4
-    baseline_minutes: tuple[float, ...] = (5.0, 20.0)  # a small and a middle size: of the baselines and the diagnostics
+    #: a small and a middle size: of the baselines and the diagnostics
+    baseline_minutes: tuple[float, ...] = (5.0, 20.0)
     variant_minutes: tuple[float, ...] = (1.0, 2.0, 5.0, 10.0)
     ablation_minutes: tuple[float, ...] = (5.0, 20.0)  # a small and a middle size
-    other_body_minutes: tuple[float, ...] = (1.0, 5.0)  # of novices that see or act otherwise than their expert
+    #: of novices that see or act otherwise than their expert
+    other_body_minutes: tuple[float, ...] = (1.0, 5.0)
     ablation_seeds: int = 10  # trials a point of the ablations
-    tuning_minutes: tuple[float, ...] = (20.0,)  # the sizes at which the methods are tuned
-    tuning_pool_minutes: float = 0.0  # of a pool that only settings are chosen by; 0: it is the figures'
+    #: the sizes at which the methods are tuned
+    tuning_minutes: tuple[float, ...] = (20.0,)
+    #: of a pool that only settings are chosen by; 0: it is the figures'
+    tuning_pool_minutes: float = 0.0
     tuning_validation_minutes: float = 20.0  # beside such a pool
-    motion: Literal["figures", "tuning", "claim", "decisive"] = "figures"  # what the novice's motion serves
-    figures: tuple[str, ...] = ()  # names of its grids; none: those that every preset has
+    #: what the novice's motion serves
+    motion: Literal["figures", "tuning", "claim", "decisive"] = "figures"
+    #: names of its grids; none: those that every preset has
+    figures: tuple[str, ...] = ()
     p_expert_system1: float = 0.75  # section 4: the systems are similar
     p_expert_system2: float = 0.5  # section 4: they differ greatly
     policy: str = "ornstein_uhlenbeck"  # that explores, in all but the 25-step test
     network: Network = Network()
     training: StudyTraining = StudyTraining()
-    tuned: tuple[tuple[str, str, Any], ...] = ()  # method, setting of its training, value instead of `training`'s
-    references: tuple[str, ...] = ("least_squares",)  # methods that stand beside Figure 3 at every size
-    free_strut_minutes: tuple[float, ...] = (1.0, 5.0, 20.0, 60.0)  # sizes of Figure 3 with free struts
+    #: method, setting of its training, value instead of `training`'s
+    tuned: tuple[tuple[str, str, Any], ...] = ()
+    #: methods that stand beside Figure 3 at every size
+    references: tuple[str, ...] = ("least_squares",)
+    #: sizes of Figure 3 with free struts
+    free_strut_minutes: tuple[float, ...] = (1.0, 5.0, 20.0, 60.0)
     free_strut_seeds: int = 5  # trials a point of it
 
     def __post_init__(self) -> None:
         """Refuse sizes that the pools do not hold."""
         refuse_nonsense(self)
         for system in ("system1", "system2"):
-            most, pool = max(self.novice_minutes(system), default=0), self.pool_minutes(system)
+            most, pool = (
+                max(self.novice_minutes(system), default=0),
+                self.pool_minutes(system),
+            )
             if most > pool:
-                raise ConfigError(f"novice_minutes_{system} asks for {most:g}, but pool_minutes_{system} is {pool:g}")
+                raise ConfigError(
+                    f"novice_minutes_{system} asks for {most:g}, but pool_minutes_{system} is {pool:g}"
+                )
         for name, value in vars(self).items():
             values = value if isinstance(value, tuple) else (value,)
-            if "minutes" in name and name != "tuning_pool_minutes" and not all(one > 0 for one in values):
+            if (
+                "minutes" in name
+                and name != "tuning_pool_minutes"
+                and not all(one > 0 for one in values)
+            ):
                 raise ConfigError(f"{name} must be positive, not {value}")
             if name.startswith("p_expert") and not 0 <= value <= 1:
                 raise ConfigError(f"{name} must be from 0 to 1, not {value}")
-            if name.endswith("seeds") and name != "more_seeds" and not 1 <= value <= MOST_SEEDS:
+            if (
+                name.endswith("seeds")
+                and name != "more_seeds"
+                and not 1 <= value <= MOST_SEEDS
+            ):
                 raise ConfigError(f"{name} must be from 1 to {MOST_SEEDS}, not {value}")
-        names = {field.name for field in dataclasses.fields(StudyTraining)} - {"p_expert", "regularise"}  # type: ignore
+        names = {field.name for field in dataclasses.fields(StudyTraining)} - {
+            "p_expert",
+            "regularise",
+        }  # type: ignore
         for _, setting, _ in self.tuned:
             if setting not in names:
                 raise unknown_name(setting, names, "what a method is tuned in")
@@ -122,22 +157,39 @@ class Preset:
         """What all trials of a system need: 'novice' (the pool), 'expert', 'validation', 'rollout'."""
         return datasets(self, system, self.pool_minutes(system))
 
-    def with_motion(self, motion: str, pool_minutes: float, validation_minutes: float) -> Preset:
+    def with_motion(
+        self, motion: str, pool_minutes: float, validation_minutes: float
+    ) -> Preset:
         """The same with motion of the novice that serves something else than figures."""
-        pools = dict.fromkeys(("pool_minutes_system1", "pool_minutes_system2"), pool_minutes)
-        largest = {name: () for name in ("novice_minutes_system1", "novice_minutes_system2")}
-        return self.replace(motion=motion, validation_minutes=validation_minutes, **pools, **largest)
+        pools = dict.fromkeys(
+            ("pool_minutes_system1", "pool_minutes_system2"), pool_minutes
+        )
+        largest = {
+            name: () for name in ("novice_minutes_system1", "novice_minutes_system2")
+        }
+        return self.replace(
+            motion=motion, validation_minutes=validation_minutes, **pools, **largest
+        )
 
     def for_tuning(self) -> Preset:
         """The same with the motion that settings are chosen by."""
         if not self.tuning_pool_minutes:
             return self
-        chosen = self.with_motion("tuning", self.tuning_pool_minutes, self.tuning_validation_minutes)
+        chosen = self.with_motion(
+            "tuning", self.tuning_pool_minutes, self.tuning_validation_minutes
+        )
         return chosen.replace(tuning_pool_minutes=0.0)
 
     def every_dataset(self, system: str) -> list[Dataset]:
         """Those of all trials of a system, each once."""
-        return list(dict.fromkeys([*self.datasets(system).values(), *self.for_tuning().datasets(system).values()]))
+        return list(
+            dict.fromkeys(
+                [
+                    *self.datasets(system).values(),
+                    *self.for_tuning().datasets(system).values(),
+                ]
+            )
+        )
 
     def seeds_at(self, minutes: float) -> int:
         """Trials of a size."""
@@ -146,22 +198,40 @@ class Preset:
     def replace(self, **changes: Any) -> Preset:
         """This preset with some values changed: its own, its network's or its training's, all by their plain names.
 
-        A value of the training holds for every method then, also for one that was tuned to another.
+        A value of the training holds for every method then, also for one that was tuned
+        to another.
 
         Raises:
-            ConfigError: an unknown name, with the nearest right one, or a value of the wrong type. `p_expert` and
-                `regularise` are the method's to set and not known here.
+            ConfigError: an unknown name, with the nearest right one, or a value of the
+                wrong type. `p_expert` and `regularise` are the method's to set and not
+                known here.
         """
-        own, parts = dict(vars(self)), {"network": dict(vars(self.network)), "training": dict(vars(self.training))}
+        own, parts = (
+            dict(vars(self)),
+            {
+                "network": dict(vars(self.network)),
+                "training": dict(vars(self.training)),
+            },
+        )
         own["tuned"] = tuple(one for one in self.tuned if one[1] not in changes)
         groups = [own, *parts.values()]
         hidden = {"name", "p_expert", "regularise", *parts}
         for name, value in changes.items():
-            group = next((group for group in groups if name in group and name not in hidden), None)
+            group = next(
+                (group for group in groups if name in group and name not in hidden),
+                None,
+            )
             if group is None:
-                raise unknown_name(name, (n for group in groups for n in group if n not in hidden), "a preset")
+                raise unknown_name(
+                    name,
+                    (n for group in groups for n in group if n not in hidden),
+                    "a preset",
+                )
             group[name] = value
-        own |= {"network": Network(**parts["network"]), "training": StudyTraining(**parts["training"])}
+        own |= {
+            "network": Network(**parts["network"]),
+            "training": StudyTraining(**parts["training"]),
+        }
         return Preset(**own)
 
 
@@ -233,13 +303,22 @@ PRESETS: dict[str, Preset] = {
         ),
         Preset(name="laptop", **_LAPTOP, ablation_minutes=(5.0,), ablation_seeds=3),
         Preset(
-            name="study",  # the laptop's trials and more of them, on its motion; its grids in the order of worth
+            # the laptop's trials and more of them, on its motion; its grids in the
+            # order of worth
+            name="study",
             **(_LAPTOP | {"seeds": 5}),
             more_seeds=((1, 10), (5, 10)),
             figures=(
-                "duration", "free-struts", "3", "references", "4", "network-size", "tuning", "little-data",
+                "duration",
+                "free-struts",
+                "3",
+                "references",
+                "4",
+                "network-size",
+                "tuning",
+                "little-data",
                 "corrected-claim",
-            ),  # fmt: skip
+            ),
             references=("least_squares", "corrected_averaged"),
             tuning_minutes=(5,),
             tuning_pool_minutes=60,
@@ -264,7 +343,8 @@ def load_preset(name: str, /, **changes: Any) -> Preset:
     """The preset of that name with some values changed, as `Preset.replace` does it.
 
     Raises:
-        ConfigError: no such preset (naming the nearest), no such value, or one of the wrong type.
+        ConfigError: no such preset (naming the nearest), no such value, or one of the
+            wrong type.
     """
     preset = PRESETS[conform(name, PresetName, "preset")]
     return preset.replace(**changes) if changes else preset

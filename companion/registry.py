@@ -1,7 +1,8 @@
 """All that can be run and shown, by the name that `--figure` takes: grids of trials, studies of records, measurements.
 
-A grid's results are trials (`grids.FIGURES`). A study's are records: its module has `jobs`, `measure` and `records`. A
-measurement is one file: its module has `make`. Modules are imported when they are asked for, since most bring PyTorch.
+A grid's results are trials (`grids.FIGURES`). A study's are records: its module has
+`jobs`, `measure` and `records`. A measurement is one file: its module has `make`.
+Modules are imported when they are asked for, since most bring PyTorch.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ class Recorded(NamedTuple):
     """A study whose results are records."""
 
     name: str  # of the module that makes it
-    collects: tuple[str, ...] = ("collect_preset",)  # functions that simulate what its jobs need
+    #: functions that simulate what its jobs need
+    collects: tuple[str, ...] = ("collect_preset",)
     pairs: tuple[str, ...] = tuple(SYSTEMS)  # that it is about
 
     @property
@@ -38,7 +40,10 @@ class Recorded(NamedTuple):
     @property
     def collect(self) -> list[Callable[[Study, str, Executor], None]]:
         """What simulates motion, each of a study, a pair and an executor."""
-        return [collect_preset if name == "collect_preset" else getattr(self.module, name) for name in self.collects]
+        return [
+            collect_preset if name == "collect_preset" else getattr(self.module, name)
+            for name in self.collects
+        ]
 
 
 class Measured(NamedTuple):
@@ -64,22 +69,30 @@ class Measured(NamedTuple):
         except FileNotFoundError:
             return None
         except Damaged as error:
-            raise ConfigError(f"{path}: damaged ({error}); delete it and make it again") from None
+            raise ConfigError(
+                f"{path}: damaged ({error}); delete it and make it again"
+            ) from None
         return bool(self.kind) and found.get("numerics") != versions(self.kind)
 
 
 _MEASURE = "companion.studies.{}.measure".format
 
 STUDIES = {
-    "latent-space": Recorded(_MEASURE("latent_space"), ("collect_preset", "collect_held_out")),
+    "latent-space": Recorded(
+        _MEASURE("latent_space"), ("collect_preset", "collect_held_out")
+    ),
     "recorded-targets": Recorded(_MEASURE("recorded_targets"), ("collect_proxies",)),
     "driving": Recorded(_MEASURE("driving")),
     "uncertainty": Recorded(_MEASURE("uncertainty")),
-    "several-experts": Recorded(_MEASURE("several_experts"), ("collect_preset", "collect_family")),
-    "real-robots": Recorded(
-        _MEASURE("real_robots"), (), ("husky to warthog", "warthog to husky", "hunter to warthog")
+    "several-experts": Recorded(
+        _MEASURE("several_experts"), ("collect_preset", "collect_family")
     ),
-}  # fmt: skip
+    "real-robots": Recorded(
+        _MEASURE("real_robots"),
+        (),
+        ("husky to warthog", "warthog to husky", "hunter to warthog"),
+    ),
+}
 
 MEASUREMENTS = {
     "gap": Measured("companion.studies.gap", "gap.json", "free_struts"),
@@ -87,7 +100,9 @@ MEASUREMENTS = {
     "payoff": Measured("companion.studies.payoff", "payoff.json", "free_struts"),
     "throughput": Measured("companion.studies.throughput", "pace.json"),
     "coverage": Measured("companion.statistics.coverage", "coverage.json"),
-    "explorer": Measured("companion.explorer.grid", "explorer/rides.json", "free_struts"),
+    "explorer": Measured(
+        "companion.explorer.grid", "explorer/rides.json", "free_struts"
+    ),
 }
 
 #: Every name, in the order of the tables above.
@@ -117,7 +132,14 @@ def collect_preset(study: Study, system: str, executor: Executor) -> None:
     collect_datasets(study.preset, [system], study.data, executor=executor)
 
 
-def run(name: str, preset: Preset, pair: str | None, workers: int, data: str | Path, results: str | Path) -> list[str]:
+def run(
+    name: str,
+    preset: Preset,
+    pair: str | None,
+    workers: int,
+    data: str | Path,
+    results: str | Path,
+) -> list[str]:
     """Simulate and make what a study or a measurement lacks.
 
     Args:
@@ -144,8 +166,12 @@ def run(name: str, preset: Preset, pair: str | None, workers: int, data: str | P
         for one in pairs:
             for collect in found.collect:
                 collect(study, one, pool)
-        study = Study(preset, Path(data), Path(results))  # by the digests that are known now
-        jobs = list(dict.fromkeys(job for one in pairs for job in found.module.jobs(study, one)))  # pairs share some
+        # by the digests that are known now
+        study = Study(preset, Path(data), Path(results))
+        # pairs share some
+        jobs = list(
+            dict.fromkeys(job for one in pairs for job in found.module.jobs(study, one))
+        )
         work = functools.partial(found.module.measure, data=Path(data).absolute())
         records = found.module.records(results)
         records.run(jobs, work, pool, name)
@@ -167,10 +193,14 @@ def overview(
     if name in MEASUREMENTS:
         stale = MEASUREMENTS[name].is_stale(results)
         words = {None: "missing", True: "stored, stale", False: "stored"}[stale]
-        return [f"{Path(results) / MEASUREMENTS[name].file}: {words}"], int(stale is None)
+        return [f"{Path(results) / MEASUREMENTS[name].file}: {words}"], int(
+            stale is None
+        )
     lines, missing, records = [], set(), STUDIES[name].module.records(results)
     for one in pairs_of(name, pair):
-        jobs = list(dict.fromkeys(STUDIES[name].module.jobs(Study(preset, data, results), one)))
+        jobs = list(
+            dict.fromkeys(STUDIES[name].module.jobs(Study(preset, data, results), one))
+        )
         stored = records.stored(jobs)
         stale = sum(record.provenance.stale for record in stored)
         lines.append(f"{one}: stored {len(stored)} of {len(jobs)}  stale {stale}")

@@ -28,7 +28,12 @@ class Study:
         results: the folder of the results.
     """
 
-    def __init__(self, preset: Preset | str, data: str | Path = "data", results: str | Path = "results") -> None:
+    def __init__(
+        self,
+        preset: Preset | str,
+        data: str | Path = "data",
+        results: str | Path = "results",
+    ) -> None:
         """Look the preset up and keep the folders."""
         self.preset = load_preset(preset) if isinstance(preset, str) else preset
         self.data, self.results = Path(data), Path(results)
@@ -46,16 +51,25 @@ class Study:
         """The digests of a system's datasets as Trial names them, UNKNOWN where none is known."""
         if system not in self._digests:
             needed = self.preset.datasets(system)
-            self._digests[system] = {f"{k}_data": find_digest(d, self.data, self.results) for k, d in needed.items()}
+            self._digests[system] = {
+                f"{k}_data": find_digest(d, self.data, self.results)
+                for k, d in needed.items()
+            }
         return self._digests[system]
 
     def trial(
-        self, system: str, method: str, minutes: float, seed: int = 0, training: StudyTraining | None = None
+        self,
+        system: str,
+        method: str,
+        minutes: float,
+        seed: int = 0,
+        training: StudyTraining | None = None,
     ) -> Trial:
         """One trial of the preset's sizes; `training` replaces the method's own.
 
         Raises:
-            ConfigError: an unknown system or method, or more minutes than the pool holds.
+            ConfigError: an unknown system or method, or more minutes than the pool
+                holds.
         """
         find_system(system)
         if method not in METHODS:
@@ -92,9 +106,13 @@ class Study:
         """Trials of every size, seed (the preset's numbers unless given) and method, those of a seed side by side."""
         trials = []
         for minutes in sizes:
-            firsts = [self.trial(system, method, minutes, 0, training) for method in methods]
+            firsts = [
+                self.trial(system, method, minutes, 0, training) for method in methods
+            ]
             count = seeds or self.preset.seeds_at(minutes)
-            trials += [first.replace(seed=seed) for seed in range(count) for first in firsts]
+            trials += [
+                first.replace(seed=seed) for seed in range(count) for first in firsts
+            ]
         return trials
 
     def figure3(self, system: str) -> list[Trial]:
@@ -104,16 +122,29 @@ class Study:
     def references(self, system: str) -> list[Trial]:
         """What stands beside Figure 3: the preset's at every size, and the expert's model, which has no size."""
         return [
-            *self.points(system, self.preset.references, self.preset.novice_minutes(system)),
+            *self.points(
+                system, self.preset.references, self.preset.novice_minutes(system)
+            ),
             *self.points(system, ["expert_only"], self.preset.baseline_minutes[:1]),
         ]
 
     def free_struts(self, system: str) -> list[Trial]:
         """Figure 3's methods and least squares on robots whose struts no motor brakes, as the paper describes them."""
         preset, methods = self.preset, (*FIGURE3, "least_squares")
-        pool = self.of(preset.with_motion("figures", max(preset.free_strut_minutes), preset.validation_minutes))
-        return pool.points(system, methods, preset.free_strut_minutes, seeds=preset.free_strut_seeds)
+        pool = self.of(
+            preset.with_motion(
+                "figures", max(preset.free_strut_minutes), preset.validation_minutes
+            )
+        )
+        return pool.points(
+            system, methods, preset.free_strut_minutes, seeds=preset.free_strut_seeds
+        )
 
     def figure4(self, system: str = "system1") -> list[Trial]:
         """Figure 4: Figure 3's methods with little and with much novice data; the paper's is of system 1."""
-        return self.points(system, FIGURE3, self.preset.figure4_minutes, seeds=self.preset.figure4_seeds)
+        return self.points(
+            system,
+            FIGURE3,
+            self.preset.figure4_minutes,
+            seeds=self.preset.figure4_seeds,
+        )

@@ -11,14 +11,26 @@ from sidm.settings import Training
 
 @config
 class StudyTraining(Training):
-    """Settings of one training run, with what baselines and variants change of the loop."""
+    """Settings of one training run, with what baselines and variants change of the loop.
 
-    matching: Literal["adversary", "mmd", "coral", "reversal"] = "adversary"  # what makes the latents alike: the
-    # paper's Algorithm 2, the same by the maximum mean discrepancy or by moments, or gradient reversal in Algorithm 1
-    reversal_weight: float = 0.1  # of the discriminator's loss in the encoders' gradient, with matching='reversal'
-    tether: float = 0.0  # share of the way back to their start that weights are pulled, a unit of learning rate
-    averaging: float = 0.0  # weight of the past in the average of the weights that is tested and kept; 0: no average
-    mirror: bool = False  # whether left and right of trajectories are exchanged, of each drawn with probability 0.5
+    Attributes:
+        matching: what makes the latents alike: the paper's Algorithm 2, the same by the
+            maximum mean discrepancy or by moments, or gradient reversal in Algorithm 1
+        reversal_weight: of the discriminator's loss in the encoders' gradient, with
+            matching='reversal'
+        tether: share of the way back to their start that weights are pulled, a unit of
+            learning rate
+        averaging: weight of the past in the average of the weights that is tested and
+            kept; 0: no average
+        mirror: whether left and right of trajectories are exchanged, of each drawn with
+            probability 0.5
+    """
+
+    matching: Literal["adversary", "mmd", "coral", "reversal"] = "adversary"
+    reversal_weight: float = 0.1
+    tether: float = 0.0
+    averaging: float = 0.0
+    mirror: bool = False
 
     def __post_init__(self) -> None:
         """Refuse values that no run can have."""
@@ -34,7 +46,11 @@ class StudyTraining(Training):
                 f"StudyTraining.tether must be at most 1 / learning_rate ({1 / self.learning_rate:g}), "
                 f"not {self.tether}"
             )
-        if self.regularise and self.matching == "reversal" and self.system_draw == "iteration":
+        if (
+            self.regularise
+            and self.matching == "reversal"
+            and self.system_draw == "iteration"
+        ):
             raise ConfigError(
                 "StudyTraining.matching='reversal' needs batches of both systems: system_draw='trajectory'"
             )
@@ -50,7 +66,11 @@ class StudyTraining(Training):
     def hooks(self) -> tuple[Any, ...]:
         """What these settings add to the training loop."""
         from companion.beyond.following import PullToStart, WeightAverage
-        from companion.beyond.matching import DISTANCES, DistanceMatching, GradientReversal
+        from companion.beyond.matching import (
+            DISTANCES,
+            DistanceMatching,
+            GradientReversal,
+        )
         from companion.beyond.mirror import Mirroring
 
         found: list[Any] = []

@@ -15,14 +15,16 @@ from sidm.settings import Network
 from sidm.shards import Collection, trajectories_for
 from sidm.systems import find_system
 
-#: Stands for the digest of a dataset that was never collected here nor belongs to a stored result.
+#: Stands for the digest of a dataset that was never collected here nor belongs to a
+#: stored result.
 UNKNOWN = "unknown"
 
 #: Seeds of the collections; each dataset's trajectories are disjoint from the others'.
 POOL_SEED, VALIDATION_SEED, EXPERT_SEED, ROLLOUT_SEED = 0, 1, 2, 3
 
-#: Novice motion by what it serves -> what is added to the seeds of pool, validation and rollouts. What settings are
-#: chosen by is never what a figure is drawn from. The expert's motion serves all.
+#: Novice motion by what it serves -> what is added to the seeds of pool, validation and
+#: rollouts. What settings are chosen by is never what a figure is drawn from. The
+#: expert's motion serves all.
 MOTION = {"figures": 0, "tuning": 10, "claim": 20, "decisive": 30}
 
 
@@ -46,50 +48,93 @@ def datasets(sizes: Any, system: str, pool_minutes: float) -> dict[str, Dataset]
     Their `sizes`, policy and motion are a Trial's or a Preset's.
     """
 
-    def dataset(role: str, seed: int, count: int, policy: str = sizes.policy) -> Dataset:
+    def dataset(
+        role: str, seed: int, count: int, policy: str = sizes.policy
+    ) -> Dataset:
         seed += MOTION[sizes.motion] if role == "novice" else 0
-        return Dataset(collection=Collection(system=system, role=role, policy=policy, seed=seed), count=count)
+        return Dataset(
+            collection=Collection(system=system, role=role, policy=policy, seed=seed),
+            count=count,
+        )
 
     return {
         "novice": dataset("novice", POOL_SEED, trajectories_for(pool_minutes)),
-        "expert": dataset("expert", EXPERT_SEED, trajectories_for(sizes.expert_minutes)),
-        "validation": dataset("novice", VALIDATION_SEED, trajectories_for(sizes.validation_minutes)),
+        "expert": dataset(
+            "expert", EXPERT_SEED, trajectories_for(sizes.expert_minutes)
+        ),
+        "validation": dataset(
+            "novice", VALIDATION_SEED, trajectories_for(sizes.validation_minutes)
+        ),
         "rollout": dataset("novice", ROLLOUT_SEED, sizes.rollouts, policy="held"),
     }
 
 
-#: Values that a trial, its network or trainings did not have from the first, and what they are where it does not say.
+#: Values that a trial, its network or trainings did not have from the first, and what
+#: they are where it does not say.
 LATER = (
-    ("fit", "gradients"), ("motion", "figures"), ("novice_body", None), ("expert_body", None), ("pretrained", "all"),
-    ("validation_trajectories", 64), ("units", "standardised"), ("zero_gradients", False), ("replacement", True),
+    ("fit", "gradients"),
+    ("motion", "figures"),
+    ("novice_body", None),
+    ("expert_body", None),
+    ("pretrained", "all"),
+    ("validation_trajectories", 64),
+    ("units", "standardised"),
+    ("zero_gradients", False),
+    ("replacement", True),
     ("discriminator_draw", "both"),
-)  # fmt: skip
+)
 
 
 @config
 class Trial:
-    """One training run: its method, its data (by digest), its network and its seed."""
+    """One training run: its method, its data (by digest), its network and its seed.
 
-    system: str  # the pair of robots
-    method: str  # a name of `methods.METHODS`; what it means stands in `training`
-    novice_minutes: float  # of motion of the novice, min, train and test together
-    seed: int  # of the novice subset, the initial weights and the batches; pairs the methods
-    pool_minutes: float  # of the novice pool that the subset is drawn from, min
-    expert_minutes: float  # of motion of the expert, min
-    validation_minutes: float  # of motion of the novice that nothing is learnt from, min
-    rollouts: int  # trajectories of the 25-step test
-    policy: str = "ornstein_uhlenbeck"  # that made pool, expert and validation data
-    novice_data: str = UNKNOWN  # digest of the pool
-    expert_data: str = UNKNOWN  # of the expert's motion
-    validation_data: str = UNKNOWN  # of the validation motion
-    rollout_data: str = UNKNOWN  # of the rollouts
-    network: Network = Network()  # sizes of all networks
-    training: StudyTraining = StudyTraining()  # of the method
-    pretraining: StudyTraining | None = None  # on the expert alone, whose weights the novice starts from; none: fresh
-    pretrained: Literal["all", "sidm"] = "all"  # what of those weights it starts from; 'sidm': the shared part alone
-    residual: bool = False  # the pretrained model stays as it is; what is learnt, from fresh weights, corrects it
-    fit: Literal["gradients", "least_squares"] = "gradients"  # the training loop, or weights in closed form
-    motion: Literal["figures", "tuning", "claim", "decisive"] = "figures"  # what the novice's motion serves, of MOTION
+    Attributes:
+        system: the pair of robots
+        method: a name of `methods.METHODS`; what it means stands in `training`
+        novice_minutes: of motion of the novice, min, train and test together
+        seed: of the novice subset, the initial weights and the batches; pairs the
+            methods
+        pool_minutes: of the novice pool that the subset is drawn from, min
+        expert_minutes: of motion of the expert, min
+        validation_minutes: of motion of the novice that nothing is learnt from, min
+        rollouts: trajectories of the 25-step test
+        policy: that made pool, expert and validation data
+        novice_data: digest of the pool
+        expert_data: of the expert's motion
+        validation_data: of the validation motion
+        rollout_data: of the rollouts
+        network: sizes of all networks
+        training: of the method
+        pretraining: on the expert alone, whose weights the novice starts from; none:
+            fresh
+        pretrained: what of those weights it starts from; 'sidm': the shared part alone
+        residual: the pretrained model stays as it is; what is learnt, from fresh
+            weights, corrects it
+        fit: the training loop, or weights in closed form
+        motion: what the novice's motion serves, of MOTION
+    """
+
+    system: str
+    method: str
+    novice_minutes: float
+    seed: int
+    pool_minutes: float
+    expert_minutes: float
+    validation_minutes: float
+    rollouts: int
+    policy: str = "ornstein_uhlenbeck"
+    novice_data: str = UNKNOWN
+    expert_data: str = UNKNOWN
+    validation_data: str = UNKNOWN
+    rollout_data: str = UNKNOWN
+    network: Network = Network()
+    training: StudyTraining = StudyTraining()
+    pretraining: StudyTraining | None = None
+    pretrained: Literal["all", "sidm"] = "all"
+    residual: bool = False
+    fit: Literal["gradients", "least_squares"] = "gradients"
+    motion: Literal["figures", "tuning", "claim", "decisive"] = "figures"
 
     def __post_init__(self) -> None:
         """Refuse a trial that cannot be run."""
@@ -103,19 +148,34 @@ class Trial:
         if self.rollouts < 1:
             raise ConfigError(f"Trial.rollouts must be at least 1, not {self.rollouts}")
         if self.pretraining is not None and self.pretraining.needs_expert:
-            raise ConfigError("Trial.pretraining has the expert in the novice's place: p_expert=0 and regularise=False")
-        if self.pretraining is not None and self.pretrained == "all" and not self.network.alike:
+            raise ConfigError(
+                "Trial.pretraining has the expert in the novice's place: p_expert=0 and regularise=False"
+            )
+        if (
+            self.pretraining is not None
+            and self.pretrained == "all"
+            and not self.network.alike
+        ):
             novice, expert = self.network.body("novice"), self.network.body("expert")
             raise ConfigError(
                 f"{self.method} copies the expert's encoder and decoder, which needs robots of one body; "
                 f"'{novice.name}' is not '{expert.name}'"
             )
         if self.pretrained == "sidm" and (self.pretraining is None or self.residual):
-            raise ConfigError("Trial.pretrained='sidm' goes with a pretraining, and not with residual")
+            raise ConfigError(
+                "Trial.pretrained='sidm' goes with a pretraining, and not with residual"
+            )
         if self.residual and (self.pretraining is None or self.training.needs_expert):
-            raise ConfigError("Trial.residual goes with a pretraining, and with p_expert=0 and regularise=False")
-        if self.solved and (self.training.needs_expert or self.residual != (self.pretraining is not None)):
-            raise ConfigError("Trial.fit='least_squares' stands alone, or is the residual of a pretraining")
+            raise ConfigError(
+                "Trial.residual goes with a pretraining, and with p_expert=0 and regularise=False"
+            )
+        if self.solved and (
+            self.training.needs_expert
+            or self.residual != (self.pretraining is not None)
+        ):
+            raise ConfigError(
+                "Trial.fit='least_squares' stands alone, or is the residual of a pretraining"
+            )
 
     @property
     def datasets(self) -> dict[str, Dataset]:
@@ -139,7 +199,9 @@ class Trial:
 
     def __str__(self) -> str:
         """For messages and progress bars."""
-        return f"{self.system} {self.method} {self.novice_minutes:g} min seed {self.seed}"
+        return (
+            f"{self.system} {self.method} {self.novice_minutes:g} min seed {self.seed}"
+        )
 
     def replace(self, **changes: Any) -> Trial:
         """The same trial with some values changed, checked like a new one."""

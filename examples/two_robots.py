@@ -2,8 +2,9 @@
 
     python examples/two_robots.py --minutes 5 --out two-robots
 
-It simulates a pair, trains a system invariant dynamics model (SIDM) and a model of the novice alone on the same drives,
-evaluates both on drives that neither has seen, and draws where each predicts that the novice goes.
+It simulates a pair, trains a system invariant dynamics model (SIDM) and a model of the
+novice alone on the same drives, evaluates both on drives that neither has seen, and
+draws where each predicts that the novice goes.
 """
 
 from __future__ import annotations
@@ -42,11 +43,33 @@ def draw(models: dict[str, sidm.Model], drive: sidm.Drive, path: Path) -> None:
 def main() -> None:
     """Simulate, train, evaluate, draw."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--minutes", type=float, default=5.0, help="of the novice's motion (%(default)g)")
-    parser.add_argument("--expert-minutes", type=float, default=60.0, help="of the expert's motion (%(default)g)")
-    parser.add_argument("--samples", type=int, default=300_000, help="that each training sees at most (%(default)s)")
-    parser.add_argument("--workers", type=int, default=2, help="processes that simulate (%(default)s)")
-    parser.add_argument("--out", type=Path, default=Path("two-robots"), help="folder of what is made (%(default)s)")
+    parser.add_argument(
+        "--minutes",
+        type=float,
+        default=5.0,
+        help="of the novice's motion (%(default)g)",
+    )
+    parser.add_argument(
+        "--expert-minutes",
+        type=float,
+        default=60.0,
+        help="of the expert's motion (%(default)g)",
+    )
+    parser.add_argument(
+        "--samples",
+        type=int,
+        default=300_000,
+        help="that each training sees at most (%(default)s)",
+    )
+    parser.add_argument(
+        "--workers", type=int, default=2, help="processes that simulate (%(default)s)"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("two-robots"),
+        help="folder of what is made (%(default)s)",
+    )
     given = parser.parse_args()
 
     pair, data = springs_of_your_own(), given.out / "data"
@@ -57,8 +80,17 @@ def main() -> None:
 
     settings = {"max_samples": given.samples}
     models = {
-        "SIDM": sidm.fit(novice, expert, method="sidm", settings=settings, out=given.out / "sidm", progress=True),
-        "novice alone": sidm.fit(novice, settings=settings, out=given.out / "alone", progress=True),
+        "SIDM": sidm.fit(
+            novice,
+            expert,
+            method="sidm",
+            settings=settings,
+            out=given.out / "sidm",
+            progress=True,
+        ),
+        "novice alone": sidm.fit(
+            novice, settings=settings, out=given.out / "alone", progress=True
+        ),
     }
     for name, model in models.items():
         print(f"{name}: loss on unseen drives {model.loss(unseen):.3f}, equation (1)")

@@ -1,7 +1,8 @@
 """Dynamics models of robots that share what they learn: Wang and Johnson, L4DC 2021.
 
-Simulate a pair of robots or read recorded drives, fit a model, ask it and keep it. Each name below is imported when it
-is first used; the parts that it comes from are the reference of the book.
+Simulate a pair of robots or read recorded drives, fit a model, ask it and keep it. Each
+name below is imported when it is first used; the parts that it comes from are the
+reference of the book.
 
 Examples:
     >>> import sidm
@@ -18,20 +19,35 @@ from typing import Any
 
 __version__ = "0.2.0"
 
-#: Public name -> the module that it is imported from when it is first asked for: PyTorch alone takes seconds.
+#: Public name -> the module that it is imported from when it is first asked for:
+#: PyTorch alone takes seconds.
 _MODULES = {
-    "SYSTEMS": "systems", "System": "systems", "Robot": "systems", "Terrain": "systems", "Body": "body",
-    "Drive": "drives", "Ground": "drives", "Model": "fitting.model", "Network": "settings", "Training": "settings",
-    "simulate": "simulation.motion", "read_drives": "recordings.reading", "fit": "fitting.fit",
-    "compare": "fitting.fit", "load": "fitting.model", "train": "learning.training",
-}  # fmt: skip
+    "SYSTEMS": "systems",
+    "System": "systems",
+    "Robot": "systems",
+    "Terrain": "systems",
+    "Body": "body",
+    "Drive": "drives",
+    "Ground": "drives",
+    "Model": "fitting.model",
+    "Network": "settings",
+    "Training": "settings",
+    "simulate": "simulation.motion",
+    "read_drives": "recordings.reading",
+    "fit": "fitting.fit",
+    "compare": "fitting.fit",
+    "load": "fitting.model",
+    "train": "learning.training",
+}
 __all__ = [*_MODULES]  # noqa: PLE0604
 
 
 def __getattr__(name: str) -> Any:
     if name not in _MODULES:
         raise AttributeError(f"module 'sidm' has no attribute '{name}'")
-    value = globals()[name] = getattr(importlib.import_module(f"sidm.{_MODULES[name]}"), name)
+    value = globals()[name] = getattr(
+        importlib.import_module(f"sidm.{_MODULES[name]}"), name
+    )
     return value
 
 

@@ -1,6 +1,7 @@
 """What both command lines share: errors are one line, and the exit status says whose fault they are.
 
-Exit status: 0; 1 when something failed or is still missing; 2 for arguments that cannot be used.
+Exit status: 0; 1 when something failed or is still missing; 2 for arguments that cannot
+be used.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Say what is wrong and where help is, and end with status 2."""
         program = self.prog.split()[0]
-        self.exit(2, f"{program}: {' '.join(message.split())}; see {self.prog} --help\n")
+        self.exit(
+            2, f"{program}: {' '.join(message.split())}; see {self.prog} --help\n"
+        )
 
 
 def adder(parser: argparse.ArgumentParser, names: Sequence[str]) -> Adds:
@@ -39,7 +42,9 @@ def adder(parser: argparse.ArgumentParser, names: Sequence[str]) -> Adds:
     return add
 
 
-def carry_out(parser: argparse.ArgumentParser, words: Sequence[str] | None = None) -> int:
+def carry_out(
+    parser: argparse.ArgumentParser, words: Sequence[str] | None = None
+) -> int:
     """Carry out a command line and return its exit status; errors are one line on stderr."""
     arguments = parser.parse_args(words)
     fail = functools.partial(_fail, parser.prog)
@@ -48,7 +53,10 @@ def carry_out(parser: argparse.ArgumentParser, words: Sequence[str] | None = Non
     except ConfigError as error:
         return fail(error, 2)
     except BrokenExecutor:
-        return fail("a worker was killed (out of memory?); the same command goes on where this one was", 1)
+        return fail(
+            "a worker was killed (out of memory?); the same command goes on where this one was",
+            1,
+        )
     except KeyboardInterrupt:
         return fail("stopped; the same command goes on where this one was", 1)
     except (Fault, OSError, ImportError, RuntimeError) as error:

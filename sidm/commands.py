@@ -15,28 +15,71 @@ _DRIVES = "drives: a file, a ROS bag, or a folder of files"
 
 def add_fitting(command: Adds) -> None:
     """Add what makes and asks a model of your own robot."""
-    fit = command("fit", run_fit, "Learn a robot from recorded drives; can be stopped and goes on.")
+    fit = command(
+        "fit",
+        run_fit,
+        "Learn a robot from recorded drives; can be stopped and goes on.",
+    )
     fit.add_argument("--novice", metavar="PATH", required=True, help=_DRIVES)
-    fit.add_argument("--expert", metavar="PATH", help="drives of another robot, whose motion is cheaper")
-    fit.add_argument("--body", metavar="FILE", required=True, help="what the drives are made of, YAML")
-    fit.add_argument("--expert-body", metavar="FILE", help="the same of the expert's (the novice's unless given)")
-    fit.add_argument("--method", help="sidm, novice_only, ... (sidm with an expert, novice_only without)")
-    fit.add_argument("--seed", type=int, default=0, help="of choice, weights and batches (%(default)s)")
     fit.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE", dest="changes",
+        "--expert",
+        metavar="PATH",
+        help="drives of another robot, whose motion is cheaper",
+    )
+    fit.add_argument(
+        "--body",
+        metavar="FILE",
+        required=True,
+        help="what the drives are made of, YAML",
+    )
+    fit.add_argument(
+        "--expert-body",
+        metavar="FILE",
+        help="the same of the expert's (the novice's unless given)",
+    )
+    fit.add_argument(
+        "--method",
+        help="sidm, novice_only, ... (sidm with an expert, novice_only without)",
+    )
+    fit.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        help="of choice, weights and batches (%(default)s)",
+    )
+    fit.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        dest="changes",
         help="one setting of networks or training, as hidden=64 or p_expert=0.5; may be given again",
-    )  # fmt: skip
+    )
     fit.add_argument("--out", metavar="DIR", required=True, help="folder of the model")
-    evaluate = command("evaluate", run_evaluate, "How well a fitted model predicts other drives, with a figure.")
-    predict = command("predict", run_predict, "What a fitted model predicts of drives, as CSV.")
+    evaluate = command(
+        "evaluate",
+        run_evaluate,
+        "How well a fitted model predicts other drives, with a figure.",
+    )
+    predict = command(
+        "predict", run_predict, "What a fitted model predicts of drives, as CSV."
+    )
     for one in (fit, evaluate, predict):
         words = "topics of ROS bags that are read, where several could be meant (all)"
         one.add_argument("--topics", metavar="NAME", nargs="+", default=[], help=words)
     for one in (evaluate, predict):
-        one.add_argument("model", metavar="MODEL", help="folder of a model that 'sidm fit' made")
+        one.add_argument(
+            "model", metavar="MODEL", help="folder of a model that 'sidm fit' made"
+        )
         one.add_argument("drives", metavar="PATH", help=_DRIVES)
-    evaluate.add_argument("--figure", metavar="FILE", help="of the report (evaluation.png in the model's folder)")
-    predict.add_argument("--out", metavar="FILE", help="where to write (standard output)")
+    evaluate.add_argument(
+        "--figure",
+        metavar="FILE",
+        help="of the report (evaluation.png in the model's folder)",
+    )
+    predict.add_argument(
+        "--out", metavar="FILE", help="where to write (standard output)"
+    )
 
 
 def run_fit(arguments: argparse.Namespace) -> int:
@@ -44,10 +87,17 @@ def run_fit(arguments: argparse.Namespace) -> int:
     from sidm.fitting.fit import fit
 
     model = fit(
-        arguments.novice, arguments.expert, arguments.method, body=arguments.body, expert_body=arguments.expert_body,
-        settings=changes(arguments.changes), seed=arguments.seed, out=arguments.out, topics=arguments.topics,
+        arguments.novice,
+        arguments.expert,
+        arguments.method,
+        body=arguments.body,
+        expert_body=arguments.expert_body,
+        settings=changes(arguments.changes),
+        seed=arguments.seed,
+        out=arguments.out,
+        topics=arguments.topics,
         progress=True,
-    )  # fmt: skip
+    )
     print(
         f"{arguments.out}: {model.method}, from {model.minutes:.2g} min in windows of {model.steps} steps; "
         f"test loss {model.test_loss:.3g}, where predicting the mean costs {model.mean_loss:.3g}"
@@ -64,7 +114,10 @@ def run_evaluate(arguments: argparse.Namespace) -> int:
     try:
         from sidm.fitting.report import figure
     except ImportError:
-        print("note: no figure is drawn without Matplotlib: pip install 'sidm[plots]'", file=sys.stderr)
+        print(
+            "note: no figure is drawn without Matplotlib: pip install 'sidm[plots]'",
+            file=sys.stderr,
+        )
         return 0
     path = Path(arguments.figure or Path(arguments.model) / "evaluation.png")
     try:
@@ -97,20 +150,51 @@ def run_predict(arguments: argparse.Namespace) -> int:
 
 def add_replay(command: Adds) -> None:
     """Add it to a command line."""
-    made = command("replay", run_replay, "Make a page that shows a ride in three dimensions, with nothing to install.")
-    made.add_argument("ride", metavar="PATH", help="a scene that `sidm.replay.write_scene` wrote, or recorded drives")
-    made.add_argument("--html", metavar="FILE", required=True, help="where to write the page")
-    made.add_argument("--body", metavar="FILE", help="what recorded drives are made of, YAML (the paper's robots')")
-    made.add_argument("--drive", type=int, default=0, metavar="N", help="which of the drives, from 0 (%(default)s)")
+    made = command(
+        "replay",
+        run_replay,
+        "Make a page that shows a ride in three dimensions, with nothing to install.",
+    )
+    made.add_argument(
+        "ride",
+        metavar="PATH",
+        help="a scene that `sidm.replay.write_scene` wrote, or recorded drives",
+    )
+    made.add_argument(
+        "--html", metavar="FILE", required=True, help="where to write the page"
+    )
+    made.add_argument(
+        "--body",
+        metavar="FILE",
+        help="what recorded drives are made of, YAML (the paper's robots')",
+    )
+    made.add_argument(
+        "--drive",
+        type=int,
+        default=0,
+        metavar="N",
+        help="which of the drives, from 0 (%(default)s)",
+    )
     words = "what a recorded robot looks like: rover, warthog, husky, or WHEELBASE,TRACK,RADIUS in m"
-    made.add_argument("--shape", metavar="NAME", help=f"{words} (rover for the paper's, else husky)")
+    made.add_argument(
+        "--shape", metavar="NAME", help=f"{words} (rover for the paper's, else husky)"
+    )
     made.add_argument("--title", help="of the page (the file's name)")
 
 
 def add_demo(command: Adds) -> None:
     """Add it to a command line."""
-    made = command("demo", run_demo, "A model of a real robot in half a minute, from drives that come with sidm.")
-    made.add_argument("--out", metavar="DIR", default="sidm-demo", help="folder of what is made (%(default)s)")
+    made = command(
+        "demo",
+        run_demo,
+        "A model of a real robot in half a minute, from drives that come with sidm.",
+    )
+    made.add_argument(
+        "--out",
+        metavar="DIR",
+        default="sidm-demo",
+        help="folder of what is made (%(default)s)",
+    )
 
 
 def run_demo(arguments: argparse.Namespace) -> int:
@@ -118,10 +202,14 @@ def run_demo(arguments: argparse.Namespace) -> int:
     from sidm.demo import run
 
     made = run(arguments.out)
-    print(f"{made.model}, {made.learnt} drives of a Warthog; its errors on {made.judged} others:")
+    print(
+        f"{made.model}, {made.learnt} drives of a Warthog; its errors on {made.judged} others:"
+    )
     print(shown(made.errors))
     print(f"model: {made.page.parent / 'model'}")
-    print(f"replay: {made.page}; open it in a browser: the ghost is where the model says that the robot would be")
+    print(
+        f"replay: {made.page}; open it in a browser: the ghost is where the model says that the robot would be"
+    )
     return 0
 
 
@@ -154,5 +242,7 @@ def _scene(path: Path, arguments: argparse.Namespace) -> Any:
     like = SYSTEMS["system1"].novice if shape == "rover" else find_box(shape)
     drives = read_drives(path, body)
     if not 0 <= arguments.drive < len(drives):
-        raise ConfigError(f"{path}: it has drives 0 to {len(drives) - 1}, not {arguments.drive}")
+        raise ConfigError(
+            f"{path}: it has drives 0 to {len(drives) - 1}, not {arguments.drive}"
+        )
     return drives_scene([drives[arguments.drive]], like)

@@ -57,22 +57,33 @@ def conform(value: Any, kind: Any, name: str) -> Any:
     elif origin is typing.Literal:
         if value in arguments:
             return value
-        raise ConfigError(f"'{name}' must be one of {', '.join(map(repr, arguments))}, not {value!r}; "
-                          f"{hint(str(value), map(str, arguments))}")  # fmt: skip
+        raise ConfigError(
+            f"'{name}' must be one of {', '.join(map(repr, arguments))}, not {value!r}; "
+            f"{hint(str(value), map(str, arguments))}"
+        )
     elif origin is tuple:
         if isinstance(value, (list, tuple)):
             if len(arguments) == 2 and arguments[1] is Ellipsis:
                 part = arguments[0]
-                return tuple(item if type(item) is part else conform(item, part, name) for item in value)
+                return tuple(
+                    item if type(item) is part else conform(item, part, name)
+                    for item in value
+                )
             if len(arguments) == len(value):
-                return tuple(conform(item, part, name) for item, part in zip(value, arguments, strict=True))
+                return tuple(
+                    conform(item, part, name)
+                    for item, part in zip(value, arguments, strict=True)
+                )
     elif origin is list:
         if isinstance(value, (list, tuple)):
             return [conform(item, arguments[0], name) for item in value]
     elif origin is dict:
         if isinstance(value, dict):
             key, item = arguments
-            return {conform(one, key, name): conform(other, item, name) for one, other in value.items()}
+            return {
+                conform(one, key, name): conform(other, item, name)
+                for one, other in value.items()
+            }
     elif kind is float:
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             return float(value)
@@ -82,7 +93,9 @@ def conform(value: Any, kind: Any, name: str) -> Any:
     elif isinstance(kind, type) and isinstance(value, kind):
         return value
     shown = kind.__name__ if isinstance(kind, type) else str(kind)
-    raise ConfigError(f"'{name}' must be {shown}, not {type(value).__name__} ({value!r})")
+    raise ConfigError(
+        f"'{name}' must be {shown}, not {type(value).__name__} ({value!r})"
+    )
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True)
@@ -98,7 +111,8 @@ def config(cls: type[T]) -> type[T]:
             if name not in kinds:
                 raise unknown_name(name, kinds, made.__name__)
         for name, value in values.items():
-            if type(value) is not kinds[name]:  # most are: thousands are read back from files
+            # most are: thousands are read back from files
+            if type(value) is not kinds[name]:
                 values[name] = conform(value, kinds[name], f"{made.__name__}.{name}")
         plain(self, **values)
 
@@ -116,8 +130,16 @@ def _kinds(cls: type) -> dict[str, Any]:
 @functools.cache
 def _nested(cls: type) -> dict[str, type]:
     """Field -> the `config` class that it holds, of `Nested | None` too."""
-    options = ((name, option) for name, kind in _kinds(cls).items() for option in (kind, *typing.get_args(kind)))
-    return {name: option for name, option in options if isinstance(option, type) and dataclasses.is_dataclass(option)}
+    options = (
+        (name, option)
+        for name, kind in _kinds(cls).items()
+        for option in (kind, *typing.get_args(kind))
+    )
+    return {
+        name: option
+        for name, option in options
+        if isinstance(option, type) and dataclasses.is_dataclass(option)
+    }
 
 
 def refuse_nonsense(settings: Any) -> None:
@@ -126,7 +148,9 @@ def refuse_nonsense(settings: Any) -> None:
         for one in value if isinstance(value, tuple) else (value,):
             if isinstance(one, (int, float)) and not abs(one) <= LARGEST:
                 where = f"{type(settings).__name__}.{name}"
-                raise ConfigError(f"{where} must be a number from -{LARGEST:g} to {LARGEST:g}, not {one}")
+                raise ConfigError(
+                    f"{where} must be a number from -{LARGEST:g} to {LARGEST:g}, not {one}"
+                )
 
 
 def refuse_below(settings: Any, least: float, *names: str) -> None:
@@ -134,7 +158,9 @@ def refuse_below(settings: Any, least: float, *names: str) -> None:
     for name in names:
         value = getattr(settings, name)
         if min(value if isinstance(value, tuple) else (value,)) < least:
-            raise ConfigError(f"{type(settings).__name__}.{name} must be at least {least}, not {value}")
+            raise ConfigError(
+                f"{type(settings).__name__}.{name} must be at least {least}, not {value}"
+            )
 
 
 def replace(settings: T, **changes: Any) -> T:
@@ -146,7 +172,9 @@ def from_mapping(cls: type[T], values: Mapping[str, Any]) -> T:
     """An instance of a `config` class from a mapping (as read from YAML), nested classes from nested mappings."""
     nested = _nested(cls)  # type: ignore[arg-type]
     ready = {
-        name: from_mapping(nested[name], value) if name in nested and isinstance(value, Mapping) else value
+        name: from_mapping(nested[name], value)
+        if name in nested and isinstance(value, Mapping)
+        else value
         for name, value in values.items()
     }
     return cls(**ready)
@@ -155,8 +183,14 @@ def from_mapping(cls: type[T], values: Mapping[str, Any]) -> T:
 def to_mapping(settings: Any) -> dict[str, Any]:
     """What `from_mapping` takes again; as `dataclasses.asdict`, without its copies, which nothing frozen needs."""
     cls: Any = type(settings)
-    values, nested = {name: getattr(settings, name) for name in _kinds(cls)}, _nested(cls)
-    return {name: to_mapping(one) if name in nested and one is not None else one for name, one in values.items()}
+    values, nested = (
+        {name: getattr(settings, name) for name in _kinds(cls)},
+        _nested(cls),
+    )
+    return {
+        name: to_mapping(one) if name in nested and one is not None else one
+        for name, one in values.items()
+    }
 
 
 def parsed(text: str, name: str) -> Any:

@@ -11,8 +11,8 @@ index  quantity              unit      frame
 10-12  angular velocity      rad/s     body
 =====  ====================  ========  ==========================
 
-Body frame: x forward, y left, z up, origin at the chassis' centre of mass. An action is (throttle, steering), each in
-[-1, 1]; a control step lasts 0.1 s.
+Body frame: x forward, y left, z up, origin at the chassis' centre of mass. An action is
+(throttle, steering), each in [-1, 1]; a control step lasts 0.1 s.
 """
 
 from __future__ import annotations
@@ -29,11 +29,13 @@ from sidm.systems import Terrain
 
 POSITION, QUATERNION, TWIST = slice(0, 3), slice(3, 7), slice(7, 13)
 STATE_SIZE, ACTION_SIZE = 13, 2
-STEPS = 64  # control steps of a simulated trajectory, and of a window that networks learn from
+#: control steps of a simulated trajectory, and of a window that networks learn from
+STEPS = 64
 CONTROL_STEP = 0.1  # s
 
 PROBES = 8
-SPREAD = (0.618034, 0.754878)  # of a row's and a column's share of the ground to the next probe's: none are in line
+#: of a row's and a column's share of the ground to the next probe's: none are in line
+SPREAD = (0.618034, 0.754878)
 SAME_HEIGHT = 1e-6  # m; processors differ by some 1e-14
 
 
@@ -52,7 +54,9 @@ def yaw_of(quaternions: np.ndarray) -> np.ndarray:
 def tilt_of(quaternions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Pitch, nose down positive, and roll, right side down positive, rad, each (...), of quaternions (..., 4)."""
     x, y, z, w = np.moveaxis(quaternions, -1, 0)
-    return np.arcsin(np.clip(2 * (w * y - z * x), -1, 1)), np.arctan2(2 * (w * x + y * z), 1 - 2 * (x**2 + y**2))
+    return np.arcsin(np.clip(2 * (w * y - z * x), -1, 1)), np.arctan2(
+        2 * (w * x + y * z), 1 - 2 * (x**2 + y**2)
+    )
 
 
 class Ground(NamedTuple):
@@ -61,11 +65,16 @@ class Ground(NamedTuple):
     >>> ground = sidm.Ground(np.zeros((81, 81)), spacing=0.1)  # 8 m by 8 m of flat floor
     >>> ground.centre
     (0.0, 0.0)
+
+    Attributes:
+        heights: (H, W), m, index [y, x]
+        spacing: m, between neighbours of the grid
+        centre: x and y of the grid's middle, m
     """
 
-    heights: np.ndarray  # (H, W), m, index [y, x]
-    spacing: float  # m, between neighbours of the grid
-    centre: tuple[float, float] = (0.0, 0.0)  # x and y of the grid's middle, m
+    heights: np.ndarray
+    spacing: float
+    centre: tuple[float, float] = (0.0, 0.0)
 
 
 class GroundError(Fault):
@@ -77,8 +86,10 @@ class SimulatedGround(NamedTuple):
 
     terrain: Terrain
     seed: int  # generate_terrain(terrain, seed) makes its heights
-    checksum: str  # of the heights' bits where the robot was simulated; a part of a dataset's digest
-    probe: np.ndarray  # (8,) m, `probe` of the heights, by which any machine knows the ground again
+    #: of the heights' bits where the robot was simulated; a part of a dataset's digest
+    checksum: str
+    #: (8,) m, `probe` of the heights, by which any machine knows the ground again
+    probe: np.ndarray
 
     @property
     def heights(self) -> np.ndarray:
@@ -109,14 +120,28 @@ AnyGround = Ground | SimulatedGround
 
 def probe(heights: np.ndarray) -> np.ndarray:
     """Heights (8,), m, at places spread over a ground (H, W)."""
-    rows, columns = ((np.arange(1, PROBES + 1) * step % 1 * size).astype(int)
-                     for step, size in zip(SPREAD, heights.shape, strict=True))  # fmt: skip
+    rows, columns = (
+        (np.arange(1, PROBES + 1) * step % 1 * size).astype(int)
+        for step, size in zip(SPREAD, heights.shape, strict=True)
+    )
     return heights[rows, columns]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Drive:
     """K control steps of one robot, at its body's rate, in SI units.
+
+    Attributes:
+        states: (K + 1, S); the paper's S is 13
+        actions: (K, A); the paper's A is 2
+        body: what states and actions are made of, and how many a second
+        ground: of a body with a height map; positions are relative to its middle
+        name: for messages
+        robot: which robot drove; of a simulated one its system and role
+        session: drives of one session are all for training or all for validation
+        index: number of the drive within a simulated collection
+        discarded: simulated attempts thrown away before this one, a number for each
+            cause
 
     Raises:
         ValueError: states or actions do not have the body's shape.
@@ -126,20 +151,23 @@ class Drive:
         Drive('at rest': 10 steps of 0.1 s, body 'rover')
     """
 
-    states: np.ndarray  # (K + 1, S); the paper's S is 13
-    actions: np.ndarray  # (K, A); the paper's A is 2
-    body: Body = ROVER  # what states and actions are made of, and how many a second
-    ground: AnyGround | None = None  # of a body with a height map; positions are relative to its middle
-    name: str = ""  # for messages
-    robot: str = ""  # which robot drove; of a simulated one its system and role
-    session: str = ""  # drives of one session are all for training or all for validation
-    index: int = 0  # number of the drive within a simulated collection
-    discarded: tuple[int, ...] = ()  # simulated attempts thrown away before this one, a number for each cause
+    states: np.ndarray
+    actions: np.ndarray
+    body: Body = ROVER
+    ground: AnyGround | None = None
+    name: str = ""
+    robot: str = ""
+    session: str = ""
+    index: int = 0
+    discarded: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse arrays that are not of the body."""
         states, actions, body = np.shape(self.states), np.shape(self.actions), self.body
-        wanted = (len(actions) and actions[0] + 1, len(body.state)), (states and states[0] - 1, len(body.actions))
+        wanted = (
+            (len(actions) and actions[0] + 1, len(body.state)),
+            (states and states[0] - 1, len(body.actions)),
+        )
         if (states, actions) != wanted or not actions[0]:
             raise ValueError(
                 f"a drive of body '{body.name}' has states (K + 1, {len(body.state)}) and actions "

@@ -39,7 +39,9 @@ def side_by_side(count: int, columns: int = 0) -> tuple[Figure, list[Axes]]:
     columns = columns or count
     rows = -(-count // columns)
     size = (1 + 4.2 * columns, 3.8 * rows)
-    figure, axes = plt.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained")
+    figure, axes = plt.subplots(
+        rows, columns, figsize=size, squeeze=False, layout="constrained"
+    )
     return figure, list(axes.flat)
 
 
@@ -57,7 +59,14 @@ def finish(axes: Axes, minutes: Iterable[float] = (), legend: bool = True) -> No
     from matplotlib.ticker import FormatStrFormatter, LogLocator
 
     if not axes.has_data():
-        axes.text(0.5, 0.5, "no trials stored", ha="center", va="center", transform=axes.transAxes)
+        axes.text(
+            0.5,
+            0.5,
+            "no trials stored",
+            ha="center",
+            va="center",
+            transform=axes.transAxes,
+        )
         axes.set(xticks=[], yticks=[])
         axes.minorticks_off()
         return

@@ -13,7 +13,8 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 
 def _die_with_parent() -> None:
     """Initialiser of a local worker: end silently on Ctrl-C, and when the parent is gone."""
-    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # as where the parent runs in the background
+    # as where the parent runs in the background
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     parent = multiprocessing.parent_process()
 
@@ -29,7 +30,9 @@ def _die_with_parent() -> None:
 def local_pool(workers: int) -> Iterator[Executor]:
     """Fresh processes (spawn), which are ended when the block is left by an error or Ctrl-C."""
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_die_with_parent)
+    pool = ProcessPoolExecutor(
+        workers, mp_context=context, initializer=_die_with_parent
+    )
     try:
         yield pool
     except BaseException:

@@ -34,16 +34,24 @@ class LogBar(tqdm):
     def close(self) -> None:
         """Say once more where it is, if it is at its end and has said something before."""
         if not self.disable:
-            if self.start_t < self.last_print_t and self.last_print_n < self.n == self.total:
+            if (
+                self.start_t < self.last_print_t
+                and self.last_print_n < self.n == self.total
+            ):
                 self.display()
-            self.last_print_t = self.start_t - 1  # as one that has shown nothing, which tqdm leaves alone
+            # as one that has shown nothing, which tqdm leaves alone
+            self.last_print_t = self.start_t - 1
         super().close()
 
 
 Bar: TypeAlias = tqdm
 
 
-def progress_bar(total: int, title: str, unit: str, shown: bool = True, scaled: bool = False) -> Bar:
+def progress_bar(
+    total: int, title: str, unit: str, shown: bool = True, scaled: bool = False
+) -> Bar:
     """A bar that counts to `total` on stderr: `tqdm` on a terminal, lines elsewhere; `scaled` writes k and M."""
     kind = tqdm if sys.stderr.isatty() else LogBar
-    return kind(total=total, desc=title, unit=unit, unit_scale=scaled, disable=not shown)
+    return kind(
+        total=total, desc=title, unit=unit, unit_scale=scaled, disable=not shown
+    )

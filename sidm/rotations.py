@@ -1,7 +1,8 @@
 """Quaternions and headings as pure functions on tensors.
 
-A quaternion is (..., 4), unit length, in the order x, y, z, w, and turns vectors of the body frame into the world
-frame. Vectors are (..., 3). Leading dimensions broadcast; results have the inputs' type and device.
+A quaternion is (..., 4), unit length, in the order x, y, z, w, and turns vectors of the
+body frame into the world frame. Vectors are (..., 3). Leading dimensions broadcast;
+results have the inputs' type and device.
 """
 
 from __future__ import annotations
@@ -27,7 +28,9 @@ def normalise(q: Tensor) -> Tensor:
     """`q` (..., 4) at unit length; the zero quaternion, which is no rotation at all, becomes the identity."""
     length = q.norm(dim=-1, keepdim=True)
     identity = torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=q.dtype, device=q.device)
-    return torch.where(length > 0, q / length.clamp_min(torch.finfo(q.dtype).tiny), identity)
+    return torch.where(
+        length > 0, q / length.clamp_min(torch.finfo(q.dtype).tiny), identity
+    )
 
 
 def canonical(q: Tensor) -> Tensor:
@@ -67,7 +70,9 @@ def wrap(angle: Tensor) -> Tensor:
 def turn(v: Tensor, angle: Tensor) -> Tensor:
     """Vectors `v` (..., 2) of the plane, turned to the left by `angle` (...), rad."""
     cos, sin = torch.cos(angle), torch.sin(angle)
-    return torch.stack([cos * v[..., 0] - sin * v[..., 1], sin * v[..., 0] + cos * v[..., 1]], dim=-1)
+    return torch.stack(
+        [cos * v[..., 0] - sin * v[..., 1], sin * v[..., 0] + cos * v[..., 1]], dim=-1
+    )
 
 
 def _cross(u: Tensor, v: Tensor) -> Tensor:

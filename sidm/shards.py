@@ -26,13 +26,20 @@ class ShardError(Fault):
 
 
 #: Members of a shard that are no arrays of floats, and their types on disk.
-TYPES: dict[str, Any] = {"index": np.int64, "terrain_seed": np.uint64, "terrain_checksum": "U16", "discarded": np.int64}
+TYPES: dict[str, Any] = {
+    "index": np.int64,
+    "terrain_seed": np.uint64,
+    "terrain_checksum": "U16",
+    "discarded": np.int64,
+}
 
 
 def simulated_ground(drive: Drive) -> SimulatedGround:
     """The ground of a simulated drive; ValueError for one that was recorded."""
     if not isinstance(drive.ground, SimulatedGround):
-        raise ValueError(f"{drive.name or 'the drive'} was not simulated: its ground has no seed")
+        raise ValueError(
+            f"{drive.name or 'the drive'} was not simulated: its ground has no seed"
+        )
     return drive.ground
 
 
@@ -59,7 +66,10 @@ def write_shard(path: Path, drives: Sequence[Drive]) -> None:
         "terrain_probe": [ground.probe for ground in grounds],
         "discarded": [drive.discarded for drive in drives],
     }
-    write_arrays(path, {name: np.array(column, TYPES.get(name)) for name, column in columns.items()})
+    write_arrays(
+        path,
+        {name: np.array(column, TYPES.get(name)) for name, column in columns.items()},
+    )
 
 
 def read_shard(path: Path, terrain: Terrain, robot: str = "") -> list[Drive]:
@@ -73,20 +83,42 @@ def read_shard(path: Path, terrain: Terrain, robot: str = "") -> list[Drive]:
         _check_shapes(columns)
         plain = {name: columns[name].tolist() for name in TYPES}
     except FileNotFoundError:
-        raise ShardError(f"{path}: the shard is missing; collect again to make it") from None
+        raise ShardError(
+            f"{path}: the shard is missing; collect again to make it"
+        ) from None
     except (ValueError, KeyError, TypeError) as error:
-        raise ShardError(f"{path}: the shard is damaged ({error}); delete it and collect again") from None
-    seeds, checksums, probes = plain["terrain_seed"], plain["terrain_checksum"], columns["terrain_probe"]
-    grounds = [SimulatedGround(terrain, *own) for own in zip(seeds, checksums, probes, strict=True)]
+        raise ShardError(
+            f"{path}: the shard is damaged ({error}); delete it and collect again"
+        ) from None
+    seeds, checksums, probes = (
+        plain["terrain_seed"],
+        plain["terrain_checksum"],
+        columns["terrain_probe"],
+    )
+    grounds = [
+        SimulatedGround(terrain, *own)
+        for own in zip(seeds, checksums, probes, strict=True)
+    ]
     return [
-        simulated_drive(robot, index, columns["states"][number], columns["actions"][number], grounds[number],
-                        tuple(plain["discarded"][number]))
+        simulated_drive(
+            robot,
+            index,
+            columns["states"][number],
+            columns["actions"][number],
+            grounds[number],
+            tuple(plain["discarded"][number]),
+        )
         for number, index in enumerate(plain["index"])
-    ]  # fmt: skip
+    ]
 
 
 def simulated_drive(
-    robot: str, index: int, states: np.ndarray, actions: np.ndarray, ground: SimulatedGround, discarded: tuple = ()
+    robot: str,
+    index: int,
+    states: np.ndarray,
+    actions: np.ndarray,
+    ground: SimulatedGround,
+    discarded: tuple = (),
 ) -> Drive:
     """Drive `index` of a simulated robot of this name; each is a session of its own."""
     name = f"{robot} {index}".strip()
@@ -97,10 +129,14 @@ def _check_shapes(columns: Mapping[str, np.ndarray]) -> None:
     """ValueError or KeyError unless a shard's columns belong together."""
     count, steps = columns["actions"].shape[:2]
     wanted = {
-        "index": (count,), "states": (count, steps + 1, STATE_SIZE), "actions": (count, steps, ACTION_SIZE),
-        "terrain_seed": (count,), "terrain_checksum": (count,), "terrain_probe": (count, PROBES),
+        "index": (count,),
+        "states": (count, steps + 1, STATE_SIZE),
+        "actions": (count, steps, ACTION_SIZE),
+        "terrain_seed": (count,),
+        "terrain_checksum": (count,),
+        "terrain_probe": (count, PROBES),
         "discarded": (count, len(DISCARDS)),
-    }  # fmt: skip
+    }
     for name, shape in wanted.items():
         if columns[name].shape != shape:
             raise ValueError(f"{name} has shape {columns[name].shape}, not {shape}")
@@ -118,13 +154,16 @@ class Collection:
     system: str
     role: str
     policy: str = "ornstein_uhlenbeck"
-    seed: int = 0  # disjoint for the novice pool, the validation set and the expert's data
+    #: disjoint for the novice pool, the validation set and the expert's data
+    seed: int = 0
 
     def __post_init__(self) -> None:
         """Refuse names that would lead out of the data folder."""
         for name in ("system", "role", "policy"):
             if not getattr(self, name).isidentifier():
-                raise ConfigError(f"Collection.{name} must be a plain name, not {getattr(self, name)!r}")
+                raise ConfigError(
+                    f"Collection.{name} must be a plain name, not {getattr(self, name)!r}"
+                )
         if self.seed < 0:
             raise ConfigError(f"Collection.seed must not be negative, not {self.seed}")
 
@@ -137,22 +176,34 @@ class Collection:
         return self.folder(root) / f"shard-{number:05d}.npz"
 
 
-def load(root: Path, collection: Collection, count: int, terrain: Terrain | None = None) -> list[Drive]:
+def load(
+    root: Path, collection: Collection, count: int, terrain: Terrain | None = None
+) -> list[Drive]:
     """The first `count` drives of a collection.
 
     Args:
         root: the data folder.
         collection: what is loaded.
         count: drives.
-        terrain: the kind of ground; by default that of the system of the collection's name.
+        terrain: the kind of ground; by default that of the system of the collection's
+            name.
 
     Raises:
         ConfigError: no system of that name is known.
         ShardError: the first shard that is missing or damaged.
     """
     terrain = find_system(collection.system).terrain if terrain is None else terrain
-    shards, robot = range(-(-count // SHARD_SIZE)), f"{collection.system} {collection.role}"
-    drives = [drive for number in shards for drive in read_shard(collection.shard(root, number), terrain, robot)]
+    shards, robot = (
+        range(-(-count // SHARD_SIZE)),
+        f"{collection.system} {collection.role}",
+    )
+    drives = [
+        drive
+        for number in shards
+        for drive in read_shard(collection.shard(root, number), terrain, robot)
+    ]
     if [drive.index for drive in drives] != list(range(len(drives))):
-        raise ShardError(f"{collection.folder(root)}: shards out of order; delete the folder and collect again")
+        raise ShardError(
+            f"{collection.folder(root)}: shards out of order; delete the folder and collect again"
+        )
     return drives[:count]

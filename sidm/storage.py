@@ -1,7 +1,8 @@
 """Files that are there whole or not at all, and that show when a byte of them has changed. No pickle.
 
-Arrays lie in an .npz archive whose comment is the SHA-256 of everything before it; any reader of .npz reads them.
-Records are JSON whose last value is such a checksum of the text before it.
+Arrays lie in an .npz archive whose comment is the SHA-256 of everything before it; any
+reader of .npz reads them. Records are JSON whose last value is such a checksum of the
+text before it.
 """
 
 from __future__ import annotations
@@ -40,7 +41,8 @@ def write_atomically(path: Path, write: Callable[[IO[bytes]], object]) -> None:
     """Call `write(file)` on a new file beside `path`, force it to disk and move it into place.
 
     Raises:
-        OSError: it cannot be written, as on a full disk; one line that names `path`. What was there before stays.
+        OSError: it cannot be written, as on a full disk; one line that names `path`.
+            What was there before stays.
     """
     part = None
     try:
@@ -53,7 +55,9 @@ def write_atomically(path: Path, write: Callable[[IO[bytes]], object]) -> None:
         os.replace(part, path)
         _sync_folder(path.parent)
     except OSError as error:
-        raise OSError(f"{path}: cannot be written ({error.strerror or error})") from error
+        raise OSError(
+            f"{path}: cannot be written ({error.strerror or error})"
+        ) from error
     finally:
         if part is not None:
             with contextlib.suppress(FileNotFoundError):
@@ -99,8 +103,15 @@ def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     """Write named arrays as one sealed .npz file."""
     archive = io.BytesIO()
     np.savez(archive, allow_pickle=False, **arrays)  # type: ignore[arg-type]
-    body = archive.getvalue()[:-2] + SEAL.to_bytes(2, "little")  # the comment's length ends the archive
-    write_atomically(path, lambda file: (file.write(body), file.write(hashlib.sha256(body).hexdigest().encode())))
+    # the comment's length ends the archive
+    body = archive.getvalue()[:-2] + SEAL.to_bytes(2, "little")
+    write_atomically(
+        path,
+        lambda file: (
+            file.write(body),
+            file.write(hashlib.sha256(body).hexdigest().encode()),
+        ),
+    )
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
@@ -115,13 +126,25 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
         raise Damaged("its checksum does not match")
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            if any(member.compress_type != zipfile.ZIP_STORED for member in archive.infolist()):
+            if any(
+                member.compress_type != zipfile.ZIP_STORED
+                for member in archive.infolist()
+            ):
                 raise Damaged("compressed")
         with np.load(io.BytesIO(content), allow_pickle=False) as data:
             arrays = {name: data[name] for name in data.files}
-    except (ValueError, KeyError, EOFError, MemoryError, OSError, zipfile.BadZipFile, NotImplementedError) as error:
+    except (
+        ValueError,
+        KeyError,
+        EOFError,
+        MemoryError,
+        OSError,
+        zipfile.BadZipFile,
+        NotImplementedError,
+    ) as error:
         raise Damaged(first_line(error)) from None
-    if not all(isinstance(array, np.ndarray) for array in arrays.values()):  # NumPy gives other members as bytes
+    # NumPy gives other members as bytes
+    if not all(isinstance(array, np.ndarray) for array in arrays.values()):
         raise Damaged("it holds something else than arrays")
     return arrays
 
@@ -132,7 +155,10 @@ def write_record(path: Path, values: Mapping[str, Any]) -> None:
     Raises:
         ValueError: a number is not finite.
     """
-    lines = (f"{json.dumps(name)}: {json.dumps(value, allow_nan=False)}" for name, value in values.items())
+    lines = (
+        f"{json.dumps(name)}: {json.dumps(value, allow_nan=False)}"
+        for name, value in values.items()
+    )
     body = "{\n" + ",\n".join(lines)
     text = f'{body}{MARK}{hashlib.sha256(body.encode()).hexdigest()[:16]}"\n}}\n'
     write_atomically(path, lambda file: file.write(text.encode()))

@@ -1,7 +1,7 @@
 """The robots, their terrain and the physics they live in: the paper's two systems as frozen dataclasses.
 
-The values are those of the authors' released simulation parameters (footnote 1 of the paper); the ratios between
-novice and expert are the paper's (section 5).
+The values are those of the authors' released simulation parameters (footnote 1 of the
+paper); the ratios between novice and expert are the paper's (section 5).
 
 Examples:
     >>> sidm.SYSTEMS["system1"].novice.spring  # N/m
@@ -20,6 +20,18 @@ from sidm.config import ConfigError, config, refuse_nonsense
 class Robot:
     """What distinguishes one robot from another; what is the same for all is in `simulation.dimensions`.
 
+    Attributes:
+        throttle_scale: wheel speed at full throttle, rad/s
+        steering_scale: kingpin angle at full steering, rad
+        spring_offset: the spring's rest position on the strut's travel, m, compression
+            positive
+        travel_lower: the strut's longest extension, m (negative)
+        travel_upper: the strut's deepest compression, m
+        damping: of each strut, N s/m
+        spring: stiffness of each strut, N/m
+        friction: Coulomb coefficient of the tyres
+        mass_scale: on mass and inertia of every part but the chassis
+
     Raises:
         ConfigError: an unknown name, a wrong type, or values that make no robot.
 
@@ -29,15 +41,15 @@ class Robot:
         (500.0, 100.0)
     """
 
-    throttle_scale: float  # wheel speed at full throttle, rad/s
-    steering_scale: float  # kingpin angle at full steering, rad
-    spring_offset: float  # the spring's rest position on the strut's travel, m, compression positive
-    travel_lower: float  # the strut's longest extension, m (negative)
-    travel_upper: float  # the strut's deepest compression, m
-    damping: float  # of each strut, N s/m
-    spring: float  # stiffness of each strut, N/m
-    friction: float  # Coulomb coefficient of the tyres
-    mass_scale: float = 1.0  # on mass and inertia of every part but the chassis
+    throttle_scale: float
+    steering_scale: float
+    spring_offset: float
+    travel_lower: float
+    travel_upper: float
+    damping: float
+    spring: float
+    friction: float
+    mass_scale: float = 1.0
 
     def __post_init__(self) -> None:
         """Refuse a robot that cannot be built."""
@@ -47,8 +59,12 @@ class Robot:
                 f"Robot.travel_lower must be below travel_upper, not {self.travel_lower} and {self.travel_upper}"
             )
         for name in ("damping", "spring", "friction", "mass_scale"):
-            if getattr(self, name) < 0 or (name == "mass_scale" and self.mass_scale == 0):
-                raise ConfigError(f"Robot.{name} must be positive, not {getattr(self, name)}")
+            if getattr(self, name) < 0 or (
+                name == "mass_scale" and self.mass_scale == 0
+            ):
+                raise ConfigError(
+                    f"Robot.{name} must be positive, not {getattr(self, name)}"
+                )
 
     def replace(self, **changes: float) -> Robot:
         """The same robot with some values changed, checked like a new one."""
@@ -62,31 +78,48 @@ GRID_SPACING = 0.1  # m, of the ground's heights in the simulator
 class Terrain:
     """Random rocky ground: Voronoi steps of random height, smoothed, with finer noise and a flat start (section 5).
 
+    Attributes:
+        cell_height_scale: amplitude of the cells' Perlin heights, m
+        size: grid points a side
+        spacing: between grid points, m
+        cells_per_area: mean density of cell centres, 1/m^2
+        cell_frequency: of the Perlin noise that gives the cells' heights, 1/m
+        start_cell_radius: centres nearer to the origin than this are replaced by one at
+            the origin, m
+        smoothing: standard deviation of the Gaussian filter, grid cells
+        noise_height_scale: amplitude of the fine Perlin noise, m
+        noise_frequency: of the fine Perlin noise, 1/m
+        flat_radius: of the level disc at the origin, m
+        blend: width of the ring around the disc that leads back to the rough ground, m
+
     Raises:
-        ConfigError: an unknown name, a wrong type, or a spacing that the simulator does not have.
+        ConfigError: an unknown name, a wrong type, or a spacing that the simulator does
+            not have.
 
     Examples:
         >>> sidm.Terrain(cell_height_scale=0.4).half_width  # m
         14.95...
     """
 
-    cell_height_scale: float  # amplitude of the cells' Perlin heights, m
-    size: int = 300  # grid points a side
-    spacing: float = GRID_SPACING  # between grid points, m
-    cells_per_area: float = 1.0  # mean density of cell centres, 1/m^2
-    cell_frequency: float = 5.0  # of the Perlin noise that gives the cells' heights, 1/m
-    start_cell_radius: float = 2.0  # centres nearer to the origin than this are replaced by one at the origin, m
-    smoothing: float = 0.7  # standard deviation of the Gaussian filter, grid cells
-    noise_height_scale: float = 0.1  # amplitude of the fine Perlin noise, m
-    noise_frequency: float = 2.5  # of the fine Perlin noise, 1/m
-    flat_radius: float = 1.0  # of the level disc at the origin, m
-    blend: float = 0.5  # width of the ring around the disc that leads back to the rough ground, m
+    cell_height_scale: float
+    size: int = 300
+    spacing: float = GRID_SPACING
+    cells_per_area: float = 1.0
+    cell_frequency: float = 5.0
+    start_cell_radius: float = 2.0
+    smoothing: float = 0.7
+    noise_height_scale: float = 0.1
+    noise_frequency: float = 2.5
+    flat_radius: float = 1.0
+    blend: float = 0.5
 
     def __post_init__(self) -> None:
         """Refuse ground that cannot be built."""
         refuse_nonsense(self)
         if self.spacing != GRID_SPACING:
-            raise ConfigError(f"Terrain.spacing must be {GRID_SPACING}, as in the simulator, not {self.spacing}")
+            raise ConfigError(
+                f"Terrain.spacing must be {GRID_SPACING}, as in the simulator, not {self.spacing}"
+            )
 
     @property
     def half_width(self) -> float:
@@ -98,32 +131,40 @@ class Terrain:
 class Physics:
     """Constants of the rigid-body simulation, shared by all robots: the released simulator's, but for the solver's.
 
-    Changed one at a time against trajectories of the released mechanism: twice the `time_step` makes stiff struts and
-    contacts another robot altogether, a tenth of the `contact_damping` lets it bounce and part about four times as far,
-    a fifth of the `damping` (Bullet's drag) about twice as far. A third of the `contact_stiffness`, a tenth of the
-    `contact_margin`, no `contact_slop`, 10 `solver_iterations` or 100 are hardly seen.
+    Changed one at a time against trajectories of the released mechanism: twice the
+    `time_step` makes stiff struts and contacts another robot altogether, a tenth of the
+    `contact_damping` lets it bounce and part about four times as far, a fifth of the
+    `damping` (Bullet's drag) about twice as far. A third of the `contact_stiffness`, a
+    tenth of the `contact_margin`, no `contact_slop`, 10 `solver_iterations` or 100 are
+    hardly seen.
 
-    `kingpin_stop` and `strut_motors` are in no table of the released robot: its recorded motion shows them. At full
-    steering every robot turns as with 0.5 rad, and its struts move as if braked (`sidm.simulation.suspension`).
+    `kingpin_stop` and `strut_motors` are in no table of the released robot: its
+    recorded motion shows them. At full steering every robot turns as with 0.5 rad, and
+    its struts move as if braked (`sidm.simulation.suspension`).
     """
 
     time_step: float = 1 / 500  # s
     steps_per_control: int = 50  # physics steps in one control step of 0.1 s
     gravity: float = 10.0  # m/s^2, downward
     solver_iterations: int = 50  # at most, of the constraint solver, a physics step
-    solver_residual: float = 1e-4  # squared velocity error at which the solver stops earlier; saves 4 % of the time
+    #: squared velocity error at which the solver stops earlier; saves 4 % of the time
+    solver_residual: float = 1e-4
     damping: float = 0.2  # linear and angular drag of every link, as Bullet defines it
     contact_threshold: float = 1e-4  # breaking threshold of contacts, m
     contact_slop: float = 1e-4  # penetration that the solver leaves alone, m
     contact_margin: float = 0.01  # collision margin around the terrain, m
     contact_stiffness: float = 30_000.0  # of the terrain, N/m
     contact_damping: float = 1_000.0  # of the terrain, N s/m
-    ground_friction: float = 0.5  # Coulomb coefficient of the terrain; Bullet multiplies it with the tyre's
+    #: Coulomb coefficient of the terrain; Bullet multiplies it with the tyre's
+    ground_friction: float = 0.5
     wheel_torque: float = 10.0  # at most, a wheel, N m
     steering_rate: float = 10.0  # at most, a kingpin, rad/s
-    kingpin_stop: float = 0.5  # whatever the steering scale, the front wheels turn no farther, rad
-    strut_motors: bool = True  # the struts braked as in the released simulator; without, see FREE_PHYSICS
-    drop_height: float = 0.3  # of the body's origin above the highest ground within 1 m at the start, m
+    #: whatever the steering scale, the front wheels turn no farther, rad
+    kingpin_stop: float = 0.5
+    #: the struts braked as in the released simulator; without, see FREE_PHYSICS
+    strut_motors: bool = True
+    #: of the body's origin above the highest ground within 1 m at the start, m
+    drop_height: float = 0.3
     settling_time: float = 0.5  # before a trajectory begins, s
 
     def __post_init__(self) -> None:
@@ -134,6 +175,10 @@ class Physics:
 @config
 class System:
     """A pair of similar robots and the ground they drive on.
+
+    Attributes:
+        novice: the target, whose data are dear
+        expert: the proxy, whose data are cheap
 
     Raises:
         ConfigError: an unknown name or a wrong type.
@@ -146,8 +191,8 @@ class System:
     """
 
     name: str
-    novice: Robot  # the target, whose data are dear
-    expert: Robot  # the proxy, whose data are cheap
+    novice: Robot
+    expert: Robot
     terrain: Terrain
     physics: Physics = Physics()
 
@@ -164,47 +209,81 @@ SYSTEMS = {
     "system1": System(  # similar dynamics: spring 5 x, damping 2 x, equal travel
         name="system1",
         novice=Robot(
-            throttle_scale=30.0, steering_scale=0.5, spring_offset=-0.001, travel_lower=-0.02, travel_upper=0.0,
-            damping=100.0, spring=50_000.0, friction=1.25,
+            throttle_scale=30.0,
+            steering_scale=0.5,
+            spring_offset=-0.001,
+            travel_lower=-0.02,
+            travel_upper=0.0,
+            damping=100.0,
+            spring=50_000.0,
+            friction=1.25,
         ),
         expert=Robot(
-            throttle_scale=60.0, steering_scale=0.8, spring_offset=-0.002, travel_lower=-0.02, travel_upper=0.0,
-            damping=50.0, spring=10_000.0, friction=1.0, mass_scale=1.5,
+            throttle_scale=60.0,
+            steering_scale=0.8,
+            spring_offset=-0.002,
+            travel_lower=-0.02,
+            travel_upper=0.0,
+            damping=50.0,
+            spring=10_000.0,
+            friction=1.0,
+            mass_scale=1.5,
         ),
         terrain=Terrain(cell_height_scale=0.35),
     ),
-    "system2": System(  # unlike dynamics: spring 667 x, damping 100 x, 1.5 x less travel
+    # unlike dynamics: spring 667 x, damping 100 x, 1.5 x less travel
+    "system2": System(
         name="system2",
         novice=Robot(
-            throttle_scale=30.0, steering_scale=0.5, spring_offset=0.0, travel_lower=-0.01, travel_upper=0.003,
-            damping=100.0, spring=50_000.0, friction=1.0,
+            throttle_scale=30.0,
+            steering_scale=0.5,
+            spring_offset=0.0,
+            travel_lower=-0.01,
+            travel_upper=0.003,
+            damping=100.0,
+            spring=50_000.0,
+            friction=1.0,
         ),
         expert=Robot(
-            throttle_scale=40.0, steering_scale=0.75, spring_offset=-0.002, travel_lower=-0.02, travel_upper=0.0,
-            damping=1.0, spring=75.0, friction=1.25, mass_scale=1.5,
+            throttle_scale=40.0,
+            steering_scale=0.75,
+            spring_offset=-0.002,
+            travel_lower=-0.02,
+            travel_upper=0.0,
+            damping=1.0,
+            spring=75.0,
+            friction=1.25,
+            mass_scale=1.5,
         ),
         terrain=Terrain(cell_height_scale=0.9),
     ),
 }
 
-FREE_STRUTS = "_free_struts"  # ends the names of the systems whose struts no motor brakes
+#: ends the names of the systems whose struts no motor brakes
+FREE_STRUTS = "_free_struts"
 
-#: Of robots whose struts no motor brakes. A chassis on stiff springs rings in steps of 2 ms, by 20 rad/s and more in
-#: pitch; in steps of 1 ms its velocities peak no higher than in steps of 0.5 ms.
+#: Of robots whose struts no motor brakes. A chassis on stiff springs rings in steps of
+#: 2 ms, by 20 rad/s and more in pitch; in steps of 1 ms its velocities peak no higher
+#: than in steps of 0.5 ms.
 FREE_PHYSICS = Physics(time_step=1 / 1000, steps_per_control=100, strut_motors=False)
 
-# The same robots as the paper describes them, springs and dampers alone; of the presets that name them.
+# The same robots as the paper describes them, springs and dampers alone; of the presets
+# that name them.
 FREE_SYSTEMS = {
     name + FREE_STRUTS: System(
-        name=name + FREE_STRUTS, novice=system.novice, expert=system.expert, terrain=system.terrain,
+        name=name + FREE_STRUTS,
+        novice=system.novice,
+        expert=system.expert,
+        terrain=system.terrain,
         physics=FREE_PHYSICS,
     )
     for name, system in SYSTEMS.items()
-}  # fmt: skip
+}
 
 FAMILY_SEED = 5  # of the robots drawn
 
-# Ranges that hold the paper's four robots, drawn from evenly in the logarithm or, where they reach 0, in the number.
+# Ranges that hold the paper's four robots, drawn from evenly in the logarithm or, where
+# they reach 0, in the number.
 LOGARITHMIC = {
     "throttle_scale": (30.0, 60.0),
     "steering_scale": (0.5, 0.8),
@@ -213,22 +292,30 @@ LOGARITHMIC = {
     "friction": (1.0, 1.25),
     "mass_scale": (1.0, 1.5),
 }
-LINEAR = {"spring_offset": (-0.002, 0.0), "travel_lower": (-0.02, -0.01), "travel_upper": (0.0, 0.003)}
+LINEAR = {
+    "spring_offset": (-0.002, 0.0),
+    "travel_lower": (-0.02, -0.01),
+    "travel_upper": (0.0, 0.003),
+}
 
 
 def member(number: int) -> Robot:
     """Robot `number` of the family."""
     import numpy as np  # which listing trials does without
 
-    rng = np.random.default_rng(np.random.SeedSequence(FAMILY_SEED, spawn_key=(number,)))
+    rng = np.random.default_rng(
+        np.random.SeedSequence(FAMILY_SEED, spawn_key=(number,))
+    )
     values = {
-        name: math.exp(rng.uniform(math.log(low), math.log(high))) for name, (low, high) in LOGARITHMIC.items()
+        name: math.exp(rng.uniform(math.log(low), math.log(high)))
+        for name, (low, high) in LOGARITHMIC.items()
     }
     values |= {name: rng.uniform(low, high) for name, (low, high) in LINEAR.items()}
     return Robot(**{name: float(f"{value:.4g}") for name, value in values.items()})
 
 
-# Pairs of the family that nothing was tuned on: numbers of novice and expert, and whose ground they drive on.
+# Pairs of the family that nothing was tuned on: numbers of novice and expert, and whose
+# ground they drive on.
 FAMILY_PAIRS = {"family20_21": (20, 21, "system1"), "family22_23": (22, 23, "system2")}
 
 
@@ -242,8 +329,15 @@ def find_system(name: str) -> System:
     if name in FAMILY_PAIRS:
         novice, expert, ground = FAMILY_PAIRS[name]
         paper = SYSTEMS[ground]
-        return System(name=name, novice=member(novice), expert=member(expert), terrain=paper.terrain)
+        return System(
+            name=name,
+            novice=member(novice),
+            expert=member(expert),
+            terrain=paper.terrain,
+        )
     known = SYSTEMS | FREE_SYSTEMS
     if name not in known:
-        raise ConfigError(f"unknown system '{name}'; known: {', '.join((*known, *FAMILY_PAIRS))}")
+        raise ConfigError(
+            f"unknown system '{name}'; known: {', '.join((*known, *FAMILY_PAIRS))}"
+        )
     return known[name]

@@ -1,4 +1,5 @@
-"""Seeded fixtures: tiny synthetic motion that needs no simulator, and the smallest networks."""
+"""Seeded fixtures: tiny synthetic motion that needs no simulator, and the smallest
+networks."""
 
 import dataclasses
 import os
@@ -23,19 +24,30 @@ from tests.golden import Golden
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo) -> Generator[None, pytest.TestReport]:
-    """Under CI a test that would be skipped fails: what is missing there is to be installed."""
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo
+) -> Generator[None, pytest.TestReport]:
+    """Under CI a test that would be skipped fails: what is missing there is to be
+    installed."""
     report = yield
     if report.skipped and os.environ.get("CI") and not hasattr(report, "wasxfail"):
-        report.outcome, report.longrepr = "failed", f"skipped, which CI does not allow: {report.longrepr}"
+        report.outcome, report.longrepr = (
+            "failed",
+            f"skipped, which CI does not allow: {report.longrepr}",
+        )
     return report
 
 
 class Scheduling(LoadFileScheduling):
-    """A file's tests go to one worker, but each run of a whole notebook to the next that is free."""
+    """A file's tests go to one worker, but each run of a whole notebook to the next
+    that is free."""
 
     def _split_scope(self, nodeid: str) -> str:
-        return nodeid if "with_the_smoke_preset" in nodeid else super()._split_scope(nodeid)
+        return (
+            nodeid
+            if "with_the_smoke_preset" in nodeid
+            else super()._split_scope(nodeid)
+        )
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Scheduling:
@@ -78,18 +90,30 @@ def small_terrain() -> Terrain:
 @pytest.fixture
 def small_network() -> Network:
     return Network(
-        pixels=8, encoder_hidden=16, latent=8, layers=2, hidden=12, latent_transition=6, decoder_hidden=8,
+        pixels=8,
+        encoder_hidden=16,
+        latent=8,
+        layers=2,
+        hidden=12,
+        latent_transition=6,
+        decoder_hidden=8,
         discriminator_hidden=16,
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture
 def small_training() -> StudyTraining:
     """Two phases of a few iterations; a batch holds 4 trajectories of 6 steps."""
     return StudyTraining(
-        batch=4, discriminator_batch=3, matching_batch=3, prediction_iterations=6, discriminator_iterations=2,
-        matching_iterations=2, test_interval=4, max_samples=24 * 12,
-    )  # fmt: skip
+        batch=4,
+        discriminator_batch=3,
+        matching_batch=3,
+        prediction_iterations=6,
+        discriminator_iterations=2,
+        matching_iterations=2,
+        test_interval=4,
+        max_samples=24 * 12,
+    )
 
 
 @pytest.fixture(scope="session")
@@ -102,11 +126,17 @@ def make_trajectories(small_terrain) -> Callable[..., list[Drive]]:
             quaternion = rng.normal(size=(steps + 1, 4))
             quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
             position = np.cumsum(rng.normal(0, 0.1, (steps + 1, 3)), axis=0)
-            states = np.hstack([position, quaternion, rng.normal(size=(steps + 1, 6))]).astype(np.float32)
+            states = np.hstack(
+                [position, quaternion, rng.normal(size=(steps + 1, 6))]
+            ).astype(np.float32)
             actions = rng.uniform(-1, 1, (steps, 2)).astype(np.float32)
             heights = generate_terrain(small_terrain, index)
-            ground = SimulatedGround(small_terrain, index, checksum(heights), probe(heights))
-            made.append(simulated_drive("rover", index, states, actions, ground, (0, 0, 0, 0)))
+            ground = SimulatedGround(
+                small_terrain, index, checksum(heights), probe(heights)
+            )
+            made.append(
+                simulated_drive("rover", index, states, actions, ground, (0, 0, 0, 0))
+            )
         return made
 
     return make
@@ -114,12 +144,17 @@ def make_trajectories(small_terrain) -> Callable[..., list[Drive]]:
 
 @pytest.fixture(scope="session")
 def make_motion() -> Callable[..., Windows]:
-    """Motion that can be learnt: `make_motion(count, seed=0, steps=6, gain=1.0)`; y is linear in x."""
+    """Motion that can be learnt: `make_motion(count, seed=0, steps=6, gain=1.0)`; y is
+    linear in x."""
 
-    def make(count: int, seed: int = 0, steps: int = 6, pixels: int = 8, gain: float = 1.0) -> Windows:
+    def make(
+        count: int, seed: int = 0, steps: int = 6, pixels: int = 8, gain: float = 1.0
+    ) -> Windows:
         generator = torch.Generator().manual_seed(seed)
         inputs = torch.randn(count, steps, 11, generator=generator)
-        maps = 0.2 * torch.randn(count, steps, pixels, pixels, generator=generator).half()
+        maps = (
+            0.2 * torch.randn(count, steps, pixels, pixels, generator=generator).half()
+        )
         law = torch.randn(11, 13, generator=torch.Generator().manual_seed(99)) / 11
         targets = gain * inputs @ law + maps.float().mean((-2, -1))[..., None]
         return Windows(inputs, targets, maps)
@@ -129,8 +164,14 @@ def make_motion() -> Callable[..., Windows]:
 
 @pytest.fixture
 def datasets(make_motion) -> Datasets:
-    """Six novice trajectories to learn from, two to test, three to validate, twelve of an expert with other gains."""
-    return Datasets(make_motion(6, 1), make_motion(2, 2), make_motion(3, 3), make_motion(12, 4, gain=1.5))
+    """Six novice trajectories to learn from, two to test, three to validate, twelve of
+    an expert with other gains."""
+    return Datasets(
+        make_motion(6, 1),
+        make_motion(2, 2),
+        make_motion(3, 3),
+        make_motion(12, 4, gain=1.5),
+    )
 
 
 @pytest.fixture
@@ -148,4 +189,7 @@ def make_trainer(datasets, small_network, small_training) -> Callable[..., Train
 def rides() -> dict[str, Ride]:
     """Two robots over the same ground for half a second."""
     ground = Terrain(cell_height_scale=0.35)
-    return {name: ride(ROBOTS[name], ground, 3, 0.5, steps=5) for name in ("system1 novice", "system2 expert")}
+    return {
+        name: ride(ROBOTS[name], ground, 3, 0.5, steps=5)
+        for name in ("system1 novice", "system2 expert")
+    }

@@ -1,7 +1,8 @@
-"""Kill a collection and a study of small trials with SIGKILL at random moments: `make crash`.
+"""Kill a collection and a study of small trials with SIGKILL at random moments: `make
+crash`.
 
-What was finished before a kill must stay untouched, a reader must never meet half a file, and in the end everything
-must equal, bit for bit, what an undisturbed run makes.
+What was finished before a kill must stay untouched, a reader must never meet half a
+file, and in the end everything must equal, bit for bit, what an undisturbed run makes.
 """
 
 from __future__ import annotations
@@ -24,17 +25,39 @@ from pathlib import Path
 from sidm.storage import Damaged, read_arrays, read_record
 
 SETTINGS = {
-    "expert_minutes": 0.2, "novice_minutes_system1": [0.25, 0.5], "pool_minutes_system1": 0.5,
-    "validation_minutes": 0.2, "rollouts": 1, "pixels": 8, "hidden": 16, "max_samples": 12_000, "patience": 12_000,
-}  # fmt: skip
+    "expert_minutes": 0.2,
+    "novice_minutes_system1": [0.25, 0.5],
+    "pool_minutes_system1": 0.5,
+    "validation_minutes": 0.2,
+    "rollouts": 1,
+    "pixels": 8,
+    "hidden": 16,
+    "max_samples": 12_000,
+    "patience": 12_000,
+}
 READY = 1.0  # s that a process needs at least before it does anything
 
 
 def command(verb: str, data: Path, results: Path) -> list[str]:
     """`companion collect` or `run` of the small study, with two workers."""
-    changes = [word for name, value in SETTINGS.items() for word in ("--set", f"{name}={value}")]
+    changes = [
+        word
+        for name, value in SETTINGS.items()
+        for word in ("--set", f"{name}={value}")
+    ]
     places = ["--data", str(data), "--results", str(results), "--workers", "2"]
-    return [sys.executable, "-m", "companion", verb, "--preset", "smoke", "--system", "system1", *places, *changes]
+    return [
+        sys.executable,
+        "-m",
+        "companion",
+        verb,
+        "--preset",
+        "smoke",
+        "--system",
+        "system1",
+        *places,
+        *changes,
+    ]
 
 
 def finish(words: list[str]) -> float:
@@ -45,8 +68,14 @@ def finish(words: list[str]) -> float:
 
 
 def kill_at(words: list[str], moment: float, whole_group: bool) -> bool:
-    """Start a command and kill it after so many seconds, its workers too or not; whether it was still running."""
-    process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+    """Start a command and kill it after so many seconds, its workers too or not;
+    whether it was still running."""
+    process = subprocess.Popen(
+        words,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
     try:
         process.wait(moment)
         return False
@@ -61,12 +90,18 @@ def kill_at(words: list[str], moment: float, whole_group: bool) -> bool:
 
 def stamps(folder: Path, pattern: str) -> dict[Path, tuple[int, int]]:
     """Every finished file, with what changes when it is written again."""
-    return {path: (path.stat().st_ino, path.stat().st_mtime_ns) for path in folder.rglob(pattern)}
+    return {
+        path: (path.stat().st_ino, path.stat().st_mtime_ns)
+        for path in folder.rglob(pattern)
+    }
 
 
 @contextmanager
-def reader(folder: Path, pattern: str, read: Callable[[Path], object]) -> Iterator[list[str]]:
-    """Reads all files again and again until the block ends; gives the list of what was wrong with them."""
+def reader(
+    folder: Path, pattern: str, read: Callable[[Path], object]
+) -> Iterator[list[str]]:
+    """Reads all files again and again until the block ends; gives the list of what was
+    wrong with them."""
     wrong: list[str] = []
     done = threading.Event()
 
@@ -102,10 +137,12 @@ class Stage:
 
 
 def torture(stage: Stage, kills: int, chance: random.Random) -> int:
-    """Kill a command so many times at work, begin anew whenever it has come to its end; how often that was.
+    """Kill a command so many times at work, begin anew whenever it has come to its end;
+    how often that was.
 
     Raises:
-        AssertionError: a finished file was written again, half a file was read, or other files came out.
+        AssertionError: a finished file was written again, half a file was read, or
+            other files came out.
     """
     met, ends, known = 0, 0, stamps(stage.folder, stage.pattern)
     with reader(stage.folder, stage.pattern, stage.read) as wrong:
@@ -117,11 +154,15 @@ def torture(stage: Stage, kills: int, chance: random.Random) -> int:
                 finish(stage.words)
                 killed = False
             now = stamps(stage.folder, stage.pattern)
-            assert all(now.get(path) == stamp for path, stamp in known.items()), "a finished file was written again"
+            assert all(now.get(path) == stamp for path, stamp in known.items()), (
+                "a finished file was written again"
+            )
             known, met = now, met + killed
             if not killed:
                 ends += 1
-                assert content(stage.folder, stage.pattern) == stage.wanted, "other files than undisturbed"
+                assert content(stage.folder, stage.pattern) == stage.wanted, (
+                    "other files than undisturbed"
+                )
                 if met == kills:
                     break
                 shutil.rmtree(stage.folder)
@@ -137,7 +178,11 @@ def content(folder: Path, pattern: str) -> dict[str, object]:
         if path.suffix == ".npz":
             found[str(path.relative_to(folder))] = path.read_bytes()
         else:
-            found[path.name] = {name: value for name, value in read_record(path).items() if name != "provenance"}
+            found[path.name] = {
+                name: value
+                for name, value in read_record(path).items()
+                if name != "provenance"
+            }
     return found
 
 
@@ -145,21 +190,30 @@ def crash(kills: int, seed: int, root: Path) -> list[str]:
     """The whole test in a folder; a line on each half of it."""
     chance, lines = random.Random(seed), []
     whole, hurt = (root / name for name in ("whole", "hurt"))
-    kinds = (("collect", "data", "shard-*.npz", read_arrays), ("run", "results", "trials/*.json", read_record))
+    kinds = (
+        ("collect", "data", "shard-*.npz", read_arrays),
+        ("run", "results", "trials/*.json", read_record),
+    )
     for verb, place, pattern, read in kinds:
         seconds = finish(command(verb, whole / "data", whole / "results"))
         wanted = content(whole / place, pattern)
         assert wanted
         words = command(verb, hurt / "data", hurt / "results")
-        ends = torture(Stage(words, hurt / place, pattern, read, seconds, wanted), kills, chance)
-        lines.append(f"{verb}: {len(wanted)} files as undisturbed, {ends} times, through {kills} kills at work")
+        ends = torture(
+            Stage(words, hurt / place, pattern, read, seconds, wanted), kills, chance
+        )
+        lines.append(
+            f"{verb}: {len(wanted)} files as undisturbed, {ends} times, through {kills} kills at work"
+        )
     return lines
 
 
 def main() -> None:
     """The whole test with as many kills as asked for."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split(":")[0])
-    parser.add_argument("--kills", type=int, default=20, help="of the collection and of the study, each")
+    parser.add_argument(
+        "--kills", type=int, default=20, help="of the collection and of the study, each"
+    )
     parser.add_argument("--seed", type=int, default=0, help="of the moments")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:

@@ -1,8 +1,9 @@
 """Run the numerical tests again as other processors round: `make portable`.
 
-Libraries choose their kernels by the processor's instructions, and with them the order of sums, fused products and the
-polynomials of exp and sin. Their own variables take instructions away from them. Before a leg runs, each of its
-variables alone must be seen to change what its library computes: a leg that changes nothing could not fail.
+Libraries choose their kernels by the processor's instructions, and with them the order
+of sums, fused products and the polynomials of exp and sin. Their own variables take
+instructions away from them. Before a leg runs, each of its variables alone must be seen
+to change what its library computes: a leg that changes nothing could not fail.
 """
 
 from __future__ import annotations
@@ -23,65 +24,117 @@ import numpy as np
 
 ROOT = Path(__file__).parents[1]
 CORE = [
-    "sidm/learning", "sidm/simulation", "sidm/recordings", "sidm/test_rotations.py", "sidm/test_terrain.py",
-    "sidm/test_shards.py", "sidm/rivals", "companion/bundle", "companion/beyond",
-]  # fmt: skip
-LEVELS = ["DEFAULT", "AVX2", "AVX512"]  # of x86 processors, as PyTorch calls them; the lowest has SSE
+    "sidm/learning",
+    "sidm/simulation",
+    "sidm/recordings",
+    "sidm/test_rotations.py",
+    "sidm/test_terrain.py",
+    "sidm/test_shards.py",
+    "sidm/rivals",
+    "companion/bundle",
+    "companion/beyond",
+]
+#: of x86 processors, as PyTorch calls them; the lowest has SSE
+LEVELS = ["DEFAULT", "AVX2", "AVX512"]
 
 
 VARIABLES = {
-    "ATEN_CPU_CAPABILITY": "PyTorch", "ONEDNN_MAX_CPU_ISA": "oneDNN", "MKL_CBWR": "MKL",
-    "OPENBLAS_CORETYPE": "OpenBLAS", "NPY_DISABLE_CPU_FEATURES": "NumPy", "GLIBC_TUNABLES": "libm",
-    "NUMBA_CPU_NAME": "Numba", "OMP_NUM_THREADS": "OpenMP",
-}  # fmt: skip
+    "ATEN_CPU_CAPABILITY": "PyTorch",
+    "ONEDNN_MAX_CPU_ISA": "oneDNN",
+    "MKL_CBWR": "MKL",
+    "OPENBLAS_CORETYPE": "OpenBLAS",
+    "NPY_DISABLE_CPU_FEATURES": "NumPy",
+    "GLIBC_TUNABLES": "libm",
+    "NUMBA_CPU_NAME": "Numba",
+    "OMP_NUM_THREADS": "OpenMP",
+}
 
 
 class Leg(NamedTuple):
     """Variables that libraries read when they are loaded."""
 
-    leaves: str | None  # the level that they then keep to; None: it is no matter of instructions
+    #: the level that they then keep to; None: it is no matter of instructions
+    leaves: str | None
     settings: dict[str, str]
 
 
 LEGS = {
-    "avx2": Leg("AVX2", {
-        "ATEN_CPU_CAPABILITY": "avx2", "ONEDNN_MAX_CPU_ISA": "AVX2", "MKL_CBWR": "AVX2", "OPENBLAS_CORETYPE": "Haswell",
-        "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512",  # of those that NumPy has, whose names begin so
-    }),
-    "sse": Leg("DEFAULT", {
-        "ATEN_CPU_CAPABILITY": "default", "ONEDNN_MAX_CPU_ISA": "SSE41", "MKL_CBWR": "COMPATIBLE",
-        "OPENBLAS_CORETYPE": "Nehalem", "NPY_DISABLE_CPU_FEATURES": "X86 AVX F16C FMA",
-        "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX2_Usable,-FMA_Usable",  # older and newer names
-        "NUMBA_CPU_NAME": "generic",
-    }),
+    "avx2": Leg(
+        "AVX2",
+        {
+            "ATEN_CPU_CAPABILITY": "avx2",
+            "ONEDNN_MAX_CPU_ISA": "AVX2",
+            "MKL_CBWR": "AVX2",
+            "OPENBLAS_CORETYPE": "Haswell",
+            # of those that NumPy has, whose names begin so
+            "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512",
+        },
+    ),
+    "sse": Leg(
+        "DEFAULT",
+        {
+            "ATEN_CPU_CAPABILITY": "default",
+            "ONEDNN_MAX_CPU_ISA": "SSE41",
+            "MKL_CBWR": "COMPATIBLE",
+            "OPENBLAS_CORETYPE": "Nehalem",
+            "NPY_DISABLE_CPU_FEATURES": "X86 AVX F16C FMA",
+            # older and newer names
+            "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX2_Usable,-FMA_Usable",
+            "NUMBA_CPU_NAME": "generic",
+        },
+    ),
     "two-threads": Leg(None, {"OMP_NUM_THREADS": "2"}),
-}  # fmt: skip
+}
 
 
 def numbers(*shape: int) -> np.ndarray:
-    """Between -1 and 1, from whole numbers by operations that IEEE 754 rounds: the same everywhere."""
+    """Between -1 and 1, from whole numbers by operations that IEEE 754 rounds: the same
+    everywhere."""
     return 2 * np.random.default_rng(0).random(shape) - 1
 
 
 def computed(library: str) -> dict[str, Any]:
-    """What a library computes, some of it by instructions that a processor need not have."""
+    """What a library computes, some of it by instructions that a processor need not
+    have."""
     import torch
 
     x, pair = numbers(10_000), numbers(2, 200, 200)
     a, b = pair
-    y, z, (c, d) = torch.from_numpy(numbers(100, 100)), torch.from_numpy(numbers(100_003)), torch.from_numpy(pair)
+    y, z, (c, d) = (
+        torch.from_numpy(numbers(100, 100)),
+        torch.from_numpy(numbers(100_003)),
+        torch.from_numpy(pair),
+    )
     products = {"product": a @ b, "float32 product": a.astype("f4") @ b.astype("f4")}
     return {
-        "NumPy": lambda: {f.__name__: f(x) for f in (np.exp, np.arctan, np.tanh)}
-        | {f"{f.__name__} of float32": f(x.astype(np.float32)) for f in (np.exp, np.sin)},
-        "libm": lambda: {f.__name__: [f(one) for one in 9 * x] for f in (math.sin, math.cos, math.exp)},
+        "NumPy": lambda: (
+            {f.__name__: f(x) for f in (np.exp, np.arctan, np.tanh)}
+            | {
+                f"{f.__name__} of float32": f(x.astype(np.float32))
+                for f in (np.exp, np.sin)
+            }
+        ),
+        "libm": lambda: {
+            f.__name__: [f(one) for one in 9 * x]
+            for f in (math.sin, math.cos, math.exp)
+        },
         "OpenBLAS": lambda: products | {"solve": np.linalg.solve(a, b)},
-        "PyTorch": lambda: {f.__name__: f(y) for f in (torch.sigmoid, torch.log1p)}
-        | {"log_softmax": y.log_softmax(1), "atan2": torch.atan2(y, y.T)},
+        "PyTorch": lambda: (
+            {f.__name__: f(y) for f in (torch.sigmoid, torch.log1p)}
+            | {"log_softmax": y.log_softmax(1), "atan2": torch.atan2(y, y.T)}
+        ),
         "oneDNN": networks,
-        "MKL": lambda: {"product": c @ d, "float32 product": c.float() @ d.float(), "qr": torch.linalg.qr(c)[0]},
+        "MKL": lambda: {
+            "product": c @ d,
+            "float32 product": c.float() @ d.float(),
+            "qr": torch.linalg.qr(c)[0],
+        },
         "Numba": compiled,
-        "OpenMP": lambda: {"sum": z.sum(), "float32 sum": z.float().sum(), "sum of squares": z.square().sum()},
+        "OpenMP": lambda: {
+            "sum": z.sum(),
+            "float32 sum": z.float().sum(),
+            "sum of squares": z.square().sum(),
+        },
     }[library]()
 
 
@@ -100,8 +153,9 @@ def networks() -> dict[str, Any]:
     return {
         "convolution": torch.conv2d(maps, kernels, biases),
         "convolution of one channel": torch.conv2d(maps[:, :1], kernels[:, :1], biases),
-        "LSTM": learnt.detach(), "LSTM's gradient": lstm.weight_hh_l0.grad,
-    }  # fmt: skip
+        "LSTM": learnt.detach(),
+        "LSTM's gradient": lstm.weight_hh_l0.grad,
+    }
 
 
 def compiled() -> dict[str, Any]:
@@ -123,11 +177,15 @@ def compiled() -> dict[str, Any]:
 
 def digests(library: str) -> dict[str, str]:
     """What a library computes, to the last bit."""
-    return {name: sha256(np.asarray(found).tobytes()).hexdigest() for name, found in computed(library).items()}
+    return {
+        name: sha256(np.asarray(found).tobytes()).hexdigest()
+        for name, found in computed(library).items()
+    }
 
 
 def processor() -> dict[str, Any]:
-    """Its level, the features that NumPy would use of it, and which of the libraries are in use."""
+    """Its level, the features that NumPy would use of it, and which of the libraries
+    are in use."""
     import torch
 
     config = np.show_config(mode="dicts")
@@ -140,20 +198,26 @@ def processor() -> dict[str, Any]:
     return {
         "level": torch.backends.cpu.get_cpu_capability(),
         "features": config["SIMD Extensions"].get("found", []),
-        "libraries": [library for library in VARIABLES.values() if there.get(library, True)],
+        "libraries": [
+            library for library in VARIABLES.values() if there.get(library, True)
+        ],
     }
 
 
 def environment(settings: dict[str, str]) -> dict[str, str]:
-    """This process's, with these settings in place of what it says of any; threads that wait leave their core."""
+    """This process's, with these settings in place of what it says of any; threads that
+    wait leave their core."""
     plain = {name: value for name, value in os.environ.items() if name not in VARIABLES}
     return plain | {"OMP_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"} | settings
 
 
 def ask(question: str, settings: dict[str, str]) -> Any:
-    """What a process of its own answers under some settings: of 'processor', or of what a library computes."""
+    """What a process of its own answers under some settings: of 'processor', or of what
+    a library computes."""
     words = [sys.executable, "-m", "tests.portable", "--ask", question]
-    return json.loads(subprocess.check_output(words, env=environment(settings), cwd=ROOT, text=True))
+    return json.loads(
+        subprocess.check_output(words, env=environment(settings), cwd=ROOT, text=True)
+    )
 
 
 @functools.cache
@@ -167,7 +231,8 @@ class Blunt(Exception):
 
 
 def seen(leg: Leg, here: dict[str, Any]) -> dict[str, str]:
-    """The settings of a leg that lower something here, each alone seen to change what is computed; prints what.
+    """The settings of a leg that lower something here, each alone seen to change what
+    is computed; prints what.
 
     Raises:
         Blunt: one changes nothing.
@@ -176,16 +241,24 @@ def seen(leg: Leg, here: dict[str, Any]) -> dict[str, str]:
     lower = LEVELS[: LEVELS.index(here["level"])] if here["level"] in LEVELS else []
     for name, value in leg.settings.items():
         if (library := VARIABLES[name]) == "NumPy":
-            value = ",".join(one for one in here["features"] if one.startswith(tuple(value.split())))
+            value = ",".join(
+                one for one in here["features"] if one.startswith(tuple(value.split()))
+            )
         if library not in here["libraries"]:
             print(f"  {name}: left out, {library} is not in use here")
         elif leg.leaves not in (None, *lower):
             print(f"  {name}: left out, this processor has nothing above {leg.leaves}")
         else:
             before, after = as_it_is(library), ask(library, {name: value})
-            if not (changed := [what for what in before if after[what] != before[what]]):
-                raise Blunt(f"{name}={value} changes none of {library}'s {', '.join(before)}: the leg could not fail")
-            print(f"  {name}={value} changes {library}'s {', '.join(changed)}", flush=True)
+            if not (
+                changed := [what for what in before if after[what] != before[what]]
+            ):
+                raise Blunt(
+                    f"{name}={value} changes none of {library}'s {', '.join(before)}: the leg could not fail"
+                )
+            print(
+                f"  {name}={value} changes {library}'s {', '.join(changed)}", flush=True
+            )
             kept[name] = value
     return kept
 
@@ -193,20 +266,44 @@ def seen(leg: Leg, here: dict[str, Any]) -> dict[str, str]:
 def tested(paths: list[str], settings: dict[str, str], jobs: str) -> bool:
     """Whether the tests of some paths pass under these settings."""
     own = environment(settings)
-    words = ["-m", "pytest", "-n", jobs, "--dist", "loadfile", "--threads", own["OMP_NUM_THREADS"]]
-    return not subprocess.call([sys.executable, *words, *(f"tests/{path}" for path in paths)], cwd=ROOT, env=own)
+    words = [
+        "-m",
+        "pytest",
+        "-n",
+        jobs,
+        "--dist",
+        "loadfile",
+        "--threads",
+        own["OMP_NUM_THREADS"],
+    ]
+    return not subprocess.call(
+        [sys.executable, *words, *(f"tests/{path}" for path in paths)],
+        cwd=ROOT,
+        env=own,
+    )
 
 
 def main() -> int:
-    """Run the legs that are asked for; 0 when all of those that this processor can show have passed, one at least."""
+    """Run the legs that are asked for; 0 when all of those that this processor can show
+    have passed, one at least."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split(":")[0])
-    parser.add_argument("legs", nargs="*", metavar="LEG", help=f"of {', '.join(LEGS)}; all by default")
-    parser.add_argument("--core", action="store_true", help="without tests/experiments, which takes most of the time")
+    parser.add_argument(
+        "legs", nargs="*", metavar="LEG", help=f"of {', '.join(LEGS)}; all by default"
+    )
+    parser.add_argument(
+        "--core",
+        action="store_true",
+        help="without tests/experiments, which takes most of the time",
+    )
     parser.add_argument("--jobs", default="2", help="processes side by side")
     parser.add_argument("--ask", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.ask:
-        print(json.dumps(processor() if options.ask == "processor" else digests(options.ask)))
+        print(
+            json.dumps(
+                processor() if options.ask == "processor" else digests(options.ask)
+            )
+        )
         return 0
     if unknown := set(options.legs) - set(LEGS):
         parser.error(f"no leg {', '.join(unknown)}; there are {', '.join(LEGS)}")
@@ -215,12 +312,18 @@ def main() -> int:
         print(f"{leg}, on a processor with {here['level']}:", flush=True)
         try:
             if settings := seen(LEGS[leg], here):
-                ends[leg] = tested([*CORE, *([] if options.core else ["companion"])], settings, options.jobs)
+                ends[leg] = tested(
+                    [*CORE, *([] if options.core else ["companion"])],
+                    settings,
+                    options.jobs,
+                )
         except Blunt as error:
             print(f"  {error}")
             ends[leg] = False
-    print(f"passed: {', '.join(leg for leg, end in ends.items() if end) or 'none'}; "
-          f"failed: {', '.join(leg for leg, end in ends.items() if not end) or 'none'}")  # fmt: skip
+    print(
+        f"passed: {', '.join(leg for leg, end in ends.items() if end) or 'none'}; "
+        f"failed: {', '.join(leg for leg, end in ends.items() if not end) or 'none'}"
+    )
     return 0 if ends and all(ends.values()) else 1
 
 

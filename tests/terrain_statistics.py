@@ -1,9 +1,10 @@
-"""Statistics of terrains that are held against the recorded ones; run as a script, it makes their file anew.
+"""Statistics of terrains that are held against the recorded ones; run as a script, it
+makes their file anew.
 
     python tests/terrain_statistics.py FOLDER > tests/recorded/terrain_quantiles.json
 
-FOLDER holds the recordings ``rough_SYSTEM.npz`` and ``novice_SYSTEM.npz`` of the released simulator, each with
-``terrain`` (n, 300, 300), m: 29 terrains a system.
+FOLDER holds the recordings ``rough_SYSTEM.npz`` and ``novice_SYSTEM.npz`` of the
+released simulator, each with ``terrain`` (n, 300, 300), m: 29 terrains a system.
 """
 
 import json
@@ -18,14 +19,20 @@ LAGS = (0.1, 0.5, 1.0)  # m
 
 
 def statistics(heights: np.ndarray, spacing: float = 0.1) -> dict[str, np.ndarray]:
-    """Quantiles of height (about each terrain's median), slope and height difference of terrains (n, H, W), m."""
+    """Quantiles of height (about each terrain's median), slope and height difference of
+    terrains (n, H, W), m."""
     heights = heights - np.median(heights, axis=(1, 2), keepdims=True)
     along, across = np.gradient(heights, spacing, axis=(1, 2))
     figures = {"height": heights, "slope": np.hypot(along, across)}
     for lag in LAGS:
         step = round(lag / spacing)
-        pairs = heights[:, step:] - heights[:, :-step], heights[:, :, step:] - heights[:, :, :-step]
-        figures[f"difference at {lag} m"] = np.abs(np.concatenate([pair.ravel() for pair in pairs]))
+        pairs = (
+            heights[:, step:] - heights[:, :-step],
+            heights[:, :, step:] - heights[:, :, :-step],
+        )
+        figures[f"difference at {lag} m"] = np.abs(
+            np.concatenate([pair.ravel() for pair in pairs])
+        )
     return {name: np.quantile(values, QUANTILES) for name, values in figures.items()}
 
 
@@ -33,11 +40,18 @@ def main(folder: Path) -> None:
     """Print the recorded terrains' statistics as JSON."""
     recorded = {}
     for system in ("system1", "system2"):
-        parts = [np.load(folder / f"{kind}_{system}.npz")["terrain"] for kind in ("novice", "rough")]
+        parts = [
+            np.load(folder / f"{kind}_{system}.npz")["terrain"]
+            for kind in ("novice", "rough")
+        ]
         figures = statistics(np.concatenate(parts).astype(float))
-        recorded[system] = {name: [round(float(value), 5) for value in values] for name, values in figures.items()}
+        recorded[system] = {
+            name: [round(float(value), 5) for value in values]
+            for name, values in figures.items()
+        }
     text = json.dumps({"quantiles": QUANTILES, **recorded}, indent=1)
-    print(re.sub(r"\[[^]]*\]", lambda numbers: " ".join(numbers[0].split()), text))  # a list on one line
+    # a list on one line
+    print(re.sub(r"\[[^]]*\]", lambda numbers: " ".join(numbers[0].split()), text))
 
 
 if __name__ == "__main__":

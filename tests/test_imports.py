@@ -17,7 +17,11 @@ PACKAGES = ("sidm", "companion")  # the second uses the first
 def rooms() -> list[list[str]]:
     """The rooms of the table in the book's page on the design, row by row."""
     lines = (ROOT / "book" / "design.md").read_text(encoding="utf-8").splitlines()
-    names = [re.findall(r"`((?:sidm|companion)\.[\w.]+)`", line.split("|")[1]) for line in lines if line[:3] == "| `"]
+    names = [
+        re.findall(r"`((?:sidm|companion)\.[\w.]+)`", line.split("|")[1])
+        for line in lines
+        if line[:3] == "| `"
+    ]
     return [row for row in names if row]
 
 
@@ -26,29 +30,56 @@ ROW = {room: number for number, row in enumerate(ROOMS) for room in row}
 
 #: Inside `sidm.learning` itself, first to last.
 LEARNING = [
-    "seeds", "arithmetic", "observation", "dataset", "units", "losses", "weights", "convolution_kernels", "convolution",
-    "networks", "model", "evaluation", "stopping", "checkpoint", "sampler", "trainer", "resuming", "training",
-]  # fmt: skip
+    "seeds",
+    "arithmetic",
+    "observation",
+    "dataset",
+    "units",
+    "losses",
+    "weights",
+    "convolution_kernels",
+    "convolution",
+    "networks",
+    "model",
+    "evaluation",
+    "stopping",
+    "checkpoint",
+    "sampler",
+    "trainer",
+    "resuming",
+    "training",
+]
 
 PYBULLET = {"pybullet", "pybullet_data", "pybullet_utils"}
-WITHOUT_TORCH = ("sidm.terrain", "sidm.simulation", "sidm.drives", "sidm.shards", "sidm.settings", "sidm.recordings")
+WITHOUT_TORCH = (
+    "sidm.terrain",
+    "sidm.simulation",
+    "sidm.drives",
+    "sidm.shards",
+    "sidm.settings",
+    "sidm.recordings",
+)
 
 
 def modules() -> dict[str, Path]:
     """Dotted name -> file, of every module of both packages."""
     found = {}
-    for path in sorted(path for name in PACKAGES for path in (ROOT / name).rglob("*.py")):
+    for path in sorted(
+        path for name in PACKAGES for path in (ROOT / name).rglob("*.py")
+    ):
         parts = path.relative_to(ROOT).with_suffix("").parts
         found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
     return found
 
 
 MODULES = modules()
-INSIDE = [name for name in MODULES if name not in PACKAGES]  # both packages hand on names of their rooms
+#: both packages hand on names of their rooms
+INSIDE = [name for name in MODULES if name not in PACKAGES]
 
 
 def imported(name: str, top_level_only: bool = False) -> Iterator[str]:
-    """Dotted names of what a module imports, `from a import b` as a.b where that is a module."""
+    """Dotted names of what a module imports, `from a import b` as a.b where that is a
+    module."""
     tree = ast.parse(MODULES[name].read_text(encoding="utf-8"))
     for node in _outside_functions(tree) if top_level_only else ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -68,8 +99,13 @@ def _outside_functions(tree: ast.AST) -> Iterator[ast.AST]:
 
 
 def room_of(name: str) -> str | None:
-    """The room that a module stands in; None for the packages and for packages whose rooms are listed one by one."""
-    return max((room for room in ROW if f"{name}.".startswith(f"{room}.")), key=len, default=None)
+    """The room that a module stands in; None for the packages and for packages whose
+    rooms are listed one by one."""
+    return max(
+        (room for room in ROW if f"{name}.".startswith(f"{room}.")),
+        key=len,
+        default=None,
+    )
 
 
 def runs_backwards(importer: str, target: str) -> bool:
@@ -89,15 +125,22 @@ def test_every_module_stands_in_a_room_and_every_room_has_a_module():
 
 def test_no_import_runs_backwards():
     wrong = [
-        (name, target) for name in INSIDE for target in imported(name)
+        (name, target)
+        for name in INSIDE
+        for target in imported(name)
         if target.split(".")[0] in PACKAGES and runs_backwards(name, target)
-    ]  # fmt: skip
+    ]
     assert wrong == []
 
 
 def test_the_library_imports_nothing_of_the_companion():
     library = [name for name in MODULES if name.split(".")[0] == "sidm"]
-    assert [(name, target) for name in library for target in imported(name) if target.startswith("companion")] == []
+    assert [
+        (name, target)
+        for name in library
+        for target in imported(name)
+        if target.startswith("companion")
+    ] == []
 
 
 def test_the_check_would_see_a_backward_import():
@@ -116,15 +159,27 @@ def test_learning_imports_in_its_own_order():
     for own in LEARNING:
         allowed = {own, *LEARNING[: LEARNING.index(own)]}
         targets = imported(f"sidm.learning.{own}")
-        inner = [target.split(".")[2] for target in targets if target.startswith("sidm.learning.")]
+        inner = [
+            target.split(".")[2]
+            for target in targets
+            if target.startswith("sidm.learning.")
+        ]
         assert [target for target in inner if target not in allowed] == [], own
-    own = {name.removeprefix("sidm.learning.") for name in MODULES if room_of(name) == "sidm.learning"}
+    own = {
+        name.removeprefix("sidm.learning.")
+        for name in MODULES
+        if room_of(name) == "sidm.learning"
+    }
     assert own == {"sidm.learning", *LEARNING}
 
 
 def test_no_module_imports_itself_in_a_circle():
     graph = {
-        name: {target for target in imported(name, top_level_only=True) if target in MODULES and target != name}
+        name: {
+            target
+            for target in imported(name, top_level_only=True)
+            if target in MODULES and target != name
+        }
         for name in MODULES
         if MODULES[name].name != "__init__.py"
     }
@@ -135,14 +190,22 @@ def test_only_the_simulation_imports_pybullet():
     """Others import the simulation inside the function that simulates."""
     for name in MODULES:
         if room_of(name) != "sidm.simulation":
-            assert not PYBULLET & {target.split(".")[0] for target in imported(name)}, name
+            assert not PYBULLET & {target.split(".")[0] for target in imported(name)}, (
+                name
+            )
             ours = set(imported(name, top_level_only=True))
-            assert not any(target.startswith("sidm.simulation") for target in ours), name
+            assert not any(target.startswith("sidm.simulation") for target in ours), (
+                name
+            )
 
 
 def test_what_does_not_learn_does_without_torch():
     plain = [name for name in MODULES if room_of(name) in WITHOUT_TORCH]
-    assert [name for name in plain if "torch" in {target.split(".")[0] for target in imported(name)}] == []
+    assert [
+        name
+        for name in plain
+        if "torch" in {target.split(".")[0] for target in imported(name)}
+    ] == []
 
 
 def test_every_name_of_the_companion_is_there():
@@ -150,7 +213,9 @@ def test_every_name_of_the_companion_is_there():
     code = "import types, companion; from companion import *; "
     code += "assert not set(companion.__all__) - set(dir(companion)); "
     code += "print([n for n in companion.__all__ if isinstance(getattr(companion, n), types.ModuleType)])"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True
+    )
     assert done.stdout.strip() == "[]", done.stderr
 
 
@@ -158,6 +223,9 @@ def test_every_name_of_the_companion_is_there():
 def test_imports_without_pybullet(name):
     block = "; ".join(f"sys.modules[{module!r}] = None" for module in sorted(PYBULLET))
     done = subprocess.run(
-        [sys.executable, "-c", f"import sys; {block}; import {name}"], cwd=ROOT, capture_output=True, text=True
+        [sys.executable, "-c", f"import sys; {block}; import {name}"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
     )
     assert done.returncode == 0, done.stderr

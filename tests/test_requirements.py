@@ -15,7 +15,9 @@ ROOT = Path(__file__).parents[1]
 
 @pytest.fixture
 def requirements():
-    spec = importlib.util.spec_from_file_location("requirements", ROOT / "requirements.py")
+    spec = importlib.util.spec_from_file_location(
+        "requirements", ROOT / "requirements.py"
+    )
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -23,31 +25,45 @@ def requirements():
 
 
 def test_it_announces_what_is_coming():
-    done = subprocess.run([sys.executable, ROOT / "requirements.py"], capture_output=True, text=True)
-    pins = "".join((ROOT / name).read_text() for name in ("requirements.txt", "constraints.txt"))
+    done = subprocess.run(
+        [sys.executable, ROOT / "requirements.py"], capture_output=True, text=True
+    )
+    pins = "".join(
+        (ROOT / name).read_text() for name in ("requirements.txt", "constraints.txt")
+    )
     assert done.returncode == 0 and done.stderr == "" and done.stdout.count("\n") == 1
     count = len(re.findall(r"^[\w.-]+==", pins, re.MULTILINE))
     assert f"Python {platform.python_version()}: {count} packages" in done.stdout
 
 
 def test_it_knows_where_pybullet_has_a_wheel(requirements):
-    """pip's record of what is installed here: a wheel from the index is for many Linuxes, one built here for this."""
+    """pip's record of what is installed here: a wheel from the index is for many
+    Linuxes, one built here for this."""
     pybullet = distribution("pybullet")
     assert pybullet.version in (requirements.pybullet_is_ready.__doc__ or "")
-    assert requirements.pybullet_is_ready() == ("manylinux" in str(pybullet.read_text("WHEEL")))
+    assert requirements.pybullet_is_ready() == (
+        "manylinux" in str(pybullet.read_text("WHEEL"))
+    )
 
 
-def test_a_compiler_that_is_missing_is_named_before_pip_fails(requirements, monkeypatch):
+def test_a_compiler_that_is_missing_is_named_before_pip_fails(
+    requirements, monkeypatch
+):
     monkeypatch.setattr(requirements, "pybullet_is_ready", lambda: False)
     said = requirements.refusal("no-such-compiler")
-    assert "PyBullet has no ready build" in said and "install a C++ compiler (no-such-compiler)" in said
+    assert (
+        "PyBullet has no ready build" in said
+        and "install a C++ compiler (no-such-compiler)" in said
+    )
     assert "to compile PyBullet" in requirements.announcement()
 
 
 def test_missing_headers_are_named(requirements, monkeypatch, tmp_path):
     monkeypatch.setattr(requirements, "pybullet_is_ready", lambda: False)
     monkeypatch.setattr(requirements.sysconfig, "get_path", lambda _: str(tmp_path))
-    assert "install Python's headers (python3-dev), or take" in requirements.refusal(sys.executable)
+    assert "install Python's headers (python3-dev), or take" in requirements.refusal(
+        sys.executable
+    )
     (tmp_path / "Python.h").touch()
     assert requirements.refusal(sys.executable) == ""
 

@@ -1,4 +1,5 @@
-"""The wheel in an empty environment: the library works there with its own dependencies and nothing else."""
+"""The wheel in an empty environment: the library works there with its own dependencies
+and nothing else."""
 
 import importlib.metadata
 import re
@@ -11,12 +12,16 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-WARTHOG, SKID = ROOT / "recordings" / "warthog.csv.gz", ROOT / "recordings" / "skid_steer.yaml"
+WARTHOG, SKID = (
+    ROOT / "recordings" / "warthog.csv.gz",
+    ROOT / "recordings" / "skid_steer.yaml",
+)
 EXTRA = re.compile(r";.*extra\s*==")
 
 
 def needed(names: set[str]) -> set[str]:
-    """Distributions that some need, themselves included; what a package needs for an extra is left out."""
+    """Distributions that some need, themselves included; what a package needs for an
+    extra is left out."""
     found: set[str] = set()
     waiting = [name.lower() for name in names]
     while waiting:
@@ -28,7 +33,11 @@ def needed(names: set[str]) -> set[str]:
         except importlib.metadata.PackageNotFoundError:
             continue  # of another system
         found.add(name)
-        waiting += [re.match(r"[\w.-]+", line)[0].lower() for line in wanted if not EXTRA.search(line)]  # type: ignore
+        waiting += [
+            re.match(r"[\w.-]+", line)[0].lower()
+            for line in wanted
+            if not EXTRA.search(line)
+        ]  # type: ignore
     return found
 
 
@@ -37,10 +46,24 @@ def wheel(tmp_path_factory) -> Path:
     """Built from a copy, without a network."""
     folder = tmp_path_factory.mktemp("wheel")
     for name in ("sidm", "companion"):
-        shutil.copytree(ROOT / name, folder / "source" / name, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(
+            ROOT / name,
+            folder / "source" / name,
+            ignore=shutil.ignore_patterns("__pycache__"),
+        )
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, folder / "source")
-    words = ["-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "--quiet", "-w", folder, folder / "source"]
+    words = [
+        "-m",
+        "pip",
+        "wheel",
+        "--no-deps",
+        "--no-build-isolation",
+        "--quiet",
+        "-w",
+        folder,
+        folder / "source",
+    ]
     done = subprocess.run([sys.executable, *words], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return next(folder.glob("sidm-*.whl"))
@@ -48,7 +71,8 @@ def wheel(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def least(wheel, tmp_path_factory) -> Path:
-    """The Python of an environment with the wheel, and of all else that is installed here only what the wheel names."""
+    """The Python of an environment with the wheel, and of all else that is installed
+    here only what the wheel names."""
     folder = tmp_path_factory.mktemp("least")
     venv.create(folder / "env", with_pip=False, symlinks=True)
     packages = folder / "packages"
@@ -58,32 +82,63 @@ def least(wheel, tmp_path_factory) -> Path:
     (metadata,) = unpacked.glob("sidm-*.dist-info/METADATA")
     lines = re.findall(r"^Requires-Dist: (.+)$", metadata.read_text(), re.MULTILINE)
     names = {re.match(r"[\w.-]+", line)[0] for line in lines if "extra ==" not in line}  # type: ignore[index]
-    assert names == {"numpy", "scipy", "torch", "pandas", "tqdm", "PyYAML", "safetensors"}
+    assert names == {
+        "numpy",
+        "scipy",
+        "torch",
+        "pandas",
+        "tqdm",
+        "PyYAML",
+        "safetensors",
+    }
     for name in needed(names):
         for file in importlib.metadata.files(name) or []:
             top = file.parts[0]
             if top not in ("..", "__pycache__") and not (packages / top).exists():
-                (packages / top).symlink_to(file.locate().parents[len(file.parts) - 1] / top)
+                (packages / top).symlink_to(
+                    file.locate().parents[len(file.parts) - 1] / top
+                )
     (site,) = (folder / "env").glob("lib/python*/site-packages")
     (site / "least.pth").write_text(f"{unpacked}\n{packages}\n")
     return folder / "env" / "bin" / "python"
 
 
 def run(python: Path, folder: Path, *words: str) -> subprocess.CompletedProcess:
-    return subprocess.run([python, "-P", *words], cwd=folder, capture_output=True, text=True, env={"PATH": "/usr/bin"})
+    return subprocess.run(
+        [python, "-P", *words],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        env={"PATH": "/usr/bin"},
+    )
 
 
 def test_a_model_is_fitted_from_a_csv_file_there(least, tmp_path):
     code = "import sidm, sys; sidm.fit(sys.argv[1], body=sys.argv[2], settings={'max_samples': 4000}, out='m')\n"
     code += "print(sidm.load('m')); assert not {'matplotlib', 'pybullet', 'numba', 'companion'} & set(sys.modules)"
     done = run(least, tmp_path, "-c", code, str(WARTHOG), str(SKID))
-    assert done.returncode == 0 and done.stdout.startswith("Model('novice_only'"), done.stderr
+    assert done.returncode == 0 and done.stdout.startswith("Model('novice_only'"), (
+        done.stderr
+    )
 
 
 def test_the_commands_work_there_or_say_what_they_lack(least, tmp_path):
     done = run(least, tmp_path, "-m", "sidm", "demo")
-    assert done.returncode == 0 and (tmp_path / "sidm-demo" / "replay.html").exists(), done.stderr
-    done = run(least, tmp_path, "-m", "sidm", "evaluate", "sidm-demo/model", str(WARTHOG))
-    assert done.returncode == 0 and "yaw_rate" in done.stdout and "pip install 'sidm[plots]'" in done.stderr
-    done = run(least, tmp_path, "-c", "import sidm; sidm.simulate('system1', 'novice', 0.2)")
-    assert done.returncode == 1 and "simulating needs PyBullet: pip install" in done.stderr.splitlines()[-1]
+    assert done.returncode == 0 and (tmp_path / "sidm-demo" / "replay.html").exists(), (
+        done.stderr
+    )
+    done = run(
+        least, tmp_path, "-m", "sidm", "evaluate", "sidm-demo/model", str(WARTHOG)
+    )
+    assert (
+        done.returncode == 0
+        and "yaw_rate" in done.stdout
+        and "pip install 'sidm[plots]'" in done.stderr
+    )
+    done = run(
+        least, tmp_path, "-c", "import sidm; sidm.simulate('system1', 'novice', 0.2)"
+    )
+    assert (
+        done.returncode == 1
+        and "simulating needs PyBullet: pip install" in done.stderr.splitlines()[-1]
+    )

@@ -8,7 +8,9 @@ from bs4 import BeautifulSoup
 from sphinx.application import Sphinx
 
 # One parameter a line stands in a description list without terms.
-PARAMETERS = re.compile(r"<dl>\s*((?:<dd>(?:(?!</?d[dlt]\b).)*</dd>\s*)+)</dl>", re.DOTALL)
+PARAMETERS = re.compile(
+    r"<dl>\s*((?:<dd>(?:(?!</?d[dlt]\b).)*</dd>\s*)+)</dl>", re.DOTALL
+)
 
 
 def parameter_list(found: re.Match[str]) -> str:
@@ -19,18 +21,24 @@ def parameter_list(found: re.Match[str]) -> str:
 def mend(app: Sphinx, page: str, template: str, context: dict, doctree: object) -> None:
     """References are announced as a list, but its entries have a role of their own: no list, then."""
     if "body" in context:
-        body = context["body"].replace('<div role="list" class="citation', '<div class="citation')
+        body = context["body"].replace(
+            '<div role="list" class="citation', '<div class="citation'
+        )
         context["body"] = PARAMETERS.sub(parameter_list, body)
 
 
-def name_toggles(app: Sphinx, page: str, template: str, context: dict, doctree: object) -> None:
+def name_toggles(
+    app: Sphinx, page: str, template: str, context: dict, doctree: object
+) -> None:
     """What unfolds the pages below one in the sidebar says whose they are."""
     make = context["generate_toctree_html"]
 
     def named(*words: str, **options: object) -> BeautifulSoup:
         made = make(*words, **options)
         for toggle in made.select("li > details > summary"):
-            toggle["aria-label"] = f"Pages below {toggle.find_parent('li').a.get_text(strip=True)}"
+            toggle["aria-label"] = (
+                f"Pages below {toggle.find_parent('li').a.get_text(strip=True)}"
+            )
         return made
 
     context["generate_toctree_html"] = named
@@ -39,5 +47,6 @@ def name_toggles(app: Sphinx, page: str, template: str, context: dict, doctree: 
 def setup(app: Sphinx) -> dict[str, object]:
     """Register with Sphinx."""
     app.connect("html-page-context", mend)
-    app.connect("html-page-context", name_toggles, priority=900)  # the theme makes the sidebar before
+    # the theme makes the sidebar before
+    app.connect("html-page-context", name_toggles, priority=900)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

@@ -9,7 +9,8 @@ from sphinx.application import Sphinx
 
 PACE = 200  # words a minute
 UNREAD = re.compile(r"<(details|pre|table|script|style|math)\b.*?</\1>", re.DOTALL)
-REFERENCE = ("book/api", "CHANGELOG", "CONTRIBUTING", "genindex", "search")  # that nobody reads through
+#: that nobody reads through
+REFERENCE = ("book/api", "CHANGELOG", "CONTRIBUTING", "genindex", "search")
 
 
 def minutes(body: str) -> int:
@@ -18,7 +19,9 @@ def minutes(body: str) -> int:
     return max(1, round(len(words) / PACE))
 
 
-def add_minutes(app: Sphinx, name: str, template: str, context: dict[str, Any], doctree: Any) -> None:
+def add_minutes(
+    app: Sphinx, name: str, template: str, context: dict[str, Any], doctree: Any
+) -> None:
     """Put the minutes behind the page's title."""
     body = context.get("body")
     if body and not name.startswith(REFERENCE):

@@ -1,6 +1,7 @@
 """Sphinx extension: the reference's pages, one for each module, and the table of rooms that leads to them.
 
-`autosummary` finds the modules and writes the sources of their pages into book/api, which git ignores.
+`autosummary` finds the modules and writes the sources of their pages into book/api,
+which git ignores.
 """
 
 from __future__ import annotations
@@ -37,7 +38,10 @@ class Rooms(SphinxDirective):
         self.env.note_dependency(str(design))
         rooms = ROOM.findall(design.read_text(encoding="utf-8"))
         lines = ["| Room | What is in it |", "| --- | --- |"]
-        lines += [f"| {re.sub(LINKED, '{py:mod}`', names)} | {what} |" for names, what in rooms]
+        lines += [
+            f"| {re.sub(LINKED, '{py:mod}`', names)} | {what} |"
+            for names, what in rooms
+        ]
         place = nodes.container()
         self.state.nested_parse(StringList(lines, str(design)), 0, place)
         for table in place.findall(nodes.table):
@@ -47,32 +51,45 @@ class Rooms(SphinxDirective):
 
 def read_modules(app: Sphinx, config: Config) -> None:
     """Let the pages of modules be read, which the table of contents does not list."""
-    config.exclude_patterns = [name for name in config.exclude_patterns if not name.startswith(f"{PAGES}/")]
+    config.exclude_patterns = [
+        name for name in config.exclude_patterns if not name.startswith(f"{PAGES}/")
+    ]
 
 
 def write_sources(app: Sphinx) -> None:
     """Look for modules in all sources, as `autosummary` would in those that change; none outlives its module."""
-    modules = {module.name for package in (sidm, companion)
-               for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")}
+    modules = {
+        module.name
+        for package in (sidm, companion)
+        for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
+    }
     modules |= {"sidm", "companion"}
     sources = list((Path(app.srcdir) / PAGES).glob("*.rst"))
     if not modules.issuperset(path.stem for path in sources):
         while sources:  # others may name what is gone
             sources.pop().unlink()
-    generate_autosummary_docs([f"{PAGES}.md", *map(str, sources)], base_path=app.srcdir, app=app)
+    generate_autosummary_docs(
+        [f"{PAGES}.md", *map(str, sources)], base_path=app.srcdir, app=app
+    )
 
 
-def break_title(app: Sphinx, page: str, template: str, context: dict, doctree: object) -> None:
+def break_title(
+    app: Sphinx, page: str, template: str, context: dict, doctree: object
+) -> None:
     """The name of a module goes on in another line after a dot, not in the middle of a word."""
     if page.startswith(f"{PAGES}/") and context.get("body"):
-        context["body"] = TITLE.sub(lambda name: name[0].replace(".", ".<wbr>"), context["body"], count=1)
+        context["body"] = TITLE.sub(
+            lambda name: name[0].replace(".", ".<wbr>"), context["body"], count=1
+        )
 
 
 def setup(app: Sphinx) -> dict[str, object]:
     """Register with Sphinx; what leaves files out comes before."""
     plain = autosummary._import_by_name
 
-    def modules_first(name: str, *words: bool, **options: bool) -> tuple[object, object, str]:
+    def modules_first(
+        name: str, *words: bool, **options: bool
+    ) -> tuple[object, object, str]:
         """A package may hand on a function that is named as its module, which is then meant."""
         thing, parent, place = plain(name, *words, **options)
         return sys.modules.get(name, thing), parent, place

@@ -1,8 +1,9 @@
 """Sphinx extension: the contents in the sidebar, made from the pages' titles alone.
 
-For every page Sphinx copies the headings of all pages, those of the package's reference by the thousand, and then
-throws away all but the titles: a quarter of the time that rendering takes. The modules are a tree of short names, which
-the reference's own pages show alone.
+For every page Sphinx copies the headings of all pages, those of the package's reference
+by the thousand, and then throws away all but the titles: a quarter of the time that
+rendering takes. The modules are a tree of short names, which the reference's own pages
+show alone.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ from sphinx.application import Sphinx
 REFERENCE = "book/api"
 
 
-def titles_of(name: str, headings: nodes.bullet_list, with_pages: bool = True) -> nodes.bullet_list:
+def titles_of(
+    name: str, headings: nodes.bullet_list, with_pages: bool = True
+) -> nodes.bullet_list:
     """A page's headings without what lies below its title, unless that lists other pages."""
     titles = headings.deepcopy()
     for entry in titles.children:
@@ -26,7 +29,9 @@ def titles_of(name: str, headings: nodes.bullet_list, with_pages: bool = True) -
     return titles
 
 
-def shorten(app: Sphinx, page: str, template: str, context: dict, doctree: object) -> None:
+def shorten(
+    app: Sphinx, page: str, template: str, context: dict, doctree: object
+) -> None:
     """Where titles alone are asked for, let Sphinx know no others."""
     whole = context["toctree"]
 
@@ -41,9 +46,13 @@ def shorten(app: Sphinx, page: str, template: str, context: dict, doctree: objec
             app.env.tocs = known
 
     if not hasattr(app.builder, "titles"):
-        app.builder.titles = {name: titles_of(name, headings) for name, headings in app.env.tocs.items()}
+        app.builder.titles = {
+            name: titles_of(name, headings) for name, headings in app.env.tocs.items()
+        }
     titles = app.builder.titles
-    closed = {REFERENCE: titles_of(REFERENCE, app.env.tocs[REFERENCE], with_pages=False)}
+    closed = {
+        REFERENCE: titles_of(REFERENCE, app.env.tocs[REFERENCE], with_pages=False)
+    }
     context["toctree"] = toctree
 
 

@@ -1,7 +1,8 @@
 """Encoders, SIDM and decoders that estimate distributions (section 3.2, last paragraph), all Gaussian and diagonal.
 
-Latent state-actions and latent transitions are sampled by reparametrisation (Kingma and Welling, 2014); the decoder
-gives mean and standard deviation of the transition. Without a generator the latents are their means.
+Latent state-actions and latent transitions are sampled by reparametrisation (Kingma and
+Welling, 2014); the decoder gives mean and standard deviation of the transition. Without
+a generator the latents are their means.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from sidm.learning.units import Standardisation
 from sidm.learning.weights import scale_last
 from sidm.settings import Network
 
-QUIETEST, LOUDEST = -6.0, 2.0  # logarithm of a standard deviation, in the networks' units
+#: logarithm of a standard deviation, in the networks' units
+QUIETEST, LOUDEST = -6.0, 2.0
 QUIET = -3.0  # of the latents' at the start: about a twentieth of what they vary by
 
 
@@ -42,7 +44,11 @@ class Gaussian(NamedTuple):
 
     def component_nll(self, values: Tensor) -> Tensor:
         """The same of each component alone, (..., K)."""
-        return ((values - self.mean) / self.std).square() / 2 + self.std.log() + math.log(2 * math.pi) / 2
+        return (
+            ((values - self.mean) / self.std).square() / 2
+            + self.std.log()
+            + math.log(2 * math.pi) / 2
+        )
 
 
 class Spread(nn.Module):
@@ -62,7 +68,12 @@ class Spread(nn.Module):
 class GaussianEncoder(Encoder):
     """E_e or E_n: a distribution of latent state-actions about those of the deterministic twin."""
 
-    def __init__(self, network: Network, standardisation: Standardisation | None = None, body: Body = ROVER):
+    def __init__(
+        self,
+        network: Network,
+        standardisation: Standardisation | None = None,
+        body: Body = ROVER,
+    ):
         super().__init__(network, standardisation, body)
         self.spread = Spread(network.latent)
 
@@ -78,7 +89,9 @@ class GaussianSIDM(SIDM):
         super().__init__(network)
         self.spread = Spread(network.latent_transition)
 
-    def distribution(self, latents: Tensor, memory: Memory | None = None) -> tuple[Gaussian, Memory]:
+    def distribution(
+        self, latents: Tensor, memory: Memory | None = None
+    ) -> tuple[Gaussian, Memory]:
         """Of latent state transitions (B, T, 64), and the memory, as `SIDM` gives them."""
         transitions, memory = self(latents, memory)
         return self.spread(transitions), memory
@@ -87,7 +100,12 @@ class GaussianSIDM(SIDM):
 class GaussianDecoder(Decoder):
     """D_e or D_n with a second number for each component: the logarithm of its standard deviation."""
 
-    def __init__(self, network: Network, standardisation: Standardisation | None = None, body: Body = ROVER):
+    def __init__(
+        self,
+        network: Network,
+        standardisation: Standardisation | None = None,
+        body: Body = ROVER,
+    ):
         super().__init__(network, standardisation, body)
         self.spread = nn.Linear(network.decoder_hidden, len(body.targets))
         scale_last(self.spread)
@@ -96,14 +114,22 @@ class GaussianDecoder(Decoder):
         """Of the state transition y (..., 13), raw units, given latent state transitions (..., 64)."""
         hidden = self.dense[:-1](transitions)
         std = self.spread(hidden).clamp(QUIETEST, LOUDEST).exp()
-        return Gaussian(self.target_mean + self.target_std * self.dense[-1](hidden), self.target_std * std)
+        return Gaussian(
+            self.target_mean + self.target_std * self.dense[-1](hidden),
+            self.target_std * std,
+        )
 
 
 class Stochastic(Protocol):
     """What can say how sure it is of a transition."""
 
     def predict(
-        self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None, generator: torch.Generator | None
+        self,
+        role: str,
+        inputs: Tensor,
+        maps: Tensor,
+        memory: Memory | None,
+        generator: torch.Generator | None,
     ) -> tuple[Gaussian, Memory]:
         """The transition's distribution (B, T, 13), raw units, given one draw of all latents; and the memory."""
 
@@ -111,19 +137,27 @@ class Stochastic(Protocol):
 class DistributionModel(DynamicsModel):
     """Figure 1 with distributions in the place of values; called, it gives the mean that the latents' means lead to.
 
-    Each latent has a standard deviation beside it; the means begin as those of the deterministic twin.
+    Each latent has a standard deviation beside it; the means begin as those of the
+    deterministic twin.
     """
 
     _parts = (GaussianEncoder, GaussianSIDM, GaussianDecoder)
 
     def draw_latents(
-        self, role: str, inputs: Tensor, maps: Tensor, generator: torch.Generator | None = None
+        self,
+        role: str,
+        inputs: Tensor,
+        maps: Tensor,
+        generator: torch.Generator | None = None,
     ) -> Tensor:
         """Latent state-actions (B, T, latent): a draw, or their means."""
         return self.encoders[role].distribution(inputs, maps).sample(generator)  # type: ignore[operator]
 
     def transit(
-        self, latents: Tensor, memory: Memory | None = None, generator: torch.Generator | None = None
+        self,
+        latents: Tensor,
+        memory: Memory | None = None,
+        generator: torch.Generator | None = None,
     ) -> tuple[Tensor, Memory]:
         """Latent state transitions (B, T, latent_transition), a draw or their means, and the memory."""
         found, memory = self.sidm.distribution(latents, memory)  # type: ignore[operator]
@@ -138,7 +172,9 @@ class DistributionModel(DynamicsModel):
         generator: torch.Generator | None = None,
     ) -> tuple[Gaussian, Memory]:
         """As `Stochastic.predict`: of (B, T, 13)."""
-        transitions, memory = self.transit(self.draw_latents(role, inputs, maps, generator), memory, generator)
+        transitions, memory = self.transit(
+            self.draw_latents(role, inputs, maps, generator), memory, generator
+        )
         return self.decoders[role].distribution(transitions), memory  # type: ignore[operator]
 
     def forward(

@@ -23,7 +23,8 @@ class Ride(NamedTuple):
     ended: str  # 'arrived', a cause of `trajectory.DISCARDS`, or 'time'
     states: np.ndarray  # (K + 1, 13)
     actions: np.ndarray  # (K, 2)
-    surprise: float  # m, from where a plan led to where the robot was at the next, mean; 0 of no plan
+    #: m, from where a plan led to where the robot was at the next, mean; 0 of no plan
+    surprise: float
 
     @property
     def path(self) -> np.ndarray:
@@ -60,10 +61,14 @@ class Driver:
         imagination: of the plans, a learned model's or the simulator that is driven in.
     """
 
-    def __init__(self, goal: np.ndarray, planner: Planner | None = None, imagination: Any = None) -> None:
+    def __init__(
+        self, goal: np.ndarray, planner: Planner | None = None, imagination: Any = None
+    ) -> None:
         self.goal, self.planner, self.imagination = goal, planner, imagination
-        self.pace: list[float] = []  # s, of each plan, what was done since the one before taken in
-        self.surprises: list[float] = []  # m, from where a plan led to where the robot was at the next
+        # s, of each plan, what was done since the one before taken in
+        self.pace: list[float] = []
+        # m, from where a plan led to where the robot was at the next
+        self.surprises: list[float] = []
         self._ready: list[Tensor] = []
 
     @property
@@ -86,7 +91,13 @@ class Driver:
         """The actions until the next plan."""
         steps, dreamer = planner.settings.replan, self.imagination
         if planner.foreseen is not None:
-            self.surprises.append(float(np.linalg.norm(planner.foreseen[steps, :2].numpy() - state[POSITION][:2])))
+            self.surprises.append(
+                float(
+                    np.linalg.norm(
+                        planner.foreseen[steps, :2].numpy() - state[POSITION][:2]
+                    )
+                )
+            )
         start = time.perf_counter()
         if isinstance(dreamer, Dreamer):
             plan = planner.plan(functools.partial(dreamer.imagine, state))
@@ -114,7 +125,8 @@ def ride(simulator: Any, driver: Driver, rules: Any, longest: float) -> Ride:
 def try_out(simulator: Any, actions: Tensor) -> Tensor:
     """Where actions (N, H, 2) lead, tried out in the simulator one sequence after the other: (N, H + 1, 13).
 
-    A sequence that has rolled over is not tried further, nor one whose numbers are lost: it stays upside down.
+    A sequence that has rolled over is not tried further, nor one whose numbers are
+    lost: it stays upside down.
     """
     now = simulator.save()
     paths = []

@@ -20,9 +20,13 @@ from sidm.systems import ROLES
 
 #: Settings that have one value here.
 ONLY = {
-    "precision": "float32", "frozen": "nothing", "reduction": "sum", "stopping": "test_loss", "matching": "adversary",
+    "precision": "float32",
+    "frozen": "nothing",
+    "reduction": "sum",
+    "stopping": "test_loss",
+    "matching": "adversary",
     "own": "all",
-}  # fmt: skip
+}
 
 
 def mean_nll(model: DistributionModel, motion: Windows) -> float:
@@ -36,25 +40,39 @@ def mean_nll(model: DistributionModel, motion: Windows) -> float:
 
 
 def train_distributions(
-    datasets: Datasets, network: Network, training: Training, seed: int, standardisation: Standardisation
+    datasets: Datasets,
+    network: Network,
+    training: Training,
+    seed: int,
+    standardisation: Standardisation,
 ) -> Trained:
     """`training.train` for distributions: the same phases and the same rule to stop by, without checkpoints.
 
-    The test likelihood that it stops by is that of the latents' means: the mixture over draws of them, which
-    `particles.one_step` reports, costs as many times as much.
+    The test likelihood that it stops by is that of the latents' means: the mixture over
+    draws of them, which `particles.one_step` reports, costs as many times as much.
 
     Raises:
-        ConfigError: data that the settings need are not there, or settings that it does not know.
-        TrainingError: a test found a loss that is not finite; the message names the iteration.
+        ConfigError: data that the settings need are not there, or settings that it does
+            not know.
+        TrainingError: a test found a loss that is not finite; the message names the
+            iteration.
     """
     for name, only in ONLY.items():
         value = getattr(training, name, getattr(network, name, only))
         if value != only:
-            raise ConfigError(f"training by likelihood has no {name}={value!r}, only {only!r}")
+            raise ConfigError(
+                f"training by likelihood has no {name}={value!r}, only {only!r}"
+            )
     trainer = Trainer(
-        datasets, network, training, seed, standardisation, model=LikelihoodModel, test_loss=mean_nll,
+        datasets,
+        network,
+        training,
+        seed,
+        standardisation,
+        model=LikelihoodModel,
+        test_loss=mean_nll,
         measured=False,
-    )  # fmt: skip
+    )
     return learn(trainer)
 
 
@@ -62,7 +80,11 @@ class LikelihoodModel(DistributionModel):
     """A model of distributions in training: latents are drawn, and the loss is the negative log-likelihood, nats."""
 
     def __init__(
-        self, network: Network, standardisation: Units | None = None, seed: int = 0, roles: Iterable[str] = ROLES
+        self,
+        network: Network,
+        standardisation: Units | None = None,
+        seed: int = 0,
+        roles: Iterable[str] = ROLES,
     ):
         super().__init__(network, standardisation, seed, roles)
         self.noise = generator(seed, "latents")
@@ -71,9 +93,13 @@ class LikelihoodModel(DistributionModel):
         """A draw of latent state-actions (b, T, latent)."""
         return self.draw_latents(role, batch.inputs, batch.maps, self.noise)
 
-    def losses(self, batch: Mapping[str, Windows], latents: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    def losses(
+        self, batch: Mapping[str, Windows], latents: Mapping[str, Tensor]
+    ) -> dict[str, Tensor]:
         """Negative log-likelihood of each sample of a batch and its latents by system, (b, T) each."""
-        transitions, _ = self.transit(torch.cat(list(latents.values())), generator=self.noise)
+        transitions, _ = self.transit(
+            torch.cat(list(latents.values())), generator=self.noise
+        )
         parts = transitions.split([len(windows) for windows in batch.values()])
         return {
             role: self.decoders[role].distribution(part).nll(windows.targets)  # type: ignore[operator]

@@ -14,12 +14,15 @@ from sidm.learning.trainer import Hook, Trainer
 def mmd(first: Tensor, second: Tensor) -> Tensor:
     """Squared maximum mean discrepancy (Gretton et al., 2012) of samples (N, K) and (M, K): a scalar, 0 for equal ones.
 
-    The kernel is the mean of three Gaussian ones, as wide as half, once and twice the median squared distance.
+    The kernel is the mean of three Gaussian ones, as wide as half, once and twice the
+    median squared distance.
     """
     both = torch.cat([first, second])
     squares = torch.cdist(both, both, compute_mode="use_mm_for_euclid_dist").square()
     unit = squares.detach().median()
-    kernel = torch.stack([torch.exp(-squares / (width * unit)) for width in (0.5, 1.0, 2.0)]).mean(0)
+    kernel = torch.stack(
+        [torch.exp(-squares / (width * unit)) for width in (0.5, 1.0, 2.0)]
+    ).mean(0)
     n = len(first)
     return kernel[:n, :n].mean() + kernel[n:, n:].mean() - 2 * kernel[:n, n:].mean()
 
@@ -27,13 +30,15 @@ def mmd(first: Tensor, second: Tensor) -> Tensor:
 def coral(first: Tensor, second: Tensor) -> Tensor:
     """Distance of the covariances of samples (N, K) and (M, K), after Sun and Saenko (2016), and of their means.
 
-    Their loss leaves the means alone; here a shift counts too, as it does for the adversary.
+    Their loss leaves the means alone; here a shift counts too, as it does for the
+    adversary.
     """
     shift = (first.mean(0) - second.mean(0)).square().mean()
     return shift + (torch.cov(first.T) - torch.cov(second.T)).square().mean()
 
 
-#: Distances between the distributions of latents (N, K) and (M, K), by the setting that chooses them.
+#: Distances between the distributions of latents (N, K) and (M, K), by the setting that
+#: chooses them.
 DISTANCES: dict[str, Callable[[Tensor, Tensor], Tensor]] = {"mmd": mmd, "coral": coral}
 
 
@@ -57,7 +62,9 @@ class DistanceMatching(Hook):
         """One step of E_n alone down the distance between its latents and those of E_e."""
         count, sampler = trainer.training.matching_batch, trainer.sampler
         with torch.no_grad():
-            expert = trainer.encode("expert", sampler.draw("expert", count, "discriminator expert"))
+            expert = trainer.encode(
+                "expert", sampler.draw("expert", count, "discriminator expert")
+            )
         novice = trainer.encode("novice", sampler.matching_batch())
         trainer.step_encoder(self.distance(expert.flatten(0, 1), novice.flatten(0, 1)))
 
@@ -78,9 +85,16 @@ class GradientReversal(Hook):
         if len(latents) < 2:
             return next(iter(latents.values())).new_zeros(())
         # The value is the latents', the derivative by them is -weight.
-        turned = {role: (1 + self.weight) * latents[role].detach() - self.weight * latents[role]
-                  for role in ("expert", "novice")}  # fmt: skip
-        terms = [one_sided_loss(**{name: one}) for name, one in trainer.discriminate(turned).items()]  # unequal numbers
+        turned = {
+            role: (1 + self.weight) * latents[role].detach()
+            - self.weight * latents[role]
+            for role in ("expert", "novice")
+        }
+        # unequal numbers
+        terms = [
+            one_sided_loss(**{name: one})
+            for name, one in trainer.discriminate(turned).items()
+        ]
         return torch.stack(terms).sum()
 
     def after_step(self, trainer: Trainer) -> None:

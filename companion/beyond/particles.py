@@ -15,7 +15,12 @@ from sidm.drives import QUATERNION
 from sidm.learning.dataset import Windows
 from sidm.learning.evaluation import EVALUATION_BATCH
 from sidm.learning.networks import Memory
-from sidm.learning.observation import TARGET_SIZE, encode_inputs, integrate, robot_centred_map
+from sidm.learning.observation import (
+    TARGET_SIZE,
+    encode_inputs,
+    integrate,
+    robot_centred_map,
+)
 
 DRAWS = 16  # of the latents, whose mixture a likelihood is of
 LEVELS = (0.5, 0.9)  # of the intervals
@@ -26,35 +31,54 @@ class Calibration(NamedTuple):
     """Of one step, over the steps of some motion."""
 
     nll: float  # negative log-likelihood, nats a sample
-    nll_quantiles: tuple[float, ...]  # QUANTILES of that of single steps: few may make most of the mean
+    #: QUANTILES of that of single steps: few may make most of the mean
+    nll_quantiles: tuple[float, ...]
     component_nll: tuple[float, ...]  # (13,) of each component alone
-    spread: tuple[float, ...]  # (13,) mean standard deviation given the latents, raw units
-    coverage: tuple[tuple[float, ...], ...]  # (L, 13) share of steps within the central intervals of LEVELS
+    #: (13,) mean standard deviation given the latents, raw units
+    spread: tuple[float, ...]
+    #: (L, 13) share of steps within the central intervals of LEVELS
+    coverage: tuple[tuple[float, ...], ...]
 
 
 def one_step(
-    model: Stochastic, motion: Windows, generator: torch.Generator | None, draws: int = DRAWS
+    model: Stochastic,
+    motion: Windows,
+    generator: torch.Generator | None,
+    draws: int = DRAWS,
 ) -> Calibration:
     """Likelihood and coverage of the mixture over so many draws of the latents, whole trajectories each.
 
-    Of few draws the likelihood is too small, on average. Without a generator the latents are their means.
+    Of few draws the likelihood is too small, on average. Without a generator the
+    latents are their means.
     """
     steps: list[Tensor] = []  # negative log-likelihoods
     alone, spread = (torch.zeros(TARGET_SIZE, dtype=torch.float64) for _ in range(2))
     inside = torch.zeros(len(LEVELS), TARGET_SIZE, dtype=torch.float64)
     with torch.inference_mode():
         for part in motion.split(EVALUATION_BATCH):
-            drawn = [model.predict("novice", part.inputs, part.maps, None, generator)[0] for _ in range(draws)]
-            logs = torch.stack([-one.component_nll(part.targets) for one in drawn]).double()  # (D, B, T, 13)
+            drawn = [
+                model.predict("novice", part.inputs, part.maps, None, generator)[0]
+                for _ in range(draws)
+            ]
+            # (D, B, T, 13)
+            logs = torch.stack(
+                [-one.component_nll(part.targets) for one in drawn]
+            ).double()
             steps.append(math.log(draws) - torch.logsumexp(logs.sum(-1), 0).flatten())
             alone -= (torch.logsumexp(logs, 0) - math.log(draws)).sum((0, 1))
-            spread += torch.stack([one.std for one in drawn]).double().mean(0).sum((0, 1))
-            ranks = [torch.special.ndtr((part.targets - one.mean) / one.std) for one in drawn]
+            spread += (
+                torch.stack([one.std for one in drawn]).double().mean(0).sum((0, 1))
+            )
+            ranks = [
+                torch.special.ndtr((part.targets - one.mean) / one.std) for one in drawn
+            ]
             rank = torch.stack(ranks).mean(0)  # (B, T, 13), the probability of less
             for number, level in enumerate(LEVELS):
                 inside[number] += (2 * (rank - 0.5).abs() <= level).double().sum((0, 1))
     nll = torch.cat(steps)
-    components, spreads = (tuple((some / len(nll)).tolist()) for some in (alone, spread))
+    components, spreads = (
+        tuple((some / len(nll)).tolist()) for some in (alone, spread)
+    )
     quantiles = tuple(torch.quantile(nll, nll.new_tensor(QUANTILES)).tolist())
     shares = tuple(tuple(level.tolist()) for level in inside / len(nll))
     return Calibration(float(nll.mean()), quantiles, components, spreads, shares)
@@ -87,7 +111,9 @@ def particle_rollout(
     memory: Memory | None = None
     with torch.inference_mode():
         for action in actions.double():
-            inputs = encode_inputs(states[-1], action.expand(count, -1)).float()[:, None]
+            inputs = encode_inputs(states[-1], action.expand(count, -1)).float()[
+                :, None
+            ]
             maps = robot_centred_map(heights, states[-1], pixels).half()[:, None]
             found, memory = model.predict("novice", inputs, maps, memory, generator)
             states.append(integrate(states[-1], found.sample(generator)[:, 0].double()))
@@ -102,7 +128,9 @@ class Along(NamedTuple):
     error: Tensor  # (K, 3) how far the particles' mean is off
 
 
-def covered(particles: Tensor, actual: Tensor, levels: Sequence[float] = LEVELS) -> Along:
+def covered(
+    particles: Tensor, actual: Tensor, levels: Sequence[float] = LEVELS
+) -> Along:
     """How the particles' central intervals fit what happened.
 
     Args:
@@ -111,9 +139,13 @@ def covered(particles: Tensor, actual: Tensor, levels: Sequence[float] = LEVELS)
         levels: of the intervals.
     """
     heading = rotations.yaw(particles[..., QUATERNION])[:, 1:]  # (S, K)
-    middle = torch.atan2(heading.sin().mean(0), heading.cos().mean(0))  # (K,): turns are counted from there
+    # (K,): turns are counted from there
+    middle = torch.atan2(heading.sin().mean(0), heading.cos().mean(0))
     start = rotations.yaw(actual[0, QUATERNION])
-    numbers, truth = (_seen(states, start, middle) for states in (particles[:, 1:], actual[1:]))  # (S, K, 3), (K, 3)
+    # (S, K, 3), (K, 3)
+    numbers, truth = (
+        _seen(states, start, middle) for states in (particles[:, 1:], actual[1:])
+    )
     ends = [central(numbers, level) for level in levels]
     inside = torch.stack([(low <= truth) & (truth <= high) for low, high in ends])
     width = torch.stack([high - low for low, high in ends])
@@ -124,7 +156,8 @@ def central(values: Tensor, level: float) -> tuple[Tensor, Tensor]:
     """The ends (...) between which a new draw lies with probability `level`, of S draws (S, ...)."""
     count = len(values)
     low, high = (
-        min(max((share * (count + 1) - 1) / (count - 1), 0.0), 1.0) for share in (0.5 - level / 2, 0.5 + level / 2)
+        min(max((share * (count + 1) - 1) / (count - 1), 0.0), 1.0)
+        for share in (0.5 - level / 2, 0.5 + level / 2)
     )
     return values.quantile(low, dim=0), values.quantile(high, dim=0)
 
@@ -132,4 +165,6 @@ def central(values: Tensor, level: float) -> tuple[Tensor, Tensor]:
 def _seen(states: Tensor, heading: Tensor, middle: Tensor) -> Tensor:
     """(..., K, 3): metres along and across a `heading`, the turn from a `middle` (K,), rad, of states (..., K, 13)."""
     turn = rotations.wrap(rotations.yaw(states[..., QUATERNION]) - middle)
-    return torch.cat([rotations.turn(states[..., :2], -heading), turn[..., None]], dim=-1)
+    return torch.cat(
+        [rotations.turn(states[..., :2], -heading), turn[..., None]], dim=-1
+    )

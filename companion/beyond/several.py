@@ -1,7 +1,8 @@
 """One SIDM of several experts, before any novice is met (section 6 of the paper).
 
-Each expert has an encoder and a decoder of its own, as in Figure 1; Algorithm 1 draws each trajectory of a batch from
-one of them at random. Algorithm 2 has no form for several experts in the paper and is left out.
+Each expert has an encoder and a decoder of its own, as in Figure 1; Algorithm 1 draws
+each trajectory of a batch from one of them at random. Algorithm 2 has no form for
+several experts in the paper and is left out.
 """
 
 from __future__ import annotations
@@ -37,7 +38,9 @@ class SeveralSampler(Sampler):
 
     one_curve = True
 
-    def __init__(self, windows: Mapping[str, Windows], training: Training, seed: int) -> None:
+    def __init__(
+        self, windows: Mapping[str, Windows], training: Training, seed: int
+    ) -> None:
         first = next(iter(windows.values()))
         super().__init__(Datasets(first, first, first), training, seed)
         self.windows = dict(windows)
@@ -47,12 +50,19 @@ class SeveralSampler(Sampler):
         """Which windows (b,) make a batch, by expert: each of one that is drawn with equal probability."""
         roles, count = list(self.windows), self.training.batch
         whose = torch.randint(len(roles), (count,), generator=self.generators["system"])
-        drawn = {role: self.indices(role, count, role)[whose == number] for number, role in enumerate(roles)}
+        drawn = {
+            role: self.indices(role, count, role)[whose == number]
+            for number, role in enumerate(roles)
+        }
         return {role: indices for role, indices in drawn.items() if len(indices)}
 
 
 def several_trainer(
-    experts: Mapping[str, Windows], network: Network, training: Training, seed: int, standardisation: Standardisation
+    experts: Mapping[str, Windows],
+    network: Network,
+    training: Training,
+    seed: int,
+    standardisation: Standardisation,
 ) -> Trainer:
     """A model of several experts in training: each has three of four windows to learn from, one to stop by.
 
@@ -60,11 +70,19 @@ def several_trainer(
         ConfigError: settings with a novice, or that add to the loop.
     """
     if training.needs_expert or training.hooks():
-        raise ConfigError("several experts without a novice: p_expert=0, regularise=False and nothing that adds to it")
-    parts = {role: split(len(windows), len(windows), seed) for role, windows in experts.items()}
+        raise ConfigError(
+            "several experts without a novice: p_expert=0, regularise=False and nothing that adds to it"
+        )
+    parts = {
+        role: split(len(windows), len(windows), seed)
+        for role, windows in experts.items()
+    }
     learning = {role: experts[role].subset(which) for role, (which, _) in parts.items()}
     count = training.test_trajectories
-    testing = {role: experts[role].subset(which).first(count) for role, (_, which) in parts.items()}
+    testing = {
+        role: experts[role].subset(which).first(count)
+        for role, (_, which) in parts.items()
+    }
 
     def test_loss(model: DynamicsModel, _: Windows) -> float:
         """The mean of the experts' test losses."""
@@ -75,13 +93,24 @@ def several_trainer(
     sets = Datasets(learning[first], testing[first], experts[first])
     sampler = SeveralSampler(learning, training, seed)
     return Trainer(
-        sets, network, training, seed, standardisation, roles=experts, sampler=sampler, test_loss=test_loss,
+        sets,
+        network,
+        training,
+        seed,
+        standardisation,
+        roles=experts,
+        sampler=sampler,
+        test_loss=test_loss,
         measured=False,
-    )  # fmt: skip
+    )
 
 
 def train_several(
-    experts: Mapping[str, Windows], network: Network, training: Training, seed: int, standardisation: Standardisation
+    experts: Mapping[str, Windows],
+    network: Network,
+    training: Training,
+    seed: int,
+    standardisation: Standardisation,
 ) -> Trained:
     """Train one SIDM, and an encoder and a decoder for each expert, by Algorithm 1 until their test loss rises.
 
@@ -116,8 +145,16 @@ def nearest(model: DynamicsModel, motion: Windows) -> str:
     return min(model.encoders, key=lambda role: mean_loss(model, motion, role))
 
 
-def fresh_around(model: DynamicsModel, network: Network, standardisation: Standardisation, seed: int) -> Parts:
+def fresh_around(
+    model: DynamicsModel, network: Network, standardisation: Standardisation, seed: int
+) -> Parts:
     """The SIDM with a new encoder and a new decoder for the novice."""
-    fresh = checkpoint.module_tensors(DynamicsModel(network, standardisation, seed, ["novice"]))
-    sidm = {name: part for name, part in checkpoint.module_tensors(model).items() if name.startswith("sidm.")}
+    fresh = checkpoint.module_tensors(
+        DynamicsModel(network, standardisation, seed, ["novice"])
+    )
+    sidm = {
+        name: part
+        for name, part in checkpoint.module_tensors(model).items()
+        if name.startswith("sidm.")
+    }
     return fresh | sidm

@@ -24,19 +24,32 @@ class StackedAdam:
 
     Args:
         parameters: (M, ...) each, by name, changed in place.
-        decoupled: whether the decay acts on the weights themselves, not through the gradient.
+        decoupled: whether the decay acts on the weights themselves, not through the
+            gradient.
     """
 
     def __init__(self, parameters: Mapping[str, Tensor], decoupled: bool):
         self.parameters, self.decoupled = dict(parameters), decoupled
         first = next(iter(self.parameters.values()))
-        self.learning_rate, self.decay = first.new_zeros(2, len(first)).detach()  # each trial's
+        # each trial's
+        self.learning_rate, self.decay = first.new_zeros(2, len(first)).detach()
         self.moments = {
-            name: Moments(*(torch.zeros_like(one, requires_grad=False) for one in (self.decay, weights, weights)))
+            name: Moments(
+                *(
+                    torch.zeros_like(one, requires_grad=False)
+                    for one in (self.decay, weights, weights)
+                )
+            )
             for name, weights in self.parameters.items()
         }
 
-    def put(self, trial: int, learning_rate: float, decay: float, state: Mapping[str, Tensor]) -> None:
+    def put(
+        self,
+        trial: int,
+        learning_rate: float,
+        decay: float,
+        state: Mapping[str, Tensor],
+    ) -> None:
         """Make these a trial's settings and moments, (...) each by 'parameter/exp_avg'; those not given become 0."""
         self.learning_rate[trial], self.decay[trial] = learning_rate, decay
         for name, moments in self.moments.items():
@@ -58,12 +71,18 @@ class StackedAdam:
         for name, gradient in gradients.items():
             self._update(self.parameters[name], gradient, self.moments[name], moving)
 
-    def _update(self, weights: Tensor, gradient: Tensor, moments: Moments, moving: Tensor) -> None:
+    def _update(
+        self, weights: Tensor, gradient: Tensor, moments: Moments, moving: Tensor
+    ) -> None:
         moments.step.add_(moving)
         lead = (-1, *[1] * (weights.ndim - 1))
-        count = moments.step.clamp_min(1).double()  # 1 - 0.999 in single precision has lost four digits
-        first, second = ((1 - beta**count).to(weights.dtype).view(lead) for beta in (BETA1, BETA2))
-        gradient = torch.where(moving.view(lead), gradient, 0.0)  # whatever it is where nothing moves
+        # 1 - 0.999 in single precision has lost four digits
+        count = moments.step.clamp_min(1).double()
+        first, second = (
+            (1 - beta**count).to(weights.dtype).view(lead) for beta in (BETA1, BETA2)
+        )
+        # whatever it is where nothing moves
+        gradient = torch.where(moving.view(lead), gradient, 0.0)
         now = moving.to(weights.dtype).view(lead)  # 0 leaves everything as it is
         rate, decay = now * self.learning_rate.view(lead), self.decay.view(lead)
         if self.decoupled:

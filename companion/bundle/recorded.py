@@ -14,12 +14,15 @@ WARM_UP = 3  # calls before recording, in which libraries choose their kernels
 class Recorded:
     """`work`, recorded at its first call on a GPU and replayed from then on; on a CPU simply called.
 
-    Its first argument, bool, says which trials may change; with none of them it must change nothing, for so it is
-    warmed up. All arguments are tensors whose shapes stay. What it returns is overwritten by the next call. Works of
-    one `pool` share memory: none may run beside another, nor use what another left there.
+    Its first argument, bool, says which trials may change; with none of them it must
+    change nothing, for so it is warmed up. All arguments are tensors whose shapes stay.
+    What it returns is overwritten by the next call. Works of one `pool` share memory:
+    none may run beside another, nor use what another left there.
     """
 
-    def __init__(self, work: Callable[..., Any], device: torch.device, pool: Any = None):
+    def __init__(
+        self, work: Callable[..., Any], device: torch.device, pool: Any = None
+    ):
         self.work: Callable[..., Any] | None = work
         self.device, self.pool = device, pool
         self.graph: torch.cuda.CUDAGraph | None = None

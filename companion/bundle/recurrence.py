@@ -1,7 +1,7 @@
 """The SIDM's LSTM for M trials at once: cells over stacked weights.
 
-`nn.LSTM` cannot be batched over weights, and its kernels on a GPU serve one set of them. M trials, B trajectories, T
-steps.
+`nn.LSTM` cannot be batched over weights, and its kernels on a GPU serve one set of
+them. M trials, B trajectories, T steps.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from torch.autograd.function import once_differentiable
 class Recurrence(torch.autograd.Function):
     """One LSTM layer along the steps, from zero states.
 
-    The gradient of the recurrent weights is one product over all steps, where recorded steps would add up T of them.
+    The gradient of the recurrent weights is one product over all steps, where recorded
+    steps would add up T of them.
     """
 
     @staticmethod
@@ -29,7 +30,9 @@ class Recurrence(torch.autograd.Function):
         for step in range(steps):
             raw = torch.baddbmm(inward[:, step], output, back.mT)
             take, forget, new, give = raw.chunk(4, dim=-1)  # the order of nn.LSTM
-            now = torch.cat([take.sigmoid(), forget.sigmoid(), new.tanh(), give.sigmoid()], dim=-1)
+            now = torch.cat(
+                [take.sigmoid(), forget.sigmoid(), new.tanh(), give.sigmoid()], dim=-1
+            )
             take, forget, new, give = now.chunk(4, dim=-1)
             cell = forget * cell + take * new
             output = give * cell.tanh()
@@ -73,7 +76,8 @@ def lstm(weights: Mapping[str, Tensor], inputs: Tensor) -> Tensor:
     """Hidden states of the last layer, trajectories beginning here.
 
     Args:
-        weights: those of `nn.LSTM` by its names, stacked: 'weight_ih_l0' (M, 4 H, K), 'bias_hh_l0' (M, 4 H), ...
+        weights: those of `nn.LSTM` by its names, stacked: 'weight_ih_l0' (M, 4 H, K),
+            'bias_hh_l0' (M, 4 H), ...
         inputs: (M, B, T, K).
 
     Returns:
@@ -82,8 +86,11 @@ def lstm(weights: Mapping[str, Tensor], inputs: Tensor) -> Tensor:
     hidden = inputs.transpose(1, 2)  # (M, T, B, K)
     for layer in range(sum(name.startswith("weight_ih") for name in weights)):
         inward, back, first, second = (
-            weights[f"{name}_l{layer}"] for name in ("weight_ih", "weight_hh", "bias_ih", "bias_hh")
+            weights[f"{name}_l{layer}"]
+            for name in ("weight_ih", "weight_hh", "bias_ih", "bias_hh")
         )
-        gates = torch.baddbmm((first + second).unsqueeze(1), hidden.flatten(1, 2), inward.mT)
+        gates = torch.baddbmm(
+            (first + second).unsqueeze(1), hidden.flatten(1, 2), inward.mT
+        )
         hidden = Recurrence.apply(gates.unflatten(1, hidden.shape[1:3]), back)
     return hidden.transpose(1, 2)

@@ -30,16 +30,27 @@ class Run(NamedTuple):
 class Seat:
     """A trial in the bundle: its trainer, where its data stand, what became of it."""
 
-    def __init__(self, number: int, run: Run, network: Network, shelves: Mapping[str, Shelf]):
+    def __init__(
+        self, number: int, run: Run, network: Network, shelves: Mapping[str, Shelf]
+    ):
         """Run `number` from its initial weights, or from its checkpoint."""
         self.number, self.run = number, run
-        self.trainer = Trainer(run.datasets, network, run.training, run.seed, start=run.start)
+        self.trainer = Trainer(
+            run.datasets, network, run.training, run.seed, start=run.start
+        )
         if run.checkpoint is not None:
             Checkpoint(run.checkpoint).restore(self.trainer)
         windows = self.trainer.sampler.windows
-        self.places = {role: shelves[role].places(windows[role]) for role in self.trainer.model.encoders}
-        self.tests = shelves["novice"].places(run.datasets.test)[: len(self.trainer.test)]
-        self.watched = shelves["novice"].places(run.datasets.validation)[: len(self.trainer.validation)]
+        self.places = {
+            role: shelves[role].places(windows[role])
+            for role in self.trainer.model.encoders
+        }
+        self.tests = shelves["novice"].places(run.datasets.test)[
+            : len(self.trainer.test)
+        ]
+        self.watched = shelves["novice"].places(run.datasets.validation)[
+            : len(self.trainer.validation)
+        ]
         self.steps = shelves["novice"].steps
         self.error: TrainingError | None = None
         self.seconds = 0.0  # its share of the bundle's time
@@ -56,17 +67,28 @@ class Seat:
             for role, which in self.trainer.sampler.batch_indices().items():
                 places.append(self.places[role][which])
                 of_expert.append(torch.full((len(which),), role == "expert"))
-        return tuple(torch.cat(pieces).unflatten(0, (iterations, -1)) for pieces in (places, of_expert))
+        return tuple(
+            torch.cat(pieces).unflatten(0, (iterations, -1))
+            for pieces in (places, of_expert)
+        )
 
     def draw(self, iterations: int, role: str, count: int, purpose: str) -> Tensor:
         """Places (iterations, count) of trajectories of one system."""
-        drawn = [self.trainer.sampler.indices(role, count, purpose) for _ in range(iterations)]
-        return self.places[role][torch.stack(drawn) if drawn else torch.zeros(0, count, dtype=torch.long)]
+        drawn = [
+            self.trainer.sampler.indices(role, count, purpose)
+            for _ in range(iterations)
+        ]
+        return self.places[role][
+            torch.stack(drawn) if drawn else torch.zeros(0, count, dtype=torch.long)
+        ]
 
     def count(self, of_expert: Tensor) -> None:
         """Count an iteration of prediction on trajectories of which these (b,) are the expert's."""
         experts = int(of_expert.sum())
-        samples = {"novice": (len(of_expert) - experts) * self.steps, "expert": experts * self.steps}
+        samples = {
+            "novice": (len(of_expert) - experts) * self.steps,
+            "expert": experts * self.steps,
+        }
         self.trainer.count(samples)
 
     def draw_discriminated(self, iterations: int, count: int) -> tuple[Tensor, Tensor]:
@@ -91,5 +113,7 @@ class Seat:
             self.error = error
             return False
         if watched and self.trainer.components_due:
-            self.trainer.components.append(Components(self.trainer.samples, tuple(parts), tuple(watched[1:])))
+            self.trainer.components.append(
+                Components(self.trainer.samples, tuple(parts), tuple(watched[1:]))
+            )
         return better

@@ -10,7 +10,8 @@ from torch import Tensor
 from sidm.config import ConfigError, replace
 from sidm.learning.dataset import Windows
 
-BLANK = 0  # the place of a trajectory of zeros, for places of a batch where none was drawn
+#: the place of a trajectory of zeros, for places of a batch where none was drawn
+BLANK = 0
 
 
 class Shelf:
@@ -22,16 +23,28 @@ class Shelf:
         Raises:
             ConfigError: they differ in steps or pixels, or do not fit.
         """
-        self._wholes = {id(one.stored_inputs): replace(one, rows=None) for one in motions}
+        self._wholes = {
+            id(one.stored_inputs): replace(one, rows=None) for one in motions
+        }
         shapes = {tuple(whole.maps.shape[1:]) for whole in self._wholes.values()}
         if len(shapes) > 1:
-            raise ConfigError(f"the maps (T, P, P) of a bundle must have one shape, not {sorted(shapes)}")
+            raise ConfigError(
+                f"the maps (T, P, P) of a bundle must have one shape, not {sorted(shapes)}"
+            )
         refuse_too_much(self._wholes.values(), device)
         self._first, count = {}, BLANK + 1
         for key, whole in self._wholes.items():
             self._first[key], count = count, count + len(whole)
-        self.motion = Windows(*(_copied([getattr(whole, name) for whole in self._wholes.values()], count, device)
-                               for name in ("inputs", "targets", "maps")))  # fmt: skip
+        self.motion = Windows(
+            *(
+                _copied(
+                    [getattr(whole, name) for whole in self._wholes.values()],
+                    count,
+                    device,
+                )
+                for name in ("inputs", "targets", "maps")
+            )
+        )
 
     @property
     def steps(self) -> int:
@@ -55,7 +68,9 @@ def refuse_too_much(motions: Iterable[Windows], device: torch.device) -> None:
 
 def _copied(tensors: list[Tensor], count: int, device: torch.device) -> Tensor:
     """All rows in one tensor on the device, behind a blank one; piece by piece, so that files are never held twice."""
-    together = torch.empty(count, *tensors[0].shape[1:], dtype=tensors[0].dtype, device=device)
+    together = torch.empty(
+        count, *tensors[0].shape[1:], dtype=tensors[0].dtype, device=device
+    )
     together[BLANK] = 0
     start = BLANK + 1
     for tensor in tensors:

@@ -25,23 +25,35 @@ from sidm.systems import ROLES
 
 #: What the trials of a bundle have in common; they may differ in all other settings.
 SHARED = (
-    "batch", "discriminator_batch", "matching_batch", "prediction_iterations", "discriminator_iterations",
-    "matching_iterations", "test_interval", "decay", "matching_optimiser", "reduction", "precision",
-    "zero_gradients", "discriminator_draw",
-)  # fmt: skip
+    "batch",
+    "discriminator_batch",
+    "matching_batch",
+    "prediction_iterations",
+    "discriminator_iterations",
+    "matching_iterations",
+    "test_interval",
+    "decay",
+    "matching_optimiser",
+    "reduction",
+    "precision",
+    "zero_gradients",
+    "discriminator_draw",
+)
 
 #: What a bundle cannot vary: the settings' only values in it.
 ONLY = {"matching": "adversary", "tether": 0.0, "averaging": 0.0, "mirror": False}
 
 SAVE_INTERVAL = 600.0  # s between two writings of all checkpoints
-SHRINK = 8  # the bundle is made smaller when one of so many seats is empty and no trial waits
+#: the bundle is made smaller when one of so many seats is empty and no trial waits
+SHRINK = 8
 
 
 class Ended(NamedTuple):
     """A trial of a bundle that is over."""
 
     number: int  # among the runs
-    result: Trained | TrainingError | CheckpointError  # an error where a loss was not finite or it could not go on
+    #: an error where a loss was not finite or it could not go on
+    result: Trained | TrainingError | CheckpointError
     seconds: float  # its share of the time that the bundle took
 
 
@@ -58,24 +70,29 @@ def train_bundle(
     Each gives what `train` gives, but for rounding.
 
     Args:
-        runs: the trials, in the order in which they are seated: the longest first leaves the fewest seats empty.
+        runs: the trials, in the order in which they are seated: the longest first
+            leaves the fewest seats empty.
         network: sizes of the networks of all.
         seats: M, how many are trained at once.
         device: where to compute.
         progress: called after each test with the trial's number among `runs`.
-        until: `time.monotonic()` at which the states of all are written and those that have not ended are left.
+        until: `time.monotonic()` at which the states of all are written and those that
+            have not ended are left.
 
     Yields:
         What a trial came to, as soon as it ends.
 
     Raises:
-        ConfigError: settings in which the trials of a bundle may not differ, data of unlike shapes, or more trials than
-            the device's memory holds.
+        ConfigError: settings in which the trials of a bundle may not differ, data of
+            unlike shapes, or more trials than the device's memory holds.
     """
     check_shared(runs, network)
     if not runs:
         return
-    training, needs_expert = runs[0].training, any(run.training.needs_expert for run in runs)
+    training, needs_expert = (
+        runs[0].training,
+        any(run.training.needs_expert for run in runs),
+    )
     roles, device = ROLES if needs_expert else ROLES[:1], torch.device(device)
     shelves = shelves_of(runs, network, roles, device)
     waiting = deque(enumerate(runs))
@@ -93,11 +110,16 @@ def enough_memory(device: torch.device, trials: int) -> Iterator[None]:
     except torch.OutOfMemoryError:
         what = f"{trials} trials side by side; choose a smaller bundle"
         one = "the trial; choose smaller networks or maps"
-        raise ConfigError(f"the memory of {device} does not hold {what if trials > 1 else one}") from None
+        raise ConfigError(
+            f"the memory of {device} does not hold {what if trials > 1 else one}"
+        ) from None
 
 
 def _train(
-    bundle: Bundle, waiting: deque[tuple[int, Run]], progress: Callable[[int, Tested], None] | None, until: float
+    bundle: Bundle,
+    waiting: deque[tuple[int, Run]],
+    progress: Callable[[int, Tested], None] | None,
+    until: float,
 ) -> Iterator[Ended]:
     """Seat those who wait and train until nobody is left, or the time is up."""
     saved = time.monotonic()
@@ -112,14 +134,20 @@ def _train(
             bundle.timed_phase(progress)
             for index in [index for index, seat in bundle.taken.items() if seat.over]:
                 seat = bundle.leave(index)
-                yield Ended(seat.number, seat.error or result(seat.trainer), seat.seconds)
+                yield Ended(
+                    seat.number, seat.error or result(seat.trainer), seat.seconds
+                )
             late = time.monotonic() >= until
             if late or time.monotonic() - saved > SAVE_INTERVAL:
                 bundle.save()
                 saved = time.monotonic()
             if late:
                 return
-            if not waiting and bundle.taken and bundle.seats.count(None) * SHRINK >= len(bundle.seats):
+            if (
+                not waiting
+                and bundle.taken
+                and bundle.seats.count(None) * SHRINK >= len(bundle.seats)
+            ):
                 bundle = bundle.shrunk()
     finally:
         bundle.close()
@@ -129,7 +157,11 @@ def shelves_of(
     runs: Sequence[Run], network: Network, roles: Sequence[str], device: torch.device
 ) -> dict[str, Shelf]:
     """The data of each system; on one shelf where both have the paper's body, and so the same shapes and units."""
-    novice = [motion for run in runs for motion in (run.datasets.train, run.datasets.test, run.datasets.validation)]
+    novice = [
+        motion
+        for run in runs
+        for motion in (run.datasets.train, run.datasets.test, run.datasets.validation)
+    ]
     if len(roles) == 1:
         return {"novice": Shelf(novice, device)}
     expert = [run.datasets.expert for run in runs if run.datasets.expert is not None]
@@ -141,12 +173,18 @@ def shelves_of(
 def check_shared(runs: Sequence[Run], network: Network) -> None:
     """ConfigError naming the first setting that a bundle cannot vary, or in which its trials may not differ."""
     if network.own != "all":
-        raise ConfigError(f"Network.own={network.own!r} cannot be trained in a bundle; train it alone")
+        raise ConfigError(
+            f"Network.own={network.own!r} cannot be trained in a bundle; train it alone"
+        )
     for name, only in ONLY.items():
         for run in runs:
             if (value := getattr(run.training, name, only)) != only:
-                raise ConfigError(f"Training.{name}={value!r} cannot be trained in a bundle; train it alone")
+                raise ConfigError(
+                    f"Training.{name}={value!r} cannot be trained in a bundle; train it alone"
+                )
     for name in SHARED:
         values = sorted({str(getattr(run.training, name)) for run in runs})
         if len(values) > 1:
-            raise ConfigError(f"the trials of a bundle must have one Training.{name}, not {' and '.join(values)}")
+            raise ConfigError(
+                f"the trials of a bundle must have one Training.{name}, not {' and '.join(values)}"
+            )

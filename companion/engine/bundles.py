@@ -27,8 +27,16 @@ from sidm.shards import ShardError
 
 def fits(trial: Trial) -> bool:
     """Whether a bundle can train it: parts of their own, the paper's adversary or none, and no aids."""
-    trainings = [training for training in (trial.training, trial.pretraining) if training is not None]
-    plain = all(getattr(training, name) == only for training in trainings for name, only in ONLY.items())
+    trainings = [
+        training
+        for training in (trial.training, trial.pretraining)
+        if training is not None
+    ]
+    plain = all(
+        getattr(training, name) == only
+        for training in trainings
+        for name, only in ONLY.items()
+    )
     gradients = not trial.solved and trial.training.max_samples > 0
     return plain and gradients and trial.network.own == "all" and not trial.residual
 
@@ -42,24 +50,39 @@ def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:
     groups: dict[tuple, list[Trial]] = {}
     for trial in trials:
         if not fits(trial):
-            raise ConfigError(f"{trial}: this method cannot be trained in a bundle; train it alone")
+            raise ConfigError(
+                f"{trial}: this method cannot be trained in a bundle; train it alone"
+            )
         trainings = (trial.training, trial.pretraining)
-        common = tuple(tuple(getattr(training, name) for name in SHARED) for training in trainings if training)
+        common = tuple(
+            tuple(getattr(training, name) for name in SHARED)
+            for training in trainings
+            if training
+        )
         groups.setdefault((trial.system, trial.network, common), []).append(trial)
-    return [sorted(group, key=lambda trial: -trial.novice_minutes) for group in groups.values()]
+    return [
+        sorted(group, key=lambda trial: -trial.novice_minutes)
+        for group in groups.values()
+    ]
 
 
 class Hooks(NamedTuple):
     """What a bundle tells those who run it."""
 
     progress: Callable[[Trial, Tested], None]  # a test was taken
-    fault: Callable[[Trial, Exception], None]  # a trial could not be run or evaluated; the others go on
+    #: a trial could not be run or evaluated; the others go on
+    fault: Callable[[Trial, Exception], None]
 
 
 def run_bundle(
-    trials: Sequence[Trial], seats: int, data: str | Path, checkpoint: Callable[[Trial], Path], hooks: Hooks,
-    device: str = "cpu", until: float = math.inf,
-) -> Iterator[Row | Failure]:  # fmt: skip
+    trials: Sequence[Trial],
+    seats: int,
+    data: str | Path,
+    checkpoint: Callable[[Trial], Path],
+    hooks: Hooks,
+    device: str = "cpu",
+    until: float = math.inf,
+) -> Iterator[Row | Failure]:
     """Train trials side by side, `seats` at a time, and evaluate each when it ends.
 
     Args:
@@ -69,10 +92,12 @@ def run_bundle(
         checkpoint: the folder of a trial, to go on from and to write to.
         hooks: what is told of them meanwhile.
         device: where to compute.
-        until: `time.monotonic()` at which all states are written and the rest is left for the next call.
+        until: `time.monotonic()` at which all states are written and the rest is left
+            for the next call.
 
     Yields:
-        What is stored of a trial: its outcome is that of `execute.perform` but for rounding.
+        What is stored of a trial: its outcome is that of `execute.perform` but for
+        rounding.
     """
     provenance.source()  # as the work begins
     library, ready = Library(data), []
@@ -90,18 +115,32 @@ def run_bundle(
             continue  # its pretraining goes on next time
         given = starts[trial.key]
         if isinstance(given, TrainingError):
-            made = provenance.here(0.0, torch.get_num_threads(), False, device, bundle=seats)
+            made = provenance.here(
+                0.0, torch.get_num_threads(), False, device, bundle=seats
+            )
             yield stored_as(trial, given, made)
         elif isinstance(given, Exception):
             hooks.fault(trial, given)
         else:
-            run = Run(library.datasets(trial), trial.training, trial.seed, checkpoint=checkpoint(trial))
-            runs.append(run._replace(start=carried(trial, given).weights) if given else run)
+            run = Run(
+                library.datasets(trial),
+                trial.training,
+                trial.seed,
+                checkpoint=checkpoint(trial),
+            )
+            runs.append(
+                run._replace(start=carried(trial, given).weights) if given else run
+            )
             going.append((trial, given))
     ready = [trial for trial, _ in going]
     resumed = [checkpoint(trial).exists() for trial in ready]
     for number, found, seconds in train_bundle(
-        runs, trials[0].network, seats, device, lambda number, tested: hooks.progress(ready[number], tested), until
+        runs,
+        trials[0].network,
+        seats,
+        device,
+        lambda number, tested: hooks.progress(ready[number], tested),
+        until,
     ):
         (trial, given), start = going[number], time.perf_counter()
         try:
@@ -109,26 +148,40 @@ def run_bundle(
                 raise found
             if isinstance(found, Trained):
                 found.model.to(device)
-                outcome: Outcome | TrainingError = evaluate(trial, found, library, given)
+                outcome: Outcome | TrainingError = evaluate(
+                    trial, found, library, given
+                )
             else:
                 outcome = found
         except Exception as error:  # one trial's failure must not lose the others
             hooks.fault(trial, error)
         else:
             seconds += time.perf_counter() - start
-            made = provenance.here(seconds, torch.get_num_threads(), resumed[number], device, bundle=seats)
+            made = provenance.here(
+                seconds, torch.get_num_threads(), resumed[number], device, bundle=seats
+            )
             yield stored_as(trial, outcome, made)
 
 
 def _starts(
-    trials: Sequence[Trial], seats: int, data: str | Path, library: Library, device: str, until: float
+    trials: Sequence[Trial],
+    seats: int,
+    data: str | Path,
+    library: Library,
+    device: str,
+    until: float,
 ) -> dict[str, Start | TrainingError | CheckpointError | None]:
     """By key, the weights that each trial starts from, or why there are none; made, side by side, where they lack.
 
     Those whose pretraining does not end in time are left out.
     """
-    users = {folder(trial, data, "bundle"): trial for trial in trials if trial.pretraining is not None}
-    kept: dict[Path, Start | TrainingError | CheckpointError] = {}  # one for all its users
+    users = {
+        folder(trial, data, "bundle"): trial
+        for trial in trials
+        if trial.pretraining is not None
+    }
+    # one for all its users
+    kept: dict[Path, Start | TrainingError | CheckpointError] = {}
     for where in users:
         try:
             if (start := fine_tuning.read(where)) is not None:
@@ -151,14 +204,21 @@ def _pretrained(
 ) -> dict[Path, Start | TrainingError | CheckpointError]:
     """By folder, the weights of its trial's pretraining, made and kept there, or why there are none."""
     runs = [
-        Run(expert_in_place(library.datasets(one), one.seed), one.pretraining, one.seed, checkpoint=where / STATE)
+        Run(
+            expert_in_place(library.datasets(one), one.seed),
+            one.pretraining,
+            one.seed,
+            checkpoint=where / STATE,
+        )
         for where, one in lacking.items()
         if one.pretraining is not None
     ]
     folders, made = list(lacking), {}
     if not runs:
         return {}
-    for number, found, _ in train_bundle(runs, network_of(lacking[folders[0]]), seats, device, until=until):
+    for number, found, _ in train_bundle(
+        runs, network_of(lacking[folders[0]]), seats, device, until=until
+    ):
         where = folders[number]
         made[where] = start_from(found) if isinstance(found, Trained) else found
         if isinstance(found, Trained):

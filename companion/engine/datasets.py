@@ -1,8 +1,9 @@
 """The datasets of a study on disk: collected, held against those of the results, read.
 
-Another processor rounds otherwise, and a robot that is pushed about by rocks makes more of it with every step: data
-made again elsewhere are not the same bit for bit. `verify` holds them against the likeness that stands with the
-results' digest; where they are the same but for rounding they stand for it, and rows made from them say so.
+Another processor rounds otherwise, and a robot that is pushed about by rocks makes more
+of it with every step: data made again elsewhere are not the same bit for bit. `verify`
+holds them against the likeness that stands with the results' digest; where they are the
+same but for rounding they stand for it, and rows made from them say so.
 """
 
 from __future__ import annotations
@@ -27,13 +28,18 @@ from sidm.storage import write_record
 from sidm.systems import SYSTEMS
 
 
-def verify(dataset: Dataset, data: str | Path = "data", results: str | Path = "results") -> list[str]:
+def verify(
+    dataset: Dataset, data: str | Path = "data", results: str | Path = "results"
+) -> list[str]:
     """How the data under `data` are not those of the results but for rounding, in words; none: they stand for them.
 
     Raises:
         ShardError: a shard is missing or damaged.
     """
-    path, committed = local_file(dataset, data), read_digest(committed_file(dataset, results))
+    path, committed = (
+        local_file(dataset, data),
+        read_digest(committed_file(dataset, results)),
+    )
     if committed["digest"] == UNKNOWN:
         return ["the results know no such data"]
     trajectories = load(Path(data), dataset.collection, dataset.count)
@@ -45,7 +51,9 @@ def verify(dataset: Dataset, data: str | Path = "data", results: str | Path = "r
     own = Likeness.of(trajectories)
     differences = from_mapping(Likeness, committed["likeness"]).differences(own)
     noted = {"digest": found, "likeness": dataclasses.asdict(own)}
-    write_record(path, noted if differences else noted | {"stands_for": committed["digest"]})
+    write_record(
+        path, noted if differences else noted | {"stands_for": committed["digest"]}
+    )
     return differences
 
 
@@ -60,58 +68,104 @@ def is_here(trial: Trial, data: str | Path = "data") -> bool:
 
 def others(made: Any, data: str | Path = "data") -> tuple[str, ...]:
     """Kind and digest of the data under `data` that are not those of a trial, or the like, but stand for them."""
-    local = {kind: read_digest(local_file(dataset, data)) for kind, dataset in made.datasets.items()}
+    local = {
+        kind: read_digest(local_file(dataset, data))
+        for kind, dataset in made.datasets.items()
+    }
     return tuple(
-        f"{kind} {one['digest']}" for kind, one in local.items() if one.get("stands_for") == made.digests[kind]
+        f"{kind} {one['digest']}"
+        for kind, one in local.items()
+        if one.get("stands_for") == made.digests[kind]
     )
 
 
-def differing(preset: Preset, data: str | Path = "data", results: str | Path = "results") -> list[str]:
+def differing(
+    preset: Preset, data: str | Path = "data", results: str | Path = "results"
+) -> list[str]:
     """Names of a preset's datasets whose data on this disk do not stand for those that the results were made from."""
     needed = [dataset for system in SYSTEMS for dataset in preset.every_dataset(system)]
     known = {one: read_digest(committed_file(one, results))["digest"] for one in needed}
-    return [one.name for one, noted in known.items() if noted not in (UNKNOWN, find_digest(one, data, results))]
+    return [
+        one.name
+        for one, noted in known.items()
+        if noted not in (UNKNOWN, find_digest(one, data, results))
+    ]
 
 
-def note_digest(dataset: Dataset, trajectories: Sequence[Drive], data: str | Path = "data") -> str:
+def note_digest(
+    dataset: Dataset, trajectories: Sequence[Drive], data: str | Path = "data"
+) -> str:
     """Write the digest and the likeness of a dataset beside its shards, and return the digest."""
     found, path = digest(trajectories), local_file(dataset, data)
     if read_digest(path)["digest"] != found:
-        write_record(path, {"digest": found, "likeness": dataclasses.asdict(Likeness.of(trajectories))})
+        write_record(
+            path,
+            {
+                "digest": found,
+                "likeness": dataclasses.asdict(Likeness.of(trajectories)),
+            },
+        )
     return found
 
 
-def note_committed(dataset: Dataset, found: str, data: str | Path = "data", results: str | Path = "results") -> None:
+def note_committed(
+    dataset: Dataset,
+    found: str,
+    data: str | Path = "data",
+    results: str | Path = "results",
+) -> None:
     """Write the digest of a dataset, with its likeness where it lies under `data`, into the results' `datasets/`."""
-    path, local = committed_file(dataset, results), read_digest(local_file(dataset, data))
+    path, local = (
+        committed_file(dataset, results),
+        read_digest(local_file(dataset, data)),
+    )
     if read_digest(path)["digest"] != found:
         write_record(path, local if local["digest"] == found else {"digest": found})
 
 
-def note_collected(dataset: Dataset, data: str | Path = "data", results: str | Path = "results") -> None:
+def note_collected(
+    dataset: Dataset, data: str | Path = "data", results: str | Path = "results"
+) -> None:
     """Write what lies under `data` into the results' `datasets/`, unless it stands for what is written there."""
-    local, known = read_digest(local_file(dataset, data)), read_digest(committed_file(dataset, results))["digest"]
-    if known not in (local["digest"], local.get("stands_for")) and (known == UNKNOWN or verify(dataset, data, results)):
+    local, known = (
+        read_digest(local_file(dataset, data)),
+        read_digest(committed_file(dataset, results))["digest"],
+    )
+    if known not in (local["digest"], local.get("stands_for")) and (
+        known == UNKNOWN or verify(dataset, data, results)
+    ):
         note_committed(dataset, local["digest"], data, results)
 
 
-def note_datasets(trials: Iterable[Trial], data: str | Path = "data", results: str | Path = "results") -> None:
+def note_datasets(
+    trials: Iterable[Trial], data: str | Path = "data", results: str | Path = "results"
+) -> None:
     """Write what `trials` learn from into the results' `datasets/`."""
-    entries = {dataset: trial.digests[kind] for trial in trials for kind, dataset in trial.datasets.items()}
+    entries = {
+        dataset: trial.digests[kind]
+        for trial in trials
+        for kind, dataset in trial.datasets.items()
+    }
     for dataset, found in entries.items():
         note_committed(dataset, found, data, results)
 
 
-def load_dataset(dataset: Dataset, wanted: str, data: str | Path = "data") -> list[Drive]:
+def load_dataset(
+    dataset: Dataset, wanted: str, data: str | Path = "data"
+) -> list[Drive]:
     """The trajectories of a dataset from disk, held against the digest that a trial wants.
 
     Raises:
-        ShardError: a shard is missing or damaged, or the data are not those of the trial.
+        ShardError: a shard is missing or damaged, or the data are not those of the
+            trial.
     """
     trajectories = load(Path(data), dataset.collection, dataset.count)
     found = digest(trajectories)
     noted = read_digest(local_file(dataset, data))
-    if found != wanted and (noted["digest"], noted.get("stands_for")) != (found, wanted):
+    if found != wanted and (noted["digest"], noted.get("stands_for")) != (
+        found,
+        wanted,
+    ):
         raise ShardError(
             f"{dataset.collection.folder(Path(data))}: the first {dataset.count} trajectories have digest {found}, the "
             f"trial wants {wanted}; 'companion collect --verify' sees whether they differ by rounding alone"
@@ -120,7 +174,9 @@ def load_dataset(dataset: Dataset, wanted: str, data: str | Path = "data") -> li
 
 
 def verify_datasets(
-    needed: Iterable[Dataset], data: str | Path = "data", results: str | Path = "results"
+    needed: Iterable[Dataset],
+    data: str | Path = "data",
+    results: str | Path = "results",
 ) -> dict[str, list[str]]:
     """`verify` of some datasets, by their names.
 
@@ -156,17 +212,35 @@ def collect_datasets(
     Raises:
         ImportError: PyBullet is not installed; one line.
     """
-    needed = list(needed) or [dataset for system in systems for dataset in preset.every_dataset(system)]
-    pool = contextlib.nullcontext(executor) if executor else local_pool(workers or os.cpu_count() or 1)
+    needed = list(needed) or [
+        dataset for system in systems for dataset in preset.every_dataset(system)
+    ]
+    pool = (
+        contextlib.nullcontext(executor)
+        if executor
+        else local_pool(workers or os.cpu_count() or 1)
+    )
     with pool as where:
-        return {dataset.name: collect_dataset(dataset, data, where, progress) for dataset in needed}
+        return {
+            dataset.name: collect_dataset(dataset, data, where, progress)
+            for dataset in needed
+        }
 
 
 def collect_dataset(
-    dataset: Dataset, data: str | Path = "data", executor: Executor | None = None, progress: bool = True
+    dataset: Dataset,
+    data: str | Path = "data",
+    executor: Executor | None = None,
+    progress: bool = True,
 ) -> str:
     """Simulate whatever a dataset still misses and note its digest, which is returned; as `collect_datasets`."""
     from sidm.simulation import collect
 
-    found = collect(Path(data), dataset.collection, dataset.count, executor=executor, progress=progress)
+    found = collect(
+        Path(data),
+        dataset.collection,
+        dataset.count,
+        executor=executor,
+        progress=progress,
+    )
     return note_digest(dataset, found, data)

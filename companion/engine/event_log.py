@@ -1,6 +1,7 @@
 """Learning curves that can be watched while a trial runs: TensorBoard event files.
 
-`tensorboard --logdir DIR` shows them; the package of that name writes them and is an optional extra.
+`tensorboard --logdir DIR` shows them; the package of that name writes them and is an
+optional extra.
 """
 
 from __future__ import annotations
@@ -35,26 +36,32 @@ class EventLog:
     def __exit__(self, *error: object) -> None:
         self._files.close()
 
-    def progress(self, trial: Trial, also: Callable[[Tested], None] | None = None) -> Callable[[Tested], None]:
+    def progress(
+        self, trial: Trial, also: Callable[[Tested], None] | None = None
+    ) -> Callable[[Tested], None]:
         """What `train` calls after each test of `trial`: writes it down, then calls `also`."""
 
         def write(tested: Tested) -> None:
             if self.folder is not None:
-                self._write(trial, tested)
+                self._write(self.folder, trial, tested)
             if also is not None:
                 also(tested)
 
         return write
 
-    def _write(self, trial: Trial, tested: Tested) -> None:
+    def _write(self, folder: Path, trial: Trial, tested: Tested) -> None:
         if trial.key not in self._writers:
             name = f"{trial} {trial.key}".replace(" ", "-")
-            self._writers[trial.key] = self._files.enter_context(_writer_class()(str(self.folder / name)))  # type: ignore
+            self._writers[trial.key] = self._files.enter_context(
+                _writer_class()(str(folder / name))
+            )
         writer = self._writers[trial.key]
         writer.add_scalar("loss/test", tested.test_loss, tested.samples)
         writer.add_scalar("loss/training", tested.training_loss, tested.samples)
         if tested.discriminator_accuracy is not None:
-            writer.add_scalar("discriminator/accuracy", tested.discriminator_accuracy, tested.samples)
+            writer.add_scalar(
+                "discriminator/accuracy", tested.discriminator_accuracy, tested.samples
+            )
         writer.flush()
 
 
@@ -62,5 +69,7 @@ def _writer_class() -> type[SummaryWriter]:
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError:
-        raise ImportError("event files need TensorBoard: pip install tensorboard, or name no log folder") from None
+        raise ImportError(
+            "event files need TensorBoard: pip install tensorboard, or name no log folder"
+        ) from None
     return SummaryWriter

@@ -42,7 +42,9 @@ ROLLOUTS_KEPT = 3  # whole, for pictures
 Progress = Callable[[Tested], None]  # called after each test
 
 
-def load_checked(dataset: Dataset, digest: str, data: str | Path, pixels: int, body: Body = ROVER) -> Windows:
+def load_checked(
+    dataset: Dataset, digest: str, data: str | Path, pixels: int, body: Body = ROVER
+) -> Windows:
     """The motion of a dataset; ShardError when it is missing, damaged, or of another digest."""
     load_dataset(dataset, digest, data)
     terrain = find_system(dataset.collection.system).terrain
@@ -70,14 +72,22 @@ class Library:
         body = trial.network.body(dataset.collection.role)
         key = dataset, trial.digests[kind], pixels, body
         if key not in self._motions:
-            self._motions[key] = load_checked(dataset, trial.digests[kind], self.data, pixels, body)
+            self._motions[key] = load_checked(
+                dataset, trial.digests[kind], self.data, pixels, body
+            )
         return self._motions[key]
 
     def datasets(self, trial: Trial) -> Datasets:
         """What the trial learns from and is judged by."""
-        pool, validation, expert = (self.motion(trial, kind) for kind in ("novice", "validation", "expert"))
-        train_part, test_part = novice_split(len(pool), trial.novice_minutes, trial.seed)
-        return Datasets(pool.subset(train_part), pool.subset(test_part), validation, expert)
+        pool, validation, expert = (
+            self.motion(trial, kind) for kind in ("novice", "validation", "expert")
+        )
+        train_part, test_part = novice_split(
+            len(pool), trial.novice_minutes, trial.seed
+        )
+        return Datasets(
+            pool.subset(train_part), pool.subset(test_part), validation, expert
+        )
 
 
 def perform(
@@ -94,10 +104,12 @@ def perform(
         data: the folder of the shards.
         checkpoint: a folder to go on from and to write the state to.
         progress: called after each test.
-        device: where to compute, 'cpu' or 'cuda'; two kinds of device agree but for rounding.
+        device: where to compute, 'cpu' or 'cuda'; two kinds of device agree but for
+            rounding.
 
     Returns:
-        The outcome, a pure function of the trial and its data, and the trained model with its history.
+        The outcome, a pure function of the trial and its data, and the trained model
+        with its history.
     """
     with one_thread():
         library = Library(data)
@@ -107,25 +119,55 @@ def perform(
         if trial.solved:
             trained = _solve(trial, sets, start)
         else:
-            trained = _train(trial, sets, start, checkpoint=checkpoint, progress=progress, device=device)
+            trained = _train(
+                trial,
+                sets,
+                start,
+                checkpoint=checkpoint,
+                progress=progress,
+                device=device,
+            )
         return evaluate(trial, trained, library, start), trained
 
 
 def _train(trial: Trial, sets: Datasets, start: Start | None, **how: Any) -> Trained:
     """`train` a trial's model from what it starts from, or as a correction of it."""
     if start is None or not trial.residual:
-        return train(sets, trial.network, trial.training, trial.seed, start=start and start.weights, **how)
+        return train(
+            sets,
+            trial.network,
+            trial.training,
+            trial.seed,
+            start=start and start.weights,
+            **how,
+        )
     base = _frozen(trial, sets, start).to(how["device"])
     sets = left_over(sets, base)
-    trained = train(sets, trial.network, trial.training, trial.seed, standardisation=units(sets), **how)
+    trained = train(
+        sets,
+        trial.network,
+        trial.training,
+        trial.seed,
+        standardisation=units(sets),
+        **how,
+    )
     return trained._replace(model=Corrected(base, trained.model))
 
 
 def _solve(trial: Trial, sets: Datasets, start: Start | None) -> Trained:
     """Least squares in the units of every method, alone or on top of the expert's model."""
     base = None if start is None else _frozen(trial, sets, start)
-    body, units = trial.network.body("novice"), units_for(units_of(sets, trial.network), "novice")
-    return fit(sets, units, base, mirror_image if trial.training.mirror else None, loss_weights(body, units))
+    body, units = (
+        trial.network.body("novice"),
+        units_for(units_of(sets, trial.network), "novice"),
+    )
+    return fit(
+        sets,
+        units,
+        base,
+        mirror_image if trial.training.mirror else None,
+        loss_weights(body, units),
+    )
 
 
 def _frozen(trial: Trial, sets: Datasets, start: Start) -> DynamicsModel:
@@ -146,16 +188,23 @@ class Judged(NamedTuple):
 def judge(model: Predictor, trial: Trial, library: Library) -> Judged:
     """A model of a trial's novice on the trial's validation set and rollouts, where the model is.
 
-    Where the body's loss is in units of the variance, they are the validation set's: the same for every seed and size.
+    Where the body's loss is in units of the variance, they are the validation set's:
+    the same for every seed and size.
     """
     body, motion = trial.network.body("novice"), library.motion(trial, "validation")
-    losses = validation_loss(model, motion, weights=loss_weights(body, Standardisation.of(motion, maps_from=1)))
+    losses = validation_loss(
+        model,
+        motion,
+        weights=loss_weights(body, Standardisation.of(motion, maps_from=1)),
+    )
     predicted, actual = roll_out(model, trial, library.rollouts(trial))
     position, heading = rollout_errors(predicted, actual, body)
     return Judged(losses, position.mean(0), heading.mean(0), predicted, actual)
 
 
-def evaluate(trial: Trial, trained: Trained, library: Library, start: Start | None = None) -> Outcome:
+def evaluate(
+    trial: Trial, trained: Trained, library: Library, start: Start | None = None
+) -> Outcome:
     """The outcome of a trained model; `start` is what it was trained from."""
     losses, position, heading, predicted, actual = judge(trained.model, trial, library)
     return Outcome(
@@ -193,42 +242,82 @@ def run_trial(
     try:
         with EventLog(log) as events:
             tell = events.progress(trial, also=progress)
-            found: Outcome | TrainingError = perform(trial, data, checkpoint, tell, device)[0]
+            found: Outcome | TrainingError = perform(
+                trial, data, checkpoint, tell, device
+            )[0]
     except TrainingError as error:
         found = error
-    seconds, kind = time.perf_counter() - start, "least_squares" if trial.solved else "training"
+    seconds, kind = (
+        time.perf_counter() - start,
+        "least_squares" if trial.solved else "training",
+    )
     where = "cpu" if trial.solved else device
-    return stored_as(trial, found, provenance.here(seconds, THREADS, resumed, where, kind=kind))
+    return stored_as(
+        trial, found, provenance.here(seconds, THREADS, resumed, where, kind=kind)
+    )
 
 
-def stored_as(trial: Trial, found: Outcome | TrainingError, made: Provenance) -> Row | Failure:
+def stored_as(
+    trial: Trial, found: Outcome | TrainingError, made: Provenance
+) -> Row | Failure:
     """What the store keeps of a trial; one whose motion has a version of its own depends on it."""
     if not find_system(trial.system).physics.strut_motors:
-        made = dataclasses.replace(made, numerics=versions("free_struts") | made.numerics)  # type: ignore[type-var]
+        made = dataclasses.replace(
+            made, numerics=versions("free_struts") | made.numerics
+        )  # type: ignore[type-var]
     if isinstance(found, TrainingError):
-        return Failure(trial=trial, what=found.what, loss=str(found.loss), iteration=found.iteration, provenance=made)
+        return Failure(
+            trial=trial,
+            what=found.what,
+            loss=str(found.loss),
+            iteration=found.iteration,
+            provenance=made,
+        )
     return Row(trial=trial, outcome=found, provenance=made)
 
 
-def roll_out(model: Predictor, trial: Trial, drives: list[Drive]) -> tuple[torch.Tensor, torch.Tensor]:
+def roll_out(
+    model: Predictor, trial: Trial, drives: list[Drive]
+) -> tuple[torch.Tensor, torch.Tensor]:
     """Predicted and actual states, each (B, K + 1, S), of drives under their own actions; K = ROLLOUT_STEPS."""
-    spacing, body = find_system(trial.system).terrain.spacing, trial.network.body("novice")
-    heights = torch.tensor(np.stack([simulated_ground(drive).heights for drive in drives]))
-    states = torch.tensor(np.stack([drive.states[: ROLLOUT_STEPS + 1] for drive in drives]))
-    actions = torch.tensor(np.stack([drive.actions[:ROLLOUT_STEPS] for drive in drives]))
+    spacing, body = (
+        find_system(trial.system).terrain.spacing,
+        trial.network.body("novice"),
+    )
+    heights = torch.tensor(
+        np.stack([simulated_ground(drive).heights for drive in drives])
+    )
+    states = torch.tensor(
+        np.stack([drive.states[: ROLLOUT_STEPS + 1] for drive in drives])
+    )
+    actions = torch.tensor(
+        np.stack([drive.actions[:ROLLOUT_STEPS] for drive in drives])
+    )
     last = actions[:, -1:]  # stands behind the last state, where no action is
     states, actions = seen_as(body, states, torch.cat([actions, last], 1))
-    path = rollout(model, heights, states[:, 0], actions[:, :-1], trial.network.pixels, spacing=spacing, body=body)
+    path = rollout(
+        model,
+        heights,
+        states[:, 0],
+        actions[:, :-1],
+        trial.network.pixels,
+        spacing=spacing,
+        body=body,
+    )
     return path, states
 
 
 def curve(trained: Trained) -> dict[str, Any]:
     """The learning curve's summary at up to CURVE_POINTS even steps, first and last included, as a record has it."""
     count = len(trained.history)
-    chosen = np.unique(np.linspace(0, count - 1, min(count, CURVE_POINTS)).round().astype(int))
+    chosen = np.unique(
+        np.linspace(0, count - 1, min(count, CURVE_POINTS)).round().astype(int)
+    )
     tests = [trained.history[number] for number in chosen]
-    return {f"curve_{name}": tuple(getattr(test, name) for test in tests)
-            for name in ("samples", "test_loss", "training_loss")}  # fmt: skip
+    return {
+        f"curve_{name}": tuple(getattr(test, name) for test in tests)
+        for name in ("samples", "test_loss", "training_loss")
+    }
 
 
 def every_test(trained: Trained) -> dict[str, Any]:
@@ -236,8 +325,10 @@ def every_test(trained: Trained) -> dict[str, Any]:
     history = trained.history
     if len(history) < 2 or any(test.validation_loss is None for test in history):
         return {}
-    losses = {f"every_{name}": tuple(getattr(test, name) for test in history)
-              for name in ("training_loss", "test_loss", "validation_loss")}  # fmt: skip
+    losses = {
+        f"every_{name}": tuple(getattr(test, name) for test in history)
+        for name in ("training_loss", "test_loss", "validation_loss")
+    }
     return {"test_spacing": history[0].samples} | losses
 
 

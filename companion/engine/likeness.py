@@ -1,8 +1,9 @@
 """Whether motion that was simulated again on another machine is the same but for rounding.
 
-Processors round otherwise, and contact makes more of it with every step: in half a second of driving a robot is
-micrometres from where it was, in six seconds centimetres. So a digest of bits tells two machines' data apart. What
-tells them from other data is where robots are after few steps, and the moments of all steps: they are kept with a
+Processors round otherwise, and contact makes more of it with every step: in half a
+second of driving a robot is micrometres from where it was, in six seconds centimetres.
+So a digest of bits tells two machines' data apart. What tells them from other data is
+where robots are after few steps, and the moments of all steps: they are kept with a
 dataset's digest.
 """
 
@@ -18,9 +19,12 @@ from sidm.shards import simulated_ground
 
 SAMPLED = 32  # trajectories, evenly spread
 EARLY = 5  # control steps after which their places are held against each other
-#: m, the median distance of places: 48 trajectories each of three robots on smaller instruction sets: up to 0.00003.
+#: m, the median distance of places: 48 trajectories each of three robots on smaller
+#: instruction sets: up to 0.00003.
 NEAR = 0.0003
-SAME_ATTEMPTS = 0.9  # least share of the sampled; the others had an attempt thrown away that the first machine kept
+#: least share of the sampled; the others had an attempt thrown away that the first
+#: machine kept
+SAME_ATTEMPTS = 0.9
 STANDARD_ERRORS = 3.0  # most between moments; of the same 144 trajectories: up to 0.8
 
 
@@ -30,7 +34,8 @@ class Likeness:
 
     terrain_seeds: tuple[int, ...]  # (S,) each attempt at a trajectory has its own
     places: tuple[tuple[float, ...], ...]  # (S, 3) m, after EARLY steps
-    moments: tuple[float, ...]  # (2 K,) mean and mean square over all steps of all trajectories
+    #: (2 K,) mean and mean square over all steps of all trajectories
+    moments: tuple[float, ...]
     standard_errors: tuple[float, ...]  # (2 K,) of them, over trajectories
 
     @classmethod
@@ -40,12 +45,19 @@ class Likeness:
 
         from sidm.learning.observation import transition
 
-        chosen = np.unique(np.linspace(0, len(trajectories) - 1, SAMPLED).round().astype(int))
+        chosen = np.unique(
+            np.linspace(0, len(trajectories) - 1, SAMPLED).round().astype(int)
+        )
         sampled = [trajectories[number] for number in chosen]
-        states = torch.from_numpy(np.stack([t.states for t in trajectories])).double()  # (N, T + 1, 13)
+        # (N, T + 1, 13)
+        states = torch.from_numpy(np.stack([t.states for t in trajectories])).double()
         actions = np.stack([t.actions for t in trajectories]).astype(float)  # (N, T, 2)
-        numbers = np.concatenate([transition(states[:, :-1], states[:, 1:]).numpy(), actions], axis=-1)  # (N, T, K)
-        means = np.concatenate([numbers.mean(1), (numbers**2).mean(1)], axis=-1)  # (N, 2 K)
+        # (N, T, K)
+        numbers = np.concatenate(
+            [transition(states[:, :-1], states[:, 1:]).numpy(), actions], axis=-1
+        )
+        # (N, 2 K)
+        means = np.concatenate([numbers.mean(1), (numbers**2).mean(1)], axis=-1)
         return cls(
             terrain_seeds=tuple(simulated_ground(t).seed for t in sampled),
             places=tuple(tuple(_short(t.states[EARLY, POSITION])) for t in sampled),
@@ -59,15 +71,21 @@ class Likeness:
             return ["another number of trajectories"]
         same = np.equal(self.terrain_seeds, other.terrain_seeds)
         if same.mean() < SAME_ATTEMPTS:
-            return [f"{(~same).sum()} of {len(same)} sampled trajectories are other attempts"]
+            return [
+                f"{(~same).sum()} of {len(same)} sampled trajectories are other attempts"
+            ]
         words = []
         apart = np.linalg.norm(np.subtract(self.places, other.places), axis=1)[same]
         if np.median(apart) > NEAR:
-            words.append(f"after {EARLY} steps robots are {np.median(apart):.2g} m apart, more than {NEAR:g} m")
+            words.append(
+                f"after {EARLY} steps robots are {np.median(apart):.2g} m apart, more than {NEAR:g} m"
+            )
         errors = np.maximum(self.standard_errors, 1e-9)
         far = np.max(np.abs(np.subtract(self.moments, other.moments)) / errors)
         if far > STANDARD_ERRORS:
-            words.append(f"moments of the motion are {far:.2g} standard errors apart, more than {STANDARD_ERRORS:g}")
+            words.append(
+                f"moments of the motion are {far:.2g} standard errors apart, more than {STANDARD_ERRORS:g}"
+            )
         return words
 
 

@@ -27,7 +27,11 @@ def model_of(trial: Trial, data: str | Path = "data") -> DynamicsModel:
     kept = checkpoint.read(folder)
     if kept is None:
         weights = checkpoint.module_tensors(perform(trial, data)[1].model)
-        checkpoint.write(folder, {name: part for name, part in weights.items() if ".expert." not in name}, {})
+        checkpoint.write(
+            folder,
+            {name: part for name, part in weights.items() if ".expert." not in name},
+            {},
+        )
         kept = checkpoint.read(folder)
         assert kept is not None
     model = DynamicsModel(trial.network, roles=["novice"])

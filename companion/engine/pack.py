@@ -25,7 +25,10 @@ def files_of(dataset: Dataset, data: Path) -> list[Path]:
     Raises:
         ShardError: one is missing.
     """
-    shards = [dataset.collection.shard(data, number) for number in range(-(-dataset.count // SHARD_SIZE))]
+    shards = [
+        dataset.collection.shard(data, number)
+        for number in range(-(-dataset.count // SHARD_SIZE))
+    ]
     found = [*shards, local_file(dataset, data)]
     for path in found:
         if not path.is_file():
@@ -33,7 +36,9 @@ def files_of(dataset: Dataset, data: Path) -> list[Path]:
     return found
 
 
-def pack(trials: Iterable[Trial], file: Path, data: Path, limit: float = 60.0) -> list[Trial]:
+def pack(
+    trials: Iterable[Trial], file: Path, data: Path, limit: float = 60.0
+) -> list[Trial]:
     """Write trials, in their order, and what they learn from into a .tar file of at most `limit` MiB.
 
     Returns:
@@ -46,18 +51,26 @@ def pack(trials: Iterable[Trial], file: Path, data: Path, limit: float = 60.0) -
     sizes: dict[Path, int] = {}
     taken: list[Trial] = []
     for trial in trials:
-        needed = {path for dataset in trial.datasets.values() for path in files_of(dataset, data)} - set(sizes)
+        needed = {
+            path
+            for dataset in trial.datasets.values()
+            for path in files_of(dataset, data)
+        } - set(sizes)
         more = {path: path.stat().st_size + 2 * tarfile.BLOCKSIZE for path in needed}
         if sum(sizes.values()) + sum(more.values()) <= limit * MEBIBYTE:
             sizes |= more
             taken.append(trial)
     if not taken:
-        raise ConfigError(f"no trial's data fit into {limit:g} MiB; take a system with less, or raise the limit")
+        raise ConfigError(
+            f"no trial's data fit into {limit:g} MiB; take a system with less, or raise the limit"
+        )
     write_atomically(file, lambda target: _write(target, taken, sorted(sizes), data))
     return taken
 
 
-def _write(target: IO[bytes], trials: list[Trial], paths: list[Path], data: Path) -> None:
+def _write(
+    target: IO[bytes], trials: list[Trial], paths: list[Path], data: Path
+) -> None:
     text = json.dumps([trial.to_json() for trial in trials]).encode()
     with tarfile.open(fileobj=target, mode="w") as archive:
         entry = tarfile.TarInfo(TRIALS)
@@ -77,12 +90,18 @@ def unpack(file: Path, data: Path) -> list[Trial]:
         with tarfile.open(file) as archive:
             entry = archive.extractfile(TRIALS)
             assert entry is not None
-            trials = [from_mapping(Trial, values) for values in json.loads(entry.read())]
+            trials = [
+                from_mapping(Trial, values) for values in json.loads(entry.read())
+            ]
             for member in archive.getmembers():
                 if member.name != TRIALS and not (data / member.name).is_file():
                     archive.extract(member, data, filter="data")
     except FileNotFoundError:
-        raise ConfigError(f"there is no pack '{file}'; 'companion pack' writes one") from None
+        raise ConfigError(
+            f"there is no pack '{file}'; 'companion pack' writes one"
+        ) from None
     except (tarfile.TarError, KeyError, ValueError, EOFError) as error:
-        raise ConfigError(f"{file} is no pack ({error}); 'companion pack' writes one") from None
+        raise ConfigError(
+            f"{file} is no pack ({error}); 'companion pack' writes one"
+        ) from None
     return trials

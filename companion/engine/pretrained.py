@@ -24,30 +24,50 @@ def folder(trial: Trial, data: str | Path, kind: str = "training") -> Path:
     made_from = {
         "dataset": trial.datasets["expert"].name,
         "digest": trial.digests["expert"],
-        "network": {name: one for name, one in to_mapping(network_of(trial)).items() if one is not None},
+        "network": {
+            name: one
+            for name, one in to_mapping(network_of(trial)).items()
+            if one is not None
+        },
         "training": without_later(to_mapping(trial.pretraining)),
         "seed": trial.seed,
     }
-    key = hashlib.sha256(json.dumps(made_from, sort_keys=True).encode()).hexdigest()[:20]
+    key = hashlib.sha256(json.dumps(made_from, sort_keys=True).encode()).hexdigest()[
+        :20
+    ]
     return Path(data) / "pretrained" / f"{key}-{numbered(kind)}"
 
 
 def network_of(trial: Trial) -> Network:
     """That of a trial's pretraining, in which the expert is alone, in the novice's place, and shares nothing."""
-    return dataclasses.replace(trial.network, own="all", novice_body=trial.network.expert_body)  # type: ignore
+    return dataclasses.replace(
+        trial.network, own="all", novice_body=trial.network.expert_body
+    )  # type: ignore
 
 
-def start_of(trial: Trial, datasets: Datasets, data: str | Path, device: str = "cpu") -> Start | None:
+def start_of(
+    trial: Trial, datasets: Datasets, data: str | Path, device: str = "cpu"
+) -> Start | None:
     """The weights that a trial starts from, read or, where they lack, made; None for a trial that begins afresh.
 
     Raises:
         TrainingError: a loss of the pretraining is not finite.
-        CheckpointError: the kept weights, or an unfinished pretraining's state, are damaged.
+        CheckpointError: the kept weights, or an unfinished pretraining's state, are
+            damaged.
     """
     if trial.pretraining is None:
         return None
-    sets, how = expert_in_place(datasets, trial.seed), (network_of(trial), trial.pretraining, trial.seed)
-    return carried(trial, kept(folder(trial, data), lambda state: train(sets, *how, checkpoint=state, device=device)))
+    sets, how = (
+        expert_in_place(datasets, trial.seed),
+        (network_of(trial), trial.pretraining, trial.seed),
+    )
+    return carried(
+        trial,
+        kept(
+            folder(trial, data),
+            lambda state: train(sets, *how, checkpoint=state, device=device),
+        ),
+    )
 
 
 def kept(where: Path, trained: Callable[[Path], Trained]) -> Start:

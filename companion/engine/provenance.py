@@ -16,33 +16,56 @@ import sidm
 from companion.numerics import NUMERICS, versions
 from sidm.config import config
 
-THREADS = 1  # of PyTorch, for a trial; results are compared bit for bit only at the same number
+#: of PyTorch, for a trial; results are compared bit for bit only at the same number
+THREADS = 1
 
 
 @config
 class Provenance:
-    """What made a row of the store."""
+    """What made a row of the store.
 
-    version: str  # of this package
-    source: str  # hash of its files, to find the commit by
-    numerics: dict  # kind of work -> its version, of all that the result depends on; see `companion.numerics`
-    python: str  # version, as those of the libraries
-    torch: str  # version
-    numpy: str  # version
-    scipy: str  # version
-    device: str  # where it was computed
-    threads: int  # of PyTorch
-    seconds: float  # of the last stretch, if the trial was interrupted and `resumed`; in a bundle its share of them
-    resumed: bool  # whether it was interrupted and went on
-    peak_memory: float  # of the process that ran it, MiB
-    date: str  # UTC, ISO 8601
-    other_data: tuple[str, ...] = ()  # 'novice 938fa1f0...': made again elsewhere, alike but for rounding
-    bundle: int = 0  # how many trials were trained side by side, at most; 0: alone
+    Attributes:
+        version: of this package
+        source: hash of its files, to find the commit by
+        numerics: kind of work -> its version, of all that the result depends on; see
+            `companion.numerics`
+        python: version, as those of the libraries
+        torch: version
+        numpy: version
+        scipy: version
+        device: where it was computed
+        threads: of PyTorch
+        seconds: of the last stretch, if the trial was interrupted and `resumed`; in a
+            bundle its share of them
+        resumed: whether it was interrupted and went on
+        peak_memory: of the process that ran it, MiB
+        date: UTC, ISO 8601
+        other_data: 'novice 938fa1f0...': made again elsewhere, alike but for rounding
+        bundle: how many trials were trained side by side, at most; 0: alone
+    """
+
+    version: str
+    source: str
+    numerics: dict
+    python: str
+    torch: str
+    numpy: str
+    scipy: str
+    device: str
+    threads: int
+    seconds: float
+    resumed: bool
+    peak_memory: float
+    date: str
+    other_data: tuple[str, ...] = ()
+    bundle: int = 0
 
     @property
     def stale(self) -> bool:
         """Whether today's code would come to other figures."""
-        return any(NUMERICS.get(kind) != version for kind, version in self.numerics.items())
+        return any(
+            NUMERICS.get(kind) != version for kind, version in self.numerics.items()
+        )
 
 
 @functools.cache
@@ -55,7 +78,11 @@ def source() -> str:
     for package in (sidm, companion):
         folder = Path(str(package.__file__)).parent
         for file in sorted(folder.rglob("*.py")):
-            digest.update(file.relative_to(folder.parent).as_posix().encode() + b"\n" + file.read_bytes())
+            digest.update(
+                file.relative_to(folder.parent).as_posix().encode()
+                + b"\n"
+                + file.read_bytes()
+            )
     return digest.hexdigest()[:12]
 
 
@@ -75,7 +102,12 @@ def device_name(device: str) -> str:
 
 
 def here(
-    seconds: float, threads: int, resumed: bool = False, device: str = "cpu", bundle: int = 0, kind: str = "training"
+    seconds: float,
+    threads: int,
+    resumed: bool = False,
+    device: str = "cpu",
+    bundle: int = 0,
+    kind: str = "training",
 ) -> Provenance:
     """The provenance of a kind of work, one of `numerics.NUMERICS`, that this process has done just now."""
     return Provenance(

@@ -22,12 +22,15 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-F = TypeVar("F")  # a `config` class with its `about`, a `config` object too, and its `provenance`
+#: a `config` class with its `about`, a `config` object too, and its `provenance`
+F = TypeVar("F")
 
 DIGITS = 6  # significant, of stored floats
 
-#: Values that older records do not have, where they are as they were then; `fit` they had from the first.
+#: Values that older records do not have, where they are as they were then; `fit` they
+#: had from the first.
 LATER = tuple(one for one in LATER_OF_TRIALS if one[0] != "fit")
+
 
 class StoreError(OSError):
     """A record that cannot be read, or not be stored; the message is one line that names the file and the mend."""
@@ -36,7 +39,10 @@ class StoreError(OSError):
 def key_of(about: Any) -> str:
     """20 hexadecimal digits that change when any value of a `config` object does."""
     return key_of_values(
-        dataclasses.asdict(about, dict_factory=lambda pairs: {k: v for k, v in pairs if (k, v) not in LATER})
+        dataclasses.asdict(
+            about,
+            dict_factory=lambda pairs: {k: v for k, v in pairs if (k, v) not in LATER},
+        )
     )
 
 
@@ -59,7 +65,9 @@ def by_field(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def records_of(kind: type[F], study: str) -> Callable[..., Records[F]]:
     """A study's `records(results)`: where its results of a kind are kept, under the folder of all results."""
     place = study.replace("-", "_")
-    return lambda results="results": Records(kind, Path(results) / place, f"companion run --figure {study}")
+    return lambda results="results": Records(
+        kind, Path(results) / place, f"companion run --figure {study}"
+    )
 
 
 def single(path: Path) -> dict[str, Any]:
@@ -91,7 +99,9 @@ class Records(Generic[F]):
 
     def _values(self, found: Any) -> dict[str, Any]:
         """What is written of a record: its numbers rounded, those of what it is about not."""
-        return rounded(dataclasses.asdict(found)) | {"about": dataclasses.asdict(found.about)}
+        return rounded(dataclasses.asdict(found)) | {
+            "about": dataclasses.asdict(found.about)
+        }
 
     def put(self, found: F) -> Path:
         """Store a record, in place of an earlier one of the same.
@@ -114,14 +124,18 @@ class Records(Generic[F]):
         except FileNotFoundError:
             return None
         if getattr(found, self.subject) != about:
-            raise StoreError(f"{path}: is about something else; delete it and run '{self.again}'")
+            raise StoreError(
+                f"{path}: is about something else; delete it and run '{self.again}'"
+            )
         return found
 
     def _read(self, path: Path) -> F:
         try:
             return from_mapping(self.kind, self._readable(read_record(path)))
         except (Damaged, ConfigError, TypeError) as error:
-            raise StoreError(f"{path}: damaged ({error}); delete it and run '{self.again}'") from None
+            raise StoreError(
+                f"{path}: damaged ({error}); delete it and run '{self.again}'"
+            ) from None
 
     def _readable(self, values: dict[str, Any]) -> dict[str, Any]:
         """The fields of a record from what a file holds; Damaged for another version's."""
@@ -133,16 +147,26 @@ class Records(Generic[F]):
 
     def all(self) -> list[F]:
         """Every stored one, whatever it is about, in the order of the keys."""
-        return [self._read(path) for path in sorted((self.folder / self.place).glob("*.json"))]
+        return [
+            self._read(path)
+            for path in sorted((self.folder / self.place).glob("*.json"))
+        ]
 
     def frame(self, abouts: Iterable[Any] | None = None) -> pd.DataFrame:
         """The stored ones, all unless given, as a table: `frame.records_frame`."""
         from companion.engine.frame import records_frame
 
-        return records_frame(self.kind, self.all() if abouts is None else self.stored(abouts))
+        return records_frame(
+            self.kind, self.all() if abouts is None else self.stored(abouts)
+        )
 
     def run(
-        self, abouts: Sequence[Any], work: Callable[[Any], F], executor: Executor, what: str, progress: bool = True
+        self,
+        abouts: Sequence[Any],
+        work: Callable[[Any], F],
+        executor: Executor,
+        what: str,
+        progress: bool = True,
     ) -> int:
         """Do the `work` of those that are not stored, and store each as soon as it is done; `what` is for the bar.
 
@@ -157,7 +181,9 @@ class Records(Generic[F]):
                 try:
                     self.put(done.result())
                 except Exception as error:  # one failure must not lose the others
-                    bar.write(f"companion: {what} failed: {one_line(error)}", file=sys.stderr)
+                    bar.write(
+                        f"companion: {what} failed: {one_line(error)}", file=sys.stderr
+                    )
                     failed += 1
                 bar.update()
         return failed
@@ -175,7 +201,8 @@ class Making:
 
     Args:
         kind: of work, one of `numerics.NUMERICS`.
-        used: what names its `datasets` and their `digests`, as a Trial does; None where there are none.
+        used: what names its `datasets` and their `digests`, as a Trial does; None where
+            there are none.
         data: their folder.
     """
 

@@ -1,7 +1,8 @@
 """Run many trials on any `concurrent.futures.Executor`; what is stored is not run again.
 
-A trial that is killed goes on from its checkpoint, a trial that fails is reported in one line and the others go on.
-With an executor of other machines, `data` must be a folder that they all see.
+A trial that is killed goes on from its checkpoint, a trial that fails is reported in
+one line and the others go on. With an executor of other machines, `data` must be a
+folder that they all see.
 """
 
 from __future__ import annotations
@@ -68,25 +69,29 @@ def run(
 
     Args:
         trials: in the order in which they are started; each is run once.
-        executor: where they run, e.g. `distributed.Client(...).get_executor()`; it is left open. By default `workers`
-            local processes of one thread each.
-        workers: number of local processes; for one of them, or a single trial, this process does.
+        executor: where they run, e.g. `distributed.Client(...).get_executor()`; it is
+            left open. By default `workers` local processes of one thread each.
+        workers: number of local processes; for one of them, or a single trial, this
+            process does.
         data: the folder of the shards; checkpoints lie there too.
         results: the store, or its folder.
         progress: whether to show a bar with the time left.
         device: where the workers compute, 'cpu' or 'cuda'.
-        bundle: how many trials are trained side by side in this process, instead of in workers; what a GPU is for.
-            Those that no bundle can train follow in workers.
+        bundle: how many trials are trained side by side in this process, instead of in
+            workers; what a GPU is for. Those that no bundle can train follow in
+            workers.
         log: a folder for TensorBoard's event files.
-        seconds: after which a bundle writes its trials' states and ends; the next call goes on.
+        seconds: after which a bundle writes its trials' states and ends; the next call
+            goes on.
 
     Returns:
-        The store. Trials that failed are reported on stderr and are still `missing` there; those whose training this
-        code has seen fail are not run again.
+        The store. Trials that failed are reported on stderr and are still `missing`
+        there; those whose training this code has seen fail are not run again.
 
     Raises:
-        ConfigError: the digest of a trial's data is unknown, `workers` is below 1, `bundle` below 0, a bundle meant
-            for an executor, or `seconds` for trials without a bundle.
+        ConfigError: the digest of a trial's data is unknown, `workers` is below 1,
+            `bundle` below 0, a bundle meant for an executor, or `seconds` for trials
+            without a bundle.
         ImportError: TensorBoard is asked for and not installed; one line.
     """
     store = results if isinstance(results, Results) else Results(results)
@@ -96,9 +101,13 @@ def run(
     if workers < 1:
         raise ConfigError(f"workers must be at least 1, not {workers}")
     if bundle < 0 or (bundle and executor):
-        raise ConfigError(f"bundle must not be negative, nor go with an executor; it is {bundle}")
+        raise ConfigError(
+            f"bundle must not be negative, nor go with an executor; it is {bundle}"
+        )
     if seconds < math.inf and not bundle:
-        raise ConfigError("seconds are those of a bundle; trials in workers go on where they were when they are killed")
+        raise ConfigError(
+            "seconds are those of a bundle; trials in workers go on where they were when they are killed"
+        )
     until = time.monotonic() + seconds
     sweep(store.folder / "trials")
     EventLog(log)  # a missing TensorBoard is known before hours of work
@@ -107,12 +116,18 @@ def run(
         note_datasets(missing, data, store.folder)
         with progress_bar(len(missing), "trials", "trial", progress) as bar:
             runner = _Runner(store, data, bar, device, log)
-            runner.bundles([trial for trial in missing if bundle and fits(trial)], bundle, until)
+            runner.bundles(
+                [trial for trial in missing if bundle and fits(trial)], bundle, until
+            )
             if time.monotonic() >= until:
                 return store
             alone = [trial for trial in missing if not (bundle and fits(trial))]
             places = min(workers, len(alone))
-            pool = local_pool(places) if executor is None and places > 1 else contextlib.nullcontext(executor)
+            pool = (
+                local_pool(places)
+                if executor is None and places > 1
+                else contextlib.nullcontext(executor)
+            )
             with pool as where:
                 runner.alone(alone, where)
     return store
@@ -123,7 +138,10 @@ def _not_failed(store: Results, trials: list[Trial]) -> list[Trial]:
     failed = {failure.trial.key: failure for failure in store.failures(trials)}
     for failure in failed.values():
         where = store.failed.path(failure.trial)
-        print(f"companion: {failure}; not run again unless {where} is deleted", file=sys.stderr)
+        print(
+            f"companion: {failure}; not run again unless {where} is deleted",
+            file=sys.stderr,
+        )
     return [trial for trial in trials if trial.key not in failed]
 
 
@@ -159,13 +177,19 @@ class _Runner(NamedTuple):
 
             def show(trial: Trial, tested: Tested) -> None:
                 events.progress(trial)(tested)
-                self.bar.set_postfix(samples=tested.samples, test_loss=f"{tested.test_loss:.4g}", refresh=False)
+                self.bar.set_postfix(
+                    samples=tested.samples,
+                    test_loss=f"{tested.test_loss:.4g}",
+                    refresh=False,
+                )
 
             for group in bundles(trials):
                 if time.monotonic() >= until:
                     return
                 hooks = Hooks(show, self.fault)
-                for row in run_bundle(group, seats, self.data, folder, hooks, self.device, until):
+                for row in run_bundle(
+                    group, seats, self.data, folder, hooks, self.device, until
+                ):
                     try:
                         self.keep(row, folder(row.trial))
                     except StoreError as error:
@@ -175,7 +199,10 @@ class _Runner(NamedTuple):
         """Run trials with an executor, stored as they end, or without one here, one after the other."""
         work, lost = functools.partial(run_trial, device=self.device, log=self.log), 0
         folders = {trial: checkpoint_folder(self.data, trial) for trial in trials}
-        jobs = {trial: functools.partial(work, trial, self.data, folder) for trial, folder in folders.items()}
+        jobs = {
+            trial: functools.partial(work, trial, self.data, folder)
+            for trial, folder in folders.items()
+        }
         for trial, outcome in _ended(jobs, executor):
             try:
                 self.keep(outcome(), folders[trial])
@@ -184,13 +211,18 @@ class _Runner(NamedTuple):
             except Exception as error:
                 self.fault(trial, error)
         if lost:
-            self.report(f"a worker was killed (out of memory?); {lost} trials not done, run again to go on")
+            self.report(
+                f"a worker was killed (out of memory?); {lost} trials not done, run again to go on"
+            )
 
 
-Outcome = Callable[[], Row | Failure]  # what became of a trial, or the error that it raised
+#: what became of a trial, or the error that it raised
+Outcome = Callable[[], Row | Failure]
 
 
-def _ended(jobs: Mapping[Trial, Outcome], executor: Executor | None) -> Iterator[tuple[Trial, Outcome]]:
+def _ended(
+    jobs: Mapping[Trial, Outcome], executor: Executor | None
+) -> Iterator[tuple[Trial, Outcome]]:
     """Every trial with its outcome: in this process one after the other, with an executor as they end."""
     if executor is None:
         yield from jobs.items()
@@ -217,7 +249,8 @@ def run_here(
 ) -> Row:
     """Run one trial in this process unless it is stored, and store it; errors are raised.
 
-    The bar counts samples up to `max_samples`, which early stopping seldom lets a trial reach.
+    The bar counts samples up to `max_samples`, which early stopping seldom lets a trial
+    reach.
 
     Raises:
         ShardError: data are missing or others than the trial's.
@@ -229,7 +262,9 @@ def run_here(
         return stored
     refuse_unknown_data([trial])
     note_datasets([trial], data, store.folder)
-    with progress_bar(trial.training.max_samples, str(trial), "sample", progress, scaled=True) as bar:
+    with progress_bar(
+        trial.training.max_samples, str(trial), "sample", progress, scaled=True
+    ) as bar:
 
         def show(tested: Tested) -> None:
             bar.set_postfix(test_loss=f"{tested.test_loss:.4g}", refresh=False)

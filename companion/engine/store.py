@@ -1,7 +1,8 @@
 """The results store: one small JSON file a trial, written whole or not at all.
 
-A row holds its trial, what came out, and what made it. Floats of the outcome carry 6 significant digits. Every file has
-its checksum. Files of different trials have different names, so that one store takes in another.
+A row holds its trial, what came out, and what made it. Floats of the outcome carry 6
+significant digits. Every file has its checksum. Files of different trials have
+different names, so that one store takes in another.
 """
 
 from __future__ import annotations
@@ -25,33 +26,63 @@ SCHEMA = 3  # of a row's file: 3 has the versions of its numbers
 
 @config
 class Outcome:
-    """What a trial yields: a pure function of the trial and its data. K rollout steps of 0.1 s, C curve points."""
+    """What a trial yields, a function of the trial and its data alone.
 
-    validation_loss: float  # equation (1) on the validation set, a sample, in raw units of y or, as a body may ask,
-    component_losses: tuple[float, ...]  # over each component's variance there; (Y,) its summands
-    best_test_loss: float  # equation (1) on the novice test split, smoothed, of the weights that were kept
-    position_error: tuple[float, ...]  # (K,) m, mean over the rollouts, after each step
-    heading_error: tuple[float, ...]  # (K,) rad, mean over the rollouts, after each step
-    example_predicted: tuple[tuple[float, float], ...]  # (K + 1, 2) m, x and y of the first rollout
-    example_actual: tuple[tuple[float, float], ...]  # (K + 1, 2) m, where the robot really went
-    curve_samples: tuple[int, ...]  # (C,) samples seen, of the learning curve's summary
-    curve_test_loss: tuple[float, ...]  # (C,) test loss then
-    curve_training_loss: tuple[float, ...]  # (C,) novice training loss then
-    iterations: int  # of prediction, in all
-    samples: int  # seen by prediction training, in all; without those of pretraining
-    pretraining_samples: int = 0  # of the expert's, seen by the pretraining that the trial started from
-    #: Every test of the training, E of them, one after each `test_spacing` samples; of older trials there are none.
-    test_spacing: int = 0  # samples between two tests
-    every_training_loss: tuple[float, ...] = ()  # (E,) equation (1) on the novice's samples since the test before
-    every_test_loss: tuple[float, ...] = ()  # (E,) on the first trajectories of the novice's test split, not smoothed
-    every_validation_loss: tuple[float, ...] = ()  # (E,) on the first trajectories of the validation set
-    #: The loss by component at D points along the training, in its units, ever farther apart, on the first trajectories
-    #: of each set; of older trials, of older ones of a bundle and of closed forms there are none.
-    component_samples: tuple[int, ...] = ()  # (D,) samples seen
-    component_test: tuple[tuple[float, ...], ...] = ()  # (D, Y) summands of equation (1)
-    component_validation: tuple[tuple[float, ...], ...] = ()  # (D, Y)
-    rollouts_predicted: tuple[tuple[tuple[float, ...], ...], ...] = ()  # (3, K + 1, 13) states of the first rollouts
-    rollouts_actual: tuple[tuple[tuple[float, ...], ...], ...] = ()  # (3, K + 1, 13) where the robot really went
+    The loss is that of equation (1), in raw units of y unless the robot's body asks for
+    other ones. K is the number of steps of a rollout, 0.1 s each. E tests of the training
+    are stored, one after each `test_spacing` samples; trials of older versions have none.
+    The loss by component is stored at D of them, ever farther apart; trials of older
+    versions, older trials of a bundle and closed forms have none.
+
+    Attributes:
+        validation_loss: loss of a sample of the validation set
+        component_losses: (Y,) summands of the validation loss, each over the variance of
+            its component in the validation set
+        best_test_loss: smoothed loss on the novice's test split, of the weights kept
+        position_error: (K,) m, mean over the rollouts, after each step
+        heading_error: (K,) rad, mean over the rollouts, after each step
+        example_predicted: (K + 1, 2) m, predicted x and y of the first rollout
+        example_actual: (K + 1, 2) m, simulated x and y of the first rollout
+        curve_samples: (C,) samples seen at the C points of the learning curve's summary
+        curve_test_loss: (C,) test loss at these points
+        curve_training_loss: (C,) novice's training loss at these points
+        iterations: prediction iterations in all
+        samples: samples seen in prediction phases, those of a pretraining left out
+        pretraining_samples: samples of the expert seen in the pretraining
+        test_spacing: samples between two tests
+        every_training_loss: (E,) loss on the novice's samples since the test before
+        every_test_loss: (E,) loss on the first trajectories of the novice's test split,
+            not smoothed
+        every_validation_loss: (E,) loss on the first trajectories of the validation set
+        component_samples: (D,) samples seen at the tests with losses by component
+        component_test: (D, Y) summands of the test loss
+        component_validation: (D, Y) summands of the validation loss
+        rollouts_predicted: (3, K + 1, 13) predicted states of the first rollouts
+        rollouts_actual: (3, K + 1, 13) simulated states of the first rollouts
+    """
+
+    validation_loss: float
+    component_losses: tuple[float, ...]
+    best_test_loss: float
+    position_error: tuple[float, ...]
+    heading_error: tuple[float, ...]
+    example_predicted: tuple[tuple[float, float], ...]
+    example_actual: tuple[tuple[float, float], ...]
+    curve_samples: tuple[int, ...]
+    curve_test_loss: tuple[float, ...]
+    curve_training_loss: tuple[float, ...]
+    iterations: int
+    samples: int
+    pretraining_samples: int = 0
+    test_spacing: int = 0
+    every_training_loss: tuple[float, ...] = ()
+    every_test_loss: tuple[float, ...] = ()
+    every_validation_loss: tuple[float, ...] = ()
+    component_samples: tuple[int, ...] = ()
+    component_test: tuple[tuple[float, ...], ...] = ()
+    component_validation: tuple[tuple[float, ...], ...] = ()
+    rollouts_predicted: tuple[tuple[tuple[float, ...], ...], ...] = ()
+    rollouts_actual: tuple[tuple[tuple[float, ...], ...], ...] = ()
 
 
 @config
@@ -87,7 +118,11 @@ class _OfTrials(Records[F]):
         return self.folder / self.place / f"{about.key}.json"
 
     def _values(self, found: Any) -> dict[str, Any]:
-        return {"schema": SCHEMA, **rounded(dataclasses.asdict(found)), "trial": found.trial.to_json()}
+        return {
+            "schema": SCHEMA,
+            **rounded(dataclasses.asdict(found)),
+            "trial": found.trial.to_json(),
+        }
 
     def _readable(self, values: dict[str, Any]) -> dict[str, Any]:
         if (schema := values.pop("schema", None)) != SCHEMA:
@@ -159,7 +194,9 @@ class Results(_OfTrials[Row]):
         for name in ("failures", "datasets"):
             for path in (other.folder / name).rglob("*.json"):
                 target = self.folder / path.relative_to(other.folder)
-                if not target.exists() and not (name == "failures" and (self.folder / "trials" / path.name).exists()):
+                if not target.exists() and not (
+                    name == "failures" and (self.folder / "trials" / path.name).exists()
+                ):
                     target.parent.mkdir(parents=True, exist_ok=True)
                     target.write_bytes(path.read_bytes())
         return came

@@ -16,11 +16,15 @@ from sidm.replay.viewer import replay
 from sidm.systems import Robot, Terrain
 
 SET_UP = ("spring", "damping", "travel_lower")  # what the sliders change of a robot
-SIZE = 201  # heights a side, 20 m: as far as a ride goes, and built in a third of the time of a recorded ground
+#: heights a side, 20 m: as far as a ride goes, and built in a third of the time of a
+#: recorded ground
+SIZE = 201
 
 
 @functools.lru_cache(maxsize=64)
-def _remembered(robot: Robot, roughness: float, seed: int, throttle: float, steps: int, motors: bool) -> Ride:
+def _remembered(
+    robot: Robot, roughness: float, seed: int, throttle: float, steps: int, motors: bool
+) -> Ride:
     """A ride, simulated once: what a slider leaves alone is not simulated again."""
     ground = Terrain(cell_height_scale=roughness, size=SIZE)
     return ride(robot, ground, seed, throttle, steps=steps, strut_motors=motors)
@@ -44,7 +48,9 @@ def both_rides(first: Robot, second: Robot, *same: Any) -> tuple[Ride, Ride]:
     return _remembered(first, *same), other.result()
 
 
-def explorer(first: str = "system1 novice", second: str = "system1 expert", steps: int = 25) -> Any:
+def explorer(
+    first: str = "system1 novice", second: str = "system1 expert", steps: int = 25
+) -> Any:
     """Sliders for the set-up of one robot beside an unchanged other one, both to be chosen, as an ipywidgets box.
 
     Args:
@@ -57,25 +63,54 @@ def explorer(first: str = "system1 novice", second: str = "system1 expert", step
     """
     import ipywidgets as widgets
 
-    wide = {"style": {"description_width": "13em"}, "layout": widgets.Layout(width="31em")}
+    wide = {
+        "style": {"description_width": "13em"},
+        "layout": widgets.Layout(width="31em"),
+    }
     slow = wide | {"continuous_update": False}
     find_robot(first), find_robot(second)
     robots = {
-        "first": widgets.Dropdown(options=list(ROBOTS), value=first, description="your robot starts as", **wide),
-        "second": widgets.Dropdown(options=list(ROBOTS), value=second, description="compared with", **wide),
+        "first": widgets.Dropdown(
+            options=list(ROBOTS),
+            value=first,
+            description="your robot starts as",
+            **wide,
+        ),
+        "second": widgets.Dropdown(
+            options=list(ROBOTS), value=second, description="compared with", **wide
+        ),
     }
     knobs = {
-        "spring": widgets.FloatLogSlider(min=1.5, max=5, description="spring (N/m)", **slow),
-        "damping": widgets.FloatSlider(min=0, max=200, description="damping (N s/m)", **slow),
-        "travel_lower": widgets.FloatSlider(
-            min=-0.03, max=-0.002, step=0.001, readout_format=".3f", description="longest extension (m)", **slow
+        "spring": widgets.FloatLogSlider(
+            min=1.5, max=5, description="spring (N/m)", **slow
         ),
-        "throttle": widgets.FloatSlider(0.5, min=-1, max=1, step=0.05, description="throttle", **slow),
-        "roughness": widgets.FloatSlider(0.35, min=0, max=0.9, step=0.05, description="rock height scale (m)", **slow),
-        "terrain_seed": widgets.IntSlider(0, min=0, max=20, description="terrain", **slow),
-        "strut_motors": widgets.Checkbox(True, description="joint motors hold the struts, as recorded", **wide),
+        "damping": widgets.FloatSlider(
+            min=0, max=200, description="damping (N s/m)", **slow
+        ),
+        "travel_lower": widgets.FloatSlider(
+            min=-0.03,
+            max=-0.002,
+            step=0.001,
+            readout_format=".3f",
+            description="longest extension (m)",
+            **slow,
+        ),
+        "throttle": widgets.FloatSlider(
+            0.5, min=-1, max=1, step=0.05, description="throttle", **slow
+        ),
+        "roughness": widgets.FloatSlider(
+            0.35, min=0, max=0.9, step=0.05, description="rock height scale (m)", **slow
+        ),
+        "terrain_seed": widgets.IntSlider(
+            0, min=0, max=20, description="terrain", **slow
+        ),
+        "strut_motors": widgets.Checkbox(
+            True, description="joint motors hold the struts, as recorded", **wide
+        ),
     }
-    moving = widgets.ToggleButton(description="see them drive", tooltip="the rides in three dimensions")
+    moving = widgets.ToggleButton(
+        description="see them drive", tooltip="the rides in three dimensions"
+    )
     screen = widgets.Image(format="png")
     film = widgets.HTML(layout=widgets.Layout(width="100%"))
     setting_up = False
@@ -85,11 +120,23 @@ def explorer(first: str = "system1 novice", second: str = "system1 expert", step
             return
         value = {name: knob.value for name, knob in knobs.items()}
         other = robots["second"].value
-        own = find_robot(robots["first"].value).replace(**{name: value[name] for name in SET_UP})
-        same = value["roughness"], value["terrain_seed"], value["throttle"], steps, value["strut_motors"]
+        own = find_robot(robots["first"].value).replace(
+            **{name: value[name] for name in SET_UP}
+        )
+        same = (
+            value["roughness"],
+            value["terrain_seed"],
+            value["throttle"],
+            steps,
+            value["strut_motors"],
+        )
         yours, others = both_rides(own, find_robot(other), *same)
         screen.value = picture(rides_figure({"yours": yours, other: others}))
-        film.value = replay({"yours": yours, other: others})._repr_html_() if moving.value else ""
+        film.value = (
+            replay({"yours": yours, other: others})._repr_html_()
+            if moving.value
+            else ""
+        )
 
     def start(_: Any = None) -> None:
         """Put the sliders where the first robot has them, and draw once."""
@@ -105,9 +152,13 @@ def explorer(first: str = "system1 novice", second: str = "system1 expert", step
     for knob in (robots["second"], *knobs.values(), moving):
         knob.observe(show, names="value")
     controls = widgets.VBox([*robots.values(), *knobs.values(), moving])
-    return widgets.HBox([controls, screen, film], layout=widgets.Layout(flex_flow="row wrap"))
+    return widgets.HBox(
+        [controls, screen, film], layout=widgets.Layout(flex_flow="row wrap")
+    )
 
 
 def with_picture(box: Any) -> dict[str, Any]:
     """For `display(..., raw=True)`: an explorer by MIME types, with its picture for where no kernel runs."""
-    return box._repr_mimebundle_() | {"image/png": base64.b64encode(box.children[1].value).decode()}
+    return box._repr_mimebundle_() | {
+        "image/png": base64.b64encode(box.children[1].value).decode()
+    }

@@ -23,9 +23,17 @@ def compare(tables: Mapping[str, pd.DataFrame], rate: float) -> Figure:
     for axes, name in zip(panels, ("position", "heading"), strict=True):
         for method, table in tables.items():
             mine = table[table.quantity == name]
-            axes.plot(mine.horizon / rate, mine.error, **METHOD_STYLES[method] | {"marker": ""})
+            axes.plot(
+                mine.horizon / rate,
+                mine.error,
+                **METHOD_STYLES[method] | {"marker": ""},
+            )
         unit = {"position": "m", "heading": "rad"}[name]
-        axes.set(xlabel="time ahead, open loop (s)", ylabel=f"{name} error ({unit})", ylim=(0, None))
+        axes.set(
+            xlabel="time ahead, open loop (s)",
+            ylabel=f"{name} error ({unit})",
+            ylim=(0, None),
+        )
         axes.set_title(f"{name} on drives held out")
         finish(axes, legend=name == "position")
     return figure

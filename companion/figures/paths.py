@@ -19,26 +19,45 @@ def figure4(frame: pd.DataFrame, seed: int = 0) -> Figure:
     """Figure 4: deviation of the predicted from the actual path over time, and one example seen from above.
 
     Args:
-        frame: of one system; lines are means over the trials, shades their standard error.
+        frame: of one system; lines are means over the trials, shades their standard
+            error.
         seed: whose trials draw the example's paths.
     """
     figure, (left, right) = side_by_side(2)
-    left.set(xlabel="time (s)", ylabel="distance from the actual position (m)", title="all test drives")
+    left.set(
+        xlabel="time (s)",
+        ylabel="distance from the actual position (m)",
+        title="all test drives",
+    )
     right.set(xlabel="x (m)", ylabel="y (m)", title="one of them from above")
     sizes = sorted(frame.novice_minutes.unique())
     for method, minutes, group in by_method_and_size(frame):
         style = size_style(method, sizes.index(minutes))
         label = f"{METHOD_STYLES[method]['label']}, {minutes:g} min"
-        errors = np.array([(0.0, *error) for error in group.position_error])  # (S, K + 1)
+        # (S, K + 1)
+        errors = np.array([(0.0, *error) for error in group.position_error])
         time, mean = CONTROL_STEP * np.arange(errors.shape[1]), errors.mean(0)
         left.plot(time, mean, label=label, **style)
         if len(errors) > 1:
             spread = errors.std(0, ddof=1) / np.sqrt(len(errors))
-            left.fill_between(time, mean - spread, mean + spread, color=style["color"], alpha=0.15, lw=0)
+            left.fill_between(
+                time,
+                mean - spread,
+                mean + spread,
+                color=style["color"],
+                alpha=0.15,
+                lw=0,
+            )
         for path in group[group.seed == seed].example_predicted:
             right.plot(*np.array(path).T, **style)  # lines as on the left
     for path in frame[frame.seed == seed].example_actual[:1]:
-        right.plot(*np.array(path).T, color="black", linestyle="-", marker="", label="actual path")
+        right.plot(
+            *np.array(path).T,
+            color="black",
+            linestyle="-",
+            marker="",
+            label="actual path",
+        )
         right.set_aspect("equal", adjustable="datalim")
     finish(left, legend=False)
     finish(right, legend=False)
@@ -61,6 +80,14 @@ def example(frame: pd.DataFrame, seed: int) -> Example | None:
     if not len(shown):
         return None
     actual = np.array(shown.example_actual.iloc[0])
-    parted = [float(np.linalg.norm(path[-1] - actual[-1])) for path in map(np.array, shown.example_predicted)]
+    parted = [
+        float(np.linalg.norm(path[-1] - actual[-1]))
+        for path in map(np.array, shown.example_predicted)
+    ]
     driven = float(np.linalg.norm(np.diff(actual, axis=0), axis=1).sum())
-    return Example(driven, min(parted), max(parted), float(frame.position_error.str[-1].astype(float).mean()))
+    return Example(
+        driven,
+        min(parted),
+        max(parted),
+        float(frame.position_error.str[-1].astype(float).mean()),
+    )

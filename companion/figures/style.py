@@ -1,6 +1,7 @@
 """What all figures have in common: the style, how methods look, plots side by side.
 
-`pyplot`, the slow part of Matplotlib, is imported when something is drawn: those who list trials do without.
+`pyplot`, the slow part of Matplotlib, is imported when something is drawn: those who
+list trials do without.
 """
 
 from __future__ import annotations
@@ -28,7 +29,11 @@ _LOOKS: dict[str, dict[str, Any]] = {
     "pretrain_finetune": {"color": "#CC79A7", "linestyle": ":", "marker": "D"},
 }
 _LOOKS |= {  # of what might do better, and of no network
-    "least_squares": {"color": "#009E73", "linestyle": (0, (3, 1, 1, 1)), "marker": "P"},
+    "least_squares": {
+        "color": "#009E73",
+        "linestyle": (0, (3, 1, 1, 1)),
+        "marker": "P",
+    },
     "corrected": {"color": "#D55E00", "linestyle": (0, (3, 1, 1, 1)), "marker": "p"},
     "corrected_mirrored": {"color": "#882255", "linestyle": "-", "marker": "h"},
     "corrected_averaged": {"color": "#44AA99", "linestyle": (0, (5, 1)), "marker": "H"},
@@ -40,14 +45,19 @@ _LOOKS |= {  # of what might do better, and of no network
     "copies_no_regularisation": {"color": "#56B4E9", "linestyle": "--", "marker": "<"},
     "core_finetune": {"color": "#E69F00", "linestyle": "-.", "marker": "v"},
 }
-_PLAIN = {"color": "#555555", "linestyle": "-", "marker": "."}  # of methods that no curve shows
+#: of methods that no curve shows
+_PLAIN = {"color": "#555555", "linestyle": "-", "marker": "."}
 
-#: How a method is drawn and named, told apart by colour (Okabe and Ito), line and marker.
+#: How a method is drawn and named, told apart by colour (Okabe and Ito), line and
+#: marker.
 METHOD_STYLES: dict[str, dict[str, Any]] = {
-    name: _LOOKS.get(name, _PLAIN) | {"label": method.label} for name, method in METHODS.items()
+    name: _LOOKS.get(name, _PLAIN) | {"label": method.label}
+    for name, method in METHODS.items()
 }
 METHOD_STYLES |= {  # with other settings: see `studies.tuning`
-    name + FOR_LITTLE: METHOD_STYLES[name] | look | {"label": f"{METHODS[name].label}, tuned for little data"}
+    name + FOR_LITTLE: METHOD_STYLES[name]
+    | look
+    | {"label": f"{METHODS[name].label}, tuned for little data"}
     for name, look in {
         "sidm": {"color": "#56B4E9", "marker": "v"},
         "novice_only": {"color": "#E69F00", "marker": "^"},
@@ -62,7 +72,9 @@ SIZE_STYLES: tuple[dict[str, Any], ...] = (
 )
 LOSS_LABEL = "validation loss, equation (1)\n(squared m, m/s and rad/s, summed)"
 #: The axes of a plot of losses by novice data.
-LOSS_BY_SIZE = dict(xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL)
+LOSS_BY_SIZE = dict(
+    xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL
+)
 #: How a data-efficiency ratio is drawn: its bound, marker, colour and words.
 EFFICIENCY_MARKS = (
     ("=", "o", "#0072B2", "ratio"),
@@ -95,7 +107,13 @@ def lay_ground(axes: Axes, heights: np.ndarray, palest: float, darkest: float) -
     """A ground (H, H), m, under what is drawn from above: grey from one height to another, pale enough for lines."""
     half = half_width(heights)
     axes.imshow(
-        heights, origin="lower", extent=(-half, half, -half, half), cmap="Greys", alpha=0.6, vmin=palest, vmax=darkest
+        heights,
+        origin="lower",
+        extent=(-half, half, -half, half),
+        cmap="Greys",
+        alpha=0.6,
+        vmin=palest,
+        vmax=darkest,
     )
     axes.grid(False)
 
@@ -103,7 +121,9 @@ def lay_ground(axes: Axes, heights: np.ndarray, palest: float, darkest: float) -
 def mean_and_range(axes: Axes, found: pd.DataFrame, **style: Any) -> None:
     """A line through the `mean` of a table by its index, shaded from `min` to `max`."""
     axes.plot(found.index, found["mean"], **style)
-    axes.fill_between(found.index, found["min"], found["max"], color=style["color"], alpha=0.2, lw=0)
+    axes.fill_between(
+        found.index, found["min"], found["max"], color=style["color"], alpha=0.2, lw=0
+    )
 
 
 def named(system: str) -> str:
@@ -118,12 +138,19 @@ def by_system(
     figure, panels = side_by_side(len(systems), min(len(systems), 2))
     for axes, system in zip(panels, systems, strict=True):
         axes.set(title=title.format(named(system)), **looks)
-    return figure, [(axes, table[table.system == system]) for axes, system in zip(panels, systems, strict=True)]
+    return figure, [
+        (axes, table[table.system == system])
+        for axes, system in zip(panels, systems, strict=True)
+    ]
 
 
 def labelled(panels: Iterable[Axes]) -> dict[str, Any]:
     """What is drawn in some plots, by its label, each once."""
-    return {name: handle for axes in panels for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)}
+    return {
+        name: handle
+        for axes in panels
+        for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
 
 
 def legend_below(figure: Figure, panels: Iterable[Axes]) -> None:

@@ -12,12 +12,16 @@ class Outdated(AssertionError):
 
 
 def hold(
-    claims: Mapping[str, Callable[[], bool]], preset: str, written_for: str = "laptop", of: str = "the preset"
+    claims: Mapping[str, Callable[[], bool]],
+    preset: str,
+    written_for: str = "laptop",
+    of: str = "the preset",
 ) -> Markdown | None:
     """Check the claims of a page that was written for the stored results of a preset.
 
     Args:
-        claims: a claim in the page's own words -> whether the results bear it out, asked for these results alone.
+        claims: a claim in the page's own words -> whether the results bear it out,
+            asked for these results alone.
         preset: whose results the page shows now.
         written_for: whose results the words are about.
         of: what the two are, where it is no preset.
@@ -33,5 +37,7 @@ def hold(
         return Markdown(f"*{words}*")
     for claim, holds in claims.items():
         if not holds():
-            raise Outdated(f"the stored results no longer bear out '{claim}': write the page anew")
+            raise Outdated(
+                f"the stored results no longer bear out '{claim}': write the page anew"
+            )
     return None

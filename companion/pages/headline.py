@@ -34,10 +34,24 @@ def numbers(frame: pd.DataFrame, little: pd.DataFrame) -> list[str]:
         little: of the methods that were tuned for little data.
     """
     both = [saved(frame, system) for system in SYSTEMS]
-    ratios = [one[name].iloc[0] for one in both if len(one) for name in ("value", "low", "high")]
-    least = savings(pd.concat([little, best_alone(frame, little)]), ["sidm" + FOR_LITTLE]).drop_duplicates("system")
+    ratios = [
+        one[name].iloc[0]
+        for one in both
+        if len(one)
+        for name in ("value", "low", "high")
+    ]
+    least = savings(
+        pd.concat([little, best_alone(frame, little)]), ["sidm" + FOR_LITTLE]
+    ).drop_duplicates("system")
     finetuned = savings(frame, ["pretrain_finetune"]).drop_duplicates("system").ratio
-    return [f"{one:.2g}" for one in (*ratios, *least[["ratio", "low", "high"]].to_numpy().ravel(), *finetuned)]
+    return [
+        f"{one:.2g}"
+        for one in (
+            *ratios,
+            *least[["ratio", "low", "high"]].to_numpy().ravel(),
+            *finetuned,
+        )
+    ]
 
 
 def stated(text: str) -> list[str]:
@@ -45,7 +59,9 @@ def stated(text: str) -> list[str]:
     return re.findall(r"\*\*([\d.]+)\*\*", text)
 
 
-def stored(data: str | Path = "data") -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
+def stored(
+    data: str | Path = "data",
+) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     """The results of Figure 3, with what stands beside it, of methods tuned for little data, and of Figure 4."""
     study, store = Study(PRESET, data), Results("results")
     trials = {name: grid(PRESET, name, data=data) for name in ("3", "references", "4")}
@@ -68,24 +84,39 @@ def headlines(frame: pd.DataFrame, little: pd.DataFrame) -> list[Headline]:
     run = f"companion run --preset {PRESET} --figure"
     ends = ("", ", lower end of the 95 % interval", ", upper end of it")
     alone = "times the novice data that training alone needs, against"
-    compared = frame[frame.method.isin(COMPARED)], frame[frame.method.isin((COMPARED[1], FIGURE3[-1]))]
+    compared = (
+        frame[frame.method.isin(COMPARED)],
+        frame[frame.method.isin((COMPARED[1], FIGURE3[-1]))],
+    )
     asked = [
         (f"{alone} an SIDM with 5 min", ends, compared[0], f"{run} 3"),
-        (f"{alone} an SIDM with 1 min, both tuned for little data", ends, little, f"{run} little-data"),
+        (
+            f"{alone} an SIDM with 1 min, both tuned for little data",
+            ends,
+            little,
+            f"{run} little-data",
+        ),
         (f"{alone} fine-tuning with 1 min", ends[:1], compared[1], f"{run} 3"),
     ]
     found = [
         (f"{system}: {words}{end}", int((rows.system == system).sum()), command)
-        for words, parts, rows, command in asked for system in SYSTEMS for end in parts
-    ]  # fmt: skip
-    return [Headline(number, *said) for number, said in zip(numbers(frame, little), found, strict=True)]
+        for words, parts, rows, command in asked
+        for system in SYSTEMS
+        for end in parts
+    ]
+    return [
+        Headline(number, *said)
+        for number, said in zip(numbers(frame, little), found, strict=True)
+    ]
 
 
 def show() -> None:
     """Print every number of the README with its rows and the command that makes these again."""
     frame, little, _ = stored()
     for one in headlines(frame, little):
-        print(f"{one.number:>6}  {one.words}\n        {one.rows} rows of results/; again: {one.command}")
+        print(
+            f"{one.number:>6}  {one.words}\n        {one.rows} rows of results/; again: {one.command}"
+        )
 
 
 def main(figures: Path = Path("_build/figures")) -> None:
@@ -96,10 +127,16 @@ def main(figures: Path = Path("_build/figures")) -> None:
         figure3(pd.concat([frame, little]), methods=DRAWN).savefig(path)
     figure4(frame4).savefig(figures / "figure4.png")
     drawn = len(frame) + len(little) + len(frame4)
-    print(f"{FIGURE} and {figures}/figure3.png, figure4.png are drawn from {drawn} trials")
+    print(
+        f"{FIGURE} and {figures}/figure3.png, figure4.png are drawn from {drawn} trials"
+    )
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--numbers", action="store_true", help="print the README's numbers and where they are from")
+    parser.add_argument(
+        "--numbers",
+        action="store_true",
+        help="print the README's numbers and where they are from",
+    )
     (show if parser.parse_args().numbers else main)()

@@ -33,10 +33,16 @@ def on_page(table: pd.DataFrame) -> str:
 
 def in_html(table: pd.DataFrame) -> str:
     """The same in HTML, for a page that takes the table over from another."""
-    rows = [("th", tuple(table.columns)), *(("td", line) for line in table.itertuples(index=False))]
+    rows = [
+        ("th", tuple(table.columns)),
+        *(("td", line) for line in table.itertuples(index=False)),
+    ]
     if len(rows) == 1:
         return "<p>No trials stored.</p>"
-    cells = ("".join(f"<{tag}>{escape(_words(cell))}</{tag}>" for cell in row) for tag, row in rows)
+    cells = (
+        "".join(f"<{tag}>{escape(_words(cell))}</{tag}>" for cell in row)
+        for tag, row in rows
+    )
     return f'<table class="table">{"".join(f"<tr>{row}</tr>" for row in cells)}</table>'
 
 
@@ -56,15 +62,28 @@ def provenance_line(frame: pd.DataFrame, command: str = "") -> str:
     if not len(frame):
         return "No trials stored" + (f"; `{command}` runs them." if command else ".")
     days = sorted(frame.date.str[:10].unique())
-    codes = sorted({f"{version} ({source})" for version, source in zip(frame.version, frame.source, strict=True)})
-    stale, elsewhere = int(frame.stale.sum()), int(frame.other_data.map(len).astype(bool).sum())
+    codes = sorted(
+        {
+            f"{version} ({source})"
+            for version, source in zip(frame.version, frame.source, strict=True)
+        }
+    )
+    stale, elsewhere = (
+        int(frame.stale.sum()),
+        int(frame.other_data.map(len).astype(bool).sum()),
+    )
     parts = [
         f"{len(frame)} trials",
         " to ".join(dict.fromkeys((days[0], days[-1]))),
-        f"code {', '.join(codes)}" + (f", {stale} of them made by older code" if stale else "")
-        + (f", {elsewhere} from data reproduced on another machine" if elsewhere else ""),
+        f"code {', '.join(codes)}"
+        + (f", {stale} of them made by older code" if stale else "")
+        + (
+            f", {elsewhere} from data reproduced on another machine"
+            if elsewhere
+            else ""
+        ),
         f"{', '.join(sorted(frame.device.unique()))}, {frame.seconds.sum() / 3600:.2g} h in all",
-    ]  # fmt: skip
+    ]
     return "; ".join(parts) + (f"; again: `{command}`." if command else ".")
 
 
@@ -75,7 +94,11 @@ def provenance_block(frame: pd.DataFrame, command: str = "") -> str:
 
 def provenance_html(frame: pd.DataFrame, command: str = "") -> str:
     """The same in HTML, for a page that takes results over from another."""
-    words = re.sub("`(.*?)`", r"<code>\1</code>", escape(provenance_line(frame, command), quote=False))
+    words = re.sub(
+        "`(.*?)`",
+        r"<code>\1</code>",
+        escape(provenance_line(frame, command), quote=False),
+    )
     return _folded(words, "<p>{}</p>")
 
 
@@ -99,7 +122,10 @@ def stored_line(store: Results, trials: Sequence[Trial], command: str) -> str:
     if not missing:
         return f"All {len(trials)} trials are stored."
     systems = dict.fromkeys(trial.system for trial in trials)
-    parts = [f"{sum(trial.system == system for trial in missing)} of {system}" for system in systems]
+    parts = [
+        f"{sum(trial.system == system for trial in missing)} of {system}"
+        for system in systems
+    ]
     return f"{len(missing)} of {len(trials)} trials are missing ({', '.join(parts)}); `{command}` runs them."
 
 

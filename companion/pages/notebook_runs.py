@@ -11,13 +11,20 @@ from typing import Any, NamedTuple
 
 from sidm.progress import progress_bar
 
-#: About how long the longest notebooks take, s: they begin first, and the time left is told by it.
+#: About how long the longest notebooks take, s: they begin first, and the time left is
+#: told by it.
 SECONDS = {
-    "04-training": 50, "21-own-data": 35, "02-collecting": 15, "18-suspension": 15, "01-robots": 10, "12-driving": 8,
+    "04-training": 50,
+    "21-own-data": 35,
+    "02-collecting": 15,
+    "18-suspension": 15,
+    "01-robots": 10,
+    "12-driving": 8,
     "05-figure3": 6,
-}  # fmt: skip
+}
 OTHERS = 4  # s that any other takes
-QUIET = ["--log-level=ERROR"]  # of the kernel, which would warn that it listens on this machine's own ports
+#: of the kernel, which would warn that it listens on this machine's own ports
+QUIET = ["--log-level=ERROR"]
 STARTS = 3  # tries at a kernel
 LATEST = 60  # s after a cell's end until its outputs must be there
 
@@ -30,7 +37,8 @@ class Run(NamedTuple):
     """One notebook to be executed."""
 
     path: Path
-    output: Path | None = None  # where the executed copy goes; None refreshes the notebook itself
+    #: where the executed copy goes; None refreshes the notebook itself
+    output: Path | None = None
     values: Mapping[str, Any] = {}  # its parameters, checked
 
     @property
@@ -41,24 +49,32 @@ class Run(NamedTuple):
 
 def cores() -> int:
     """How many processors this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return (
+        len(os.sched_getaffinity(0))
+        if hasattr(os, "sched_getaffinity")
+        else os.cpu_count() or 1
+    )
 
 
 def execute(runs: Sequence[Run], root: Path, jobs: int | None = None) -> None:
     """Execute notebooks side by side; of several, or on a terminal, with a bar that has the time left.
 
-    A notebook that was to be refreshed and did not come to its end is as it was; a copy holds all up to where it came.
+    A notebook that was to be refreshed and did not come to its end is as it was; a copy
+    holds all up to where it came.
 
     Args:
         runs: what to execute; the longest begin first.
         root: the project's folder, in which they work.
-        jobs: how many kernels at a time, of one thread each where they are several; all cores when None.
+        jobs: how many kernels at a time, of one thread each where they are several; all
+            cores when None.
 
     Raises:
         NotebookError: a cell failed; no kernel runs any more.
     """
     places = min(jobs or cores(), len(runs))
-    with progress_bar(100, "notebooks", "%", len(runs) > 1 or sys.stderr.isatty()) as bar:
+    with progress_bar(
+        100, "notebooks", "%", len(runs) > 1 or sys.stderr.isatty()
+    ) as bar:
         total, done = sum(run.seconds for run in runs), 0.0
 
         def more(seconds: float) -> None:
@@ -75,12 +91,18 @@ def execute(runs: Sequence[Run], root: Path, jobs: int | None = None) -> None:
 def _lanes(runs: Sequence[Run]) -> list[list[Run]]:
     """What must be done in turn, the longest first: notebooks that run what is missing take trials from one another."""
     together = [run for run in runs if run.values.get("run_missing")]
-    alone = sorted((run for run in runs if run not in together), key=lambda run: -run.seconds)
+    alone = sorted(
+        (run for run in runs if run not in together), key=lambda run: -run.seconds
+    )
     return [together] * bool(together) + [[run] for run in alone]
 
 
 async def _side_by_side(
-    lanes: Iterable[list[Run]], root: Path, places: int, more: Callable[[float], None], tell: Callable[[Run], None]
+    lanes: Iterable[list[Run]],
+    root: Path,
+    places: int,
+    more: Callable[[float], None],
+    tell: Callable[[Run], None],
 ) -> None:
     """Execute so many lanes at a time; whatever ends this early ends all of them."""
     free = asyncio.Semaphore(places)
@@ -102,7 +124,9 @@ async def _side_by_side(
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-async def _execute(run: Run, root: Path, environment: Mapping[str, str], more: Callable[[float], None]) -> None:
+async def _execute(
+    run: Run, root: Path, environment: Mapping[str, str], more: Callable[[float], None]
+) -> None:
     """Execute one notebook; its kernel has ended when this does, in whatever way."""
     from nbclient import NotebookClient
     from nbclient.exceptions import CellControlSignal
@@ -110,14 +134,21 @@ async def _execute(run: Run, root: Path, environment: Mapping[str, str], more: C
 
     notebook, ended = _load(run), False
     client = NotebookClient(
-        notebook, timeout=None, iopub_timeout=LATEST, raise_on_iopub_timeout=True, record_timing=False,
-        resources={"metadata": {"path": str(root)}}, extra_arguments=list(QUIET),
-    )  # fmt: skip
+        notebook,
+        timeout=None,
+        iopub_timeout=LATEST,
+        raise_on_iopub_timeout=True,
+        record_timing=False,
+        resources={"metadata": {"path": str(root)}},
+        extra_arguments=list(QUIET),
+    )
     client.reset_execution_trackers()
     try:
         await _start(client, environment)
         for index, cell in enumerate(notebook.cells):
-            await client.async_execute_cell(cell, index, execution_count=client.code_cells_executed + 1)
+            await client.async_execute_cell(
+                cell, index, execution_count=client.code_cells_executed + 1
+            )
             more(run.seconds / len(notebook.cells))
         client.set_widgets_metadata()
         ended = True
@@ -166,7 +197,10 @@ def _reason(error: Exception, cell: int) -> str:
 
     if isinstance(error, DeadKernelError):
         return f"cell {cell} failed, its kernel died (out of memory?)"
-    name, text = getattr(error, "ename", type(error).__name__), str(getattr(error, "evalue", error))
+    name, text = (
+        getattr(error, "ename", type(error).__name__),
+        str(getattr(error, "evalue", error)),
+    )
     where = f"cell {cell} failed" if cell else "its kernel did not start"
     return f"{where}, {name}: {(text.splitlines() or [''])[0]}"
 
@@ -195,5 +229,7 @@ def _still(notebook: Any) -> None:
     for part in (notebook, *notebook.cells):
         part.metadata.pop("papermill", None)
     notebook.metadata.pop("widgets", None)
-    for output in (output for cell in notebook.cells for output in cell.get("outputs", [])):
+    for output in (
+        output for cell in notebook.cells for output in cell.get("outputs", [])
+    ):
         output.get("data", {}).pop("application/vnd.jupyter.widget-view+json", None)

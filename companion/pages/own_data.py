@@ -16,13 +16,17 @@ SEEDS = {"novice": 0, "expert": 2}  # of a simulated robot's motion
 SIMULATED = {f"{system} {role}": (system, role) for system in SYSTEMS for role in ROLES}
 
 
-def robot_drives(source: str, body: Body, minutes: float = 30.0, data: str | Path = "data") -> list[Drive]:
+def robot_drives(
+    source: str, body: Body, minutes: float = 30.0, data: str | Path = "data"
+) -> list[Drive]:
     """The drives of a robot.
 
     Args:
-        source: a file or folder of recordings, or the name of a simulated robot, as 'system1 expert'.
+        source: a file or folder of recordings, or the name of a simulated robot, as
+            'system1 expert'.
         body: of recordings; a simulated robot's is `body.ROVER`.
-        minutes: of a simulated robot's motion, simulated where it is missing; of recordings all are taken.
+        minutes: of a simulated robot's motion, simulated where it is missing; of
+            recordings all are taken.
         data: the folder of simulated motion.
 
     Raises:
@@ -36,5 +40,7 @@ def robot_drives(source: str, body: Body, minutes: float = 30.0, data: str | Pat
         system, role = SIMULATED[source]
         return simulate(system, role, minutes, SEEDS[role], folder=data)
     if not Path(source).exists():
-        raise ConfigError(f"'{source}' is no file, and {unknown_name(source, SIMULATED, 'the simulated robots')}")
+        raise ConfigError(
+            f"'{source}' is no file, and {unknown_name(source, SIMULATED, 'the simulated robots')}"
+        )
     return read_drives(source, body)

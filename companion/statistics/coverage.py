@@ -1,6 +1,7 @@
 """How often 95 % intervals hold the truth: measured on synthetic studies whose data-efficiency ratio is known.
 
-First for two kinds of interval, then for each estimator that a page or a verdict uses, at a size fixed before.
+First for two kinds of interval, then for each estimator that a page or a verdict uses,
+at a size fixed before.
 
 Run as a module it measures anew and writes `results/coverage.json`.
 """
@@ -31,28 +32,39 @@ from sidm.storage import read_record, write_record
 MINUTES = np.array([1.0, 2, 5, 20, 60, 120])
 RATIO = 4.0  # between the data that the two methods need
 SLOPE = 0.25  # loss falls with data to this power
-LEVEL = (RATIO * 10.0) ** -SLOPE  # the loss at which the ratio is read, inside both curves
-NOISE, COMMON = 0.15, 0.1  # standard deviations of log loss: of each training, and of a seed's trainings together
+#: the loss at which the ratio is read, inside both curves
+LEVEL = (RATIO * 10.0) ** -SLOPE
+#: standard deviations of log loss: of each training, and of a seed's trainings together
+NOISE, COMMON = 0.15, 0.1
 FIGURE3_NOISE = 0.04, 0.03  # the same, about as in Figure 3
 SEEDS, STUDIES, RESAMPLES = (3, 5, 10, 30), 500, 300
-ESTIMATED_SEEDS, TRUTHS = (5, 10), (1.0, 3.0, 20.0)  # seeds of a study, and what its estimators are held against
+#: seeds of a study, and what its estimators are held against
+ESTIMATED_SEEDS, TRUTHS = (5, 10), (1.0, 3.0, 20.0)
 AT = 2  # which of MINUTES: 5
 FILE = Path("results") / "coverage.json"
 
 
 def synthetic_study(
-    seeds: int, rng: np.random.Generator, ratio: float = RATIO, noise: tuple[float, float] = (NOISE, COMMON)
+    seeds: int,
+    rng: np.random.Generator,
+    ratio: float = RATIO,
+    noise: tuple[float, float] = (NOISE, COMMON),
 ) -> np.ndarray:
     """Losses (S, 2, M) of paired seeds, SIDM's before the comparison's, which needs `ratio` times the data."""
     curves = np.stack([ratio * MINUTES, MINUTES]) ** -SLOPE
-    common, own = rng.normal(0, noise[1], (seeds, 1, 1)), rng.normal(0, noise[0], (seeds, *curves.shape))
+    common, own = (
+        rng.normal(0, noise[1], (seeds, 1, 1)),
+        rng.normal(0, noise[0], (seeds, *curves.shape)),
+    )
     return curves * np.exp(common + own)
 
 
 def log_ratio(pairs: np.ndarray) -> float:
     """Logarithm of the data-efficiency ratio at LEVEL of the mean curves of losses (S, 2, M)."""
     sidm, novice_only = pairs.mean(0)
-    return float(np.log(efficiency(MINUTES, sidm, novice_only, np.array([LEVEL])).ratio[0]))
+    return float(
+        np.log(efficiency(MINUTES, sidm, novice_only, np.array([LEVEL])).ratio[0])
+    )
 
 
 #: Kind of interval -> that of `log_ratio` over the S seeds of losses (S, 2, M).
@@ -62,7 +74,9 @@ METHODS: dict[str, Callable[[np.ndarray], Interval]] = {
 }
 
 
-def coverage(method: Callable[[np.ndarray], Interval], seeds: int) -> tuple[float, float]:
+def coverage(
+    method: Callable[[np.ndarray], Interval], seeds: int
+) -> tuple[float, float]:
     """Share of synthetic studies (S, 2, M) whose interval holds the true ratio, and the median width in log ratio."""
     rng = np.random.default_rng(seeds)
     found = [method(synthetic_study(seeds, rng)) for _ in range(STUDIES)]
@@ -82,38 +96,65 @@ def by_seed(study: np.ndarray) -> tuple[float, float]:
     return data_ratio(MINUTES.tolist(), study[:, 1], study[:, 0, AT], MINUTES[AT])[1:]
 
 
-#: Estimator -> its interval from losses (S, 2, M), and what it is of: the data ratio, or the ratio of losses at 5 min.
-ESTIMATORS: dict[str, tuple[Callable[[np.ndarray], Sequence[float]], Callable[[float], float]]] = {
+#: Estimator -> its interval from losses (S, 2, M), and what it is of: the data ratio,
+#: or the ratio of losses at 5 min.
+ESTIMATORS: dict[
+    str, tuple[Callable[[np.ndarray], Sequence[float]], Callable[[float], float]]
+] = {
     "data ratio of mean curves": (of_mean_curves, float),
     "data ratio by seed": (by_seed, float),
-    "ratio of mean losses": (lambda study: ratio_of_means(study[:, ::-1, AT])[1:], lambda ratio: ratio**-SLOPE),
-    "mean ratio of losses": (
-        lambda study: mean_ratio(study[:, :1, AT], study[:, 1:, AT])[1:], lambda ratio: ratio**-SLOPE
+    "ratio of mean losses": (
+        lambda study: ratio_of_means(study[:, ::-1, AT])[1:],
+        lambda ratio: ratio**-SLOPE,
     ),
-}  # fmt: skip
+    "mean ratio of losses": (
+        lambda study: mean_ratio(study[:, :1, AT], study[:, 1:, AT])[1:],
+        lambda ratio: ratio**-SLOPE,
+    ),
+}
 
 
 def estimated(name: str, ratio: float, seeds: int) -> tuple[float, float, float]:
     """Of an estimator on studies with a data ratio: the share of its intervals that hold the truth.
 
     Returns:
-        The share, that of the intervals that lie above the truth, and that of studies without an interval.
+        The share, that of the intervals that lie above the truth, and that of studies
+        without an interval.
     """
     ends_of, truth_of = ESTIMATORS[name]
     rng, truth = np.random.default_rng([seeds, round(10 * ratio)]), truth_of(ratio)
-    ends = np.array([ends_of(synthetic_study(seeds, rng, ratio, FIGURE3_NOISE)) for _ in range(STUDIES)])
+    ends = np.array(
+        [
+            ends_of(synthetic_study(seeds, rng, ratio, FIGURE3_NOISE))
+            for _ in range(STUDIES)
+        ]
+    )
     there = ends[np.isfinite(ends[:, 0])]
     held = (there[:, 0] <= truth) & (truth <= there[:, 1])
-    return float(held.mean()), float((there[:, 0] > truth).mean()), 1 - len(there) / STUDIES
+    return (
+        float(held.mean()),
+        float((there[:, 0] > truth).mean()),
+        1 - len(there) / STUDIES,
+    )
 
 
 def measure(seeds: Sequence[int] = SEEDS) -> dict[str, Any]:
     """Coverage and width by kind of interval and number of seeds, and coverage of each estimator."""
     found: dict[str, Any] = {
-        name: {str(n): [round(x, 4) for x in coverage(one, n)] for n in seeds} for name, one in METHODS.items()
+        name: {str(n): [round(x, 4) for x in coverage(one, n)] for n in seeds}
+        for name, one in METHODS.items()
     }
-    lines = [(name, ratio, n) for name in ESTIMATORS for ratio in TRUTHS for n in ESTIMATED_SEEDS]
-    return found | {"estimators": [[*line, *(round(x, 4) for x in estimated(*line))] for line in lines]}
+    lines = [
+        (name, ratio, n)
+        for name in ESTIMATORS
+        for ratio in TRUTHS
+        for n in ESTIMATED_SEEDS
+    ]
+    return found | {
+        "estimators": [
+            [*line, *(round(x, 4) for x in estimated(*line))] for line in lines
+        ]
+    }
 
 
 def table(file: Path = FILE) -> pd.DataFrame:
@@ -126,7 +167,8 @@ def table(file: Path = FILE) -> pd.DataFrame:
 def estimators(file: Path = FILE) -> pd.DataFrame:
     """As stored: the `share` of intervals that hold the truth, and of those `above` it, a line an estimator and truth.
 
-    `ratio` is the data ratio of the synthetic studies; `open`, the share of studies without an interval.
+    `ratio` is the data ratio of the synthetic studies; `open`, the share of studies
+    without an interval.
     """
     names = ["estimator", "ratio", "seeds", "share", "above", "open"]
     return pd.DataFrame(read_record(file)["estimators"], columns=names)

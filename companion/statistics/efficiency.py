@@ -11,15 +11,20 @@ def falling(losses: np.ndarray) -> np.ndarray:
     """Isotonic fit of the log of losses (M,), in order of growing data: the nearest curve that never rises."""
     from scipy.optimize import isotonic_regression
 
-    return np.exp(isotonic_regression(np.log(np.asarray(losses, float)), increasing=False).x)
+    return np.exp(
+        isotonic_regression(np.log(np.asarray(losses, float)), increasing=False).x
+    )
 
 
-def minutes_needed(minutes: np.ndarray, curve: np.ndarray, loss: float) -> tuple[float, str]:
+def minutes_needed(
+    minutes: np.ndarray, curve: np.ndarray, loss: float
+) -> tuple[float, str]:
     """Novice data with which a falling curve (M,) over `minutes` (M,) gets down to `loss`.
 
     Returns:
-        The minutes, interpolated between the logarithms, and how they are to be read: '=', '<=' where the smallest
-        size is already there, '>' where the largest is not yet.
+        The minutes, interpolated between the logarithms, and how they are to be read:
+        '=', '<=' where the smallest size is already there, '>' where the largest is not
+        yet.
     """
     if curve[0] <= loss:
         return float(minutes[0]), "=" if curve[0] == loss else "<="
@@ -39,13 +44,20 @@ class Efficiency(NamedTuple):
     bound: np.ndarray  # '=', '>=' (at least), '<=' (at most) or '?'
 
 
-def efficiency(minutes: np.ndarray, sidm: np.ndarray, novice_only: np.ndarray, losses: np.ndarray) -> Efficiency:
+def efficiency(
+    minutes: np.ndarray, sidm: np.ndarray, novice_only: np.ndarray, losses: np.ndarray
+) -> Efficiency:
     """How many times as much data the comparison needs, along the isotonic fits of two curves of mean losses (M,)."""
     curves = falling(sidm), falling(novice_only)
     ratios, bounds = [], []
     for loss in np.asarray(losses, float):
-        (own, own_sign), (other, other_sign) = (minutes_needed(np.asarray(minutes, float), c, loss) for c in curves)
-        more, less = other_sign == ">" or own_sign == "<=", other_sign == "<=" or own_sign == ">"
+        (own, own_sign), (other, other_sign) = (
+            minutes_needed(np.asarray(minutes, float), c, loss) for c in curves
+        )
+        more, less = (
+            other_sign == ">" or own_sign == "<=",
+            other_sign == "<=" or own_sign == ">",
+        )
         bound = "?" if more and less else ">=" if more else "<=" if less else "="
         ratios.append(np.nan if bound == "?" else other / own)
         bounds.append(bound)
@@ -53,18 +65,33 @@ def efficiency(minutes: np.ndarray, sidm: np.ndarray, novice_only: np.ndarray, l
 
 
 def efficiency_at_sizes(
-    minutes: np.ndarray, sidm: np.ndarray, novice_only: np.ndarray, novice_only_minutes: np.ndarray | None = None
+    minutes: np.ndarray,
+    sidm: np.ndarray,
+    novice_only: np.ndarray,
+    novice_only_minutes: np.ndarray | None = None,
 ) -> Efficiency:
     """How many times as much data the comparison needs for what the fitted SIDM curve (M,) has at each size.
 
-    The size itself is the divisor, also where the fit is level and a smaller one would do. The comparison's curve has
-    the same sizes unless its own (N,) are given.
+    The size itself is the divisor, also where the fit is level and a smaller one would
+    do. The comparison's curve has the same sizes unless its own (N,) are given.
     """
-    minutes, losses, other = np.asarray(minutes, float), falling(sidm), falling(novice_only)
-    known_at = minutes if novice_only_minutes is None else np.asarray(novice_only_minutes, float)
+    minutes, losses, other = (
+        np.asarray(minutes, float),
+        falling(sidm),
+        falling(novice_only),
+    )
+    known_at = (
+        minutes
+        if novice_only_minutes is None
+        else np.asarray(novice_only_minutes, float)
+    )
     needed = [minutes_needed(known_at, other, loss) for loss in losses]
     ratios = np.array([much for much, _ in needed]) / minutes
-    return Efficiency(losses, ratios, np.array([{"=": "=", ">": ">=", "<=": "<="}[sign] for _, sign in needed]))
+    return Efficiency(
+        losses,
+        ratios,
+        np.array([{"=": "=", ">": ">=", "<=": "<="}[sign] for _, sign in needed]),
+    )
 
 
 def known(ratio: float, bound: str) -> float:

@@ -6,8 +6,9 @@ import pandas as pd
 
 from sidm.learning.stopping import RELEASED_SMOOTHING, Curve, Kept, Rule, keep
 
-#: Rules by name. The paper says that the test loss 'starts increasing': here, smoothed as the released code does it, at
-#: the first of its tests. A rule that counts iterations of the released code counts 128 samples as one.
+#: Rules by name. The paper says that the test loss 'starts increasing': here, smoothed
+#: as the released code does it, at the first of its tests. A rule that counts
+#: iterations of the released code counts 128 samples as one.
 RULES: dict[str, Rule] = {
     "the paper's": Rule(smoothing=RELEASED_SMOOTHING, patience=0),
     "this book's": Rule(patience=150_000),
@@ -34,8 +35,9 @@ def kept(row: pd.Series, rule: Rule) -> Kept:
 def kept_by(frame: pd.DataFrame, rule: Rule) -> pd.DataFrame:
     """The trials that are stored with every test, with what a rule keeps of each.
 
-    `kept_samples`, `kept_test` and `kept_validation` are of the weights, `seen` the samples at the last test before the
-    end, `ended` says whether the rule ended the training.
+    `kept_samples`, `kept_test` and `kept_validation` are of the weights, `seen` the
+    samples at the last test before the end, `ended` says whether the rule ended the
+    training.
     """
     whole = frame[frame.test_spacing > 0]
     found = [kept(row, rule) for _, row in whole.iterrows()]

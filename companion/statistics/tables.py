@@ -24,17 +24,27 @@ COMPONENTS = (
 
 def spread(frame: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     """For each group that the columns `by` make: number of trials, mean, minimum and maximum of the loss."""
-    found = frame.groupby(list(by)).validation_loss.agg(["size", "mean", "min", "max"]).reset_index()
+    found = (
+        frame.groupby(list(by))
+        .validation_loss.agg(["size", "mean", "min", "max"])
+        .reset_index()
+    )
     return found.rename(columns={"size": "trials", "min": "minimum", "max": "maximum"})
 
 
-def wide(table: pd.DataFrame, rows: Sequence[str], columns: str, value: str) -> pd.DataFrame:
+def wide(
+    table: pd.DataFrame, rows: Sequence[str], columns: str, value: str
+) -> pd.DataFrame:
     """A column for each of what `columns` holds, in their order; each of the `rows` has the words `value`, or a dash.
 
     Narrow cells break before a bracket, never in it.
     """
-    unbroken = table.assign(**{value: table[value].astype(str).str.replace(", ", ",\N{NO-BREAK SPACE}")})
-    found = unbroken.pivot_table(value, list(rows), columns, aggfunc="first", sort=False, fill_value="-")
+    unbroken = table.assign(
+        **{value: table[value].astype(str).str.replace(", ", ",\N{NO-BREAK SPACE}")}
+    )
+    found = unbroken.pivot_table(
+        value, list(rows), columns, aggfunc="first", sort=False, fill_value="-"
+    )
     return found.reset_index()
 
 
@@ -42,22 +52,41 @@ def component_errors(losses: Mapping[str, Sequence[Sequence[float]]]) -> pd.Data
     """Root mean square error of each component of y, a line each with its unit, and the sum of squares.
 
     Args:
-        losses: name of a column -> component losses (S, 13) of S trials, as `Outcome.component_losses`.
+        losses: name of a column -> component losses (S, 13) of S trials, as
+            `Outcome.component_losses`.
     """
-    means = {name: np.mean(np.asarray(some, float), axis=0) for name, some in losses.items()}
+    means = {
+        name: np.mean(np.asarray(some, float), axis=0) for name, some in losses.items()
+    }
     found = pd.DataFrame(COMPONENTS, columns=["component", "unit"]).assign(
         **{name: np.sqrt(mean) for name, mean in means.items()}
     )
-    found.loc[len(found)] = ["**equation (1), sum of squares**", "", *(float(mean.sum()) for mean in means.values())]
+    found.loc[len(found)] = [
+        "**equation (1), sum of squares**",
+        "",
+        *(float(mean.sum()) for mean in means.values()),
+    ]
     return found
 
 
 def costs(frame: pd.DataFrame) -> pd.DataFrame:
     """What trials took, by system and method: mean and longest, min, and the most memory, MiB."""
-    found = frame.assign(minutes=frame.seconds / 60).groupby(["system", "method"]).agg(
-        trials=("seed", "size"), mean=("minutes", "mean"), longest=("minutes", "max"), memory=("peak_memory", "max")
-    ).reset_index()  # fmt: skip
-    names = {"mean": "mean (min)", "longest": "longest (min)", "memory": "peak memory (MiB)"}
+    found = (
+        frame.assign(minutes=frame.seconds / 60)
+        .groupby(["system", "method"])
+        .agg(
+            trials=("seed", "size"),
+            mean=("minutes", "mean"),
+            longest=("minutes", "max"),
+            memory=("peak_memory", "max"),
+        )
+        .reset_index()
+    )
+    names = {
+        "mean": "mean (min)",
+        "longest": "longest (min)",
+        "memory": "peak memory (MiB)",
+    }
     return found.assign(memory=found.memory.round().astype(int)).rename(columns=names)
 
 
@@ -68,8 +97,14 @@ def differences(trial: Trial, base: Trial) -> str:
         one, other = getattr(trial, part), getattr(base, part)
         if one is not None and other is not None:
             names = [field.name for field in dataclasses.fields(one)]
-            values = {n: getattr(one, n) for n in names if getattr(one, n) != getattr(other, n)}
-            words += [f"{n}={v.name if isinstance(v, Body) else v}" for n, v in values.items()]
+            values = {
+                n: getattr(one, n)
+                for n in names
+                if getattr(one, n) != getattr(other, n)
+            }
+            words += [
+                f"{n}={v.name if isinstance(v, Body) else v}" for n, v in values.items()
+            ]
     return ", ".join(dict.fromkeys(words))
 
 
@@ -84,7 +119,11 @@ def overview(store: Results, trials: Iterable[Trial], study: Study) -> list[str]
         words = f"{first.system}  {first.method:<18}{first.novice_minutes:>6g} min  stored {len(rows)} of {len(group)}"
         if rows:
             loss = np.mean([row.outcome.validation_loss for row in rows])
-            words += f"  stale {sum(row.provenance.stale for row in rows)}  loss {loss:.4g}"
-        variant = differences(first, study.trial(first.system, first.method, first.novice_minutes))
+            words += (
+                f"  stale {sum(row.provenance.stale for row in rows)}  loss {loss:.4g}"
+            )
+        variant = differences(
+            first, study.trial(first.system, first.method, first.novice_minutes)
+        )
         lines.append(words + (f"  ({variant})" if variant else ""))
     return lines

@@ -10,7 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.figures.curves import size_style
-from companion.figures.style import LOSS_LABEL, METHOD_STYLES, SIZE_STYLES, legend_below, named
+from companion.figures.style import (
+    LOSS_LABEL,
+    METHOD_STYLES,
+    SIZE_STYLES,
+    legend_below,
+    named,
+)
 from companion.methods import CHOICES, COMPARED, METHODS
 from companion.methods import PATIENCE as LONG_PATIENCE
 from companion.presets import Preset
@@ -48,14 +54,21 @@ MOST_DATA_P_EXPERT = 0.25
 def most_data(study: Study, system: str) -> dict[str, list[Trial]]:
     """SIDM on the largest novice dataset as section 5 advises there: the expert and the adversary count for less.
 
-    Patience is among it because it counts the samples of both systems: at a p_e of 0.75 a quarter are the novice's.
+    Patience is among it because it counts the samples of both systems: at a p_e of 0.75
+    a quarter are the novice's.
     """
     sizes = [max(study.preset.novice_minutes(system))]
-    changed = replace(study.preset.training_of(METHODS["sidm"], system), p_expert=MOST_DATA_P_EXPERT)
+    changed = replace(
+        study.preset.training_of(METHODS["sidm"], system), p_expert=MOST_DATA_P_EXPERT
+    )
     patient = study.changed(**CHOICES[LONG_PATIENCE][0])
     return {
-        f"p_e of {MOST_DATA_P_EXPERT:g}": study.points(system, ["sidm"], sizes, changed),
-        METHODS["no_regularisation"].label: study.points(system, ["no_regularisation"], sizes),
+        f"p_e of {MOST_DATA_P_EXPERT:g}": study.points(
+            system, ["sidm"], sizes, changed
+        ),
+        METHODS["no_regularisation"].label: study.points(
+            system, ["no_regularisation"], sizes
+        ),
         LONG_PATIENCE: patient.points(system, ["sidm"], sizes),
     }
 
@@ -72,45 +85,68 @@ def proportional(preset: Preset, minutes: float) -> float:
 
 
 def p_expert(
-    study: Study, system: str, values: Iterable[float | None] = P_EXPERT, sizes: Sequence[float] = ()
+    study: Study,
+    system: str,
+    values: Iterable[float | None] = P_EXPERT,
+    sizes: Sequence[float] = (),
 ) -> list[Trial]:
     """Ablation of p_e; at 0 the expert is never seen, in the regularisation neither."""
     trials = []
     for minutes in sizes or study.preset.ablation_minutes:
         for value in values:
             p = proportional(study.preset, minutes) if value is None else value
-            training = replace(study.preset.training_of(METHODS["sidm"], system), p_expert=p, regularise=p > 0)
+            training = replace(
+                study.preset.training_of(METHODS["sidm"], system),
+                p_expert=p,
+                regularise=p > 0,
+            )
             method = "sidm" if p > 0 else "novice_only"
-            trials += study.points(system, [method], [minutes], training, study.preset.ablation_seeds)
+            trials += study.points(
+                system, [method], [minutes], training, study.preset.ablation_seeds
+            )
     return trials
 
 
 def iterations(
-    study: Study, system: str, phase: str, values: Iterable[int] | None = None, sizes: Sequence[float] = ()
+    study: Study,
+    system: str,
+    phase: str,
+    values: Iterable[int] | None = None,
+    sizes: Sequence[float] = (),
 ) -> list[Trial]:
     """Ablation of the iterations of one phase; 0 of matching leave out the regularisation, of others: ConfigError."""
     trials = []
     for value in ITERATIONS[phase] if values is None else values:
         if value == 0 and phase != "matching_iterations":
-            raise ConfigError(f"{phase} must be at least 1; without an adversary there are 0 matching_iterations")
+            raise ConfigError(
+                f"{phase} must be at least 1; without an adversary there are 0 matching_iterations"
+            )
         method = "sidm" if value > 0 else "no_regularisation"
         training = study.preset.training_of(METHODS[method], system)
         if value > 0:
             training = replace(training, **{phase: value})
         sizes = sizes or study.preset.ablation_minutes
-        trials += study.points(system, [method], sizes, training, study.preset.ablation_seeds)
+        trials += study.points(
+            system, [method], sizes, training, study.preset.ablation_seeds
+        )
     return trials
 
 
 def setting(
-    study: Study, system: str, name: str, values: Iterable[int], sizes: Sequence[float] = ()
+    study: Study,
+    system: str,
+    name: str,
+    values: Iterable[int],
+    sizes: Sequence[float] = (),
 ) -> list[Trial]:
     """Ablation of a setting that both of the paper's methods have, of their training or their network."""
     sizes = sizes or study.preset.ablation_minutes
     return [
         trial
         for value in values
-        for trial in study.changed(**{name: value}).points(system, COMPARED, sizes, seeds=study.preset.ablation_seeds)
+        for trial in study.changed(**{name: value}).points(
+            system, COMPARED, sizes, seeds=study.preset.ablation_seeds
+        )
     ]
 
 
@@ -135,12 +171,16 @@ def table(frame: pd.DataFrame, name: str, by_method: bool = False) -> pd.DataFra
     Args:
         frame: of the ablation of `name`.
         name: of the value, a setting of the training or the network.
-        by_method: whether each method has lines of its own; else what a value makes of it stands with the rest.
+        by_method: whether each method has lines of its own; else what a value makes of
+            it stands with the rest.
     """
     value = frame[name]
     if name == "matching_iterations":  # none without regularisation
         value = value.where(frame.regularise, 0)
-    return spread(frame.assign(value=value), ["system", "novice_minutes", *["method"] * by_method, "value"])
+    return spread(
+        frame.assign(value=value),
+        ["system", "novice_minutes", *["method"] * by_method, "value"],
+    )
 
 
 #: What is ablated, on its axis.
@@ -156,11 +196,15 @@ _AXES = {
 
 @styled
 def figure(
-    table: pd.DataFrame, name: str, systems: Sequence[str] = tuple(SYSTEMS), usual: Mapping[str, float] = EMPTY
+    table: pd.DataFrame,
+    name: str,
+    systems: Sequence[str] = tuple(SYSTEMS),
+    usual: Mapping[str, float] = EMPTY,
 ) -> Figure:
     """Validation loss against an ablated value, a line a size and method: mean over seeds with minimum to maximum.
 
-    A probability has an axis of its own; of other values each that was tried has a place, in their order.
+    A probability has an axis of its own; of other values each that was tried has a
+    place, in their order.
 
     Args:
         table: as `table` makes it.
@@ -205,24 +249,48 @@ def compared(
 
 
 def _draw(
-    axes: Axes, table: pd.DataFrame, name: str, system: str, usual: Mapping[str, float], legend: bool = True
+    axes: Axes,
+    table: pd.DataFrame,
+    name: str,
+    system: str,
+    usual: Mapping[str, float],
+    legend: bool = True,
 ) -> None:
     """One system's lines of an ablation."""
     tried = sorted({*table.value, *usual.values()})
-    place = {value: value if name == "p_expert" else float(number) for number, value in enumerate(tried)}
+    place = {
+        value: value if name == "p_expert" else float(number)
+        for number, value in enumerate(tried)
+    }
     mine = table[table.system == system]
     axes.set_xlabel(_AXES.get(name, name))
     lines = mine.groupby([one for one in ("novice_minutes", "method") if one in table])
     for number, ((minutes, *method), line) in enumerate(lines):
-        ends = [(line["mean"] - line.minimum).clip(0), (line.maximum - line["mean"]).clip(0)]
-        words = ", ".join([*(METHOD_STYLES[one]["label"] for one in method), f"{minutes:g} min"])
+        ends = [
+            (line["mean"] - line.minimum).clip(0),
+            (line.maximum - line["mean"]).clip(0),
+        ]
+        words = ", ".join(
+            [*(METHOD_STYLES[one]["label"] for one in method), f"{minutes:g} min"]
+        )
         style = SIZE_STYLES[number % len(SIZE_STYLES)]
         if method:  # in its own colour
             size = sorted(mine.novice_minutes.unique()).index(minutes)
-            style = size_style(method[0], size) | {"marker": METHOD_STYLES[method[0]]["marker"]}
-        axes.errorbar(line.value.map(place), line["mean"], ends, capsize=3, label=words, **style)
+            style = size_style(method[0], size) | {
+                "marker": METHOD_STYLES[method[0]]["marker"]
+            }
+        axes.errorbar(
+            line.value.map(place), line["mean"], ends, capsize=3, label=words, **style
+        )
     if len(mine) and system in usual:
-        axes.axvline(place[usual[system]], color="0.6", linestyle=":", marker="", zorder=0, label="as in Figure 3")
+        axes.axvline(
+            place[usual[system]],
+            color="0.6",
+            linestyle=":",
+            marker="",
+            zorder=0,
+            label="as in Figure 3",
+        )
     finish(axes, legend=legend)
     if len(mine) and name == "p_expert":
         axes.set_xlim(-0.03, 1.03)

@@ -1,7 +1,8 @@
 """What choices are worth that the paper leaves open, or that the released code makes otherwise.
 
-Figure 3's methods are trained with one choice changed at a time, on the small size of the ablations, as each was tuned;
-and with the released code's choices together, at every size.
+Figure 3's methods are trained with one choice changed at a time, on the small size of
+the ablations, as each was tuned; and with the released code's choices together, at
+every size.
 """
 
 from __future__ import annotations
@@ -22,9 +23,14 @@ Choices = Mapping[str, tuple[dict[str, Any], tuple[str, ...]]]
 OURS = "as in Figure 3"
 
 
-def changed(study: Study, system: str, choices: Choices = CHOICES) -> dict[str, list[Trial]]:
+def changed(
+    study: Study, system: str, choices: Choices = CHOICES
+) -> dict[str, list[Trial]]:
     """The trials of a system with each of the choices changed: CHOICES on a small dataset, RELEASED at every size."""
-    small, every = study.preset.ablation_minutes[:1], study.preset.novice_minutes(system)
+    small, every = (
+        study.preset.ablation_minutes[:1],
+        study.preset.novice_minutes(system),
+    )
     sizes = {words: small if words in CHOICES else every for words in choices}
     return {
         words: study.changed(**changes).points(system, methods, sizes[words])
@@ -42,7 +48,9 @@ def released(study: Study, system: str) -> list[Trial]:
     return sum(changed(study, system, RELEASED).values(), [])
 
 
-def frame(study: Study, store: Results, systems: Iterable[str], choices: Choices = CHOICES) -> pd.DataFrame:
+def frame(
+    study: Study, store: Results, systems: Iterable[str], choices: Choices = CHOICES
+) -> pd.DataFrame:
     """Stored results by `choice`, those of Figure 3's own sizes and methods among them as OURS."""
     parts = []
     for system in systems:
@@ -55,5 +63,8 @@ def frame(study: Study, store: Results, systems: Iterable[str], choices: Choices
 def table(frame: pd.DataFrame) -> pd.DataFrame:
     """Losses with a choice changed beside OURS: `pairs.beside`, a ratio above 1 where ours is the better."""
     return beside(
-        frame[frame.choice != OURS], frame[frame.choice == OURS], ["system", "method", "novice_minutes"], ["choice"]
+        frame[frame.choice != OURS],
+        frame[frame.choice == OURS],
+        ["system", "method", "novice_minutes"],
+        ["choice"],
     )

@@ -27,9 +27,19 @@ def trials(study: Study, system: str) -> list[Trial]:
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
     """The loss of each component with SIDM beside that without: `pairs.beside`, below 1 where SIDM predicts better."""
-    long = frame.assign(component=[NAMES] * len(frame)).explode(["component", "component_losses"])
-    sidm, alone = (long[long.method == method].astype({"component_losses": float}) for method in COMPARED)
-    return beside(sidm, alone, on=["system", "novice_minutes", "component"], value="component_losses")
+    long = frame.assign(component=[NAMES] * len(frame)).explode(
+        ["component", "component_losses"]
+    )
+    sidm, alone = (
+        long[long.method == method].astype({"component_losses": float})
+        for method in COMPARED
+    )
+    return beside(
+        sidm,
+        alone,
+        on=["system", "novice_minutes", "component"],
+        value="component_losses",
+    )
 
 
 @styled
@@ -45,11 +55,17 @@ def figure(table: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figu
             for (component, minutes), one in mine.iterrows():
                 if one.high < 1 or one.low > 1:
                     place = list(ratio.columns).index(minutes), NAMES.index(component)
-                    axes.text(*place, f"{one.ratio:.2f}", ha="center", va="center", fontsize=7)
-            axes.set_xticks(range(len(ratio.columns)), [f"{minutes:g}" for minutes in ratio.columns])
+                    axes.text(
+                        *place, f"{one.ratio:.2f}", ha="center", va="center", fontsize=7
+                    )
+            axes.set_xticks(
+                range(len(ratio.columns)), [f"{minutes:g}" for minutes in ratio.columns]
+            )
         axes.set(title=named(system), xlabel="novice data (min)")
         axes.grid(False)
         finish(axes, legend=False)
         if len(mine):
-            axes.set_yticks(range(len(NAMES)), NAMES if axes is panels[0] else [""] * len(NAMES))
+            axes.set_yticks(
+                range(len(NAMES)), NAMES if axes is panels[0] else [""] * len(NAMES)
+            )
     return figure

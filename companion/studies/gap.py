@@ -1,8 +1,9 @@
 """How far a pair's expert and novice go apart from the same state under the same actions, before any learning.
 
-Both stand at rest on the same ground with the same heading, and are given the same random actions. What the expert does
-other than the novice, by component, is the gap that a model of the novice has to learn. Run as a module it measures
-anew and writes `results/gap.json`.
+Both stand at rest on the same ground with the same heading, and are given the same
+random actions. What the expert does other than the novice, by component, is the gap
+that a model of the novice has to learn. Run as a module it measures anew and writes
+`results/gap.json`.
 """
 
 from __future__ import annotations
@@ -36,10 +37,19 @@ NAME = "gap.json"
 
 #: What the robots' motion is told by, in the frame of the start, and the unit.
 COMPONENTS = {
-    "forward": "m", "sideways": "m", "up": "m", "roll": "rad", "pitch": "rad", "heading": "rad",
-    "forward velocity": "m/s", "sideways velocity": "m/s", "upward velocity": "m/s",
-    "roll rate": "rad/s", "pitch rate": "rad/s", "yaw rate": "rad/s",
-}  # fmt: skip
+    "forward": "m",
+    "sideways": "m",
+    "up": "m",
+    "roll": "rad",
+    "pitch": "rad",
+    "heading": "rad",
+    "forward velocity": "m/s",
+    "sideways velocity": "m/s",
+    "upward velocity": "m/s",
+    "roll rate": "rad/s",
+    "pitch rate": "rad/s",
+    "yaw rate": "rad/s",
+}
 
 
 def drives(system: str, numbers: Sequence[int]) -> np.ndarray:
@@ -50,13 +60,23 @@ def drives(system: str, numbers: Sequence[int]) -> np.ndarray:
     own, found = find_system(system), []
     for role in ROLES:
         paths = []
-        with Simulator(own.robot(role), np.zeros((own.terrain.size, own.terrain.size)), own.physics) as simulator:
+        with Simulator(
+            own.robot(role), np.zeros((own.terrain.size, own.terrain.size)), own.physics
+        ) as simulator:
             for number in numbers:
-                rng = np.random.default_rng(np.random.SeedSequence(GAP_SEED, spawn_key=(number,)))
-                terrain_seed, yaw = int(rng.integers(2**62)), float(rng.uniform(-np.pi, np.pi))
+                rng = np.random.default_rng(
+                    np.random.SeedSequence(GAP_SEED, spawn_key=(number,))
+                )
+                terrain_seed, yaw = (
+                    int(rng.integers(2**62)),
+                    float(rng.uniform(-np.pi, np.pi)),
+                )
                 actions = draw_actions(POLICY, STEPS, rng)
                 simulator.put_on(generate_terrain(own.terrain, terrain_seed))
-                states = [simulator.reset(0.0, 0.0, yaw), *(simulator.step(action) for action in actions)]
+                states = [
+                    simulator.reset(0.0, 0.0, yaw),
+                    *(simulator.step(action) for action in actions),
+                ]
                 paths.append(components(np.array(states), yaw))
         found.append(paths)
     return np.array(found)
@@ -69,22 +89,46 @@ def components(states: np.ndarray, yaw: float) -> np.ndarray:
     moved = states[:, :3] - states[0, :3]
     forward = np.cos(yaw) * moved[:, 0] + np.sin(yaw) * moved[:, 1]
     sideways = np.cos(yaw) * moved[:, 1] - np.sin(yaw) * moved[:, 0]
-    return np.column_stack([forward, sideways, moved[:, 2], roll, pitch, heading - heading[0], states[:, 7:13]])
+    return np.column_stack(
+        [
+            forward,
+            sideways,
+            moved[:, 2],
+            roll,
+            pitch,
+            heading - heading[0],
+            states[:, 7:13],
+        ]
+    )
 
 
-def measure(executor: Executor, results: Path, systems: Sequence[str] = EVERY_SYSTEM, starts: int = STARTS) -> None:
+def measure(
+    executor: Executor,
+    results: Path,
+    systems: Sequence[str] = EVERY_SYSTEM,
+    starts: int = STARTS,
+) -> None:
     """Drive all pairs, and store by step the gap and what it is to be held against.
 
-    The gap is the root mean square of the expert's component less the novice's over the starts; the novice's own spread
-    its standard deviation over them.
+    The gap is the root mean square of the expert's component less the novice's over the
+    starts; the novice's own spread its standard deviation over them.
     """
-    batches = [range(first, min(first + BATCH, starts)) for first in range(0, starts, BATCH)]
-    jobs = {system: [executor.submit(drives, system, batch) for batch in batches] for system in systems}
+    batches = [
+        range(first, min(first + BATCH, starts)) for first in range(0, starts, BATCH)
+    ]
+    jobs = {
+        system: [executor.submit(drives, system, batch) for batch in batches]
+        for system in systems
+    }
     found = {}
     for system, parts in jobs.items():
-        novice, expert = np.concatenate([part.result() for part in parts], axis=1)  # (N, STEPS + 1, 12) each
+        # (N, STEPS + 1, 12) each
+        novice, expert = np.concatenate([part.result() for part in parts], axis=1)
         gap, own = np.sqrt(((expert - novice) ** 2).mean(0)), novice.std(0)
-        found[system] = {name: np.array(values).round(6).tolist() for name, values in (("gap", gap), ("spread", own))}
+        found[system] = {
+            name: np.array(values).round(6).tolist()
+            for name, values in (("gap", gap), ("spread", own))
+        }
     robots = {system: to_mapping(find_system(system)) for system in systems}
     made = {"starts": starts, "systems": robots, "numerics": versions("free_struts")}
     write_record(results / NAME, {"found": found, **made})
@@ -94,12 +138,21 @@ def table(results: Path | str = "results") -> pd.DataFrame:
     """A line a system, component and time: `gap`, the novice's own `spread`, their `ratio`; empty if not measured."""
     found = single(Path(results) / NAME).get("found", {})
     lines = [
-        (system, name, unit, CONTROL_STEP * step, both["gap"][step][number], both["spread"][step][number])
+        (
+            system,
+            name,
+            unit,
+            CONTROL_STEP * step,
+            both["gap"][step][number],
+            both["spread"][step][number],
+        )
         for system, both in found.items()
         for number, (name, unit) in enumerate(COMPONENTS.items())
         for step in range(1, STEPS + 1)
     ]
-    frame = pd.DataFrame(lines, columns=["system", "component", "unit", "time", "gap", "spread"])
+    frame = pd.DataFrame(
+        lines, columns=["system", "component", "unit", "time", "gap", "spread"]
+    )
     return frame.assign(ratio=frame.gap / frame.spread)
 
 
@@ -112,8 +165,15 @@ def figure(table: pd.DataFrame, time: float = 1.0) -> Figure:
     at = table[np.isclose(table.time, time)]
     for number, (system, mine) in enumerate(at.groupby("system", sort=False)):
         height = mine.component.map(names.index) + 0.15 * (number - 1.5)
-        axes.plot(mine.ratio, height, **SIZE_STYLES[number % len(SIZE_STYLES)] | {"linestyle": "", "label": system})
-    axes.set(xlabel=f"gap after {time:g} s by the novice's own spread (-)", xscale="log")
+        axes.plot(
+            mine.ratio,
+            height,
+            **SIZE_STYLES[number % len(SIZE_STYLES)]
+            | {"linestyle": "", "label": system},
+        )
+    axes.set(
+        xlabel=f"gap after {time:g} s by the novice's own spread (-)", xscale="log"
+    )
     finish(axes, legend=False)
     if len(at):
         axes.axvline(1, color="0.5", lw=1, linestyle="-", marker="", zorder=0)

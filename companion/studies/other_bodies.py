@@ -1,6 +1,7 @@
 """Pairs of robots that see or act differently: what an SIDM saves where weights cannot be copied.
 
-The expert is system 1's as the paper has it; the novice, the same robot in the same motion, has another body.
+The expert is system 1's as the paper has it; the novice, the same robot in the same
+motion, has another body.
 """
 
 from __future__ import annotations
@@ -26,15 +27,37 @@ NOVICES: dict[str, Body] = {
     body.name: body
     for body in (
         Body(name="no map", tilt=True, columns=TWIST, actions=DRIVE),
-        Body(name="small map", tilt=True, columns=TWIST, actions=DRIVE, map_size=3.0, map_pixels=16),
-        Body(name="no linear velocity", tilt=True, columns=TWIST[3:], actions=DRIVE, map_size=ROVER.map_size),
         Body(
-            name="left and right", tilt=True, columns=TWIST, actions=(("left", "1"), ("right", "1")),
+            name="small map",
+            tilt=True,
+            columns=TWIST,
+            actions=DRIVE,
+            map_size=3.0,
+            map_pixels=16,
+        ),
+        Body(
+            name="no linear velocity",
+            tilt=True,
+            columns=TWIST[3:],
+            actions=DRIVE,
             map_size=ROVER.map_size,
         ),
-        Body(name="planar", pose="planar", columns=(*TILT, *TWIST), actions=DRIVE, map_size=ROVER.map_size),
+        Body(
+            name="left and right",
+            tilt=True,
+            columns=TWIST,
+            actions=(("left", "1"), ("right", "1")),
+            map_size=ROVER.map_size,
+        ),
+        Body(
+            name="planar",
+            pose="planar",
+            columns=(*TILT, *TWIST),
+            actions=DRIVE,
+            map_size=ROVER.map_size,
+        ),
     )
-}  # fmt: skip
+}
 
 
 def trials(study: Study, system: str) -> list[Trial]:
@@ -43,7 +66,12 @@ def trials(study: Study, system: str) -> list[Trial]:
     for body in NOVICES.values():
         network = dataclasses.replace(study.preset.network, novice_body=body)  # type: ignore[type-var]
         own = study.of(dataclasses.replace(study.preset, network=network))  # type: ignore[type-var]
-        found += own.points(system, ANY_BODIES, study.preset.other_body_minutes, seeds=study.preset.seeds)
+        found += own.points(
+            system,
+            ANY_BODIES,
+            study.preset.other_body_minutes,
+            seeds=study.preset.seeds,
+        )
     return found
 
 
@@ -52,7 +80,10 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     point = ["system", "novice_body", "novice_minutes"]
     sidm = frame[frame.method == "sidm"]
     others = [name for name in ANY_BODIES if name != "sidm"]
-    found = [beside(sidm, frame[frame.method == other], on=point).assign(against=other) for other in others]
+    found = [
+        beside(sidm, frame[frame.method == other], on=point).assign(against=other)
+        for other in others
+    ]
     return pd.concat(found, ignore_index=True)
 
 
@@ -75,10 +106,18 @@ def figure(table: pd.DataFrame) -> Figure:
             mine = table[(table.novice_minutes == minutes) & (table.against == other)]
             height = mine.novice_body.map(names.index) + 0.2 * (number - 0.5)
             off = np.clip([mine.ratio - mine.low, mine.high - mine.ratio], 0, None)
-            style = METHOD_STYLES[other] | {"linestyle": "", "label": f"other: {METHOD_STYLES[other]['label']}"}
-            axes.errorbar(mine.ratio, height, xerr=off, capsize=2, elinewidth=1, **style)
+            style = METHOD_STYLES[other] | {
+                "linestyle": "",
+                "label": f"other: {METHOD_STYLES[other]['label']}",
+            }
+            axes.errorbar(
+                mine.ratio, height, xerr=off, capsize=2, elinewidth=1, **style
+            )
         axes.axvline(1, color="0.5", lw=1, linestyle="-", marker="", zorder=0)
-        axes.set(xlabel="loss with SIDM / loss of the other (-)", title=f"{minutes:g} min of novice data")
+        axes.set(
+            xlabel="loss with SIDM / loss of the other (-)",
+            title=f"{minutes:g} min of novice data",
+        )
         axes.set_yticks(range(len(names)), names)
         axes.set_ylim(len(names) - 0.5, -0.5)
         finish(axes, legend=False)

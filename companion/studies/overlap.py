@@ -1,8 +1,9 @@
 """Whether the expert's motion covers the novice's, and how much alike the two answer: nearest neighbours, no network.
 
-For steps of the novice's validation set the nearest states and actions (the 11 numbers of x, without the map) are
-looked up among the expert's steps, and among as many of the novice's own. How far they lie says whether the expert has
-been there; what followed there, taken as the prediction, says whether it answered alike.
+For steps of the novice's validation set the nearest states and actions (the 11 numbers
+of x, without the map) are looked up among the expert's steps, and among as many of the
+novice's own. How far they lie says whether the expert has been there; what followed
+there, taken as the prediction, says whether it answered alike.
 
 Run as a module it measures anew and writes `results/overlap.json`.
 """
@@ -28,30 +29,41 @@ from sidm.systems import SYSTEMS
 MOST = 40_000  # steps of each robot, among which neighbours are looked up
 QUERIES = 5_000  # steps of the validation set
 NEIGHBOURS = 10  # whose mean answer is the prediction
-FAR = 0.95  # quantile of the novice's own distances beyond which a step counts as not covered
+#: quantile of the novice's own distances beyond which a step counts as not covered
+FAR = 0.95
 NAME = "overlap.json"
 
 
 class Neighbourhood(NamedTuple):
     """What the nearest steps of one robot are to steps of the novice."""
 
-    distance: float  # median of the nearest one, in standard deviations of each of the expert's inputs
-    uncovered: float  # share of steps farther from it than FAR of them are from the novice's own
+    #: median of the nearest one, in standard deviations of each of the expert's inputs
+    distance: float
+    #: share of steps farther from it than FAR of them are from the novice's own
+    uncovered: float
     loss: float  # equation (1) of the mean of what followed at the NEIGHBOURS nearest
 
 
 def steps(trajectories: list[Drive], count: int) -> tuple[np.ndarray, np.ndarray]:
     """Inputs (count, 11) and transitions (count, 13) of steps evenly taken from trajectories."""
-    states = torch.tensor(np.stack([t.states for t in trajectories]), dtype=torch.float64)
-    actions = torch.tensor(np.stack([t.actions for t in trajectories]), dtype=torch.float64)
+    states = torch.tensor(
+        np.stack([t.states for t in trajectories]), dtype=torch.float64
+    )
+    actions = torch.tensor(
+        np.stack([t.actions for t in trajectories]), dtype=torch.float64
+    )
     inputs = encode_inputs(states[:, :-1], actions).reshape(-1, 11).numpy()
     targets = transition(states[:, :-1], states[:, 1:]).reshape(-1, 13).numpy()
-    chosen = np.linspace(0, len(inputs) - 1, min(count, len(inputs))).round().astype(int)
+    chosen = (
+        np.linspace(0, len(inputs) - 1, min(count, len(inputs))).round().astype(int)
+    )
     return inputs[chosen], targets[chosen]
 
 
 def neighbourhoods(
-    expert: tuple[np.ndarray, np.ndarray], novice: tuple[np.ndarray, np.ndarray], asked: tuple[np.ndarray, np.ndarray]
+    expert: tuple[np.ndarray, np.ndarray],
+    novice: tuple[np.ndarray, np.ndarray],
+    asked: tuple[np.ndarray, np.ndarray],
 ) -> dict[str, Neighbourhood]:
     """The expert's and the novice's, each from inputs (N, 11) and transitions (N, 13), to the steps that are asked."""
     scale = np.maximum(expert[0].std(axis=0), 1e-9)
@@ -59,10 +71,14 @@ def neighbourhoods(
     for role, (inputs, targets) in {"expert": expert, "novice": novice}.items():
         distances, found = cKDTree(inputs / scale).query(asked[0] / scale, k=NEIGHBOURS)
         nearest[role] = distances[:, 0]
-        losses[role] = float(((targets[found].mean(axis=1) - asked[1]) ** 2).sum(axis=1).mean())
+        losses[role] = float(
+            ((targets[found].mean(axis=1) - asked[1]) ** 2).sum(axis=1).mean()
+        )
     limit = np.quantile(nearest["novice"], FAR)
     return {
-        role: Neighbourhood(float(np.median(far)), float((far > limit).mean()), losses[role])
+        role: Neighbourhood(
+            float(np.median(far)), float((far > limit).mean()), losses[role]
+        )
         for role, far in nearest.items()
     }
 
@@ -73,11 +89,16 @@ def measure(study: Study, results: Path) -> None:
     for system in SYSTEMS:
         digests = study.digests(system)
         sets = study.preset.datasets(system)
-        loaded = {kind: load_dataset(sets[kind], digests[f"{kind}_data"], study.data) for kind in sets}
+        loaded = {
+            kind: load_dataset(sets[kind], digests[f"{kind}_data"], study.data)
+            for kind in sets
+        }
         count = min(MOST, *(STEPS * len(loaded[kind]) for kind in ("expert", "novice")))
         expert, novice = (steps(loaded[kind], count) for kind in ("expert", "novice"))
         every = neighbourhoods(expert, novice, steps(loaded["validation"], QUERIES))
-        found[system] = {role: [float(f"{x:.6g}") for x in one] for role, one in every.items()}
+        found[system] = {
+            role: [float(f"{x:.6g}") for x in one] for role, one in every.items()
+        }
     made = {"preset": study.preset.name, "numerics": versions("simulation")}
     write_record(results / NAME, {**found, **made})
 
@@ -85,7 +106,11 @@ def measure(study: Study, results: Path) -> None:
 def read(results: Path | str) -> dict[str, dict[str, Neighbourhood]]:
     """What is stored, by system and robot; nothing where nothing is."""
     values = single(Path(results) / NAME)
-    return {s: {role: Neighbourhood(*one) for role, one in values[s].items()} for s in SYSTEMS if s in values}
+    return {
+        s: {role: Neighbourhood(*one) for role, one in values[s].items()}
+        for s in SYSTEMS
+        if s in values
+    }
 
 
 def make(study: Study, workers: int) -> None:

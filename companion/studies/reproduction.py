@@ -22,9 +22,14 @@ def store_of(results: str | Path = "results") -> Results:
 
 def table(stored: Results, again: Results) -> pd.DataFrame:
     """Losses of one store beside those of another, of the trials that differ in their data alone: `pairs.beside`."""
-    own, other = ({_but_for_data(row.trial): row for row in store.all()} for store in (stored, again))
+    own, other = (
+        {_but_for_data(row.trial): row for row in store.all()}
+        for store in (stored, again)
+    )
     both = own.keys() & other.keys()
-    there, here = (frame_of(side[trial] for trial in sorted(both)) for side in (other, own))
+    there, here = (
+        frame_of(side[trial] for trial in sorted(both)) for side in (other, own)
+    )
     return beside(there, here, ["system", "novice_minutes", "method"])
 
 

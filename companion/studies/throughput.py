@@ -1,7 +1,8 @@
 """Seconds a sample: how long each method's training takes on one machine, in the same hour.
 
-The seconds of a stored trial are also those of what ran beside it. Here the methods take turns, round after round, so
-that a slow minute is nobody's in particular. Run as a module it measures anew and writes `results/pace.json`.
+The seconds of a stored trial are also those of what ran beside it. Here the methods
+take turns, round after round, so that a slow minute is nobody's in particular. Run as a
+module it measures anew and writes `results/pace.json`.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ SYSTEM = "system1"  # on the other one the same networks see batches of the same
 ROUNDS = 3
 PRETRAINING = "novice_only"  # learns from one system alone, as a pretraining does
 TRAINED = tuple(
-    name for name in (*FIGURE3, *BASELINES) if name != "expert_only" and METHODS[name].fit == "gradients"
+    name
+    for name in (*FIGURE3, *BASELINES)
+    if name != "expert_only" and METHODS[name].fit == "gradients"
 )  # that see samples of the novice
 
 
@@ -42,7 +45,8 @@ class Pace(NamedTuple):
 
 def timed(trial: Trial, data: str | Path) -> float:
     """Seconds of 1,000 samples of a trial's training, over one phase of each algorithm with its tests."""
-    from companion.engine.execute import perform  # brings PyTorch, which reading does without
+    # brings PyTorch, which reading does without
+    from companion.engine.execute import perform
     from sidm.learning.stopping import Tested
 
     training, events = trial.training, list[tuple[int, float]]()
@@ -52,13 +56,21 @@ def timed(trial: Trial, data: str | Path) -> float:
 
     iterations = training.test_interval + training.prediction_iterations
     most = iterations * training.batch * STEPS  # the clock starts at the first test
-    perform(trial.replace(training=replace(training, max_samples=most, patience=most)), data, progress=note)
+    perform(
+        trial.replace(training=replace(training, max_samples=most, patience=most)),
+        data,
+        progress=note,
+    )
     (first, start), (last, end) = events[0], events[-1]
     return 1000 * (end - start) / (last - first)
 
 
 def measure(
-    study: Study, results: Path, methods: Sequence[str] = TRAINED, rounds: int = ROUNDS, beside: str = "nothing else"
+    study: Study,
+    results: Path,
+    methods: Sequence[str] = TRAINED,
+    rounds: int = ROUNDS,
+    beside: str = "nothing else",
 ) -> None:
     """Time the methods on the smallest dataset of the baselines, and store what is found.
 
@@ -70,15 +82,23 @@ def measure(
         beside: what else the machine does meanwhile, in words.
     """
     minutes = study.preset.baseline_minutes[:1]
-    trials = {name: study.points(SYSTEM, [name], minutes, seeds=1)[0] for name in methods}
+    trials = {
+        name: study.points(SYSTEM, [name], minutes, seeds=1)[0] for name in methods
+    }
     found: dict[str, list[float]] = {name: [] for name in methods}
     start = time.perf_counter()
     for _ in range(rounds):
         for name, trial in trials.items():
             found[name].append(float(f"{timed(trial, study.data):.6g}"))
     made = here(time.perf_counter() - start, THREADS, resumed=False)
-    about = {name: getattr(made, name) for name in ("source", "python", "torch", "device", "threads", "date")}
-    write_record(results / NAME, {"preset": study.preset.name, "seconds": found, "beside": beside, **about})
+    about = {
+        name: getattr(made, name)
+        for name in ("source", "python", "torch", "device", "threads", "date")
+    }
+    write_record(
+        results / NAME,
+        {"preset": study.preset.name, "seconds": found, "beside": beside, **about},
+    )
 
 
 def _stored(results: Path | str, preset: str) -> dict[str, Any]:
@@ -90,12 +110,18 @@ def _stored(results: Path | str, preset: str) -> dict[str, Any]:
 def read(results: Path | str, preset: str) -> dict[str, Pace]:
     """What is stored of a preset, by method; nothing where nothing is."""
     found = _stored(results, preset).get("seconds", {})
-    return {name: Pace(float(np.median(some)), min(some), max(some)) for name, some in found.items()}
+    return {
+        name: Pace(float(np.median(some)), min(some), max(some))
+        for name, some in found.items()
+    }
 
 
 def pace_note(results: Path | str, preset: str) -> str:
     """How a preset's paces were measured, or the command that does it."""
-    found, command = _stored(results, preset), f"`companion run --figure throughput --preset {preset}`"
+    found, command = (
+        _stored(results, preset),
+        f"`companion run --figure throughput --preset {preset}`",
+    )
     if not found:
         return f"Seconds a sample are not measured for this preset; {command} does."
     rounds = len(next(iter(found["seconds"].values())))
@@ -108,7 +134,9 @@ def seconds(frame: pd.DataFrame, paces: Mapping[str, Pace]) -> pd.Series:
     pace = {method: one.median / 1000 for method, one in paces.items()}
     own = frame.samples * frame.method.map(pace).astype(float)
     first = frame.pretraining_samples * pace.get(PRETRAINING, float("nan"))
-    spent = own.where(frame.samples > 0, 0.0) + first.where(frame.pretraining_samples > 0, 0.0)
+    spent = own.where(frame.samples > 0, 0.0) + first.where(
+        frame.pretraining_samples > 0, 0.0
+    )
     return spent.where(frame.samples + frame.pretraining_samples > 0)
 
 

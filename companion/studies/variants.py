@@ -1,8 +1,9 @@
 """What might need less novice data than the paper's method and its strongest neighbour, and whether it needs half.
 
-Where curves are flat, a ratio of data says little with few seeds: a small step of the loss is a long way along the
-curve. Losses at sizes that were run can be held against each other seed by seed: those of a method beside those of the
-others with twice its data and more.
+Where curves are flat, a ratio of data says little with few seeds: a small step of the
+loss is a long way along the curve. Losses at sizes that were run can be held against
+each other seed by seed: those of a method beside those of the others with twice its
+data and more.
 """
 
 from __future__ import annotations
@@ -17,13 +18,18 @@ from companion.statistics.pairs import beside
 from companion.study import Study
 from companion.trials import Trial
 
-AGAINST = ("sidm", "pretrain_finetune")  # the paper's method and its strongest neighbour
+#: the paper's method and its strongest neighbour
+AGAINST = ("sidm", "pretrain_finetune")
 HALF, EQUAL = 2.0, 1.0  # times the data that the others have at least
 
 
 def trials(study: Study, system: str) -> list[Trial]:
     """The variants on small datasets, beside the methods that they are to beat; those on Figure 3's too."""
-    found = study.points(system, (*AGAINST, *VARIANTS, "least_squares", *MIRRORED), study.preset.variant_minutes)
+    found = study.points(
+        system,
+        (*AGAINST, *VARIANTS, "least_squares", *MIRRORED),
+        study.preset.variant_minutes,
+    )
     found += study.points(system, AGAINST, study.preset.novice_minutes(system))
     return list({trial.key: trial for trial in found}.values())
 
@@ -36,25 +42,39 @@ def correction(study: Study, system: str) -> list[Trial]:
 
 
 def table(
-    frame: pd.DataFrame, methods: Sequence[str], against: Sequence[str] = AGAINST, times: float = HALF,
+    frame: pd.DataFrame,
+    methods: Sequence[str],
+    against: Sequence[str] = AGAINST,
+    times: float = HALF,
     value: str = "validation_loss",
-) -> pd.DataFrame:  # fmt: skip
+) -> pd.DataFrame:
     """Methods beside others that have at least so many times their data: `pairs.beside`, of FEWEST_SEEDS or more.
 
     Args:
         frame: of stored results, at most one a system, method, size and seed.
         methods: that have less data.
-        against: the others; each at the smallest of its sizes that is large enough, `with_minutes`.
+        against: the others; each at the smallest of its sizes that is large enough,
+            `with_minutes`.
         times: how many times a method's data they have, or more; EQUAL for the same.
         value: the column that is compared.
     """
     parts = [beside(frame[:0], frame[:0]).assign(against="", with_minutes=0.0)]
-    for (system, _, minutes), own in frame[frame.method.isin(methods)].groupby(["system", "method", "novice_minutes"]):
+    for (system, _, minutes), own in frame[frame.method.isin(methods)].groupby(
+        ["system", "method", "novice_minutes"]
+    ):
         for other in against:
-            its = frame[(frame.system == system) & (frame.method == other) & (frame.novice_minutes >= times * minutes)]
-            nearest = its[its.novice_minutes == its.novice_minutes.min()].assign(novice_minutes=minutes)
+            its = frame[
+                (frame.system == system)
+                & (frame.method == other)
+                & (frame.novice_minutes >= times * minutes)
+            ]
+            nearest = its[its.novice_minutes == its.novice_minutes.min()].assign(
+                novice_minutes=minutes
+            )
             found = beside(own, nearest, value=value)
-            parts.append(found.assign(against=other, with_minutes=its.novice_minutes.min()))
+            parts.append(
+                found.assign(against=other, with_minutes=its.novice_minutes.min())
+            )
     every = pd.concat(parts, ignore_index=True)
     return every[every.seeds >= FEWEST_SEEDS].reset_index(drop=True)
 
@@ -64,15 +84,27 @@ def by_method(table: pd.DataFrame, points: int) -> pd.DataFrame:
 
     Args:
         table: of `table`, all systems.
-        points: systems and sizes at which a method has to have been held against each other.
+        points: systems and sizes at which a method has to have been held against each
+            other.
 
     Returns:
-        '8 of 8' for each of AGAINST, by the whole interval, and under `half` 'yes', 'no', or 'not all run'.
+        '8 of 8' for each of AGAINST, by the whole interval, and under `half` 'yes',
+        'no', or 'not all run'.
     """
-    sure = table.assign(sure=table.high < 1).groupby(["method", "against"], sort=False).sure.agg(["sum", "size"])
+    sure = (
+        table.assign(sure=table.high < 1)
+        .groupby(["method", "against"], sort=False)
+        .sure.agg(["sum", "size"])
+    )
     words = sure["sum"].astype(str) + " of " + sure["size"].astype(str)
     found = words.unstack().reindex(columns=list(AGAINST))
-    better, held = (sure[name].unstack(fill_value=0).reindex(columns=list(AGAINST), fill_value=0) for name in sure)
+    better, held = (
+        sure[name].unstack(fill_value=0).reindex(columns=list(AGAINST), fill_value=0)
+        for name in sure
+    )
     always, whole = (better == held).all(axis=1), (held == points).all(axis=1)
-    found["half"] = ["no" if not a else "yes" if w else "not all run" for a, w in zip(always, whole, strict=True)]
+    found["half"] = [
+        "no" if not a else "yes" if w else "not all run"
+        for a, w in zip(always, whole, strict=True)
+    ]
     return found.reset_index()

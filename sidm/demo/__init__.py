@@ -1,7 +1,8 @@
 """A model of a real robot in half a minute, from drives that come with the package: `sidm demo`.
 
-`warthog.csv.gz` is nine minutes of a Clearpath Warthog, from norlab-ulaval/DRIVE, `calib_data/test_warthog`, commit
-e158a19, BSD-3-Clause (`LICENSE-DRIVE.txt`); Baril et al. (2023), arXiv:2309.10718.
+`warthog.csv.gz` is nine minutes of a Clearpath Warthog, from norlab-ulaval/DRIVE,
+`calib_data/test_warthog`, commit e158a19, BSD-3-Clause (`LICENSE-DRIVE.txt`); Baril et
+al. (2023), arXiv:2309.10718.
 """
 
 from __future__ import annotations
@@ -51,8 +52,12 @@ def run(folder: str | Path) -> Demo:
     """
     learning, judging = hold_out(bundled_drives(), HELD_OUT)
     model = fit(learning, method="least_squares", out=Path(folder) / "model")
-    turning = max(judging, key=lambda drive: float(abs(drive.states[-1, 2] - drive.states[0, 2])))
+    turning = max(
+        judging, key=lambda drive: float(abs(drive.states[-1, 2] - drive.states[0, 2]))
+    )
     path = model.rollout(turning.states[0], turning.actions)
     page = Path(folder) / "replay.html"
-    View(predicted_scene(turning, path, BOXES["warthog"]), "A Warthog and its model").write(page)
+    View(
+        predicted_scene(turning, path, BOXES["warthog"]), "A Warthog and its model"
+    ).write(page)
     return Demo(model, len(learning), len(judging), model.evaluate(judging), page)

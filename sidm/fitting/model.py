@@ -56,7 +56,8 @@ class Model:
     test_loss: float  # equation (1) on the drives that it was stopped by
     network: Network
     scale: Tensor | None  # (Y,) weights of the components in equation (1); None: all 1
-    mean_loss: float | None = None  # what always predicting the mean costs where `test_loss` was taken; older: None
+    #: what always predicting the mean costs where `test_loss` was taken; older: None
+    mean_loss: float | None = None
 
     def __repr__(self) -> str:
         return f"Model({self.method!r} of body {self.body.name!r}, from {self.minutes:.2g} min)"
@@ -68,7 +69,10 @@ class Model:
             drives: as of `evaluate`.
             topics: as of `evaluate`.
         """
-        return mean_loss(self.predictor, windows_of(self._windows(drives, topics), self.network.pixels))
+        return mean_loss(
+            self.predictor,
+            windows_of(self._windows(drives, topics), self.network.pixels),
+        )
 
     def evaluate(self, drives: Drives, topics: Sequence[str] = ()) -> pd.DataFrame:
         """How well the model predicts drives that it has not learnt from.
@@ -78,10 +82,12 @@ class Model:
             topics: of ROS bags that are read, where several could be meant.
 
         Returns:
-            A row for each component of y, one step ahead, and a row for each horizon, open loop after WARM_UP steps.
-            Columns: `quantity`; `horizon`, steps; `error`, the root mean square error in `unit`; `share`, the error
-            divided by that of a trivial prediction. The trivial prediction of a component is the drives' mean; the
-            trivial prediction of position (m) and heading (rad) is a robot that stays where it is.
+            A row for each component of y, one step ahead, and a row for each horizon,
+            open loop after WARM_UP steps. Columns: `quantity`; `horizon`, steps;
+            `error`, the root mean square error in `unit`; `share`, the error divided by
+            that of a trivial prediction. The trivial prediction of a component is the
+            drives' mean; the trivial prediction of position (m) and heading (rad) is a
+            robot that stays where it is.
 
         Raises:
             RecordingError: the first fault of a file.
@@ -93,12 +99,17 @@ class Model:
         tensors = windows_of(windows, self.network.pixels)
         with torch.inference_mode():
             predicted, _ = self.predictor("novice", tensors.inputs, tensors.maps)
-        wrong = component_losses(predicted, tensors.targets).double().mean((0, 1)).sqrt()
+        wrong = (
+            component_losses(predicted, tensors.targets).double().mean((0, 1)).sqrt()
+        )
         spread = tensors.targets.flatten(0, 1).double().std(0, correction=0)
-        units = [SI[unit] for _, unit in self.body.state]  # those of a pose are those of its change
+        # those of a pose are those of its change
+        units = [SI[unit] for _, unit in self.body.state]
         lines = [
             (name, 1, unit, float(error), float(error / own.clamp_min(1e-12)))
-            for name, unit, error, own in zip(self.body.targets, units, wrong, spread, strict=True)
+            for name, unit, error, own in zip(
+                self.body.targets, units, wrong, spread, strict=True
+            )
         ]
         columns = ["quantity", "horizon", "unit", "error", "share"]
         return pd.DataFrame([*lines, *self._horizons(windows)], columns=columns)
@@ -107,7 +118,9 @@ class Model:
         found = drives_from(drives, self.body, "drives", topics, held=True)
         return cut(found, common_length(found))
 
-    def _horizons(self, windows: list[Drive]) -> list[tuple[str, int, str, float, float]]:
+    def _horizons(
+        self, windows: list[Drive]
+    ) -> list[tuple[str, int, str, float, float]]:
         """Lines of `evaluate` for open loop."""
         body, ahead = self.body, len(windows[0]) - WARM_UP
         if body.pose == "none" or ahead < 1:
@@ -115,10 +128,19 @@ class Model:
         path = rollouts(self.predictor, windows, WARM_UP, ahead, self.network.pixels)
         actual = stacked(windows)[0][:, WARM_UP:]
         stays = actual[:, :1].expand_as(actual)
-        both = [[one.square().mean(0).sqrt() for one in rollout_errors(some, actual, body)] for some in (path, stays)]
+        both = [
+            [one.square().mean(0).sqrt() for one in rollout_errors(some, actual, body)]
+            for some in (path, stays)
+        ]
         names = (("position", "m"), ("heading", "rad"))
         return [
-            (name, step + 1, unit, float(error[step]), float(error[step] / still[step].clamp_min(1e-12)))
+            (
+                name,
+                step + 1,
+                unit,
+                float(error[step]),
+                float(error[step] / still[step].clamp_min(1e-12)),
+            )
             for (name, unit), error, still in zip(names, *both, strict=True)
             for step in range(ahead)
         ]
@@ -131,7 +153,8 @@ class Model:
             topics: as of `evaluate`.
 
         Returns:
-            A line a step: `drive`, `time` s, and each component of y as `predicted_...` and `actual_...`.
+            A line a step: `drive`, `time` s, and each component of y as `predicted_...`
+            and `actual_...`.
 
         Raises:
             RecordingError: the first fault of a file.
@@ -143,14 +166,21 @@ class Model:
             tensors = windows_of([drive], self.network.pixels)
             with torch.inference_mode():
                 predicted, _ = self.predictor("novice", tensors.inputs, tensors.maps)
-            values = {f"{kind}_{name.replace(' ', '_')}": part[0, :, number].numpy()
-                      for kind, part in (("predicted", predicted), ("actual", tensors.targets))
-                      for number, name in enumerate(self.body.targets)}  # fmt: skip
+            values = {
+                f"{kind}_{name.replace(' ', '_')}": part[0, :, number].numpy()
+                for kind, part in (
+                    ("predicted", predicted),
+                    ("actual", tensors.targets),
+                )
+                for number, name in enumerate(self.body.targets)
+            }
             time = np.arange(1, len(drive) + 1) / self.body.rate
             lines.append(pd.DataFrame({"drive": drive.name, "time": time} | values))
         return pd.concat(lines, ignore_index=True)
 
-    def rollout(self, state: np.ndarray, actions: np.ndarray, ground: AnyGround | None = None) -> np.ndarray:
+    def rollout(
+        self, state: np.ndarray, actions: np.ndarray, ground: AnyGround | None = None
+    ) -> np.ndarray:
         """Predict many steps ahead, each from the prediction before it (Figure 4 of the paper).
 
         Args:
@@ -166,12 +196,21 @@ class Model:
             ValueError: shapes that are not the body's.
         """
         if self.body.map_size and ground is None:
-            raise ConfigError(f"body '{self.body.name}' sees a height map: pass the ground under it")
-        heights, spacing = (None, 0.0) if ground is None else (ground.heights, ground.spacing)
+            raise ConfigError(
+                f"body '{self.body.name}' sees a height map: pass the ground under it"
+            )
+        heights, spacing = (
+            (None, 0.0) if ground is None else (ground.heights, ground.spacing)
+        )
         path = rollout(
-            self.predictor, heights, torch.as_tensor(np.asarray(state, float)),
-            torch.as_tensor(np.asarray(actions, float)), self.network.pixels, spacing=spacing, body=self.body,
-        )  # fmt: skip
+            self.predictor,
+            heights,
+            torch.as_tensor(np.asarray(state, float)),
+            torch.as_tensor(np.asarray(actions, float)),
+            self.network.pixels,
+            spacing=spacing,
+            body=self.body,
+        )
         return path.numpy()
 
     def save(self, folder: str | Path) -> None:
@@ -185,15 +224,31 @@ class Model:
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         every = module_tensors(self.predictor)
-        tensors = {name: one.contiguous() for name, one in every.items() if ".expert." not in name}
+        tensors = {
+            name: one.contiguous()
+            for name, one in every.items()
+            if ".expert." not in name
+        }
         if isinstance(self.predictor, LeastSquares):
-            tensors |= {f"units.{name}": one for name, one in self.predictor.units._asdict().items()}
+            tensors |= {
+                f"units.{name}": one
+                for name, one in self.predictor.units._asdict().items()
+            }
         about = {
-            "version": __version__, "method": self.method, "body": body_lines(self.body), "steps": self.steps,
-            "minutes": self.minutes, "test_loss": self.test_loss, "mean_loss": self.mean_loss,
+            "version": __version__,
+            "method": self.method,
+            "body": body_lines(self.body),
+            "steps": self.steps,
+            "minutes": self.minutes,
+            "test_loss": self.test_loss,
+            "mean_loss": self.mean_loss,
             "scale": None if self.scale is None else self.scale.tolist(),
-            "network": {k: v for k, v in to_mapping(self.network).items() if not k.endswith("_body")},
-        }  # fmt: skip
+            "network": {
+                k: v
+                for k, v in to_mapping(self.network).items()
+                if not k.endswith("_body")
+            },
+        }
         content = packed({name: one.clone() for name, one in tensors.items()})
         write_atomically(folder / WEIGHTS, lambda file: file.write(content))
         text = json.dumps(about, indent=1) + "\n"
@@ -220,24 +275,34 @@ def load(folder: str | Path) -> Model:
     try:
         about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
         body = body_from(about["body"], "")
-        network = from_mapping(Network, about["network"] | {"novice_body": body, "expert_body": body})
+        network = from_mapping(
+            Network, about["network"] | {"novice_body": body, "expert_body": body}
+        )
         scale = None if about["scale"] is None else torch.tensor(about["scale"])
         tensors = load_file(folder / WEIGHTS)
         predictor = _predictor(about["method"], network, tensors, scale)
-        values = {name: about[name] for name in ("method", "steps", "minutes", "test_loss")}
+        values = {
+            name: about[name] for name in ("method", "steps", "minutes", "test_loss")
+        }
         values["mean_loss"] = about.get("mean_loss")
     except (ValueError, KeyError, TypeError, RuntimeError, SafetensorError) as error:
-        raise ConfigError(f"{folder}: the model is damaged ({first_line(error)}); fit it again") from None
+        raise ConfigError(
+            f"{folder}: the model is damaged ({first_line(error)}); fit it again"
+        ) from None
     return Model(predictor.eval(), body, network=network, scale=scale, **values)
 
 
-def _predictor(method: str, network: Network, tensors: dict[str, Tensor], scale: Tensor | None) -> Predictor:
+def _predictor(
+    method: str, network: Network, tensors: dict[str, Tensor], scale: Tensor | None
+) -> Predictor:
     chosen: Any = METHODS[method]
     if chosen.fit != "least_squares":
         model = DynamicsModel(network, roles=["novice"])
         model.load_state_dict(tensors)
         return model
-    units = Standardisation(*(tensors.pop(f"units.{name}") for name in Standardisation._fields))
+    units = Standardisation(
+        *(tensors.pop(f"units.{name}") for name in Standardisation._fields)
+    )
     base = DynamicsModel(network, roles=["novice"]) if chosen.pretrained else None
     found = LeastSquares(units, base, scale)
     found.load_state_dict(tensors)

@@ -25,9 +25,15 @@ def figure(table: pd.DataFrame) -> Figure:
     panels[0].invert_yaxis()
     panels[0].set(xlabel="error / error of predicting the mean (-)", title="one step")
     finish(panels[0], legend=False)
-    for axes, (name, mine) in zip(panels[1:], ahead.groupby("quantity", sort=False), strict=False):
+    for axes, (name, mine) in zip(
+        panels[1:], ahead.groupby("quantity", sort=False), strict=False
+    ):
         axes.plot(mine.horizon, mine.error, marker="")
-        axes.set(xlabel="steps ahead", ylabel=f"{name} error ({mine.unit.iloc[0]})", ylim=(0, None))
+        axes.set(
+            xlabel="steps ahead",
+            ylabel=f"{name} error ({mine.unit.iloc[0]})",
+            ylim=(0, None),
+        )
         axes.set_title(f"{name}, open loop")
         finish(axes, legend=False)
     return figure

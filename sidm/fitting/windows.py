@@ -28,18 +28,27 @@ def cut(drives: Sequence[Drive], steps: int = STEPS) -> list[Drive]:
         ConfigError: no drive is as long.
     """
     found = [
-        replace(drive, states=drive.states[first : first + steps + 1], actions=drive.actions[first : first + steps])
+        replace(
+            drive,
+            states=drive.states[first : first + steps + 1],
+            actions=drive.actions[first : first + steps],
+        )
         for drive in drives
         for first in range(0, len(drive) - steps + 1, steps)
     ]
     if not found:
-        raise ConfigError(f"no drive of {len(drives)} has {steps} steps; record longer ones")
+        raise ConfigError(
+            f"no drive of {len(drives)} has {steps} steps; record longer ones"
+        )
     return found
 
 
 def begun(drives: Sequence[Drive], steps: int) -> list[Drive]:
     """The first steps of drives."""
-    return [replace(drive, states=drive.states[: steps + 1], actions=drive.actions[:steps]) for drive in drives]
+    return [
+        replace(drive, states=drive.states[: steps + 1], actions=drive.actions[:steps])
+        for drive in drives
+    ]
 
 
 def sessions_of(drives: Sequence[Drive]) -> np.ndarray:
@@ -47,7 +56,9 @@ def sessions_of(drives: Sequence[Drive]) -> np.ndarray:
     return np.array([drive.session for drive in drives])
 
 
-def of_sessions(drives: Sequence[Drive], sessions: Sequence[str] | np.ndarray) -> list[Drive]:
+def of_sessions(
+    drives: Sequence[Drive], sessions: Sequence[str] | np.ndarray
+) -> list[Drive]:
     """The drives of some sessions."""
     return [drive for drive in drives if drive.session in set(sessions)]
 
@@ -57,7 +68,9 @@ def session_order(drives: Sequence[Drive], seed: int) -> np.ndarray:
     return np.random.default_rng(seed).permutation(np.unique(sessions_of(drives)))
 
 
-def learn_and_test(drives: Sequence[Drive], sessions: np.ndarray) -> tuple[list[Drive], list[Drive]]:
+def learn_and_test(
+    drives: Sequence[Drive], sessions: np.ndarray
+) -> tuple[list[Drive], list[Drive]]:
     """Windows to learn from and windows to stop by: of four sessions one tests; of a single one every fourth window.
 
     Raises:
@@ -65,7 +78,11 @@ def learn_and_test(drives: Sequence[Drive], sessions: np.ndarray) -> tuple[list[
     """
     mine = of_sessions(drives, sessions)
     order = {name: number for number, name in enumerate(sessions)}
-    number = np.array([order[one.session] for one in mine]) if len(sessions) > 1 else np.arange(len(mine))
+    number = (
+        np.array([order[one.session] for one in mine])
+        if len(sessions) > 1
+        else np.arange(len(mine))
+    )
     testing = number % TEST_EVERY == 1
     if not testing.any() or testing.all():
         raise ConfigError(
@@ -73,26 +90,33 @@ def learn_and_test(drives: Sequence[Drive], sessions: np.ndarray) -> tuple[list[
             "shorter drives"
         )
     learning = [drive for drive, tests in zip(mine, testing, strict=True) if not tests]
-    return learning, [drive for drive, tests in zip(mine, testing, strict=True) if tests]
+    return learning, [
+        drive for drive, tests in zip(mine, testing, strict=True) if tests
+    ]
 
 
 def hold_out(drives: Sequence[Drive], share: float) -> tuple[list[Drive], list[Drive]]:
     """Drives to learn from and to judge by: whole sessions, or of a single one its drives, the last.
 
-    The drives to judge by have at most a `share` of all steps. The last session or drive always judges, however long.
+    The drives to judge by have at most a `share` of all steps. The last session or
+    drive always judges, however long.
 
     Raises:
         ConfigError: there is but one drive.
     """
     if len(drives) < 2:
-        raise ConfigError("a single drive leaves none to judge by: record another, or cut it in two")
+        raise ConfigError(
+            "a single drive leaves none to judge by: record another, or cut it in two"
+        )
     alone = len({drive.session for drive in drives}) == 1
     units: dict[str, list[Drive]] = {}
     for number, drive in enumerate(drives):
         units.setdefault(str(number) if alone else drive.session, []).append(drive)
     lengths = [sum(len(drive.actions) for drive in unit) for unit in units.values()]
     left = np.cumsum(lengths[::-1])[::-1]  # steps from each unit to the end
-    first = next((n for n in range(1, len(left)) if left[n] <= share * left[0]), len(left) - 1)
+    first = next(
+        (n for n in range(1, len(left)) if left[n] <= share * left[0]), len(left) - 1
+    )
     grouped = list(units.values())
     return sum(grouped[:first], []), sum(grouped[first:], [])
 
@@ -134,7 +158,12 @@ def apart_by_ground(drives: Sequence[Drive], held_out: int) -> tuple[Tensor, Ten
 
 
 def rollouts(
-    model: Predictor, drives: Sequence[Drive], start: int, steps: int, pixels: int = 0, seen: bool = True
+    model: Predictor,
+    drives: Sequence[Drive],
+    start: int,
+    steps: int,
+    pixels: int = 0,
+    seen: bool = True,
 ) -> Tensor:
     """What a model predicts open loop for K steps from step `start` of each window on.
 
@@ -144,13 +173,18 @@ def rollouts(
         start: the step from which on the model sees its own predictions.
         steps: K.
         pixels: a side of the maps where the body does not say how many.
-        seen: whether the model has seen the steps before, or begins there from the same state.
+        seen: whether the model has seen the steps before, or begins there from the same
+            state.
 
     Returns:
         States (N, K + 1, S), the given ones at `start` first.
     """
     states, actions = stacked(drives)
-    path, grounds, body = states[:, start : start + steps + 1].clone(), grounds_of(drives), drives[0].body
+    path, grounds, body = (
+        states[:, start : start + steps + 1].clone(),
+        grounds_of(drives),
+        drives[0].body,
+    )
     for number in range(int(grounds.max()) + 1):
         which = np.flatnonzero(grounds == number)
         some, memory = [drives[one] for one in which.tolist()], None
@@ -162,9 +196,18 @@ def rollouts(
         if body.map_size:
             ground = some[0].ground
             assert ground is not None
-            heights, spacing = torch.from_numpy(ground.heights).expand(len(some), -1, -1), ground.spacing
+            heights, spacing = (
+                torch.from_numpy(ground.heights).expand(len(some), -1, -1),
+                ground.spacing,
+            )
         path[which] = rollout(
-            model, heights, states[which, start], actions[which, start : start + steps], pixels, spacing=spacing,
-            body=body, memory=memory,
-        )  # fmt: skip
+            model,
+            heights,
+            states[which, start],
+            actions[which, start : start + steps],
+            pixels,
+            spacing=spacing,
+            body=body,
+            memory=memory,
+        )
     return path

@@ -1,18 +1,59 @@
 """The paper's method: what the networks see, the networks, their losses, training and evaluation; without PyBullet."""
 
 from sidm.learning.checkpoint import CheckpointError
-from sidm.learning.dataset import Datasets, Windows, load_windows, novice_split, windows_of
+from sidm.learning.dataset import (
+    Datasets,
+    Windows,
+    load_windows,
+    novice_split,
+    windows_of,
+)
 from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
 from sidm.learning.model import DynamicsModel
-from sidm.learning.networks import SIDM, Decoder, Discriminator, Encoder, parameter_count
-from sidm.learning.observation import encode_inputs, integrate, robot_centred_map, transition
+from sidm.learning.networks import (
+    SIDM,
+    Decoder,
+    Discriminator,
+    Encoder,
+    parameter_count,
+)
+from sidm.learning.observation import (
+    encode_inputs,
+    integrate,
+    robot_centred_map,
+    transition,
+)
 from sidm.learning.training import Tested, Trained, TrainingError, train
 from sidm.learning.units import Standardisation
 from sidm.settings import PAPER_NETWORK, RELEASED_NETWORK, Network, Training
 
 __all__ = [
-    "PAPER_NETWORK", "RELEASED_NETWORK", "SIDM", "CheckpointError", "Datasets", "Decoder", "Discriminator",
-    "DynamicsModel", "Encoder", "Network", "Standardisation", "Tested", "Trained", "Training",
-    "TrainingError", "Windows", "encode_inputs", "integrate", "load_windows", "novice_split", "parameter_count",
-    "robot_centred_map", "rollout", "rollout_errors", "train", "transition", "validation_loss", "windows_of",
-]  # fmt: skip
+    "PAPER_NETWORK",
+    "RELEASED_NETWORK",
+    "SIDM",
+    "CheckpointError",
+    "Datasets",
+    "Decoder",
+    "Discriminator",
+    "DynamicsModel",
+    "Encoder",
+    "Network",
+    "Standardisation",
+    "Tested",
+    "Trained",
+    "Training",
+    "TrainingError",
+    "Windows",
+    "encode_inputs",
+    "integrate",
+    "load_windows",
+    "novice_split",
+    "parameter_count",
+    "robot_centred_map",
+    "rollout",
+    "rollout_errors",
+    "train",
+    "transition",
+    "validation_loss",
+    "windows_of",
+]

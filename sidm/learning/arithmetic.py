@@ -23,7 +23,8 @@ def one_thread() -> Iterator[None]:
 def matmul_precision(precision: str) -> Iterator[None]:
     """Inside the block a GPU rounds products to TensorFloat-32 where `precision` is 'tf32', and nowhere else.
 
-    PyTorch rounds convolutions and LSTMs by default and matrix products not. A CPU knows no such rounding.
+    PyTorch rounds convolutions and LSTMs by default and matrix products not. A CPU
+    knows no such rounding.
     """
     matrices, networks = torch.backends.cuda.matmul, torch.backends.cudnn
     before = matrices.allow_tf32, networks.allow_tf32
@@ -38,8 +39,8 @@ def matmul_precision(precision: str) -> Iterator[None]:
 def flushed_denormals() -> Iterator[None]:
     """Inside the block a CPU takes numbers below 1e-38 for 0.
 
-    Gradients that fade along a trajectory, and their squares in Adam, get there; a processor computes with such numbers
-    a hundred times as slowly.
+    Gradients that fade along a trajectory, and their squares in Adam, get there; a
+    processor computes with such numbers a hundred times as slowly.
     """
     before = not (torch.full((1,), 1e-40) * 1.0).item()
     torch.set_flush_denormal(True)

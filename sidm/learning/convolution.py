@@ -1,7 +1,7 @@
 """The encoder's two convolutions on one core: three times as fast as PyTorch's, with the same results but for rounding.
 
-A library for networks pads channels to blocks of 16; with 1, 8 and 4 channels most of its work is on padding. The
-compiled kernels of `convolution_kernels` do without.
+A library for networks pads channels to blocks of 16; with 1, 8 and 4 channels most of
+its work is on padding. The compiled kernels of `convolution_kernels` do without.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ def kernels() -> ModuleType | None:
 def is_fast_for(layers: nn.Sequential, maps: Tensor, numbers: Tensor) -> bool:
     """Whether `features` computes the encoder's convolutions of these maps.
 
-    PyTorch's own do it on GPUs, in low precision, on several threads (PyTorch shares its work out among them), with
-    other kernels than 4 x 4, with channels that are no multiples of 4, for inputs with a gradient, and where Numba is
-    not installed.
+    PyTorch's own do it on GPUs, in low precision, on several threads (PyTorch shares
+    its work out among them), with other kernels than 4 x 4, with channels that are no
+    multiples of 4, for inputs with a gradient, and where Numba is not installed.
     """
     first, second = layers[0], layers[2]
     assert isinstance(first, nn.Conv2d) and isinstance(second, nn.Conv2d)
@@ -49,7 +49,11 @@ def is_fast_for(layers: nn.Sequential, maps: Tensor, numbers: Tensor) -> bool:
 
 
 def features(
-    layers: nn.Sequential, maps: Tensor, numbers: Tensor, mean: Tensor | float = 0.0, std: Tensor | float = 1.0
+    layers: nn.Sequential,
+    maps: Tensor,
+    numbers: Tensor,
+    mean: Tensor | float = 0.0,
+    std: Tensor | float = 1.0,
 ) -> Tensor:
     """What the convolutions and their leaky ReLUs make of maps, with numbers behind it.
 
@@ -65,7 +69,9 @@ def features(
     """
     first, second, slope = layers[0], layers[2], layers[1].negative_slope
     units = slope, float(mean), float(std)
-    return _Convolutions.apply(maps, numbers, first.weight, first.bias, second.weight, second.bias, units)
+    return _Convolutions.apply(
+        maps, numbers, first.weight, first.bias, second.weight, second.bias, units
+    )
 
 
 class _Convolutions(torch.autograd.Function):
@@ -88,9 +94,17 @@ class _Convolutions(torch.autograd.Function):
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:
         maps, first, first_bias, second, _, result = map(_array, ctx.saved_tensors)
         given = [np.zeros_like(_array(one)) for one in ctx.saved_tensors[1:5]]
-        turned = np.ascontiguousarray(second.transpose(1, 0, 2, 3)[:, :, ::-1, ::-1])  # from outputs to inputs
+        # from outputs to inputs
+        turned = np.ascontiguousarray(second.transpose(1, 0, 2, 3)[:, :, ::-1, ::-1])
         kernels().backward(  # type: ignore[union-attr]
-            maps, first, first_bias, turned, *ctx.units, result, _array(gradient), *given
+            maps,
+            first,
+            first_bias,
+            turned,
+            *ctx.units,
+            result,
+            _array(gradient),
+            *given,
         )
         return None, None, *map(torch.from_numpy, given), None
 

@@ -1,9 +1,10 @@
 """The encoder's convolutions in Numba: kernels of 4 x 4, no padding, the channels of each output a multiple of 4.
 
-The vectors of a processor run over maps: LANES of them lie side by side as the innermost dimension, so that a row of an
-output is one contiguous run of numbers, to which each kernel adds shifted rows of its input. A group of LANES maps
-stays in the cache from the pixels to the features. The backward pass computes the first layer again, which is faster
-than fetching it from memory.
+The vectors of a processor run over maps: LANES of them lie side by side as the
+innermost dimension, so that a row of an output is one contiguous run of numbers, to
+which each kernel adds shifted rows of its input. A group of LANES maps stays in the
+cache from the pixels to the features. The backward pass computes the first layer again,
+which is faster than fetching it from memory.
 
 N maps of P x P pixels; behind the layers a side is P - 3 and P - 6.
 """
@@ -41,7 +42,8 @@ def inlined(function: Callable) -> Any:
 def forward(maps, w1, b1, w2, b2, slope, mean, std, found):
     """Writes features of maps (N, P, P), with a mean and a standard deviation, into `found`.
 
-    Its rows begin with R R C features, R = P - 6, the channels innermost; what stands behind them stays.
+    Its rows begin with R R C features, R = P - 6, the channels innermost; what stands
+    behind them stays.
     """
     side, channels = maps.shape[1], len(w2)
     x = np.empty((1, side, side * LANES), maps.dtype)
@@ -54,18 +56,24 @@ def forward(maps, w1, b1, w2, b2, slope, mean, std, found):
         _convolve(inner, w2, b2, outer, slope)
         for i in range(side - 6):  # row by row, which the nearest cache holds
             for lane in range(count):
-                row = found[start + lane, i * (side - 6) * channels : (i + 1) * (side - 6) * channels]
+                row = found[
+                    start + lane,
+                    i * (side - 6) * channels : (i + 1) * (side - 6) * channels,
+                ]
                 for c in range(channels):
                     for j in range(side - 6):
                         row[j * channels + c] = outer[c, i, j * LANES + lane]
 
 
 @compiled
-def backward(maps, w1, b1, turned, slope, mean, std, found, gradient, gw1, gb1, gw2, gb2):
+def backward(
+    maps, w1, b1, turned, slope, mean, std, found, gradient, gw1, gb1, gw2, gb2
+):
     """Adds to gw1, gb1, gw2 and gb2 what a gradient of what `forward` found gives.
 
-    `turned` are the second layer's weights (in, out, 4, 4), both sides reversed: a convolution with them takes the
-    gradient, in a margin of zeros, back to the first layer's outputs.
+    `turned` are the second layer's weights (in, out, 4, 4), both sides reversed: a
+    convolution with them takes the gradient, in a margin of zeros, back to the first
+    layer's outputs.
     """
     side, channels, dtype = maps.shape[1], len(gw2), maps.dtype
     rest = side - 6
@@ -82,8 +90,12 @@ def backward(maps, w1, b1, turned, slope, mean, std, found, gradient, gw1, gb1, 
             framed[:] = 0
         for i in range(rest):
             for lane in range(count):
-                own = gradient[start + lane, i * rest * channels : (i + 1) * rest * channels]
-                signs = found[start + lane, i * rest * channels : (i + 1) * rest * channels]
+                own = gradient[
+                    start + lane, i * rest * channels : (i + 1) * rest * channels
+                ]
+                signs = found[
+                    start + lane, i * rest * channels : (i + 1) * rest * channels
+                ]
                 for c in range(channels):
                     for j in range(rest):
                         value = own[j * channels + c]
@@ -119,12 +131,18 @@ def _turn_back(gradient, outputs, slope):
 def _convolve(x, w, b, out, slope):
     """A convolution and its leaky ReLU (with a slope of 1 none), for lanes side by side.
 
-    x is (Ci, P, P LANES), w (Co, Ci, 4, 4), b (Co,); out (Co, P - 3, (P - 3) LANES) is overwritten.
+    x is (Ci, P, P LANES), w (Co, Ci, 4, 4), b (Co,); out (Co, P - 3, (P - 3) LANES) is
+    overwritten.
     """
     n = out.shape[2]
     for i in range(out.shape[1]):
         for c in range(0, len(out), BLOCK):
-            first, second, third, fourth = out[c, i], out[c + 1, i], out[c + 2, i], out[c + 3, i]
+            first, second, third, fourth = (
+                out[c, i],
+                out[c + 1, i],
+                out[c + 2, i],
+                out[c + 3, i],
+            )
             first[:] = b[c]
             second[:] = b[c + 1]
             third[:] = b[c + 2]
@@ -132,9 +150,17 @@ def _convolve(x, w, b, out, slope):
             for k in range(len(x)):
                 for j in range(TAPS):
                     _add_taps(
-                        first, second, third, fourth, x[k, i + j],
-                        w[c, k, j], w[c + 1, k, j], w[c + 2, k, j], w[c + 3, k, j], n,
-                    )  # fmt: skip
+                        first,
+                        second,
+                        third,
+                        fourth,
+                        x[k, i + j],
+                        w[c, k, j],
+                        w[c + 1, k, j],
+                        w[c + 2, k, j],
+                        w[c + 3, k, j],
+                        n,
+                    )
             for m in range(n):
                 first[m] = first[m] if first[m] > 0 else slope * first[m]
                 second[m] = second[m] if second[m] > 0 else slope * second[m]
@@ -145,7 +171,8 @@ def _convolve(x, w, b, out, slope):
 @inlined
 def _add_taps(first, second, third, fourth, row, p, q, r, s, n):
     """Adds to four rows of n numbers a fifth, shifted by 0 to 3 pixels, with each row's weights p, q, r, s (4,)."""
-    o0, o1, o2, o3 = first[0:n], second[0:n], third[0:n], fourth[0:n]  # offsets inside the loop would not be vectors
+    # offsets inside the loop would not be vectors
+    o0, o1, o2, o3 = first[0:n], second[0:n], third[0:n], fourth[0:n]
     a0, a1 = row[0:n], row[LANES : LANES + n]
     a2, a3 = row[2 * LANES : 2 * LANES + n], row[3 * LANES : 3 * LANES + n]
     p0, p1, p2, p3 = p[0], p[1], p[2], p[3]
@@ -164,21 +191,30 @@ def _add_taps(first, second, third, fourth, row, p, q, r, s, n):
 def _add_weight_gradient(gradient, margin, x, gw, gb):
     """Adds to gw (Co, Ci, 4, 4) and gb (Co,) what the gradient of a layer's outputs gives at its inputs x.
 
-    x is (Ci, P, P LANES); the gradient, (Co, P - 3, (P - 3) LANES), stands inside a margin of so many pixels.
+    x is (Ci, P, P LANES); the gradient, (Co, P - 3, (P - 3) LANES), stands inside a
+    margin of so many pixels.
     """
     begin, n = margin * LANES, (x.shape[1] - 3) * LANES
     end = begin + n
     for i in range(x.shape[1] - 3):
         for c in range(0, len(gradient), BLOCK):
-            first, second = gradient[c, i + margin][begin:end], gradient[c + 1, i + margin][begin:end]
-            third, fourth = gradient[c + 2, i + margin][begin:end], gradient[c + 3, i + margin][begin:end]
+            first, second = (
+                gradient[c, i + margin][begin:end],
+                gradient[c + 1, i + margin][begin:end],
+            )
+            third, fourth = (
+                gradient[c + 2, i + margin][begin:end],
+                gradient[c + 3, i + margin][begin:end],
+            )
             gb[c] += first.sum()
             gb[c + 1] += second.sum()
             gb[c + 2] += third.sum()
             gb[c + 3] += fourth.sum()
             for k in range(len(x)):
                 for j in range(TAPS):
-                    products = _inner_products(first, second, third, fourth, x[k, i + j], n)
+                    products = _inner_products(
+                        first, second, third, fourth, x[k, i + j], n
+                    )
                     for o in range(BLOCK):
                         for t in range(TAPS):
                             gw[c + o, k, j, t] += products[TAPS * o + t]

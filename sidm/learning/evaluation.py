@@ -13,34 +13,53 @@ from sidm.body import ROVER, Body
 from sidm.learning.dataset import Windows
 from sidm.learning.losses import component_losses
 from sidm.learning.model import Predictor
-from sidm.learning.observation import encode_inputs, heading_of, integrate, robot_centred_map
+from sidm.learning.observation import (
+    encode_inputs,
+    heading_of,
+    integrate,
+    robot_centred_map,
+)
 
 EVALUATION_BATCH = 32  # trajectories at a time where no gradient is needed
 
 
 def mean_loss(model: Predictor, motion: Windows, role: str = "novice") -> float:
     """Equation (1) averaged over the steps of `motion`."""
-    total = sum(float(terms.sum(-1).double().sum()) for terms in _terms(model, motion, role))
+    total = sum(
+        float(terms.sum(-1).double().sum()) for terms in _terms(model, motion, role)
+    )
     return total / motion.targets[..., 0].numel()
 
 
 def validation_loss(
-    model: Predictor, motion: Windows, role: str = "novice", weights: Tensor | None = None
+    model: Predictor,
+    motion: Windows,
+    role: str = "novice",
+    weights: Tensor | None = None,
 ) -> Tensor:
     """Mean over all steps of `motion` of each term of equation (1): (Y,) float64; their sum is the loss.
 
-    The `weights` (Y,) of the components are those that the model was trained with unless given.
+    The `weights` (Y,) of the components are those that the model was trained with
+    unless given.
     """
-    parts = (terms.double().sum((0, 1)).cpu() for terms in _terms(model, motion, role, weights))
+    parts = (
+        terms.double().sum((0, 1)).cpu()
+        for terms in _terms(model, motion, role, weights)
+    )
     return sum(parts, torch.zeros(())) / motion.targets[..., 0].numel()
 
 
 @torch.inference_mode()
-def _terms(model: Predictor, motion: Windows, role: str, weights: Tensor | None = None) -> list[Tensor]:
+def _terms(
+    model: Predictor, motion: Windows, role: str, weights: Tensor | None = None
+) -> list[Tensor]:
     """The terms of equation (1), (B, T, Y), batch by batch."""
     parts = (part.to(model.device) for part in motion.split(EVALUATION_BATCH))
     weights = model.loss_weights(role) if weights is None else weights.to(model.device)
-    return [component_losses(model(role, part.inputs, part.maps)[0], part.targets, weights) for part in parts]
+    return [
+        component_losses(model(role, part.inputs, part.maps)[0], part.targets, weights)
+        for part in parts
+    ]
 
 
 def rollout(
@@ -56,7 +75,8 @@ def rollout(
 ) -> Tensor:
     """Predict many steps ahead: each prediction is integrated and the next one starts from there.
 
-    The SIDM's memory is carried along, and the height map is sampled at each predicted pose.
+    The SIDM's memory is carried along, and the height map is sampled at each predicted
+    pose.
 
     Args:
         model: the trained model.
@@ -70,7 +90,8 @@ def rollout(
         memory: of the model before the start; none by default.
 
     Returns:
-        Predicted states (K + 1, S), or (B, K + 1, S), the given one first, in the type of `state`.
+        Predicted states (K + 1, S), or (B, K + 1, S), the given one first, in the type
+        of `state`.
 
     Raises:
         ValueError: shapes that do not fit each other.
@@ -86,35 +107,53 @@ def rollout(
     states = [state.double()]
     with torch.inference_mode():
         for action in actions.double().unbind(1):
-            inputs = encode_inputs(states[-1], action, body).float()[:, None]  # (B, 1, X)
-            maps = _maps_at(grounds, states[-1], body, pixels, spacing)[:, None]  # (B, 1, P, P)
-            predicted, memory = model(role, inputs.to(model.device), maps.to(model.device), memory)
+            # (B, 1, X)
+            inputs = encode_inputs(states[-1], action, body).float()[:, None]
+            # (B, 1, P, P)
+            maps = _maps_at(grounds, states[-1], body, pixels, spacing)[:, None]
+            predicted, memory = model(
+                role, inputs.to(model.device), maps.to(model.device), memory
+            )
             states.append(integrate(states[-1], predicted[:, 0].cpu().double(), body))
     path = torch.stack(states, dim=1).to(state.dtype).clone()
     return path[0] if single else path
 
 
-def _maps_at(grounds: Tensor | None, states: Tensor, body: Body, pixels: int, spacing: float) -> Tensor:
+def _maps_at(
+    grounds: Tensor | None, states: Tensor, body: Body, pixels: int, spacing: float
+) -> Tensor:
     """Maps (B, P, P) of states (B, S), float16; P is 0 without a map."""
     if not body.map_size:
         return torch.zeros(len(states), 0, 0, dtype=torch.float16)
     assert grounds is not None
-    return robot_centred_map(grounds, states, body.pixels(pixels), body.map_size, spacing, body).half()
+    return robot_centred_map(
+        grounds, states, body.pixels(pixels), body.map_size, spacing, body
+    ).half()
 
 
-def _expect_rollout(grounds: Tensor | None, state: Tensor, actions: Tensor, body: Body) -> None:
+def _expect_rollout(
+    grounds: Tensor | None, state: Tensor, actions: Tensor, body: Body
+) -> None:
     """ValueError naming all shapes unless they fit each other and the body."""
-    given = [one for one in (grounds if body.map_size else None, state, actions) if one is not None]
+    given = [
+        one
+        for one in (grounds if body.map_size else None, state, actions)
+        if one is not None
+    ]
     dimensions = [one.ndim for one in given] == [3, 2, 3][-2 - bool(body.map_size) :]
     sizes = (state.shape[-1], actions.shape[-1]) == (len(body.state), len(body.actions))
     if not (dimensions and sizes and len({len(one) for one in given}) == 1):
         wanted = f"state (B, {len(body.state)}) and actions (B, K, {len(body.actions)}) of one B"
         *first, last = (str(tuple(one.shape)) for one in given)
         shapes = f"{', '.join(first)} and {last}"
-        raise ValueError(f"{'heights (B, H, W), ' if body.map_size else ''}{wanted}, not {shapes}")
+        raise ValueError(
+            f"{'heights (B, H, W), ' if body.map_size else ''}{wanted}, not {shapes}"
+        )
 
 
-def rollout_errors(predicted: Tensor, actual: Tensor, body: Body = ROVER) -> tuple[Tensor, Tensor]:
+def rollout_errors(
+    predicted: Tensor, actual: Tensor, body: Body = ROVER
+) -> tuple[Tensor, Tensor]:
     """How far predicted paths stray from the actual ones, step by step.
 
     Args:
@@ -123,13 +162,17 @@ def rollout_errors(predicted: Tensor, actual: Tensor, body: Body = ROVER) -> tup
         body: what a state is made of; it has a pose.
 
     Returns:
-        Distance between positions, m, and absolute difference of headings, rad in [0, pi], each (..., K): without the
-        start.
+        Distance between positions, m, and absolute difference of headings, rad in [0,
+        pi], each (..., K): without the start.
 
     Raises:
         ValueError: the shapes differ or are not of states.
     """
-    if predicted.shape != actual.shape or predicted.ndim < 2 or predicted.shape[-1] != len(body.state):
+    if (
+        predicted.shape != actual.shape
+        or predicted.ndim < 2
+        or predicted.shape[-1] != len(body.state)
+    ):
         raise ValueError(
             f"predicted and actual states (..., K + 1, {len(body.state)}), not {tuple(predicted.shape)} and "
             f"{tuple(actual.shape)}"
@@ -137,4 +180,6 @@ def rollout_errors(predicted: Tensor, actual: Tensor, body: Body = ROVER) -> tup
     predicted, actual = predicted[..., 1:, :].double(), actual[..., 1:, :].double()
     place = slice(0, 2 if body.pose == "planar" else 3)
     position = (predicted[..., place] - actual[..., place]).norm(dim=-1)
-    return position, rotations.wrap(heading_of(predicted, body) - heading_of(actual, body)).abs()
+    return position, rotations.wrap(
+        heading_of(predicted, body) - heading_of(actual, body)
+    ).abs()

@@ -1,7 +1,7 @@
 """The losses of the paper, equations (1) to (5).
 
-The discriminator's losses are computed from its logits s, A = sigmoid(s), because -log A(x) = softplus(-s) stays finite
-where A itself rounds to 0 or 1.
+The discriminator's losses are computed from its logits s, A = sigmoid(s), because -log
+A(x) = softplus(-s) stays finite where A itself rounds to 0 or 1.
 """
 
 from __future__ import annotations
@@ -10,7 +10,9 @@ import torch.nn.functional as F
 from torch import Tensor
 
 
-def prediction_loss(predicted: Tensor, target: Tensor, weights: Tensor | None = None) -> Tensor:
+def prediction_loss(
+    predicted: Tensor, target: Tensor, weights: Tensor | None = None
+) -> Tensor:
     """Equation (1): squared 2-norm of y' - y.
 
     Args:
@@ -27,10 +29,14 @@ def prediction_loss(predicted: Tensor, target: Tensor, weights: Tensor | None = 
     return component_losses(predicted, target, weights).sum(-1)
 
 
-def component_losses(predicted: Tensor, target: Tensor, weights: Tensor | None = None) -> Tensor:
+def component_losses(
+    predicted: Tensor, target: Tensor, weights: Tensor | None = None
+) -> Tensor:
     """The terms (..., Y) of the sum of equation (1); ValueError for shapes that differ."""
     if predicted.shape != target.shape:
-        raise ValueError(f"predicted {tuple(predicted.shape)} and target {tuple(target.shape)} must have one shape")
+        raise ValueError(
+            f"predicted {tuple(predicted.shape)} and target {tuple(target.shape)} must have one shape"
+        )
     squares = (predicted - target).square()
     return squares if weights is None else squares * weights
 
@@ -50,7 +56,9 @@ def expected_discriminator_loss(expert_logits: Tensor, novice_logits: Tensor) ->
     return discriminator_loss(expert_logits, novice_logits).mean()
 
 
-def one_sided_loss(expert_logits: Tensor | None = None, novice_logits: Tensor | None = None) -> Tensor:
+def one_sided_loss(
+    expert_logits: Tensor | None = None, novice_logits: Tensor | None = None
+) -> Tensor:
     """Equation (2) where a batch has one system's logits (...) alone: the mean of that system's term, a scalar."""
     own = expert_logits if novice_logits is None else -novice_logits
     assert own is not None

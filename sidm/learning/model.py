@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterable, Mapping
 
 import torch
@@ -15,12 +16,17 @@ from sidm.learning.units import Units, units_for
 from sidm.settings import Network
 from sidm.systems import ROLES
 
-Own = Callable[[str], bool]  # whether each system has the parameter of that name for itself
+#: whether each system has the parameter of that name for itself
+Own = Callable[[str], bool]
 
 OWN_OF_DECODER: dict[str, Own] = {
-    "none": lambda name: False, "flag": lambda name: False, "biases": lambda name: name.endswith("bias")
-}  # fmt: skip
-OWN_OF_ENCODER: dict[str, Own] = OWN_OF_DECODER | {"flag": lambda name: name == "dense.0.bias"}
+    "none": lambda name: False,
+    "flag": lambda name: False,
+    "biases": lambda name: name.endswith("bias"),
+}
+OWN_OF_ENCODER: dict[str, Own] = OWN_OF_DECODER | {
+    "flag": lambda name: name == "dense.0.bias"
+}
 
 
 class Predictor(nn.Module):
@@ -41,8 +47,10 @@ class DynamicsModel(Predictor):
 
     Args:
         network: the sizes.
-        standardisation: units of inputs and outputs, of all systems or of each; none by default.
-        seed: of the initial weights; each part has its own, so that parts are equal whatever else the model has.
+        standardisation: units of inputs and outputs, of all systems or of each; none by
+            default.
+        seed: of the initial weights; each part has its own, so that parts are equal
+            whatever else the model has.
         roles: the systems, 'novice' and 'expert' or one of them.
     """
 
@@ -59,17 +67,23 @@ class DynamicsModel(Predictor):
         super().__init__()
         roles = tuple(roles)
         encoder, sidm, decoder = self._parts
-        units = {role: None if standardisation is None else units_for(standardisation, role) for role in roles}
-        of = {role: (network, units[role], network.body(role)) for role in roles}
-        self.encoders = nn.ModuleDict(
-            {role: seeded(seed, f"{role} encoder", lambda: encoder(*of[role])) for role in roles}  # noqa: B023
-        )
+        units = {
+            role: None if standardisation is None else units_for(standardisation, role)
+            for role in roles
+        }
+
+        def drawn(part: type[nn.Module], name: str, role: str) -> nn.Module:
+            make = functools.partial(part, network, units[role], network.body(role))
+            return seeded(seed, f"{role} {name}", make)
+
+        self.encoders = nn.ModuleDict({r: drawn(encoder, "encoder", r) for r in roles})
         self.sidm = seeded(seed, "sidm", lambda: sidm(network))
-        self.decoders = nn.ModuleDict(
-            {role: seeded(seed, f"{role} decoder", lambda: decoder(*of[role])) for role in roles}  # noqa: B023
-        )
+        self.decoders = nn.ModuleDict({r: drawn(decoder, "decoder", r) for r in roles})
         if len(roles) > 1 and network.own != "all":
-            for parts, own in ((self.encoders, OWN_OF_ENCODER), (self.decoders, OWN_OF_DECODER)):
+            for parts, own in (
+                (self.encoders, OWN_OF_ENCODER),
+                (self.decoders, OWN_OF_DECODER),
+            ):
                 share(parts["expert"], parts["novice"], own[network.own])
 
     def forward(
@@ -81,17 +95,21 @@ class DynamicsModel(Predictor):
             role: 'novice' or 'expert'.
             inputs: (B, T, X), raw units.
             maps: (B, T, P, P), m.
-            memory: of the SIDM after the step before; None where the trajectories begin.
+            memory: of the SIDM after the step before; None where the trajectories
+                begin.
 
         Returns:
-            State transitions y' (B, T, Y) in raw units, and the memory after the last step.
+            State transitions y' (B, T, Y) in raw units, and the memory after the last
+            step.
 
         Raises:
             ConfigError: a system that the model does not have.
             ValueError: wrong shapes.
         """
         if role not in self.encoders:
-            raise ConfigError(f"this model has {', '.join(self.encoders)}, not {role!r}")
+            raise ConfigError(
+                f"this model has {', '.join(self.encoders)}, not {role!r}"
+            )
         transitions, memory = self.sidm(self.encoders[role](inputs, maps), memory)
         return self.decoders[role](transitions), memory
 
@@ -107,7 +125,9 @@ class DynamicsModel(Predictor):
         """Equation (1) for each sample of a system's windows, (b, T)."""
         return self.losses({role: batch}, {role: self.encode(role, batch)})[role]
 
-    def losses(self, batch: Mapping[str, Windows], latents: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    def losses(
+        self, batch: Mapping[str, Windows], latents: Mapping[str, Tensor]
+    ) -> dict[str, Tensor]:
         """Equation (1) for each sample of windows of several systems: `loss` of each, with the SIDM seeing all at once.
 
         Args:
@@ -120,7 +140,9 @@ class DynamicsModel(Predictor):
         transitions, _ = self.sidm(torch.cat(list(latents.values())))
         parts = transitions.split([len(windows) for windows in batch.values()])
         return {
-            role: prediction_loss(self.decoders[role](part), windows.targets, self.loss_weights(role))
+            role: prediction_loss(
+                self.decoders[role](part), windows.targets, self.loss_weights(role)
+            )
             for (role, windows), part in zip(batch.items(), parts, strict=True)
         }
 
@@ -132,7 +154,12 @@ class DynamicsModel(Predictor):
         own = self.state_dict()
         if all(name.startswith("sidm.") for name in weights):
             weights = own | dict(weights)
-        self.load_state_dict({n: weights[n if n in weights else n.replace(".expert.", ".novice.")] for n in own})
+        self.load_state_dict(
+            {
+                n: weights[n if n in weights else n.replace(".expert.", ".novice.")]
+                for n in own
+            }
+        )
 
 
 def share(part: nn.Module, other: nn.Module, own: Own) -> None:

@@ -16,11 +16,17 @@ from sidm.body import ROVER, Body
 from sidm.learning import convolution
 from sidm.learning.seeds import derive
 from sidm.learning.units import Standardisation, loss_weights
-from sidm.learning.weights import scale_columns, scale_last, scale_layers, scale_recurrence
+from sidm.learning.weights import (
+    scale_columns,
+    scale_last,
+    scale_layers,
+    scale_recurrence,
+)
 from sidm.settings import Network
 
 M = TypeVar("M", bound=nn.Module)
-Memory = tuple[Tensor, Tensor]  # the LSTM's hidden and cell state, each (layers, B, hidden)
+#: the LSTM's hidden and cell state, each (layers, B, hidden)
+Memory = tuple[Tensor, Tensor]
 
 
 class Encoder(nn.Module):
@@ -31,19 +37,32 @@ class Encoder(nn.Module):
     map_mean: Tensor
     map_std: Tensor
 
-    def __init__(self, network: Network, standardisation: Standardisation | None = None, body: Body = ROVER):
+    def __init__(
+        self,
+        network: Network,
+        standardisation: Standardisation | None = None,
+        body: Body = ROVER,
+    ):
         super().__init__()
         first, second = network.channels
         self.size, self.pixels = len(body.inputs), body.pixels(network.pixels)
-        layers = [
-            nn.Conv2d(1, first, network.kernel), nn.LeakyReLU(network.slope, inplace=True),
-            nn.Conv2d(first, second, network.kernel), nn.LeakyReLU(network.slope, inplace=True),
-        ] if self.pixels else []
+        layers = (
+            [
+                nn.Conv2d(1, first, network.kernel),
+                nn.LeakyReLU(network.slope, inplace=True),
+                nn.Conv2d(first, second, network.kernel),
+                nn.LeakyReLU(network.slope, inplace=True),
+            ]
+            if self.pixels
+            else []
+        )
         self.convolutions = nn.Sequential(*layers).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         features = second * network.map_side(body) ** 2
         self.dense = nn.Sequential(
-            nn.Linear(features + self.size, network.encoder_hidden), nn.LeakyReLU(network.slope),
-            nn.Linear(network.encoder_hidden, network.latent), nn.LeakyReLU(network.slope),
+            nn.Linear(features + self.size, network.encoder_hidden),
+            nn.LeakyReLU(network.slope),
+            nn.Linear(network.encoder_hidden, network.latent),
+            nn.LeakyReLU(network.slope),
         )
         if network.initialisation == "scaled":
             scale_layers(self, network.slope)
@@ -55,22 +74,33 @@ class Encoder(nn.Module):
     def forward(self, inputs: Tensor, maps: Tensor) -> Tensor:
         """Latent state-actions (B, T, latent) of inputs (B, T, X), raw units, and maps (B, T, P, P), m.
 
-        Under `torch.autocast` the layers compute in its precision; the latents have the inputs' all the same.
+        Under `torch.autocast` the layers compute in its precision; the latents have the
+        inputs' all the same.
         """
         expect(inputs, ("B", "T", self.size), "inputs")
         expect(maps, (*inputs.shape[:2], self.pixels, self.pixels), "maps")
-        numbers = ((inputs - self.input_mean) / self.input_std).flatten(0, 1)  # (B T, X)
+        # (B T, X)
+        numbers = ((inputs - self.input_mean) / self.input_std).flatten(0, 1)
         if self.pixels:
-            numbers = self._beside_features(maps.flatten(0, 1).to(inputs.dtype), numbers)
+            numbers = self._beside_features(
+                maps.flatten(0, 1).to(inputs.dtype), numbers
+            )
         return self.dense(numbers).to(inputs.dtype).unflatten(0, inputs.shape[:2])
 
     def _beside_features(self, maps: Tensor, numbers: Tensor) -> Tensor:
         """Features of maps (N, P, P), m, with numbers (N, X) behind them: (N, 4 (P - 6)^2 + X)."""
         if convolution.is_fast_for(self.convolutions, maps, numbers):
-            return convolution.features(self.convolutions, maps, numbers, self.map_mean, self.map_std)
+            return convolution.features(
+                self.convolutions, maps, numbers, self.map_mean, self.map_std
+            )
         pixels = (maps - self.map_mean) / self.map_std
-        # The channel is made the last dimension in memory: twice as fast on a CPU as the default layout.
-        features = self.convolutions(pixels.unsqueeze(-1).movedim(-1, 1)).movedim(1, -1).flatten(1)
+        # The channel is made the last dimension in memory: twice as fast on a CPU as
+        # the default layout.
+        features = (
+            self.convolutions(pixels.unsqueeze(-1).movedim(-1, 1))
+            .movedim(1, -1)
+            .flatten(1)
+        )
         return torch.cat([features, numbers.to(features.dtype)], dim=-1)
 
 
@@ -80,13 +110,20 @@ class SIDM(nn.Module):
     def __init__(self, network: Network):
         super().__init__()
         self.latent = network.latent
-        self.lstm = nn.LSTM(network.latent, network.hidden, network.layers, batch_first=True)
-        self.output = nn.Sequential(nn.Linear(network.hidden, network.latent_transition), nn.LeakyReLU(network.slope))
+        self.lstm = nn.LSTM(
+            network.latent, network.hidden, network.layers, batch_first=True
+        )
+        self.output = nn.Sequential(
+            nn.Linear(network.hidden, network.latent_transition),
+            nn.LeakyReLU(network.slope),
+        )
         if network.initialisation == "scaled":
             scale_recurrence(self.lstm)
             scale_layers(self.output, network.slope)
 
-    def forward(self, latents: Tensor, memory: Memory | None = None) -> tuple[Tensor, Memory]:
+    def forward(
+        self, latents: Tensor, memory: Memory | None = None
+    ) -> tuple[Tensor, Memory]:
         """Latent state transitions (B, T, 64) of latents (B, T, 128), and the memory after the last step.
 
         Without `memory` the trajectories begin here.
@@ -101,11 +138,17 @@ class Decoder(nn.Module):
 
     weights: Tensor | None  # (Y,), of the components in equation (1); None: all 1
 
-    def __init__(self, network: Network, standardisation: Standardisation | None = None, body: Body = ROVER):
+    def __init__(
+        self,
+        network: Network,
+        standardisation: Standardisation | None = None,
+        body: Body = ROVER,
+    ):
         super().__init__()
         self.size = network.latent_transition
         self.dense = nn.Sequential(
-            nn.Linear(network.latent_transition, network.decoder_hidden), nn.LeakyReLU(network.slope),
+            nn.Linear(network.latent_transition, network.decoder_hidden),
+            nn.LeakyReLU(network.slope),
             nn.Linear(network.decoder_hidden, len(body.targets)),
         )
         if network.initialisation == "scaled":
@@ -114,7 +157,8 @@ class Decoder(nn.Module):
         units = standardisation or Standardisation.none(body)
         self.register_buffer("target_mean", units.target_mean.clone())
         self.register_buffer("target_std", units.target_std.clone())
-        self.register_buffer("weights", loss_weights(body, units), persistent=False)  # its own, whatever it starts from
+        # its own, whatever it starts from
+        self.register_buffer("weights", loss_weights(body, units), persistent=False)
 
     def forward(self, transitions: Tensor) -> Tensor:
         """State transitions y' (..., Y) of latent state transitions (..., 64)."""
@@ -129,7 +173,8 @@ class Discriminator(nn.Module):
         super().__init__()
         self.latent = network.latent
         self.dense = nn.Sequential(
-            nn.Linear(network.latent, network.discriminator_hidden), nn.LeakyReLU(network.slope),
+            nn.Linear(network.latent, network.discriminator_hidden),
+            nn.LeakyReLU(network.slope),
             nn.Linear(network.discriminator_hidden, 1),
         )
 
@@ -158,7 +203,10 @@ def parameter_count(module: nn.Module) -> int:
 def expect(tensor: Tensor, shape: tuple[int | str, ...], name: str) -> None:
     """ValueError giving both shapes unless `tensor` has `shape`, in which names stand for any length."""
     if tensor.ndim == len(shape):
-        if all(isinstance(want, str) or have == want for have, want in zip(tensor.shape, shape, strict=True)):
+        if all(
+            isinstance(want, str) or have == want
+            for have, want in zip(tensor.shape, shape, strict=True)
+        ):
             return
     wanted = ", ".join(map(str, shape))
     raise ValueError(f"{name} must have shape ({wanted}), not {tuple(tensor.shape)}")

@@ -1,7 +1,8 @@
 """From states to what the networks see and predict, and back (section 4 of the paper).
 
-What they are made of is a body's (`sidm.body`). The paper's state is the table of `sidm.drives`; its input x is 11
-numbers and a robot-centred height map, its output y, a transition, 13 numbers:
+What they are made of is a body's (`sidm.body`). The paper's state is the table of
+`sidm.drives`; its input x is 11 numbers and a robot-centred height map, its output y, a
+transition, 13 numbers:
 
 =====  ========================================  ==========  =======================
 index  quantity of x                             unit        frame
@@ -31,13 +32,16 @@ from sidm.body import ROVER, UP, Body
 from sidm.config import unknown_name
 from sidm.drives import ACTION_SIZE, POSITION, QUATERNION, STATE_SIZE, TWIST
 
-INPUT_SIZE, TARGET_SIZE = len(ROVER.inputs), len(ROVER.targets)  # 11 and 13, of the paper
+#: 11 and 13, of the paper
+INPUT_SIZE, TARGET_SIZE = len(ROVER.inputs), len(ROVER.targets)
 
 
 def require(tensor: Tensor, size: int, name: str) -> None:
     """ValueError unless the last dimension of `tensor` is `size`."""
     if tensor.ndim == 0 or tensor.shape[-1] != size:
-        raise ValueError(f"{name} must have shape (..., {size}), not {tuple(tensor.shape)}")
+        raise ValueError(
+            f"{name} must have shape (..., {size}), not {tuple(tensor.shape)}"
+        )
 
 
 def encode_inputs(states: Tensor, actions: Tensor, body: Body = ROVER) -> Tensor:
@@ -62,22 +66,34 @@ def encode_inputs(states: Tensor, actions: Tensor, body: Body = ROVER) -> Tensor
 
 def _up(states: Tensor) -> Tensor:
     """The up direction (..., 3) in the body's frame, of states whose pose is spatial."""
-    return rotations.rotate_inverse(states[..., QUATERNION], states.new_tensor([0.0, 0.0, 1.0]))
+    return rotations.rotate_inverse(
+        states[..., QUATERNION], states.new_tensor([0.0, 0.0, 1.0])
+    )
 
 
 def transition(states: Tensor, next_states: Tensor, body: Body = ROVER) -> Tensor:
     """The output y (..., Y) that leads from `states` to `next_states`, each (..., S); a quaternion has w >= 0."""
     require(states, len(body.state), "states")
     require(next_states, len(body.state), "next_states")
-    new, way = next_states[..., body.pose_size :], next_states[..., :3] - states[..., :3]
+    new, way = (
+        next_states[..., body.pose_size :],
+        next_states[..., :3] - states[..., :3],
+    )
     if body.pose == "none":
         return new
     if body.pose == "planar":
         turn = rotations.wrap(way[..., 2:])
-        return torch.cat([rotations.turn(way[..., :2], -states[..., 2]), turn, new], dim=-1)
+        return torch.cat(
+            [rotations.turn(way[..., :2], -states[..., 2]), turn, new], dim=-1
+        )
     before = states[..., QUATERNION]
-    rotation = rotations.multiply(rotations.conjugate(before), next_states[..., QUATERNION])
-    return torch.cat([rotations.rotate_inverse(before, way), rotations.canonical(rotation), new], dim=-1)
+    rotation = rotations.multiply(
+        rotations.conjugate(before), next_states[..., QUATERNION]
+    )
+    return torch.cat(
+        [rotations.rotate_inverse(before, way), rotations.canonical(rotation), new],
+        dim=-1,
+    )
 
 
 def integrate(states: Tensor, transitions: Tensor, body: Body = ROVER) -> Tensor:
@@ -89,9 +105,14 @@ def integrate(states: Tensor, transitions: Tensor, body: Body = ROVER) -> Tensor
         return new
     if body.pose == "planar":
         place = states[..., :2] + rotations.turn(transitions[..., :2], states[..., 2])
-        return torch.cat([place, rotations.wrap(states[..., 2:3] + transitions[..., 2:3]), new], dim=-1)
+        return torch.cat(
+            [place, rotations.wrap(states[..., 2:3] + transitions[..., 2:3]), new],
+            dim=-1,
+        )
     before = states[..., QUATERNION]
-    position = states[..., POSITION] + rotations.rotate(before, transitions[..., POSITION])
+    position = states[..., POSITION] + rotations.rotate(
+        before, transitions[..., POSITION]
+    )
     relative = rotations.normalise(transitions[..., QUATERNION])
     quaternion = rotations.normalise(rotations.multiply(before, relative))
     return torch.cat([position, quaternion, new], dim=-1)
@@ -101,32 +122,59 @@ def seen_as(body: Body, states: Tensor, actions: Tensor) -> tuple[Tensor, Tensor
     """The paper's states (..., 13) and actions (..., 2) as a robot of another body has them.
 
     Returns:
-        States (..., S) and actions (..., A): the pose of the body's kind; of columns those of the paper's state and of
-        the up direction, `up_x` to `up_z`; of actions throttle and steering, or `left` and `right`, their sum and
-        their difference.
+        States (..., S) and actions (..., A): the pose of the body's kind; of columns
+        those of the paper's state and of the up direction, `up_x` to `up_z`; of actions
+        throttle and steering, or `left` and `right`, their sum and their difference.
 
     Raises:
         ConfigError: a column that the paper's robots do not have.
     """
     require(states, STATE_SIZE, "states")
     require(actions, ACTION_SIZE, "actions")
-    known = dict(zip((name for name, _ in ROVER.columns), states[..., TWIST].unbind(-1), strict=True))
-    known |= dict(zip((name.replace(" ", "_") for name in UP), _up(states).unbind(-1), strict=True))
+    known = dict(
+        zip(
+            (name for name, _ in ROVER.columns),
+            states[..., TWIST].unbind(-1),
+            strict=True,
+        )
+    )
+    known |= dict(
+        zip(
+            (name.replace(" ", "_") for name in UP), _up(states).unbind(-1), strict=True
+        )
+    )
     throttle, steering = actions.unbind(-1)
-    commands = {"throttle": throttle, "steering": steering, "left": throttle + steering, "right": throttle - steering}
+    commands = {
+        "throttle": throttle,
+        "steering": steering,
+        "left": throttle + steering,
+        "right": throttle - steering,
+    }
 
-    def chosen(columns: tuple[tuple[str, str], ...], some: dict[str, Tensor], like: Tensor) -> Tensor:
+    def chosen(
+        columns: tuple[tuple[str, str], ...], some: dict[str, Tensor], like: Tensor
+    ) -> Tensor:
         for name, _ in columns:
             if name not in some:
-                raise unknown_name(name, some, f"what the paper's robots have for body '{body.name}'")
-        return torch.stack([some[name] for name, _ in columns], -1) if columns else like[..., :0]
+                raise unknown_name(
+                    name, some, f"what the paper's robots have for body '{body.name}'"
+                )
+        return (
+            torch.stack([some[name] for name, _ in columns], -1)
+            if columns
+            else like[..., :0]
+        )
 
     pose = {
         "none": lambda: states[..., :0],
-        "planar": lambda: torch.cat([states[..., :2], rotations.yaw(states[..., QUATERNION])[..., None]], -1),
+        "planar": lambda: torch.cat(
+            [states[..., :2], rotations.yaw(states[..., QUATERNION])[..., None]], -1
+        ),
         "spatial": lambda: states[..., : QUATERNION.stop],
     }[body.pose]()
-    return torch.cat([pose, chosen(body.columns, known, states)], -1), chosen(body.actions, commands, actions)
+    return torch.cat([pose, chosen(body.columns, known, states)], -1), chosen(
+        body.actions, commands, actions
+    )
 
 
 def robot_centred_map(
@@ -140,33 +188,47 @@ def robot_centred_map(
     """The terrain around the robot, turned with its heading, relative to its own height.
 
     Args:
-        heights: (H, W), m, index [y, x], centred on the world's origin; or (N, H, W), one terrain for each first index
-            of `states`. Beyond the grid the height of the border goes on.
+        heights: (H, W), m, index [y, x], centred on the world's origin; or (N, H, W),
+            one terrain for each first index of `states`. Beyond the grid the height of
+            the border goes on.
         states: (..., S), or (N, ..., S) with N terrains; the paper's S is 13.
         pixels: P, a side of the map.
         size: side of the square that the map covers, m.
         spacing: of the terrain's grid, m.
-        body: what a state is made of; a planar pose has no height, the ground's under it stands for it.
+        body: what a state is made of; a planar pose has no height, the ground's under
+            it stands for it.
 
     Returns:
-        (..., P, P), m, in the wider of the two types. Axis -2 runs along the body's y (to the left), axis -1 along
-        its x (forward), by yaw only; the centre of pixel i is at ((i + 0.5) / P - 0.5) * size.
+        (..., P, P), m, in the wider of the two types. Axis -2 runs along the body's y
+        (to the left), axis -1 along its x (forward), by yaw only; the centre of pixel i
+        is at ((i + 0.5) / P - 0.5) * size.
 
     Raises:
         ValueError: shapes that do not fit each other.
     """
     heights, states = torch.as_tensor(heights), torch.as_tensor(states)
     several, count = heights.ndim == 3, len(body.state)
-    fit = heights.ndim in (2, 3) and states.ndim >= 1 + several and states.shape[-1] == count
+    fit = (
+        heights.ndim in (2, 3)
+        and states.ndim >= 1 + several
+        and states.shape[-1] == count
+    )
     if not fit or (several and len(heights) != len(states)):
         raise ValueError(
             f"heights (H, W) with states (..., {count}), or heights (N, H, W) with states (N, ..., {count}) of one N, "
             f"not heights {tuple(heights.shape)} with states {tuple(states.shape)}"
         )
     dtype = torch.promote_types(heights.dtype, states.dtype)
-    heights, states = (heights if several else heights[None]).to(dtype), states.to(dtype)
+    heights, states = (
+        (heights if several else heights[None]).to(dtype),
+        states.to(dtype),
+    )
     x, y = _pixel_positions(states, pixels, size, body)  # each (..., P, P), world
-    own = states[..., 2] if body.pose == "spatial" else _ground(heights, states[..., 0], states[..., 1], spacing)
+    own = (
+        states[..., 2]
+        if body.pose == "spatial"
+        else _ground(heights, states[..., 0], states[..., 1], spacing)
+    )
     return _ground(heights, x, y, spacing) - own[..., None, None]
 
 
@@ -176,9 +238,14 @@ def _ground(heights: Tensor, x: Tensor, y: Tensor, spacing: float) -> Tensor:
     return surface(heights, x.reshape(flat), y.reshape(flat), spacing).reshape(x.shape)
 
 
-def _pixel_positions(states: Tensor, pixels: int, size: float, body: Body) -> tuple[Tensor, Tensor]:
+def _pixel_positions(
+    states: Tensor, pixels: int, size: float, body: Body
+) -> tuple[Tensor, Tensor]:
     """World x and y, each (..., P, P), m, of the pixels of maps centred on `states` (..., S)."""
-    offset = ((torch.arange(pixels, dtype=states.dtype, device=states.device) + 0.5) / pixels - 0.5) * size
+    offset = (
+        (torch.arange(pixels, dtype=states.dtype, device=states.device) + 0.5) / pixels
+        - 0.5
+    ) * size
     forward, left = offset[None, :], offset[:, None]
     heading = heading_of(states, body)[..., None, None]
     cos, sin = torch.cos(heading), torch.sin(heading)
@@ -189,13 +256,18 @@ def _pixel_positions(states: Tensor, pixels: int, size: float, body: Body) -> tu
 
 def heading_of(states: Tensor, body: Body = ROVER) -> Tensor:
     """Yaw (...), rad, of states (..., S) with a pose."""
-    return rotations.yaw(states[..., QUATERNION]) if body.pose == "spatial" else states[..., 2]
+    return (
+        rotations.yaw(states[..., QUATERNION])
+        if body.pose == "spatial"
+        else states[..., 2]
+    )
 
 
 def surface(heights: Tensor, x: Tensor, y: Tensor, spacing: float = 0.1) -> Tensor:
     """Heights (N, K), m, of N terrains (N, H, W) at points `x`, `y` (N, K): `sidm.terrain.height_at` on tensors.
 
-    The surface is that of two triangles a grid cell, cut from corner (0, 1) to corner (1, 0).
+    The surface is that of two triangles a grid cell, cut from corner (0, 1) to corner
+    (1, 0).
     """
     rows, columns = heights.shape[-2:]
     across = (x / spacing + (columns - 1) / 2).clamp(0, columns - 1)

@@ -18,7 +18,9 @@ from sidm.learning.stopping import Components, EarlyStopping, Tested
 from sidm.learning.trainer import Trainer
 from sidm.settings import Network
 
-SAVING = 0.02  # share of the time that may go into writing; the first and the last phase are always written
+#: share of the time that may go into writing; the first and the last phase are always
+#: written
+SAVING = 0.02
 LONGEST = 60.0  # s without a checkpoint, however long one takes
 
 
@@ -74,9 +76,18 @@ def state(trainer: Trainer) -> tuple[dict[str, Tensor], dict[str, Any]]:
         "best": trainer.best,
     }
     groups |= trainer.sampler.state()
-    groups |= {name: checkpoint.optimiser_tensors(one) for name, one in trainer.optimisers().items()}
-    groups |= {f"hook {number}": hook.tensors() for number, hook in enumerate(trainer.hooks)}
-    tensors = {name: one for group, part in groups.items() for name, one in checkpoint.prefixed(group, part).items()}
+    groups |= {
+        name: checkpoint.optimiser_tensors(one)
+        for name, one in trainer.optimisers().items()
+    }
+    groups |= {
+        f"hook {number}": hook.tensors() for number, hook in enumerate(trainer.hooks)
+    }
+    tensors = {
+        name: one
+        for group, part in groups.items()
+        for name, one in checkpoint.prefixed(group, part).items()
+    }
     return tensors, {
         "stopping": dataclasses.asdict(trainer.stopping),
         "history": [list(tested) for tested in trainer.history],
@@ -88,11 +99,16 @@ def state(trainer: Trainer) -> tuple[dict[str, Tensor], dict[str, Any]]:
     }
 
 
-def load_state(trainer: Trainer, tensors: dict[str, Tensor], values: dict[str, Any]) -> None:
+def load_state(
+    trainer: Trainer, tensors: dict[str, Tensor], values: dict[str, Any]
+) -> None:
     """Put back what `state` gave."""
     trainer.model.load_state_dict(checkpoint.under("model", tensors))
     trainer.discriminator.load_state_dict(checkpoint.under("discriminator", tensors))
-    trainer.best = {name: tensor.to(trainer.device) for name, tensor in checkpoint.under("best", tensors).items()}
+    trainer.best = {
+        name: tensor.to(trainer.device)
+        for name, tensor in checkpoint.under("best", tensors).items()
+    }
     for name, optimiser in trainer.optimisers().items():
         checkpoint.load_optimiser(optimiser, checkpoint.under(name, tensors))
     if trainer.training.zero_gradients:
@@ -100,13 +116,20 @@ def load_state(trainer: Trainer, tensors: dict[str, Tensor], values: dict[str, A
             parameter.grad = torch.zeros_like(parameter)
     for number, hook in enumerate(trainer.hooks):
         hook.restore(checkpoint.under(f"hook {number}", tensors), values["iteration"])
-    trainer.sampler.restore(checkpoint.under("generators", tensors), checkpoint.under("waiting", tensors))
+    trainer.sampler.restore(
+        checkpoint.under("generators", tensors), checkpoint.under("waiting", tensors)
+    )
     trainer.stopping = EarlyStopping(**values["stopping"])
     trainer.history = [Tested(*tested) for tested in values["history"]]
-    trainer.components = [Components(samples, tuple(t), tuple(v)) for samples, t, v in values["components"]]
+    trainer.components = [
+        Components(samples, tuple(t), tuple(v))
+        for samples, t, v in values["components"]
+    ]
     trainer.iteration, trainer.samples = values["iteration"], values["samples"]
     trainer.accuracy = values["accuracy"]
-    trainer.losses = {role: (total, count) for role, (total, count) in values["losses"].items()}
+    trainer.losses = {
+        role: (total, count) for role, (total, count) in values["losses"].items()
+    }
 
 
 def identity(trainer: Trainer) -> dict[str, Any]:
@@ -119,11 +142,17 @@ def identity(trainer: Trainer) -> dict[str, Any]:
         "seed": trainer.seed,
         "units": trainer.units,
         "start": trainer.start,
-        "data": {k: checkpoint.digest((one.inputs, one.targets)) for k, one in sets.items() if one is not None},
+        "data": {
+            k: checkpoint.digest((one.inputs, one.targets))
+            for k, one in sets.items()
+            if one is not None
+        },
     }
 
 
 def _plain(network: Network) -> dict[str, Any]:
     """A network's sizes as JSON gives them back, without bodies that are the paper's."""
-    values = {name: value for name, value in to_mapping(network).items() if value is not None}
+    values = {
+        name: value for name, value in to_mapping(network).items() if value is not None
+    }
     return json.loads(json.dumps(values))

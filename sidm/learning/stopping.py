@@ -8,7 +8,8 @@ from typing import Literal, NamedTuple
 
 RELEASED_SMOOTHING = 0.9  # of the test and the training loss, a test
 RELEASED_PATIENCE = 25_000  # prediction iterations
-RELEASED_RATIO = 0.8  # of training loss to test loss, below which the model counts as overfit
+#: of training loss to test loss, below which the model counts as overfit
+RELEASED_RATIO = 0.8
 
 
 class TrainingError(RuntimeError):
@@ -29,13 +30,18 @@ class Tested(NamedTuple):
     """A point of the learning curve."""
 
     samples: int  # control steps of the prediction phases so far
-    training_loss: float  # equation (1) on the novice's samples since the test before; on all samples if it had none
+    #: equation (1) on the novice's samples since the test before; on all samples if it
+    #: had none
+    training_loss: float
     test_loss: float  # equation (1) on the novice's test split, not smoothed
-    discriminator_accuracy: float | None  # share of latents told apart in the last discriminator phase; None without
-    validation_loss: float | None = None  # equation (1) on the validation set, which nothing goes by; None: without
+    #: share of latents told apart in the last discriminator phase; None without
+    discriminator_accuracy: float | None
+    #: equation (1) on the validation set, which nothing goes by; None: without
+    validation_loss: float | None = None
 
 
-#: Samples between two measurements by component: each has seen at least so many times those of the one before.
+#: Samples between two measurements by component: each has seen at least so many times
+#: those of the one before.
 SPACING = 1.12  # of a training of 6 million samples about 40 are kept
 
 
@@ -43,17 +49,19 @@ class Components(NamedTuple):
     """The loss by component at a point of the learning curve, on the first trajectories of each set."""
 
     samples: int  # control steps of the prediction phases so far
-    test: tuple[float, ...]  # (13,) summands of equation (1), on the novice's test split
-    validation: tuple[float, ...]  # (13,) the same on the validation set, which nothing goes by
+    #: (13,) summands of equation (1), on the novice's test split
+    test: tuple[float, ...]
+    #: (13,) the same on the validation set, which nothing goes by
+    validation: tuple[float, ...]
 
 
 @dataclass
 class EarlyStopping:
     """Follows the test loss and says when training has to end.
 
-    `rule` 'test_loss' ends it when the smoothed test loss has not had a new minimum for `patience` samples; 'released'
-    when that, smoothed by 0.9, has had none for 25,000 iterations and the training loss is below 0.8 of it. Both end at
-    `max_samples`.
+    `rule` 'test_loss' ends it when the smoothed test loss has not had a new minimum for
+    `patience` samples; 'released' when that, smoothed by 0.9, has had none for 25,000
+    iterations and the training loss is below 0.8 of it. Both end at `max_samples`.
     """
 
     rule: Literal["test_loss", "released"]
@@ -66,14 +74,20 @@ class EarlyStopping:
     best_samples: int = 0  # seen when it was reached
     best_iteration: int = 0
 
-    def update(self, samples: int, iteration: int, training_loss: float, test_loss: float) -> bool:
+    def update(
+        self, samples: int, iteration: int, training_loss: float, test_loss: float
+    ) -> bool:
         """Take in a test; whether its smoothed loss is the lowest so far."""
         weight = RELEASED_SMOOTHING if self.rule == "released" else self.smoothing
         self.test_loss = _smooth(self.test_loss, test_loss, weight)
         self.training_loss = _smooth(self.training_loss, training_loss, weight)
         if self.best is not None and not self.test_loss < self.best:
             return False
-        self.best, self.best_samples, self.best_iteration = self.test_loss, samples, iteration
+        self.best, self.best_samples, self.best_iteration = (
+            self.test_loss,
+            samples,
+            iteration,
+        )
         return True
 
     def finished(self, samples: int, iteration: int) -> bool:
@@ -105,12 +119,16 @@ class Rule(NamedTuple):
     smoothing: float = 0.5  # weight of the past in the smoothed test loss
     patience: int | None = None  # samples without a new minimum; None: without end
     most: int | None = None  # samples; None: as many as there are
-    of_released: int = 128  # samples that count as an iteration of the released rule: 2 trajectories of 64 steps
+    #: samples that count as an iteration of the released rule: 2 trajectories of 64
+    #: steps
+    of_released: int = 128
 
     def stopper(self) -> EarlyStopping:
         """What follows the tests by this rule."""
         without_end = 2**62
-        patience, most = (without_end if one is None else one for one in (self.patience, self.most))
+        patience, most = (
+            without_end if one is None else one for one in (self.patience, self.most)
+        )
         return EarlyStopping(self.stopping, self.smoothing, patience, most)
 
 
@@ -133,17 +151,22 @@ def keep(curve: Curve, rule: Rule) -> Kept:
     stopper, best, last, ended = rule.stopper(), None, 0, False
     tests = zip(curve.samples, curve.training_loss, curve.test_loss, strict=True)
     for number, (samples, training_loss, test_loss) in enumerate(tests):
-        before = samples - curve.iteration  # a training that ends within the tests' interval takes no further test
+        # a training that ends within the tests' interval takes no further test
+        before = samples - curve.iteration
         if stopper.finished(before, before // rule.of_released):
             ended = True
             break
         last = samples
-        if stopper.update(samples, samples // rule.of_released, training_loss, test_loss):
+        if stopper.update(
+            samples, samples // rule.of_released, training_loss, test_loss
+        ):
             best = number
     if best is None or stopper.best is None:
         raise ValueError("a training without a test keeps nothing")
     ended = ended or stopper.finished(last, last // rule.of_released)
-    return Kept(curve.samples[best], stopper.best, curve.validation_loss[best], last, ended)
+    return Kept(
+        curve.samples[best], stopper.best, curve.validation_loss[best], last, ended
+    )
 
 
 def _smooth(past: float | None, now: float, weight: float) -> float:

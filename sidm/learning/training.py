@@ -14,7 +14,11 @@ from torch import Tensor
 
 from sidm.learning.arithmetic import flushed_denormals, matmul_precision
 from sidm.learning.dataset import Datasets
-from sidm.learning.losses import expected_discriminator_loss, expected_matching_loss, one_sided_loss
+from sidm.learning.losses import (
+    expected_discriminator_loss,
+    expected_matching_loss,
+    one_sided_loss,
+)
 from sidm.learning.model import Predictor
 from sidm.learning.observation import TARGET_SIZE
 from sidm.learning.resuming import Checkpoint
@@ -23,7 +27,16 @@ from sidm.learning.trainer import Progress, Trainer
 from sidm.learning.units import Units
 from sidm.settings import Network, Training
 
-__all__ = ["Progress", "Tested", "Trained", "Training", "TrainingError", "learn", "result", "train"]
+__all__ = [
+    "Progress",
+    "Tested",
+    "Trained",
+    "Training",
+    "TrainingError",
+    "learn",
+    "result",
+    "train",
+]
 
 
 class Trained(NamedTuple):
@@ -36,7 +49,8 @@ class Trained(NamedTuple):
     best_test_loss: float  # smoothed, of the weights returned
     best_samples: int  # seen when they were reached
     stopped_early: bool  # by the stopping rule, not by max_samples
-    components: Sequence[Components] = ()  # the loss by component at some tests; none of a closed form
+    #: the loss by component at some tests; none of a closed form
+    components: Sequence[Components] = ()
 
 
 def train(
@@ -54,24 +68,30 @@ def train(
     """Train a model from fresh weights or from `start`: Algorithms 1 and 2 in turn (section 3.2).
 
     Args:
-        datasets: the novice's train and test split, and the expert's data unless p_expert is 0 without regularisation.
+        datasets: the novice's train and test split, and the expert's data unless
+            p_expert is 0 without regularisation.
         network: sizes of the networks; `pixels` are those of the datasets' maps.
         training: every choice of the algorithms.
-        seed: of the initial weights and all draws; what two methods share begins and is drawn alike.
-        standardisation: units inside the networks, of all systems or of each; by default those of `units_of`.
-        checkpoint: a folder to go on from, bit for bit on one thread, and to write the state to after phases.
+        seed: of the initial weights and all draws; what two methods share begins and is
+            drawn alike.
+        standardisation: units inside the networks, of all systems or of each; by
+            default those of `units_of`.
+        checkpoint: a folder to go on from, bit for bit on one thread, and to write the
+            state to after phases.
         progress: called after each test.
         device: where to compute.
-        start: initial weights, such as `rivals.fine_tuning.start_from(...).weights`; fresh ones by default.
+        start: initial weights, such as `rivals.fine_tuning.start_from(...).weights`;
+            fresh ones by default.
 
     Returns:
-        The best model by test loss, and how it came about. A function of the arguments up to `standardisation`, and of
-        `start`.
+        The best model by test loss, and how it came about. A function of the arguments
+        up to `standardisation`, and of `start`.
 
     Raises:
         ConfigError: data that the settings need are not there.
         CheckpointError: the checkpoint is damaged or of another run.
-        TrainingError: a test found a loss that is not finite; the message names the iteration.
+        TrainingError: a test found a loss that is not finite; the message names the
+            iteration.
 
     Examples:
         >>> from sidm.learning import Datasets, windows_of
@@ -82,13 +102,18 @@ def train(
         >>> trained.samples
         3072
     """
-    trainer, state = Trainer(datasets, network, training, seed, standardisation, device, start), Checkpoint(checkpoint)
+    trainer, state = (
+        Trainer(datasets, network, training, seed, standardisation, device, start),
+        Checkpoint(checkpoint),
+    )
     state.restore(trainer)
     with matmul_precision(training.precision), flushed_denormals():
         return learn(trainer, progress, state)
 
 
-def learn(trainer: Trainer, progress: Progress | None = None, state: Checkpoint | None = None) -> Trained:
+def learn(
+    trainer: Trainer, progress: Progress | None = None, state: Checkpoint | None = None
+) -> Trained:
     """Algorithms 1 and 2 in turn until a training is finished."""
     state = state or Checkpoint(None)
     while not trainer.finished:
@@ -106,10 +131,15 @@ def predict(trainer: Trainer, progress: Progress | None = None) -> None:
     training = trainer.training
     for _ in range(training.prediction_iterations):
         batch = trainer.sampler.batch()  # each window the expert's with probability p_e
-        latents = {role: trainer.encode(role, windows) for role, windows in batch.items()}
+        latents = {
+            role: trainer.encode(role, windows) for role, windows in batch.items()
+        }
         losses = trainer.model.losses(batch, latents)  # equation (1)
-        loss = torch.cat(list(losses.values())).mean()  # over the whole batch, whatever the system
-        trainer.step_prediction(loss / TARGET_SIZE if training.reduction == "mean" else loss, latents)
+        # over the whole batch, whatever the system
+        loss = torch.cat(list(losses.values())).mean()
+        trainer.step_prediction(
+            loss / TARGET_SIZE if training.reduction == "mean" else loss, latents
+        )
         trainer.note(losses)
         if trainer.test_is_due:
             trainer.take_test(progress)
@@ -131,9 +161,15 @@ def discriminator_iteration(trainer: Trainer) -> None:
     """One step of A alone, equation (2)."""
     batch = trainer.sampler.discriminator_batch()
     with torch.no_grad():
-        latents = {role: trainer.encode(role, windows) for role, windows in batch.items()}
+        latents = {
+            role: trainer.encode(role, windows) for role, windows in batch.items()
+        }
     logits = trainer.discriminate(latents)
-    loss = expected_discriminator_loss(**logits) if len(logits) > 1 else one_sided_loss(**logits)
+    loss = (
+        expected_discriminator_loss(**logits)
+        if len(logits) > 1
+        else one_sided_loss(**logits)
+    )
     trainer.step_discriminator(loss)
 
 

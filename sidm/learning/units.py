@@ -40,10 +40,13 @@ class Standardisation(NamedTuple):
         maps = motion.first(maps_from).take(range(min(maps_from, len(motion)))).maps
         map_mean, map_std = _moments(one.reshape(-1, 1) for one in maps)
         target_mean, target_std = _moments([motion.targets.flatten(0, 1)])
-        return cls(input_mean, input_std, map_mean[0], map_std[0], target_mean, target_std)
+        return cls(
+            input_mean, input_std, map_mean[0], map_std[0], target_mean, target_std
+        )
 
 
-Units = Standardisation | Mapping[str, Standardisation]  # of all systems, or of each by its role
+#: of all systems, or of each by its role
+Units = Standardisation | Mapping[str, Standardisation]
 
 
 def units_of(datasets: Datasets, network: Network) -> Units:
@@ -54,15 +57,23 @@ def units_of(datasets: Datasets, network: Network) -> Units:
     """
     if network.body("novice") == network.body("expert") == ROVER:
         if datasets.expert is None:
-            raise ConfigError("without the expert's data pass `standardisation`, the same for all methods compared")
+            raise ConfigError(
+                "without the expert's data pass `standardisation`, the same for all methods compared"
+            )
         return Standardisation.of(datasets.expert)
     own = {"novice": Standardisation.of(datasets.train)}
-    return own if datasets.expert is None else own | {"expert": Standardisation.of(datasets.expert)}
+    return (
+        own
+        if datasets.expert is None
+        else own | {"expert": Standardisation.of(datasets.expert)}
+    )
 
 
 def loss_weights(body: Body, units: Standardisation) -> Tensor | None:
     """Weights (Y,) of the components in equation (1): 1 over the variance, or None where all are 1."""
-    return units.target_std.square().reciprocal() if body.weights == "variance" else None
+    return (
+        units.target_std.square().reciprocal() if body.weights == "variance" else None
+    )
 
 
 def units_for(units: Units, role: str) -> Standardisation:
@@ -75,7 +86,11 @@ def _moments(parts: Iterable[Tensor]) -> tuple[Tensor, Tensor]:
     count, total, squares = 0, torch.zeros(()), torch.zeros(())
     for part in parts:
         wide = part.double()
-        count, total, squares = count + len(wide), total + wide.sum(0), squares + wide.square().sum(0)
+        count, total, squares = (
+            count + len(wide),
+            total + wide.sum(0),
+            squares + wide.square().sum(0),
+        )
     mean = total / max(count, 1)  # of no maps there are none
     std = (squares / max(count, 1) - mean.square()).clamp_min(0).sqrt()
     return mean.float(), torch.where(std > SMALLEST_STD, std, 1.0).float()

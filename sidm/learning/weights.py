@@ -1,8 +1,9 @@
 """A model's weights: how they begin, and the optimiser that moves them.
 
-The paper names no initial weights. The scaled ones carry the inputs through the layers at their own scale: with
-PyTorch's defaults a signal shrinks in every layer, most of all in an LSTM's, and an encoder's few numbers are lost
-beside its map's thousands. The loss then stands still until some hundreds of batches have made the weights grow.
+The paper names no initial weights. The scaled ones carry the inputs through the layers
+at their own scale: with PyTorch's defaults a signal shrinks in every layer, most of all
+in an LSTM's, and an encoder's few numbers are lost beside its map's thousands. The loss
+then stands still until some hundreds of batches have made the weights grow.
 """
 
 from __future__ import annotations
@@ -59,4 +60,9 @@ def learnt(module: nn.Module) -> list[nn.Parameter]:
 def make_optimiser(module: nn.Module, training: Training) -> torch.optim.Optimizer:
     """Adam with decoupled weight decay (section 4), or with the released code's L2 penalty."""
     adam = torch.optim.AdamW if training.decay == "decoupled" else torch.optim.Adam
-    return adam(learnt(module), lr=training.learning_rate, weight_decay=training.weight_decay, fused=True)
+    return adam(
+        learnt(module),
+        lr=training.learning_rate,
+        weight_decay=training.weight_decay,
+        fused=True,
+    )

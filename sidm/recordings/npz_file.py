@@ -1,15 +1,16 @@
 """Many drives in one .npz file: the rows of all one after the other, each ground once, and a header in JSON.
 
-=========  ===============  ============================================================================
-member     shape            what it is
-=========  ===============  ============================================================================
-rows       (R, C)           numbers
+=========  ===============
+============================================================================ member     shape            what it is
+=========  ===============
+============================================================================ rows       (R, C)           numbers
 lengths    (N,)             rows of each drive
 header     ()               text: JSON with the names of HEADER
 sessions   (N,)             text: drives of one belong together; may be missing
 ground     (N,)             of a body with a height map: which of the grounds each drove on
 heights    (M, H, W)        of such a body: grounds, index [y, x]
-=========  ===============  ============================================================================
+=========  ===============
+============================================================================
 """
 
 from __future__ import annotations
@@ -53,15 +54,29 @@ def read_npz(path: Path, body: Body) -> list[Table]:
         with file:
             members = {name: file[name] for name in file.files}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise RecordingError(f"{path}: cannot be read as .npz ({first_line(error)})") from None
-    wanted = ("rows", "lengths", "header", *(("ground", "heights") if body.map_size else ()))
+        raise RecordingError(
+            f"{path}: cannot be read as .npz ({first_line(error)})"
+        ) from None
+    wanted = (
+        "rows",
+        "lengths",
+        "header",
+        *(("ground", "heights") if body.map_size else ()),
+    )
     for name in wanted:
         if name not in members:
-            raise RecordingError(f"{path}: member '{name}' is missing; a file of drives has {', '.join(wanted)}")
+            raise RecordingError(
+                f"{path}: member '{name}' is missing; a file of drives has {', '.join(wanted)}"
+            )
     header = _header(path, members["header"], bool(body.map_size))
     rows, lengths = members["rows"], _whole(path, "lengths", members["lengths"])
     names, units = header["columns"], header["units"]
-    if rows.ndim != 2 or rows.shape[1] != len(names) or len(units) != len(names) or lengths.sum() != len(rows):
+    if (
+        rows.ndim != 2
+        or rows.shape[1] != len(names)
+        or len(units) != len(names)
+        or lengths.sum() != len(rows)
+    ):
         raise RecordingError(
             f"{path}: rows {rows.shape}, {len(names)} columns, {len(units)} units and {len(lengths)} lengths with sum "
             f"{lengths.sum()} do not belong together"
@@ -69,21 +84,32 @@ def read_npz(path: Path, body: Body) -> list[Table]:
     if rows.dtype.kind not in "fiu":
         raise RecordingError(f"{path}: rows of {rows.dtype}, not of numbers")
     factors = scales(str(path), names, units, body, "time" in names)
-    grounds = _grounds(path, members, header, len(lengths)) if body.map_size else [None] * len(lengths)
+    grounds = (
+        _grounds(path, members, header, len(lengths))
+        if body.map_size
+        else [None] * len(lengths)
+    )
     sessions = members.get("sessions", np.full(len(lengths), ""))
     if sessions.shape != lengths.shape or sessions.dtype.kind != "U":
-        raise RecordingError(f"{path}: sessions {sessions.shape} of {sessions.dtype}, not a text for each drive")
+        raise RecordingError(
+            f"{path}: sessions {sessions.shape} of {sessions.dtype}, not a text for each drive"
+        )
     rate = None if "time" in factors else float(header["rate"])
     if rate is not None and not 0 < rate < float("inf"):
         raise RecordingError(f"{path}: a rate of {rate:g} Hz; it must be positive")
     return [
         Table(
             f"{path} drive {number}",
-            {name: part[:, names.index(name)].astype(float) * factor for name, factor in factors.items()},
-            {"session": np.full(len(part), sessions[number])}, rate, grounds[number],
+            {
+                name: part[:, names.index(name)].astype(float) * factor
+                for name, factor in factors.items()
+            },
+            {"session": np.full(len(part), sessions[number])},
+            rate,
+            grounds[number],
         )
         for number, part in enumerate(np.split(rows, np.cumsum(lengths)[:-1]))
-    ]  # fmt: skip
+    ]
 
 
 def _header(path: Path, member: np.ndarray, grounds: bool) -> dict[str, Any]:
@@ -102,35 +128,64 @@ def _header(path: Path, member: np.ndarray, grounds: bool) -> dict[str, Any]:
     for name in (*WANTED, *(OF_GROUNDS if grounds else ())):
         if name not in header:
             raise RecordingError(f"{path}: the header has no '{name}'")
-    if not all(isinstance(word, str) for word in (*header["columns"], *header["units"])):
-        raise RecordingError(f"{path}: columns and units of the header are not all text")
+    if not all(
+        isinstance(word, str) for word in (*header["columns"], *header["units"])
+    ):
+        raise RecordingError(
+            f"{path}: columns and units of the header are not all text"
+        )
     if grounds and header["height_unit"] not in UNITS["length"]:
         known = " or ".join(UNITS["length"])
-        raise RecordingError(f"{path}: height_unit '{header['height_unit']}'; heights are in {known}")
+        raise RecordingError(
+            f"{path}: height_unit '{header['height_unit']}'; heights are in {known}"
+        )
     return header
 
 
-def _grounds(path: Path, members: Mapping[str, np.ndarray], header: Mapping[str, Any], drives: int) -> list[Ground]:
+def _grounds(
+    path: Path,
+    members: Mapping[str, np.ndarray],
+    header: Mapping[str, Any],
+    drives: int,
+) -> list[Ground]:
     """The ground of each drive."""
     heights, which = members["heights"], _whole(path, "ground", members["ground"])
     if heights.ndim != 3 or heights.dtype.kind not in "fiu":
-        raise RecordingError(f"{path}: heights {heights.shape} of {heights.dtype}, not of numbers")
+        raise RecordingError(
+            f"{path}: heights {heights.shape} of {heights.dtype}, not of numbers"
+        )
     try:
         centres = np.asarray(header.get("centres", np.zeros((len(heights), 2))), float)
     except (ValueError, TypeError, OverflowError):
-        raise RecordingError(f"{path}: centres of the header are not an x and a y for each ground") from None
-    if centres.shape != (len(heights), 2) or len(which) != drives or which.max() >= len(heights):
+        raise RecordingError(
+            f"{path}: centres of the header are not an x and a y for each ground"
+        ) from None
+    if (
+        centres.shape != (len(heights), 2)
+        or len(which) != drives
+        or which.max() >= len(heights)
+    ):
         raise RecordingError(
             f"{path}: {len(heights)} heights, but 'ground' of {len(which)} drives goes up to {which.max()} and centres "
             f"are {centres.shape}"
         )
     scale = UNITS["length"][header["height_unit"]]
-    return [Ground(heights[n] * scale, header["spacing"], tuple(map(float, centres[n]))) for n in which]  # type: ignore
+    return [
+        Ground(heights[n] * scale, header["spacing"], (float(x), float(y)))
+        for n, (x, y) in ((n, centres[n]) for n in which)
+    ]
 
 
 def _whole(path: Path, name: str, member: np.ndarray) -> np.ndarray:
-    if member.ndim != 1 or member.dtype.kind not in "iu" or not len(member) or member.min() < 0:
-        raise RecordingError(f"{path}: '{name}' of shape {member.shape} and {member.dtype}, not a row of whole numbers")
+    if (
+        member.ndim != 1
+        or member.dtype.kind not in "iu"
+        or not len(member)
+        or member.min() < 0
+    ):
+        raise RecordingError(
+            f"{path}: '{name}' of shape {member.shape} and {member.dtype}, not a row of whole numbers"
+        )
     return member.astype(int)
 
 
@@ -143,24 +198,45 @@ def write_npz(path: Path, drives: Sequence[Drive], origin: str) -> None:
     body = drives[0].body
     columns = dict((*body.state, *body.actions))
     header: dict[str, Any] = {
-        "columns": list(columns), "units": [SI[unit] for unit in columns.values()], "rate": body.rate, "origin": origin
-    }  # fmt: skip
-    rows = [np.hstack([d.states, np.vstack([d.actions, d.actions[-1:]])]).astype(np.float32) for d in drives]
+        "columns": list(columns),
+        "units": [SI[unit] for unit in columns.values()],
+        "rate": body.rate,
+        "origin": origin,
+    }
+    rows = [
+        np.hstack([d.states, np.vstack([d.actions, d.actions[-1:]])]).astype(np.float32)
+        for d in drives
+    ]
     members: dict[str, Any] = {
-        "rows": np.vstack(rows), "lengths": np.array([len(part) for part in rows]),
+        "rows": np.vstack(rows),
+        "lengths": np.array([len(part) for part in rows]),
         "sessions": np.array([drive.session for drive in drives]),
-    }  # fmt: skip
+    }
     if body.map_size:
         grounds = [drive.ground for drive in drives if drive.ground is not None]
-        heights = [np.round(1e3 * ground.heights).astype(np.int32) for ground in grounds]
-        if len({(one.shape, ground.spacing) for one, ground in zip(heights, grounds, strict=True)}) != 1:
+        heights = [
+            np.round(1e3 * ground.heights).astype(np.int32) for ground in grounds
+        ]
+        if (
+            len(
+                {
+                    (one.shape, ground.spacing)
+                    for one, ground in zip(heights, grounds, strict=True)
+                }
+            )
+            != 1
+        ):
             raise ValueError("drives to pack have grounds of one shape and spacing")
         if max(np.abs(one).max() for one in heights) <= np.iinfo(np.int16).max:
             heights = [one.astype(np.int16) for one in heights]
         each = {one.tobytes(): one for one in heights}
         order = list(each)
-        members |= {"ground": np.array([order.index(one.tobytes()) for one in heights]),
-                    "heights": np.stack(list(each.values()))}  # fmt: skip
+        members |= {
+            "ground": np.array([order.index(one.tobytes()) for one in heights]),
+            "heights": np.stack(list(each.values())),
+        }
         header |= {"spacing": grounds[0].spacing, "height_unit": "mm"}
     members["header"] = np.array(json.dumps(header))
-    write_atomically(path, lambda file: np.savez_compressed(file, allow_pickle=False, **members))
+    write_atomically(
+        path, lambda file: np.savez_compressed(file, allow_pickle=False, **members)
+    )

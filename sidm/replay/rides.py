@@ -13,14 +13,19 @@ from sidm.systems import FREE_PHYSICS, ROLES, SYSTEMS, Physics, Robot, Terrain
 from sidm.terrain import generate_terrain
 
 #: The robots of all systems, by the names the explorer's menus show.
-ROBOTS = {f"{system.name} {role}": system.robot(role) for system in SYSTEMS.values() for role in ROLES}
+ROBOTS = {
+    f"{system.name} {role}": system.robot(role)
+    for system in SYSTEMS.values()
+    for role in ROLES
+}
 
 #: Order of `Ride.struts`.
 STRUTS = ("rear right", "rear left", "front right", "front left")
 
 SAMPLES = 2  # moments that are kept of a control step
 SAMPLE = CONTROL_STEP / SAMPLES  # s between them
-WEAVE, WEAVE_PERIOD = 0.6, 2.0  # of full steering; s from one bend to the right to the next
+#: of full steering; s from one bend to the right to the next
+WEAVE, WEAVE_PERIOD = 0.6, 2.0
 
 
 def find_robot(name: str) -> Robot:
@@ -39,7 +44,8 @@ class Ride(NamedTuple):
     states: np.ndarray  # (T + 1, 13)
     struts: np.ndarray  # (T + 1, 4), m, as in STRUTS, compression positive
     joints: np.ndarray  # (T + 1, 10), rad, as `Simulator.joint_angles`
-    strut_motors: bool = True  # whether the struts were braked, which decides how the axles hang
+    #: whether the struts were braked, which decides how the axles hang
+    strut_motors: bool = True
 
 
 def ride(
@@ -58,20 +64,26 @@ def ride(
         terrain: the kind of ground.
         terrain_seed: which ground.
         throttle: in [-1, 1], held, or one a control step, (steps,).
-        steering: in [-1, 1], positive to the right, held, or one a control step, (steps,).
+        steering: in [-1, 1], positive to the right, held, or one a control step,
+            (steps,).
         steps: control steps of 0.1 s.
-        strut_motors: brake the struts as in the recorded robot; otherwise springs and dampers act alone.
+        strut_motors: brake the struts as in the recorded robot; otherwise springs and
+            dampers act alone.
     """
     from sidm.simulation import Simulator
 
-    with Simulator(robot, generate_terrain(terrain, terrain_seed), sampled_physics(strut_motors)) as simulator:
+    with Simulator(
+        robot, generate_terrain(terrain, terrain_seed), sampled_physics(strut_motors)
+    ) as simulator:
         return drive(simulator, throttle, steering, steps)
 
 
 def sampled_physics(strut_motors: bool) -> Physics:
     """The robots' physics, to be looked at twice a control step; the motion is the same, bit for bit."""
     whole = Physics() if strut_motors else FREE_PHYSICS
-    return dataclasses.replace(whole, steps_per_control=whole.steps_per_control // SAMPLES)
+    return dataclasses.replace(
+        whole, steps_per_control=whole.steps_per_control // SAMPLES
+    )
 
 
 def weave(steps: int = 40) -> np.ndarray:
@@ -80,16 +92,34 @@ def weave(steps: int = 40) -> np.ndarray:
 
 
 def drive(
-    simulator: Any, throttle: float | np.ndarray, steering: float | np.ndarray = 0.0, steps: int = 40, yaw: float = 0.0
+    simulator: Any,
+    throttle: float | np.ndarray,
+    steering: float | np.ndarray = 0.0,
+    steps: int = 40,
+    yaw: float = 0.0,
 ) -> Ride:
     """A ride in a `Simulator` of `sampled_physics` that stands ready; it is reset first, heading `yaw`, rad."""
-    actions = np.stack(np.broadcast_arrays(np.broadcast_to(throttle, (steps,)), steering), axis=1)
-    moments = [(simulator.reset(yaw=yaw), simulator.strut_positions, simulator.joint_angles)]
+    actions = np.stack(
+        np.broadcast_arrays(np.broadcast_to(throttle, (steps,)), steering), axis=1
+    )
+    moments = [
+        (simulator.reset(yaw=yaw), simulator.strut_positions, simulator.joint_angles)
+    ]
     for action in np.repeat(actions, SAMPLES, axis=0):
-        moments.append((simulator.step(action), simulator.strut_positions, simulator.joint_angles))
+        moments.append(
+            (simulator.step(action), simulator.strut_positions, simulator.joint_angles)
+        )
     states, struts, joints = map(np.array, zip(*moments, strict=True))
     times = SAMPLE * np.arange(len(states))
-    return Ride(simulator.robot, simulator.heights, times, states, struts, joints, simulator.physics.strut_motors)
+    return Ride(
+        simulator.robot,
+        simulator.heights,
+        times,
+        states,
+        struts,
+        joints,
+        simulator.physics.strut_motors,
+    )
 
 
 def tilt(states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -17,14 +17,17 @@ from sidm.replay.scene import Scene, rides_scene
 from sidm.replay.scene_file import scene_json
 from sidm.storage import write_atomically
 
-SCRIPTS = ("three.min.js", "robot.js", "ground.js", "replay.js")  # in the order in which they are read
+#: in the order in which they are read
+SCRIPTS = ("three.min.js", "robot.js", "ground.js", "replay.js")
 STYLE = "replay.css"
 TALL = 640  # px, of the view in a notebook
 
 
 def static(name: str) -> str:
     """The text of a file that pages are made of."""
-    return (resources.files("sidm.replay") / "static" / name).read_text(encoding="utf-8")
+    return (resources.files("sidm.replay") / "static" / name).read_text(
+        encoding="utf-8"
+    )
 
 
 @functools.cache
@@ -43,9 +46,14 @@ class View:
         """One HTML page with everything in it."""
         title = html.escape(self.title)
         return string.Template(static("page.html")).substitute(
-            title=title, heading=f"<h1>{title}</h1>" if heading else "", style=static(STYLE), code=_code(),
-            scene=json.dumps(scene_json(self.scene), separators=(",", ":")).replace("</", "<\\/"),
-        )  # fmt: skip
+            title=title,
+            heading=f"<h1>{title}</h1>" if heading else "",
+            style=static(STYLE),
+            code=_code(),
+            scene=json.dumps(scene_json(self.scene), separators=(",", ":")).replace(
+                "</", "<\\/"
+            ),
+        )
 
     def write(self, path: str | Path) -> None:
         """Write the page; OSError, one line, where that cannot be done."""
@@ -67,4 +75,3 @@ def replay(rides: Ride | Mapping[str, Ride] | Scene, title: str = "Replay") -> V
         title: of the page.
     """
     return View(rides if isinstance(rides, Scene) else rides_scene(rides), title)
-

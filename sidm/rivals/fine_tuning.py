@@ -1,7 +1,7 @@
 """Pretraining: weights that learnt from the expert alone, for a novice to start from.
 
-The expert's trajectories stand in the novice's place of the same training loop: three of four to learn from, one of
-four to stop by.
+The expert's trajectories stand in the novice's place of the same training loop: three
+of four to learn from, one of four to stop by.
 """
 
 from __future__ import annotations
@@ -32,16 +32,26 @@ class Start(NamedTuple):
 
     def core(self) -> Start:
         """The shared SIDM alone, for a novice whose encoder and decoder begin afresh."""
-        return self._replace(weights={name: one for name, one in self.weights.items() if name.startswith("sidm.")})
+        return self._replace(
+            weights={
+                name: one
+                for name, one in self.weights.items()
+                if name.startswith("sidm.")
+            }
+        )
 
 
 def expert_in_place(datasets: Datasets, seed: int) -> Datasets:
     """The expert's data in the novice's place, where nothing of the novice is left; ConfigError for fewer than two."""
     expert = datasets.expert
     if expert is None:
-        raise ConfigError("pretraining needs the expert's data, but datasets.expert is None")
+        raise ConfigError(
+            "pretraining needs the expert's data, but datasets.expert is None"
+        )
     if len(expert) < 2:
-        raise ConfigError("the expert's motion is one piece; pretraining needs one to learn from and one to stop by")
+        raise ConfigError(
+            "the expert's motion is one piece; pretraining needs one to learn from and one to stop by"
+        )
     train_part, test_part = split(len(expert), len(expert), seed)
     testing = expert.subset(test_part)
     return Datasets(expert.subset(train_part), testing, testing, expert)

@@ -1,8 +1,9 @@
 """A novice by least squares: what the expert's model gets wrong, or the whole transition, as a sum of few functions.
 
-The functions are a constant, the 11 numbers of x, the 13 of the expert's prediction where there is one, and all
-products of two of these. Their weights have a closed form, so that a novice is learnt in seconds. How strongly weights
-are held back (ridge regression), those of products apart from the others, is chosen by cross-validation.
+The functions are a constant, the 11 numbers of x, the 13 of the expert's prediction
+where there is one, and all products of two of these. Their weights have a closed form,
+so that a novice is learnt in seconds. How strongly weights are held back (ridge
+regression), those of products apart from the others, is chosen by cross-validation.
 """
 
 from __future__ import annotations
@@ -25,19 +26,22 @@ from sidm.learning.training import Trained
 from sidm.learning.units import Standardisation
 
 FOLDS = 5  # of the cross-validation, at most
-PENALTIES = tuple(10.0**power for power in range(-4, 1))  # of weights of the numbers themselves
-PRODUCT_PENALTIES = tuple(10.0**power for power in range(-3, 4))  # of weights of their products
+#: of weights of the numbers themselves
+PENALTIES = tuple(10.0**power for power in range(-4, 1))
+#: of weights of their products
+PRODUCT_PENALTIES = tuple(10.0**power for power in range(-3, 4))
 
 
 class LeastSquares(Predictor):
     """Predicts a weighted sum of functions of x, added to what the expert's model predicts where there is one.
 
-    The weights are zero until they are fitted. Numbers are held within the range that the fit has seen: products that
-    leave it would run away over the steps of a rollout.
+    The weights are zero until they are fitted. Numbers are held within the range that
+    the fit has seen: products that leave it would run away over the steps of a rollout.
 
     Args:
         units: in which the functions are computed.
-        base: the expert's model, with the novice's parts alone, which stays as it is; None to stand alone.
+        base: the expert's model, with the novice's parts alone, which stays as it is;
+            None to stand alone.
         scale: weights (Y,) of the components in equation (1); all 1 by default.
     """
 
@@ -46,13 +50,20 @@ class LeastSquares(Predictor):
     low: Tensor  # (N,), of what the fit has seen
     high: Tensor
 
-    def __init__(self, units: Standardisation, base: DynamicsModel | None = None, scale: Tensor | None = None):
+    def __init__(
+        self,
+        units: Standardisation,
+        base: DynamicsModel | None = None,
+        scale: Tensor | None = None,
+    ):
         super().__init__()
         self.base, self.units = base, units
         inputs, self.targets = len(units.input_mean), len(units.target_mean)
         self.count = inputs + (self.targets if base is not None else 0)  # N, of numbers
         functions = 1 + self.count + self.count * (self.count + 1) // 2  # F
-        self.weights = nn.Parameter(torch.zeros(functions, self.targets), requires_grad=False)
+        self.weights = nn.Parameter(
+            torch.zeros(functions, self.targets), requires_grad=False
+        )
         self.register_buffer("loss_scale", scale, persistent=False)
         self.register_buffer("low", torch.full((self.count,), -torch.inf))
         self.register_buffer("high", torch.full((self.count,), torch.inf))
@@ -61,7 +72,9 @@ class LeastSquares(Predictor):
         """Weights (Y,) of the components in equation (1)."""
         return self.loss_scale
 
-    def forward(self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None):
+    def forward(
+        self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None
+    ):
         """Transitions (B, T, Y), raw units, as DynamicsModel; the memory is the base's, None without one."""
         numbers, predicted, memory = self.numbers(role, inputs, maps, memory)
         return predicted + self.functions(numbers) @ self.weights, memory
@@ -81,7 +94,14 @@ class LeastSquares(Predictor):
         """What is weighted, (..., F), of numbers (..., N): a constant, themselves, products of two."""
         held = numbers.clamp(self.low, self.high)
         first, second = torch.triu_indices(self.count, self.count)
-        return torch.cat([torch.ones_like(held[..., :1]), held, held[..., first] * held[..., second]], dim=-1)
+        return torch.cat(
+            [
+                torch.ones_like(held[..., :1]),
+                held,
+                held[..., first] * held[..., second],
+            ],
+            dim=-1,
+        )
 
     def penalties(self, of_numbers: float, of_products: float) -> Tensor:
         """(F,) float64: how strongly each function's weights are held back; the constant's are not."""
@@ -108,11 +128,15 @@ class Moments(NamedTuple):
 
     def solve(self, penalties: Tensor) -> Tensor:
         """Weights (F, Y) of the lowest mean squared error with `penalties` (F,) on their squares."""
-        return torch.linalg.solve(self.gram / self.steps + penalties.diag(), self.cross / self.steps)
+        return torch.linalg.solve(
+            self.gram / self.steps + penalties.diag(), self.cross / self.steps
+        )
 
     def loss(self, weights: Tensor) -> float:
         """Equation (1) with `weights` (F, Y), mean over the steps."""
-        explained = 2 * (weights * self.cross).sum() - (weights * (self.gram @ weights)).sum()
+        explained = (
+            2 * (weights * self.cross).sum() - (weights * (self.gram @ weights)).sum()
+        )
         return (self.squares - float(explained)) / self.steps
 
 
@@ -123,16 +147,20 @@ def moments(functions: Tensor, left: Tensor) -> Moments:
 
 
 def fit(
-    datasets: Datasets, units: Standardisation, base: DynamicsModel | None = None,
-    image: Callable[[Windows], Windows] | None = None, scale: Tensor | None = None,
-) -> Trained:  # fmt: skip
+    datasets: Datasets,
+    units: Standardisation,
+    base: DynamicsModel | None = None,
+    image: Callable[[Windows], Windows] | None = None,
+    scale: Tensor | None = None,
+) -> Trained:
     """The weights of the lowest cross-validated loss on the novice's data, train and test together.
 
     Args:
         datasets: the novice's train and test split; nothing else of them is used.
         units: in which the functions are computed, the same for every method.
         base: what is corrected; none by default.
-        image: gives another motion for each, to learn from too, such as its mirror image; none by default.
+        image: gives another motion for each, to learn from too, such as its mirror
+            image; none by default.
         scale: weights (Y,) of the components in equation (1); all 1 by default.
 
     Returns:
@@ -142,14 +170,27 @@ def fit(
     root = torch.ones(model.targets) if scale is None else scale.sqrt()
     numbers, left = _observed(model, datasets, image)
     model.low, model.high = numbers.amin((0, 1)), numbers.amax((0, 1))
-    parts = [slice(fold, None, FOLDS) for fold in range(min(FOLDS, len(numbers)))]  # of whole trajectories
-    folds = [moments(model.functions(numbers[part].double()), (left[part] * root).double()) for part in parts]
+    # of whole trajectories
+    parts = [slice(fold, None, FOLDS) for fold in range(min(FOLDS, len(numbers)))]
+    folds = [
+        moments(model.functions(numbers[part].double()), (left[part] * root).double())
+        for part in parts
+    ]
     total = functools.reduce(Moments.plus, folds)
 
     def validated(penalties: Tensor) -> float:
-        return sum(fold.loss(total.without(fold).solve(penalties)) * fold.steps for fold in folds) / total.steps
+        return (
+            sum(
+                fold.loss(total.without(fold).solve(penalties)) * fold.steps
+                for fold in folds
+            )
+            / total.steps
+        )
 
-    tried = [model.penalties(*pair) for pair in itertools.product(PENALTIES, PRODUCT_PENALTIES)]
+    tried = [
+        model.penalties(*pair)
+        for pair in itertools.product(PENALTIES, PRODUCT_PENALTIES)
+    ]
     losses = [validated(penalties) for penalties in tried]
     lowest = min(losses)
     weights = total.solve(tried[losses.index(lowest)])
@@ -163,10 +204,18 @@ def _observed(
 ) -> tuple[Tensor, Tensor]:
     """Of the novice's windows: numbers (n, T, N), and what is left to explain, (n, T, Y); 2 T with an `image`."""
     numbers, left = [], []
-    for part in (*datasets.train.split(EVALUATION_BATCH), *datasets.test.split(EVALUATION_BATCH)):
+    for part in (
+        *datasets.train.split(EVALUATION_BATCH),
+        *datasets.test.split(EVALUATION_BATCH),
+    ):
         images = [part] if image is None else [part, image(part)]
         with torch.inference_mode():
-            found = [(*model.numbers("novice", one.inputs, one.maps)[:2], one.targets) for one in images]
+            found = [
+                (*model.numbers("novice", one.inputs, one.maps)[:2], one.targets)
+                for one in images
+            ]
         numbers.append(torch.cat([seen for seen, _, _ in found], dim=1))
-        left.append(torch.cat([targets - predicted for _, predicted, targets in found], dim=1))
+        left.append(
+            torch.cat([targets - predicted for _, predicted, targets in found], dim=1)
+        )
     return torch.cat(numbers).clone(), torch.cat(left).clone()

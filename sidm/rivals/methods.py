@@ -16,33 +16,49 @@ class Method(NamedTuple):
     """A configuration of the one training loop."""
 
     label: str  # for figures and tables
-    tuned_as: str  # whose tuned settings it has; '' where nothing of the training loop is used
-    expert: bool = False  # whether it learns from the expert's data too, with the training's p_e
+    #: whose tuned settings it has; '' where nothing of the training loop is used
+    tuned_as: str
+    #: whether it learns from the expert's data too, with the training's p_e
+    expert: bool = False
     regularise: bool = False  # whether the latents are made alike
-    pretrained: bool = False  # whether it starts from weights that learnt from the expert alone
-    carried: Literal["all", "sidm"] = "all"  # what of those weights it starts from; 'sidm': the shared part alone
+    #: whether it starts from weights that learnt from the expert alone
+    pretrained: bool = False
+    #: what of those weights it starts from; 'sidm': the shared part alone
+    carried: Literal["all", "sidm"] = "all"
     residual: bool = False  # whether it learns to correct them instead
     fit: Literal["gradients", "least_squares"] = "gradients"  # what it learns by
-    own: Literal["all", "biases", "flag", "none"] = "all"  # what each system has of encoder and decoder for itself
+    #: what each system has of encoder and decoder for itself
+    own: Literal["all", "biases", "flag", "none"] = "all"
     changes: tuple[tuple[str, Any], ...] = ()  # of its training
-    all_changes: tuple[tuple[str, Any], ...] = ()  # of its training, and of its pretraining
+    #: of its training, and of its pretraining
+    all_changes: tuple[tuple[str, Any], ...] = ()
 
     def training(self, base: T, tuned: Mapping[str, Any] = MappingProxyType({})) -> T:
         """The method's training on the novice.
 
         Args:
-            base: the settings of every method; `p_expert` holds where the method learns from the expert's data.
+            base: the settings of every method; `p_expert` holds where the method learns
+                from the expert's data.
             tuned: settings that the method was tuned to, in place of the base's.
         """
         p_expert = base.p_expert if self.expert else 0.0
         values = dict(tuned) | dict(self.all_changes) | dict(self.changes)
-        return replace(base, **({"p_expert": p_expert, "regularise": self.regularise} | values))
+        return replace(
+            base, **({"p_expert": p_expert, "regularise": self.regularise} | values)
+        )
 
-    def pretraining(self, base: T, tuned: Mapping[str, Any] = MappingProxyType({})) -> T | None:
+    def pretraining(
+        self, base: T, tuned: Mapping[str, Any] = MappingProxyType({})
+    ) -> T | None:
         """The method's training on the expert alone; None for a method that begins afresh."""
         if not self.pretrained:
             return None
-        return replace(base, **(dict(tuned) | dict(self.all_changes)), p_expert=0.0, regularise=False)
+        return replace(
+            base,
+            **(dict(tuned) | dict(self.all_changes)),
+            p_expert=0.0,
+            regularise=False,
+        )
 
 
 #: The methods that the library offers, by name.
@@ -52,19 +68,36 @@ METHODS: dict[str, Method] = {
     "novice_only": Method("without SIDM", "novice_only"),
     "no_regularisation": Method("SIDM, no adversary", "sidm", expert=True),
     # Pretraining on the expert; section 4 says that the SIDM cannot be pretrained so.
-    "pretrain_finetune": Method("pretraining + fine-tuning", "pretrain_finetune", pretrained=True),
+    "pretrain_finetune": Method(
+        "pretraining + fine-tuning", "pretrain_finetune", pretrained=True
+    ),
     "expert_only": Method(
-        "expert's model as it is", "pretrain_finetune", pretrained=True, changes=(("max_samples", 0),)
+        "expert's model as it is",
+        "pretrain_finetune",
+        pretrained=True,
+        changes=(("max_samples", 0),),
     ),
     # What is left of pretraining where the two robots' bodies differ.
     "core_finetune": Method(
-        "pretrained recurrent core, fine-tuned", "pretrain_finetune", pretrained=True, carried="sidm"
+        "pretrained recurrent core, fine-tuned",
+        "pretrain_finetune",
+        pretrained=True,
+        carried="sidm",
     ),
     "core_frozen": Method(
-        "pretrained recurrent core, frozen", "pretrain_finetune", pretrained=True, carried="sidm",
+        "pretrained recurrent core, frozen",
+        "pretrain_finetune",
+        pretrained=True,
+        carried="sidm",
         changes=(("frozen", "sidm"),),
     ),
     # No network for the novice, or none but the expert's.
     "least_squares": Method("least squares", "", fit="least_squares"),
-    "corrected": Method("pretraining + least squares", "", pretrained=True, residual=True, fit="least_squares"),
-}  # fmt: skip
+    "corrected": Method(
+        "pretraining + least squares",
+        "",
+        pretrained=True,
+        residual=True,
+        fit="least_squares",
+    ),
+}

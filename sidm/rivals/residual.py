@@ -29,7 +29,10 @@ class Corrected(Predictor):
 
 def left_over(datasets: Datasets, base: DynamicsModel) -> Datasets:
     """The novice's data, with what `base` leaves unexplained of each transition for a target."""
-    sets = {name: _unexplained(getattr(datasets, name), base) for name in ("train", "test", "validation")}
+    sets = {
+        name: _unexplained(getattr(datasets, name), base)
+        for name in ("train", "test", "validation")
+    }
     return datasets._replace(**sets)
 
 
@@ -37,7 +40,9 @@ def _unexplained(motion: Windows, base: DynamicsModel) -> Windows:
     whole = motion.take(range(len(motion)))
     with torch.inference_mode():
         predicted = [
-            base("novice", part.inputs.to(base.device), part.maps.to(base.device))[0].cpu()
+            base("novice", part.inputs.to(base.device), part.maps.to(base.device))[
+                0
+            ].cpu()
             for part in whole.split(EVALUATION_BATCH)
         ]
     return Windows(whole.inputs, whole.targets - torch.cat(predicted), whole.maps)
@@ -50,6 +55,8 @@ def units(datasets: Datasets) -> Standardisation:
         ConfigError: there are no data of the expert.
     """
     if datasets.expert is None:
-        raise ConfigError("a correction needs the expert's data, but datasets.expert is None")
+        raise ConfigError(
+            "a correction needs the expert's data, but datasets.expert is None"
+        )
     found = Standardisation.of(datasets.expert)
     return found._replace(target_mean=torch.zeros_like(found.target_mean))

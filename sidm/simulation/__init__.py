@@ -5,4 +5,12 @@ from sidm.simulation.exploration import POLICIES, draw_actions
 from sidm.simulation.motion import simulate
 from sidm.simulation.simulator import Simulator
 
-__all__ = ["POLICIES", "Simulator", "collect", "discards", "draw_actions", "simulate", "simulate_trajectory"]
+__all__ = [
+    "POLICIES",
+    "Simulator",
+    "collect",
+    "discards",
+    "draw_actions",
+    "simulate",
+    "simulate_trajectory",
+]

@@ -20,7 +20,9 @@ def bullet() -> Any:
     try:
         return importlib.import_module("pybullet")
     except ImportError as error:
-        raise ImportError("simulating needs PyBullet: pip install pybullet (all else works without it)") from error
+        raise ImportError(
+            "simulating needs PyBullet: pip install pybullet (all else works without it)"
+        ) from error
     finally:
         os.dup2(screen, 2)
         os.close(screen)
@@ -41,11 +43,16 @@ class Client:
     def __getattr__(self, name: str) -> Any:
         """A function or constant of PyBullet."""
         value = getattr(self._pybullet, name)
-        return functools.partial(value, physicsClientId=self._number) if callable(value) else value
+        return (
+            functools.partial(value, physicsClientId=self._number)
+            if callable(value)
+            else value
+        )
 
     def close(self) -> None:
         """End it; further calls fail. One that nobody holds is ended too, for PyBullet has room for a thousand."""
-        if self._number >= 0 and self._pybullet.disconnect is not None:  # as the interpreter ends, names go
+        # as the interpreter ends, names go
+        if self._number >= 0 and self._pybullet.disconnect is not None:
             self._pybullet.disconnect(physicsClientId=self._number)
             self._number = -1
 

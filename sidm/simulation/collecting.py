@@ -1,7 +1,8 @@
 """Trajectories by the thousand: in parallel, resumable, and the same whatever the number of workers.
 
-Trajectory i of a collection is a pure function of the collection's values and of i. A worker simulates one shard
-and writes it in one piece, so a collection that was killed goes on with the shards it lacks.
+Trajectory i of a collection is a pure function of the collection's values and of i. A
+worker simulates one shard and writes it in one piece, so a collection that was killed
+goes on with the shards it lacks.
 """
 
 from __future__ import annotations
@@ -19,7 +20,14 @@ from sidm.config import ConfigError, replace, to_mapping
 from sidm.drives import POSITION, STEPS, TWIST, Drive, SimulatedGround, probe, upright
 from sidm.pool import local_pool
 from sidm.progress import progress_bar
-from sidm.shards import DISCARDS, SHARD_SIZE, Collection, load, simulated_drive, write_shard
+from sidm.shards import (
+    DISCARDS,
+    SHARD_SIZE,
+    Collection,
+    load,
+    simulated_drive,
+    write_shard,
+)
 from sidm.simulation.client import bullet
 from sidm.simulation.exploration import draw_actions
 from sidm.simulation.simulator import Simulator
@@ -27,7 +35,8 @@ from sidm.storage import checksum, read_record, sweep, write_record
 from sidm.systems import ROLES, System, find_system, is_known
 from sidm.terrain import generate_terrain
 
-STUCK_STEPS, STUCK_DISTANCE = 25, 0.1  # more control steps than this within this distance, m, are stuck
+#: more control steps than this within this distance, m, are stuck
+STUCK_STEPS, STUCK_DISTANCE = 25, 0.1
 BORDER = 1.0  # m from the terrain's edge
 FASTEST = 15.0  # m/s: a body faster than this is a simulation gone wrong
 MOST_ATTEMPTS = 1000  # at one trajectory
@@ -56,17 +65,29 @@ class EpisodeRules:
         return "stuck" if self._since > STUCK_STEPS else None
 
 
-def drawn(collection: Collection, index: int, number: int) -> tuple[int, float, np.ndarray]:
+def drawn(
+    collection: Collection, index: int, number: int
+) -> tuple[int, float, np.ndarray]:
     """Of try number `number` at trajectory `index`: the terrain's seed, the yaw at the start, rad, actions (64, 2)."""
     names = (collection.system, collection.role, collection.policy)
     key = [zlib.crc32(name.encode()) for name in names]
-    rng = np.random.default_rng(np.random.SeedSequence(collection.seed, spawn_key=(*key, index, number)))
+    rng = np.random.default_rng(
+        np.random.SeedSequence(collection.seed, spawn_key=(*key, index, number))
+    )
     terrain_seed, yaw = int(rng.integers(2**62)), rng.uniform(-np.pi, np.pi)
-    return terrain_seed, yaw, draw_actions(collection.policy, STEPS, rng).astype(np.float32)
+    return (
+        terrain_seed,
+        yaw,
+        draw_actions(collection.policy, STEPS, rng).astype(np.float32),
+    )
 
 
 def attempt(
-    simulator: Simulator, system: System, collection: Collection, index: int, number: int
+    simulator: Simulator,
+    system: System,
+    collection: Collection,
+    index: int,
+    number: int,
 ) -> tuple[Drive | None, str | None]:
     """Try number `number` at trajectory `index`: the drive, or the cause why it is thrown away."""
     terrain_seed, yaw, actions = drawn(collection, index, number)
@@ -79,65 +100,102 @@ def attempt(
         cause = rules.ended(states[-1])
         if cause:
             return None, cause
-    ground = SimulatedGround(system.terrain, terrain_seed, checksum(heights), probe(heights))
+    ground = SimulatedGround(
+        system.terrain, terrain_seed, checksum(heights), probe(heights)
+    )
     robot = f"{collection.system} {collection.role}"
-    return simulated_drive(robot, index, np.array(states, np.float32), actions, ground), None
+    return simulated_drive(
+        robot, index, np.array(states, np.float32), actions, ground
+    ), None
 
 
-@functools.lru_cache(maxsize=1)  # a worker keeps it from shard to shard: building one takes a quarter of a trajectory
+@functools.lru_cache(
+    maxsize=1
+)  # a worker keeps it from shard to shard: building one takes a quarter of a trajectory
 def _simulator(system: System, role: str) -> Simulator:
-    return Simulator(system.robot(role), np.zeros((system.terrain.size, system.terrain.size)), system.physics)
+    return Simulator(
+        system.robot(role),
+        np.zeros((system.terrain.size, system.terrain.size)),
+        system.physics,
+    )
 
 
 def robots_of(collection: Collection, system: System | None) -> System:
     """The robots and the ground of a collection: those given, or those that are known by its name.
 
     Raises:
-        ConfigError: no system of that name is known and none given, or another one than is known by that name.
+        ConfigError: no system of that name is known and none given, or another one than
+            is known by that name.
     """
     if system is None:
         return find_system(collection.system)
     if system.name != collection.system:
-        raise ConfigError(f"the collection is of '{collection.system}', the robots given are of '{system.name}'")
-    if collection.role in ROLES and is_known(system.name) and system != find_system(system.name):
-        raise ConfigError(f"'{system.name}' is known with other robots, ground or physics; give yours another name")
+        raise ConfigError(
+            f"the collection is of '{collection.system}', the robots given are of '{system.name}'"
+        )
+    if (
+        collection.role in ROLES
+        and is_known(system.name)
+        and system != find_system(system.name)
+    ):
+        raise ConfigError(
+            f"'{system.name}' is known with other robots, ground or physics; give yours another name"
+        )
     return system
 
 
-def simulate_trajectory(collection: Collection, index: int, system: System | None = None) -> Drive:
+def simulate_trajectory(
+    collection: Collection, index: int, system: System | None = None
+) -> Drive:
     """Trajectory `index` of a collection: the first attempt to last 64 steps, with the count of those that did not.
 
     Args:
         collection: what the trajectory is one of.
         index: its number.
-        system: robots and ground; by default those of the collection's name. Of a role that is neither 'novice' nor
-            'expert' the robot is the one in the expert's place.
+        system: robots and ground; by default those of the collection's name. Of a role
+            that is neither 'novice' nor 'expert' the robot is the one in the expert's
+            place.
 
     Raises:
         ConfigError: as of `robots_of`.
         RuntimeError: none of MOST_ATTEMPTS did.
     """
     system = robots_of(collection, system)
-    simulator = _simulator(system, collection.role if collection.role in ROLES else "expert")
+    simulator = _simulator(
+        system, collection.role if collection.role in ROLES else "expert"
+    )
     causes: list[str | None] = []
     for number in range(MOST_ATTEMPTS):
         drive, cause = attempt(simulator, system, collection, index, number)
         if drive is not None:
-            return replace(drive, discarded=tuple(causes.count(name) for name in DISCARDS))
+            return replace(
+                drive, discarded=tuple(causes.count(name) for name in DISCARDS)
+            )
         causes.append(cause)
-    raise RuntimeError(f"{collection}: {MOST_ATTEMPTS} attempts at trajectory {index} ended early; last: {causes[-1]}")
+    raise RuntimeError(
+        f"{collection}: {MOST_ATTEMPTS} attempts at trajectory {index} ended early; last: {causes[-1]}"
+    )
 
 
-def make_shard(root: Path, collection: Collection, number: int, system: System | None = None) -> int:
+def make_shard(
+    root: Path, collection: Collection, number: int, system: System | None = None
+) -> int:
     """Simulate and write one shard, as `simulate_trajectory`; how many trajectories it holds."""
     indices = range(SHARD_SIZE * number, SHARD_SIZE * (number + 1))
-    write_shard(collection.shard(root, number), [simulate_trajectory(collection, index, system) for index in indices])
+    write_shard(
+        collection.shard(root, number),
+        [simulate_trajectory(collection, index, system) for index in indices],
+    )
     return SHARD_SIZE
 
 
 def missing_shards(root: Path, collection: Collection, count: int) -> list[int]:
     """Numbers of the shards that the first `count` trajectories need and that are not on disk."""
-    return [k for k in range(-(-count // SHARD_SIZE)) if not collection.shard(root, k).exists()]
+    return [
+        k
+        for k in range(-(-count // SHARD_SIZE))
+        if not collection.shard(root, k).exists()
+    ]
 
 
 def collect(
@@ -161,7 +219,8 @@ def collect(
         system: as of `simulate_trajectory`.
 
     Raises:
-        ConfigError: as of `robots_of`, or the folder has motion of other robots of that name.
+        ConfigError: as of `robots_of`, or the folder has motion of other robots of that
+            name.
         ShardError: a shard on disk is damaged; the message names it.
     """
     root = Path(root).absolute()  # the same for workers elsewhere
@@ -171,10 +230,22 @@ def collect(
     missing = missing_shards(root, collection, count)
     if missing:
         bullet()  # which is known to lack before workers start
-        pool = nullcontext(executor) if executor else local_pool(min(workers or os.cpu_count() or 1, len(missing)))
+        pool = (
+            nullcontext(executor)
+            if executor
+            else local_pool(min(workers or os.cpu_count() or 1, len(missing)))
+        )
         title = f"{collection.system} {collection.role} {collection.policy}"
-        with pool as run, progress_bar(len(missing) * SHARD_SIZE, title, "trajectory", progress) as bar:
-            futures = [run.submit(make_shard, root, collection, number, system) for number in missing]
+        with (
+            pool as run,
+            progress_bar(
+                len(missing) * SHARD_SIZE, title, "trajectory", progress
+            ) as bar,
+        ):
+            futures = [
+                run.submit(make_shard, root, collection, number, system)
+                for number in missing
+            ]
             for future in as_completed(futures):
                 bar.update(future.result())
     return load(root, collection, count, robots_of(collection, system).terrain)
@@ -184,11 +255,16 @@ def _refuse_other_robots(folder: Path, system: System) -> None:
     """Note beside the shards whose motion they are; ConfigError where they are another system's of the same name."""
     path, values = folder / "system.json", to_mapping(system)
     if path.exists() and read_record(path) != values:
-        raise ConfigError(f"{folder} has motion of other robots called '{system.name}'; delete it or choose a new name")
+        raise ConfigError(
+            f"{folder} has motion of other robots called '{system.name}'; delete it or choose a new name"
+        )
     if not path.exists():
         write_record(path, values)
 
 
 def discards(drives: list[Drive]) -> dict[str, int]:
     """How many attempts were thrown away on the way to these drives, by cause."""
-    return {cause: sum(drive.discarded[k] for drive in drives) for k, cause in enumerate(DISCARDS)}
+    return {
+        cause: sum(drive.discarded[k] for drive in drives)
+        for k, cause in enumerate(DISCARDS)
+    }

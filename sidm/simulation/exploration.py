@@ -22,7 +22,9 @@ def ornstein_uhlenbeck(steps: int, rng: np.random.Generator) -> np.ndarray:
     return np.array([throttle, steering]).T[SUBSTEPS - 1 :: SUBSTEPS]
 
 
-def _filtered_walk(shocks: list[float], mean: float, pull: float, keep: float) -> list[float]:
+def _filtered_walk(
+    shocks: list[float], mean: float, pull: float, keep: float
+) -> list[float]:
     """A walk pulled towards its mean, seen through a low-pass filter that keeps within [-1, 1], after each shock."""
     walk = smooth = 0.0
     seen = []
@@ -54,7 +56,8 @@ def held(steps: int, rng: np.random.Generator) -> np.ndarray:
 
 
 POLICIES: dict[str, Callable[[int, np.random.Generator], np.ndarray]] = {
-    policy.__name__: policy for policy in (ornstein_uhlenbeck, sinusoid, bounded_noise, held)
+    policy.__name__: policy
+    for policy in (ornstein_uhlenbeck, sinusoid, bounded_noise, held)
 }
 
 

@@ -28,8 +28,18 @@ def film(simulator: Simulator, actions: np.ndarray, **view: Any) -> np.ndarray:
 
 def gif(frames: np.ndarray, seconds: float = 0.1) -> bytes:
     """Frames (T, height, width, 3) uint8 as an animated GIF that shows each for `seconds` and repeats."""
-    octree, plain = Image.Quantize.FASTOCTREE, Image.Dither.NONE  # keep rare colours, and the file small
-    images = [Image.fromarray(frame).quantize(64, octree, dither=plain) for frame in frames]
+    # keep rare colours, and the file small
+    octree, plain = Image.Quantize.FASTOCTREE, Image.Dither.NONE
+    images = [
+        Image.fromarray(frame).quantize(64, octree, dither=plain) for frame in frames
+    ]
     file = io.BytesIO()
-    images[0].save(file, "gif", save_all=True, append_images=images[1:], duration=round(1000 * seconds), loop=0)
+    images[0].save(
+        file,
+        "gif",
+        save_all=True,
+        append_images=images[1:],
+        duration=round(1000 * seconds),
+        loop=0,
+    )
     return file.getvalue()

@@ -14,30 +14,39 @@ COLOUR = (0.78, 0.74, 0.68, 1.0)  # in pictures
 class Ground:
     """A body that the robot drives on.
 
-    Building a height field takes Bullet twice as long as exchanging its heights, for it prepares to draw them.
+    Building a height field takes Bullet twice as long as exchanging its heights, for it
+    prepares to draw them.
 
     Attributes:
         heights: (H, W), m, float64.
         body: its number in Bullet.
     """
 
-    def __init__(self, client: Client, heights: np.ndarray, physics: Physics, visible: bool) -> None:
+    def __init__(
+        self, client: Client, heights: np.ndarray, physics: Physics, visible: bool
+    ) -> None:
         """Build it from heights (H, W), m; pictures show it if `visible`."""
         self._client, self._visible = client, visible
         self.heights = _checked(heights)
-        # Bullet keeps the bounds of a shape's first heights: these leave room for any others, about the body's origin.
+        # Bullet keeps the bounds of a shape's first heights: these leave room for any
+        # others, about the body's origin.
         room = np.zeros(self.heights.shape)
         room.flat[[0, -1]] = -HIGHEST, HIGHEST
         self._shape = self._height_field(room)
         self._height_field(self.heights, replaceHeightfieldIndex=self._shape)
-        # Without a shape of its own to show, PyBullet would draw all triangles, which takes as long as building them.
+        # Without a shape of its own to show, PyBullet would draw all triangles, which
+        # takes as long as building them.
         hidden = client.createVisualShape(client.GEOM_SPHERE, radius=1e-3)
         self.body = client.createMultiBody(0, self._shape, hidden)
         client.changeVisualShape(self.body, -1, rgbaColor=COLOUR)
         client.changeDynamics(
-            self.body, -1, restitution=0.0, lateralFriction=physics.ground_friction,
+            self.body,
+            -1,
+            restitution=0.0,
+            lateralFriction=physics.ground_friction,
             collisionMargin=physics.contact_margin,
-            contactStiffness=physics.contact_stiffness, contactDamping=physics.contact_damping,
+            contactStiffness=physics.contact_stiffness,
+            contactDamping=physics.contact_damping,
         )
         if visible:
             self._draw()
@@ -59,7 +68,9 @@ class Ground:
         client = self._client
         # Bullet puts the middle of the heights' range at the body's origin.
         middle = (self.heights.max() + self.heights.min()) / 2
-        picture = client.createMultiBody(0, self._height_field(self.heights), basePosition=[0, 0, middle])
+        picture = client.createMultiBody(
+            0, self._height_field(self.heights), basePosition=[0, 0, middle]
+        )
         client.changeVisualShape(picture, -1, rgbaColor=COLOUR, textureUniqueId=-1)
         client.setCollisionFilterGroupMask(picture, -1, 0, 0)
 
@@ -82,15 +93,23 @@ class Ground:
         """Heights (N,), m, where vertical rays at `points` (N, 2), m, meet it; NaN where they miss or hit the robot."""
         top, bottom = self.heights.max() + 1, self.heights.min() - 1
         hits: list[float] = []
-        for some in np.array_split(points, -(-len(points) // self._client.MAX_RAY_INTERSECTION_BATCH_SIZE)):
-            rays = self._client.rayTestBatch([[*p, top] for p in some], [[*p, bottom] for p in some])
+        for some in np.array_split(
+            points, -(-len(points) // self._client.MAX_RAY_INTERSECTION_BATCH_SIZE)
+        ):
+            rays = self._client.rayTestBatch(
+                [[*p, top] for p in some], [[*p, bottom] for p in some]
+            )
             hits += [hit[3][2] if hit[0] == self.body else np.nan for hit in rays]
         return np.array(hits)
 
 
 def _checked(heights: np.ndarray) -> np.ndarray:
     heights = np.asarray(heights, float)
-    if heights.ndim != 2 or min(heights.shape) < 2 or not (np.abs(heights) < HIGHEST).all():
+    if (
+        heights.ndim != 2
+        or min(heights.shape) < 2
+        or not (np.abs(heights) < HIGHEST).all()
+    ):
         raise ValueError(
             f"heights must be finite, within {HIGHEST:.0f} m of 0, of shape (H, W), (2, 2) or more, not {heights.shape}"
         )

@@ -1,8 +1,9 @@
 """The suspension's geometry: how an axle moves against the chassis, from the points of its links. Pure functions.
 
-Four links leave an axle two freedoms. In heave both its struts move alike, in roll oppositely; in each the axle turns,
-to first order, about a line fixed in the chassis. Small motions are twists (6,): a turn w, rad, and the velocity v, m,
-of the axle's point at the chassis' origin. All in the body frame of `dimensions`.
+Four links leave an axle two freedoms. In heave both its struts move alike, in roll
+oppositely; in each the axle turns, to first order, about a line fixed in the chassis.
+Small motions are twists (6,): a turn w, rad, and the velocity v, m, of the axle's point
+at the chassis' origin. All in the body frame of `dimensions`.
 """
 
 from __future__ import annotations
@@ -36,10 +37,12 @@ class AxleJoints(NamedTuple):
     pose: Pose  # of the axle at zero joint angles
     heave_axis: np.ndarray  # (3,), a unit vector
     heave_point: np.ndarray  # (3,), m, on the axis
-    heave_travel: tuple[float, float, float]  # mean strut travel, m, as a polynomial of the angle, highest power first
+    #: mean strut travel, m, as a polynomial of the angle, highest power first
+    heave_travel: tuple[float, float, float]
     roll_axis: np.ndarray  # (3,), a unit vector
     roll_point: np.ndarray  # (3,), m, on the axis
-    roll_rates: tuple[float, float]  # rad a metre of (left - right) / 2, as a polynomial of the mean travel, m
+    #: rad a metre of (left - right) / 2, as a polynomial of the mean travel, m
+    roll_rates: tuple[float, float]
 
     def heave_angle(self, travel: float) -> float:
         """The heave joint's angle, rad, at a mean strut travel, m."""
@@ -60,7 +63,9 @@ class AxleJoints(NamedTuple):
 
 def rods(axle: str) -> np.ndarray:
     """Ends on axle and chassis, m, of an axle's six rods (6, 2, 3): lower links, upper links, struts; right, left."""
-    return np.concatenate([[mirror(axle, side) * rod for side in SIDES] for rod in REAR_LEFT_RODS])
+    return np.concatenate(
+        [[mirror(axle, side) * rod for side in SIDES] for rod in REAR_LEFT_RODS]
+    )
 
 
 def _lengths(ends: np.ndarray, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
@@ -75,8 +80,9 @@ def _lengths(ends: np.ndarray, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
 def twists(axle: str, pose: Pose) -> np.ndarray:
     """The axle's twists (2, 6) a metre of travel of its right and of its left strut, from where it stands.
 
-    A twist (w, v) lengthens a rod with unit vector u at the point p of the axle by u . (v + w x p). Four rods keep
-    their length and the two struts shorten at given rates: six equations for the six numbers.
+    A twist (w, v) lengthens a rod with unit vector u at the point p of the axle by u .
+    (v + w x p). Four rods keep their length and the two struts shorten at given rates:
+    six equations for the six numbers.
     """
     _, lengthening = _lengths(rods(axle), pose)
     return np.linalg.solve(lengthening, -np.eye(6)[:, 4:]).T
@@ -99,26 +105,33 @@ def axle_pose(axle: str, travel: tuple[float, float]) -> Pose:
             return pose
         try:
             step = np.linalg.solve(lengthening, miss)
-        except np.linalg.LinAlgError:  # a dead point; whether a far pose is one to the last bit, rounding decides
+        except (
+            np.linalg.LinAlgError
+        ):  # a dead point; whether a far pose is one to the last bit, rounding decides
             break
         turn = Rotation.from_rotvec(step[:3]).as_matrix()
         pose = Pose(turn @ pose.rotation, turn @ pose.shift + step[3:])
     right, left = map(float, travel)
-    raise ValueError(f"the links of the {axle} axle cannot reach strut travels of {right} and {left} m")
+    raise ValueError(
+        f"the links of the {axle} axle cannot reach strut travels of {right} and {left} m"
+    )
 
 
 @functools.cache  # a collector builds thousands of the same robot
 def axle_joints(axle: str, lower: float, upper: float) -> AxleJoints:
     """The joints of an axle whose struts travel from `lower` to `upper`, m: heave first, carrying roll.
 
-    The two lines are those at the middle of the travel. As they move with the heave, a strut's travel is not quite
-    proportional to the heave's angle, nor the roll to the struts' difference: the polynomials follow that.
+    The two lines are those at the middle of the travel. As they move with the heave, a
+    strut's travel is not quite proportional to the heave's angle, nor the roll to the
+    struts' difference: the polynomials follow that.
 
     Raises:
         ValueError: travel beyond REACH.
     """
     if lower < REACH[0] or upper > REACH[1]:
-        raise ValueError(f"the links allow strut travels from {REACH[0]} to {REACH[1]} m, not {lower} to {upper} m")
+        raise ValueError(
+            f"the links allow strut travels from {REACH[0]} to {REACH[1]} m, not {lower} to {upper} m"
+        )
     middle = (lower + upper) / 2
     pose = axle_pose(axle, (middle, middle))
     right, left = twists(axle, pose)
@@ -127,7 +140,10 @@ def axle_joints(axle: str, lower: float, upper: float) -> AxleJoints:
     centre = mirror(axle, "left") * REAR_AXLE
 
     def angle(travel: float) -> float:
-        arms = pose.place(centre) - heave_point, axle_pose(axle, (travel, travel)).place(centre) - heave_point
+        arms = (
+            pose.place(centre) - heave_point,
+            axle_pose(axle, (travel, travel)).place(centre) - heave_point,
+        )
         return np.arctan2(heave_axis @ np.cross(*arms), np.dot(*arms))
 
     def rate(travel: float) -> float:
@@ -135,9 +151,19 @@ def axle_joints(axle: str, lower: float, upper: float) -> AxleJoints:
         return _line(left - right)[2]
 
     travels = middle + np.linspace(-1, 1, 9) * max(upper - middle, 1e-3)
-    heave_travel = np.polyfit([angle(travel) for travel in travels], travels, 2).tolist()
+    heave_travel = np.polyfit(
+        [angle(travel) for travel in travels], travels, 2
+    ).tolist()
     roll_rates = np.polyfit(travels, [rate(travel) for travel in travels], 1).tolist()
-    return AxleJoints(pose, heave_axis, heave_point, tuple(heave_travel), roll_axis, roll_point, tuple(roll_rates))
+    return AxleJoints(
+        pose,
+        heave_axis,
+        heave_point,
+        tuple(heave_travel),
+        roll_axis,
+        roll_point,
+        tuple(roll_rates),
+    )
 
 
 def _line(twist: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

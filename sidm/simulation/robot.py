@@ -1,7 +1,8 @@
 """The robot's rigid-body model, built from its figures: a chassis on two solid axles, written as URDF.
 
-Each axle hangs on two revolute joints in series, heave and roll (`linkage`); what its struts push with is a torque on
-those joints (`suspension`). Bullet solves the stops of the heave and the tyres' contacts together.
+Each axle hangs on two revolute joints in series, heave and roll (`linkage`); what its
+struts push with is a torque on those joints (`suspension`). Bullet solves the stops of
+the heave and the tyres' contacts together.
 """
 
 from __future__ import annotations
@@ -37,11 +38,19 @@ from sidm.simulation.linkage import AxleJoints
 from sidm.simulation.suspension import Suspension
 from sidm.systems import Robot
 
-CHASSIS_COLOUR, TYRE_COLOUR, AXLE_COLOUR = "0.84 0.37 0.0", "0.25 0.25 0.27", "0.55 0.55 0.58"  # in pictures
+#: in pictures
+CHASSIS_COLOUR, TYRE_COLOUR, AXLE_COLOUR = (
+    "0.84 0.37 0.0",
+    "0.25 0.25 0.27",
+    "0.55 0.55 0.58",
+)
 
 LINKAGE_MASS = 2 * (LOWER_LINK_MASS + UPPER_LINK_MASS + STRUT_MASS)  # of an axle
 
-HEAVES, ROLLS = tuple(f"{axle}_heave" for axle in AXLES), tuple(f"{axle}_roll" for axle in AXLES)
+HEAVES, ROLLS = (
+    tuple(f"{axle}_heave" for axle in AXLES),
+    tuple(f"{axle}_roll" for axle in AXLES),
+)
 WHEELS = tuple(f"{axle}_{side}_wheel" for axle in AXLES for side in SIDES)
 KINGPINS = tuple(f"front_{side}_kingpin" for side in SIDES)
 
@@ -56,13 +65,18 @@ def _cylinder(radius: float, length: float) -> str:
 
 
 def _link(
-    name: str, mass: float, centre, inertia=(0.0, 0.0, 0.0),
-    shape: str = "", colour: str = TYRE_COLOUR, solid: bool = True,
+    name: str,
+    mass: float,
+    centre,
+    inertia=(0.0, 0.0, 0.0),
+    shape: str = "",
+    colour: str = TYRE_COLOUR,
+    solid: bool = True,
 ) -> str:
     """A URDF link whose frame is parallel to the body's; `centre` (3,) is its centre of mass in that frame.
 
-    Parts without inertia of their own have none in the released simulator either. A `shape` that is not `solid` is for
-    pictures alone.
+    Parts without inertia of their own have none in the released simulator either. A
+    `shape` that is not `solid` is for pictures alone.
     """
     ixx, iyy, izz = inertia
     form = f'<origin xyz="{_numbers(centre)}" {shape}'
@@ -75,7 +89,9 @@ def _link(
     )
 
 
-def _joint(name: str, kind: str, parent: str, child: str, origin, axis, limits: str = "") -> str:
+def _joint(
+    name: str, kind: str, parent: str, child: str, origin, axis, limits: str = ""
+) -> str:
     return (
         f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
         f'<origin xyz="{_numbers(origin)}"/><axis xyz="{_numbers(axis)}"/>{limits}</joint>'
@@ -88,16 +104,38 @@ def _axle(robot: Robot, axle: str, suspension: Suspension) -> list[str]:
     heave, roll, place = joints.heave_point, joints.roll_point, joints.pose.place
     # Links and struts are one part, in their middle, that goes with the heave.
     links = place(mirror(axle, "left") * REAR_LEFT_RODS.mean(axis=(0, 1)) * (1, 0, 1))
-    angles = [joints.heave_angle(travel) for travel in (robot.travel_lower, robot.travel_upper)]
+    angles = [
+        joints.heave_angle(travel)
+        for travel in (robot.travel_lower, robot.travel_upper)
+    ]
     limits = f'<limit lower="{min(angles):.9g}" upper="{max(angles):.9g}" effort="0" velocity="0"/>'
     kind = "revolute" if suspension.heave_free else "fixed"
     parts = [
-        _joint(f"{axle}_heave", kind, "chassis", f"{axle}_linkage", heave, joints.heave_axis, limits),
+        _joint(
+            f"{axle}_heave",
+            kind,
+            "chassis",
+            f"{axle}_linkage",
+            heave,
+            joints.heave_axis,
+            limits,
+        ),
         _link(f"{axle}_linkage", scale * LINKAGE_MASS, links - heave),
-        _joint(f"{axle}_roll", "continuous", f"{axle}_linkage", f"{axle}_axle", roll - heave, joints.roll_axis),
+        _joint(
+            f"{axle}_roll",
+            "continuous",
+            f"{axle}_linkage",
+            f"{axle}_axle",
+            roll - heave,
+            joints.roll_axis,
+        ),
         _link(
-            f"{axle}_axle", scale * AXLE_MASS, place(mirror(axle, "left") * REAR_AXLE) - roll,
-            shape=_cylinder(0.012, 0.25), colour=AXLE_COLOUR, solid=False,
+            f"{axle}_axle",
+            scale * AXLE_MASS,
+            place(mirror(axle, "left") * REAR_AXLE) - roll,
+            shape=_cylinder(0.012, 0.25),
+            colour=AXLE_COLOUR,
+            solid=False,
         ),
     ]
     for side in SIDES:
@@ -105,7 +143,9 @@ def _axle(robot: Robot, axle: str, suspension: Suspension) -> list[str]:
     return parts
 
 
-def _wheel(robot: Robot, axle: str, side: str, joints: AxleJoints, frame: np.ndarray) -> list[str]:
+def _wheel(
+    robot: Robot, axle: str, side: str, joints: AxleJoints, frame: np.ndarray
+) -> list[str]:
     """Hub and tyre of one wheel, `frame` (3,) being the axle's; the front hubs turn about their kingpins."""
     scale, signs, place = robot.mass_scale, mirror(axle, side), joints.pose.place
     hub, tyre = place(signs * REAR_LEFT_HUB), place(signs * REAR_LEFT_TYRE)
@@ -114,11 +154,23 @@ def _wheel(robot: Robot, axle: str, side: str, joints: AxleJoints, frame: np.nda
     kind = "continuous" if axle == "front" else "fixed"
     axis = joints.pose.rotation @ KINGPIN_AXIS / np.linalg.norm(KINGPIN_AXIS)
     return [
-        _joint(f"{name}_kingpin", kind, f"{axle}_axle", f"{name}_hub", pivot - frame, axis),
+        _joint(
+            f"{name}_kingpin", kind, f"{axle}_axle", f"{name}_hub", pivot - frame, axis
+        ),
         _link(f"{name}_hub", scale * HUB_MASS, hub - pivot),
-        _joint(f"{name}_wheel", "continuous", f"{name}_hub", f"{name}_tyre", tyre - pivot, (0, 1, 0)),
+        _joint(
+            f"{name}_wheel",
+            "continuous",
+            f"{name}_hub",
+            f"{name}_tyre",
+            tyre - pivot,
+            (0, 1, 0),
+        ),
         _link(
-            f"{name}_tyre", scale * TYRE_MASS, (0, 0, 0), tuple(scale * i for i in TYRE_INERTIA),
+            f"{name}_tyre",
+            scale * TYRE_MASS,
+            (0, 0, 0),
+            tuple(scale * i for i in TYRE_INERTIA),
             _cylinder(TYRE_RADIUS, TYRE_WIDTH),
         ),
     ]
@@ -127,7 +179,11 @@ def _wheel(robot: Robot, axle: str, side: str, joints: AxleJoints, frame: np.nda
 def urdf(robot: Robot, suspensions: Mapping[str, Suspension]) -> str:
     """The robot as URDF text, on the suspensions of its axles; HEAVES, ROLLS, WHEELS and KINGPINS name its joints."""
     box = f'rpy="0 0 0"/><geometry><box size="{_numbers(CHASSIS_SIZE)}"/></geometry>'
-    parts = [_link("chassis", CHASSIS_MASS, (0, 0, 0), CHASSIS_INERTIA, box, CHASSIS_COLOUR)]
+    parts = [
+        _link("chassis", CHASSIS_MASS, (0, 0, 0), CHASSIS_INERTIA, box, CHASSIS_COLOUR)
+    ]
     for axle in AXLES:
         parts += _axle(robot, axle, suspensions[axle])
-    return "\n".join(['<?xml version="1.0"?>', '<robot name="rover">', *parts, "</robot>", ""])
+    return "\n".join(
+        ['<?xml version="1.0"?>', '<robot name="rover">', *parts, "</robot>", ""]
+    )

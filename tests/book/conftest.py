@@ -1,4 +1,5 @@
-"""The book, built once for all tests of its pages, and a copy of the project for what runs."""
+"""The book, built once for all tests of its pages, and a copy of the project for what
+runs."""
 
 import contextlib
 import fcntl
@@ -15,7 +16,13 @@ from pdf import chromium
 from playwright.sync_api import sync_playwright
 
 from companion import collect_datasets, load_preset
-from tests.companion.conftest import figure3_frame, figure3_rows, laptop, make_row, power_law  # noqa: F401
+from tests.companion.conftest import (  # noqa: F401
+    figure3_frame,
+    figure3_rows,
+    laptop,
+    make_row,
+    power_law,
+)
 
 
 def shared_by_workers(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -34,7 +41,8 @@ def one_at_a_time(folder: Path) -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def book(tmp_path_factory) -> Path:
-    """The folder of pages rendered from the committed outputs, once for all workers, warnings being errors."""
+    """The folder of pages rendered from the committed outputs, once for all workers,
+    warnings being errors."""
     output = shared_by_workers(tmp_path_factory) / "book"
     with one_at_a_time(output):
         if not (output / "_build" / "html" / "index.html").is_file():
@@ -44,10 +52,23 @@ def book(tmp_path_factory) -> Path:
 
 def render(output: Path) -> None:
     """Build the book under `output`."""
-    words = ["build", "--warningiserror", "--keep-going", "--path-output", str(output), str(ROOT)]
+    words = [
+        "build",
+        "--warningiserror",
+        "--keep-going",
+        "--path-output",
+        str(output),
+        str(ROOT),
+    ]
     program = "import sys; from jupyter_book.cli.main import main; sys.exit(main())"
-    done = subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True)
-    problems = [line for line in (done.stdout + done.stderr).splitlines() if "WARNING" in line or "ERROR" in line]
+    done = subprocess.run(
+        [sys.executable, "-c", program, *words], capture_output=True, text=True
+    )
+    problems = [
+        line
+        for line in (done.stdout + done.stderr).splitlines()
+        if "WARNING" in line or "ERROR" in line
+    ]
     if done.returncode != 0:
         shutil.rmtree(output, ignore_errors=True)
         pytest.fail("\n".join(problems) or done.stdout[-2000:] + done.stderr[-2000:])
@@ -58,7 +79,9 @@ def motion(tmp_path_factory) -> Path:
     """The data of the smoke preset for system 1, collected once for all workers."""
     folder = shared_by_workers(tmp_path_factory) / "motion"
     with one_at_a_time(folder):
-        collect_datasets(load_preset("smoke"), ["system1"], folder, workers=2, progress=False)
+        collect_datasets(
+            load_preset("smoke"), ["system1"], folder, workers=2, progress=False
+        )
     return folder
 
 
@@ -66,21 +89,37 @@ def motion(tmp_path_factory) -> Path:
 def project(tmp_path_factory, motion) -> Path:
     """A worker's copy of what the notebooks work with: trials are run in it once."""
     copy = tmp_path_factory.mktemp("copy") / "project"
-    for name in ("sidm", "companion", "notebooks", "params", "results", "recordings", "benchmarks"):
-        shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in (
+        "sidm",
+        "companion",
+        "notebooks",
+        "params",
+        "results",
+        "recordings",
+        "benchmarks",
+    ):
+        shutil.copytree(
+            ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__")
+        )
     shutil.copytree(motion, copy / "_build" / "smoke" / "data")
     return copy
 
 
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(
+    config: pytest.Config, items: list[pytest.Item]
+) -> None:
     """Without a browser one test says so for all that need it."""
     if chromium() is None:
-        paged = [item for item in items if "context" in getattr(item, "fixturenames", ())]
+        paged = [
+            item for item in items if "context" in getattr(item, "fixturenames", ())
+        ]
         config.hook.pytest_deselected(items=paged)
         items[:] = [item for item in items if item not in paged]
 
 
-@pytest.fixture(scope="module")  # its event loop holds the thread: closed before other tests want one
+@pytest.fixture(
+    scope="module"
+)  # its event loop holds the thread: closed before other tests want one
 def context():
     """A browser without a network."""
     with sync_playwright() as play:

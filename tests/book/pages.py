@@ -13,33 +13,61 @@ sys.path.insert(0, str(ROOT / "book"))  # pdf.py
 DESK = {"width": 1280, "height": 900}  # a window's size
 
 LOADED = {  # tag -> attributes whose addresses a browser fetches by itself
-    "script": ("src",), "img": ("src", "srcset"), "source": ("src", "srcset"), "video": ("src", "poster"),
-    "audio": ("src",), "track": ("src",), "image": ("href",), "link": ("href",), "iframe": ("src",), "embed": ("src",),
+    "script": ("src",),
+    "img": ("src", "srcset"),
+    "source": ("src", "srcset"),
+    "video": ("src", "poster"),
+    "audio": ("src",),
+    "track": ("src",),
+    "image": ("href",),
+    "link": ("href",),
+    "iframe": ("src",),
+    "embed": ("src",),
     "object": ("data",),
-}  # fmt: skip
-NOT_FETCHED = {"next", "prev", "canonical", "search", "index", "author"}  # rel of <link>
+}
+#: rel of <link>
+NOT_FETCHED = {"next", "prev", "canonical", "search", "index", "author"}
 ABROAD = re.compile(r"^\s*(https?:)?//", re.IGNORECASE)
-STYLE_ADDRESS = re.compile(r"(?:url\(|@import)\s*[\"']?\s*((?:https?:)?//[^\"')\s]+)", re.IGNORECASE)
+STYLE_ADDRESS = re.compile(
+    r"(?:url\(|@import)\s*[\"']?\s*((?:https?:)?//[^\"')\s]+)", re.IGNORECASE
+)
 
 
 def contents() -> list[str]:
     """The pages of the table of contents, without suffix, in reading order."""
     toc = yaml.safe_load((ROOT / "_toc.yml").read_text())
-    return [toc["root"], *(chapter["file"] for part in toc["parts"] for chapter in part["chapters"])]
+    return [
+        toc["root"],
+        *(chapter["file"] for part in toc["parts"] for chapter in part["chapters"]),
+    ]
 
 
 def watched(page: Any) -> list[str]:
-    """What goes wrong with a page of a browser from now on: requests that fail or go abroad, and errors."""
+    """What goes wrong with a page of a browser from now on: requests that fail or go
+    abroad, and errors."""
     problems: list[str] = []
     page.on("requestfailed", lambda request: problems.append(f"failed: {request.url}"))
-    page.on("request", lambda r: None if r.url.startswith(("file:", "data:", "blob:")) else problems.append(r.url))
-    page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
+    page.on(
+        "request",
+        lambda r: (
+            None
+            if r.url.startswith(("file:", "data:", "blob:"))
+            else problems.append(r.url)
+        ),
+    )
+    page.on(
+        "console",
+        lambda message: (
+            problems.append(message.text) if message.type == "error" else None
+        ),
+    )
     page.on("pageerror", lambda error: problems.append(str(error)))
     return problems
 
 
 class Page(HTMLParser):
-    """One page: what it `loads` and `links` (tag, address), its `names` (ids), `images` and `unlinked` references."""
+    """One page: what it `loads` and `links` (tag, address), its `names` (ids), `images`
+    and `unlinked` references."""
 
     def __init__(self, path: Path) -> None:
         super().__init__()
@@ -58,9 +86,15 @@ class Page(HTMLParser):
         values = {name: value or "" for name, value in attrs}
         self.names |= {values[key] for key in ("id", "name") if values.get(key)}
         self.classes |= set(values.get("class", "").split())
-        if not (tag == "link" and set(values.get("rel", "").lower().split()) & NOT_FETCHED):
-            self.loads += [(tag, values[key]) for key in LOADED.get(tag, ()) if values.get(key)]
-        self.loads += [(tag, address) for address in STYLE_ADDRESS.findall(values.get("style", ""))]
+        if not (
+            tag == "link" and set(values.get("rel", "").lower().split()) & NOT_FETCHED
+        ):
+            self.loads += [
+                (tag, values[key]) for key in LOADED.get(tag, ()) if values.get(key)
+            ]
+        self.loads += [
+            (tag, address) for address in STYLE_ADDRESS.findall(values.get("style", ""))
+        ]
         if tag == "a" and "href" in values:
             self.links.append((tag, values["href"]))
         if tag in ("a", "article"):
@@ -68,7 +102,9 @@ class Page(HTMLParser):
         if tag == "img" and "article" in self._inside:
             self.images.append(values)
         classes = values.get("class", "").split()
-        self._reference = tag == "code" and {"xref", "py"} <= set(classes) and "a" not in self._inside
+        self._reference = (
+            tag == "code" and {"xref", "py"} <= set(classes) and "a" not in self._inside
+        )
 
     def handle_endtag(self, tag: str) -> None:
         if tag in self._inside:
@@ -79,9 +115,13 @@ class Page(HTMLParser):
             self.unlinked.append(data)
         self._reference = self._reference and not data.strip()
         if self.lasttag == "style":
-            self.loads += [("style", address) for address in STYLE_ADDRESS.findall(data)]
+            self.loads += [
+                ("style", address) for address in STYLE_ADDRESS.findall(data)
+            ]
 
     @property
     def abroad(self) -> list[str]:
         """Addresses on another host that the page would fetch."""
-        return [f"<{tag}> {address}" for tag, address in self.loads if ABROAD.match(address)]
+        return [
+            f"<{tag}> {address}" for tag, address in self.loads if ABROAD.match(address)
+        ]

@@ -19,8 +19,17 @@ def address(project):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    words = ["-m", "voila", APP, "--no-browser", f"--port={port}", "--Voila.ip=127.0.0.1"]
-    with subprocess.Popen([sys.executable, *words], cwd=project, stderr=subprocess.PIPE, text=True) as server:
+    words = [
+        "-m",
+        "voila",
+        APP,
+        "--no-browser",
+        f"--port={port}",
+        "--Voila.ip=127.0.0.1",
+    ]
+    with subprocess.Popen(
+        [sys.executable, *words], cwd=project, stderr=subprocess.PIPE, text=True
+    ) as server:
         yield f"http://127.0.0.1:{port}/"
         server.terminate()
         server.communicate()
@@ -49,7 +58,9 @@ def test_a_slider_of_the_app_simulates_anew(address, context):
     page.route(lambda url: not url.startswith(address), lambda route: route.abort())
     page.goto(address, wait_until="domcontentloaded")
     picture = page.wait_for_selector("img.widget-image", timeout=120_000)
-    assert "spring (N/m)" in page.inner_text("body") and "Traceback" not in page.inner_text("body")
+    assert "spring (N/m)" in page.inner_text(
+        "body"
+    ) and "Traceback" not in page.inner_text("body")
     before = picture.get_attribute("src")
     handle = page.locator(".noUi-handle").first
     handle.focus()

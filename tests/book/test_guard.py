@@ -14,9 +14,12 @@ from companion.pages.notebook_runs import NotebookError, Run, execute
 
 #: Chapters with words about stored results; others simulate what theirs are about.
 GUARDED = [
-    pytest.param(path, id=path.stem) for path in notebooks(ROOT)
-    if all(words in path.read_text(encoding="utf-8") for words in ("hold(", "preset: str"))
-]  # fmt: skip
+    pytest.param(path, id=path.stem)
+    for path in notebooks(ROOT)
+    if all(
+        words in path.read_text(encoding="utf-8") for words in ("hold(", "preset: str")
+    )
+]
 
 
 @pytest.fixture(scope="session")
@@ -33,8 +36,12 @@ def other_results(tmp_path_factory) -> Path:
 
 @pytest.mark.parametrize("path", GUARDED)
 def test_a_chapter_stops_where_the_results_say_otherwise(path, other_results, tmp_path):
-    with pytest.raises(NotebookError, match="Outdated: the stored results no longer bear out"):
-        execute([Run(path, tmp_path / path.name, {"results": str(other_results)})], ROOT)
+    with pytest.raises(
+        NotebookError, match="Outdated: the stored results no longer bear out"
+    ):
+        execute(
+            [Run(path, tmp_path / path.name, {"results": str(other_results)})], ROOT
+        )
 
 
 def test_words_that_hold_need_no_word():
@@ -42,14 +49,25 @@ def test_words_that_hold_need_no_word():
 
 
 def test_a_sentence_that_no_longer_holds_is_named():
-    with pytest.raises(Outdated, match="no longer bear out 'more is less': write the page anew"):
+    with pytest.raises(
+        Outdated, match="no longer bear out 'more is less': write the page anew"
+    ):
         hold({"less is more": lambda: True, "more is less": lambda: False}, "laptop")
 
 
 def test_words_are_about_the_results_that_they_were_written_for():
-    assert "about results of the preset `laptop`" in hold({"more is less": lambda: False}, "smoke").data
+    assert (
+        "about results of the preset `laptop`"
+        in hold({"more is less": lambda: False}, "smoke").data
+    )
 
 
 def test_words_may_be_about_other_things_than_a_preset():
-    found = hold({"less is more": lambda: False}, "seed 4", "seed 3", of="the parameters")
-    assert found is not None and "about results of the parameters `seed 3`; these are of `seed 4`" in found.data
+    found = hold(
+        {"less is more": lambda: False}, "seed 4", "seed 3", of="the parameters"
+    )
+    assert (
+        found is not None
+        and "about results of the parameters `seed 3`; these are of `seed 4`"
+        in found.data
+    )

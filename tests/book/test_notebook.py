@@ -14,9 +14,15 @@ from sidm.config import ConfigError
 
 def write_notebook(path: Path, *cells: str, parameters: str = "") -> Path:
     made = nbformat.v4.new_notebook()
-    made.metadata["kernelspec"] = {"name": "python3", "display_name": "Python 3", "language": "python"}
+    made.metadata["kernelspec"] = {
+        "name": "python3",
+        "display_name": "Python 3",
+        "language": "python",
+    }
     first = "from typing import Optional"
-    made.cells = [nbformat.v4.new_code_cell(text) for text in (first, parameters, *cells)]
+    made.cells = [
+        nbformat.v4.new_code_cell(text) for text in (first, parameters, *cells)
+    ]
     made.cells[1].metadata["tags"] = ["parameters"]
     for number, cell in enumerate(made.cells):
         cell["id"] = f"cell-{number}"
@@ -42,7 +48,10 @@ def project(tmp_path, monkeypatch):
         "print(preset, minutes, run_missing, seeds, system, Path.cwd().name)",
         parameters="\n".join(lines),
     )
-    write_notebook(tmp_path / "notebooks" / "02-second.ipynb", parameters="spring: float = 1.0  # N/m")
+    write_notebook(
+        tmp_path / "notebooks" / "02-second.ipynb",
+        parameters="spring: float = 1.0  # N/m",
+    )
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -59,21 +68,36 @@ def printed(path: Path) -> str:
 
 
 def test_a_notebook_is_found_by_path_and_by_name(project, first):
-    for name in ("notebooks/01-first.ipynb", "01-first", "first", "first.ipynb", "07-first"):
+    for name in (
+        "notebooks/01-first.ipynb",
+        "01-first",
+        "first",
+        "first.ipynb",
+        "07-first",
+    ):
         assert notebook.find_notebook(name).resolve() == first
-    with pytest.raises(ConfigError, match="no notebook '01-frist'; did you mean '01-first'"):
+    with pytest.raises(
+        ConfigError, match="no notebook '01-frist'; did you mean '01-first'"
+    ):
         notebook.find_notebook("01-frist")
 
 
 def test_parameters_are_read_with_their_types_and_help(first):
     found = notebook.inspect(first)
     assert list(found) == ["preset", "minutes", "run_missing", "seeds", "system"]
-    assert found["minutes"] == notebook.Parameter("minutes", float, "5.0", "of novice data, min")
+    assert found["minutes"] == notebook.Parameter(
+        "minutes", float, "5.0", "of novice data, min"
+    )
     assert found["seeds"].kind == list[int] and found["system"].kind == Optional[str]
 
 
 def test_a_parameter_without_a_readable_type_is_an_error(project):
-    for line in ("seed = 1", "seed: int | None = 1", "seed: Literal[1, 2] = 1", "seed: integer = 1"):
+    for line in (
+        "seed = 1",
+        "seed: int | None = 1",
+        "seed: Literal[1, 2] = 1",
+        "seed: integer = 1",
+    ):
         path = write_notebook(project / "notebooks" / "03-bad.ipynb", parameters=line)
         with pytest.raises(ConfigError, match="03-bad"):
             notebook.inspect(path)
@@ -111,16 +135,28 @@ def test_text_is_read_as_the_type_asks(text: str, kind: Any, value: Any):
 
 @pytest.mark.parametrize(
     ("text", "kind"),
-    [("yes please", bool), ("1", bool), ("2.5", int), ("true", int), ("true", float), ("5", list[int]),
-     ("[a]", list[int]), ("abc", Optional[int]), ("[", int), ("{a: b}", dict[str, int])],
-)  # fmt: skip
+    [
+        ("yes please", bool),
+        ("1", bool),
+        ("2.5", int),
+        ("true", int),
+        ("true", float),
+        ("5", list[int]),
+        ("[a]", list[int]),
+        ("abc", Optional[int]),
+        ("[", int),
+        ("{a: b}", dict[str, int]),
+    ],
+)
 def test_text_of_another_type_is_an_error(text: str, kind: Any):
     with pytest.raises(ConfigError, match="'x'"):
         notebook.read_value(text, kind, "x")
 
 
 def test_a_name_given_by_hand_must_be_this_notebooks(first):
-    with pytest.raises(ConfigError, match="'minuts' of 01-first.ipynb; did you mean 'minutes'"):
+    with pytest.raises(
+        ConfigError, match="'minuts' of 01-first.ipynb; did you mean 'minutes'"
+    ):
         notebook.merge_parameters(first, {"minuts": 1.0})
     with pytest.raises(ConfigError, match="'spring'"):  # another notebook's
         notebook.merge_parameters(first, {"spring": 1.0})
@@ -135,14 +171,20 @@ def test_a_name_in_a_file_must_be_some_notebooks(project, first):
         notebook.merge_parameters(first, {}, [preset])
 
 
-def test_what_is_given_by_hand_wins_over_files_and_the_later_file_over_the_earlier(project, first):
+def test_what_is_given_by_hand_wins_over_files_and_the_later_file_over_the_earlier(
+    project, first
+):
     (project / "a.yaml").write_text("minutes: 1\nseeds: [1]\npreset: smoke")
     (project / "b.yaml").write_text("minutes: 2\nseeds: [2]")
-    merged = notebook.merge_parameters(first, {"minutes": 3.0}, [project / "a.yaml", project / "b.yaml"])
+    merged = notebook.merge_parameters(
+        first, {"minutes": 3.0}, [project / "a.yaml", project / "b.yaml"]
+    )
     assert merged == {"minutes": 3.0, "seeds": [2], "preset": "smoke"}
 
 
-@pytest.mark.parametrize("text", ["minutes: long", "run_missing: 1", "- minutes", "minutes: [", None])
+@pytest.mark.parametrize(
+    "text", ["minutes: long", "run_missing: 1", "- minutes", "minutes: [", None]
+)
 def test_a_file_that_cannot_be_used_is_one_line(project, first, text):
     if text is not None:
         (project / "preset.yaml").write_text(text)
@@ -152,25 +194,58 @@ def test_a_file_that_cannot_be_used_is_one_line(project, first, text):
 
 
 def test_a_run_gets_its_values_and_the_projects_folder(project):
-    words = ["first", "out/mine.ipynb", "-p", "run_missing", "true", "-p", "system", "system2", "-p", "minutes", "2"]
+    words = [
+        "first",
+        "out/mine.ipynb",
+        "-p",
+        "run_missing",
+        "true",
+        "-p",
+        "system",
+        "system2",
+        "-p",
+        "minutes",
+        "2",
+    ]
     assert main(["notebook", *words]) == 0
-    assert printed(project / "out" / "mine.ipynb") == f"laptop 2.0 True [0, 1] system2 {project.name}\n"
+    assert (
+        printed(project / "out" / "mine.ipynb")
+        == f"laptop 2.0 True [0, 1] system2 {project.name}\n"
+    )
 
 
 def test_a_failing_cell_is_one_line_and_status_1(project, capsys):
-    write_notebook(project / "notebooks" / "03-fails.ipynb", "print('before')", "1 / 0", parameters="a: int = 1  # a")
+    write_notebook(
+        project / "notebooks" / "03-fails.ipynb",
+        "print('before')",
+        "1 / 0",
+        parameters="a: int = 1  # a",
+    )
     assert main(["notebook", "fails"]) == 1
-    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("companion: ")]
+    lines = [
+        line
+        for line in capsys.readouterr().err.splitlines()
+        if line.startswith("companion: ")
+    ]
     assert len(lines) == 1 and "ZeroDivisionError: division by zero" in lines[0]
     assert "before" in printed(project / "_build" / "runs" / "03-fails.ipynb")
 
 
 @pytest.mark.parametrize(
     "words",
-    [["third"], ["first", "-p", "minuts", "1"], ["first", "-p", "minutes", "long"], ["first", "-f", "none.yaml"],
-     ["all", "-p", "minutes", "1"], ["all", "--jobs", "0"], ["first", "--in-place", "-p", "minutes", "1"]],
-)  # fmt: skip
-def test_arguments_that_cannot_be_used_are_status_2_and_nothing_runs(project, capsys, words):
+    [
+        ["third"],
+        ["first", "-p", "minuts", "1"],
+        ["first", "-p", "minutes", "long"],
+        ["first", "-f", "none.yaml"],
+        ["all", "-p", "minutes", "1"],
+        ["all", "--jobs", "0"],
+        ["first", "--in-place", "-p", "minutes", "1"],
+    ],
+)
+def test_arguments_that_cannot_be_used_are_status_2_and_nothing_runs(
+    project, capsys, words
+):
     assert main(["notebook", *words]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert not (project / "_build").exists()
@@ -178,7 +253,10 @@ def test_arguments_that_cannot_be_used_are_status_2_and_nothing_runs(project, ca
 
 def test_parameters_are_listed(project, capsys):
     assert main(["notebook", "all", "--list"]) == 0
-    assert "  minutes: float = 5.0  # of novice data, min" in capsys.readouterr().out.splitlines()
+    assert (
+        "  minutes: float = 5.0  # of novice data, min"
+        in capsys.readouterr().out.splitlines()
+    )
 
 
 def test_refreshing_twice_changes_nothing(first):
@@ -189,7 +267,12 @@ def test_refreshing_twice_changes_nothing(first):
     assert first.read_bytes() == once
 
 
-def test_the_project_is_found_from_below_and_from_elsewhere(project, monkeypatch, tmp_path_factory):
+def test_the_project_is_found_from_below_and_from_elsewhere(
+    project, monkeypatch, tmp_path_factory
+):
     monkeypatch.chdir(project / "notebooks")
     assert notebook.enter_project() == project and Path(os.getcwd()) == project
-    assert notebook.project_root(tmp_path_factory.mktemp("away")) == Path(notebook.__file__).parents[2]
+    assert (
+        notebook.project_root(tmp_path_factory.mktemp("away"))
+        == Path(notebook.__file__).parents[2]
+    )

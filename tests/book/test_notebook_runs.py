@@ -1,4 +1,5 @@
-"""Notebooks side by side on real kernels: what runs together, what in turn, and what a failure leaves behind."""
+"""Notebooks side by side on real kernels: what runs together, what in turn, and what a
+failure leaves behind."""
 
 import os
 import signal
@@ -40,8 +41,12 @@ def project(tmp_path, monkeypatch):
     return tmp_path
 
 
-def add(project: Path, name: str, *cells: str, parameters: str = "a: int = 1  # a") -> Path:
-    return write_notebook(project / "notebooks" / f"{name}.ipynb", AWAIT, *cells, parameters=parameters)
+def add(
+    project: Path, name: str, *cells: str, parameters: str = "a: int = 1  # a"
+) -> Path:
+    return write_notebook(
+        project / "notebooks" / f"{name}.ipynb", AWAIT, *cells, parameters=parameters
+    )
 
 
 def kernels(project: Path) -> list[int]:
@@ -67,19 +72,30 @@ def test_they_run_side_by_side_on_one_thread_each(project, monkeypatch, capsys):
     assert sorted(told.out.splitlines()) == ["out/one.ipynb", "out/two.ipynb"]
     bar = [line for line in told.err.splitlines() if line.startswith("notebooks: ")]
     assert " left" in bar[0] and bar[-1].startswith("notebooks: 100/100 %")
-    assert [printed(project / "out" / f"{name}.ipynb") for name in ("one", "two")] == ["1\n", "1\n"]
+    assert [printed(project / "out" / f"{name}.ipynb") for name in ("one", "two")] == [
+        "1\n",
+        "1\n",
+    ]
 
 
 def test_a_failure_stops_the_others_and_no_kernel_is_left(project, capsys):
-    add(project, "1-fails", "while not list(Path().glob('*.kernel')): time.sleep(0.1)", "print('so far')", "1 / 0")
+    add(
+        project,
+        "1-fails",
+        "while not list(Path().glob('*.kernel')): time.sleep(0.1)",
+        "print('so far')",
+        "1 / 0",
+    )
     add(project, "2-endless", ENDLESS)
     add(project, "3-waits", "Path('begun').touch()")
     assert main(["notebook", "all", "out", "--jobs", "2"]) == 1
     told = capsys.readouterr()
     assert told.out == ""
     [line] = told.err.splitlines()
-    assert line.endswith("1-fails.ipynb: cell 6 failed, ZeroDivisionError: division by zero; "
-                         "the run up to there is out/1-fails.ipynb")  # fmt: skip
+    assert line.endswith(
+        "1-fails.ipynb: cell 6 failed, ZeroDivisionError: division by zero; "
+        "the run up to there is out/1-fails.ipynb"
+    )
     assert printed(project / "out" / "1-fails.ipynb") == "so far\n"
     assert not (project / "begun").exists()
     [kernel] = kernels(project)
@@ -90,16 +106,23 @@ def test_a_kernel_that_dies_is_a_failure(project, capsys):
     path = add(project, "dies", "os._exit(1)")
     before = path.read_bytes()
     assert main(["notebook", "dies", "--in-place"]) == 1
-    assert "cell 4 failed, its kernel died (out of memory?); the notebook is unchanged" in capsys.readouterr().err
+    assert (
+        "cell 4 failed, its kernel died (out of memory?); the notebook is unchanged"
+        in capsys.readouterr().err
+    )
     assert path.read_bytes() == before
 
 
 def test_ctrl_c_leaves_no_kernel(project):
     add(project, "1", ENDLESS)
     add(project, "2", ENDLESS)
-    program = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    program = (
+        "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    )
     program += "from companion.__main__ import main; sys.exit(main(['notebook', 'all', '--jobs', '2']))"
-    with subprocess.Popen([sys.executable, "-P", "-c", program], stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        [sys.executable, "-P", "-c", program], stderr=subprocess.PIPE, text=True
+    ) as process:
         while len(kernels(project)) < 2:
             assert process.poll() is None
         process.send_signal(signal.SIGINT)
@@ -109,14 +132,17 @@ def test_ctrl_c_leaves_no_kernel(project):
 
 
 def test_notebooks_that_run_trials_do_it_in_turn(project):
-    """They take trials from one another; the same one must not be trained twice at a time."""
+    """They take trials from one another; the same one must not be trained twice at a
+    time."""
     note = "with open('log', 'a') as file: print('{}', file=file, flush=True)"
     for name in ("1", "2", "3"):
         cells = [note.format(f"{name} {what}") for what in ("begins", "ends")]
         add(project, name, *cells, parameters="run_missing: bool = False  # run it")
     (project / "all.yaml").write_text("run_missing: true")
     assert main(["notebook", "all", "out", "-f", "all.yaml", "--jobs", "3"]) == 0
-    wanted = [f"{name} {what}" for name in ("1", "2", "3") for what in ("begins", "ends")]
+    wanted = [
+        f"{name} {what}" for name in ("1", "2", "3") for what in ("begins", "ends")
+    ]
     assert (project / "log").read_text().splitlines() == wanted
 
 
@@ -134,9 +160,16 @@ def test_what_stands_in_the_environment_stays(project, monkeypatch):
 
 
 @pytest.mark.parametrize(("failures", "status"), [(2, 0), (3, 1)])
-def test_a_kernel_that_does_not_answer_is_started_again(project, monkeypatch, capsys, failures, status):
-    """Kernels choose ports that are free before they take them; one of two that chose the same dies."""
-    path, real, left = add(project, "01-one", "print('here')"), NotebookClient.async_start_new_kernel_client, [failures]
+def test_a_kernel_that_does_not_answer_is_started_again(
+    project, monkeypatch, capsys, failures, status
+):
+    """Kernels choose ports that are free before they take them; one of two that chose
+    the same dies."""
+    path, real, left = (
+        add(project, "01-one", "print('here')"),
+        NotebookClient.async_start_new_kernel_client,
+        [failures],
+    )
 
     async def start(client):
         if left[0]:

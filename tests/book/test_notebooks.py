@@ -1,4 +1,5 @@
-"""Every notebook from beginning to end with the smoke preset, in a scratch copy of the project."""
+"""Every notebook from beginning to end with the smoke preset, in a scratch copy of the
+project."""
 
 import re
 
@@ -10,8 +11,13 @@ from companion.__main__ import main
 from companion.pages.notebook import inspect, notebooks
 
 NOTEBOOKS = [pytest.param(path, id=path.stem) for path in notebooks(ROOT)]
-GLUED = re.compile(r"^```\{glue\} (\S+)\n:doc: \.\./(\S+)$", re.MULTILINE)  # name, notebook
-TAKING = [name for name in contents() if name.startswith("book/") and GLUED.search((ROOT / f"{name}.md").read_text())]
+#: name, notebook
+GLUED = re.compile(r"^```\{glue\} (\S+)\n:doc: \.\./(\S+)$", re.MULTILINE)
+TAKING = [
+    name
+    for name in contents()
+    if name.startswith("book/") and GLUED.search((ROOT / f"{name}.md").read_text())
+]
 
 
 def glued(output) -> bool:
@@ -32,25 +38,48 @@ def test_it_runs_with_the_smoke_preset(project, tmp_path, monkeypatch, capsys, p
 def test_its_parameters_say_what_they_are(path):
     cells = nbformat.read(path, as_version=4).cells
     assert sum("parameters" in cell.metadata.get("tags", []) for cell in cells) == 1
-    assert [name for name, parameter in inspect(path).items() if not parameter.help] == []
+    assert [
+        name for name, parameter in inspect(path).items() if not parameter.help
+    ] == []
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS)
 def test_its_committed_outputs_are_whole(path):
-    cells = [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code" and cell.source]
-    assert [cell.source for cell in cells if cell.execution_count is None] == [], "cells that were never run"
-    errors = [output for cell in cells for output in cell.outputs if output.output_type == "error"]
+    cells = [
+        cell
+        for cell in nbformat.read(path, as_version=4).cells
+        if cell.cell_type == "code" and cell.source
+    ]
+    assert [cell.source for cell in cells if cell.execution_count is None] == [], (
+        "cells that were never run"
+    )
+    errors = [
+        output
+        for cell in cells
+        for output in cell.outputs
+        if output.output_type == "error"
+    ]
     assert errors == []
-    assert "widgets" not in nbformat.read(path, as_version=4).metadata, "no page shows a widget's state"
-    assert '"papermill": {' not in path.read_text(encoding="utf-8"), "refresh it with make notebooks"
+    assert "widgets" not in nbformat.read(path, as_version=4).metadata, (
+        "no page shows a widget's state"
+    )
+    assert '"papermill": {' not in path.read_text(encoding="utf-8"), (
+        "refresh it with make notebooks"
+    )
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS)
 def test_its_pictures_have_words(path):
     wordless = []
     for cell in nbformat.read(path, as_version=4).cells:
-        drawn = [o for o in cell.get("outputs", []) if any(kind.startswith("image/") for kind in o.get("data", {}))]
-        if any(not glued(o) for o in drawn) and not cell.metadata.get("mystnb", {}).get("image", {}).get("alt"):
+        drawn = [
+            o
+            for o in cell.get("outputs", [])
+            if any(kind.startswith("image/") for kind in o.get("data", {}))
+        ]
+        if any(not glued(o) for o in drawn) and not cell.metadata.get("mystnb", {}).get(
+            "image", {}
+        ).get("alt"):
             wordless.append(cell.source.splitlines()[0])
     assert wordless == []
 
@@ -61,11 +90,20 @@ SETTINGS = {"05-04", "05-70", "14-05", "22-10"}
 
 @pytest.mark.parametrize("path", NOTEBOOKS)
 def test_its_results_say_where_they_come_from(path):
-    """A line of provenance behind tables and pictures: in their section, or at the end of a page that makes its own."""
+    """A line of provenance behind tables and pictures: in their section, or at the end
+    of a page that makes its own."""
     cells = nbformat.read(path, as_version=4).cells
-    makes_its_own, open_results, lacking = any("made_here(" in cell.source for cell in cells), [], []
+    makes_its_own, open_results, lacking = (
+        any("made_here(" in cell.source for cell in cells),
+        [],
+        [],
+    )
     for cell in cells:
-        if cell.cell_type == "markdown" and cell.source.startswith("## ") and not makes_its_own:
+        if (
+            cell.cell_type == "markdown"
+            and cell.source.startswith("## ")
+            and not makes_its_own
+        ):
             lacking += open_results
             open_results = []
         shown = [o.get("data", {}) for o in cell.get("outputs", []) if not glued(o)]
@@ -73,7 +111,9 @@ def test_its_results_say_where_they_come_from(path):
         pictures = any(kind.startswith("image/") for data in shown for kind in data)
         if any('class="provenance"' in text for text in texts):
             open_results = []
-        elif (pictures or any("| --- |" in text for text in texts)) and cell.id not in SETTINGS:
+        elif (
+            pictures or any("| --- |" in text for text in texts)
+        ) and cell.id not in SETTINGS:
             open_results.append(cell.id)
     assert lacking + open_results == []
 
@@ -82,7 +122,11 @@ def test_its_results_say_where_they_come_from(path):
 def test_results_that_a_page_takes_over_say_where_they_come_from(name):
     """A line of provenance among what a section shows of notebooks."""
     lacking = []
-    for section in re.split(r"^(?=#+ )", (ROOT / f"{name}.md").read_text(encoding="utf-8"), flags=re.MULTILINE):
+    for section in re.split(
+        r"^(?=#+ )",
+        (ROOT / f"{name}.md").read_text(encoding="utf-8"),
+        flags=re.MULTILINE,
+    ):
         shown = [kept(path, key) for key, path in GLUED.findall(section)]
         if shown and not any('class="provenance"' in text for text in shown):
             lacking.append(section.splitlines()[0])
@@ -92,5 +136,7 @@ def test_results_that_a_page_takes_over_say_where_they_come_from(name):
 def kept(path: str, key: str) -> str:
     """What a notebook keeps under a name for other pages."""
     cells = nbformat.read(ROOT / path, as_version=4).cells
-    outputs = [output for cell in cells for output in cell.get("outputs", []) if glued(output)]
+    outputs = [
+        output for cell in cells for output in cell.get("outputs", []) if glued(output)
+    ]
     return next(str(o.data) for o in outputs if o.metadata["scrapbook"]["name"] == key)

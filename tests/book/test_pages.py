@@ -28,11 +28,17 @@ def read(path: Path) -> Page:
 
 @pytest.fixture
 def pages(book) -> list[Page]:
-    return [read(path) for path in sorted(book.rglob("*.html")) if "_static" not in path.relative_to(book).parts]
+    return [
+        read(path)
+        for path in sorted(book.rglob("*.html"))
+        if "_static" not in path.relative_to(book).parts
+    ]
 
 
 def test_the_expected_pages_exist(book):
-    assert [name for name in ["index", *contents()] if not (book / f"{name}.html").is_file()] == []
+    assert [
+        name for name in ["index", *contents()] if not (book / f"{name}.html").is_file()
+    ] == []
 
 
 def test_no_page_fetches_from_another_host(pages):
@@ -40,10 +46,17 @@ def test_no_page_fetches_from_another_host(pages):
 
 
 def test_a_page_says_how_long_it_takes_to_read(book):
-    times = {name: re.findall(r'<p class="reading-time">(\d+) min to read</p>', (book / f"{name}.html").read_text())
-             for name in (ROOT / "book" / "core.txt").read_text().split()}  # fmt: skip
+    times = {
+        name: re.findall(
+            r'<p class="reading-time">(\d+) min to read</p>',
+            (book / f"{name}.html").read_text(),
+        )
+        for name in (ROOT / "book" / "core.txt").read_text().split()
+    }
     assert all(len(found) == 1 for found in times.values()), times
-    assert sum(int(found[0]) for found in times.values()) < 120, "the core takes less than two hours"
+    assert sum(int(found[0]) for found in times.values()) < 120, (
+        "the core takes less than two hours"
+    )
 
 
 def test_the_core_is_in_reading_order():
@@ -52,7 +65,9 @@ def test_the_core_is_in_reading_order():
 
 
 def test_pages_and_notebooks_are_found_by_their_old_names(book):
-    redirects = yaml.safe_load((ROOT / "_config.yml").read_text())["sphinx"]["config"]["redirects"]
+    redirects = yaml.safe_load((ROOT / "_config.yml").read_text())["sphinx"]["config"][
+        "redirects"
+    ]
     for old, new in redirects.items():
         assert f'url={new}"' in (book / f"{old}.html").read_text()
         assert (book / old).with_name(new.partition("#")[0]).is_file()
@@ -61,7 +76,10 @@ def test_pages_and_notebooks_are_found_by_their_old_names(book):
 
 
 def test_no_style_sheet_fetches_from_another_host(book):
-    found = {str(path): STYLE_ADDRESS.findall(path.read_text(encoding="utf-8")) for path in book.rglob("*.css")}
+    found = {
+        str(path): STYLE_ADDRESS.findall(path.read_text(encoding="utf-8"))
+        for path in book.rglob("*.css")
+    }
     assert {path: addresses for path, addresses in found.items() if addresses} == {}
 
 
@@ -70,12 +88,25 @@ def test_links_inside_the_book_resolve(book, pages):
     for page in pages:
         for tag, address in page.links + page.loads:
             place, mark = urldefrag(address)
-            if ABROAD.match(address) or ":" in place.split("/")[0] or place.startswith("?") or tag == "style":
+            if (
+                ABROAD.match(address)
+                or ":" in place.split("/")[0]
+                or place.startswith("?")
+                or tag == "style"
+            ):
                 continue
-            target = (page.path.parent / unquote(place.split("?")[0])).resolve() if place else page.path
+            target = (
+                (page.path.parent / unquote(place.split("?")[0])).resolve()
+                if place
+                else page.path
+            )
             if not target.is_file():
                 broken.append(f"{page.path.name}: {address}")
-            elif mark and target.suffix == ".html" and unquote(mark) not in read(target).names:
+            elif (
+                mark
+                and target.suffix == ".html"
+                and unquote(mark) not in read(target).names
+            ):
                 broken.append(f"{page.path.name}: {address} (no such place)")
     assert broken == []
 
@@ -83,9 +114,14 @@ def test_links_inside_the_book_resolve(book, pages):
 def test_every_picture_has_words(pages):
     def wordless(image: dict[str, str]) -> bool:
         alt = image.get("alt", "").strip()
-        return len(alt) < 10 or alt.lower().endswith((".png", ".svg", ".jpg", ".jpeg", ".gif"))
+        return len(alt) < 10 or alt.lower().endswith(
+            (".png", ".svg", ".jpg", ".jpeg", ".gif")
+        )
 
-    found = {str(page.path): [i.get("src", "")[-80:] for i in page.images if wordless(i)] for page in pages}
+    found = {
+        str(page.path): [i.get("src", "")[-80:] for i in page.images if wordless(i)]
+        for page in pages
+    }
     assert {path: images for path, images in found.items() if images} == {}
 
 
@@ -98,51 +134,87 @@ def test_equations_carry_the_papers_numbers(book):
     for number, (label, _) in EQUATIONS.items():
         _, found, after = text.partition(f'id="equation-{label}"')
         assert found, f"equation {label} is missing"
-        assert f'<span class="eqno">({number})' in after[:200], f"equation {label} is not ({number})"
+        assert f'<span class="eqno">({number})' in after[:200], (
+            f"equation {label} is not ({number})"
+        )
 
 
 def test_equations_link_to_what_computes_them(book):
     links = {address for _, address in read(book / "book" / "paper.html").links}
     names = {name for _, name in EQUATIONS.values()}
-    assert {name for name in names if f"api/{name.rpartition('.')[0]}.html#{name}" not in links} == set()
+    assert {
+        name
+        for name in names
+        if f"api/{name.rpartition('.')[0]}.html#{name}" not in links
+    } == set()
 
 
 def public_names(module: str, path: Path) -> set[str]:
-    """Functions, classes, their methods and fields of a module, by the names that the reference links to."""
+    """Functions, classes, their methods and fields of a module, by the names that the
+    reference links to."""
     names = set()
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
             names.add(node.name)
         if isinstance(node, ast.ClassDef):
-            fields = [n.target.id for n in node.body if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)]
+            fields = [
+                n.target.id
+                for n in node.body
+                if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)
+            ]
             methods = [n.name for n in node.body if isinstance(n, ast.FunctionDef)]
             names |= {f"{node.name}.{name}" for name in fields + methods}
-    return {f"{module}.{name}" for name in names if not any(part.startswith("_") for part in name.split("."))}
+    return {
+        f"{module}.{name}"
+        for name in names
+        if not any(part.startswith("_") for part in name.split("."))
+    }
 
 
 def modules() -> dict[str, Path]:
     """Every module of both packages but their commands, by its name."""
-    files = [path for name in ("sidm", "companion") for path in (ROOT / name).rglob("*.py")
-             if path.name != "__main__.py"]
-    return {".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path for path in files}
+    files = [
+        path
+        for name in ("sidm", "companion")
+        for path in (ROOT / name).rglob("*.py")
+        if path.name != "__main__.py"
+    ]
+    return {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(
+            ".__init__"
+        ): path
+        for path in files
+    }
 
 
 def test_every_module_has_its_page_in_the_reference(book):
-    assert {path.stem for path in (book / "book" / "api").glob("*.html")} == set(modules())
+    assert {path.stem for path in (book / "book" / "api").glob("*.html")} == set(
+        modules()
+    )
 
 
 def test_the_page_of_the_package_leads_to_every_room(book):
-    links = {urldefrag(address)[0] for _, address in read(book / "book" / "api.html").links}
+    links = {
+        urldefrag(address)[0] for _, address in read(book / "book" / "api.html").links
+    }
     design = (ROOT / "book" / "design.md").read_text().partition("## ")[0]
     rooms = re.findall(r"`((?:sidm|companion)\.[a-z][\w.]*)`", design)
-    assert len(rooms) > 15 and {room for room in rooms if f"api/{room}.html" not in links} == set()
+    assert (
+        len(rooms) > 15
+        and {room for room in rooms if f"api/{room}.html" not in links} == set()
+    )
 
 
 def test_modules_fill_the_sidebar_of_the_reference_alone(book):
     def listed(name: str) -> int:
-        return sum("api/" in a or a.startswith(("sidm.", "companion.")) for _, a in read(book / f"{name}.html").links)
+        return sum(
+            "api/" in a or a.startswith(("sidm.", "companion."))
+            for _, a in read(book / f"{name}.html").links
+        )
 
-    assert listed("book/references") == 0 and listed("book/api/sidm.systems") >= len(modules())
+    assert listed("book/references") == 0 and listed("book/api/sidm.systems") >= len(
+        modules()
+    )
 
 
 def test_every_public_name_is_in_the_reference(book):
@@ -155,12 +227,24 @@ def test_every_public_name_is_in_the_reference(book):
     after = text.partition('id="sidm.systems.Physics.contact_stiffness"')[2]
     assert "30000.0" in after[:2000] and "of the terrain, N/m" in after[:2000]
     texts = {page.path.name: page.path.read_text(encoding="utf-8") for page in pages}
-    assert [name for name, text in texts.items() if "Alias for field number" in text or '">Type<' in text] == []
+    assert [
+        name
+        for name, text in texts.items()
+        if "Alias for field number" in text or '">Type<' in text
+    ] == []
 
 
 def test_no_page_shows_a_traceback_or_an_empty_widget(book, pages):
     assert [str(page.path) for page in pages if "traceback" in page.classes] == []
-    words = {page.path: re.sub("<[^>]*>", "", page.path.read_text("utf-8")) for page in pages}
-    assert [path for path, text in words.items() if "IPython.core.display" in text] == [], "not shown, but named"
-    widgets = [page.path for page in pages if "jupyter.widget-view+json" in page.path.read_text(encoding="utf-8")]
+    words = {
+        page.path: re.sub("<[^>]*>", "", page.path.read_text("utf-8")) for page in pages
+    }
+    assert [
+        path for path, text in words.items() if "IPython.core.display" in text
+    ] == [], "not shown, but named"
+    widgets = [
+        page.path
+        for page in pages
+        if "jupyter.widget-view+json" in page.path.read_text(encoding="utf-8")
+    ]
     assert widgets == []

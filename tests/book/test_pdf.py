@@ -12,7 +12,9 @@ from pypdf import PdfReader
 def bound(book, context, tmp_path_factory) -> PdfReader:
     """The core of the book."""
     path = tmp_path_factory.mktemp("pdf") / "book.pdf"
-    assert pdf.make_pdf(context.browser, book, pdf.chapters(), path) == len(PdfReader(path).pages)
+    assert pdf.make_pdf(context.browser, book, pdf.chapters(), path) == len(
+        PdfReader(path).pages
+    )
     return PdfReader(path)
 
 
@@ -28,7 +30,9 @@ def test_the_pdf_has_the_core_of_the_book():
 
 def test_its_outline_has_parts_and_chapters_where_they_begin(bound):
     parts = [item for item in bound.outline if not isinstance(item, list)]
-    chapters = [item for items in bound.outline if isinstance(items, list) for item in items]
+    chapters = [
+        item for items in bound.outline if isinstance(items, list) for item in items
+    ]
     assert [item.title for item in parts] == [caption for caption, _ in pdf.chapters()]
     assert len(chapters) == len(pdf.CORE.read_text().split())
     for item in chapters:
@@ -46,18 +50,28 @@ def test_its_sheets_are_numbered(bound):
 
 
 def test_its_links_stay_in_the_book_or_lead_to_the_web(bound):
-    actions = [note.get_object().get("/A", {}) for sheet in bound.pages for note in sheet.get("/Annots", [])]
+    actions = [
+        note.get_object().get("/A", {})
+        for sheet in bound.pages
+        for note in sheet.get("/Annots", [])
+    ]
     addresses = [str(action["/URI"]) for action in actions if "/URI" in action]
     assert all(address.startswith("http") for address in addresses)
     sheets = [sheet.indirect_reference for sheet in bound.pages]
-    inside = [action["/D"][0] for action in actions if action.get("/S") == "/GoTo" and isinstance(action["/D"], list)]
+    inside = [
+        action["/D"][0]
+        for action in actions
+        if action.get("/S") == "/GoTo" and isinstance(action["/D"], list)
+    ]
     assert inside and all(target in sheets for target in inside)
 
 
 def test_what_is_folded_is_printed_whole(book, context):
     page = pdf.prepare(context.browser, book / "notebooks" / "05-figure3.html")
     assert page.locator("details[open] table").count() > 0
-    assert page.evaluate("() => document.getAnimations().length") == 0, "still fading in"
+    assert page.evaluate("() => document.getAnimations().length") == 0, (
+        "still fading in"
+    )
     page.close()
 
 

@@ -1,4 +1,5 @@
-"""The README's commands are carried out, at a test's sizes: a preset of seconds in place of one of hours."""
+"""The README's commands are carried out, at a test's sizes: a preset of seconds in
+place of one of hours."""
 
 import os
 import re
@@ -25,9 +26,14 @@ SMALLER = {
 
 
 def commands(kind: str) -> list[str]:
-    """The README's lines of one language, those of `make` left out: they are tests themselves."""
+    """The README's lines of one language, those of `make` left out: they are tests
+    themselves."""
     blocks = [text for language, text in BLOCKS.findall(README) if language == kind]
-    lines = [line.partition("  #")[0].strip() for text in blocks for line in text.splitlines()]
+    lines = [
+        line.partition("  #")[0].strip()
+        for text in blocks
+        for line in text.splitlines()
+    ]
     return [line for line in lines if line and not line.startswith("make ")]
 
 
@@ -48,8 +54,10 @@ def place(project, tmp_path_factory):
 def test_every_command_is_one_of_these_packages():
     assert len(commands("bash")) >= 9
     assert {line.split()[0] for line in commands("bash")} == {
-        ".venv/bin/companion", ".venv/bin/sidm", ".venv/bin/papermill"
-    }  # fmt: skip
+        ".venv/bin/companion",
+        ".venv/bin/sidm",
+        ".venv/bin/papermill",
+    }
 
 
 def test_the_commands_do_what_they_say(place):
@@ -59,16 +67,28 @@ def test_the_commands_do_what_they_say(place):
             command = command.replace(words, smaller)
         program, *words = command.split()
         done = subprocess.run(
-            [sys.executable, "-m", os.path.basename(program), *words], cwd=place, capture_output=True, text=True
+            [sys.executable, "-m", os.path.basename(program), *words],
+            cwd=place,
+            capture_output=True,
+            text=True,
         )
         assert done.returncode == 0, f"{command}\n{done.stderr[-2000:]}"
-    for made in ("mine.ipynb", "_build/mine/trials", "model/model.safetensors", "model/evaluation.png"):
+    for made in (
+        "mine.ipynb",
+        "_build/mine/trials",
+        "model/model.safetensors",
+        "model/evaluation.png",
+    ):
         assert (place / made).exists(), made
 
 
 def test_the_python_does_what_it_says(monkeypatch, capsys):
-    (code,) = (text for language, text in BLOCKS.findall(README) if language == "python")
-    small = settings.SETTINGS.with_values({"max_samples": 4000, "hidden": 16, "pixels": 8})
+    (code,) = (
+        text for language, text in BLOCKS.findall(README) if language == "python"
+    )
+    small = settings.SETTINGS.with_values(
+        {"max_samples": 4000, "hidden": 16, "pixels": 8}
+    )
     monkeypatch.setattr(settings, "SETTINGS", small)
     exec(re.sub(r"minutes=\d+", "minutes=0.5", code), {})  # noqa: S102 - the README's own
     assert "quantity" in capsys.readouterr().out

@@ -1,4 +1,5 @@
-"""The replay in a browser with WebGL by software and the network cut: what moves, and that it is what was stored."""
+"""The replay in a browser with WebGL by software and the network cut: what moves, and
+that it is what was stored."""
 
 import numpy as np
 import pytest
@@ -37,7 +38,8 @@ def browser():
 
 @pytest.fixture
 def context(browser):
-    """Named as that of the other tests that need a browser, which are left out where there is none."""
+    """Named as that of the other tests that need a browser, which are left out where
+    there is none."""
     made = browser.new_context(offline=True, viewport=DESK)
     yield made
     made.close()
@@ -83,7 +85,10 @@ def test_frames_differ_while_it_plays_and_not_while_it_is_paused(visit):
     page.get_by_role("button", name="Pause").click()
     still = page.evaluate(PICTURE)
     page.wait_for_timeout(400)
-    assert page.evaluate(PICTURE) == still and page.get_by_role("button", name="Play").is_visible()
+    assert (
+        page.evaluate(PICTURE) == still
+        and page.get_by_role("button", name="Play").is_visible()
+    )
 
 
 def test_the_robots_stand_where_the_stored_rides_say(visit):
@@ -97,7 +102,9 @@ def test_the_robots_stand_where_the_stored_rides_say(visit):
         for place, numbers in zip(found, (own[moment], other[moment]), strict=True):
             assert place[:3] == pytest.approx(numbers[:3] / 500, abs=1e-5)
             assert place[3:6] == pytest.approx(numbers[3:6] / 2000, abs=1e-3)
-    assert np.hypot(*(np.array(found[0]) - found[1])[:2]) > 0.3, "novice and expert go apart"
+    assert np.hypot(*(np.array(found[0]) - found[1])[:2]) > 0.3, (
+        "novice and expert go apart"
+    )
 
 
 def test_wheels_turn_and_kingpins_steer(visit):
@@ -113,9 +120,12 @@ def test_wheels_turn_and_kingpins_steer(visit):
     first, later = page.evaluate(angles, 0.5), page.evaluate(angles, 0.6)
     parts = page.evaluate(f"() => {VIEW}.robots[0].track.skeleton.parts")
     joints = [part["joint"] for part in parts if "joint" in part]
-    moved = {joint: abs(a - b) for joint, a, b in zip(joints, first, later, strict=True)}
+    moved = {
+        joint: abs(a - b) for joint, a, b in zip(joints, first, later, strict=True)
+    }
     assert all(moved[wheel] > 0.1 for wheel in range(4, 8))
-    assert first[joints.index(8)] == pytest.approx(0.3, abs=0.03)  # a quarter of the way through its bend to the right
+    # a quarter of the way through its bend to the right
+    assert first[joints.index(8)] == pytest.approx(0.3, abs=0.03)
 
 
 def test_a_slider_changes_the_ride_while_it_plays(visit):
@@ -123,7 +133,10 @@ def test_a_slider_changes_the_ride_while_it_plays(visit):
     way = f"() => [...{VIEW}.robots[0].track.position]"
     before = page.evaluate(way)
     change(page, lambda: page.locator("#explorer-spring").press("ArrowLeft"))
-    assert page.evaluate(way) != before and page.get_attribute("#replay", "data-playing") == "true"
+    assert (
+        page.evaluate(way) != before
+        and page.get_attribute("#replay", "data-playing") == "true"
+    )
     ground = f"() => {VIEW}.ground.heights.slice(0, 50)"
     heights = page.evaluate(ground)
     change(page, lambda: page.locator("#explorer-roughness").press("ArrowRight"))
@@ -134,7 +147,11 @@ def test_throttle_and_weaving_exclude_each_other(visit):
     page = visit()
     change(page, lambda: page.locator("#explorer-throttle").press("ArrowRight"))
     change(page, lambda: page.locator("#explorer-weaves").check())
-    assert page.locator("#explorer-throttle").get_attribute("aria-valuetext").startswith("0.5 ")
+    assert (
+        page.locator("#explorer-throttle")
+        .get_attribute("aria-valuetext")
+        .startswith("0.5 ")
+    )
     change(page, lambda: page.locator("#explorer-throttle").press("ArrowRight"))
     assert not page.locator("#explorer-weaves").is_checked()
 
@@ -151,7 +168,11 @@ def test_the_ghost_appears_and_stands_beside(visit):
     opacity = f"() => {VIEW}.robots.map(({{ materials }}) => materials.body.opacity)"
     first, second = page.evaluate(opacity)
     assert first == 1 and 0.2 < second < 0.7
-    assert page.locator(".replay-names li").all_inner_texts()[1].startswith("system1 expert")
+    assert (
+        page.locator(".replay-names li")
+        .all_inner_texts()[1]
+        .startswith("system1 expert")
+    )
     assert "m from the first" in page.locator(".replay-names li").nth(1).inner_text()
 
 
@@ -160,10 +181,18 @@ def test_it_goes_by_the_keyboard(visit):
     screen = page.locator(".replay-screen")
     screen.press("Space")
     assert page.get_attribute("#replay", "data-playing") == "false"
-    page.evaluate(f"() => {VIEW}.seek(1)")  # Space may have come before the first frame, and Home would change nothing
+    # Space may have come before the first frame, and Home would change nothing
+    page.evaluate(f"() => {VIEW}.seek(1)")
     camera = f"() => ({{ ...{VIEW}.camera, time: {VIEW}.time, follow: {VIEW}.follow, speed: {VIEW}.speed }})"
-    for key, name in {"Home": "time", "ArrowLeft": "azimuth", "ArrowUp": "elevation", "+": "distance", ".": "time",
-                      "f": "follow", "[": "speed"}.items():  # fmt: skip
+    for key, name in {
+        "Home": "time",
+        "ArrowLeft": "azimuth",
+        "ArrowUp": "elevation",
+        "+": "distance",
+        ".": "time",
+        "f": "follow",
+        "[": "speed",
+    }.items():
         before = page.evaluate(camera)
         screen.press(key)
         assert page.evaluate(camera)[name] != before[name], key
@@ -182,11 +211,16 @@ def test_the_charts_and_the_replay_have_one_time(visit):
     page.mouse.click(box["x"] + 0.8 * box["width"], box["y"] + 90)
     time = page.evaluate(f"() => {VIEW}.time")
     now = line.bounding_box()["x"]
-    assert time > 2 and now > early + 50 and now == pytest.approx(box["x"] + 0.8 * box["width"], abs=2)
+    assert (
+        time > 2
+        and now > early + 50
+        and now == pytest.approx(box["x"] + 0.8 * box["width"], abs=2)
+    )
 
 
 def test_memory_does_not_grow_over_many_rides(visit):
-    """Of the graphics card by three.js' own count, of scripts after collecting what is lost."""
+    """Of the graphics card by three.js' own count, of scripts after collecting what is
+    lost."""
     page = visit()
     pause(page)
     session = page.context.new_cdp_session(page)
@@ -224,26 +258,42 @@ def test_it_follows_the_theme_and_the_window(visit, size):
     colours = f"() => [{VIEW}.scene.background.getHex(), {VIEW}.renderer.domElement.clientWidth]"
     light, width = page.evaluate(colours)
     page.emulate_media(color_scheme="dark")
-    page.wait_for_function(f"light => {VIEW}.scene.background.getHex() !== light", arg=light)
-    assert width == page.locator(".replay-screen").evaluate("one => one.clientWidth") <= size["width"]
+    page.wait_for_function(
+        f"light => {VIEW}.scene.background.getHex() !== light", arg=light
+    )
+    assert (
+        width
+        == page.locator(".replay-screen").evaluate("one => one.clientWidth")
+        <= size["width"]
+    )
 
 
 def test_without_webgl_the_film_stands_there(browser, book):
     page = browser.new_context(offline=True).new_page()
-    page.add_init_script("HTMLCanvasElement.prototype.getContext = (get => function (kind, ...rest) {"
-                         "return kind.startsWith('webgl') ? null : get.call(this, kind, ...rest); })"
-                         "(HTMLCanvasElement.prototype.getContext)")  # fmt: skip
+    page.add_init_script(
+        "HTMLCanvasElement.prototype.getContext = (get => function (kind, ...rest) {"
+        "return kind.startsWith('webgl') ? null : get.call(this, kind, ...rest); })"
+        "(HTMLCanvasElement.prototype.getContext)"
+    )
     page.goto((book / "book" / "explorer.html").as_uri())
     page.wait_for_selector("#explorer[data-shown]")
     assert "WebGL" in page.locator("#replay").inner_text()
-    assert page.locator("#replay img").evaluate("async one => (await one.decode(), one.naturalWidth)") > 300
-    change(page, lambda: page.locator("#explorer-spring").press("ArrowLeft"))  # the charts work on
+    assert (
+        page.locator("#replay img").evaluate(
+            "async one => (await one.decode(), one.naturalWidth)"
+        )
+        > 300
+    )
+    # the charts work on
+    change(page, lambda: page.locator("#explorer-spring").press("ArrowLeft"))
     page.context.close()
 
 
 def test_predictions_are_ghosts(visit, book):
     page = visit((book / "book" / "predictions.html").as_uri(), "#replay[data-shown]")
-    assert page.evaluate(f"() => {VIEW}.robots.map(({{ track }}) => track.ghost > 0)") == [False, True, True, True]
+    assert page.evaluate(
+        f"() => {VIEW}.robots.map(({{ track }}) => track.ghost > 0)"
+    ) == [False, True, True, True]
     page.locator(".replay-choice").select_option(value="scene-warthog")
     page.wait_for_selector("#replay[data-shown=scene-warthog]")
     assert page.locator(".replay-names li").first.inner_text().startswith("the Warthog")
@@ -251,12 +301,16 @@ def test_predictions_are_ghosts(visit, book):
 
 def test_a_page_of_its_own_plays(visit, tmp_path):
     """What `sidm replay` writes, and a notebook shows in a frame."""
-    one = ride(ROBOTS["system1 novice"], Terrain(cell_height_scale=0.35), 3, 0.5, steps=5)
+    one = ride(
+        ROBOTS["system1 novice"], Terrain(cell_height_scale=0.35), 3, 0.5, steps=5
+    )
     view = replay(one)
     view.write(tmp_path / "page.html")
     page = visit((tmp_path / "page.html").as_uri(), "body[data-shown]")
     pause(page)
-    assert page.evaluate(PLACES, 0.5)[0][:3] == pytest.approx(one.states[-1, :3].tolist(), abs=1e-3)
+    assert page.evaluate(PLACES, 0.5)[0][:3] == pytest.approx(
+        one.states[-1, :3].tolist(), abs=1e-3
+    )
     (tmp_path / "notebook.html").write_text(view._repr_html_())
     page = visit((tmp_path / "notebook.html").as_uri(), "iframe")
     page.frame_locator("iframe").locator("body[data-shown] canvas").wait_for()

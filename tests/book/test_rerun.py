@@ -1,4 +1,5 @@
-"""The page 'run it again', word by word: what its commands print is what stands there."""
+"""The page 'run it again', word by word: what its commands print is what stands
+there."""
 
 import re
 import shlex
@@ -30,21 +31,35 @@ def test_the_page_shows_what_commands_print():
 def test_a_command_prints_what_the_page_says(project, command, output):
     program, *words = shlex.split(command)
     assert program == ".venv/bin/companion"
-    done = subprocess.run([sys.executable, "-m", "companion", *words], cwd=project, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "companion", *words],
+        cwd=project,
+        capture_output=True,
+        text=True,
+    )
     assert (done.stdout + done.stderr).splitlines() == output.splitlines()
     assert done.returncode == (2 if output.startswith("companion: ") else 0)
 
 
 def test_what_a_bundle_gains_on_a_gpu_is_what_was_measured():
     page = " ".join((ROOT / "book" / "rerun.md").read_text(encoding="utf-8").split())
-    measured = (ROOT / "benchmarks" / "bundle.txt").read_text(encoding="utf-8").split("\n\n")[0]
+    measured = (
+        (ROOT / "benchmarks" / "bundle.txt")
+        .read_text(encoding="utf-8")
+        .split("\n\n")[0]
+    )
     assert "H200" in measured.splitlines()[0]
     gains = {}
-    for name, precision, trials, numbers in re.findall(r"^(.+ px), (\w+), +(\d+): (.+)$", measured, re.MULTILINE):
+    for name, precision, trials, numbers in re.findall(
+        r"^(.+ px), (\w+), +(\d+): (.+)$", measured, re.MULTILINE
+    ):
         gains[name, precision, int(trials)] = float(numbers.split(";")[4])
     for precision in ("float32", "bfloat16"):
         assert f"{gains['3 x 256, 64 px', precision, 128]:.1f} times" in page
     apart = float(re.search(r"differ by at most (\S+),", measured)[1])
     assert f"differ there by up to {apart:.1%}".replace("%", " %") in page
     together = int(re.search(r"(\d+) samples/s; when", measured)[1])
-    assert f"made {together:,} samples a second together" in page and "128 trainings" in page
+    assert (
+        f"made {together:,} samples a second together" in page
+        and "128 trainings" in page
+    )

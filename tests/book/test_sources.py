@@ -1,4 +1,5 @@
-"""The book's sources: what they name exists, and what is said in two places is the same."""
+"""The book's sources: what they name exists, and what is said in two places is the
+same."""
 
 import argparse
 import json
@@ -14,12 +15,21 @@ from pages import ROOT, contents
 
 import companion.__main__
 import sidm.__main__
-from companion.pages.notebook import add_arguments, find_notebook, inspect, merge_parameters, read_value
+from companion.pages.notebook import (
+    add_arguments,
+    find_notebook,
+    inspect,
+    merge_parameters,
+    read_value,
+)
 
 ROLE = re.compile(r"\{py:\w+\}`~?(?:[^`<]*<)?([\w.]+)>?`")
 BASH = re.compile(r"^```bash\n(.*?)^```", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"(?:\.venv/bin/)?(sidm|companion) (.+)")
-PARSERS = {"sidm": sidm.__main__.build_parser, "companion": companion.__main__.build_parser}
+PARSERS = {
+    "sidm": sidm.__main__.build_parser,
+    "companion": companion.__main__.build_parser,
+}
 PIN = re.compile(r"^([A-Za-z0-9_.-]+)==([^\s#]+)(?:\s+# (.+))?$")
 
 
@@ -29,23 +39,38 @@ def source(name: str) -> str:
     if path.is_file():
         return path.read_text(encoding="utf-8")
     cells = json.loads((ROOT / f"{name}.ipynb").read_text(encoding="utf-8"))["cells"]
-    return "\n\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
+    return "\n\n".join(
+        "".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown"
+    )
 
 
 @pytest.mark.parametrize("name", contents())
 def test_what_a_page_includes_is_in_the_copy_that_is_rendered(name):
     """`make book` renders a copy of what the Makefile's lines `cp` name."""
-    copied = [word for line in re.findall(r"^\tcp (?:-R )?(.+)", (ROOT / "Makefile").read_text(), re.MULTILINE)
-              for word in line.split()[:-1]]  # fmt: skip
+    copied = [
+        word
+        for line in re.findall(
+            r"^\tcp (?:-R )?(.+)", (ROOT / "Makefile").read_text(), re.MULTILINE
+        )
+        for word in line.split()[:-1]
+    ]
     for included in re.findall(r"\{(?:literal)?include\} (\S+)", source(name)):
         path = (ROOT / name).parent.joinpath(included).resolve().relative_to(ROOT)
-        assert any(one.match(word) for one in (path, *path.parents) for word in copied), included
+        assert any(
+            one.match(word) for one in (path, *path.parents) for word in copied
+        ), included
 
 
 def pins(name: str) -> dict[str, tuple[str, str | None]]:
-    lines = [line for line in (ROOT / name).read_text().splitlines() if line and line[0] not in "#-"]
+    lines = [
+        line
+        for line in (ROOT / name).read_text().splitlines()
+        if line and line[0] not in "#-"
+    ]
     matches = [PIN.match(line) for line in lines]
-    assert all(matches), f"{name}: not exact: {[line for line, m in zip(lines, matches, strict=True) if not m]}"
+    assert all(matches), (
+        f"{name}: not exact: {[line for line, m in zip(lines, matches, strict=True) if not m]}"
+    )
     return {m[1].lower(): (m[2], m[3]) for m in matches if m}
 
 
@@ -62,10 +87,15 @@ def test_what_a_page_refers_to_in_the_package_can_be_imported(name):
 
 
 def commands() -> list[str]:
-    """What pages and README tell the reader to run of the package; what stands with its output is run itself."""
+    """What pages and README tell the reader to run of the package; what stands with its
+    output is run itself."""
     texts = [*map(source, contents()), (ROOT / "README.md").read_text(encoding="utf-8")]
-    blocks = (block.replace("\\\n", " ") for text in texts for block in BASH.findall(text))
-    return [line for block in blocks for line in block.splitlines() if COMMAND.match(line)]
+    blocks = (
+        block.replace("\\\n", " ") for text in texts for block in BASH.findall(text)
+    )
+    return [
+        line for block in blocks for line in block.splitlines() if COMMAND.match(line)
+    ]
 
 
 def words_of(command: str) -> list[str]:
@@ -74,20 +104,33 @@ def words_of(command: str) -> list[str]:
     return shlex.split(found[2], comments=True)
 
 
-@pytest.mark.parametrize("command", [one for one in commands() if words_of(one)[0] != "notebook"])
+@pytest.mark.parametrize(
+    "command", [one for one in commands() if words_of(one)[0] != "notebook"]
+)
 def test_a_command_could_be_run(command, monkeypatch):
-    """Those for a GPU and a method that the reader has written excepted: their machine knows what they mean."""
+    """Those for a GPU and a method that the reader has written excepted: their machine
+    knows what they mean."""
     monkeypatch.chdir(ROOT)
     words = words_of(command)
     if {"cuda", "half_frozen"} & set(words):
-        assert set(words[1::2]) <= {"--preset", "--figure", "--device", "--bundle", "--method", "--system", "--minutes"}
+        assert set(words[1::2]) <= {
+            "--preset",
+            "--figure",
+            "--device",
+            "--bundle",
+            "--method",
+            "--system",
+            "--minutes",
+        }
         return
     if words[-1] == "--help":
         words = words[:-1]
     PARSERS[command.removeprefix(".venv/bin/").split()[0]]().parse_args(words)
 
 
-@pytest.mark.parametrize("command", [one for one in commands() if words_of(one)[0] == "notebook"])
+@pytest.mark.parametrize(
+    "command", [one for one in commands() if words_of(one)[0] == "notebook"]
+)
 def test_a_command_for_a_notebook_could_be_run(command, monkeypatch):
     monkeypatch.chdir(ROOT)
     parser = argparse.ArgumentParser()
@@ -95,7 +138,9 @@ def test_a_command_for_a_notebook_could_be_run(command, monkeypatch):
     given = parser.parse_args(words_of(command)[1:])
     path = find_notebook(given.notebook)
     kinds = {name: parameter.kind for name, parameter in inspect(path).items()}
-    values = {name: read_value(text, kinds.get(name), name) for name, text in given.parameter}
+    values = {
+        name: read_value(text, kinds.get(name), name) for name, text in given.parameter
+    }
     assert merge_parameters(path, values, given.file).keys() >= values.keys()
 
 
@@ -104,26 +149,39 @@ def test_one_version_everywhere():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     latest = re.search(r"^## (\S+)", source("CHANGELOG"), re.MULTILINE)
     assert latest is not None
-    assert {project["version"], citation["version"], latest[1], sidm.__version__} == {sidm.__version__}
+    assert {project["version"], citation["version"], latest[1], sidm.__version__} == {
+        sidm.__version__
+    }
 
 
 def test_requirements_are_exact_and_say_why():
-    assert [name for name, (_, why) in pins("requirements.txt").items() if not why] == []
+    assert [
+        name for name, (_, why) in pins("requirements.txt").items() if not why
+    ] == []
 
 
 def test_what_runs_here_is_what_is_pinned():
     wanted = pins("requirements.txt")
-    assert {name: v for name, (v, _) in wanted.items() if version(name).split("+")[0] != v} == {}
+    assert {
+        name: v for name, (v, _) in wanted.items() if version(name).split("+")[0] != v
+    } == {}
 
 
 def test_constraints_name_no_place():
-    text = (ROOT / "requirements.txt").read_text() + (ROOT / "constraints.txt").read_text()
+    text = (ROOT / "requirements.txt").read_text() + (
+        ROOT / "constraints.txt"
+    ).read_text()
     assert "//" not in text and " @ " not in text
     assert set(pins("constraints.txt")) & set(pins("requirements.txt")) == set()
 
 
 def test_nothing_runs_while_the_book_is_rendered():
-    assert yaml.safe_load((ROOT / "_config.yml").read_text())["execute"]["execute_notebooks"] == "off"
+    assert (
+        yaml.safe_load((ROOT / "_config.yml").read_text())["execute"][
+            "execute_notebooks"
+        ]
+        == "off"
+    )
 
 
 def test_presets_name_parameters_that_some_notebook_has():

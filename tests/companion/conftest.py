@@ -1,4 +1,5 @@
-"""Tiny studies: synthetic motion on real terrain, so that nothing here needs the simulator, and made-up rows."""
+"""Tiny studies: synthetic motion on real terrain, so that nothing here needs the
+simulator, and made-up rows."""
 
 from pathlib import Path
 from typing import get_type_hints
@@ -36,8 +37,11 @@ TINY = dict(
 )
 
 
-def glide(heights: np.ndarray, actions: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """States (T + 1, 13) of a body that slides over the ground as throttle and steering say."""
+def glide(
+    heights: np.ndarray, actions: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """States (T + 1, 13) of a body that slides over the ground as throttle and steering
+    say."""
     x = y = 0.0
     yaw, states = rng.uniform(-np.pi, np.pi), []
     for throttle, steering in (*actions, (0.0, 0.0)):
@@ -45,7 +49,11 @@ def glide(heights: np.ndarray, actions: np.ndarray, rng: np.random.Generator) ->
         z = float(height_at(heights, np.array(x), np.array(y))) + 0.17
         turn = [0, 0, np.sin(yaw / 2), np.cos(yaw / 2)]
         states.append([x, y, z, *turn, throttle, 0, 0, 0, 0, rate])
-        x, y, yaw = x + 0.1 * throttle * np.cos(yaw), y + 0.1 * throttle * np.sin(yaw), yaw + 0.1 * rate
+        x, y, yaw = (
+            x + 0.1 * throttle * np.cos(yaw),
+            y + 0.1 * throttle * np.sin(yaw),
+            yaw + 0.1 * rate,
+        )
     return np.array(states, np.float32)
 
 
@@ -59,7 +67,9 @@ def write_motion(data: Path, dataset) -> None:
         actions = np.tile(rng.uniform(-1, 1, 2), (STEPS, 1)).astype(np.float32)
         states = glide(heights, actions, rng)
         ground = SimulatedGround(terrain, index % 2, checksum(heights), probe(heights))
-        made.append(simulated_drive("rover", index, states, actions, ground, (0, 0, 0, 0)))
+        made.append(
+            simulated_drive("rover", index, states, actions, ground, (0, 0, 0, 0))
+        )
     for number, start in enumerate(range(0, len(made), SHARD_SIZE)):
         write_shard(collection.shard(data, number), made[start : start + SHARD_SIZE])
     note_digest(dataset, load(data, collection, dataset.count), data)
@@ -106,15 +116,24 @@ def make_row():
             iterations=30,
             samples=300,
         )
-        return Row(trial=trial, outcome=outcome, provenance=here(seconds=12.0, threads=1, resumed=False))
+        return Row(
+            trial=trial,
+            outcome=outcome,
+            provenance=here(seconds=12.0, threads=1, resumed=False),
+        )
 
     return make
 
 
 def made(kind, about, **values):
     """A record of some kind made up: values that are not given are nothing."""
-    nothing = {name: {float: 0.0, int: 0}.get(hint, ()) for name, hint in get_type_hints(kind).items()}
-    return kind(**(nothing | values | {"about": about, "provenance": here(1.0, 1, False)}))
+    nothing = {
+        name: {float: 0.0, int: 0}.get(hint, ())
+        for name, hint in get_type_hints(kind).items()
+    }
+    return kind(
+        **(nothing | values | {"about": about, "provenance": here(1.0, 1, False)})
+    )
 
 
 def kept(store, found) -> bool:
@@ -132,7 +151,8 @@ def laptop(tmp_path_factory) -> Study:
 
 @pytest.fixture(scope="session")
 def power_law():
-    """Loss of a trial: without SIDM that of 4 times less data, in every seed a little different."""
+    """Loss of a trial: without SIDM that of 4 times less data, in every seed a little
+    different."""
 
     def law(trial: Trial) -> float:
         data = trial.novice_minutes * (4 if trial.method == "sidm" else 1)
@@ -144,7 +164,11 @@ def power_law():
 @pytest.fixture(scope="session")
 def figure3_rows(laptop, make_row, power_law) -> list[Row]:
     """All of Figure 3, by the power law."""
-    return [make_row(t, power_law(t)) for system in ("system1", "system2") for t in laptop.figure3(system)]
+    return [
+        make_row(t, power_law(t))
+        for system in ("system1", "system2")
+        for t in laptop.figure3(system)
+    ]
 
 
 @pytest.fixture(scope="session")

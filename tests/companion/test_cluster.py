@@ -1,4 +1,5 @@
-"""A real Dask cluster on this machine: a scheduler and workers, of which one is killed and one comes later."""
+"""A real Dask cluster on this machine: a scheduler and workers, of which one is killed
+and one comes later."""
 
 import contextlib
 import importlib
@@ -19,20 +20,40 @@ from sidm.simulation import collect
 
 
 def start(*words: str) -> subprocess.Popen:
-    return subprocess.Popen([sys.executable, "-m", *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    return subprocess.Popen(
+        [sys.executable, "-m", *words],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
 
 
 def worker(address: str, folder: Path) -> subprocess.Popen:
-    local = ["--local-directory", str(folder / "dask"), "--no-dashboard", "--nthreads", "1", "--no-nanny"]
+    local = [
+        "--local-directory",
+        str(folder / "dask"),
+        "--no-dashboard",
+        "--nthreads",
+        "1",
+        "--no-nanny",
+    ]
     return start("distributed.cli.dask_worker", address, *local)
 
 
 @pytest.fixture
 def cluster(tmp_path):
-    """The scheduler's address, and its process and those of two workers, to which others may be added."""
+    """The scheduler's address, and its process and those of two workers, to which
+    others may be added."""
     file = tmp_path / "scheduler.json"
-    scheduler = start("distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard",
-                      "--scheduler-file", str(file))  # fmt: skip
+    scheduler = start(
+        "distributed.cli.dask_scheduler",
+        "--host",
+        "127.0.0.1",
+        "--port",
+        "0",
+        "--no-dashboard",
+        "--scheduler-file",
+        str(file),
+    )
     processes = [scheduler]
     try:
         while not file.exists() or not file.read_text().strip():
@@ -48,15 +69,29 @@ def cluster(tmp_path):
 
 
 def test_a_cluster_gives_what_this_machine_gives(cluster, tmp_path, capsys):
-    """Collected and trained there, with one worker killed at work and another added: the same to the last bit."""
+    """Collected and trained there, with one worker killed at work and another added:
+    the same to the last bit."""
     address, processes = cluster
-    changes = [word for name, value in SETTINGS.items() for word in ("--set", f"{name}={value}")]
-    common = ["--preset", "smoke", "--system", "system1", "--data", str(tmp_path / "data"), *changes]
+    changes = [
+        word
+        for name, value in SETTINGS.items()
+        for word in ("--set", f"{name}={value}")
+    ]
+    common = [
+        "--preset",
+        "smoke",
+        "--system",
+        "system1",
+        "--data",
+        str(tmp_path / "data"),
+        *changes,
+    ]
     there, here = (["--results", str(tmp_path / name)] for name in ("there", "here"))
     assert main(["collect", *common, *there, "--dask", address]) == 0
     digests = capsys.readouterr().out
 
-    module = importlib.import_module("companion.engine.run")  # the package has a function of that name
+    # the package has a function of that name
+    module = importlib.import_module("companion.engine.run")
     keep, victim = module._Runner.keep, processes[1]
 
     def keep_and_disturb(*row):
@@ -71,18 +106,27 @@ def test_a_cluster_gives_what_this_machine_gives(cluster, tmp_path, capsys):
         assert main(["run", *common, *there, "--dask", address]) == 0
     assert victim.wait() < 0 and len(processes) == 4
     assert main(["run", *common, *here]) == 0
-    trials = Study(load_preset("smoke", **SETTINGS), tmp_path / "data", tmp_path / "here").figure3("system1")
-    rows = [[row.outcome for row in Results(tmp_path / name).rows(trials)] for name in ("there", "here")]
+    trials = Study(
+        load_preset("smoke", **SETTINGS), tmp_path / "data", tmp_path / "here"
+    ).figure3("system1")
+    rows = [
+        [row.outcome for row in Results(tmp_path / name).rows(trials)]
+        for name in ("there", "here")
+    ]
     assert rows[0] == rows[1] and len(rows[0]) == 6
 
     dataset = load_preset("smoke", **SETTINGS).datasets("system1")["validation"]
-    alone = collect(tmp_path / "alone", dataset.collection, dataset.count, workers=1, progress=False)
+    alone = collect(
+        tmp_path / "alone", dataset.collection, dataset.count, workers=1, progress=False
+    )
     assert f"{dataset.name}: {digest(alone)}" in digests
 
 
 def test_no_scheduler_is_one_line(monkeypatch):
     monkeypatch.setattr("companion.cluster.WAIT", "300ms")
-    with pytest.raises(OSError, match="tcp://127.0.0.1:1: no Dask scheduler answers there") as caught:
+    with pytest.raises(
+        OSError, match="tcp://127.0.0.1:1: no Dask scheduler answers there"
+    ) as caught:
         with dask_executor("tcp://127.0.0.1:1"):
             pass
     assert "\n" not in str(caught.value)
@@ -90,5 +134,8 @@ def test_no_scheduler_is_one_line(monkeypatch):
 
 def test_without_dask_it_says_so(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(ImportError, match="pip install distributed"), contextlib.ExitStack() as stack:
+    with (
+        pytest.raises(ImportError, match="pip install distributed"),
+        contextlib.ExitStack() as stack,
+    ):
         stack.enter_context(dask_executor("tcp://127.0.0.1:1"))

@@ -1,4 +1,5 @@
-"""Killed at random moments, nothing is lost: `make crash` does the same with more kills."""
+"""Killed at random moments, nothing is lost: `make crash` does the same with more
+kills."""
 
 import pytest
 from crash import crash, reader

@@ -1,6 +1,8 @@
-"""Every method and every choice of a training, six iterations long, comes to the figures of today's versions.
+"""Every method and every choice of a training, six iterations long, comes to the
+figures of today's versions.
 
-The weights decay a hundred thousand times faster than in a study, so that a change of it shows in so few iterations.
+The weights decay a hundred thousand times faster than in a study, so that a change of
+it shows in so few iterations.
 """
 
 import math
@@ -11,10 +13,13 @@ from companion import METHODS, Study, load_preset, run, run_trial
 from companion.methods import FIGURE3
 from tests.companion.conftest import TINY
 
-#: Adam divides by the size of a gradient, so that rounding turns steps where that is nearly nothing: on smaller
-#: instruction sets losses of six iterations differ by up to 0.0007 of themselves, rollouts by 0.003.
+#: Adam divides by the size of a gradient, so that rounding turns steps where that is
+#: nearly nothing: on smaller instruction sets losses of six iterations differ by up to
+#: 0.0007 of themselves, rollouts by 0.003.
 TOLERANCE = dict(rel=0.005, abs=0.002)
-SHORT = dict(max_samples=3072, prediction_iterations=2, test_interval=2, weight_decay=1.0)
+SHORT = dict(
+    max_samples=3072, prediction_iterations=2, test_interval=2, weight_decay=1.0
+)
 
 #: What no method has; 'sidm' with that changed.
 CHOICES = {
@@ -24,7 +29,9 @@ CHOICES = {
     "one system a batch": dict(system_draw="iteration"),
     "matching by the prediction's optimiser": dict(matching_optimiser="shared"),
     "the released stopping rule": dict(stopping="released"),
-    "stopped by its test loss": dict(learning_rate=0.02, test_interval=1, smoothing=0.0, patience=512),
+    "stopped by its test loss": dict(
+        learning_rate=0.02, test_interval=1, smoothing=0.0, patience=512
+    ),
     "maps of another size": dict(pixels=12),
 }
 
@@ -32,8 +39,13 @@ CHOICES = {
 @pytest.fixture(scope="module")
 def trial(data, tmp_path_factory):
     """Makes a trial of system 1: trial(method), with changes of the preset by name."""
-    preset, results = load_preset("smoke", **(TINY | SHORT)), tmp_path_factory.mktemp("results")
-    return lambda method, **changes: Study(preset.replace(**changes), data, results).trial("system1", method, 0.75)
+    preset, results = (
+        load_preset("smoke", **(TINY | SHORT)),
+        tmp_path_factory.mktemp("results"),
+    )
+    return lambda method, **changes: Study(
+        preset.replace(**changes), data, results
+    ).trial("system1", method, 0.75)
 
 
 def figures(outcome) -> dict:
@@ -41,7 +53,10 @@ def figures(outcome) -> dict:
         "validation_loss": outcome.validation_loss,
         "component_losses": outcome.component_losses,
         "best_test_loss": outcome.best_test_loss,
-        "rollouts": (outcome.position_error[4], outcome.heading_error[4]),  # the fifth step: later ones amplify
+        "rollouts": (
+            outcome.position_error[4],
+            outcome.heading_error[4],
+        ),  # the fifth step: later ones amplify
         "samples": (outcome.samples, outcome.pretraining_samples),
     }
 
@@ -55,7 +70,12 @@ def test_every_method_comes_to_its_figures(trial, data, golden, method):
     assert (outcome.pretraining_samples > 0) == METHODS[method].pretrained
     assert (outcome.samples == 0) == (method == "expert_only")
     assert (outcome.iterations == 0) == (one.solved or method == "expert_only")
-    golden.hold(method, "least_squares" if one.solved else "training", figures(outcome), **TOLERANCE)
+    golden.hold(
+        method,
+        "least_squares" if one.solved else "training",
+        figures(outcome),
+        **TOLERANCE,
+    )
 
 
 @pytest.mark.parametrize("choice", CHOICES)
@@ -66,13 +86,18 @@ def test_every_choice_comes_to_its_figures(trial, data, golden, choice):
 
 
 def test_half_precision_comes_to_its_figures(trial, data, golden):
-    """bfloat16 has 8 bits: where a product is rounded differs from processor to processor."""
+    """bfloat16 has 8 bits: where a product is rounded differs from processor to
+    processor."""
     outcome = run_trial(trial("sidm", precision="bfloat16"), data).outcome
-    golden.hold("bfloat16", "training", {"validation_loss": outcome.validation_loss}, rel=0.02)
+    golden.hold(
+        "bfloat16", "training", {"validation_loss": outcome.validation_loss}, rel=0.02
+    )
 
 
 @pytest.mark.parametrize("method", FIGURE3)
 def test_a_bundle_comes_to_its_figures(trial, data, golden, tmp_path, method):
     one = trial(method)
-    (row,) = run([one], data=data, results=tmp_path, progress=False, bundle=1).rows([one])
+    (row,) = run([one], data=data, results=tmp_path, progress=False, bundle=1).rows(
+        [one]
+    )
     golden.hold(f"{method} in a bundle", "bundle", figures(row.outcome), **TOLERANCE)

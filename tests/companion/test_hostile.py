@@ -1,4 +1,5 @@
-"""Clumsy and hostile input: whatever is typed or lies in the files ends in one line, and nothing of it is executed."""
+"""Clumsy and hostile input: whatever is typed or lies in the files ends in one line,
+and nothing of it is executed."""
 
 import dataclasses
 import json
@@ -21,18 +22,67 @@ ROOT = Path(__file__).parents[2]
 KINDS = type(PRESETS["smoke"]), Network, Training
 NAMES = sorted({field.name for kind in KINDS for field in dataclasses.fields(kind)})
 NASTY = [
-    "nan", ".nan", "-.inf", ".inf", "-1", "0", "1e308", "1e999", "99999999999999999999", "true", "null", "~", "''",
-    "[]", "[1, x]", "[nan]", "{}", "{a: 1}", "../../x", "/etc/passwd", "1;2", "$(touch sprung)",
-    "!!python/name:os.system", "!!python/object/apply:os.system ['touch sprung']", "&a [*a]", "*a", "!!binary aGk=",
-    "2026-11-21", "0x10", "1_0", "|", ">", "%", "@", "`", "'", '"', ":", "- ", "? ", "\x00",
-]  # fmt: skip
-values = st.one_of(st.sampled_from(NASTY), st.text(max_size=20), st.floats().map(str), st.integers().map(str))
+    "nan",
+    ".nan",
+    "-.inf",
+    ".inf",
+    "-1",
+    "0",
+    "1e308",
+    "1e999",
+    "99999999999999999999",
+    "true",
+    "null",
+    "~",
+    "''",
+    "[]",
+    "[1, x]",
+    "[nan]",
+    "{}",
+    "{a: 1}",
+    "../../x",
+    "/etc/passwd",
+    "1;2",
+    "$(touch sprung)",
+    "!!python/name:os.system",
+    "!!python/object/apply:os.system ['touch sprung']",
+    "&a [*a]",
+    "*a",
+    "!!binary aGk=",
+    "2026-11-21",
+    "0x10",
+    "1_0",
+    "|",
+    ">",
+    "%",
+    "@",
+    "`",
+    "'",
+    '"',
+    ":",
+    "- ",
+    "? ",
+    "\x00",
+]
+values = st.one_of(
+    st.sampled_from(NASTY),
+    st.text(max_size=20),
+    st.floats().map(str),
+    st.integers().map(str),
+)
 documents = st.recursive(
-    st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=8)),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=8), inner, max_size=4),
+    st.one_of(
+        st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=8)
+    ),
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.dictionaries(st.text(max_size=8), inner, max_size=4)
+    ),
     max_leaves=8,
 )
-IN_FOLDER = dict(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+IN_FOLDER = dict(
+    suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None
+)
 
 
 @pytest.fixture
@@ -69,14 +119,23 @@ def test_any_value_of_a_preset(folder, capsys, name, value):
     assert tree(folder) == set()
 
 
-@given(words=st.lists(st.one_of(values, st.sampled_from(["--preset", "--set", "--figure", "--minutes", "--seeds"]))))
+@given(
+    words=st.lists(
+        st.one_of(
+            values,
+            st.sampled_from(["--preset", "--set", "--figure", "--minutes", "--seeds"]),
+        )
+    )
+)
 @settings(max_examples=100, **IN_FOLDER)
 def test_any_words(folder, capsys, words):
     run(["show", *words], capsys)
     assert tree(folder) == set()
 
 
-@pytest.mark.parametrize("value", [float("nan"), float("inf"), -1, 10**30, "x", None, [], {}])
+@pytest.mark.parametrize(
+    "value", [float("nan"), float("inf"), -1, 10**30, "x", None, [], {}]
+)
 def test_no_size_is_nonsense(value):
     """Whatever a preset takes in is a number that a study can have."""
     for name in NAMES:
@@ -89,13 +148,18 @@ def test_no_size_is_nonsense(value):
         else:
             parts = (preset, preset.network, preset.training)
             taken = next(getattr(part, name) for part in parts if hasattr(part, name))
-            assert taken in (-1, [], ()) or (taken is None and name.endswith("_body")), (name, taken)
+            assert taken in (-1, [], ()) or (
+                taken is None and name.endswith("_body")
+            ), (name, taken)
 
 
 @given(document=st.one_of(documents.map(yaml.safe_dump), values, st.text(max_size=60)))
 @settings(max_examples=150, **IN_FOLDER)
 def test_any_parameter_file(folder, document):
-    path, chapter = folder / "inside" / "any.yaml", ROOT / "notebooks" / "05-figure3.ipynb"
+    path, chapter = (
+        folder / "inside" / "any.yaml",
+        ROOT / "notebooks" / "05-figure3.ipynb",
+    )
     path.write_text(document, encoding="utf-8", errors="replace")
     try:
         notebook.merge_parameters(chapter, {}, [path])
@@ -106,22 +170,47 @@ def test_any_parameter_file(folder, document):
 
 @pytest.mark.parametrize(
     "annotation",
-    ["().__class__.__base__.__subclasses__()", "open('sprung', 'w')", "list[int", "f'{1}'", "[int for _ in [1]]",
-     "list[list", "int.__class__", "x" * 10**5],
-)  # fmt: skip
+    [
+        "().__class__.__base__.__subclasses__()",
+        "open('sprung', 'w')",
+        "list[int",
+        "f'{1}'",
+        "[int for _ in [1]]",
+        "list[list",
+        "int.__class__",
+        "x" * 10**5,
+    ],
+)
 def test_an_annotation_is_not_executed(folder, annotation):
     source, tags = f"x: {annotation} = 1  # help", {"tags": ["parameters"]}
-    cell = {"cell_type": "code", "id": "a", "metadata": tags, "execution_count": None, "outputs": [], "source": source}
+    cell = {
+        "cell_type": "code",
+        "id": "a",
+        "metadata": tags,
+        "execution_count": None,
+        "outputs": [],
+        "source": source,
+    }
     path = folder / "inside" / "x.ipynb"
-    text = {"cells": [cell], "metadata": {"kernelspec": {"name": "python3", "language": "python", "display_name": "p"}},
-            "nbformat": 4, "nbformat_minor": 5}  # fmt: skip
+    text = {
+        "cells": [cell],
+        "metadata": {
+            "kernelspec": {"name": "python3", "language": "python", "display_name": "p"}
+        },
+        "nbformat": 4,
+        "nbformat_minor": 5,
+    }
     path.write_text(json.dumps(text))
     with pytest.raises(ConfigError) as caught:
         notebook.inspect(path)
     assert "\n" not in str(caught.value) and os.listdir(path.parent) == ["x.ipynb"]
 
 
-@given(content=st.one_of(st.binary(max_size=200), documents.map(lambda made: json.dumps(made).encode())))
+@given(
+    content=st.one_of(
+        st.binary(max_size=200), documents.map(lambda made: json.dumps(made).encode())
+    )
+)
 @settings(max_examples=60, **IN_FOLDER)
 @pytest.mark.parametrize("what", ["row", "digest"])
 def test_any_file_in_the_store(folder, capsys, content, what):
@@ -134,7 +223,14 @@ def test_any_file_in_the_store(folder, capsys, content, what):
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(content)
     assert run(["show", "--preset", "smoke"], capsys) in (1, 2)
-    write_record(path, {"schema": 2, "trial": content.decode("latin1"), "digest": [content.decode("latin1")]})
+    write_record(
+        path,
+        {
+            "schema": 2,
+            "trial": content.decode("latin1"),
+            "digest": [content.decode("latin1")],
+        },
+    )
     assert run(["show", "--preset", "smoke"], capsys) in (0, 1, 2)
     assert path.unlink() is None
 

@@ -25,7 +25,10 @@ def test_no_two_methods_are_the_same_trial(trial):
 
 def test_the_experts_model_is_judged_as_it_is(trial, data):
     """The novice's data do not touch it."""
-    trained, other = (perform(one, data)[0] for one in (trial("expert_only"), trial("pretrain_finetune")))
+    trained, other = (
+        perform(one, data)[0]
+        for one in (trial("expert_only"), trial("pretrain_finetune"))
+    )
     less = perform(trial("expert_only").replace(novice_minutes=0.25), data)[0]
     assert less.validation_loss == trained.validation_loss
     assert trained.iterations == 0 and trained.curve_samples == (0,)
@@ -33,26 +36,51 @@ def test_the_experts_model_is_judged_as_it_is(trial, data):
     assert trained.validation_loss != other.validation_loss
 
 
-@pytest.mark.parametrize(("method", "kind"), [("residual", Corrected), ("corrected", LeastSquares)])
+@pytest.mark.parametrize(
+    ("method", "kind"), [("residual", Corrected), ("corrected", LeastSquares)]
+)
 def test_the_experts_model_is_corrected_and_kept(trial, data, method, kind):
-    model, expert = (perform(trial(name), data)[1].model for name in (method, "expert_only"))
+    model, expert = (
+        perform(trial(name), data)[1].model for name in (method, "expert_only")
+    )
     assert isinstance(model, kind) and type(expert) is DynamicsModel
     base = model.base.state_dict()
-    assert all((tensor == base[name]).all() for name, tensor in expert.state_dict().items())
+    assert all(
+        (tensor == base[name]).all() for name, tensor in expert.state_dict().items()
+    )
     if method == "residual":
-        assert any((tensor != base[name]).any() for name, tensor in model.correction.state_dict().items())
+        assert any(
+            (tensor != base[name]).any()
+            for name, tensor in model.correction.state_dict().items()
+        )
 
 
 def test_what_is_solved_depends_on_how_it_is_solved(trial, data):
     """And what is trained does not."""
-    solved, trained = (run_trial(trial(method), data).provenance for method in ("least_squares", "expert_only"))
-    assert solved.numerics == trained.numerics | {"least_squares": NUMERICS["least_squares"]}
+    solved, trained = (
+        run_trial(trial(method), data).provenance
+        for method in ("least_squares", "expert_only")
+    )
+    assert solved.numerics == trained.numerics | {
+        "least_squares": NUMERICS["least_squares"]
+    }
     assert not solved.stale and not trained.stale
 
 
-def test_bundles_take_the_methods_of_figure_3_and_of_any_bodies_and_refuse_others(trial):
-    assert all(fits(trial(method)) for method in (*FIGURE3, *ANY_BODIES, "finetune_parts"))
-    for method in ("pooled", "mmd", "residual", "expert_only", "least_squares", "corrected"):
+def test_bundles_take_the_methods_of_figure_3_and_of_any_bodies_and_refuse_others(
+    trial,
+):
+    assert all(
+        fits(trial(method)) for method in (*FIGURE3, *ANY_BODIES, "finetune_parts")
+    )
+    for method in (
+        "pooled",
+        "mmd",
+        "residual",
+        "expert_only",
+        "least_squares",
+        "corrected",
+    ):
         assert not fits(trial(method))
         with pytest.raises(ConfigError, match=f"{method} .*train it alone"):
             bundles([trial(method)])
@@ -60,5 +88,13 @@ def test_bundles_take_the_methods_of_figure_3_and_of_any_bodies_and_refuse_other
 
 def test_what_no_bundle_can_train_is_run_alone(trial, data, tmp_path):
     """Beside the others, so that a whole grid can be asked for."""
-    store = run([trial("sidm"), trial("pooled")], data=data, results=tmp_path, progress=False, bundle=2)
-    assert [row.provenance.bundle for row in store.rows([trial("sidm"), trial("pooled")])] == [2, 0]
+    store = run(
+        [trial("sidm"), trial("pooled")],
+        data=data,
+        results=tmp_path,
+        progress=False,
+        bundle=2,
+    )
+    assert [
+        row.provenance.bundle for row in store.rows([trial("sidm"), trial("pooled")])
+    ] == [2, 0]

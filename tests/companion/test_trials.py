@@ -20,15 +20,30 @@ from sidm.storage import write_record
 from sidm.systems import SYSTEMS
 
 TRIAL = Trial(
-    system="system1", method="sidm", novice_minutes=1, seed=0, pool_minutes=2, expert_minutes=3, validation_minutes=1,
+    system="system1",
+    method="sidm",
+    novice_minutes=1,
+    seed=0,
+    pool_minutes=2,
+    expert_minutes=3,
+    validation_minutes=1,
     rollouts=4,
-)  # fmt: skip
+)
 OTHER = {
-    "system": "system2", "method": "novice_only", "novice_minutes": 2, "seed": 1, "pool_minutes": 3,
-    "expert_minutes": 4, "validation_minutes": 2, "rollouts": 5, "policy": "sinusoid", "novice_data": "a",
+    "system": "system2",
+    "method": "novice_only",
+    "novice_minutes": 2,
+    "seed": 1,
+    "pool_minutes": 3,
+    "expert_minutes": 4,
+    "validation_minutes": 2,
+    "rollouts": 5,
+    "policy": "sinusoid",
+    "novice_data": "a",
     "expert_data": "a",
-    "validation_data": "a", "rollout_data": "a",
-}  # fmt: skip
+    "validation_data": "a",
+    "rollout_data": "a",
+}
 
 
 def changed(value, kind):
@@ -45,42 +60,73 @@ def changed(value, kind):
 
 
 def test_key_survives_json():
-    """Through JSON a trial comes back equal, with the same key, ints given for floats or not."""
+    """Through JSON a trial comes back equal, with the same key, ints given for floats
+    or not."""
     back = from_mapping(Trial, json.loads(json.dumps(TRIAL.to_json())))
-    assert back == TRIAL and back.key == TRIAL.key == TRIAL.replace(novice_minutes=1.0).key
+    assert (
+        back == TRIAL and back.key == TRIAL.key == TRIAL.replace(novice_minutes=1.0).key
+    )
     assert len(TRIAL.key) == 20
 
 
 def test_key_feels_every_field():
-    """No two trials that differ in one value share a key, in their network and training neither."""
-    variants = [TRIAL] + [TRIAL.replace(**{name: value}) for name, value in OTHER.items()]
+    """No two trials that differ in one value share a key, in their network and training
+    neither."""
+    variants = [TRIAL] + [
+        TRIAL.replace(**{name: value}) for name, value in OTHER.items()
+    ]
     for part in ("network", "training"):
         settings = getattr(TRIAL, part)
-        own = {field.name: getattr(settings, field.name) for field in dataclasses.fields(settings)}
+        own = {
+            field.name: getattr(settings, field.name)
+            for field in dataclasses.fields(settings)
+        }
         for name, kind in get_type_hints(type(settings)).items():
             other = type(settings)(**(own | {name: changed(own[name], kind)}))
             variants.append(TRIAL.replace(**{part: other}))
     names = {field.name for field in dataclasses.fields(TRIAL)}
-    without = {"training": dataclasses.replace(TRIAL.training, p_expert=0.0, regularise=False)}
+    without = {
+        "training": dataclasses.replace(TRIAL.training, p_expert=0.0, regularise=False)
+    }
     for residual in (False, True):
-        variants.append(TRIAL.replace(**without, pretraining=without["training"], residual=residual))
-    variants += [variants[-2].replace(pretraining=None, fit="least_squares"), variants[-1].replace(fit="least_squares")]
+        variants.append(
+            TRIAL.replace(**without, pretraining=without["training"], residual=residual)
+        )
+    variants += [
+        variants[-2].replace(pretraining=None, fit="least_squares"),
+        variants[-1].replace(fit="least_squares"),
+    ]
     variants.append(TRIAL.replace(motion="tuning"))
     core = TRIAL.replace(**without, pretraining=without["training"])
     variants.append(core.replace(pretrained="sidm"))
-    assert names == {*OTHER, "network", "training", "pretraining", "residual", "fit", "motion", "pretrained"}
+    assert names == {
+        *OTHER,
+        "network",
+        "training",
+        "pretraining",
+        "residual",
+        "fit",
+        "motion",
+        "pretrained",
+    }
     assert len({trial.key for trial in variants}) == len(variants)
 
 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"novice_minutes": 5}, r"novice_minutes must be above 0 and at most pool_minutes \(2\), not 5"),
+        (
+            {"novice_minutes": 5},
+            r"novice_minutes must be above 0 and at most pool_minutes \(2\), not 5",
+        ),
         ({"system": "system3"}, "unknown system 'system3'"),
         ({"rollouts": 0}, "rollouts must be at least 1, not 0"),
         ({"sede": 1}, "did you mean 'seed'"),
         ({"pretrained": "sidm"}, "goes with a pretraining, and not with residual"),
-        ({"fit": "least_squares"}, "least_squares' stands alone, or is the residual of a pretraining"),
+        (
+            {"fit": "least_squares"},
+            "least_squares' stands alone, or is the residual of a pretraining",
+        ),
     ],
 )
 def test_trials_refuse_what_cannot_be_run(changes, words):
@@ -91,7 +137,10 @@ def test_trials_refuse_what_cannot_be_run(changes, words):
 
 def test_what_came_later_is_not_named_by_default():
     """So that the keys of results stored before there was another value still hold."""
-    assert TRIAL.replace(motion="tuning").to_json()["motion"] == "tuning" and "motion" not in TRIAL.to_json()
+    assert (
+        TRIAL.replace(motion="tuning").to_json()["motion"] == "tuning"
+        and "motion" not in TRIAL.to_json()
+    )
     alone = replace(TRIAL.training, p_expert=0.0, regularise=False)
     solved = TRIAL.replace(training=alone, fit="least_squares")
     assert "fit" not in TRIAL.to_json() and solved.to_json()["fit"] == "least_squares"
@@ -104,11 +153,15 @@ def test_datasets_are_disjoint():
     assert len({one.collection for one in sets.values()}) == 4
     assert sets["novice"].name == "system1/novice/ornstein_uhlenbeck/seed-0/19"
     assert sets["rollout"].collection.policy == "held" and sets["rollout"].count == 4
-    assert sets["expert"].collection.role == "expert" and sets["expert"].collection.seed == 2
+    assert (
+        sets["expert"].collection.role == "expert"
+        and sets["expert"].collection.seed == 2
+    )
 
 
 def test_presets_are_the_papers():
-    """The paper's Figure 3 is 320 trials; the laptop's sizes are those of the table of presets."""
+    """The paper's Figure 3 is 320 trials; the laptop's sizes are those of the table of
+    presets."""
     for name in ("paper", "released"):
         assert sum(trial.method in COMPARED for trial in grid(name)) == 320
     assert len(grid("laptop")) == 2 * 6 * 3 * 3  # systems, sizes, methods, seeds
@@ -120,10 +173,16 @@ def test_presets_are_the_papers():
     ("changes", "words"),
     [
         ({"pixel": 64}, "unknown parameter 'pixel' of a preset; did you mean 'pixels'"),
-        ({"regularise": False}, "unknown parameter 'regularise'"),  # which the methods set
+        (
+            {"regularise": False},
+            "unknown parameter 'regularise'",
+        ),  # which the methods set
         ({"seeds": "many"}, "'Preset.seeds' must be int"),
         ({"seeds": 0}, "seeds must be from 1 to 1000, not 0"),
-        ({"novice_minutes_system1": [1, 600]}, "novice_minutes_system1 asks for 600, but pool_minutes_system1 is 120"),
+        (
+            {"novice_minutes_system1": [1, 600]},
+            "novice_minutes_system1 asks for 600, but pool_minutes_system1 is 120",
+        ),
         ({"policy": "orstein"}, "did you mean 'ornstein_uhlenbeck'"),
         ({"expert_minutes": -5}, "expert_minutes must be positive"),
         ({"validation_minutes": float("nan")}, "validation_minutes"),
@@ -146,46 +205,87 @@ def test_presets_are_known_by_name():
 
 def test_preset_changes_reach_network_and_training():
     """A preset's flat names lead to its parts, which have no name in common."""
-    changed = load_preset("laptop", pixels=64, max_samples=1000, seeds=5, p_expert_system2=0.25)
-    assert (changed.network.pixels, changed.training.max_samples, changed.seeds) == (64, 1000, 5)
+    changed = load_preset(
+        "laptop", pixels=64, max_samples=1000, seeds=5, p_expert_system2=0.25
+    )
+    assert (changed.network.pixels, changed.training.max_samples, changed.seeds) == (
+        64,
+        1000,
+        5,
+    )
     assert changed.training_of(METHODS["sidm"], "system2").p_expert == 0.25
-    names = [f.name for part in (changed, changed.network, changed.training) for f in dataclasses.fields(part)]
+    names = [
+        f.name
+        for part in (changed, changed.network, changed.training)
+        for f in dataclasses.fields(part)
+    ]
     assert len(names) == len(set(names))
 
 
 def test_methods_differ_only_in_their_training():
-    """The comparison is the same loop without expert data and without the adversary (section 4)."""
+    """The comparison is the same loop without expert data and without the adversary
+    (section 4)."""
     for system, p in (("system1", 0.75), ("system2", 0.5)):
-        with_sidm, without = (Study("laptop").trial(system, m, 5) for m in ("sidm", "novice_only"))
+        with_sidm, without = (
+            Study("laptop").trial(system, m, 5) for m in ("sidm", "novice_only")
+        )
         assert (with_sidm.training.p_expert, with_sidm.training.regularise) == (p, True)
         assert (without.training.p_expert, without.training.regularise) == (0.0, False)
         assert without.replace(method="sidm", training=with_sidm.training) == with_sidm
 
 
 def test_grids():
-    """Seeds pair the methods; ablations share their base trials with Figure 3; filters name what the grid has."""
+    """Seeds pair the methods; ablations share their base trials with Figure 3; filters
+    name what the grid has."""
     study = Study("laptop")
-    points = {(t.novice_minutes, t.seed) for t in study.figure3("system1") if t.method == "sidm"}
-    assert points == {(t.novice_minutes, t.seed) for t in study.figure3("system1") if t.method == "novice_only"}
+    points = {
+        (t.novice_minutes, t.seed)
+        for t in study.figure3("system1")
+        if t.method == "sidm"
+    }
+    assert points == {
+        (t.novice_minutes, t.seed)
+        for t in study.figure3("system1")
+        if t.method == "novice_only"
+    }
     figure3 = {t.key for t in study.figure3("system1")}
-    assert len(study.figure4()) == 2 * 3 * 10 and len({t.key for t in study.figure4()} & figure3) == 2 * 3 * 3
-    assert len({t.key for t in ablations.p_expert(study, "system1")} & figure3) == 3  # p_e of 0.75, three seeds
-    assert len({t.key for t in ablations.phases(study, "system1")} & figure3) == 3  # 100, 20 and 5 iterations
+    assert (
+        len(study.figure4()) == 2 * 3 * 10
+        and len({t.key for t in study.figure4()} & figure3) == 2 * 3 * 3
+    )
+    # p_e of 0.75, three seeds
+    assert len({t.key for t in ablations.p_expert(study, "system1")} & figure3) == 3
+    # 100, 20 and 5 iterations
+    assert len({t.key for t in ablations.phases(study, "system1")} & figure3) == 3
     for name in (ablations.pixels, ablations.patience):
-        assert len({t.key for t in name(study, "system1")} & figure3) == 2 * 3  # both methods
+        # both methods
+        assert len({t.key for t in name(study, "system1")} & figure3) == 2 * 3
     neighbours = baselines.trials(study, "system1")
-    assert len({t.key for t in neighbours} & figure3) == 3 * 2 * 3 + 3  # three methods, two sizes, and all data
-    assert {t.method for t in neighbours} == set(METHODS) - {*VARIANTS, *MIRRORED, *CORES, RIVAL}
+    # three methods, two sizes, and all data
+    assert len({t.key for t in neighbours} & figure3) == 3 * 2 * 3 + 3
+    assert {t.method for t in neighbours} == set(METHODS) - {
+        *VARIANTS,
+        *MIRRORED,
+        *CORES,
+        RIVAL,
+    }
     found = variants.trials(study, "system1")
-    assert len(found) == len({t.key for t in found}) == 15 * 4 * 3 + 2 * 3 * 3  # two at 20, 60, 120, too
-    assert {t.key for t in variants.correction(study, "system1")} < {t.key for t in found}
+    # two at 20, 60, 120, too
+    assert len(found) == len({t.key for t in found}) == 15 * 4 * 3 + 2 * 3 * 3
+    assert {t.key for t in variants.correction(study, "system1")} < {
+        t.key for t in found
+    }
     assert len(grid("laptop", "3", "system2", minutes=[5, 20], seeds=[1])) == 2 * 3
     assert {t.key for t in grid("laptop", "all")} >= figure3
-    with pytest.raises(ConfigError, match="minutes 3 is not in this grid; it has 1, 2, 5, 20, 60, 120"):
+    with pytest.raises(
+        ConfigError, match="minutes 3 is not in this grid; it has 1, 2, 5, 20, 60, 120"
+    ):
         grid("laptop", minutes=[3])
     with pytest.raises(ConfigError, match="figure 4 has no trials of system2"):
         grid("laptop", "4", "system2")
-    with pytest.raises(ConfigError, match="figure 'yardsticks' is called 'references' now"):
+    with pytest.raises(
+        ConfigError, match="figure 'yardsticks' is called 'references' now"
+    ):
         grid("laptop", "yardsticks")
     with pytest.raises(ConfigError, match="did you mean 'p-expert'"):
         grid("laptop", "p_expert")
@@ -194,16 +294,30 @@ def test_grids():
 
 
 def test_the_study_has_grids_of_its_own():
-    """More seeds on little data; settings are chosen by motion that no figure is drawn from."""
+    """More seeds on little data; settings are chosen by motion that no figure is drawn
+    from."""
     study = Study("study")
-    seeds = Counter(t.novice_minutes for t in study.figure3("system2") if t.method == "sidm")
+    seeds = Counter(
+        t.novice_minutes for t in study.figure3("system2") if t.method == "sidm"
+    )
     assert seeds == {1: 10, 2: 5, 5: 10, 20: 5, 60: 5, 120: 5}
-    figures, laptop = ({t.key: t for t in Study(name).figure3("system1")} for name in ("study", "laptop"))
+    figures, laptop = (
+        {t.key: t for t in Study(name).figure3("system1")}
+        for name in ("study", "laptop")
+    )
     assert laptop.keys() < figures.keys()
     tried, long = tuning.trials(study, "system1"), duration.trials(study, "system1")
-    assert {t.datasets["expert"] for t in tried} == {t.datasets["expert"] for t in figures.values()}
-    novices = [{t.datasets[kind] for t in trials for kind in ("novice", "validation", "rollout")}
-               for trials in (figures.values(), tried, long)]  # fmt: skip
+    assert {t.datasets["expert"] for t in tried} == {
+        t.datasets["expert"] for t in figures.values()
+    }
+    novices = [
+        {
+            t.datasets[kind]
+            for t in trials
+            for kind in ("novice", "validation", "rollout")
+        }
+        for trials in (figures.values(), tried, long)
+    ]
     assert len(novices[0]) == 3 and not novices[0] & (novices[1] | novices[2])
     every = {d for t in [*figures.values(), *tried] for d in t.datasets.values()}
     assert set(study.preset.every_dataset("system1")) == every
@@ -211,26 +325,39 @@ def test_the_study_has_grids_of_its_own():
     assert all(t.training.patience == 2_500_000 for t in long)
     chosen_by = [*tried, *long]
     assert {t.key for t in chosen_by} < {t.key for t in grid("study", "all", "system1")}
-    assert not {t.key for t in choices.trials(study, "system1")} & {t.key for t in grid("study", "all")}
+    assert not {t.key for t in choices.trials(study, "system1")} & {
+        t.key for t in grid("study", "all")
+    }
 
 
 def test_digests_come_from_disk_before_the_results(data, tiny, tmp_path):
-    """What lies on this disk makes the trial; without data the committed digests do; without either it is UNKNOWN."""
+    """What lies on this disk makes the trial; without data the committed digests do;
+    without either it is UNKNOWN."""
     local = Study(tiny, data, tmp_path).digests("system1")
     assert UNKNOWN not in local.values() and len(set(local.values())) == 4
     bare = Study(tiny, tmp_path / "none", tmp_path)
     assert set(bare.digests("system1").values()) == {UNKNOWN}
     for kind, one in tiny.datasets("system1").items():
-        write_record(tmp_path / "datasets" / f"{one.name}.json", {"digest": f"committed-{kind}"})
-    assert Study(tiny, tmp_path / "none", tmp_path).digests("system1")["novice_data"] == "committed-novice"
+        write_record(
+            tmp_path / "datasets" / f"{one.name}.json", {"digest": f"committed-{kind}"}
+        )
+    assert (
+        Study(tiny, tmp_path / "none", tmp_path).digests("system1")["novice_data"]
+        == "committed-novice"
+    )
     assert Study(tiny, data, tmp_path).digests("system1") == local
-    assert differing(tiny, data, tmp_path) == [one.name for one in tiny.datasets("system1").values()]
+    assert differing(tiny, data, tmp_path) == [
+        one.name for one in tiny.datasets("system1").values()
+    ]
     assert differing(tiny, tmp_path / "none", tmp_path) == []
 
 
 @pytest.mark.parametrize(
     ("digest", "changed", "words"),
-    [("0" * 16, "01", "its checksum does not match"), (7, "", "its digest is 7, not text")],
+    [
+        ("0" * 16, "01", "its checksum does not match"),
+        (7, "", "its digest is 7, not text"),
+    ],
 )
 def test_damaged_digests_are_named(tiny, tmp_path, digest, changed, words):
     """A digest that cannot be read is an error of one line."""
@@ -242,9 +369,12 @@ def test_damaged_digests_are_named(tiny, tmp_path, digest, changed, words):
 
 
 def test_parameter_files_name_their_preset():
-    """params/NAME.yaml asks the notebooks for the preset NAME; only the smoke preset runs what is missing by itself."""
+    """params/NAME.yaml asks the notebooks for the preset NAME; only the smoke preset
+    runs what is missing by itself."""
     folder = Path(__file__).parents[2] / "params"
-    found = {path.stem: yaml.safe_load(path.read_text()) for path in folder.glob("*.yaml")}
+    found = {
+        path.stem: yaml.safe_load(path.read_text()) for path in folder.glob("*.yaml")
+    }
     assert found.keys() == PRESETS.keys()
     for name, values in found.items():
         assert values["preset"] == name and values["run_missing"] == (name == "smoke")
@@ -257,7 +387,10 @@ def test_a_system_of_your_own_has_system_1s_sizes(monkeypatch):
     preset = load_preset("smoke")
     assert preset.pool_minutes("soft") == preset.pool_minutes_system1
     assert {trial.system for trial in Study(preset).figure3("soft")} == {"soft"}
-    assert Study(preset).trial("soft", "sidm", 0.5).training.p_expert == preset.p_expert_system1
+    assert (
+        Study(preset).trial("soft", "sidm", 0.5).training.p_expert
+        == preset.p_expert_system1
+    )
 
 
 def test_the_policies_of_a_preset_are_those_of_the_simulation():

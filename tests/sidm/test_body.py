@@ -1,4 +1,5 @@
-"""What robots' data are made of: what follows from a body, its file, and every fault of one."""
+"""What robots' data are made of: what follows from a body, its file, and every fault of
+one."""
 
 import dataclasses
 
@@ -17,7 +18,10 @@ rate: 10 Hz
 
 def test_the_papers_body_has_11_inputs_and_13_targets():
     assert (len(ROVER.inputs), len(ROVER.targets), len(ROVER.state)) == (11, 13, 13)
-    assert ROVER.inputs[:3] == ("up x", "up y", "up z") and ROVER.inputs[-2:] == ("throttle", "steering")
+    assert ROVER.inputs[:3] == ("up x", "up y", "up z") and ROVER.inputs[-2:] == (
+        "throttle",
+        "steering",
+    )
     assert ROVER.pixels(32) == 32 and ROVER.map_size == 5.0
 
 
@@ -25,12 +29,31 @@ def test_a_file_says_what_a_planar_robot_sees_and_does(tmp_path):
     (tmp_path / "warthog.yaml").write_text(WARTHOG)
     body = read_body(tmp_path / "warthog.yaml")
     assert body.name == "warthog"
-    assert body.inputs == ("yaw_rate", "wheel_left", "wheel_right", "command_left", "command_right")
-    assert body.targets == ("forward", "left", "turn", "yaw_rate", "wheel_left", "wheel_right")
+    assert body.inputs == (
+        "yaw_rate",
+        "wheel_left",
+        "wheel_right",
+        "command_left",
+        "command_right",
+    )
+    assert body.targets == (
+        "forward",
+        "left",
+        "turn",
+        "yaw_rate",
+        "wheel_left",
+        "wheel_right",
+    )
     assert body.pixels(32) == 0 and body.weights == "variance"
 
 
-@pytest.mark.parametrize("body", [ROVER, Body(name="a", pose="none", columns=(("v", "m/s"),), actions=(("u", "1"),))])
+@pytest.mark.parametrize(
+    "body",
+    [
+        ROVER,
+        Body(name="a", pose="none", columns=(("v", "m/s"),), actions=(("u", "1"),)),
+    ],
+)
 def test_lines_of_a_body_read_back_as_the_same(body):
     assert body_from(body_lines(body), "") == body
 
@@ -39,9 +62,15 @@ def test_lines_of_a_body_read_back_as_the_same(body):
     "text, words",
     [
         (WARTHOG.replace("columns", "colums"), "did you mean 'columns'"),
-        (WARTHOG.replace("wheel_left: rad/s", "wheel_left: rpm"), "'wheel_left' in 'rpm'; the units are"),
+        (
+            WARTHOG.replace("wheel_left: rad/s", "wheel_left: rpm"),
+            "'wheel_left' in 'rpm'; the units are",
+        ),
         (WARTHOG.replace("actions", "#"), "it has no actions"),
-        (WARTHOG.replace("{command_left: rad/s, command_right: rad/s}", "{}"), "it has no actions"),
+        (
+            WARTHOG.replace("{command_left: rad/s, command_right: rad/s}", "{}"),
+            "it has no actions",
+        ),
         (WARTHOG.replace("command_left", "wheel_left"), "two columns 'wheel_left'"),
         (WARTHOG.replace("yaw_rate", "yaw"), "two columns 'yaw'"),
         (WARTHOG.replace("yaw_rate", "yaw rate"), "letters, digits and _"),
@@ -52,7 +81,10 @@ def test_lines_of_a_body_read_back_as_the_same(body):
         (WARTHOG + "map: 5 m\n", "map is 'none' or"),
         (WARTHOG + "map: {size: 5 m, pixels: many}\n", "map_pixels"),
         ("actions: {u: 1}\npose: none\n", "nothing to predict"),
-        ("actions: {u: 1}\npose: none\ncolumns: {v: m/s}\nmap: {size: 5 m}\n", "a height map needs a pose"),
+        (
+            "actions: {u: 1}\npose: none\ncolumns: {v: m/s}\nmap: {size: 5 m}\n",
+            "a height map needs a pose",
+        ),
         ("actions: [u]\n", "lines of 'name: unit'"),
         ("a: [", "no YAML"),
         ("words", "lines of 'name: value'"),
@@ -63,7 +95,11 @@ def test_a_fault_is_one_line_that_names_file_and_fault(tmp_path, text, words):
     path.write_text(text)
     with pytest.raises(ConfigError) as error:
         read_body(path)
-    assert words in str(error.value) and str(error.value).startswith(str(path)) and "\n" not in str(error.value)
+    assert (
+        words in str(error.value)
+        and str(error.value).startswith(str(path))
+        and "\n" not in str(error.value)
+    )
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):

@@ -46,7 +46,9 @@ def test_frozen_and_keyword_only():
 
 
 def test_unknown_name_gives_the_nearest():
-    with pytest.raises(ConfigError, match="unknown parameter 'lenght' of Cart; did you mean 'length'?"):
+    with pytest.raises(
+        ConfigError, match="unknown parameter 'lenght' of Cart; did you mean 'length'?"
+    ):
         Cart(lenght=1.0)
 
 
@@ -55,16 +57,25 @@ def test_the_message_is_one_line_whatever_was_typed():
 
 
 def test_unknown_name_without_a_near_one_lists_the_known():
-    assert "known: radius, spokes" in str(unknown_name("qqq", ["radius", "spokes"], "Wheel"))
+    assert "known: radius, spokes" in str(
+        unknown_name("qqq", ["radius", "spokes"], "Wheel")
+    )
 
 
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("length", "2"), ("length", True), ("wheels", (1, 2.5)), ("wheels", 3), ("pair", (1,)), ("pair", ("a", 1.0)),
-        ("name", 4), ("covered", 1), ("wheel", {"radius": 1.0}),
+        ("length", "2"),
+        ("length", True),
+        ("wheels", (1, 2.5)),
+        ("wheels", 3),
+        ("pair", (1,)),
+        ("pair", ("a", 1.0)),
+        ("name", 4),
+        ("covered", 1),
+        ("wheel", {"radius": 1.0}),
     ],
-)  # fmt: skip
+)
 def test_wrong_type_names_the_field(field, value):
     with pytest.raises(ConfigError, match=f"Cart.{field}") as caught:
         Cart(**({"length": 1.0} | {field: value}))
@@ -84,7 +95,9 @@ def test_an_integer_serves_as_float_and_a_list_as_tuple():
 
 
 def test_equal_values_are_equal_and_hash_alike():
-    assert Cart(length=1) == Cart(length=1.0) and hash(Cart(length=1)) == hash(Cart(length=1.0))
+    assert Cart(length=1) == Cart(length=1.0) and hash(Cart(length=1)) == hash(
+        Cart(length=1.0)
+    )
 
 
 def test_from_mapping_nests():

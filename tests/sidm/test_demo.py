@@ -11,7 +11,9 @@ ROOT = Path(__file__).parents[2]
 
 def test_what_is_bundled_is_what_was_recorded():
     for name in ("warthog.csv.gz", "skid_steer.yaml", "LICENSE-DRIVE.txt"):
-        assert (ROOT / "sidm" / "demo" / name).read_bytes() == (ROOT / "recordings" / name).read_bytes()
+        assert (ROOT / "sidm" / "demo" / name).read_bytes() == (
+            ROOT / "recordings" / name
+        ).read_bytes()
     assert len(bundled_drives()) == 287
 
 

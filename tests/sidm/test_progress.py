@@ -18,7 +18,9 @@ def test_a_log_gets_whole_lines_with_the_time_left(monkeypatch, capsys):
             bar.update()
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 4 and not any("\r" in line for line in lines)
-    assert lines[0] == "trials: 3/10 trial, 00:36 gone, 01:24 left, 12.00s/trial, loss=2"
+    assert (
+        lines[0] == "trials: 3/10 trial, 00:36 gone, 01:24 left, 12.00s/trial, loss=2"
+    )
     assert re.match(r"trials: 10/10 trial, 02:00 gone, 00:00 left", lines[-1])
 
 

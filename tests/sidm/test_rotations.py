@@ -17,31 +17,41 @@ quaternions = (
     .filter(lambda q: sum(c * c for c in q) > 1e-2)
     .map(lambda q: R.normalise(torch.tensor(q, dtype=torch.float64)))
 )
-vectors = st.lists(st.floats(-10, 10), min_size=3, max_size=3).map(lambda v: torch.tensor(v, dtype=torch.float64))
+vectors = st.lists(st.floats(-10, 10), min_size=3, max_size=3).map(
+    lambda v: torch.tensor(v, dtype=torch.float64)
+)
 lawful = settings(max_examples=60, deadline=None)
 
 
 @pytest.fixture
 def several(rng):
     """Quaternions (50, 4) and vectors (50, 3)."""
-    return torch.from_numpy(Rotation.random(50, random_state=0).as_quat()), torch.from_numpy(rng.normal(size=(50, 3)))
+    return torch.from_numpy(
+        Rotation.random(50, random_state=0).as_quat()
+    ), torch.from_numpy(rng.normal(size=(50, 3)))
 
 
 def same_rotation(p, q):
-    assert torch.allclose(R.canonical(p), R.canonical(q), atol=1e-12) or torch.allclose(p, -q, atol=1e-12)
+    assert torch.allclose(R.canonical(p), R.canonical(q), atol=1e-12) or torch.allclose(
+        p, -q, atol=1e-12
+    )
 
 
 def test_rotate_is_scipys(several):
     q, v = several
     assert np.allclose(R.rotate(q, v), Rotation.from_quat(q.numpy()).apply(v.numpy()))
-    assert np.allclose(R.rotate_inverse(q, v), Rotation.from_quat(q.numpy()).inv().apply(v.numpy()))
+    assert np.allclose(
+        R.rotate_inverse(q, v), Rotation.from_quat(q.numpy()).inv().apply(v.numpy())
+    )
 
 
 def test_multiply_is_scipys(several):
     q, _ = several
     p = q.flip(0)
     expected = (Rotation.from_quat(p.numpy()) * Rotation.from_quat(q.numpy())).as_quat()
-    assert np.allclose(R.canonical(R.multiply(p, q)), R.canonical(torch.from_numpy(expected)))
+    assert np.allclose(
+        R.canonical(R.multiply(p, q)), R.canonical(torch.from_numpy(expected))
+    )
 
 
 def test_yaw_is_scipys(several):
@@ -51,15 +61,21 @@ def test_yaw_is_scipys(several):
 
 def test_quarter_turn_to_the_left():
     q = R.from_yaw(torch.tensor(math.pi / 2, dtype=torch.float64))
-    assert torch.allclose(q, torch.tensor([0, 0, math.sqrt(0.5), math.sqrt(0.5)], dtype=torch.float64))
-    assert torch.allclose(R.rotate(q, q.new_tensor([1.0, 0, 0])), q.new_tensor([0.0, 1, 0]))
+    assert torch.allclose(
+        q, torch.tensor([0, 0, math.sqrt(0.5), math.sqrt(0.5)], dtype=torch.float64)
+    )
+    assert torch.allclose(
+        R.rotate(q, q.new_tensor([1.0, 0, 0])), q.new_tensor([0.0, 1, 0])
+    )
 
 
 def test_identity_and_zero():
     identity = torch.tensor([0.0, 0, 0, 1])
     assert torch.equal(R.normalise(torch.zeros(4)), identity)
     assert torch.equal(R.multiply(identity, identity), identity)
-    assert torch.equal(R.rotate(identity, torch.tensor([1.0, 2, 3])), torch.tensor([1.0, 2, 3]))
+    assert torch.equal(
+        R.rotate(identity, torch.tensor([1.0, 2, 3])), torch.tensor([1.0, 2, 3])
+    )
 
 
 def test_leading_dimensions_broadcast(several):
@@ -78,7 +94,9 @@ def test_types_are_kept():
 @lawful
 @given(quaternions, quaternions, vectors)
 def test_a_product_turns_by_its_factors(p, q, v):
-    assert torch.allclose(R.rotate(R.multiply(p, q), v), R.rotate(p, R.rotate(q, v)), atol=1e-9)
+    assert torch.allclose(
+        R.rotate(R.multiply(p, q), v), R.rotate(p, R.rotate(q, v)), atol=1e-9
+    )
 
 
 @lawful

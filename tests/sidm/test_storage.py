@@ -1,4 +1,5 @@
-"""Files whole or not at all, damage seen, disks full, and files made by those who mean harm."""
+"""Files whole or not at all, damage seen, disks full, and files made by those who mean
+harm."""
 
 import errno
 import io
@@ -13,9 +14,21 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sidm.storage import Damaged, read_arrays, read_record, sweep, write_arrays, write_atomically, write_record
+from sidm.storage import (
+    Damaged,
+    read_arrays,
+    read_record,
+    sweep,
+    write_arrays,
+    write_atomically,
+    write_record,
+)
 
-ARRAYS = {"numbers": np.arange(6.0).reshape(2, 3), "words": np.array(["a", "bc"]), "one": np.array(3)}
+ARRAYS = {
+    "numbers": np.arange(6.0).reshape(2, 3),
+    "words": np.array(["a", "bc"]),
+    "one": np.array(3),
+}
 SHARED_FOLDER = [HealthCheck.function_scoped_fixture]
 
 
@@ -40,25 +53,35 @@ def test_arrays_come_back_also_to_others(tmp_path):
     write_arrays(path, ARRAYS)
     with np.load(path, allow_pickle=False) as data:
         for found in (read_arrays(path), data):
-            assert all(np.array_equal(found[name], array) for name, array in ARRAYS.items())
+            assert all(
+                np.array_equal(found[name], array) for name, array in ARRAYS.items()
+            )
     assert os.listdir(path.parent) == ["a.npz"]
 
 
 def test_records_come_back_a_line_a_value(tmp_path):
-    values = {"a": 0.1 + 0.2, "b": [1, None, "x\"\n"], "c": {"checksum": "none"}}
+    values = {"a": 0.1 + 0.2, "b": [1, None, 'x"\n'], "c": {"checksum": "none"}}
     write_record(tmp_path / "a.json", values)
     assert read_record(tmp_path / "a.json") == values
     assert len((tmp_path / "a.json").read_text().splitlines()) == 6
     with pytest.raises(ValueError, match="not JSON compliant"):
         write_record(tmp_path / "a.json", {"a": float("nan")})
-    assert read_record(tmp_path / "a.json") == values and os.listdir(tmp_path) == ["a.json"]
+    assert read_record(tmp_path / "a.json") == values and os.listdir(tmp_path) == [
+        "a.json"
+    ]
 
 
-@given(where=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7), cut=st.booleans())
+@given(
+    where=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7), cut=st.booleans()
+)
 @settings(max_examples=100, suppress_health_check=SHARED_FOLDER, deadline=None)
-@pytest.mark.parametrize(("name", "write", "read"), [("a.npz", write_arrays, read_arrays),
-                                                     ("a.json", write_record, read_record)])  # fmt: skip
-def test_a_flipped_bit_or_a_lost_end_is_seen(tmp_path, name, write, read, where, bit, cut):
+@pytest.mark.parametrize(
+    ("name", "write", "read"),
+    [("a.npz", write_arrays, read_arrays), ("a.json", write_record, read_record)],
+)
+def test_a_flipped_bit_or_a_lost_end_is_seen(
+    tmp_path, name, write, read, where, bit, cut
+):
     path = tmp_path / name
     write(path, ARRAYS if write is write_arrays else {"x": [1.5, "y"], "z": {}})
     content = bytearray(path.read_bytes())
@@ -88,8 +111,12 @@ def test_a_full_disk_is_one_line_and_leaves_what_was(tmp_path, monkeypatch, fail
 
     if failing != "write":
         monkeypatch.setattr(os, failing, full)
-    with pytest.raises(OSError, match=r"a\.json: cannot be written \(No space left on device\)") as caught:
-        write_atomically(path, full if failing == "write" else lambda file: file.write(b"half"))
+    with pytest.raises(
+        OSError, match=r"a\.json: cannot be written \(No space left on device\)"
+    ) as caught:
+        write_atomically(
+            path, full if failing == "write" else lambda file: file.write(b"half")
+        )
     assert "\n" not in str(caught.value)
     assert read_record(path) == {"x": 1} and os.listdir(tmp_path) == ["a.json"]
 
@@ -101,7 +128,11 @@ def test_writing_follows_no_link_and_takes_no_name_of_others(tmp_path):
     outside.write_text("mine")
     path.symlink_to(outside)
     write_record(path, {"x": 1})
-    assert outside.read_text() == "mine" and not path.is_symlink() and read_record(path) == {"x": 1}
+    assert (
+        outside.read_text() == "mine"
+        and not path.is_symlink()
+        and read_record(path) == {"x": 1}
+    )
 
 
 def test_a_pickle_disguised_as_arrays_is_not_opened(tmp_path):
@@ -110,7 +141,12 @@ def test_a_pickle_disguised_as_arrays_is_not_opened(tmp_path):
     plain = io.BytesIO()
     with zipfile.ZipFile(plain, "w") as made:
         made.writestr("x.npy", pickle.dumps(Trap(trap)))
-    for content in (pickle.dumps(Trap(trap)), archive.getvalue(), sealed(archive.getvalue()), sealed(plain.getvalue())):
+    for content in (
+        pickle.dumps(Trap(trap)),
+        archive.getvalue(),
+        sealed(archive.getvalue()),
+        sealed(plain.getvalue()),
+    ):
         (tmp_path / "a.npz").write_bytes(content)
         with pytest.raises(Damaged):
             read_arrays(tmp_path / "a.npz")
@@ -118,11 +154,14 @@ def test_a_pickle_disguised_as_arrays_is_not_opened(tmp_path):
 
 
 def test_an_archive_that_would_grow_is_not_unpacked(tmp_path):
-    """Neither a compressed one nor one whose header promises a million million numbers."""
+    """Neither a compressed one nor one whose header promises a million million
+    numbers."""
     bomb = io.BytesIO()
     np.savez_compressed(bomb, x=np.zeros(1000))
     header, promised = io.BytesIO(), io.BytesIO()
-    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)})
+    np.lib.format.write_array_header_1_0(
+        header, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)}
+    )
     with zipfile.ZipFile(promised, "w") as made:
         made.writestr("x.npy", header.getvalue())
     for content in (bomb, promised):

@@ -16,7 +16,11 @@ from sidm.terrain import generate_terrain, height_at, perlin
 def test_heights_have_the_stated_shape_floor_and_level_start(name):
     terrain = SYSTEMS[name].terrain
     heights = generate_terrain(terrain, 3)
-    assert heights.shape == (300, 300) and heights.dtype == np.float64 and heights.min() == 0
+    assert (
+        heights.shape == (300, 300)
+        and heights.dtype == np.float64
+        and heights.min() == 0
+    )
     angle = np.linspace(0, 2 * np.pi, 50)
     disc = height_at(heights, 0.85 * np.cos(angle), 0.85 * np.sin(angle))
     assert np.ptp(disc) < 1e-9
@@ -43,7 +47,9 @@ def test_surface_passes_through_the_grid_and_is_linear_on_each_triangle():
     x, y = (np.arange(7) - 3) * 0.1, (np.arange(5) - 2) * 0.1
     assert np.allclose(height_at(heights, x, y[:, None]), heights)
     # the middle of a cell lies on the diagonal from (0, 1) to (1, 0)
-    assert height_at(heights, x[2] + 0.05, y[1] + 0.05) == pytest.approx((heights[1, 3] + heights[2, 2]) / 2)
+    assert height_at(heights, x[2] + 0.05, y[1] + 0.05) == pytest.approx(
+        (heights[1, 3] + heights[2, 2]) / 2
+    )
     # centroids of both triangles
     low = height_at(heights, x[2] + 0.1 / 3, y[1] + 0.1 / 3)
     assert low == pytest.approx((heights[1, 2] + heights[1, 3] + heights[2, 2]) / 3)
@@ -58,18 +64,30 @@ def test_outside_the_grid_the_border_holds():
 
 
 def test_a_flat_recipe_is_flat():
-    assert np.ptp(generate_terrain(Terrain(cell_height_scale=0.0, noise_height_scale=0.0), 1)) == 0
+    assert (
+        np.ptp(
+            generate_terrain(Terrain(cell_height_scale=0.0, noise_height_scale=0.0), 1)
+        )
+        == 0
+    )
 
 
-RECORDED = json.loads((Path(__file__).parents[1] / "recorded" / "terrain_quantiles.json").read_text())
+RECORDED = json.loads(
+    (Path(__file__).parents[1] / "recorded" / "terrain_quantiles.json").read_text()
+)
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
-def test_heights_slopes_and_differences_are_distributed_as_the_recorded_terrains_are(name):
-    # 29 recorded terrains a system pin a quantile to about 0.5 %. Between the quartile and the 99 % quantile ours are
-    # within 4 %; of small slopes and differences, rarer in the recordings by 15 %, only their size is held.
+def test_heights_slopes_and_differences_are_distributed_as_the_recorded_terrains_are(
+    name,
+):
+    # 29 recorded terrains a system pin a quantile to about 0.5 %. Between the quartile
+    # and the 99 % quantile ours are within 4 %; of small slopes and differences, rarer
+    # in the recordings by 15 %, only their size is held.
     assert list(QUANTILES) == RECORDED["quantiles"]
-    ours = statistics(np.stack([generate_terrain(SYSTEMS[name].terrain, seed) for seed in range(12)]))
+    ours = statistics(
+        np.stack([generate_terrain(SYSTEMS[name].terrain, seed) for seed in range(12)])
+    )
     assert ours.keys() == RECORDED[name].keys()
     for figure, values in ours.items():
         recorded = np.array(RECORDED[name][figure])

@@ -8,17 +8,35 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from companion.figures.style import LOSS_BY_SIZE, METHOD_STYLES, legend_below, mean_and_range, named
+from companion.figures.style import (
+    LOSS_BY_SIZE,
+    METHOD_STYLES,
+    legend_below,
+    mean_and_range,
+    named,
+)
 from companion.statistics.stopping_rules import RULES, kept_by
-from companion.studies.decisive.verdicts import AT, END, RELEASED, loss_ratio, losses_by, ratio_of_data
+from companion.studies.decisive.verdicts import (
+    AT,
+    END,
+    RELEASED,
+    loss_ratio,
+    losses_by,
+    ratio_of_data,
+)
 from sidm.learning.stopping import Rule
 from sidm.plots import finish, side_by_side, styled
 from sidm.systems import SYSTEMS
 
 SIZES = (1.0, 5.0, 20.0)  # min at which losses are compared along the training
-LENGTHS = tuple(int(samples) for samples in np.geomspace(100_000, 8_000_000, 25).round(-3))
+LENGTHS = tuple(
+    int(samples) for samples in np.geomspace(100_000, 8_000_000, 25).round(-3)
+)
 MARKED = ("this book's", RELEASED, END)  # rules that have a point on the lines
-RECIPE_STYLES = {"R": {"color": "#0072B2", "linestyle": "-"}, "T": {"color": "#D55E00", "linestyle": "--"}}
+RECIPE_STYLES = {
+    "R": {"color": "#0072B2", "linestyle": "-"},
+    "T": {"color": "#D55E00", "linestyle": "--"},
+}
 RECIPE_LABELS = {"R": "as released (R)", "T": "each as well as we can (T)"}
 RULE_MARKERS = dict(zip(MARKED, ("^", "s", "o"), strict=True))
 
@@ -27,7 +45,11 @@ def lengths_of(frame: pd.DataFrame) -> list[int]:
     """LENGTHS at which all trainings of some results have been tested, and some still go on."""
     if not len(frame):
         return []
-    return [samples for samples in LENGTHS if frame.test_spacing.max() <= samples <= frame.max_samples.max()]
+    return [
+        samples
+        for samples in LENGTHS
+        if frame.test_spacing.max() <= samples <= frame.max_samples.max()
+    ]
 
 
 def along(frame: pd.DataFrame) -> pd.DataFrame:
@@ -37,21 +59,44 @@ def along(frame: pd.DataFrame) -> pd.DataFrame:
         frame: of `verdicts.results`.
 
     Returns:
-        A line a `recipe`, `system`, `quantity` ('data' or 'loss'), `minutes` of the SIDM, and `rule`, which is empty
-        where all were stopped after `samples`; those of a rule are the median over the SIDM's trainings. `value`, `low`
-        and `high` are the data ratio at AT minutes, or the ratio of the losses with and without SIDM.
+        A line a `recipe`, `system`, `quantity` ('data' or 'loss'), `minutes` of the
+        SIDM, and `rule`, which is empty where all were stopped after `samples`; those
+        of a rule are the median over the SIDM's trainings. `value`, `low` and `high`
+        are the data ratio at AT minutes, or the ratio of the losses with and without
+        SIDM.
     """
     lines: list[tuple] = []
     for (recipe, system), mine in frame.groupby(["recipe", "system"], sort=False):
-        stopped = [(samples, "", kept_losses(mine, Rule(most=samples))) for samples in lengths_of(mine)]
+        stopped = [
+            (samples, "", kept_losses(mine, Rule(most=samples)))
+            for samples in lengths_of(mine)
+        ]
         for rule in MARKED:
-            sidm = kept_by(mine[(mine.method == "sidm") & (mine.novice_minutes == AT)], RULES[rule])
+            sidm = kept_by(
+                mine[(mine.method == "sidm") & (mine.novice_minutes == AT)], RULES[rule]
+            )
             if len(sidm):
                 stopped.append((int(sidm.seen.median()), rule, losses_by(mine, rule)))
         for samples, rule, own in stopped:
-            lines.append((recipe, system, "data", AT, rule, samples, *ratio_of_data(own, "sidm")))
-            lines += [(recipe, system, "loss", size, rule, samples, *loss_ratio(own, size)) for size in SIZES]
-    names = ["recipe", "system", "quantity", "minutes", "rule", "samples", "seeds", "value", "low", "high"]
+            lines.append(
+                (recipe, system, "data", AT, rule, samples, *ratio_of_data(own, "sidm"))
+            )
+            lines += [
+                (recipe, system, "loss", size, rule, samples, *loss_ratio(own, size))
+                for size in SIZES
+            ]
+    names = [
+        "recipe",
+        "system",
+        "quantity",
+        "minutes",
+        "rule",
+        "samples",
+        "seeds",
+        "value",
+        "low",
+        "high",
+    ]
     return pd.DataFrame(lines, columns=names)
 
 
@@ -68,13 +113,25 @@ def by_length(table: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> F
     Shades are 95 % intervals; the points are what stopping rules give.
     """
     figure, panels = side_by_side(2 * len(systems), len(systems))
-    rows = (("data", "data without SIDM / with SIDM, same loss"), ("loss", "loss with SIDM / without SIDM"))
+    rows = (
+        ("data", "data without SIDM / with SIDM, same loss"),
+        ("loss", "loss with SIDM / without SIDM"),
+    )
     for row, (quantity, words) in enumerate(rows):
         for column, system in enumerate(systems):
             axes = panels[row * len(systems) + column]
-            axes.set(xscale="log", yscale="log", xlabel="samples seen by each (control steps)", ylabel=words)
+            axes.set(
+                xscale="log",
+                yscale="log",
+                xlabel="samples seen by each (control steps)",
+                ylabel=words,
+            )
             axes.set_title(f"{named(system)}, {AT:g} min of novice data")
-            own = table[(table.system == system) & (table.quantity == quantity) & (table.minutes == AT)]
+            own = table[
+                (table.system == system)
+                & (table.quantity == quantity)
+                & (table.minutes == AT)
+            ]
             for recipe, some in own.groupby("recipe", sort=False):
                 _draw(axes, some, str(recipe))
             axes.axhline(1, color="0.5", lw=1, linestyle="-", marker="", zorder=0)
@@ -87,14 +144,27 @@ def _draw(axes, some: pd.DataFrame, recipe: str) -> None:
     """Draw the line of a recipe, its interval, and the points of the stopping rules."""
     style, line = RECIPE_STYLES[recipe], some[some.rule == ""].sort_values("samples")
     axes.plot(line.samples, line.value, **style, marker="", label=RECIPE_LABELS[recipe])
-    axes.fill_between(line.samples, line.low, line.high.replace(np.inf, np.nan), color=style["color"], alpha=0.15, lw=0)
+    axes.fill_between(
+        line.samples,
+        line.low,
+        line.high.replace(np.inf, np.nan),
+        color=style["color"],
+        alpha=0.15,
+        lw=0,
+    )
     for rule, point in some[some.rule != ""].set_index("rule").iterrows():
         label = f"{recipe}: {'' if rule == END else 'by the rule of '}{rule}"
         off = np.abs([[point.value - point.low], [point.high - point.value]])
         axes.errorbar(
-            [point.samples], [point.value], yerr=off if np.isfinite(off).all() else None, color=style["color"],
-            linestyle="", marker=RULE_MARKERS[str(rule)], capsize=2, label=label.replace("'s", ""),
-        )  # fmt: skip
+            [point.samples],
+            [point.value],
+            yerr=off if np.isfinite(off).all() else None,
+            color=style["color"],
+            linestyle="",
+            marker=RULE_MARKERS[str(rule)],
+            capsize=2,
+            label=label.replace("'s", ""),
+        )
 
 
 @styled

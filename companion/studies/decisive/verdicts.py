@@ -1,6 +1,7 @@
 """The verdicts of the decisive experiment, by rules that were written before its trainings.
 
-The page on claims has the rules. Seeds pair the methods; data ratios are those of `statistics.data_ratio`.
+The page on claims has the rules. Seeds pair the methods; data ratios are those of
+`statistics.data_ratio`.
 """
 
 from __future__ import annotations
@@ -11,7 +12,13 @@ import numpy as np
 import pandas as pd
 
 from companion.engine.store import Results
-from companion.statistics.claims import CONTRARY, DIRECTION, NO_VERDICT, NOT_SEEN, REPRODUCED
+from companion.statistics.claims import (
+    CONTRARY,
+    DIRECTION,
+    NO_VERDICT,
+    NOT_SEEN,
+    REPRODUCED,
+)
 from companion.statistics.data_ratio import Saving, data_ratio
 from companion.statistics.intervals import FEWEST_SEEDS, Interval, mean_ratio
 from companion.statistics.stopping_rules import RULES, kept_by
@@ -35,7 +42,19 @@ RATIOS: dict[str, tuple[str, str, tuple[str, ...]]] = {
 #: Recipe -> the rule by which verdict S compares its losses.
 LOSSES = {"R": RELEASED, "T": END}
 #: Losses hold claims that they are smaller; data ratios, that they are larger.
-COLUMNS = ("verdict", "system", "recipe", "rule", "method", "minutes", "seeds", "value", "low", "high", "says")
+COLUMNS = (
+    "verdict",
+    "system",
+    "recipe",
+    "rule",
+    "method",
+    "minutes",
+    "seeds",
+    "value",
+    "low",
+    "high",
+    "says",
+)
 
 
 def results(study: Study, store: Results) -> pd.DataFrame:
@@ -51,10 +70,14 @@ def results(study: Study, store: Results) -> pd.DataFrame:
 def losses_by(frame: pd.DataFrame, rule: str) -> pd.DataFrame:
     """`results` with the `loss` that a rule keeps: on all validation motion at the end, else on what every test has."""
     found = kept_by(frame, RULES[rule])
-    return found.assign(loss=found.validation_loss if rule == END else found.kept_validation)
+    return found.assign(
+        loss=found.validation_loss if rule == END else found.kept_validation
+    )
 
 
-def judge(found: Saving | Interval, paper: float | None = None, above: bool = True) -> str:
+def judge(
+    found: Saving | Interval, paper: float | None = None, above: bool = True
+) -> str:
     """What an interval says of a claim that a ratio lies above 1, or below, and at the paper's number."""
     if np.isnan([found.low, found.high]).any():
         return NO_VERDICT
@@ -66,7 +89,9 @@ def judge(found: Saving | Interval, paper: float | None = None, above: bool = Tr
 
 def wide(frame: pd.DataFrame, method: str, sizes: Sequence[float]) -> pd.DataFrame:
     """Losses of a method, a line a seed that has all sizes, a column a size."""
-    own = frame[frame.method == method].pivot(index="seed", columns="novice_minutes", values="loss")
+    own = frame[frame.method == method].pivot(
+        index="seed", columns="novice_minutes", values="loss"
+    )
     return own.reindex(columns=list(sizes)).dropna()
 
 
@@ -74,7 +99,9 @@ def ratio_of_data(frame: pd.DataFrame, method: str) -> tuple[int, float, float, 
     """Seeds, and the data ratio of a method at AT with its ends, from one recipe's losses on one system."""
     alone, mine = wide(frame, "novice_only", ALONE_SIZES), wide(frame, method, [AT])
     seeds = alone.index.intersection(mine.index)
-    found = data_ratio(ALONE_SIZES, alone.loc[seeds].to_numpy(), mine.loc[seeds, AT].to_numpy(), AT)
+    found = data_ratio(
+        ALONE_SIZES, alone.loc[seeds].to_numpy(), mine.loc[seeds, AT].to_numpy(), AT
+    )
     return len(seeds), *found
 
 
@@ -84,7 +111,9 @@ def loss_ratio(frame: pd.DataFrame, minutes: float) -> tuple[int, float, float, 
     seeds = sidm.index.intersection(alone.index)
     if len(seeds) < FEWEST_SEEDS:
         return len(seeds), np.nan, np.nan, np.nan
-    return len(seeds), *mean_ratio(sidm.loc[seeds].to_numpy(), alone.loc[seeds].to_numpy())
+    return len(seeds), *mean_ratio(
+        sidm.loc[seeds].to_numpy(), alone.loc[seeds].to_numpy()
+    )
 
 
 def data_ratios(frame: pd.DataFrame) -> pd.DataFrame:
@@ -92,11 +121,17 @@ def data_ratios(frame: pd.DataFrame) -> pd.DataFrame:
     lines = []
     for name, (recipe, rule, methods) in RATIOS.items():
         for system in SYSTEMS:
-            own = losses_by(frame[(frame.recipe == recipe) & (frame.system == system)], rule)
+            own = losses_by(
+                frame[(frame.recipe == recipe) & (frame.system == system)], rule
+            )
             for method in methods:
                 seeds, *found = ratio_of_data(own, method)
-                says = judge(Saving(*found), PAPER[system] if method == "sidm" else None)
-                lines.append((name, system, recipe, rule, method, AT, seeds, *found, says))
+                says = judge(
+                    Saving(*found), PAPER[system] if method == "sidm" else None
+                )
+                lines.append(
+                    (name, system, recipe, rule, method, AT, seeds, *found, says)
+                )
     return pd.DataFrame(lines, columns=list(COLUMNS))
 
 
@@ -105,11 +140,15 @@ def small_data(frame: pd.DataFrame) -> pd.DataFrame:
     lines = []
     for recipe, rule in LOSSES.items():
         for system in SYSTEMS:
-            own = losses_by(frame[(frame.recipe == recipe) & (frame.system == system)], rule)
+            own = losses_by(
+                frame[(frame.recipe == recipe) & (frame.system == system)], rule
+            )
             for minutes in SMALL:
                 seeds, *found = loss_ratio(own, minutes)
                 says = judge(Interval(*found), above=False)
-                lines.append(("S", system, recipe, rule, "sidm", minutes, seeds, *found, says))
+                lines.append(
+                    ("S", system, recipe, rule, "sidm", minutes, seeds, *found, says)
+                )
     return pd.DataFrame(lines, columns=list(COLUMNS))
 
 

@@ -26,7 +26,8 @@ from sidm.learning.model import Predictor
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain
 
-DRIVEN = (*COMPARED, "corrected_averaged")  # whose models; the last is what needs least data here
+#: whose models; the last is what needs least data here
+DRIVEN = (*COMPARED, "corrected_averaged")
 SIZES = (1.0, 5.0, 60.0)  # of the novice's data that the models have learnt from, min
 EPISODES, EPISODES_SIMULATED = 50, 10
 GOAL_SEED = 4  # apart from the seeds of all data
@@ -51,7 +52,9 @@ class DriverTest:
     def __post_init__(self) -> None:
         """Refuse a drive without an episode."""
         if not self.episodes or min(self.episodes) < 0:
-            raise ConfigError(f"DriverTest.episodes must be numbers from 0 on, not {self.episodes}")
+            raise ConfigError(
+                f"DriverTest.episodes must be numbers from 0 on, not {self.episodes}"
+            )
 
 
 @config
@@ -59,7 +62,8 @@ class Driven:
     """What came of it; E episodes."""
 
     about: DriverTest
-    ended: tuple[str, ...]  # (E,) 'arrived', a cause of `trajectory.DISCARDS`, or 'time'
+    #: (E,) 'arrived', a cause of `trajectory.DISCARDS`, or 'time'
+    ended: tuple[str, ...]
     seconds: tuple[float, ...]  # (E,) of driving until then
     length: tuple[float, ...]  # (E,) m, of the path
     away: tuple[float, ...]  # (E,) m, from the goal at the start
@@ -67,17 +71,24 @@ class Driven:
     throttle: tuple[float, ...]  # (E,) mean of its size
     top_speed: tuple[float, ...]  # (E,) m/s
     steepest: tuple[float, ...]  # (E,) degrees, of tilt
-    surprise: tuple[float, ...]  # (E,) m, from where a plan led to where the robot was at the next, mean; 0 of no plan
+    #: (E,) m, from where a plan led to where the robot was at the next, mean; 0 of no
+    #: plan
+    surprise: tuple[float, ...]
     validation_loss: float  # equation (1) of the model; 0 of drivers without
-    position_error: float  # m, of the model after 2.5 s, mean over the rollouts of the trial; 0 of drivers without
+    #: m, of the model after 2.5 s, mean over the rollouts of the trial; 0 of drivers
+    #: without
+    position_error: float
     plans: int
-    plan_seconds: float  # median, of a plan, what was done since the one before taken in, on one thread
+    #: median, of a plan, what was done since the one before taken in, on one thread
+    plan_seconds: float
     slowest_plan_seconds: float  # which 95 % of the plans do not take
-    paths: tuple[tuple[tuple[float, float], ...], ...]  # of the episodes below KEPT: x and y, m, at each control step
+    #: of the episodes below KEPT: x and y, m, at each control step
+    paths: tuple[tuple[tuple[float, float], ...], ...]
     provenance: Provenance
 
 
-records = records_of(Driven, "driving")  # where they are kept, under a folder of results
+#: where they are kept, under a folder of results
+records = records_of(Driven, "driving")
 
 
 class Episode(NamedTuple):
@@ -108,7 +119,8 @@ def jobs(
     """All that are compared on a system.
 
     Args:
-        study: whose models; those of a method and size, one a seed, share the episodes out among them.
+        study: whose models; those of a method and size, one a seed, share the episodes
+            out among them.
         system: whose novice and ground.
         sizes: of the models' data, min.
         episodes: of a method and size, and of the straight driver.
@@ -116,15 +128,33 @@ def jobs(
         longest: s of an episode.
     """
 
-    def one(driver: Kind, planning: Planning | None, numbers: Iterable[int], trial: Trial | None = None) -> DriverTest:
+    def one(
+        driver: Kind,
+        planning: Planning | None,
+        numbers: Iterable[int],
+        trial: Trial | None = None,
+    ) -> DriverTest:
         return DriverTest(
-            system=system, driver=driver, trial=trial, planning=planning, episodes=tuple(numbers), longest=longest
+            system=system,
+            driver=driver,
+            trial=trial,
+            planning=planning,
+            episodes=tuple(numbers),
+            longest=longest,
         )
 
     seeds = study.preset.seeds
     trials = study.points(system, DRIVEN, study.preset.held(system, sizes), seeds=seeds)
-    models = [one("model", Planning(), range(t.seed, episodes, seeds), t) for t in trials if t.seed < episodes]
-    return [one("simulator", Planning(), range(simulated)), *models, one("straight", None, range(episodes))]
+    models = [
+        one("model", Planning(), range(t.seed, episodes, seeds), t)
+        for t in trials
+        if t.seed < episodes
+    ]
+    return [
+        one("simulator", Planning(), range(simulated)),
+        *models,
+        one("straight", None, range(episodes)),
+    ]
 
 
 def measure(about: DriverTest, data: str | Path = "data") -> Driven:
@@ -141,13 +171,17 @@ def measure(about: DriverTest, data: str | Path = "data") -> Driven:
             one = episode(about.system, number)
             with Simulator(system.novice, one.heights, system.physics) as simulator:
                 driver = _driver(about, model, simulator, one, number)
-                rules = EpisodeRules(simulator.reset(yaw=one.yaw), system.terrain.half_width)
+                rules = EpisodeRules(
+                    simulator.reset(yaw=one.yaw), system.terrain.half_width
+                )
                 found = ride(simulator, driver, rules, about.longest)
             pace += driver.pace
             driven.append(_of_ride(found, one.goal))
             if number < KEPT:
                 paths.append(found.path.tolist())
-        loss, error = _quality(model, about.trial, data) if model and about.trial else (0.0, 0.0)
+        loss, error = (
+            _quality(model, about.trial, data) if model and about.trial else (0.0, 0.0)
+        )
     return Driven(
         about=about,
         **by_field(driven),
@@ -177,11 +211,19 @@ def _quality(model: Predictor, trial: Trial, data: str | Path) -> tuple[float, f
     return float(found.losses.sum()), float(found.position[-1])
 
 
-def _driver(about: DriverTest, model: Predictor | None, simulator: Any, one: Episode, number: int) -> Driver:
+def _driver(
+    about: DriverTest,
+    model: Predictor | None,
+    simulator: Any,
+    one: Episode,
+    number: int,
+) -> Driver:
     """The driver of an episode."""
     if about.planning is None:
         return Driver(one.goal)
     imagination = simulator
     if model and about.trial:
-        imagination = Dreamer(model, one.heights, about.trial.network.pixels, about.planning.horizon)
+        imagination = Dreamer(
+            model, one.heights, about.trial.network.pixels, about.planning.horizon
+        )
     return Driver(one.goal, Planner(about.planning, one.goal, number), imagination)

@@ -29,20 +29,29 @@ def latents_of(model: DynamicsModel, role: str, motion: Windows) -> np.ndarray:
     found: list[Tensor] = []
     with torch.inference_mode():
         for part in motion.split(EVALUATION_BATCH):
-            found.append(model.encoders[role](part.inputs[:, ::EVERY], part.maps[:, ::EVERY]))
+            found.append(
+                model.encoders[role](part.inputs[:, ::EVERY], part.maps[:, ::EVERY])
+            )
     return torch.cat(found).double().numpy()
 
 
-def crossed_loss(model: DynamicsModel, motion: Windows, encoder: str, decoder: str) -> float:
+def crossed_loss(
+    model: DynamicsModel, motion: Windows, encoder: str, decoder: str
+) -> float:
     """Equation (1) averaged over the steps of `motion`, through one system's encoder and one system's decoder.
 
-    Only robots whose states, actions and transitions mean the same can be asked so, as the paper's can.
+    Only robots whose states, actions and transitions mean the same can be asked so, as
+    the paper's can.
     """
     total = 0.0
     with torch.inference_mode():
         for part in motion.split(EVALUATION_BATCH):
             transitions, _ = model.sidm(model.encoders[encoder](part.inputs, part.maps))
-            total += float(prediction_loss(model.decoders[decoder](transitions), part.targets).double().sum())
+            total += float(
+                prediction_loss(model.decoders[decoder](transitions), part.targets)
+                .double()
+                .sum()
+            )
     return total / motion.targets[..., 0].numel()
 
 
@@ -62,7 +71,8 @@ def told_apart(features: Sequence[np.ndarray], classifier: ClassifierMixin) -> f
     fitted = make_pipeline(StandardScaler(), classifier)
     fitted.fit(*_labelled(halves[0][0], halves[1][0]))
     right = [
-        np.mean(fitted.predict(half[1].reshape(-1, half[1].shape[-1])) == label) for label, half in enumerate(halves)
+        np.mean(fitted.predict(half[1].reshape(-1, half[1].shape[-1])) == label)
+        for label, half in enumerate(halves)
     ]
     return float(np.mean(right))
 
@@ -70,7 +80,9 @@ def told_apart(features: Sequence[np.ndarray], classifier: ClassifierMixin) -> f
 def squared_mmd(novice: np.ndarray, expert: np.ndarray) -> float:
     """Unbiased squared maximum mean discrepancy of two sets of features (., ., K), in units of their common spread."""
     x, y = _spread(novice, expert, MMD_SAMPLES)
-    distances = [cdist(one, other, "sqeuclidean") for one, other in ((x, x), (y, y), (x, y))]
+    distances = [
+        cdist(one, other, "sqeuclidean") for one, other in ((x, x), (y, y), (x, y))
+    ]
     width = np.median(distances[2])
     within_x, within_y, across = (np.exp(-distance / width) for distance in distances)
     n, m = len(x), len(y)
@@ -78,11 +90,15 @@ def squared_mmd(novice: np.ndarray, expert: np.ndarray) -> float:
     return float(within - 2 * across.mean())
 
 
-def picture(novice: np.ndarray, expert: np.ndarray) -> list[tuple[tuple[float, float], ...]]:
+def picture(
+    novice: np.ndarray, expert: np.ndarray
+) -> list[tuple[tuple[float, float], ...]]:
     """PICTURED of each system's latents (., ., K), (x, y) each, along the first two principal components of both."""
     parts = _spread(novice, expert, PICTURED)
     flat = PCA(2, svd_solver="full").fit(np.concatenate(parts))
-    return [tuple((float(x), float(y)) for x, y in flat.transform(part)) for part in parts]
+    return [
+        tuple((float(x), float(y)) for x, y in flat.transform(part)) for part in parts
+    ]
 
 
 def _labelled(novice: np.ndarray, expert: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

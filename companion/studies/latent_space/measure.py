@@ -1,7 +1,8 @@
 """How alike two systems' latent state-actions are: fresh domain classifiers, MMD, a picture.
 
-`companion run --figure latent-space` trains the models again, at the two sizes of the baselines with and without
-regularisation, and keeps what it finds in results/latent_space.
+`companion run --figure latent-space` trains the models again, at the two sizes of the
+baselines with and without regularisation, and keeps what it finds in
+results/latent_space.
 """
 
 from __future__ import annotations
@@ -43,22 +44,30 @@ class Diagnosis:
 
     about: Trial  # whose model
     validation_loss: float  # of the model that was trained for it
-    expert_encoder_loss: float  # of the novice's validation set through the expert's encoder and the novice's decoder
+    #: of the novice's validation set through the expert's encoder and the novice's
+    #: decoder
+    expert_encoder_loss: float
     expert_decoder_loss: float  # through the novice's encoder and the expert's decoder
     expert_path_loss: float  # through both of the expert's
     linear_accuracy: float  # of a logistic regression on the latents
     network_accuracy: float  # of a small network on them
-    raw_accuracy: float  # of a small network on the raw states and actions, before any encoder
-    a_distance: float  # proxy A-distance 2 (1 - 2 e), e the small network's error: 0 alike, 2 wholly apart
-    discriminator_accuracy: float | None  # of the training's own, mean over the tests' last quarter; None without one
+    #: of a small network on the raw states and actions, before any encoder
+    raw_accuracy: float
+    #: proxy A-distance 2 (1 - 2 e), e the small network's error: 0 alike, 2 wholly
+    #: apart
+    a_distance: float
+    #: of the training's own, mean over the tests' last quarter; None without one
+    discriminator_accuracy: float | None
     mmd: float  # squared, unbiased, Gaussian kernel of the median distance; 0 alike
-    novice_picture: tuple[tuple[float, float], ...]  # (PICTURED, 2) principal components of both's latents
+    #: (PICTURED, 2) principal components of both's latents
+    novice_picture: tuple[tuple[float, float], ...]
     expert_picture: tuple[tuple[float, float], ...]
     scikit_learn: str  # its version
     provenance: Provenance
 
 
-records = records_of(Diagnosis, "latent-space")  # where they are kept, under a folder of results
+#: where they are kept, under a folder of results
+records = records_of(Diagnosis, "latent-space")
 
 
 def jobs(study: Study, system: str) -> list[Trial]:
@@ -69,10 +78,15 @@ def jobs(study: Study, system: str) -> list[Trial]:
 def held_out_expert(trial: Trial) -> Dataset:
     """The expert's trajectories up to the last that is held out: as many more as validate the novice."""
     sets = trial.datasets
-    return Dataset(collection=sets["expert"].collection, count=sets["expert"].count + sets["validation"].count)
+    return Dataset(
+        collection=sets["expert"].collection,
+        count=sets["expert"].count + sets["validation"].count,
+    )
 
 
-def collect_held_out(study: Study, system: str, executor: Executor | None = None) -> None:
+def collect_held_out(
+    study: Study, system: str, executor: Executor | None = None
+) -> None:
     """Simulate what is missing of the expert's that are held out."""
     for dataset in {held_out_expert(trial) for trial in jobs(study, system)}:
         collect_dataset(dataset, study.data, executor)
@@ -86,17 +100,23 @@ def measure(trial: Trial, data: str | Path = "data") -> Diagnosis:
         ShardError: data are missing.
     """
     if not trial.training.needs_expert:
-        raise ConfigError(f"{trial}: its model has no expert whose latents could be compared")
+        raise ConfigError(
+            f"{trial}: its model has no expert whose latents could be compared"
+        )
     making = Making("diagnosis", trial, data)
     outcome, trained = perform(trial, data)
-    assert isinstance(trained.model, DynamicsModel)  # it has an expert, so it corrects none
+    # it has an expert, so it corrects none
+    assert isinstance(trained.model, DynamicsModel)
     more = held_out_expert(trial)
     terrain, pixels = find_system(trial.system).terrain, trial.network.pixels
     expert = load_windows(data, more.collection, more.count, terrain, pixels)
     held_out = expert.subset(range(trial.datasets["expert"].count, more.count))
     novice = Library(data).motion(trial, "validation")
     motions = novice, held_out.take(range(len(held_out)))
-    latents = [latents_of(trained.model, role, m) for role, m in zip(ROLES, motions, strict=True)]
+    latents = [
+        latents_of(trained.model, role, m)
+        for role, m in zip(ROLES, motions, strict=True)
+    ]
     raw = [motion.inputs[:, ::EVERY].double().numpy() for motion in motions]
     pictures = picture(*latents)
     network = told_apart(latents, small_network())
@@ -122,5 +142,9 @@ def measure(trial: Trial, data: str | Path = "data") -> Diagnosis:
 def _last_accuracy(trained: Trained) -> float | None:
     """What share of latents the training's discriminator told apart towards the end."""
     late = trained.history[3 * len(trained.history) // 4 :]
-    known = [test.discriminator_accuracy for test in late if test.discriminator_accuracy is not None]
+    known = [
+        test.discriminator_accuracy
+        for test in late
+        if test.discriminator_accuracy is not None
+    ]
     return float(np.mean(known)) if known else None

@@ -1,7 +1,8 @@
 """What the sensors allow: the jitter of recorded poses, and what it alone costs a model that knows the motion.
 
-A robot's path is smooth over a few steps; noise of the pose, drawn anew at each, is not. Differences of fourth order
-take away what is smooth, and of white noise of variance s^2 leave 70 s^2.
+A robot's path is smooth over a few steps; noise of the pose, drawn anew at each, is
+not. Differences of fourth order take away what is smooth, and of white noise of
+variance s^2 leave 70 s^2.
 """
 
 from __future__ import annotations
@@ -43,8 +44,9 @@ def jitter(windows: Sequence[Drive]) -> np.ndarray:
 def floor(windows: Sequence[Drive]) -> Floor:
     """What the jitter of a robot's planar poses costs.
 
-    A step's change is off by the noise of the pose after it, which nothing before can tell, and by that of the pose
-    before it, which the steps until then could. So it is open loop, where noise of the first heading turns the path.
+    A step's change is off by the noise of the pose after it, which nothing before can
+    tell, and by that of the pose before it, which the steps until then could. So it is
+    open loop, where noise of the first heading turns the path.
     """
     noise, states = jitter(windows), stacked(windows)[0]
     weights = loss_weights(windows[0].body, Standardisation.of(windows_of(windows, 0)))
@@ -53,9 +55,15 @@ def floor(windows: Sequence[Drive]) -> Floor:
     rng = np.random.default_rng(SEED)
     first, last = rng.normal(size=(2, DRAWS, len(states), 3)) * noise
     start, end = states[:, WARM_UP], states[:, WARM_UP + HORIZON]
-    way = turn((end - start)[:, :2], -start[:, 2]).numpy()  # (N, 2) m, in the first one's frame
+    # (N, 2) m, in the first one's frame
+    way = turn((end - start)[:, :2], -start[:, 2]).numpy()
     turned = np.stack([-way[:, 1] * first[..., 2], way[:, 0] * first[..., 2]], -1)
-    ends = (last, last - first - np.concatenate([turned, np.zeros_like(turned[..., :1])], -1))
-    displacement = tuple(float(np.linalg.norm(one[..., :2], axis=-1).mean()) for one in ends)
+    ends = (
+        last,
+        last - first - np.concatenate([turned, np.zeros_like(turned[..., :1])], -1),
+    )
+    displacement = tuple(
+        float(np.linalg.norm(one[..., :2], axis=-1).mean()) for one in ends
+    )
     heading = tuple(float(np.abs(one[..., 2]).mean()) for one in ends)
     return Floor((least, 2 * least), displacement, heading)  # type: ignore[arg-type]

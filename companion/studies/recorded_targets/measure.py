@@ -1,6 +1,7 @@
 """A target from another simulator: recorded motion is the novice, this package's simulator the cheap expert.
 
-`companion run --figure recorded-targets` makes what is not stored of it in results/recorded_targets.
+`companion run --figure recorded-targets` makes what is not stored of it in
+results/recorded_targets.
 """
 
 from __future__ import annotations
@@ -50,10 +51,14 @@ from sidm.rivals.least_squares import fit
 
 SIZES = (1.0, 2.0, 5.0)  # of the recorded novice, train and test together, min
 HELD_OUT = 8  # of the 25 grounds, whose recordings judge and nothing else
-P_EXPERT = 0.75  # section 4's for similar robots: for the simulated novice, which is nearly the recorded one
-POLICY = "bounded_noise"  # by which the recorded robots were driven; the simulated ones are as well
+#: section 4's for similar robots: for the simulated novice, which is nearly the
+#: recorded one
+P_EXPERT = 0.75
+#: by which the recorded robots were driven; the simulated ones are as well
+POLICY = "bounded_noise"
 
-Proxy = Literal["none", "expert", "novice"]  # the simulated robot that is the expert here
+#: the simulated robot that is the expert here
+Proxy = Literal["none", "expert", "novice"]
 #: Neighbours in this list wait for no pretraining of one another.
 METHODS_HERE: tuple[tuple[str, Proxy], ...] = (
     ("novice_only", "none"),
@@ -81,7 +86,9 @@ class Transfer:
     sizes: tuple[float, ...]  # of the recorded novice, min
     held_out: int  # grounds that judge
     recorded_data: str  # checksum of the recordings
-    expert: Dataset  # simulated; gives the units inside the networks, and the proxy's data if it is the proxy
+    #: simulated; gives the units inside the networks, and the proxy's data if it is the
+    #: proxy
+    expert: Dataset
     expert_data: str  # its digest
     proxy_novice: Dataset  # simulated, the proxy's data if it is the proxy
     proxy_novice_data: str
@@ -105,8 +112,9 @@ class Transfer:
 class Transferred:
     """What came out.
 
-    Of a model there is an entry a size, before them one for no recorded data where the method has that; of a training
-    there is an entry a size. Losses are on the N held-out pieces.
+    Of a model there is an entry a size, before them one for no recorded data where the
+    method has that; of a training there is an entry a size. Losses are on the N
+    held-out pieces.
     """
 
     about: Transfer
@@ -114,30 +122,40 @@ class Transferred:
     validation_loss: tuple[float, ...]  # of a model, equation (1), a sample, raw units
     component_losses: tuple[tuple[float, ...], ...]  # of a model, (13,) each
     piece_losses: tuple[tuple[float, ...], ...]  # of a model, (N,) each, equation (1)
-    position_error: tuple[tuple[float, ...], ...]  # of a model, (25,) m each, mean over the pieces
+    #: of a model, (25,) m each, mean over the pieces
+    position_error: tuple[tuple[float, ...], ...]
     heading_error: tuple[tuple[float, ...], ...]  # of a model, (25,) rad each
-    samples: tuple[int, ...]  # of a training, seen by its prediction phases, without the pretraining's
+    #: of a training, seen by its prediction phases, without the pretraining's
+    samples: tuple[int, ...]
     best_samples: tuple[int, ...]  # of a training, until the weights that were kept
     best_test_loss: tuple[float, ...]  # of a training, smoothed
-    curve_samples: tuple[tuple[int, ...], ...]  # of a training, of at most 40 of its tests
+    #: of a training, of at most 40 of its tests
+    curve_samples: tuple[tuple[int, ...], ...]
     curve_test_loss: tuple[tuple[float, ...], ...]
     curve_training_loss: tuple[tuple[float, ...], ...]
-    seconds: tuple[float, ...]  # of a training, of a processor, without the pretraining's
+    #: of a training, of a processor, without the pretraining's
+    seconds: tuple[float, ...]
     pretraining_samples: int
     provenance: Provenance
 
 
-records = records_of(Transferred, "recorded-targets")  # where they are kept, under a folder of results
+#: where they are kept, under a folder of results
+records = records_of(Transferred, "recorded-targets")
 
 
 def proxies(preset: Preset, system: str) -> dict[str, Dataset]:
     """The motion of the two simulated robots, 'expert' and 'novice', each as long as the preset's of the expert."""
     found = preset.replace(policy=POLICY).datasets(system)
     count = found["expert"].count
-    return {role: Dataset(collection=found[role].collection, count=count) for role in ("expert", "novice")}
+    return {
+        role: Dataset(collection=found[role].collection, count=count)
+        for role in ("expert", "novice")
+    }
 
 
-def collect_proxies(study: Study, system: str, executor: Executor | None = None) -> None:
+def collect_proxies(
+    study: Study, system: str, executor: Executor | None = None
+) -> None:
     """Simulate what is missing of them and note their digests; ImportError without PyBullet, in one line."""
     for dataset in proxies(study.preset, system).values():
         collect_dataset(dataset, study.data, executor)
@@ -145,11 +163,16 @@ def collect_proxies(study: Study, system: str, executor: Executor | None = None)
 
 
 def jobs(
-    study: Study, system: str, recordings: str | Path = "recordings", sizes: Sequence[float] = SIZES
+    study: Study,
+    system: str,
+    recordings: str | Path = "recordings",
+    sizes: Sequence[float] = SIZES,
 ) -> list[Transfer]:
     """All trainings of a system, those of a seed side by side; `sizes` are minutes of recorded data."""
     preset, sets = study.preset, proxies(study.preset, system)
-    expert, novice = (find_digest(one, study.data, study.results) for one in sets.values())
+    expert, novice = (
+        find_digest(one, study.data, study.results) for one in sets.values()
+    )
     recorded = checksum_of(read_drives(recordings_of(system, recordings), ROVER))
     found = []
     for seed in range(preset.seeds):
@@ -181,19 +204,32 @@ def jobs(
     return found
 
 
-#: The recordings are read once for all trainings of a process; their checksum is among what they are known by.
+#: The recordings are read once for all trainings of a process; their checksum is among
+#: what they are known by.
 _recorded = functools.lru_cache(maxsize=1)(load_recorded)
 
 
-def measure(about: Transfer, data: str | Path = "data", recordings: str | Path = "recordings") -> Transferred:
+def measure(
+    about: Transfer, data: str | Path = "data", recordings: str | Path = "recordings"
+) -> Transferred:
     """Train and judge one; RecordingError or ShardError where data are missing or others than they should be."""
     making = Making("elsewhere", about, data)
     with one_thread():
-        recorded = _recorded(about.system, about.held_out, about.network.pixels, recordings, about.recorded_data)
-        expert = load_checked(about.expert, about.expert_data, data, about.network.pixels)
+        recorded = _recorded(
+            about.system,
+            about.held_out,
+            about.network.pixels,
+            recordings,
+            about.recorded_data,
+        )
+        expert = load_checked(
+            about.expert, about.expert_data, data, about.network.pixels
+        )
         proxy = expert
         if about.proxy == "novice":
-            proxy = load_checked(about.proxy_novice, about.proxy_novice_data, data, about.network.pixels)
+            proxy = load_checked(
+                about.proxy_novice, about.proxy_novice_data, data, about.network.pixels
+            )
         units = Standardisation.of(expert)
         start = _start(about, recorded, proxy, units, data)
         alone = None if start is None else frozen(about.network, start, units)
@@ -213,7 +249,9 @@ def measure(about: Transfer, data: str | Path = "data", recordings: str | Path =
     )
 
 
-def _judged(minutes: float, model: Predictor, about: Transfer, recorded: Recorded) -> dict[str, Any]:
+def _judged(
+    minutes: float, model: Predictor, about: Transfer, recorded: Recorded
+) -> dict[str, Any]:
     """The fields on a model."""
     losses = piece_losses(model, recorded)
     position, heading = path_errors(model, recorded, about.network.pixels)
@@ -229,33 +267,65 @@ def _judged(minutes: float, model: Predictor, about: Transfer, recorded: Recorde
 
 def _training(trained: Trained, seconds: float) -> dict[str, Any]:
     """The fields on a training that took so many seconds of a processor."""
-    own = {"samples": trained.samples, "best_samples": trained.best_samples, "seconds": seconds}
+    own = {
+        "samples": trained.samples,
+        "best_samples": trained.best_samples,
+        "seconds": seconds,
+    }
     return own | {"best_test_loss": float(trained.best_test_loss)} | curve(trained)
 
 
 def _learn(
-    about: Transfer, minutes: float, recorded: Recorded, proxy: Windows, units: Standardisation, start: Start | None,
+    about: Transfer,
+    minutes: float,
+    recorded: Recorded,
+    proxy: Windows,
+    units: Standardisation,
+    start: Start | None,
     alone: DynamicsModel | None,
-) -> Trained:  # fmt: skip
+) -> Trained:
     """From fresh weights or the proxy's; or by least squares, which leave the proxy's model as it is."""
-    training, testing = (recorded.motion.subset(part) for part in recorded_subsets(recorded, minutes, about.seed))
+    training, testing = (
+        recorded.motion.subset(part)
+        for part in recorded_subsets(recorded, minutes, about.seed)
+    )
     sets = Datasets(training, testing, recorded.judges, proxy)
     if about.fit == "least_squares":
         return fit(sets, units, alone, mirror_image if about.training.mirror else None)
     weights = start and start.weights
-    return train(sets, about.network, about.training, about.seed, standardisation=units, start=weights)
+    return train(
+        sets,
+        about.network,
+        about.training,
+        about.seed,
+        standardisation=units,
+        start=weights,
+    )
 
 
 def _start(
-    about: Transfer, recorded: Recorded, proxy: Windows, units: Standardisation, data: str | Path
+    about: Transfer,
+    recorded: Recorded,
+    proxy: Windows,
+    units: Standardisation,
+    data: str | Path,
 ) -> Start | None:
     """Weights that learnt from the proxy alone, kept for all methods that begin with them; None where none does."""
     if about.pretraining is None:
         return None
     whose = about.proxy_novice_data if about.proxy == "novice" else about.expert_data
-    made_from = [whose, about.expert_data, *map(repr, (about.network, about.pretraining)), about.seed]
+    made_from = [
+        whose,
+        about.expert_data,
+        *map(repr, (about.network, about.pretraining)),
+        about.seed,
+    ]
     key = hashlib.sha256(json.dumps(made_from).encode()).hexdigest()[:20]
     where = Path(data) / "pretrained" / f"elsewhere-{key}-{numbered('training')}"
-    sets = expert_in_place(Datasets(recorded.judges, recorded.judges, recorded.judges, proxy), about.seed)
+    sets = expert_in_place(
+        Datasets(recorded.judges, recorded.judges, recorded.judges, proxy), about.seed
+    )
     how = (about.network, about.pretraining, about.seed)
-    return kept(where, lambda state: train(sets, *how, standardisation=units, checkpoint=state))
+    return kept(
+        where, lambda state: train(sets, *how, standardisation=units, checkpoint=state)
+    )

@@ -16,21 +16,38 @@ from sidm.systems import System, find_system, member
 def own_system(system: str, number: int) -> System:
     """A paper's system with a member of the family in the expert's place."""
     paper = find_system(system)
-    return System(name=system, novice=paper.novice, expert=member(number), terrain=paper.terrain, physics=paper.physics)
+    return System(
+        name=system,
+        novice=paper.novice,
+        expert=member(number),
+        terrain=paper.terrain,
+        physics=paper.physics,
+    )
 
 
 def dataset(system: str, number: int, policy: str, count: int) -> Dataset:
     """The first `count` trajectories of a member on a system's ground; another robot, ground or physics is another."""
     own = own_system(system, number)
-    mark = hashlib.sha256(repr((own.expert, own.terrain, own.physics)).encode()).hexdigest()[:8]
+    mark = hashlib.sha256(
+        repr((own.expert, own.terrain, own.physics)).encode()
+    ).hexdigest()[:8]
     role = f"member{number}_{mark}"
-    return Dataset(collection=Collection(system=system, role=role, policy=policy, seed=EXPERT_SEED), count=count)
+    return Dataset(
+        collection=Collection(
+            system=system, role=role, policy=policy, seed=EXPERT_SEED
+        ),
+        count=count,
+    )
 
 
 def collect_members(
-    system: str, policy: str, counts: Mapping[int, Iterable[int]], data: str | Path, results: str | Path,
+    system: str,
+    policy: str,
+    counts: Mapping[int, Iterable[int]],
+    data: str | Path,
+    results: str | Path,
     executor: Executor,
-) -> None:  # fmt: skip
+) -> None:
     """Simulate what is missing of the members, by number, and note the digests of so many trajectories of each."""
     from sidm.simulation import collect
 
@@ -38,5 +55,9 @@ def collect_members(
         for count in some:
             one = dataset(system, number, policy, count)
             own = own_system(system, number)
-            note_digest(one, collect(data, one.collection, count, executor=executor, system=own), data)
+            note_digest(
+                one,
+                collect(data, one.collection, count, executor=executor, system=own),
+                data,
+            )
             note_collected(one, data, results)

@@ -1,6 +1,7 @@
 """Several experts: an SIDM that learnt from 1, 2, 4 and 8 robots, and what a novice needs of its own then (section 6).
 
-`companion run --figure several-experts` makes what is not stored of it in results/several_experts.
+`companion run --figure several-experts` makes what is not stored of it in
+results/several_experts.
 """
 
 from __future__ import annotations
@@ -16,7 +17,13 @@ from typing import Any
 
 from torch import Tensor
 
-from companion.beyond.several import Parts, as_novice, fresh_around, nearest, train_several
+from companion.beyond.several import (
+    Parts,
+    as_novice,
+    fresh_around,
+    nearest,
+    train_several,
+)
 from companion.digests import find_digest
 from companion.engine.execute import Library, curve, judge, load_checked, plain
 from companion.engine.provenance import Provenance
@@ -36,11 +43,14 @@ from sidm.learning.model import DynamicsModel
 from sidm.learning.training import Trained, train
 from sidm.learning.units import Standardisation
 
-COUNTS = (1, 2, 4, 8)  # of experts; all together have the minutes that the paper's has alone
+#: of experts; all together have the minutes that the paper's has alone
+COUNTS = (1, 2, 4, 8)
 SIZES = (1.0, 5.0, 20.0)  # of the novice's data, min
-BEYOND = (60.0,)  # of the single expert's novice besides, so that what others save can be told
+#: of the single expert's novice besides, so that what others save can be told
+BEYOND = (60.0,)
 
-#: How the novice goes on: from the nearest expert's encoder and decoder or fresh ones, the SIDM learning on or frozen.
+#: How the novice goes on: from the nearest expert's encoder and decoder or fresh ones,
+#: the SIDM learning on or frozen.
 WAYS = {
     "all": "all parts, from the nearest expert's",
     "parts": "encoder and decoder, from the nearest expert's",
@@ -52,7 +62,8 @@ WAYS = {
 class Pretraining:
     """One SIDM of several experts, and the novices that are learnt with it."""
 
-    trial: Trial  # of the novice's data and of training 'all' and 'parts'; its size is the largest
+    #: of the novice's data and of training 'all' and 'parts'; its size is the largest
+    trial: Trial
     fresh: StudyTraining  # of 'fresh_parts'
     sizes: tuple[float, ...]  # of the novice's data, min
     experts: int  # the paper's, if it is one of them, and members of the family
@@ -80,7 +91,9 @@ class Pretraining:
     @property
     def digests(self) -> dict[str, str]:
         """Theirs, by the same names."""
-        return self.trial.digests | dict(zip(self.roles, self.members_data, strict=True))
+        return self.trial.digests | dict(
+            zip(self.roles, self.members_data, strict=True)
+        )
 
 
 @config
@@ -89,38 +102,58 @@ class Pretrained:
 
     about: Pretraining
     nearest: tuple[str, ...]  # (M,) the expert that the novice went on from
-    before: tuple[tuple[float, ...], ...]  # (M, E) validation loss with each expert's parts as they are
+    #: (M, E) validation loss with each expert's parts as they are
+    before: tuple[tuple[float, ...], ...]
     validation_loss: tuple[tuple[float, ...], ...]  # (W, M)
     component_losses: tuple[tuple[tuple[float, ...], ...], ...]  # (W, M, 13)
-    position_error: tuple[tuple[float, ...], ...]  # (W, M) m, after 2.5 s, mean over the rollouts of the trial
+    #: (W, M) m, after 2.5 s, mean over the rollouts of the trial
+    position_error: tuple[tuple[float, ...], ...]
     heading_error: tuple[tuple[float, ...], ...]  # (W, M) rad
     samples: tuple[tuple[int, ...], ...]  # (W, M) seen in all
-    best_samples: tuple[tuple[int, ...], ...]  # (W, M) seen until the weights that were kept
-    seconds: tuple[tuple[float, ...], ...]  # (W, M) of a processor in all, stopping's patience included
-    curve_samples: tuple[tuple[tuple[int, ...], ...], ...]  # (W, M, at most 40) of its tests
+    #: (W, M) seen until the weights that were kept
+    best_samples: tuple[tuple[int, ...], ...]
+    #: (W, M) of a processor in all, stopping's patience included
+    seconds: tuple[tuple[float, ...], ...]
+    #: (W, M, at most 40) of its tests
+    curve_samples: tuple[tuple[tuple[int, ...], ...], ...]
     curve_test_loss: tuple[tuple[tuple[float, ...], ...], ...]
     experts_samples: int  # seen by the SIDM before
-    experts_loss: tuple[float, ...]  # (E,) test loss of each expert, the paper's first if it is one of them
+    #: (E,) test loss of each expert, the paper's first if it is one of them
+    experts_loss: tuple[float, ...]
     experts_curve_samples: tuple[int, ...]  # of the SIDM's own training
     experts_curve_test_loss: tuple[float, ...]  # mean over the experts
     provenance: Provenance
 
 
-records = records_of(Pretrained, "several-experts")  # where they are kept, under a folder of results
+#: where they are kept, under a folder of results
+records = records_of(Pretrained, "several-experts")
 
 
 def jobs(
-    study: Study, system: str, counts: Iterable[int] = COUNTS, sizes: Iterable[float] = SIZES
+    study: Study,
+    system: str,
+    counts: Iterable[int] = COUNTS,
+    sizes: Iterable[float] = SIZES,
 ) -> list[Pretraining]:
     """Every number of experts with every seed; beside several, also a single one of the family."""
-    preset, sizes, counts, found = study.preset, study.preset.held(system, sizes), tuple(counts), []
+    preset, sizes, counts, found = (
+        study.preset,
+        study.preset.held(system, sizes),
+        tuple(counts),
+        [],
+    )
     fresh = replace(preset.training_of(METHODS["novice_only"], system), **FINER_TESTS)
-    trained = replace(preset.training_of(METHODS["pretrain_finetune"], system), **FINER_TESTS)
+    trained = replace(
+        preset.training_of(METHODS["pretrain_finetune"], system), **FINER_TESTS
+    )
     further = tuple(size for size in preset.held(system, BEYOND) if size > max(sizes))
     whole = preset.datasets(system)["expert"].count
     groups = [(count, True) for count in counts] + [(1, False)] * (max(counts) > 1)
     for count, paper in groups:
-        members = tuple(dataset(system, number, preset.policy, whole // count) for number in range(count - paper))
+        members = tuple(
+            dataset(system, number, preset.policy, whole // count)
+            for number in range(count - paper)
+        )
         digests = tuple(find_digest(one, study.data, study.results) for one in members)
         own = sizes + (further if count == 1 and paper else ())
         found += [
@@ -138,10 +171,17 @@ def jobs(
     return found
 
 
-def collect_family(study: Study, system: str, executor: Executor, wanted: Iterable[Pretraining] | None = None) -> None:
+def collect_family(
+    study: Study,
+    system: str,
+    executor: Executor,
+    wanted: Iterable[Pretraining] | None = None,
+) -> None:
     """Simulate what is missing of the experts of the family, for some jobs or for all."""
     needed = members_needed(jobs(study, system) if wanted is None else wanted)
-    collect_members(system, study.preset.policy, needed, study.data, study.results, executor)
+    collect_members(
+        system, study.preset.policy, needed, study.data, study.results, executor
+    )
 
 
 def members_needed(wanted: Iterable[Pretraining]) -> dict[int, set[int]]:
@@ -153,12 +193,16 @@ def members_needed(wanted: Iterable[Pretraining]) -> dict[int, set[int]]:
     return needed
 
 
-def load_experts(about: Pretraining, data: str | Path) -> tuple[dict[str, Windows], Standardisation]:
+def load_experts(
+    about: Pretraining, data: str | Path
+) -> tuple[dict[str, Windows], Standardisation]:
     """The experts' motion by name, and the units inside the networks, which are those of the paper's expert's data."""
     trial = about.trial
     paper, pixels = trial.datasets["expert"], trial.network.pixels
     whole = load_checked(paper, trial.digests["expert"], data, pixels)
-    experts = {"expert": whole.first(paper.count // about.experts)} if about.paper else {}
+    experts = (
+        {"expert": whole.first(paper.count // about.experts)} if about.paper else {}
+    )
     for number, own in enumerate(zip(about.members, about.members_data, strict=True)):
         experts[f"member{number}"] = load_checked(*own, data, pixels)
     return experts, Standardisation.of(whole)
@@ -179,12 +223,25 @@ def measure(about: Pretraining, data: str | Path = "data") -> Pretrained:
             sets = library.datasets(trial.replace(novice_minutes=minutes))
             role = nearest(model, sets.train)  # type: ignore[arg-type]
             chosen.append(role)
-            before.append(tuple(float(validation_loss(model, sets.validation, one).sum()) for one in experts))
+            before.append(
+                tuple(
+                    float(validation_loss(model, sets.validation, one).sum())
+                    for one in experts
+                )
+            )
             starts = {way: as_novice(model, role) for way in ("all", "parts")}
-            starts["fresh_parts"] = fresh_around(model, trial.network, units, trial.seed)
-            found.append([_novice(about, way, sets, starts[way], units, library) for way in WAYS])
-        testing = {role: one.subset(split(len(one), len(one), trial.seed)[1]) for role, one in experts.items()}
-        own = tuple(mean_loss(model, part, role) for role, part in testing.items())  # its training was stopped by it
+            starts["fresh_parts"] = fresh_around(
+                model, trial.network, units, trial.seed
+            )
+            found.append(
+                [_novice(about, way, sets, starts[way], units, library) for way in WAYS]
+            )
+        testing = {
+            role: one.subset(split(len(one), len(one), trial.seed)[1])
+            for role, one in experts.items()
+        }
+        # its training was stopped by it
+        own = tuple(mean_loss(model, part, role) for role, part in testing.items())
 
     return Pretrained(
         about=about,
@@ -200,18 +257,29 @@ def measure(about: Pretraining, data: str | Path = "data") -> Pretrained:
 
 
 def _sidm_of(
-    about: Pretraining, experts: dict[str, Windows], units: Standardisation, data: str | Path
+    about: Pretraining,
+    experts: dict[str, Windows],
+    units: Standardisation,
+    data: str | Path,
 ) -> tuple[dict[str, Tensor], dict[str, Any]]:
     """The weights of the SIDM and all experts' parts, and how they came about; trained once and kept under `data`."""
     trial = about.trial
     assert trial.pretraining is not None
     settings = map(repr, (trial.network, trial.pretraining))
-    made_from = [*about.digests.values(), about.experts, about.paper, *settings, trial.seed]
+    made_from = [
+        *about.digests.values(),
+        about.experts,
+        about.paper,
+        *settings,
+        trial.seed,
+    ]
     key = hashlib.sha256(json.dumps(made_from).encode()).hexdigest()[:20]
     where = Path(data) / "pretrained" / f"experts-{key}-{numbered('experts')}"
     kept = checkpoint.read(where)
     if kept is None:
-        several = train_several(experts, trial.network, trial.pretraining, trial.seed, units)
+        several = train_several(
+            experts, trial.network, trial.pretraining, trial.seed, units
+        )
         history = {"samples": several.samples, **_curve(several)}
         checkpoint.write(where, checkpoint.module_tensors(several.model), history)
         kept = checkpoint.read(where)
@@ -226,7 +294,12 @@ def _curve(trained: Trained) -> dict[str, tuple]:
 
 
 def _novice(
-    about: Pretraining, way: str, sets: Datasets, start: Parts, units: Standardisation, library: Library
+    about: Pretraining,
+    way: str,
+    sets: Datasets,
+    start: Parts,
+    units: Standardisation,
+    library: Library,
 ) -> dict[str, Any]:
     """Train and judge one: the fields of `Pretrained` on it."""
     trial, begun = about.trial, time.process_time()
@@ -235,7 +308,14 @@ def _novice(
         "parts": replace(trial.training, frozen="sidm"),
         "fresh_parts": about.fresh,
     }
-    trained = train(sets, trial.network, trainings[way], trial.seed, standardisation=units, start=start)
+    trained = train(
+        sets,
+        trial.network,
+        trainings[way],
+        trial.seed,
+        standardisation=units,
+        start=start,
+    )
     seconds = time.process_time() - begun
     found = judge(trained.model, trial, library)
     return {

@@ -1,6 +1,7 @@
 """How sure the models are: training by likelihood beside its deterministic twin (section 3.2, last paragraph).
 
-`companion run --figure uncertainty` makes what is not stored of it in results/uncertainty.
+`companion run --figure uncertainty` makes what is not stored of it in
+results/uncertainty.
 """
 
 from __future__ import annotations
@@ -15,9 +16,21 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from companion.beyond.distributions import QUIETEST, ConstantSpread, DistributionModel, Stochastic
+from companion.beyond.distributions import (
+    QUIETEST,
+    ConstantSpread,
+    DistributionModel,
+    Stochastic,
+)
 from companion.beyond.likelihood import train_distributions
-from companion.beyond.particles import DRAWS, LEVELS, Along, covered, one_step, particle_rollout
+from companion.beyond.particles import (
+    DRAWS,
+    LEVELS,
+    Along,
+    covered,
+    one_step,
+    particle_rollout,
+)
 from companion.engine.execute import ROLLOUT_STEPS, Library, curve, judge, plain
 from companion.engine.models import model_of
 from companion.engine.provenance import Provenance
@@ -38,17 +51,20 @@ from sidm.shards import simulated_ground
 SIZES = (1.0, 5.0, 60.0)  # novice data, min
 PARTICLES = 64  # of a rollout
 #: The fields on the training of a twin, of which its trial tells.
-UNTRAINED: dict[str, Any] = dict.fromkeys(("samples", "best_samples", "best_test_loss", "training_seconds"), 0) | (
-    dict.fromkeys(("curve_samples", "curve_test_loss", "curve_training_loss"), ())
-)
+UNTRAINED: dict[str, Any] = dict.fromkeys(
+    ("samples", "best_samples", "best_test_loss", "training_seconds"), 0
+) | (dict.fromkeys(("curve_samples", "curve_test_loss", "curve_training_loss"), ()))
 
 
 @config
 class Fit:
     """A model whose certainty is looked at."""
 
-    trial: Trial  # of the deterministic twin; the likelihood's model has all but its loss
-    likelihood: bool  # whether it is trained by likelihood; otherwise it is the twin, with a constant spread
+    #: of the deterministic twin; the likelihood's model has all but its loss
+    trial: Trial
+    #: whether it is trained by likelihood; otherwise it is the twin, with a constant
+    #: spread
+    likelihood: bool
     particles: int
 
 
@@ -56,7 +72,8 @@ class Fit:
 class Fitted:
     """What came out; L levels of intervals, K steps, three ways: forward, sideways, m, and heading, rad.
 
-    On the validation set unless said. Of a twin's training its trial tells: here it is 0 and empty.
+    On the validation set unless said. Of a twin's training its trial tells: here it is
+    0 and empty.
     """
 
     about: Fit
@@ -64,15 +81,23 @@ class Fitted:
     component_losses: tuple[float, ...]  # (13,) of it
     nll: float  # nats a sample, of the mixture over draws of the latents
     nll_at_means: float  # with the latents at their means
-    nll_quantiles: tuple[float, ...]  # QUANTILES of `companion.beyond.particles`, of single steps' mixtures
+    #: QUANTILES of `companion.beyond.particles`, of single steps' mixtures
+    nll_quantiles: tuple[float, ...]
     component_nll: tuple[float, ...]  # (13,) of each component alone
-    spread: tuple[float, ...]  # (13,) mean standard deviation given the latents, raw units
-    latent_spread: tuple[float, ...]  # of encoder and SIDM: mean standard deviation by that of the means; 0 of a twin
-    quietest: tuple[float, ...]  # of encoder, SIDM and decoder: share of deviations at their lower bound; 0 of a twin
+    #: (13,) mean standard deviation given the latents, raw units
+    spread: tuple[float, ...]
+    #: of encoder and SIDM: mean standard deviation by that of the means; 0 of a twin
+    latent_spread: tuple[float, ...]
+    #: of encoder, SIDM and decoder: share of deviations at their lower bound; 0 of a
+    #: twin
+    quietest: tuple[float, ...]
     coverage: tuple[tuple[float, ...], ...]  # (L, 13) of one step
-    steps_coverage: tuple[tuple[tuple[float, ...], ...], ...]  # (L, K, 3) along rollouts
-    steps_width: tuple[tuple[tuple[float, ...], ...], ...]  # (L, K, 3) of the intervals, mean over the rollouts
-    steps_error: tuple[tuple[float, ...], ...]  # (K, 3) of the particles' mean, mean over the rollouts
+    #: (L, K, 3) along rollouts
+    steps_coverage: tuple[tuple[tuple[float, ...], ...], ...]
+    #: (L, K, 3) of the intervals, mean over the rollouts
+    steps_width: tuple[tuple[tuple[float, ...], ...], ...]
+    #: (K, 3) of the particles' mean, mean over the rollouts
+    steps_error: tuple[tuple[float, ...], ...]
     position_error: tuple[float, ...]  # (K,) m, of rollouts of the means
     heading_error: tuple[float, ...]  # (K,) rad
     samples: int  # seen by prediction training
@@ -85,13 +110,23 @@ class Fitted:
     provenance: Provenance
 
 
-records = records_of(Fitted, "uncertainty")  # where they are kept, under a folder of results
+#: where they are kept, under a folder of results
+records = records_of(Fitted, "uncertainty")
 
 
-def jobs(study: Study, system: str, sizes: Iterable[float] = SIZES, particles: int = PARTICLES) -> list[Fit]:
+def jobs(
+    study: Study,
+    system: str,
+    sizes: Iterable[float] = SIZES,
+    particles: int = PARTICLES,
+) -> list[Fit]:
     """With and without SIDM, each by likelihood and as the twin, at every size and seed."""
     trials = study.points(system, COMPARED, study.preset.held(system, sizes))
-    return [Fit(trial=trial, likelihood=by, particles=particles) for trial in trials for by in (True, False)]
+    return [
+        Fit(trial=trial, likelihood=by, particles=particles)
+        for trial in trials
+        for by in (True, False)
+    ]
 
 
 def measure(about: Fit, data: str | Path = "data") -> Fitted:
@@ -104,7 +139,9 @@ def measure(about: Fit, data: str | Path = "data") -> Fitted:
             begun = time.perf_counter()
             assert sets.expert is not None
             units = Standardisation.of(sets.expert)
-            trained = train_distributions(sets, trial.network, trial.training, trial.seed, units)
+            trained = train_distributions(
+                sets, trial.network, trial.training, trial.seed, units
+            )
             training = _training(trained, time.perf_counter() - begun)
             assert isinstance(trained.model, DistributionModel)
             predictor: Predictor = trained.model
@@ -112,8 +149,13 @@ def measure(about: Fit, data: str | Path = "data") -> Fitted:
             latents = latents_of(trained.model, sets.validation)
         else:
             predictor = twin = model_of(trial, data)
-            found = _judged(ConstantSpread(twin, residual_spread(twin, sets)), about, library, 1)
-            latents, training = {"latent_spread": (0.0, 0.0), "quietest": (0.0, 0.0, 0.0)}, UNTRAINED
+            found = _judged(
+                ConstantSpread(twin, residual_spread(twin, sets)), about, library, 1
+            )
+            latents, training = (
+                {"latent_spread": (0.0, 0.0), "quietest": (0.0, 0.0, 0.0)},
+                UNTRAINED,
+            )
         means = judge(predictor, trial, library)
     return Fitted(
         about=about,
@@ -130,11 +172,17 @@ def measure(about: Fit, data: str | Path = "data") -> Fitted:
 
 def _training(trained: Trained, seconds: float) -> dict[str, Any]:
     """The fields on the training."""
-    own = {"samples": trained.samples, "best_samples": trained.best_samples, "training_seconds": seconds}
+    own = {
+        "samples": trained.samples,
+        "best_samples": trained.best_samples,
+        "training_seconds": seconds,
+    }
     return own | {"best_test_loss": float(trained.best_test_loss)} | curve(trained)
 
 
-def _judged(model: Stochastic, about: Fit, library: Library, draws: int) -> dict[str, Any]:
+def _judged(
+    model: Stochastic, about: Fit, library: Library, draws: int
+) -> dict[str, Any]:
     """The fields on likelihood and coverage."""
     trial, validation = about.trial, library.motion(about.trial, "validation")
     found = one_step(model, validation, generator(trial.seed, "validation"), draws)
@@ -160,12 +208,23 @@ def latents_of(model: DistributionModel, motion: Windows) -> dict[str, Any]:
             three = decoder.distribution(two.mean).std / decoder.target_std  # type: ignore[operator]
             encoded.append(one)
             moved.append(two)
-            quiet.append([float((std <= lowest).double().mean()) for std in (one.std, two.std, three)])
+            quiet.append(
+                [
+                    float((std <= lowest).double().mean())
+                    for std in (one.std, two.std, three)
+                ]
+            )
     spreads = []
     for some in (encoded, moved):
-        means, stds = (torch.cat([getattr(one, name).flatten(0, 1) for one in some]) for name in ("mean", "std"))
+        means, stds = (
+            torch.cat([getattr(one, name).flatten(0, 1) for one in some])
+            for name in ("mean", "std")
+        )
         spreads.append(float(stds.mean() / means.std(0).mean()))
-    return {"latent_spread": tuple(spreads), "quietest": tuple(np.mean(quiet, axis=0).tolist())}
+    return {
+        "latent_spread": tuple(spreads),
+        "quietest": tuple(np.mean(quiet, axis=0).tolist()),
+    }
 
 
 def residual_spread(model: DynamicsModel, sets: Datasets) -> Tensor:
@@ -173,14 +232,24 @@ def residual_spread(model: DynamicsModel, sets: Datasets) -> Tensor:
     return validation_loss(model, sets.test).float().sqrt().clamp_min(1e-6)
 
 
-def rollout_coverage(model: Stochastic, trial: Trial, library: Library, particles: int) -> Along:
+def rollout_coverage(
+    model: Stochastic, trial: Trial, library: Library, particles: int
+) -> Along:
     """How the particles' intervals fit what happened, mean over the rollouts of the trial."""
     noise = generator(trial.seed, "particles")
     found = []
     for trajectory in library.rollouts(trial):
         heights = torch.from_numpy(simulated_ground(trajectory).heights)
-        states = torch.from_numpy(np.asarray(trajectory.states[: ROLLOUT_STEPS + 1], float))
-        actions = torch.from_numpy(np.asarray(trajectory.actions[:ROLLOUT_STEPS], float))
-        paths = particle_rollout(model, heights, states[0], actions, trial.network.pixels, particles, noise)
+        states = torch.from_numpy(
+            np.asarray(trajectory.states[: ROLLOUT_STEPS + 1], float)
+        )
+        actions = torch.from_numpy(
+            np.asarray(trajectory.actions[:ROLLOUT_STEPS], float)
+        )
+        paths = particle_rollout(
+            model, heights, states[0], actions, trial.network.pixels, particles, noise
+        )
         found.append(covered(paths, states, LEVELS))
-    return Along(*(torch.stack(parts).double().mean(0) for parts in zip(*found, strict=True)))
+    return Along(
+        *(torch.stack(parts).double().mean(0) for parts in zip(*found, strict=True))
+    )

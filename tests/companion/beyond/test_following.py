@@ -19,7 +19,8 @@ def test_the_pull_is_a_share_of_the_way_back(make_trainer):
 
 
 def test_the_average_is_that_of_its_formula(make_trainer):
-    """Early it forgets faster: an average of n updates has no more of the past than n / (n + WARM_UP)."""
+    """Early it forgets faster: an average of n updates has no more of the past than n /
+    (n + WARM_UP)."""
     trainer, hook = make_trainer(), WeightAverage(0.9)
     hook.begin(trainer)
     weight = trainer.model.sidm.output[0].weight
@@ -39,11 +40,18 @@ def test_the_average_is_that_of_its_formula(make_trainer):
 def test_tests_see_the_average_and_training_goes_on_without_it(make_trainer):
     trainer, plain = make_trainer(averaging=0.5), make_trainer()
     predict(trainer), predict(plain)
-    assert all(torch.equal(one, plain.weights()[name]) for name, one in trainer.weights().items())
+    assert all(
+        torch.equal(one, plain.weights()[name])
+        for name, one in trainer.weights().items()
+    )
     trainer.take_test()
     raw = mean_loss(trainer.model, trainer.test)
     with trainer.hooks[0].testing():
-        assert trainer.history[-1].test_loss == mean_loss(trainer.model, trainer.test) != raw
+        assert (
+            trainer.history[-1].test_loss
+            == mean_loss(trainer.model, trainer.test)
+            != raw
+        )
 
 
 def test_settings_name_what_they_add():
@@ -52,6 +60,9 @@ def test_settings_name_what_they_add():
 
     assert names() == [] == names(matching="mmd", regularise=False)
     assert names(matching="coral", tether=1.0, averaging=0.5, mirror=True) == [
-        "DistanceMatching", "PullToStart", "WeightAverage", "Mirroring"
-    ]  # fmt: skip
+        "DistanceMatching",
+        "PullToStart",
+        "WeightAverage",
+        "Mirroring",
+    ]
     assert names(matching="reversal") == ["GradientReversal"]

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 import torch
 
-from companion.beyond.planning import ROLLED_OVER, Dreamer, Planner, Planning, cost, heading_to, straight
+from companion.beyond.planning import (
+    ROLLED_OVER,
+    Dreamer,
+    Planner,
+    Planning,
+    cost,
+    heading_to,
+    straight,
+)
 from sidm import rotations
 from sidm.config import ConfigError
 from sidm.drives import STEPS
@@ -17,7 +25,8 @@ HERE = np.array([0, 0, 0.2, 0, 0, 0, 1, *[0] * 6], float)
 
 
 def slide(state: np.ndarray, actions: torch.Tensor) -> torch.Tensor:
-    """States (N, H + 1, 13) of a body that drives at 2 m/s by throttle and turns right at 1.5 rad/s by steering."""
+    """States (N, H + 1, 13) of a body that drives at 2 m/s by throttle and turns right
+    at 1.5 rad/s by steering."""
     states = torch.as_tensor(state, dtype=torch.float64).expand(len(actions), -1)
     path, yaw = [states], rotations.yaw(states[:, 3:7])
     for throttle, steering in actions.double().permute(1, 2, 0):  # (H, 2, N)
@@ -45,33 +54,51 @@ def test_a_planner_reaches_its_goal_about_as_fast_as_can_be(goal):
     """Five metres at 2 m/s are 25 steps, and turning takes some."""
     goal = np.array(goal)
     planner = Planner(FREE, goal, seed=0)
-    steps = drive(goal, lambda state: planner.plan(lambda actions: slide(state, actions))[0].numpy())
+    steps = drive(
+        goal,
+        lambda state: planner.plan(lambda actions: slide(state, actions))[0].numpy(),
+    )
     assert steps < 45
 
 
 def test_a_plan_goes_on_where_the_one_before_led():
     """The mean moves on by the steps that are done."""
-    planner = Planner(Planning(samples=4, elites=1, horizon=6, hold=3, replan=2), np.array([3.0, 1.0]), 0)
+    planner = Planner(
+        Planning(samples=4, elites=1, horizon=6, hold=3, replan=2),
+        np.array([3.0, 1.0]),
+        0,
+    )
     best = planner.plan(lambda actions: slide(HERE, actions))
-    assert torch.equal(planner.mean[:4], best[2:]) and torch.equal(planner.mean[4:], best[-1:].expand(2, -1))
+    assert torch.equal(planner.mean[:4], best[2:]) and torch.equal(
+        planner.mean[4:], best[-1:].expand(2, -1)
+    )
     drawn = []
     planner.plan(lambda actions: drawn.append(actions.clone()) or slide(HERE, actions))
     assert torch.equal(drawn[0][0], torch.cat([best[2:], best[-1:], best[-1:]]))
 
 
 def test_the_spread_shrinks_to_the_least_where_the_plan_has_looked():
-    """And is the first one where it has not; what a plan foresees is where its actions lead."""
+    """And is the first one where it has not; what a plan foresees is where its actions
+    lead."""
     settings = Planning(elites=4)
     planner = Planner(settings, np.array([3.0, 1.0]), 0)
     for _ in range(20):
         best = planner.plan(lambda actions: slide(HERE, actions))
-    assert torch.equal(planner.spread[-3:], torch.full((3, 2), settings.spread, dtype=torch.float64))
-    assert planner.spread[:3].min() >= settings.least and planner.spread[:3, 0].max() < settings.spread
+    assert torch.equal(
+        planner.spread[-3:], torch.full((3, 2), settings.spread, dtype=torch.float64)
+    )
+    assert (
+        planner.spread[:3].min() >= settings.least
+        and planner.spread[:3, 0].max() < settings.spread
+    )
     assert torch.allclose(planner.foreseen, slide(HERE, best[None])[0])
 
 
 def test_plans_are_functions_of_their_seed():
-    plans = [Planner(Planning(), np.array([3.0, 1.0]), seed).plan(lambda a: slide(HERE, a)) for seed in (1, 1, 2)]
+    plans = [
+        Planner(Planning(), np.array([3.0, 1.0]), seed).plan(lambda a: slide(HERE, a))
+        for seed in (1, 1, 2)
+    ]
     assert torch.equal(plans[0], plans[1]) and not torch.equal(plans[0], plans[2])
     assert plans[0].shape == (9, 2)
     assert torch.equal(plans[0][0], plans[0][2])  # an action is held
@@ -79,10 +106,15 @@ def test_plans_are_functions_of_their_seed():
 
 def test_plans_keep_to_the_throttles_that_data_have():
     """Whatever the noise; steering has its whole range."""
-    planner, drawn = Planner(Planning(samples=64, spread=5.0), np.array([3.0, 1.0]), 0), []
+    planner, drawn = (
+        Planner(Planning(samples=64, spread=5.0), np.array([3.0, 1.0]), 0),
+        [],
+    )
     planner.plan(lambda actions: drawn.append(actions.clone()) or slide(HERE, actions))
     low, high = drawn[0].flatten(0, 1).amin(0), drawn[0].flatten(0, 1).amax(0)
-    assert low.tolist() == pytest.approx([-0.2, -1]) and high.tolist() == pytest.approx([0.6, 1])
+    assert low.tolist() == pytest.approx([-0.2, -1]) and high.tolist() == pytest.approx(
+        [0.6, 1]
+    )
 
 
 def test_more_iterations_plan_better():
@@ -90,9 +122,15 @@ def test_more_iterations_plan_better():
     goal = np.array([1.0, 2.0])
 
     def reached(iterations: int) -> float:
-        planners = [Planner(Planning(iterations=iterations), goal, seed) for seed in range(8)]
-        plans = [planner.plan(lambda actions: slide(HERE, actions)) for planner in planners]
-        return float(cost(slide(HERE, torch.stack(plans)), torch.from_numpy(goal), 50.0).mean())
+        planners = [
+            Planner(Planning(iterations=iterations), goal, seed) for seed in range(8)
+        ]
+        plans = [
+            planner.plan(lambda actions: slide(HERE, actions)) for planner in planners
+        ]
+        return float(
+            cost(slide(HERE, torch.stack(plans)), torch.from_numpy(goal), 50.0).mean()
+        )
 
     assert reached(4) < reached(1)
 
@@ -101,20 +139,32 @@ def test_cost_is_distance_and_a_rollover_costs_more_than_any():
     """By hand: 3 m then 1 m from the goal, and a tilt of 60 degrees once."""
     states = torch.from_numpy(HERE).repeat(1, 3, 1)
     states[0, 1, 0], states[0, 2, 0] = 1.0, 3.0
-    assert float(cost(states, torch.tensor([4.0, 0.0]), 50.0)) == pytest.approx((3 + 1) / 2 + 1)
-    states[0, 1, 3:7] = torch.tensor([math.sin(math.pi / 6), 0, 0, math.cos(math.pi / 6)])
-    assert float(cost(states, torch.tensor([4.0, 0.0]), 50.0)) == pytest.approx(3 + ROLLED_OVER)
+    assert float(cost(states, torch.tensor([4.0, 0.0]), 50.0)) == pytest.approx(
+        (3 + 1) / 2 + 1
+    )
+    states[0, 1, 3:7] = torch.tensor(
+        [math.sin(math.pi / 6), 0, 0, math.cos(math.pi / 6)]
+    )
+    assert float(cost(states, torch.tensor([4.0, 0.0]), 50.0)) == pytest.approx(
+        3 + ROLLED_OVER
+    )
     assert float(cost(states, torch.tensor([4.0, 0.0]), 61.0)) == pytest.approx(3)
 
 
 def test_dreams_are_the_models_rollouts(small_network, rng):
-    """From the start; and after some steps observed, as if the rollout had gone through them."""
-    model, heights = DynamicsModel(small_network, roles=["novice"]).eval(), 0.1 * rng.normal(size=(61, 61))
+    """From the start; and after some steps observed, as if the rollout had gone through
+    them."""
+    model, heights = (
+        DynamicsModel(small_network, roles=["novice"]).eval(),
+        0.1 * rng.normal(size=(61, 61)),
+    )
     actions = torch.from_numpy(rng.uniform(-1, 1, (3, 7, 2)))
     dreamer = Dreamer(model, heights, small_network.pixels)
     dreamt = dreamer.imagine(HERE, actions)
     for path, some in zip(dreamt, actions, strict=True):
-        assert torch.allclose(path, rollout(model, heights, torch.from_numpy(HERE), some, 8), atol=2e-3)
+        assert torch.allclose(
+            path, rollout(model, heights, torch.from_numpy(HERE), some, 8), atol=2e-3
+        )
     whole = rollout(model, heights, torch.from_numpy(HERE), actions[0], 8)
     for step in range(3):
         dreamer.observe(whole[step].numpy(), actions[0, step])
@@ -124,7 +174,10 @@ def test_dreams_are_the_models_rollouts(small_network, rng):
 
 def test_a_memory_is_never_longer_than_training_has_seen(small_network, rng):
     """With the horizon; after more steps it is that of the last half."""
-    model, heights = DynamicsModel(small_network, roles=["novice"]).eval(), np.zeros((61, 61))
+    model, heights = (
+        DynamicsModel(small_network, roles=["novice"]).eval(),
+        np.zeros((61, 61)),
+    )
     actions = rng.uniform(-1, 1, (STEPS - 12 + 1, 2))
     long, short = (Dreamer(model, heights, 8, horizon=12) for _ in range(2))
     for action in actions:
@@ -135,7 +188,10 @@ def test_a_memory_is_never_longer_than_training_has_seen(small_network, rng):
     long.remember()
     assert len(long.done) == len(short.done) == 26
     # rounded to float32, 26 steps at once and one by one
-    assert all(torch.allclose(a, b, atol=1e-6) for a, b in zip(long.memory, short.memory, strict=True))
+    assert all(
+        torch.allclose(a, b, atol=1e-6)
+        for a, b in zip(long.memory, short.memory, strict=True)
+    )
 
 
 @pytest.mark.parametrize(
@@ -158,5 +214,16 @@ def test_settings_without_a_plan_are_refused(changes, fault):
 def test_the_straight_driver_turns_towards_its_goal():
     """Left is steered left, which is negative."""
     assert heading_to(HERE, np.array([1.0, 1.0])) == pytest.approx(math.pi / 4)
-    assert straight(HERE, np.array([5.0, 1.0]))[1] < 0 < straight(HERE, np.array([5.0, -1.0]))[1]
-    assert drive(np.array([4.0, 3.0]), lambda state: straight(state, np.array([4.0, 3.0])), 200) < 200
+    assert (
+        straight(HERE, np.array([5.0, 1.0]))[1]
+        < 0
+        < straight(HERE, np.array([5.0, -1.0]))[1]
+    )
+    assert (
+        drive(
+            np.array([4.0, 3.0]),
+            lambda state: straight(state, np.array([4.0, 3.0])),
+            200,
+        )
+        < 200
+    )

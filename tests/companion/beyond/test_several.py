@@ -5,7 +5,13 @@ import dataclasses
 import pytest
 import torch
 
-from companion.beyond.several import as_novice, fresh_around, nearest, several_trainer, train_several
+from companion.beyond.several import (
+    as_novice,
+    fresh_around,
+    nearest,
+    several_trainer,
+    train_several,
+)
 from sidm.config import ConfigError
 from sidm.learning import DynamicsModel, Standardisation, train
 from sidm.learning.evaluation import mean_loss
@@ -17,17 +23,24 @@ UNITS = Standardisation.none()
 @pytest.fixture
 def experts(make_motion):
     """Three robots of the same law with other gains."""
-    return {name: make_motion(8, number, gain=gain) for number, (name, gain) in enumerate(
-        {"expert": 1.5, "member0": 1.0, "member1": -1.0}.items())}  # fmt: skip
+    return {
+        name: make_motion(8, number, gain=gain)
+        for number, (name, gain) in enumerate(
+            {"expert": 1.5, "member0": 1.0, "member1": -1.0}.items()
+        )
+    }
 
 
 @pytest.fixture
 def alone(small_training):
-    return dataclasses.replace(small_training, p_expert=0.0, regularise=False, max_samples=24 * 60)
+    return dataclasses.replace(
+        small_training, p_expert=0.0, regularise=False, max_samples=24 * 60
+    )
 
 
 def test_a_batch_is_drawn_from_all_and_all_learn(experts, small_network, alone):
-    """Every expert about as often; after a phase every part has changed, and one curve holds all losses."""
+    """Every expert about as often; after a phase every part has changed, and one curve
+    holds all losses."""
     trainer = several_trainer(experts, small_network, alone, 0, UNITS)
     before = {name: part.clone() for name, part in trainer.model.state_dict().items()}
     counts = dict.fromkeys(experts, 0)
@@ -38,7 +51,11 @@ def test_a_batch_is_drawn_from_all_and_all_learn(experts, small_network, alone):
     for _ in range(3):
         predict(trainer)
     after = trainer.model.state_dict()
-    assert set(experts) <= {name.split(".")[1] for name in after if not torch.equal(after[name], before[name])}
+    assert set(experts) <= {
+        name.split(".")[1]
+        for name in after
+        if not torch.equal(after[name], before[name])
+    }
     assert trainer.samples == 18 * 24 and len(trainer.history) == 4
 
 
@@ -53,36 +70,66 @@ def test_trajectories_to_stop_by_are_not_learnt_from(experts, small_network, alo
     assert trainer.take_test().test_loss == pytest.approx(sum(losses) / 3)
 
 
-def test_one_expert_alone_is_learnt_and_the_run_repeats(make_motion, small_network, alone):
+def test_one_expert_alone_is_learnt_and_the_run_repeats(
+    make_motion, small_network, alone
+):
     motion = make_motion(8, 1)
-    runs = [train_several({"expert": motion}, small_network, alone, 0, UNITS) for _ in range(2)]
-    assert runs[0].history == runs[1].history and runs[0].best_test_loss < runs[0].history[0].test_loss
+    runs = [
+        train_several({"expert": motion}, small_network, alone, 0, UNITS)
+        for _ in range(2)
+    ]
+    assert (
+        runs[0].history == runs[1].history
+        and runs[0].best_test_loss < runs[0].history[0].test_loss
+    )
 
 
-def test_a_novice_goes_on_from_the_nearest_expert(experts, small_network, alone, make_motion, datasets):
-    """The one whose law is the novice's; its parts stand in the novice's place, and train on."""
-    model = train_several(experts, small_network, dataclasses.replace(alone, max_samples=24 * 400), 0, UNITS).model
+def test_a_novice_goes_on_from_the_nearest_expert(
+    experts, small_network, alone, make_motion, datasets
+):
+    """The one whose law is the novice's; its parts stand in the novice's place, and
+    train on."""
+    model = train_several(
+        experts,
+        small_network,
+        dataclasses.replace(alone, max_samples=24 * 400),
+        0,
+        UNITS,
+    ).model
     novice = make_motion(4, 9, gain=-1.0)
     role = nearest(model, novice)
     assert role == "member1"
     start = as_novice(model, role)
     own = DynamicsModel(small_network, UNITS, roles=["novice"])
     own.start(start)
-    assert mean_loss(own.eval(), novice) == pytest.approx(mean_loss(model, novice, role))
+    assert mean_loss(own.eval(), novice) == pytest.approx(
+        mean_loss(model, novice, role)
+    )
     frozen = dataclasses.replace(alone, frozen="sidm")
-    after = train(datasets, small_network, frozen, 0, standardisation=UNITS, start=start).model.state_dict()
-    assert all(torch.equal(after[name], start[name]) for name in start if name.startswith("sidm."))
+    after = train(
+        datasets, small_network, frozen, 0, standardisation=UNITS, start=start
+    ).model.state_dict()
+    assert all(
+        torch.equal(after[name], start[name])
+        for name in start
+        if name.startswith("sidm.")
+    )
 
 
 def test_fresh_parts_stand_around_the_same_sidm(experts, small_network, alone):
     model = train_several(experts, small_network, alone, 0, UNITS).model
-    start, plain = fresh_around(model, small_network, UNITS, 3), DynamicsModel(small_network, UNITS, 3, ["novice"])
+    start, plain = (
+        fresh_around(model, small_network, UNITS, 3),
+        DynamicsModel(small_network, UNITS, 3, ["novice"]),
+    )
     assert start.keys() == plain.state_dict().keys()
     for name, part in start.items():
         source = model if name.startswith("sidm.") else plain
         assert torch.equal(part, source.state_dict()[name])
 
 
-def test_there_is_no_novice_among_several_experts(experts, small_network, small_training):
+def test_there_is_no_novice_among_several_experts(
+    experts, small_network, small_training
+):
     with pytest.raises(ConfigError, match="without a novice"):
         several_trainer(experts, small_network, small_training, 0, UNITS)

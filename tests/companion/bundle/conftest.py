@@ -14,12 +14,27 @@ from tests.sidm.learning.test_other_bodies import motion
 
 @pytest.fixture
 def make_run(small_training) -> Callable[..., Run]:
-    """A trial with made-up data of its own: `make_run(seed, pair of bodies, sizes, settings)`."""
+    """A trial with made-up data of its own: `make_run(seed, pair of bodies, sizes,
+    settings)`."""
 
-    def make(seed=0, pair=(ROVER, ROVER), novice=6, tests=2, start=None, checkpoint=None, **changes) -> Run:
+    def make(
+        seed=0,
+        pair=(ROVER, ROVER),
+        novice=6,
+        tests=2,
+        start=None,
+        checkpoint=None,
+        **changes,
+    ) -> Run:
         rng = np.random.default_rng(seed)
         parts = [motion(pair[0], count, rng, steps=6) for count in (novice, tests, 2)]
         training = dataclasses.replace(small_training, **changes)
-        return Run(Datasets(*parts, motion(pair[1], 12, rng, steps=6)), training, seed, checkpoint, start)
+        return Run(
+            Datasets(*parts, motion(pair[1], 12, rng, steps=6)),
+            training,
+            seed,
+            checkpoint,
+            start,
+        )
 
     return make

@@ -20,10 +20,18 @@ from sidm.learning.training import predict, regularise
 
 SHARED_L2 = dict(matching_optimiser="shared", decay="l2", weight_decay=0.1)
 RECIPE = dict(
-    p_expert=0.5, reduction="mean", system_draw="iteration", units="raw", zero_gradients=True, replacement=False,
-    discriminator_draw="one", **SHARED_L2,
-)  # fmt: skip
-ROUNDING = 1e-4  # relative, of losses: sums run in another order; two tests of a run here are never as near
+    p_expert=0.5,
+    reduction="mean",
+    system_draw="iteration",
+    units="raw",
+    zero_gradients=True,
+    replacement=False,
+    discriminator_draw="one",
+    **SHARED_L2,
+)
+#: relative, of losses: sums run in another order; two tests of a run here are never as
+#: near
+ROUNDING = 1e-4
 
 
 @pytest.fixture
@@ -31,10 +39,12 @@ def five(make_run):
     """Unlike sizes, seeds, systems and methods, of unlike length."""
     alone = dict(p_expert=0.0, regularise=False)
     return [
-        make_run(0), make_run(1, novice=3, tests=5, **alone), make_run(2, novice=9, p_expert=0.25),
+        make_run(0),
+        make_run(1, novice=3, tests=5, **alone),
+        make_run(2, novice=9, p_expert=0.25),
         make_run(3, tests=40, max_samples=24 * 30, learning_rate=2e-3),
         make_run(4, regularise=False, max_samples=24 * 8),
-    ]  # fmt: skip
+    ]
 
 
 def alone(run: Run, network, **more):
@@ -54,26 +64,49 @@ def assert_same(bundled, single, rel=ROUNDING):
     for mine, theirs in zip(bundled.history, single.history, strict=True):
         assert mine[:3] == pytest.approx(theirs[:3], rel=rel)
         assert mine.validation_loss == pytest.approx(theirs.validation_loss, rel=rel)
-        assert mine.discriminator_accuracy == pytest.approx(theirs.discriminator_accuracy, abs=0.06)  # a sample or two
+        # a sample or two
+        assert mine.discriminator_accuracy == pytest.approx(
+            theirs.discriminator_accuracy, abs=0.06
+        )
     assert len(bundled.components) == len(single.components) > 0
     for mine, theirs in zip(bundled.components, single.components, strict=True):
         assert mine.samples == theirs.samples
         for kind in ("test", "validation"):
             losses = getattr(theirs, kind)
-            assert getattr(mine, kind) == pytest.approx(losses, rel=10 * rel, abs=rel * sum(losses))
+            assert getattr(mine, kind) == pytest.approx(
+                losses, rel=10 * rel, abs=rel * sum(losses)
+            )
     for name, weights in single.model.state_dict().items():
-        assert torch.allclose(bundled.model.state_dict()[name], weights, rtol=1e-3, atol=10 * rel), name
+        assert torch.allclose(
+            bundled.model.state_dict()[name], weights, rtol=1e-3, atol=10 * rel
+        ), name
 
 
 @pytest.mark.parametrize(
     "changes",
-    [{}, dict(p_expert=0.0, regularise=False), dict(matching_optimiser="shared", decay="l2", weight_decay=0.1),
-     dict(reduction="mean", system_draw="iteration"), dict(stopping="released", smoothing=0.9),
-     dict(discriminator_draw="one"), dict(zero_gradients=True, **SHARED_L2), dict(units="raw", replacement=False),
-     RECIPE],
-    ids=["sidm", "novice only", "shared, l2", "mean, by iteration", "released stopping", "discriminator of one system",
-         "zero gradients", "raw, without replacement", "the released recipe"],
-)  # fmt: skip
+    [
+        {},
+        dict(p_expert=0.0, regularise=False),
+        dict(matching_optimiser="shared", decay="l2", weight_decay=0.1),
+        dict(reduction="mean", system_draw="iteration"),
+        dict(stopping="released", smoothing=0.9),
+        dict(discriminator_draw="one"),
+        dict(zero_gradients=True, **SHARED_L2),
+        dict(units="raw", replacement=False),
+        RECIPE,
+    ],
+    ids=[
+        "sidm",
+        "novice only",
+        "shared, l2",
+        "mean, by iteration",
+        "released stopping",
+        "discriminator of one system",
+        "zero gradients",
+        "raw, without replacement",
+        "the released recipe",
+    ],
+)
 def test_a_bundle_of_one_is_the_trial(make_run, small_network, changes):
     run = make_run(**changes)
     ((number, bundled, seconds),) = train_bundle([run], small_network, seats=1)
@@ -85,49 +118,77 @@ def test_a_bundle_of_one_is_the_trial(make_run, small_network, changes):
 def test_a_bundle_of_unlike_trials_is_each_of_them(five, small_network, seats):
     """Those that end make room for those that wait, and then the bundle shrinks."""
     reported = []
-    ended = results(train_bundle(five, small_network, seats, progress=lambda *what: reported.append(what)))
+    ended = results(
+        train_bundle(
+            five, small_network, seats, progress=lambda *what: reported.append(what)
+        )
+    )
     assert list(ended) != sorted(ended) or seats == 1
     assert set(ended) == set(range(5))
     for number, run in enumerate(five):
         assert_same(ended[number], alone(run, small_network))
-        assert [tested for who, tested in reported if who == number] == ended[number].history
+        assert [tested for who, tested in reported if who == number] == ended[
+            number
+        ].history
 
 
 def test_low_precision(make_run, small_network):
-    """In bfloat16 too a bundle goes the way of the trial alone, as near as that rounds."""
-    runs = [make_run(0, precision="bfloat16"), make_run(1, novice=9, precision="bfloat16")]
+    """In bfloat16 too a bundle goes the way of the trial alone, as near as that
+    rounds."""
+    runs = [
+        make_run(0, precision="bfloat16"),
+        make_run(1, novice=9, precision="bfloat16"),
+    ]
     for number, bundled, _ in train_bundle(runs, small_network, seats=2):
         assert_same(bundled, alone(runs[number], small_network), rel=1e-3)
 
 
 def test_encoders_alone_are_low(make_run, small_network):
     """The latents are rounded as those of a trial alone are; tests are exact."""
-    trainer = Trainer(make_run().datasets, small_network, make_run(precision="bfloat16").training, 0)
+    trainer = Trainer(
+        make_run().datasets, small_network, make_run(precision="bfloat16").training, 0
+    )
     stack = Stack(small_network, ("novice", "expert"), 1, torch.device("cpu"), low=True)
-    stack.put(0, {f"model.{name}": weights for name, weights in trainer.model.state_dict().items()})
+    stack.put(
+        0,
+        {
+            f"model.{name}": weights
+            for name, weights in trainer.model.state_dict().items()
+        },
+    )
     motion = trainer.sampler.draw("novice", 4, "novice")
     low = stack.encode("novice", motion.inputs[None], motion.maps[None])[0]
-    exact = stack.encode("novice", motion.inputs[None], motion.maps[None], exact=True)[0]
-    assert torch.allclose(exact, trainer.model.encoders["novice"](motion.inputs, motion.maps), atol=1e-5)
-    rounding = 4 * exact.abs().max().item() / 2**8  # of four layers, each to the 8 bits of bfloat16
+    exact = stack.encode("novice", motion.inputs[None], motion.maps[None], exact=True)[
+        0
+    ]
+    assert torch.allclose(
+        exact, trainer.model.encoders["novice"](motion.inputs, motion.maps), atol=1e-5
+    )
+    # of four layers, each to the 8 bits of bfloat16
+    rounding = 4 * exact.abs().max().item() / 2**8
     assert torch.allclose(low, trainer.encode("novice", motion), atol=rounding)
     assert 1e-3 < (low - exact).abs().max() < rounding
 
 
 def test_a_loss_that_is_not_finite_ends_that_trial_alone(five, small_network):
     five[2].datasets.train.targets[:, 0] = float("inf")
-    five[4] = five[4]._replace(training=dataclasses.replace(five[4].training, learning_rate=1e11))
+    five[4] = five[4]._replace(
+        training=dataclasses.replace(five[4].training, learning_rate=1e11)
+    )
     ended = results(train_bundle(five, small_network, seats=3))
     for number, what in ((2, "training"), (4, "test|training")):
         assert isinstance(ended[number], TrainingError) and ended[number].iteration == 4
-        with pytest.raises(TrainingError, match=f"the ({what}) loss is (nan|inf) after 4 iterations"):
+        with pytest.raises(
+            TrainingError, match=f"the ({what}) loss is (nan|inf) after 4 iterations"
+        ):
             alone(five[number], small_network)
     for number in (0, 1, 3):
         assert_same(ended[number], alone(five[number], small_network))
 
 
 def test_a_trial_that_ends_within_a_phase(make_run, small_network):
-    """It stands still until the phase of the others is over, also where its first test comes last."""
+    """It stands still until the phase of the others is over, also where its first test
+    comes last."""
     runs = [make_run(0), make_run(1, max_samples=24 * 2)]
     for number, bundled, _ in train_bundle(runs, small_network, seats=2):
         assert_same(bundled, alone(runs[number], small_network))
@@ -136,14 +197,22 @@ def test_a_trial_that_ends_within_a_phase(make_run, small_network):
 def test_a_finished_checkpoint(make_run, small_network, tmp_path):
     """Nothing is left to do but to give the result."""
     run = make_run(checkpoint=tmp_path)
-    first = train(run.datasets, small_network, run.training, run.seed, checkpoint=tmp_path)
+    first = train(
+        run.datasets, small_network, run.training, run.seed, checkpoint=tmp_path
+    )
     ((_, again, _),) = train_bundle([run], small_network, seats=3)
     assert_same(again, first, rel=1e-7)
 
 
-def test_the_released_recipe_side_by_side_and_from_checkpoints(make_run, small_network, tmp_path):
-    """Of unlike seeds, which draw systems unlike, stopped on the way and gone on with."""
-    runs = [make_run(seed, max_samples=24 * 30, checkpoint=tmp_path / str(seed), **RECIPE) for seed in range(3)]
+def test_the_released_recipe_side_by_side_and_from_checkpoints(
+    make_run, small_network, tmp_path
+):
+    """Of unlike seeds, which draw systems unlike, stopped on the way and gone on
+    with."""
+    runs = [
+        make_run(seed, max_samples=24 * 30, checkpoint=tmp_path / str(seed), **RECIPE)
+        for seed in range(3)
+    ]
     expected = [alone(run, small_network) for run in runs]
     for run in runs:
         trainer = Trainer(run.datasets, small_network, run.training, run.seed)
@@ -161,14 +230,22 @@ def test_large_convolutions_are_done_in_pieces(make_run, small_network, monkeypa
     assert_same(bundled, alone(run, small_network))
 
 
-def test_a_bundle_that_the_memory_does_not_hold_is_refused_in_one_line(make_run, small_network, monkeypatch):
+def test_a_bundle_that_the_memory_does_not_hold_is_refused_in_one_line(
+    make_run, small_network, monkeypatch
+):
     def full(self, progress):
         raise torch.OutOfMemoryError("a long report")
 
     monkeypatch.setattr(Bundle, "timed_phase", full)
-    with pytest.raises(ConfigError, match=r"^the memory of cpu does not hold 2 trials side by side; choose a smaller"):
+    with pytest.raises(
+        ConfigError,
+        match=r"^the memory of cpu does not hold 2 trials side by side; choose a smaller",
+    ):
         list(train_bundle([make_run(0), make_run(1)], small_network, seats=3))
-    with pytest.raises(ConfigError, match=r"^the memory of cpu does not hold the trial; choose smaller networks"):
+    with pytest.raises(
+        ConfigError,
+        match=r"^the memory of cpu does not hold the trial; choose smaller networks",
+    ):
         list(train_bundle([make_run(0)], small_network, seats=3))
 
 
@@ -176,7 +253,9 @@ def test_what_trials_of_a_bundle_share(make_run, small_network, make_motion):
     with pytest.raises(ConfigError, match="one Training.batch, not 4 and 5"):
         next(train_bundle([make_run(), make_run(1, batch=5)], small_network, seats=2))
     strange = make_run()._replace(datasets=Datasets(*[make_motion(3, steps=7)] * 4))
-    with pytest.raises(ConfigError, match=r"must have one shape, not \[\(6, 8, 8\), \(7, 8, 8\)\]"):
+    with pytest.raises(
+        ConfigError, match=r"must have one shape, not \[\(6, 8, 8\), \(7, 8, 8\)\]"
+    ):
         next(train_bundle([make_run(), strange], small_network, seats=2))
     assert list(train_bundle([], small_network, seats=2)) == []
 
@@ -196,33 +275,50 @@ def test_the_shelf_holds_shared_data_once(make_motion):
     shelf = Shelf([parts[0], expert, parts[1], expert], torch.device("cpu"))
     assert len(shelf.motion) == 15 and shelf.steps == 6
     for motion in (*parts, pool, expert):
-        assert torch.equal(shelf.motion.take(shelf.places(motion)).maps, motion.take(range(len(motion))).maps)
+        assert torch.equal(
+            shelf.motion.take(shelf.places(motion)).maps,
+            motion.take(range(len(motion))).maps,
+        )
 
 
 def test_the_recurrence_is_an_lstm():
     torch.manual_seed(0)
-    single = [torch.nn.LSTM(5, 4, 3, batch_first=True, dtype=torch.double) for _ in range(2)]
-    stacked = {name: torch.stack([one.state_dict()[name] for one in single]) for name in single[0].state_dict()}
+    single = [
+        torch.nn.LSTM(5, 4, 3, batch_first=True, dtype=torch.double) for _ in range(2)
+    ]
+    stacked = {
+        name: torch.stack([one.state_dict()[name] for one in single])
+        for name in single[0].state_dict()
+    }
     inputs = torch.randn(2, 3, 7, 5, dtype=torch.double)  # M, B, T, K
-    expected = torch.stack([one(batch)[0] for one, batch in zip(single, inputs, strict=True)])
+    expected = torch.stack(
+        [one(batch)[0] for one, batch in zip(single, inputs, strict=True)]
+    )
     assert torch.allclose(lstm(stacked, inputs), expected)
 
 
 def test_the_gradient_of_the_recurrence():
     torch.manual_seed(0)
-    gates, back = (torch.randn(*size, dtype=torch.double, requires_grad=True) for size in ((2, 5, 3, 8), (2, 8, 2)))
+    gates, back = (
+        torch.randn(*size, dtype=torch.double, requires_grad=True)
+        for size in ((2, 5, 3, 8), (2, 8, 2))
+    )
     assert torch.autograd.gradcheck(Recurrence.apply, (gates, back))
 
 
 @pytest.mark.parametrize("decoupled", [True, False])
 def test_stacked_adam_is_adam_of_each(decoupled):
-    """With unlike settings; a trial that does not move stays as it is, moments and step count too."""
+    """With unlike settings; a trial that does not move stays as it is, moments and step
+    count too."""
     torch.manual_seed(0)
     rates, decays = (1e-2, 3e-3, 1e-1), (0.1, 0.0, 0.5)
     start = torch.randn(3, 4, 2)
     single = [part.clone().requires_grad_() for part in start]
     kind = torch.optim.AdamW if decoupled else torch.optim.Adam
-    adams = [kind([one], lr=r, weight_decay=d) for one, r, d in zip(single, rates, decays, strict=True)]
+    adams = [
+        kind([one], lr=r, weight_decay=d)
+        for one, r, d in zip(single, rates, decays, strict=True)
+    ]
     stacked = start.clone()
     ours = StackedAdam({"w": stacked}, decoupled)
     for trial, (rate, decay) in enumerate(zip(rates, decays, strict=True)):
@@ -237,22 +333,31 @@ def test_stacked_adam_is_adam_of_each(decoupled):
     assert torch.allclose(stacked, torch.stack(single).detach(), rtol=1e-5)
     taken = ours.get(0)
     assert taken["w/step"] == adams[0].state[single[0]]["step"]
-    assert torch.allclose(taken["w/exp_avg_sq"], adams[0].state[single[0]]["exp_avg_sq"], rtol=1e-5)
+    assert torch.allclose(
+        taken["w/exp_avg_sq"], adams[0].state[single[0]]["exp_avg_sq"], rtol=1e-5
+    )
 
 
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
         (dict(matching="mmd"), "Training.matching='mmd' cannot be trained in a bundle"),
-        (dict(mirror=True), "Training.mirror=True cannot"), (dict(tether=1.0), "Training.tether=1.0 cannot"),
+        (dict(mirror=True), "Training.mirror=True cannot"),
+        (dict(tether=1.0), "Training.tether=1.0 cannot"),
         (dict(averaging=0.5), "Training.averaging=0.5 cannot"),
     ],
-)  # fmt: skip
+)
 def test_what_a_bundle_cannot_do_is_refused(make_run, small_network, changes, said):
     with pytest.raises(ConfigError, match=said):
         list(train_bundle([make_run(**changes)], small_network, 1))
 
 
 def test_shared_parts_are_refused(make_run, small_network):
-    with pytest.raises(ConfigError, match="Network.own='biases' cannot be trained in a bundle"):
-        list(train_bundle([make_run()], dataclasses.replace(small_network, own="biases"), 1))
+    with pytest.raises(
+        ConfigError, match="Network.own='biases' cannot be trained in a bundle"
+    ):
+        list(
+            train_bundle(
+                [make_run()], dataclasses.replace(small_network, own="biases"), 1
+            )
+        )

@@ -1,4 +1,5 @@
-"""Bundles of robots that are not the paper's, or of two bodies, give what trials alone give."""
+"""Bundles of robots that are not the paper's, or of two bodies, give what trials alone
+give."""
 
 import dataclasses
 
@@ -15,45 +16,79 @@ from tests.companion.bundle.test_bundle import alone, assert_same, results
 from tests.sidm.learning.test_other_bodies import ARM, BLIND, TRACKED
 
 ALONE = dict(p_expert=0.0, regularise=False)
-FINE = Body(name="fine map", tilt=True, columns=TWIST, actions=DRIVE, map_size=3.0, map_pixels=10)
-PAIRS = [(TRACKED, ROVER), (ROVER, BLIND), (FINE, ROVER), (ARM, TRACKED), (TRACKED, TRACKED), (FINE, FINE)]
+FINE = Body(
+    name="fine map",
+    tilt=True,
+    columns=TWIST,
+    actions=DRIVE,
+    map_size=3.0,
+    map_pixels=10,
+)
+PAIRS = [
+    (TRACKED, ROVER),
+    (ROVER, BLIND),
+    (FINE, ROVER),
+    (ARM, TRACKED),
+    (TRACKED, TRACKED),
+    (FINE, FINE),
+]
 
 
 @pytest.fixture
 def network_of(small_network):
-    return lambda pair: dataclasses.replace(small_network, novice_body=pair[0], expert_body=pair[1])
+    return lambda pair: dataclasses.replace(
+        small_network, novice_body=pair[0], expert_body=pair[1]
+    )
 
 
 @pytest.mark.parametrize("seats", [1, 3])
-@pytest.mark.parametrize("pair", PAIRS, ids=lambda pair: f"{pair[0].name} of {pair[1].name}")
-def test_a_bundle_of_any_bodies_is_each_of_its_trials(make_run, network_of, pair, seats):
+@pytest.mark.parametrize(
+    "pair", PAIRS, ids=lambda pair: f"{pair[0].name} of {pair[1].name}"
+)
+def test_a_bundle_of_any_bodies_is_each_of_its_trials(
+    make_run, network_of, pair, seats
+):
     """With an SIDM, without its adversary, and on the novice alone."""
-    runs = [make_run(0, pair), make_run(1, pair, regularise=False, max_samples=24 * 8), make_run(2, pair, **ALONE)]
+    runs = [
+        make_run(0, pair),
+        make_run(1, pair, regularise=False, max_samples=24 * 8),
+        make_run(2, pair, **ALONE),
+    ]
     for number, bundled, _ in train_bundle(runs, network_of(pair), seats):
         assert_same(bundled, alone(runs[number], network_of(pair)))
 
 
 def test_a_pretrained_core_is_fine_tuned_or_frozen(make_run, network_of):
-    """Side by side, each from what a bundle learnt from the expert alone, in the novice's place."""
+    """Side by side, each from what a bundle learnt from the expert alone, in the
+    novice's place."""
     pair, first = (TRACKED, ROVER), network_of((ROVER, ROVER))
     made = make_run(0, pair, **ALONE)
     expert = made._replace(datasets=expert_in_place(made.datasets, 0))
     ((_, pretrained, _),) = train_bundle([expert], first, 1)
     assert_same(pretrained, alone(expert, first))
     core = start_from(pretrained).core().weights
-    runs = [make_run(3, pair, start=core, frozen=frozen, weight_decay=0.1, **ALONE) for frozen in ("nothing", "sidm")]
+    runs = [
+        make_run(3, pair, start=core, frozen=frozen, weight_decay=0.1, **ALONE)
+        for frozen in ("nothing", "sidm")
+    ]
     ended = results(train_bundle(runs, network_of(pair), 2))
     for number, run in enumerate(runs):
         assert_same(ended[number], alone(run, network_of(pair)))
         kept = ended[number].model.sidm.state_dict()
-        assert all(torch.equal(one, core[f"sidm.{name}"]) for name, one in kept.items()) == (number == 1)
+        assert all(
+            torch.equal(one, core[f"sidm.{name}"]) for name, one in kept.items()
+        ) == (number == 1)
 
 
-def test_weights_of_the_loss_are_the_novices_whatever_it_starts_from(make_run, network_of):
+def test_weights_of_the_loss_are_the_novices_whatever_it_starts_from(
+    make_run, network_of
+):
     """Units come with the weights of one's like; what components count does not."""
     network = network_of((TRACKED, TRACKED))
     made = make_run(0, (TRACKED, TRACKED), **ALONE)
-    start = start_from(alone(made._replace(datasets=expert_in_place(made.datasets, 0)), network)).weights
+    start = start_from(
+        alone(made._replace(datasets=expert_in_place(made.datasets, 0)), network)
+    ).weights
     ((_, bundled, _),) = train_bundle([run := made._replace(start=start)], network, 1)
     assert_same(bundled, alone(run, network))
 
@@ -72,12 +107,19 @@ def test_data_of_one_trial_do_not_reach_another(make_run, network_of, bad, pair)
 
 
 def test_a_killed_bundle_goes_on(make_run, network_of, tmp_path, monkeypatch):
-    """From its trials' checkpoints, which are those of trials alone, also where a part is frozen."""
+    """From its trials' checkpoints, which are those of trials alone, also where a part
+    is frozen."""
     pair, network = (TRACKED, ROVER), network_of((TRACKED, ROVER))
-    core = start_from(alone(make_run(**ALONE), network_of((ROVER, ROVER)))).core().weights
+    core = (
+        start_from(alone(make_run(**ALONE), network_of((ROVER, ROVER)))).core().weights
+    )
     frozen = dict(start=core, frozen="sidm", **ALONE)
-    runs = [make_run(seed, pair, max_samples=24 * 30, checkpoint=tmp_path / str(seed), **changes)
-            for seed, changes in enumerate((frozen, {}, frozen))]  # fmt: skip
+    runs = [
+        make_run(
+            seed, pair, max_samples=24 * 30, checkpoint=tmp_path / str(seed), **changes
+        )
+        for seed, changes in enumerate((frozen, {}, frozen))
+    ]
     monkeypatch.setattr("companion.bundle.training.SAVE_INTERVAL", 0.0)
 
     class Killed(Exception):
@@ -89,7 +131,11 @@ def test_a_killed_bundle_goes_on(make_run, network_of, tmp_path, monkeypatch):
 
     with pytest.raises(Killed):
         list(train_bundle(runs, network, 3, progress=kill))
-    assert Checkpoint(tmp_path / "1").restore(Trainer(runs[1].datasets, network, runs[1].training, 1))
-    assert_same(alone(runs[0], network, checkpoint=tmp_path / "0"), alone(runs[0], network))
+    assert Checkpoint(tmp_path / "1").restore(
+        Trainer(runs[1].datasets, network, runs[1].training, 1)
+    )
+    assert_same(
+        alone(runs[0], network, checkpoint=tmp_path / "0"), alone(runs[0], network)
+    )
     for number, bundled, _ in train_bundle(runs[1:], network, 2):
         assert_same(bundled, alone(runs[number + 1], network))

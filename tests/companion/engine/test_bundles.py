@@ -20,11 +20,14 @@ from sidm.learning import TrainingError
 
 def diverging(trial):
     """The same trial with steps that no loss survives."""
-    return trial.replace(training=dataclasses.replace(trial.training, learning_rate=1e11))
+    return trial.replace(
+        training=dataclasses.replace(trial.training, learning_rate=1e11)
+    )
 
 
 def of_two_bodies(study, novice):
-    """Every method that learns such pairs; what pretrains the core is the expert alone, of its own body."""
+    """Every method that learns such pairs; what pretrains the core is the expert alone,
+    of its own body."""
     network = dataclasses.replace(study.preset.network, novice_body=NOVICES[novice])
     other = study.of(dataclasses.replace(study.preset, network=network))
     return other.points("system1", ANY_BODIES, [0.25], seeds=1)
@@ -45,33 +48,64 @@ def test_a_bundle_stores_what_trials_alone_give(study, data, tmp_path, made, gro
     store = run(trials, data=data, results=tmp_path, progress=False, bundle=2)
     for trial, row in zip(trials, store.rows(trials), strict=True):
         alone = run_trial(trial, data).outcome
-        assert row.provenance.bundle == 2 and "bundle" in row.provenance.numerics and not row.provenance.stale
-        assert row.outcome.validation_loss == pytest.approx(alone.validation_loss, rel=1e-3)
-        assert row.outcome.curve_test_loss == pytest.approx(alone.curve_test_loss, rel=1e-3)
-        assert row.outcome.position_error == pytest.approx(alone.position_error, rel=0.1)  # grows over 25 steps
-        assert (row.outcome.samples, row.outcome.pretraining_samples) == (alone.samples, alone.pretraining_samples)
+        assert (
+            row.provenance.bundle == 2
+            and "bundle" in row.provenance.numerics
+            and not row.provenance.stale
+        )
+        assert row.outcome.validation_loss == pytest.approx(
+            alone.validation_loss, rel=1e-3
+        )
+        assert row.outcome.curve_test_loss == pytest.approx(
+            alone.curve_test_loss, rel=1e-3
+        )
+        # grows over 25 steps
+        assert row.outcome.position_error == pytest.approx(
+            alone.position_error, rel=0.1
+        )
+        assert (row.outcome.samples, row.outcome.pretraining_samples) == (
+            alone.samples,
+            alone.pretraining_samples,
+        )
         assert not checkpoint_folder(data, trial, "bundle").exists()
 
 
 def test_what_goes_into_one_bundle(study):
-    """One system, one network, one kind of loop, one kind of pretraining; longest first."""
+    """One system, one network, one kind of loop, one kind of pretraining; longest
+    first."""
     trials = study.figure3("system1") + study.figure3("system2")
     other = trials[0].replace(training=dataclasses.replace(trials[0].training, batch=5))
     groups = bundles([*trials, other])
     assert sorted(map(len, groups)) == [1, 1, 2, 2, 4] and [other] in groups
-    assert [trial.novice_minutes for trial in max(groups, key=len)] == [0.75, 0.75, 0.25, 0.25]
+    assert [trial.novice_minutes for trial in max(groups, key=len)] == [
+        0.75,
+        0.75,
+        0.25,
+        0.25,
+    ]
 
 
 @pytest.mark.parametrize("bundle", [0, 2])
 def test_a_failure_is_kept_and_not_repeated(study, data, tmp_path, capsys, bundle):
-    """With its iteration; the others go on, and other code or a deleted file tries again."""
+    """With its iteration; the others go on, and other code or a deleted file tries
+    again."""
     good, bad = study.figure3("system1")[1], diverging(study.figure3("system1")[0])
     with ThreadPoolExecutor(1) as pool:
-        options = dict(executor=None if bundle else pool, data=data, results=tmp_path, progress=False, bundle=bundle)
+        options = dict(
+            executor=None if bundle else pool,
+            data=data,
+            results=tmp_path,
+            progress=False,
+            bundle=bundle,
+        )
         store = run([bad, good], **options)
         assert store.missing([bad, good]) == [bad]
         (failure,) = store.failures([bad, good])
-        assert failure.trial == bad and failure.loss in ("nan", "inf") and failure.iteration == 5
+        assert (
+            failure.trial == bad
+            and failure.loss in ("nan", "inf")
+            and failure.iteration == 5
+        )
         said = f"companion: {bad}: failed, the {failure.what} loss was {failure.loss} after 5 iterations"
         assert capsys.readouterr().err.strip() == said
         written = store.failed.path(bad).stat().st_mtime_ns
@@ -80,8 +114,11 @@ def test_a_failure_is_kept_and_not_repeated(study, data, tmp_path, capsys, bundl
     assert store.failed.path(bad).stat().st_mtime_ns == written
 
 
-def test_one_fault_in_a_bundle_loses_no_other(study, data, tmp_path, capsys, monkeypatch):
-    """Data that are not a trial's, a damaged checkpoint, an outcome that cannot be stored: one line each."""
+def test_one_fault_in_a_bundle_loses_no_other(
+    study, data, tmp_path, capsys, monkeypatch
+):
+    """Data that are not a trial's, a damaged checkpoint, an outcome that cannot be
+    stored: one line each."""
     damaged, infinite, good = study.figure3("system1")[:3]
     strange = damaged.replace(rollout_data="0" * 16)
     folder = checkpoint_folder(data, damaged, "bundle")
@@ -90,7 +127,9 @@ def test_one_fault_in_a_bundle_loses_no_other(study, data, tmp_path, capsys, mon
     true = bundled.evaluate
 
     def evaluate(trial, *rest):
-        return dataclasses.replace(true(trial, *rest), best_test_loss=float("nan" if trial == infinite else 1))
+        return dataclasses.replace(
+            true(trial, *rest), best_test_loss=float("nan" if trial == infinite else 1)
+        )
 
     monkeypatch.setattr(bundled, "evaluate", evaluate)
     trials = [strange, damaged, infinite, good]
@@ -109,7 +148,10 @@ def test_a_later_success_replaces_a_failure(study, data, tmp_path, make_row):
     with pytest.raises(TrainingError, match="after 5 iterations"):
         run_here(trial, data, store, progress=False)
     (failure,) = store.failures([trial])
-    old = dataclasses.replace(failure, provenance=dataclasses.replace(failure.provenance, numerics={"bundle": 0}))
+    old = dataclasses.replace(
+        failure,
+        provenance=dataclasses.replace(failure.provenance, numerics={"bundle": 0}),
+    )
     assert isinstance(old, Failure)
     store.put(old)
     assert store.failed.get(trial) == old and store.failures([trial]) == []
@@ -127,7 +169,9 @@ def test_event_files_hold_the_curve(study, data, tmp_path):
     assert folder.name == f"system1-{trial.method}-0.25-min-seed-0-{trial.key}"
     events = EventAccumulator(str(folder)).Reload()
     found = {event.step: event.value for event in events.Scalars("loss/test")}
-    for samples, loss in zip(row.outcome.curve_samples, row.outcome.curve_test_loss, strict=True):
+    for samples, loss in zip(
+        row.outcome.curve_samples, row.outcome.curve_test_loss, strict=True
+    ):
         assert found[samples] == pytest.approx(loss, rel=1e-5)
     assert len(events.Scalars("loss/training")) == len(found)
 
@@ -141,16 +185,30 @@ def test_without_tensorboard(study, data, tmp_path, monkeypatch):
 def test_the_command_line(tiny, study, data, tmp_path, capsys, monkeypatch):
     """`run --bundle --log` stores; `show` names failures."""
     monkeypatch.setattr("companion.commands._preset", lambda _: tiny)
-    common = ["--preset", "smoke", "--data", str(data), "--results", str(tmp_path), "--system", "system1"]
+    common = [
+        "--preset",
+        "smoke",
+        "--data",
+        str(data),
+        "--results",
+        str(tmp_path),
+        "--system",
+        "system1",
+    ]
     trials = study.figure3("system1")
     store, log = Results(tmp_path), tmp_path / "log"
     with pytest.raises(TrainingError):
         run_here(diverging(trials[0]), data, store, progress=False)
-    store.put(dataclasses.replace(store.failures([diverging(trials[0])])[0], trial=trials[0]))
+    store.put(
+        dataclasses.replace(store.failures([diverging(trials[0])])[0], trial=trials[0])
+    )
     assert main(["show", *common]) == 0
     assert f"note: {trials[0]}: failed" in capsys.readouterr().out
     store.failed.path(trials[0]).unlink()
     assert main(["run", *common, "--bundle", "4", "--log", str(log)]) == 0
-    assert "6 of 6 trials stored" in capsys.readouterr().out and len(list(log.iterdir())) == 6
+    assert (
+        "6 of 6 trials stored" in capsys.readouterr().out
+        and len(list(log.iterdir())) == 6
+    )
     with pytest.raises(ConfigError, match="bundle must not be negative"):
         run([], bundle=-1, results=tmp_path)

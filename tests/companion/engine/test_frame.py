@@ -22,25 +22,43 @@ def store(study, make_row):
 
 def test_every_value_of_a_row_is_a_column(store):
     frame = store.frame()
-    assert list(frame.columns) == [name for name, _, _ in columns()] and frame.index.is_unique
+    assert (
+        list(frame.columns) == [name for name, _, _ in columns()]
+        and frame.index.is_unique
+    )
     for row in store.all():
         line = frame.loc[row.trial.key]
-        assert line.validation_loss == row.outcome.validation_loss and line.seed == row.trial.seed
-        assert line.learning_rate == row.trial.training.learning_rate and line.pixels == row.trial.network.pixels
-        assert line.component_losses == row.outcome.component_losses and line.date == row.provenance.date
+        assert (
+            line.validation_loss == row.outcome.validation_loss
+            and line.seed == row.trial.seed
+        )
+        assert (
+            line.learning_rate == row.trial.training.learning_rate
+            and line.pixels == row.trial.network.pixels
+        )
+        assert (
+            line.component_losses == row.outcome.component_losses
+            and line.date == row.provenance.date
+        )
         assert pd.isna(line.pretraining_batch) == (row.trial.pretraining is None)
         assert not line.stale
 
 
 def test_every_column_says_what_it_is():
     names = [name for name, _, _ in columns()]
-    assert len(set(names)) == len(names) and all(kind and words for _, kind, words in columns())
+    assert len(set(names)) == len(names) and all(
+        kind and words for _, kind, words in columns()
+    )
     told = {name: words for name, _, words in columns()}
-    assert "min" in told["novice_minutes"] and told["own"].endswith("as if the system were an input")
+    assert "min" in told["novice_minutes"] and told["own"].endswith(
+        "as if the system were an input"
+    )
 
 
 def test_trials_that_are_not_stored_have_no_line(store, study, tmp_path):
-    assert list(store.frame(study.points("system1", ["sidm"], [0.25], seeds=5)).seed) == [0, 1, 2]
+    assert list(
+        store.frame(study.points("system1", ["sidm"], [0.25], seeds=5)).seed
+    ) == [0, 1, 2]
     assert len(Results(tmp_path / "empty").frame()) == 0
 
 
@@ -56,7 +74,10 @@ def test_show_writes_a_table(tmp_path, capsys, monkeypatch):
 def test_a_file_has_what_fits_in_a_cell(store, tmp_path):
     numbers_and_words(store.frame()).to_csv(tmp_path / "a.csv")
     back = pd.read_csv(tmp_path / "a.csv", index_col="key")
-    assert "curve_samples" not in back and back.validation_loss.sum() == store.frame().validation_loss.sum()
+    assert (
+        "curve_samples" not in back
+        and back.validation_loss.sum() == store.frame().validation_loss.sum()
+    )
 
 
 def test_records_are_a_table_too():

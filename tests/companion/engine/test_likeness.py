@@ -1,4 +1,5 @@
-"""Motion made again by a processor that rounds otherwise stands for that of the results; other motion does not."""
+"""Motion made again by a processor that rounds otherwise stands for that of the
+results; other motion does not."""
 
 import dataclasses
 import os
@@ -19,19 +20,30 @@ from sidm.simulation import collect
 from sidm.storage import read_record
 from sidm.systems import SYSTEMS
 
-DATASET = Dataset(collection=Collection(system="system1", role="novice", seed=78), count=8)
-#: NumPy's and OpenBLAS' oldest ways to compute on x86; elsewhere nothing is reduced, and the bits may be the same.
-REDUCED = {"OPENBLAS_CORETYPE": "Nehalem", "NPY_DISABLE_CPU_FEATURES": " ".join(
-    name for name, there in np._core._multiarray_umath.__cpu_features__.items()
-    if there and name in np._core._multiarray_umath.__cpu_dispatch__
-)}  # fmt: skip
+DATASET = Dataset(
+    collection=Collection(system="system1", role="novice", seed=78), count=8
+)
+#: NumPy's and OpenBLAS' oldest ways to compute on x86; elsewhere nothing is reduced,
+#: and the bits may be the same.
+REDUCED = {
+    "OPENBLAS_CORETYPE": "Nehalem",
+    "NPY_DISABLE_CPU_FEATURES": " ".join(
+        name
+        for name, there in np._core._multiarray_umath.__cpu_features__.items()
+        if there and name in np._core._multiarray_umath.__cpu_dispatch__
+    ),
+}
 
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
     """Those of another machine, whose data are not here."""
     data, results = tmp_path_factory.mktemp("data"), tmp_path_factory.mktemp("results")
-    found = note_digest(DATASET, collect(data, DATASET.collection, DATASET.count, workers=2, progress=False), data)
+    found = note_digest(
+        DATASET,
+        collect(data, DATASET.collection, DATASET.count, workers=2, progress=False),
+        data,
+    )
     note_committed(DATASET, found, data, results)
     return results
 
@@ -48,22 +60,31 @@ def reduced(tmp_path_factory):
             make_shard(Path({str(data)!r}), {DATASET.collection!r}, number)
     """
     root = Path(__file__).parents[3]
-    subprocess.run([sys.executable, "-c", code], env=os.environ | REDUCED, check=True, cwd=root)
+    subprocess.run(
+        [sys.executable, "-c", code], env=os.environ | REDUCED, check=True, cwd=root
+    )
     return data
 
 
 def test_what_differs_by_rounding_alone_serves_under_the_same_digest(results, reduced):
     known = read_record(next(results.rglob("*.json")))["digest"]
-    found = note_digest(DATASET, load(reduced, DATASET.collection, DATASET.count), reduced)
-    assert (found != known) == bool(REDUCED["NPY_DISABLE_CPU_FEATURES"]), "rounded alike"
-    assert find_digest(DATASET, reduced, results) == found, "not held against the results' yet"
+    found = note_digest(
+        DATASET, load(reduced, DATASET.collection, DATASET.count), reduced
+    )
+    assert (found != known) == bool(REDUCED["NPY_DISABLE_CPU_FEATURES"]), (
+        "rounded alike"
+    )
+    assert find_digest(DATASET, reduced, results) == found, (
+        "not held against the results' yet"
+    )
     assert verify(DATASET, reduced, results) == []
     assert find_digest(DATASET, reduced, results) == known
     assert len(load_dataset(DATASET, known, reduced)) == DATASET.count
 
 
 def test_another_robots_motion_is_refused(results, tmp_path, monkeypatch):
-    """Tyres with a tenth less friction; the digest stays that of the data themselves."""
+    """Tyres with a tenth less friction; the digest stays that of the data
+    themselves."""
     from sidm.simulation.collecting import make_shard
 
     own = SYSTEMS["system1"]
@@ -82,13 +103,24 @@ def test_other_actions_and_other_attempts_are_seen(make_trajectories):
     one = make_trajectories(40)
     other = [replace(t, actions=t.actions + 0.3) for t in one]
     assert Likeness.of(one).differences(Likeness.of(one)) == []
-    assert "standard errors apart" in Likeness.of(one).differences(Likeness.of(other))[0]
-    others = [replace(t, ground=t.ground._replace(seed=t.ground.seed + 100 * (t.index % 5 == 0))) for t in one]
+    assert (
+        "standard errors apart" in Likeness.of(one).differences(Likeness.of(other))[0]
+    )
+    others = [
+        replace(
+            t, ground=t.ground._replace(seed=t.ground.seed + 100 * (t.index % 5 == 0))
+        )
+        for t in one
+    ]
     assert "are other attempts" in Likeness.of(one).differences(Likeness.of(others))[0]
-    assert Likeness.of(one).differences(Likeness.of(one[:8])) == ["another number of trajectories"]
+    assert Likeness.of(one).differences(Likeness.of(one[:8])) == [
+        "another number of trajectories"
+    ]
 
 
 def test_what_the_results_do_not_know_is_said(results, reduced, tmp_path):
     assert verify(DATASET, reduced, tmp_path) == ["the results know no such data"]
     note_committed(DATASET, "0123456789abcdef", tmp_path, tmp_path)
-    assert verify(DATASET, reduced, tmp_path) == ["other bits, and the results keep nothing else to know them by"]
+    assert verify(DATASET, reduced, tmp_path) == [
+        "other bits, and the results keep nothing else to know them by"
+    ]

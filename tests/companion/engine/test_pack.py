@@ -21,7 +21,11 @@ from sidm.shards import ShardError
 def trials(study):
     """Both methods and fine-tuning, each long enough to be stopped on its way."""
     return [
-        t.replace(training=dataclasses.replace(t.training, max_samples=20_000, patience=20_000))
+        t.replace(
+            training=dataclasses.replace(
+                t.training, max_samples=20_000, patience=20_000
+            )
+        )
         for t in study.figure3("system1")[:3]
     ]
 
@@ -33,13 +37,20 @@ def test_a_pack_holds_what_trials_need_and_no_more(trials, data, tmp_path):
     assert unpack(file, elsewhere) == trials == unpack(file, elsewhere)
     for dataset in trials[0].datasets.values():
         for one in dataset.collection.folder(elsewhere).glob("shard-*"):
-            assert one.read_bytes() == (dataset.collection.folder(data) / one.name).read_bytes()
-    assert not list(elsewhere.rglob("maps-*")) and not (elsewhere / "trials.json").exists()
+            assert (
+                one.read_bytes()
+                == (dataset.collection.folder(data) / one.name).read_bytes()
+            )
+    assert (
+        not list(elsewhere.rglob("maps-*")) and not (elsewhere / "trials.json").exists()
+    )
 
 
 def test_the_limit_leaves_out_what_has_no_room(trials, data, tmp_path):
     both = [trials[0], trials[0].replace(system="system2", novice_data="x")]
-    with pytest.raises(ShardError, match=r"system2.* is missing; 'companion collect' makes it"):
+    with pytest.raises(
+        ShardError, match=r"system2.* is missing; 'companion collect' makes it"
+    ):
         pack(both, tmp_path / "pack.tar", data)
     assert pack(trials, tmp_path / "pack.tar", data, limit=1) == trials
     assert (tmp_path / "pack.tar").stat().st_size < 2**20
@@ -48,7 +59,9 @@ def test_the_limit_leaves_out_what_has_no_room(trials, data, tmp_path):
 
 
 def test_what_is_no_pack_is_refused_in_one_line(tmp_path):
-    with pytest.raises(ConfigError, match="there is no pack '.*pack.tar'; 'companion pack' writes one"):
+    with pytest.raises(
+        ConfigError, match="there is no pack '.*pack.tar'; 'companion pack' writes one"
+    ):
         unpack(tmp_path / "pack.tar", tmp_path)
     (tmp_path / "pack.tar").write_bytes(b"something else")
     with pytest.raises(ConfigError, match="is no pack"):
@@ -56,29 +69,44 @@ def test_what_is_no_pack_is_refused_in_one_line(tmp_path):
 
 
 def test_stopped_by_the_clock_and_gone_on_with(trials, data, tmp_path, monkeypatch):
-    """In several calls, none of which is given the time for all, as in one; pretraining is stopped too."""
+    """In several calls, none of which is given the time for all, as in one; pretraining
+    is stopped too."""
     pack(trials, tmp_path / "pack.tar", data)
     whole = run(trials, data=data, results=tmp_path / "whole", progress=False, bundle=3)
     elsewhere, store, calls = tmp_path / "data", Results(tmp_path / "parts"), 0
     packed = unpack(tmp_path / "pack.tar", elsewhere)
     ticks = itertools.count()
-    clock = SimpleNamespace(monotonic=lambda: float(next(ticks)))  # no test waits for a real one
+    # no test waits for a real one
+    clock = SimpleNamespace(monotonic=lambda: float(next(ticks)))
     for module in (running, bundle_training, bundled):
         monkeypatch.setattr(module, "time", clock)
     while store.missing(packed):
-        run(packed, data=elsewhere, results=store, progress=False, bundle=3, seconds=25.0)
+        run(
+            packed,
+            data=elsewhere,
+            results=store,
+            progress=False,
+            bundle=3,
+            seconds=25.0,
+        )
         calls += 1
         assert calls < 50
     assert calls > 3
     for one, other in zip(store.rows(packed), whole.rows(trials), strict=True):
         assert one.outcome.samples == other.outcome.samples
-        assert one.outcome.every_test_loss == pytest.approx(other.outcome.every_test_loss, rel=1e-5)
-        assert one.outcome.validation_loss == pytest.approx(other.outcome.validation_loss, rel=1e-5)
+        assert one.outcome.every_test_loss == pytest.approx(
+            other.outcome.every_test_loss, rel=1e-5
+        )
+        assert one.outcome.validation_loss == pytest.approx(
+            other.outcome.validation_loss, rel=1e-5
+        )
         assert not checkpoint_folder(elsewhere, one.trial, "bundle").exists()
     assert any(row.provenance.resumed for row in store.rows(packed))
 
 
-def test_killed_in_the_middle_it_goes_on_from_its_states(trials, data, tmp_path, monkeypatch):
+def test_killed_in_the_middle_it_goes_on_from_its_states(
+    trials, data, tmp_path, monkeypatch
+):
     trial = trials[1]
 
     class Killed(Exception):
@@ -97,8 +125,12 @@ def test_killed_in_the_middle_it_goes_on_from_its_states(trials, data, tmp_path,
         with pytest.raises(Killed):
             run([trial], data=data, results=tmp_path / "a", progress=False, bundle=1)
     assert checkpoint_folder(data, trial, "bundle").exists()
-    again = run([trial], data=data, results=tmp_path / "a", progress=False, bundle=1).rows([trial])[0]
-    whole = run([trial], data=data, results=tmp_path / "b", progress=False, bundle=1).rows([trial])[0]
+    again = run(
+        [trial], data=data, results=tmp_path / "a", progress=False, bundle=1
+    ).rows([trial])[0]
+    whole = run(
+        [trial], data=data, results=tmp_path / "b", progress=False, bundle=1
+    ).rows([trial])[0]
     assert again.provenance.resumed and again.outcome == whole.outcome
 
 
@@ -113,7 +145,10 @@ def test_the_commands(study, trials, data, tmp_path, capsys, monkeypatch):
     assert main(["pack", str(file), "--preset", "smoke", *own]) == 0
     assert "3 of 3 missing trials" in capsys.readouterr().out
     there = ["--data", str(tmp_path / "data"), "--results", str(tmp_path / "found")]
-    assert main(["run", "--pack", str(file), "--bundle", "3", "--device", "cpu", *there]) == 0
+    assert (
+        main(["run", "--pack", str(file), "--bundle", "3", "--device", "cpu", *there])
+        == 0
+    )
     assert "3 of 3 trials stored" in capsys.readouterr().out
     assert main(["merge", str(tmp_path / "found"), "--results", str(tmp_path)]) == 0
     assert main(["pack", str(file), "--preset", "smoke", *own]) == 2

@@ -1,4 +1,5 @@
-"""Pretrained weights: made once for all sizes, alone and in bundles, and named where they are damaged."""
+"""Pretrained weights: made once for all sizes, alone and in bundles, and named where
+they are damaged."""
 
 from concurrent.futures import ThreadPoolExecutor
 
@@ -13,7 +14,9 @@ from sidm.learning.checkpoint import CheckpointError
 @pytest.fixture
 def trials(study):
     """Both sizes of one seed."""
-    return study.points("system1", ["pretrain_finetune"], study.preset.novice_minutes("system1"))
+    return study.points(
+        "system1", ["pretrain_finetune"], study.preset.novice_minutes("system1")
+    )
 
 
 def test_the_weights_are_made_once(trials, data):
@@ -23,7 +26,11 @@ def test_the_weights_are_made_once(trials, data):
     written = made.stat().st_mtime_ns
     second = run_trial(trials[1], data).outcome
     assert made.stat().st_mtime_ns == written and not (made.parent / "state").exists()
-    assert first.pretraining_samples == second.pretraining_samples >= trials[0].pretraining.max_samples
+    assert (
+        first.pretraining_samples
+        == second.pretraining_samples
+        >= trials[0].pretraining.max_samples
+    )
     assert first == run_trial(trials[0], data).outcome != second
 
 
@@ -34,7 +41,9 @@ def test_damaged_weights_are_named(trials, data, tmp_path, bundle, capsys):
     where.mkdir(parents=True)
     (where / "checkpoint.npz").write_bytes(b"no archive")
     if bundle:
-        assert run([trial], data=data, results=tmp_path, progress=False, bundle=1).missing([trial])
+        assert run(
+            [trial], data=data, results=tmp_path, progress=False, bundle=1
+        ).missing([trial])
         assert "the checkpoint is damaged" in capsys.readouterr().err
     else:
         with pytest.raises(CheckpointError, match="the checkpoint is damaged"):
@@ -42,9 +51,12 @@ def test_damaged_weights_are_named(trials, data, tmp_path, bundle, capsys):
 
 
 def test_a_pretraining_has_the_expert_alone(trials):
-    """It stands in the novice's place; and what corrects a frozen model sees no expert beside."""
+    """It stands in the novice's place; and what corrects a frozen model sees no expert
+    beside."""
     both = replace(trials[0].training, p_expert=0.5)
-    with pytest.raises(ConfigError, match="pretraining has the expert in the novice's place"):
+    with pytest.raises(
+        ConfigError, match="pretraining has the expert in the novice's place"
+    ):
         trials[0].replace(pretraining=both)
     for changes in ({"training": both}, {"pretraining": None}):
         with pytest.raises(ConfigError, match="residual goes with a pretraining"):
@@ -54,13 +66,19 @@ def test_a_pretraining_has_the_expert_alone(trials):
 
 def test_what_was_tuned_yields_to_what_is_asked_for(tiny, tmp_path):
     """A method takes its tuned value; one given by hand holds for all."""
+
     def rates(preset):
         study = Study(preset, tmp_path, tmp_path)
-        trials = [study.trial("system1", method, 0.25) for method in ("sidm", "pretrain_finetune")]
+        trials = [
+            study.trial("system1", method, 0.25)
+            for method in ("sidm", "pretrain_finetune")
+        ]
         parts = trials[0].training, trials[1].training, trials[1].pretraining
         return [part.learning_rate for part in parts]
 
-    tuned = tiny.replace(tuned=(("sidm", "learning_rate", 1e-4), ("pretraining", "learning_rate", 1e-2)))
+    tuned = tiny.replace(
+        tuned=(("sidm", "learning_rate", 1e-4), ("pretraining", "learning_rate", 1e-2))
+    )
     assert rates(tuned) == [1e-4, 1e-3, 1e-2]
     assert rates(tuned.replace(learning_rate=0.5)) == [0.5, 0.5, 0.5]
 
@@ -68,10 +86,14 @@ def test_what_was_tuned_yields_to_what_is_asked_for(tiny, tmp_path):
 @pytest.mark.parametrize("bundle", [0, 1])
 def test_a_pretraining_that_fails_is_kept(trials, data, tmp_path, bundle):
     """With its iteration, as any training; the trials of other weights go on."""
-    bad = trials[0].replace(seed=5, pretraining=replace(trials[0].pretraining, learning_rate=1e11))
+    bad = trials[0].replace(
+        seed=5, pretraining=replace(trials[0].pretraining, learning_rate=1e11)
+    )
     with ThreadPoolExecutor(1) as pool:
         where = dict(bundle=1) if bundle else dict(executor=pool)
-        store = run([bad, trials[1]], data=data, results=tmp_path, progress=False, **where)
+        store = run(
+            [bad, trials[1]], data=data, results=tmp_path, progress=False, **where
+        )
     assert store.missing([bad, trials[1]]) == [bad]
     (failure,) = store.failures([bad])
     assert failure.loss in ("nan", "inf") and failure.iteration > 0

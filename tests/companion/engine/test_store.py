@@ -21,12 +21,17 @@ def trials(tiny, tmp_path):
 
 
 def test_rows_come_back(trials, make_row, tmp_path):
-    """A row put is the row got, to 6 significant digits; rewriting it changes no byte."""
+    """A row put is the row got, to 6 significant digits; rewriting it changes no
+    byte."""
     store, row = Results(tmp_path), make_row(trials[0], loss=2.123456789)
     path = store.put(row)
     assert path == tmp_path / "trials" / f"{trials[0].key}.json"
     back = store.get(trials[0])
-    assert back.outcome.validation_loss == 2.12346 and back.trial == row.trial and back.provenance == row.provenance
+    assert (
+        back.outcome.validation_loss == 2.12346
+        and back.trial == row.trial
+        and back.provenance == row.provenance
+    )
     before = path.read_bytes()
     assert store.put(back).read_bytes() == before and len(before) < 5000
     assert not list(path.parent.glob(".*"))
@@ -35,26 +40,40 @@ def test_rows_come_back(trials, make_row, tmp_path):
 def test_missing_and_rows(trials, make_row, tmp_path):
     """What is stored and what is not partition the trials, in their order."""
     store = Results(tmp_path)
-    assert store.missing(trials) == trials and store.rows(trials) == [] and store.get(trials[0]) is None
+    assert (
+        store.missing(trials) == trials
+        and store.rows(trials) == []
+        and store.get(trials[0]) is None
+    )
     for trial in trials[1:3]:
         store.put(make_row(trial))
     assert [row.trial for row in store.rows(trials)] == trials[1:3]
     assert store.missing(trials) == [trials[0], *trials[3:]]
-    assert {row.trial.key for row in store.all()} == {trial.key for trial in trials[1:3]}
+    assert {row.trial.key for row in store.all()} == {
+        trial.key for trial in trials[1:3]
+    }
 
 
-@pytest.mark.parametrize("numerics", [{"training": 0}, {"simulation": NUMERICS["simulation"], "a kind that was": 1}])
+@pytest.mark.parametrize(
+    "numerics",
+    [{"training": 0}, {"simulation": NUMERICS["simulation"], "a kind that was": 1}],
+)
 def test_rows_of_other_versions_are_stale(trials, make_row, tmp_path, numerics):
     """A row of today's is not; nor does it matter which files made it."""
     store, row = Results(tmp_path), make_row(trials[0])
-    store.put(dataclasses.replace(row, provenance=dataclasses.replace(row.provenance, source="0" * 12)))
+    store.put(
+        dataclasses.replace(
+            row, provenance=dataclasses.replace(row.provenance, source="0" * 12)
+        )
+    )
     old = dataclasses.replace(row.provenance, numerics=numerics)
     store.put(dataclasses.replace(row, trial=trials[1], provenance=old))
     assert [row.provenance.stale for row in store.rows(trials)] == [False, True]
 
 
 def test_no_stored_row_is_stale():
-    """Whoever raised a version has made its rows again, or confirmed them by a sample."""
+    """Whoever raised a version has made its rows again, or confirmed them by a
+    sample."""
     rows = Results(RESULTS).all()
     assert len(rows) > 600 and not any(row.provenance.stale for row in rows)
     free = [row.provenance.numerics for row in rows if row.trial.system in FREE_SYSTEMS]
@@ -65,14 +84,22 @@ def test_no_stored_row_is_stale():
     "spoil, words",
     [
         (lambda values: values.pop("outcome"), "damaged .*outcome"),
-        (lambda values: values.update(schema=99), "has schema 99, this version reads 3"),
+        (
+            lambda values: values.update(schema=99),
+            "has schema 99, this version reads 3",
+        ),
         (lambda values: values.pop("schema"), "has schema None, this version reads 3"),
         (lambda values: values.update(trial=[]), "must be Trial, not list"),
         (lambda values: values["trial"].update(seed=7), "is about something else"),
-        (lambda values: values["outcome"].update(iteratons=3), "did you mean 'iterations'"),
+        (
+            lambda values: values["outcome"].update(iteratons=3),
+            "did you mean 'iterations'",
+        ),
     ],
 )
-def test_what_is_not_the_row_is_named_in_one_line(trials, make_row, tmp_path, spoil, words):
+def test_what_is_not_the_row_is_named_in_one_line(
+    trials, make_row, tmp_path, spoil, words
+):
     """Whatever was written into the file by others, the error names it and the mend."""
     store = Results(tmp_path)
     path = store.put(make_row(trials[0]))
@@ -86,17 +113,31 @@ def test_what_is_not_the_row_is_named_in_one_line(trials, make_row, tmp_path, sp
 
 
 def test_a_store_takes_in_what_it_lacks(tmp_path, tiny, make_row, capsys):
-    """Rows of trials that are here stay as they are; digests and failures come along."""
+    """Rows of trials that are here stay as they are; digests and failures come
+    along."""
     trials = Study(tiny, tmp_path, tmp_path).figure3("system1")[:3]
     mine, other = Results(tmp_path / "mine"), Results(tmp_path / "other")
     mine.put(make_row(trials[0], 1.0))
     for trial in trials[:2]:
         other.put(make_row(trial, 2.0))
-    other.put(Failure(trial=trials[2], what="test", loss="nan", iteration=3, provenance=make_row(trials[2]).provenance))
+    other.put(
+        Failure(
+            trial=trials[2],
+            what="test",
+            loss="nan",
+            iteration=3,
+            provenance=make_row(trials[2]).provenance,
+        )
+    )
     note_committed(trials[0].datasets["expert"], "0123", tmp_path, other.folder)
     assert main(["merge", str(other.folder), "--results", str(mine.folder)]) == 0
     assert capsys.readouterr().out == "1 results taken in\n"
     assert [row.outcome.validation_loss for row in mine.rows(trials)] == [1.0, 2.0]
     assert mine.failed.get(trials[2]).loss == "nan"
-    assert find_digest(trials[0].datasets["expert"], tmp_path / "none", mine.folder) == "0123"
-    assert main(["merge", str(tmp_path / "nowhere"), "--results", str(mine.folder)]) == 2
+    assert (
+        find_digest(trials[0].datasets["expert"], tmp_path / "none", mine.folder)
+        == "0123"
+    )
+    assert (
+        main(["merge", str(tmp_path / "nowhere"), "--results", str(mine.folder)]) == 2
+    )

@@ -25,30 +25,45 @@ GROUND = Terrain(cell_height_scale=0.35)
 
 def test_a_ride_has_its_steps_and_repeats(rides):
     one = rides["system1 novice"]
-    assert one.states.shape == (11, 13) and one.struts.shape == (11, 4) and one.joints.shape == (11, 10)
+    assert (
+        one.states.shape == (11, 13)
+        and one.struts.shape == (11, 4)
+        and one.joints.shape == (11, 10)
+    )
     assert one.times == pytest.approx(0.05 * np.arange(11))
     again = ride(ROBOTS["system1 novice"], GROUND, 3, 0.5, steps=5)
-    assert all(np.array_equal(getattr(one, name), getattr(again, name)) for name in ("states", "struts", "joints"))
+    assert all(
+        np.array_equal(getattr(one, name), getattr(again, name))
+        for name in ("states", "struts", "joints")
+    )
 
 
 def test_looking_twice_a_step_changes_nothing(rides):
     """The same motion as a simulator's that is looked at at 10 Hz, bit for bit."""
     one = rides["system1 novice"]
     with Simulator(one.robot, one.heights) as simulator:
-        states = [simulator.reset(), *(simulator.step(np.array([0.5, 0.0])) for _ in range(5))]
+        states = [
+            simulator.reset(),
+            *(simulator.step(np.array([0.5, 0.0])) for _ in range(5)),
+        ]
     assert np.array_equal(one.states[::2], states)
 
 
 def test_weaving_turns_the_kingpins_to_both_sides():
     one = ride(ROBOTS["system1 novice"], GROUND, 3, 0.5, weave(16), steps=16)
     kingpins = one.joints[:, 8:]
-    assert kingpins.max() == pytest.approx(0.3, abs=0.02) and kingpins.min() == pytest.approx(-0.3, abs=0.02)
+    assert kingpins.max() == pytest.approx(
+        0.3, abs=0.02
+    ) and kingpins.min() == pytest.approx(-0.3, abs=0.02)
     assert one.joints[-1, 4:8].min() > 5  # the wheels have turned
 
 
 def test_the_rear_struts_move_only_when_they_are_free():
     robot = ROBOTS["system2 expert"]
-    held, free = (ride(robot, GROUND, 3, 0.8, steps=12, strut_motors=motors) for motors in (True, False))
+    held, free = (
+        ride(robot, GROUND, 3, 0.8, steps=12, strut_motors=motors)
+        for motors in (True, False)
+    )
     assert np.ptp(held.struts[:, :2]) < 0.002 < np.ptp(free.struts[:, :2])
 
 
@@ -62,15 +77,26 @@ def test_tilt_is_that_of_the_euler_angles(pitch, roll):
 def test_the_figure_draws_what_was_ridden(rides):
     figure = rides_figure(rides)
     height, _, travel, rear, path = figure.axes
-    assert np.allclose(height.lines[0].get_ydata(), rides["system1 novice"].states[:, 2])
-    assert np.allclose(travel.lines[0].get_ydata(), 1e3 * rides["system1 novice"].struts[:, 2])
-    assert np.allclose(rear.lines[1].get_ydata(), 1e3 * rides["system1 novice"].struts[:, 1])
-    assert [text.get_text() for text in figure.legends[0].get_texts()][:2] == list(rides) and len(path.lines) == 2
+    assert np.allclose(
+        height.lines[0].get_ydata(), rides["system1 novice"].states[:, 2]
+    )
+    assert np.allclose(
+        travel.lines[0].get_ydata(), 1e3 * rides["system1 novice"].struts[:, 2]
+    )
+    assert np.allclose(
+        rear.lines[1].get_ydata(), 1e3 * rides["system1 novice"].struts[:, 1]
+    )
+    assert [text.get_text() for text in figure.legends[0].get_texts()][:2] == list(
+        rides
+    ) and len(path.lines) == 2
 
 
 def test_two_rides_at_once_are_those_one_after_the_other():
     """The helper's ride is the one that this process makes."""
-    robots, same = (ROBOTS["system1 novice"], ROBOTS["system2 expert"]), (0.35, 0, 0.5, 3, True)
+    robots, same = (
+        (ROBOTS["system1 novice"], ROBOTS["system2 expert"]),
+        (0.35, 0, 0.5, 3, True),
+    )
     helper()[1].result()
     for one, robot in zip(both_rides(*robots, *same), robots, strict=True):
         alone = ride(robot, Terrain(cell_height_scale=0.35, size=SIZE), steps=3)
@@ -82,7 +108,11 @@ def test_sliders_and_choices_draw_anew_and_a_button_shows_them_driving():
     controls, screen, film = box.children
     knobs = {knob.description.split()[0]: knob for knob in controls.children}
     first = screen.value
-    assert base64.b64decode(with_picture(box)["image/png"]) == first and first[:4] == b"\x89PNG" and film.value == ""
+    assert (
+        base64.b64decode(with_picture(box)["image/png"]) == first
+        and first[:4] == b"\x89PNG"
+        and film.value == ""
+    )
     knobs["see"].value = True
     shown = film.value
     assert "<iframe" in shown and "system1 expert" in shown
@@ -104,20 +134,25 @@ def stored():
 
 
 def test_the_stored_rides_are_of_todays_physics(stored):
-    assert stored.numerics == versions("free_struts"), "make them anew: companion run --figure explorer"
+    assert stored.numerics == versions("free_struts"), (
+        "make them anew: companion run --figure explorer"
+    )
 
 
 def test_a_stored_ride_is_what_is_simulated(stored):
     """Its first second: later, what a processor rounds otherwise may have grown."""
     at = (1, 2, 3)
-    robot = grid.BODY.replace(**{knob.name: knob.values[i] for knob, i in zip(grid.SET_UP, at, strict=True)})
+    robot = grid.BODY.replace(
+        **{knob.name: knob.values[i] for knob, i in zip(grid.SET_UP, at, strict=True)}
+    )
     roughness, throttle = (list(knob.values) for knob in grid.DRIVE)
     drives = [throttle.index(0.5), len(throttle)]  # straight ahead, and weaving
     again = grid.simulate((robot, True), drives)
     kept = stored.rides[at][0][:, drives]
     assert again.shape == (len(roughness), 2, grid.MOMENTS, len(grid.CHANNELS))
     assert np.abs(again[:, :, :21].astype(int) - kept[:, :, :21]).max() <= 20
-    assert kept[0, 0, :, -1].any() != kept[0, 1, :, -1].any()  # only the weaving one steers on level ground
+    # only the weaving one steers on level ground
+    assert kept[0, 0, :, -1].any() != kept[0, 1, :, -1].any()
 
 
 def test_stored_numbers_end_where_the_ground_does():
@@ -127,7 +162,14 @@ def test_stored_numbers_end_where_the_ground_does():
     states[:, 0] = [0.0, 1.2344, 14.6, 3.0, 2.0]
     joints = np.zeros((5, 10))
     joints[:, [1, 3, 4, 8]] = [0.01, 0.02, 1.0, 0.3]
-    one = Ride(grid.BODY, np.zeros((300, 300)), 0.05 * np.arange(5), states, np.full((5, 4), -0.01234), joints)
+    one = Ride(
+        grid.BODY,
+        np.zeros((300, 300)),
+        0.05 * np.arange(5),
+        states,
+        np.full((5, 4), -0.01234),
+        joints,
+    )
     numbers = grid.whole_numbers(one)
     rest = [0, 0, 0, 0, 0, *[-123] * 4, 3, 6, 20, 0, 0, 0, 30]
     assert numbers[:2].tolist() == [[0, *rest], [617, *rest]]
@@ -138,10 +180,19 @@ def test_the_page_has_what_was_stored(stored):
     contents, pieces = page.contents(), dict(page.pieces(stored, ROOT / grid.FOLDER))
     one = unpack(base64.b64decode(pieces["rides-3"]), stored.rides.shape[4:])
     assert np.array_equal(one, stored.rides[0, 0, 1, 1])
-    assert np.array_equal(unpack(base64.b64decode(pieces["rides-167"]), one.shape), stored.robots[3, 1])
+    assert np.array_equal(
+        unpack(base64.b64decode(pieces["rides-167"]), one.shape), stored.robots[3, 1]
+    )
     for robot, chosen in zip(ROBOTS.values(), contents["robots"], strict=True):
-        shown = {knob["name"]: knob["shown"][chosen["knobs"][knob["name"]]] for knob in contents["knobs"][:3]}
-        assert shown == {"spring": robot.spring, "damping": robot.damping, "travel_lower": -1e3 * robot.travel_lower}
+        shown = {
+            knob["name"]: knob["shown"][chosen["knobs"][knob["name"]]]
+            for knob in contents["knobs"][:3]
+        }
+        assert shown == {
+            "spring": robot.spring,
+            "damping": robot.damping,
+            "travel_lower": -1e3 * robot.travel_lower,
+        }
 
 
 def test_a_system_that_is_added_rides_anew_and_is_not_among_the_stored():
@@ -155,7 +206,9 @@ from sidm.replay import find_robot
 assert find_robot("soft novice").spring == 500
 assert [one["name"] for one in page.contents()["robots"]] == list(grid.PAPERS) and len(grid.PAPERS) == 4
 """
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
 
 
@@ -165,12 +218,18 @@ def test_the_page_keeps_within_its_size(stored, tmp_path):
 
 
 def test_the_page_says_what_the_rides_show(stored):
-    """The figures under 'What to look for', of braked set-ups; soft springs let a strut go nearly all of its way."""
+    """The figures under 'What to look for', of braked set-ups; soft springs let a strut
+    go nearly all of its way."""
     rough, half = 2, 1
-    assert [knob.values[at] for knob, at in zip(grid.DRIVE, (rough, half), strict=True)] == [0.35, 0.5]
-    rides = np.where(stored.rides == grid.GONE, np.nan, stored.rides.astype(float))[:, :, :, 0]
+    assert [
+        knob.values[at] for knob, at in zip(grid.DRIVE, (rough, half), strict=True)
+    ] == [0.35, 0.5]
+    rides = np.where(stored.rides == grid.GONE, np.nan, stored.rides.astype(float))[
+        :, :, :, 0
+    ]
     struts = [list(grid.CHANNELS).index(f"strut {number}") for number in (2, 3)]
-    front = rides[:, :, :, rough, half][..., struts] / 1e4  # spring, damping, travel, time, strut
+    # spring, damping, travel, time, strut
+    front = rides[:, :, :, rough, half][..., struts] / 1e4
     soft, stiff = front[0], front[-1]
     travel = grid.BODY.travel_upper - np.array(grid.SET_UP[2].values)
     ways = (np.nanmax(soft, axis=-2) - np.nanmin(soft, axis=-2)) / travel[:, None]

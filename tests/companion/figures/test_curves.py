@@ -5,16 +5,24 @@ import pytest
 from matplotlib.lines import Line2D
 
 from companion.engine.frame import frame_of
-from companion.figures.curves import changed_choices, efficiency_curves, figure3, learning_curves
+from companion.figures.curves import (
+    changed_choices,
+    efficiency_curves,
+    figure3,
+    learning_curves,
+)
 from companion.methods import ALL_RELEASED, FIGURE3, METHODS, RELEASED
 from companion.studies import choices
 
 
 def test_figure3_draws_the_means(figure3_frame):
-    """Both systems on log axes; each line is the mean over seeds; methods are told apart by more than colour."""
+    """Both systems on log axes; each line is the mean over seeds; methods are told
+    apart by more than colour."""
     figure = figure3(figure3_frame)
     left, right = figure.axes
-    assert left.get_xscale() == left.get_yscale() == "log" and "(min)" in left.get_xlabel()
+    assert (
+        left.get_xscale() == left.get_yscale() == "log" and "(min)" in left.get_xlabel()
+    )
     sidm, novice, finetuned = left.get_lines()
     assert sidm.get_ydata() == pytest.approx(1.01 * (4 * sidm.get_xdata()) ** -0.5)
     for look in (Line2D.get_linestyle, Line2D.get_marker):
@@ -25,24 +33,38 @@ def test_figure3_draws_the_means(figure3_frame):
 
 def test_many_names_stand_below_the_plots(figure3_frame):
     """Each once, and none over a curve."""
-    few, many = figure3(figure3_frame), figure3(figure3_frame, methods=[*FIGURE3, "mirrored", "averaged"])
+    few, many = (
+        figure3(figure3_frame),
+        figure3(figure3_frame, methods=[*FIGURE3, "mirrored", "averaged"]),
+    )
     assert all(axes.get_legend() for axes in few.axes) and not few.legends
     assert not any(axes.get_legend() for axes in many.axes)
-    assert [text.get_text() for text in many.legends[0].get_texts()] == [METHODS[name].label for name in FIGURE3]
+    assert [text.get_text() for text in many.legends[0].get_texts()] == [
+        METHODS[name].label for name in FIGURE3
+    ]
     assert many.get_figheight() > few.get_figheight()
 
 
 def test_the_experts_model_alone_is_a_level(figure3_rows, laptop, make_row):
     trials = laptop.points("system1", ["expert_only"], [5])
-    alone = [make_row(trial, loss) for trial, loss in zip(trials, (1, 2, 6), strict=True)]
+    alone = [
+        make_row(trial, loss) for trial, loss in zip(trials, (1, 2, 6), strict=True)
+    ]
     left, right = figure3(frame_of([*figure3_rows, *alone])).axes
-    assert left.get_lines()[-1].get_ydata() == pytest.approx([3, 3]) and len(left.get_lines()) == 4
+    assert (
+        left.get_lines()[-1].get_ydata() == pytest.approx([3, 3])
+        and len(left.get_lines()) == 4
+    )
     assert len(right.get_lines()) == 3
 
 
 def test_changed_choices_stand_beside_ours(figure3_frame, power_law, laptop, make_row):
     """Each of the paper's methods twice, told apart by hollow marks and by words."""
-    trials = [t for system in ("system1", "system2") for t in choices.changed(laptop, system, RELEASED)[ALL_RELEASED]]
+    trials = [
+        t
+        for system in ("system1", "system2")
+        for t in choices.changed(laptop, system, RELEASED)[ALL_RELEASED]
+    ]
     changed = frame_of(make_row(t, 2 * power_law(t)) for t in trials)
     for axes in changed_choices(figure3_frame, changed, "as released").axes:
         labels = [line.get_label() for line in axes.get_lines()]
@@ -56,7 +78,10 @@ def test_changed_choices_stand_beside_ours(figure3_frame, power_law, laptop, mak
 def test_figures_of_nothing_say_so():
     """Where nothing is stored a figure is drawn all the same."""
     for draw in (figure3, efficiency_curves, learning_curves):
-        assert all(axes.texts[0].get_text() == "no trials stored" for axes in draw(frame_of([])).axes)
+        assert all(
+            axes.texts[0].get_text() == "no trials stored"
+            for axes in draw(frame_of([])).axes
+        )
 
 
 def test_the_efficiency_is_exact_where_both_curves_reach(figure3_frame):

@@ -12,20 +12,33 @@ from companion.figures.paths import example, figure4
 
 
 def test_figure4_draws_means_and_paths(figure3_frame, laptop):
-    """Six lines of deviation from zero at the start, six predicted paths and the actual one."""
-    mine = figure3_frame[figure3_frame.index.isin([trial.key for trial in laptop.figure4()])]
+    """Six lines of deviation from zero at the start, six predicted paths and the actual
+    one."""
+    mine = figure3_frame[
+        figure3_frame.index.isin([trial.key for trial in laptop.figure4()])
+    ]
     left, right = figure4(mine).axes
     assert len(left.get_lines()) == 6 and len(right.get_lines()) == 7
-    assert all(line.get_ydata()[0] == 0 and line.get_xdata()[-1] == pytest.approx(2.5) for line in left.get_lines())
-    assert len({(line.get_color(), line.get_linestyle()) for line in left.get_lines()}) == 6
+    assert all(
+        line.get_ydata()[0] == 0 and line.get_xdata()[-1] == pytest.approx(2.5)
+        for line in left.get_lines()
+    )
+    assert (
+        len({(line.get_color(), line.get_linestyle()) for line in left.get_lines()})
+        == 6
+    )
     assert figure4(frame_of([])).axes[0].texts[0].get_text() == "no trials stored"
 
 
 def test_an_example_is_held_against_all(laptop, make_row):
-    frame = frame_of(make_row(trial, 1.0) for trial in laptop.points("system1", ["sidm"], (5.0,)))
+    frame = frame_of(
+        make_row(trial, 1.0) for trial in laptop.points("system1", ["sidm"], (5.0,))
+    )
     actual = tuple((0.1 * step, 0.0) for step in range(26))
     frame["example_actual"] = [actual] * len(frame)
-    frame["example_predicted"] = [(*actual[:-1], (2.5, 0.5 * (1 + seed))) for seed in frame.seed]
+    frame["example_predicted"] = [
+        (*actual[:-1], (2.5, 0.5 * (1 + seed))) for seed in frame.seed
+    ]
     mean = np.mean([errors[-1] for errors in frame.position_error])
     assert example(frame, seed=1) == pytest.approx((2.5, 1.0, 1.0, mean))
     assert example(frame, seed=9) is None

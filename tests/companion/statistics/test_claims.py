@@ -27,7 +27,10 @@ from companion.statistics.intervals import Interval
 
 
 def test_verdicts_follow_the_rule_whatever_comes_out():
-    assert verdict(Interval(18, 12, 25), 1, 20) == REPRODUCED and verdict(Interval(5, 0.1, 99), 1, 20) == NOT_SEEN
+    assert (
+        verdict(Interval(18, 12, 25), 1, 20) == REPRODUCED
+        and verdict(Interval(5, 0.1, 99), 1, 20) == NOT_SEEN
+    )
     assert verdict(Interval(8, 4, 12), 1, 20) == DIRECTION
     assert verdict(Interval(1.2, 0.8, 3), 1, 20) == NOT_SEEN
     assert verdict(Interval(0.5, 0.3, 0.8), 1, 20) == CONTRARY
@@ -46,32 +49,56 @@ def test_ratios_are_better_or_worse_by_their_whole_interval():
 def test_a_saving_of_four_is_in_the_papers_direction(figure3_frame):
     """The paper's 20 x is not in the interval, nor is its 5 x."""
     found = figure3_claims(figure3_frame)
-    assert found.value[:2].tolist() == pytest.approx([4, 4]) and found.ours[0] == "4 [4, 4] x"
+    assert (
+        found.value[:2].tolist() == pytest.approx([4, 4])
+        and found.ours[0] == "4 [4, 4] x"
+    )
     assert found.verdict.tolist() == [DIRECTION] * 2 + [UNCLEAR] * 2 + [DIRECTION] * 2
     assert found.ours[2] == "with SIDM better from 1 min on"
     expected = 5**-0.5 * (1 - 0.5) * 1.01
-    assert found.value[4] == pytest.approx(expected)  # fine-tuning's is that without SIDM here
+    # fine-tuning's is that without SIDM here
+    assert found.value[4] == pytest.approx(expected)
     deviations = figure4_claims(figure3_frame)
-    assert deviations.verdict.tolist() == [DIRECTION] * 4 and (deviations.value < 0).all()
-    assert "nan" not in written(found).to_string() and list(written(found))[-1] == "Verdict"
+    assert (
+        deviations.verdict.tolist() == [DIRECTION] * 4 and (deviations.value < 0).all()
+    )
+    assert (
+        "nan" not in written(found).to_string()
+        and list(written(found))[-1] == "Verdict"
+    )
 
 
 def test_nothing_run_or_one_seed_gives_no_verdict(figure3_frame):
     nothing = figure3_frame[:0]
-    assert not len(figure3_claims(nothing)) and list(figure3_claims(nothing)) == list(COLUMNS)
+    assert not len(figure3_claims(nothing)) and list(figure3_claims(nothing)) == list(
+        COLUMNS
+    )
     assert not len(figure4_claims(nothing))
     single = figure3_claims(figure3_frame[figure3_frame.seed == 0])
-    assert single.ours[0] == "4 x" and set(single.verdict) == {NO_VERDICT, UNCLEAR} and set(single.seeds) == {1}
+    assert (
+        single.ours[0] == "4 x"
+        and set(single.verdict) == {NO_VERDICT, UNCLEAR}
+        and set(single.seeds) == {1}
+    )
     assert single.ours[2] == "-"
 
 
-def test_curves_that_meet_do_so_from_the_size_on_at_which_they_are_the_same(laptop, make_row, power_law):
+def test_curves_that_meet_do_so_from_the_size_on_at_which_they_are_the_same(
+    laptop, make_row, power_law
+):
     def words(late):
-        rows = [make_row(t, power_law(t) if t.novice_minutes < 20 else late(t)) for t in laptop.figure3("system1")]
+        rows = [
+            make_row(t, power_law(t) if t.novice_minutes < 20 else late(t))
+            for t in laptop.figure3("system1")
+        ]
         return met(frame_of(rows), "system1").ours[0]
 
     assert words(lambda t: 0.1) == "with SIDM alike from 20 min on"
-    crossed = words(lambda t: 0.1 + 0.1 * (t.method == "sidm") * (t.novice_minutes > 20))
+    crossed = words(
+        lambda t: 0.1 + 0.1 * (t.method == "sidm") * (t.novice_minutes > 20)
+    )
     assert crossed == "with SIDM worse from 60 min on"
-    worse = frame_of(make_row(t, 1.0 + (t.method == "sidm")) for t in laptop.figure3("system1"))
+    worse = frame_of(
+        make_row(t, 1.0 + (t.method == "sidm")) for t in laptop.figure3("system1")
+    )
     assert met(worse, "system1").ours[0] == "with SIDM worse from 1 min on"

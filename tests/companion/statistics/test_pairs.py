@@ -13,14 +13,27 @@ from sidm.config import replace
 def frame(tiny, tmp_path, make_row):
     """Half the loss with SIDM, but for a seed that it does badly with."""
     study = Study(tiny, tmp_path, tmp_path)
-    losses = {"novice_only": [1.0, 2.0, 3.0], "sidm": [0.5, 1.0, 1.5], "mmd": [0.9, 2.1, 3.0]}
+    losses = {
+        "novice_only": [1.0, 2.0, 3.0],
+        "sidm": [0.5, 1.0, 1.5],
+        "mmd": [0.9, 2.1, 3.0],
+    }
     trials = study.points("system1", list(losses), [0.25, 0.75], seeds=3)
-    return frame_of(make_row(trial, losses[trial.method][trial.seed]) for trial in trials)
+    return frame_of(
+        make_row(trial, losses[trial.method][trial.seed]) for trial in trials
+    )
 
 
 def test_ratios_are_of_means_paired_by_seed(frame):
-    found = beside(frame[frame.method != "novice_only"], frame[frame.method == "novice_only"])
-    assert list(found.method) == ["sidm", "mmd"] * 2 and list(found.novice_minutes) == [0.25, 0.25, 0.75, 0.75]
+    found = beside(
+        frame[frame.method != "novice_only"], frame[frame.method == "novice_only"]
+    )
+    assert list(found.method) == ["sidm", "mmd"] * 2 and list(found.novice_minutes) == [
+        0.25,
+        0.25,
+        0.75,
+        0.75,
+    ]
     line = found.iloc[0]
     assert (line.seeds, line.reference, line["mean"], line.lower) == (3, 2.0, 1.0, 3)
     assert (line.ratio, line.low, line.high) == pytest.approx((0.5, 0.5, 0.5))
@@ -30,12 +43,18 @@ def test_ratios_are_of_means_paired_by_seed(frame):
 def test_seeds_that_one_side_lacks_are_left_out(frame):
     reference = frame[(frame.method == "novice_only") & (frame.seed == 1)]
     found = beside(frame[frame.method == "sidm"], reference)
-    assert set(found.seeds) == {1} and set(found.reference) == {2.0} and np.isnan(found.low).all()
+    assert (
+        set(found.seeds) == {1}
+        and set(found.reference) == {2.0}
+        and np.isnan(found.low).all()
+    )
     assert len(beside(frame[frame.method == "sidm"], reference[:0])) == 0
 
 
 def test_two_results_for_one_point_are_refused(frame):
-    with pytest.raises(ValueError, match="two rows of the same system, novice_minutes and seed"):
+    with pytest.raises(
+        ValueError, match="two rows of the same system, novice_minutes and seed"
+    ):
         beside(frame[frame.method == "sidm"], frame)
     with pytest.raises(ValueError, match="method and seed; take the rows of one grid"):
         twice = frame.loc[[*frame.index, frame.index[0]]]
@@ -46,8 +65,14 @@ def test_a_table_for_a_page_has_intervals_as_text(frame):
     found = beside(frame[frame.method == "sidm"], frame[frame.method == "novice_only"])
     page = written(found, reference="without", mean="with")
     assert list(page.columns) == [
-        "system", "novice data (min)", "method", "seeds", "without", "with", "ratio [95 % interval]"
-    ]  # fmt: skip
+        "system",
+        "novice data (min)",
+        "method",
+        "seeds",
+        "without",
+        "with",
+        "ratio [95 % interval]",
+    ]
     assert page.iloc[0, -1] == "0.5 [0.5, 0.5]"
 
 
@@ -60,11 +85,18 @@ def test_differences_are_of_pairs(frame):
 
 
 def test_sizes_are_taken_together_by_the_geometric_mean(frame):
-    """A half at one size and two at the other are one; a seed that lacks a size is left out."""
+    """A half at one size and two at the other are one; a seed that lacks a size is left
+    out."""
     sidm = frame[frame.method == "sidm"]
-    sidm = sidm.assign(validation_loss=sidm.validation_loss * np.where(sidm.novice_minutes > 0.5, 4, 1))
+    sidm = sidm.assign(
+        validation_loss=sidm.validation_loss * np.where(sidm.novice_minutes > 0.5, 4, 1)
+    )
     found = together(sidm, frame[frame.method == "novice_only"]).iloc[0]
-    assert found.ratio == pytest.approx(1) and found.seeds == 3 and found.sizes == (0.25, 0.75)
+    assert (
+        found.ratio == pytest.approx(1)
+        and found.seeds == 3
+        and found.sizes == (0.25, 0.75)
+    )
     less = sidm[(sidm.seed != 2) | (sidm.novice_minutes < 0.5)]
     assert together(less, frame[frame.method == "novice_only"]).seeds[0] == 2
     assert not len(together(sidm[:0], sidm))
@@ -73,9 +105,15 @@ def test_sizes_are_taken_together_by_the_geometric_mean(frame):
 def test_what_is_complete_is_kept(figure3_frame, figure3_rows, make_row):
     """Sizes that a method lacks go first, then seeds that lack one of the others."""
     found = complete(figure3_frame, "system1")
-    assert found.minutes.tolist() == [1, 2, 5, 20, 60, 120] and found.values.shape == (3, 2, 6)
+    assert found.minutes.tolist() == [1, 2, 5, 20, 60, 120] and found.values.shape == (
+        3,
+        2,
+        6,
+    )
     assert found.values[0, 0] == pytest.approx((4 * found.minutes) ** -0.5)
-    part = figure3_frame[(figure3_frame.method != "sidm") | (figure3_frame.novice_minutes != 60)]
+    part = figure3_frame[
+        (figure3_frame.method != "sidm") | (figure3_frame.novice_minutes != 60)
+    ]
     part = part[(part.seed != 2) | (part.novice_minutes != 5)]
     assert complete(part, "system1").minutes.tolist() == [1, 2, 5, 20, 120]
     assert complete(part, "system1").values.shape == (2, 2, 5)

@@ -6,7 +6,14 @@ import pytest
 
 from companion import Results, Study
 from companion.engine.frame import frame_of
-from companion.statistics.tables import COMPONENTS, component_errors, costs, overview, spread, wide
+from companion.statistics.tables import (
+    COMPONENTS,
+    component_errors,
+    costs,
+    overview,
+    spread,
+    wide,
+)
 from companion.studies import ablations
 from sidm.learning.observation import TARGET_SIZE
 
@@ -21,37 +28,71 @@ def test_spread_is_over_the_rows_of_a_key(trials, make_row):
     pairs = zip(trials[3:], (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), strict=True)
     rows = [make_row(trial, loss) for trial, loss in pairs]
     found = spread(frame_of(rows), ["system"])
-    assert found.values.tolist() == [["system1", 3, 2.0, 1.0, 3.0], ["system2", 3, 5.0, 4.0, 6.0]]
+    assert found.values.tolist() == [
+        ["system1", 3, 2.0, 1.0, 3.0],
+        ["system2", 3, 5.0, 4.0, 6.0],
+    ]
     assert list(found.columns) == ["system", "trials", "mean", "minimum", "maximum"]
     assert len(spread(frame_of([]), ["system"])) == 0
 
 
 def test_costs_are_by_system_and_method(trials, make_row):
-    rows = [make_row(trial) for trial in trials if trial.system == "system1"]  # of 12 s each
+    # of 12 s each
+    rows = [make_row(trial) for trial in trials if trial.system == "system1"]
     found = costs(frame_of(rows))
-    assert set(found.method) == {"sidm", "novice_only", "pretrain_finetune"} and found.trials.sum() == len(rows)
+    assert set(found.method) == {
+        "sidm",
+        "novice_only",
+        "pretrain_finetune",
+    } and found.trials.sum() == len(rows)
     assert set(found["mean (min)"]) == set(found["longest (min)"]) == {0.2}
 
 
 def test_component_errors_are_roots_of_mean_squares():
-    found = component_errors({"few": [[4.0] * TARGET_SIZE, [14.0] * TARGET_SIZE], "many": [[1.0] * TARGET_SIZE]})
+    found = component_errors(
+        {
+            "few": [[4.0] * TARGET_SIZE, [14.0] * TARGET_SIZE],
+            "many": [[1.0] * TARGET_SIZE],
+        }
+    )
     assert len(found) == len(COMPONENTS) + 1 == TARGET_SIZE + 1
     assert found.component[3] == "quaternion x" and found.unit[12] == "rad/s"
-    np.testing.assert_allclose(found[["few", "many"]][:-1].astype(float), [[3.0, 1.0]] * TARGET_SIZE)
-    assert found.few.iloc[-1] == 9 * TARGET_SIZE and len(component_errors({})) == TARGET_SIZE + 1
+    np.testing.assert_allclose(
+        found[["few", "many"]][:-1].astype(float), [[3.0, 1.0]] * TARGET_SIZE
+    )
+    assert (
+        found.few.iloc[-1] == 9 * TARGET_SIZE
+        and len(component_errors({})) == TARGET_SIZE + 1
+    )
 
 
-def test_an_overview_counts_what_is_stored_and_names_what_is_changed(figure3_rows, laptop, tmp_path):
+def test_an_overview_counts_what_is_stored_and_names_what_is_changed(
+    figure3_rows, laptop, tmp_path
+):
     store = Results(tmp_path)
     store.put(figure3_rows[0])
     lines = overview(store, ablations.p_expert(laptop, "system1"), laptop)
-    assert any("(p_expert=0.25)" in text for text in lines) and all("of 3" in text for text in lines)
-    assert "stored 1 of 3  stale 0  loss 0.5" in overview(store, laptop.figure3("system1"), laptop)[0]
+    assert any("(p_expert=0.25)" in text for text in lines) and all(
+        "of 3" in text for text in lines
+    )
+    assert (
+        "stored 1 of 3  stale 0  loss 0.5"
+        in overview(store, laptop.figure3("system1"), laptop)[0]
+    )
 
 
 def test_a_wide_table_has_rows_and_columns_in_their_order_and_a_dash_where_nothing_is():
-    long = pd.DataFrame({"size": [5, 5, 1], "method": ["sidm", "alone", "sidm"], "loss": ["0.3 [0, 1]", "0.4", "0.5"]})
+    long = pd.DataFrame(
+        {
+            "size": [5, 5, 1],
+            "method": ["sidm", "alone", "sidm"],
+            "loss": ["0.3 [0, 1]", "0.4", "0.5"],
+        }
+    )
     table = wide(long, ["size"], "method", "loss")
     assert table.columns.tolist() == ["size", "sidm", "alone"]
-    assert table.to_numpy().tolist() == [[5, "0.3 [0,\N{NO-BREAK SPACE}1]", "0.4"], [1, "0.5", "-"]]
+    assert table.to_numpy().tolist() == [
+        [5, "0.3 [0,\N{NO-BREAK SPACE}1]", "0.4"],
+        [1, "0.5", "-"],
+    ]
     assert len(wide(long[:0], ["size"], "method", "loss")) == 0

@@ -23,14 +23,17 @@ def rows(make_row):
 
 
 def line(table, method, minutes):
-    (found,) = table[(table.method == method) & (table.novice_minutes == minutes)].itertuples()
+    (found,) = table[
+        (table.method == method) & (table.novice_minutes == minutes)
+    ].itertuples()
     return found
 
 
 def test_a_line_a_method_and_size(rows):
     """Ratios are of the same seeds, so that what a seed makes of all is no noise."""
     table = baselines.table(frame_of(rows))
-    assert len(table) == (3 + len(BASELINES) - 1) * 2 + 1 + 1  # the expert alone once, and all data
+    # the expert alone once, and all data
+    assert len(table) == (3 + len(BASELINES) - 1) * 2 + 1 + 1
     order = list(METHODS)
     for one in table.itertuples():
         number = 1 + order.index(one.method)
@@ -54,11 +57,21 @@ def test_only_common_seeds_are_compared(rows):
 
 
 def test_costs_are_means_over_trials(rows):
-    mine = [row for row in rows if (row.trial.method, row.trial.novice_minutes) == ("sidm", 5)]
+    mine = [
+        row
+        for row in rows
+        if (row.trial.method, row.trial.novice_minutes) == ("sidm", 5)
+    ]
     one = line(baselines.table(frame_of(rows)), "sidm", 5)
-    assert one.samples == np.mean([row.outcome.samples + row.outcome.pretraining_samples for row in mine])
-    assert one.minutes == pytest.approx(np.mean([row.provenance.seconds for row in mine]) / 60)
-    paced = line(baselines.table(frame_of(mine), {"sidm": Pace(20.0, 10.0, 30.0)}), "sidm", 5)
+    assert one.samples == np.mean(
+        [row.outcome.samples + row.outcome.pretraining_samples for row in mine]
+    )
+    assert one.minutes == pytest.approx(
+        np.mean([row.provenance.seconds for row in mine]) / 60
+    )
+    paced = line(
+        baselines.table(frame_of(mine), {"sidm": Pace(20.0, 10.0, 30.0)}), "sidm", 5
+    )
     assert paced.minutes == pytest.approx(one.samples / 1000 * 20 / 60)
 
 
@@ -75,9 +88,15 @@ def test_the_figure_has_every_method(rows):
     labels = [method.label for name, method in METHODS.items() if name not in others]
     assert [text.get_text() for text in left.get_yticklabels()] == labels
     points = left.get_lines()[0]
-    assert sorted(points.get_xdata()) == pytest.approx([0.11 * (1 + k) for k in range(3 + len(BASELINES))])
+    assert sorted(points.get_xdata()) == pytest.approx(
+        [0.11 * (1 + k) for k in range(3 + len(BASELINES))]
+    )
     assert right.texts[0].get_text() == "no trials stored"
-    aim = next(line for line in left.get_lines() if line.get_label() == "without SIDM, 120 min")
+    aim = next(
+        line for line in left.get_lines() if line.get_label() == "without SIDM, 120 min"
+    )
     assert len(set(aim.get_xdata())) == 1 and aim.get_linestyle() == ":"
     here = baselines.figure(table, sizes, ["system2", "system1"]).axes[0]
-    assert [text.get_text() for text in here.get_yticklabels()] == labels, "names stand on an empty panel, too"
+    assert [text.get_text() for text in here.get_yticklabels()] == labels, (
+        "names stand on an empty panel, too"
+    )

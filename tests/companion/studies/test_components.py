@@ -13,20 +13,35 @@ from companion.studies import components
 def frame(tiny, tmp_path, make_row):
     """With SIDM the first component's loss is half, the others are the same."""
     rows = []
-    for trial in components.trials(Study(tiny.replace(seeds=3), tmp_path, tmp_path), "system1"):
+    for trial in components.trials(
+        Study(tiny.replace(seeds=3), tmp_path, tmp_path), "system1"
+    ):
         row, losses = make_row(trial), [1.0 + trial.seed] * 13
         if trial.method == "sidm":
             losses[0] /= 2
-        rows.append(dataclasses.replace(row, outcome=dataclasses.replace(row.outcome, component_losses=tuple(losses))))
+        rows.append(
+            dataclasses.replace(
+                row,
+                outcome=dataclasses.replace(
+                    row.outcome, component_losses=tuple(losses)
+                ),
+            )
+        )
     return frame_of(rows)
 
 
 def test_a_line_a_component_and_size(frame):
     table = components.table(frame)
-    assert len(table) == 2 * 13 and set(table.component) == set(components.NAMES) and set(table.seeds) == {3}
+    assert (
+        len(table) == 2 * 13
+        and set(table.component) == set(components.NAMES)
+        and set(table.seeds) == {3}
+    )
     first = table[table.component == "translation x"]
     assert list(first.ratio) == pytest.approx([0.5, 0.5])
-    assert list(table.ratio[table.component != "translation x"]) == pytest.approx([1.0] * 24)
+    assert list(table.ratio[table.component != "translation x"]) == pytest.approx(
+        [1.0] * 24
+    )
 
 
 def test_the_figure_numbers_what_lies_to_one_side(frame):

@@ -1,4 +1,5 @@
-"""The decisive experiment: its table, and its verdicts on made-up results, both ways."""
+"""The decisive experiment: its table, and its verdicts on made-up results, both
+ways."""
 
 import dataclasses
 
@@ -7,7 +8,13 @@ import pytest
 
 from companion import Results, Study
 from companion.engine.frame import frame_of
-from companion.statistics.claims import CONTRARY, DIRECTION, NO_VERDICT, NOT_SEEN, REPRODUCED
+from companion.statistics.claims import (
+    CONTRARY,
+    DIRECTION,
+    NO_VERDICT,
+    NOT_SEEN,
+    REPRODUCED,
+)
 from companion.statistics.data_ratio import data_ratio
 from companion.studies.decisive import design, figures, search, verdicts
 from companion.studies.decisive.design import FINETUNING, RECIPES, SEEDS, STEPS, arm
@@ -33,9 +40,11 @@ def chosen(monkeypatch):
 
 @pytest.fixture
 def make_results(study, chosen, make_row):
-    """Rows of both recipes by losses: `make_results(early, late)`, each a function of a trial.
+    """Rows of both recipes by losses: `make_results(early, late)`, each a function of a
+    trial.
 
-    The test loss falls to the early minimum, stays above it for longer than the released rule waits, and falls again.
+    The test loss falls to the early minimum, stays above it for longer than the
+    released rule waits, and falls again.
     """
 
     def row(trial, early, late):
@@ -48,9 +57,12 @@ def make_results(study, chosen, make_row):
         every = {f"every_{name}_loss": tuple(loss) for name in ("test", "validation")}
         every["every_training_loss"] = tuple(0.1 * loss)
         outcome = dataclasses.replace(
-            made.outcome, samples=count * SPACING, iterations=count * SPACING // (trial.training.batch * 64),
-            test_spacing=SPACING, **every,
-        )  # fmt: skip
+            made.outcome,
+            samples=count * SPACING,
+            iterations=count * SPACING // (trial.training.batch * 64),
+            test_spacing=SPACING,
+            **every,
+        )
         return dataclasses.replace(made, outcome=outcome)
 
     def make(early, late, seeds=SEEDS, **only):
@@ -58,26 +70,40 @@ def make_results(study, chosen, make_row):
         for recipe, caps in RECIPES.items():
             for system in ("system1", "system2"):
                 trials = arm(study, recipe, system, caps, seeds)
-                parts.append(frame_of(row(t, early(t, recipe), late(t, recipe)) for t in trials).assign(recipe=recipe))
+                parts.append(
+                    frame_of(
+                        row(t, early(t, recipe), late(t, recipe)) for t in trials
+                    ).assign(recipe=recipe)
+                )
         return verdicts.pd.concat(parts)
 
     return make
 
 
 def power(worth, level=1.0):
-    """Losses with which a method's data count so many times; seeds differ in what they share and otherwise."""
+    """Losses with which a method's data count so many times; seeds differ in what they
+    share and otherwise."""
 
     def loss(trial, recipe):
-        rng = np.random.default_rng([trial.seed, round(100 * trial.novice_minutes), len(trial.method)])
+        rng = np.random.default_rng(
+            [trial.seed, round(100 * trial.novice_minutes), len(trial.method)]
+        )
         noise = 1 + 0.02 * np.cos(trial.seed) + 0.005 * rng.standard_normal()
-        return level * noise * (worth.get((recipe, trial.method), 1.0) * trial.novice_minutes) ** -0.25
+        return (
+            level
+            * noise
+            * (worth.get((recipe, trial.method), 1.0) * trial.novice_minutes) ** -0.25
+        )
 
     return loss
 
 
 def line(table, verdict, system, method="sidm", minutes=5.0):
     (found,) = table[
-        (table.verdict == verdict) & (table.system == system) & (table.method == method) & (table.minutes == minutes)
+        (table.verdict == verdict)
+        & (table.system == system)
+        & (table.method == method)
+        & (table.minutes == minutes)
     ].itertuples()
     return found
 
@@ -85,7 +111,9 @@ def line(table, verdict, system, method="sidm", minutes=5.0):
 def test_the_table_plans_what_it_says(study, chosen):
     for step in STEPS:
         trials = [trial for trial in step.trials(study) if not trial.solved]
-        assert len(trials) == len({trial.key for trial in trials}) == step.trainings, step.name
+        assert len(trials) == len({trial.key for trial in trials}) == step.trainings, (
+            step.name
+        )
 
 
 def test_before_the_search_only_settings_are_unknown(study, monkeypatch):
@@ -96,86 +124,164 @@ def test_before_the_search_only_settings_are_unknown(study, monkeypatch):
 
 
 def test_nothing_stops_a_training_and_both_recipes_have_the_same_motion(study, chosen):
-    trials = [t for recipe, caps in RECIPES.items() for t in arm(study, recipe, "system1", caps, SEEDS)]
+    trials = [
+        t
+        for recipe, caps in RECIPES.items()
+        for t in arm(study, recipe, "system1", caps, SEEDS)
+    ]
     assert {t.motion for t in trials} == {"decisive"}
-    assert all(trial.training.patience == trial.training.max_samples for trial in trials)
+    assert all(
+        trial.training.patience == trial.training.max_samples for trial in trials
+    )
     assert len({tuple(t.datasets.values()) for t in trials}) == 1
     assert {t.training.validation_trajectories for t in trials} == {128}
     assert all(128 <= trial.datasets["validation"].count for trial in trials)
     own = {(t.novice_minutes, t.seed) for t in trials if t.method == "sidm"}
-    assert own <= {(t.novice_minutes, t.seed) for t in trials if t.method == "novice_only"}  # paired
+    # paired
+    assert own <= {
+        (t.novice_minutes, t.seed) for t in trials if t.method == "novice_only"
+    }
 
 
 def test_r_is_the_released_recipe(study):
     training = arm(study, "R", "system2", RECIPES["R"], [0])[0].training
     expected = dict(
-        batch=2, learning_rate=1e-4, weight_decay=1e-5, decay="l2", reduction="mean", units="raw", zero_gradients=True,
-        replacement=False, discriminator_draw="one", system_draw="iteration", matching_optimiser="shared",
-        prediction_iterations=100, discriminator_iterations=20, matching_iterations=20, p_expert=0.5,
-    )  # fmt: skip
+        batch=2,
+        learning_rate=1e-4,
+        weight_decay=1e-5,
+        decay="l2",
+        reduction="mean",
+        units="raw",
+        zero_gradients=True,
+        replacement=False,
+        discriminator_draw="one",
+        system_draw="iteration",
+        matching_optimiser="shared",
+        prediction_iterations=100,
+        discriminator_iterations=20,
+        matching_iterations=20,
+        p_expert=0.5,
+    )
     assert {name: getattr(training, name) for name in expected} == expected
     assert arm(study, "R", "system1", RECIPES["R"], [0])[0].training.p_expert == 0.75
-    assert arm(study, "R", "system1", RECIPES["R"], [0])[0].network.initialisation == "pytorch"
+    assert (
+        arm(study, "R", "system1", RECIPES["R"], [0])[0].network.initialisation
+        == "pytorch"
+    )
 
 
 def test_what_decides_most_is_run_first(study):
     trials = arm(study, "R", "system1", RECIPES["R"], SEEDS)
-    assert [t.novice_minutes for t in trials[:10]] == [5.0] * 10 and [t.seed for t in trials[:4]] == [0, 0, 1, 1]
+    assert [t.novice_minutes for t in trials[:10]] == [5.0] * 10 and [
+        t.seed for t in trials[:4]
+    ] == [0, 0, 1, 1]
     assert {t.novice_minutes for t in trials[10:30]} == {1.0, 20.0}
 
 
 def test_draws_are_the_same_everywhere():
     """What the stored search was run with, number by number."""
     assert search.draw("sidm", 7).changes == {
-        "initialisation": "pytorch", "batch": 4, "discriminator_batch": 4, "matching_batch": 4,
-        "learning_rate": 0.000486, "test_interval": 50, "weight_decay": 1.16e-06, "p_expert_system1": 0.79,
-        "p_expert_system2": 0.79, "matching_iterations": 94,
-    }  # fmt: skip
-    tuned = dict((name, value) for _, name, value in search.draw(FINETUNING, 9).changes["tuned"])
-    assert (tuned["learning_rate"], tuned["weight_decay"], tuned["batch"]) == (0.000237, 0.0126, 2)
+        "initialisation": "pytorch",
+        "batch": 4,
+        "discriminator_batch": 4,
+        "matching_batch": 4,
+        "learning_rate": 0.000486,
+        "test_interval": 50,
+        "weight_decay": 1.16e-06,
+        "p_expert_system1": 0.79,
+        "p_expert_system2": 0.79,
+        "matching_iterations": 94,
+    }
+    tuned = dict(
+        (name, value) for _, name, value in search.draw(FINETUNING, 9).changes["tuned"]
+    )
+    assert (tuned["learning_rate"], tuned["weight_decay"], tuned["batch"]) == (
+        0.000237,
+        0.0126,
+        2,
+    )
 
 
 def test_scores_are_by_least_squares_on_the_same_split(study, make_row):
     trials = search.first_search(study)
     hard = {trial.seed: 1 + trial.seed % 7 for trial in trials}  # how hard a split is
     good = {("sidm", 1004): 0.5, ("novice_only", 1003): 0.7}
-    rows = [make_row(t, hard[t.seed] * (1.0 if t.solved else good.get((t.method, t.seed), 0.9))) for t in trials]
+    rows = [
+        make_row(
+            t, hard[t.seed] * (1.0 if t.solved else good.get((t.method, t.seed), 0.9))
+        )
+        for t in trials
+    ]
     found = search.scores(frame_of(rows)).groupby("method").first()
-    assert found.score.to_dict() == pytest.approx({"sidm": 0.5, "novice_only": 0.7, FINETUNING: 0.9})
-    assert found.learning_rate["sidm"] == search.draw("sidm", 4).changes["learning_rate"]
+    assert found.score.to_dict() == pytest.approx(
+        {"sidm": 0.5, "novice_only": 0.7, FINETUNING: 0.9}
+    )
+    assert (
+        found.learning_rate["sidm"] == search.draw("sidm", 4).changes["learning_rate"]
+    )
 
 
 def test_a_saving_that_a_longer_training_takes_away(make_results):
-    """Under the released rule an SIDM saves what the paper says, at the end nothing: R and T alike."""
+    """Under the released rule an SIDM saves what the paper says, at the end nothing: R
+    and T alike."""
     worth = {("R", "sidm"): 20.0, ("T", "sidm"): 20.0, ("T", FINETUNING): 20.0}
-    table = verdicts.verdicts(make_results(power(worth), power({("T", FINETUNING): 10.0}, level=0.5)))
+    table = verdicts.verdicts(
+        make_results(power(worth), power({("T", FINETUNING): 10.0}, level=0.5))
+    )
     early, late = line(table, "R1", "system1"), line(table, "R2", "system1")
-    assert early.says == REPRODUCED and early.low < 20 < early.high and early.value == pytest.approx(20, rel=0.2)
+    assert (
+        early.says == REPRODUCED
+        and early.low < 20 < early.high
+        and early.value == pytest.approx(20, rel=0.2)
+    )
     assert line(table, "R1", "system2").says == DIRECTION  # 5 is not in it
     assert late.says == NOT_SEEN and late.low < 1 < late.high
-    assert line(table, "T1", "system1").says == REPRODUCED and line(table, "T2", "system1").says == NOT_SEEN
+    assert (
+        line(table, "T1", "system1").says == REPRODUCED
+        and line(table, "T2", "system1").says == NOT_SEEN
+    )
     tuning = line(table, "T2", "system2", FINETUNING)
     assert tuning.says == DIRECTION and tuning.value == pytest.approx(10, rel=0.2)
     small = table[table.verdict == "S"]
-    assert set(small[small.recipe == "R"].says) == {DIRECTION} and set(small[small.recipe == "T"].says) == {NOT_SEEN}
-    assert small[small.recipe == "R"].value.tolist() == pytest.approx([20**-0.25] * 4, rel=0.03)
+    assert set(small[small.recipe == "R"].says) == {DIRECTION} and set(
+        small[small.recipe == "T"].says
+    ) == {NOT_SEEN}
+    assert small[small.recipe == "R"].value.tolist() == pytest.approx(
+        [20**-0.25] * 4, rel=0.03
+    )
 
 
 def test_the_saving_shrinks_along_the_training(make_results, tmp_path):
-    """Early there is one, at the end none: the line ends where the point of the end lies."""
+    """Early there is one, at the end none: the line ends where the point of the end
+    lies."""
     worth = {(recipe, "sidm"): 4.0 for recipe in RECIPES}
     results = make_results(power(worth), power({}, level=0.5))
     table = figures.along(results)
-    line = table[(table.recipe == "R") & (table.system == "system1") & (table.quantity == "data")]
-    points, line = line[line.rule != ""].set_index("rule"), line[line.rule == ""].set_index("samples")
+    line = table[
+        (table.recipe == "R") & (table.system == "system1") & (table.quantity == "data")
+    ]
+    points, line = (
+        line[line.rule != ""].set_index("rule"),
+        line[line.rule == ""].set_index("samples"),
+    )
     assert line.value[line.index > 1e6].iloc[0] == pytest.approx(4, rel=0.1)
     assert set(points.index) == set(figures.MARKED)
-    assert line.value.iloc[-1] == pytest.approx(1, rel=0.1) == pytest.approx(points.value["the end"], rel=0.1)
+    assert (
+        line.value.iloc[-1]
+        == pytest.approx(1, rel=0.1)
+        == pytest.approx(points.value["the end"], rel=0.1)
+    )
     assert points.value["the released code's"] == pytest.approx(4, rel=0.1)
-    assert points.samples["this book's"] < points.samples["the released code's"] < points.samples["the end"]
+    assert (
+        points.samples["this book's"]
+        < points.samples["the released code's"]
+        < points.samples["the end"]
+    )
     figures.by_length(table).savefig(tmp_path / "length.png")
     drawn = figures.by_rule(results, "T", "system2")
-    assert [len(axes.lines) for axes in drawn.axes] == [3] * 4 and len(figures.by_length(table).axes) == 4
+    assert [len(axes.lines) for axes in drawn.axes] == [3] * 4 and len(
+        figures.by_length(table).axes
+    ) == 4
     assert not len(figures.along(results[:0]))
 
 
@@ -189,7 +295,9 @@ def test_harm_is_contrary(make_results):
 def test_too_few_seeds_have_no_verdict(make_results):
     table = verdicts.verdicts(make_results(power({}), power({}), seeds=range(2)))
     assert set(table.says) == {NO_VERDICT} and set(table.seeds) == {2}
-    assert not verdicts.verdicts(make_results(power({}), power({}), seeds=())).seeds.any()
+    assert not verdicts.verdicts(
+        make_results(power({}), power({}), seeds=())
+    ).seeds.any()
 
 
 SIZES = (1.0, 5.0, 20.0, 60.0, 120.0)
@@ -197,7 +305,8 @@ CURVE = np.array([0.5, 0.4, 0.3, 0.25, 0.2])
 
 
 def test_a_data_ratio_by_hand():
-    """A loss that training alone has between 5 and 20 min, in the middle of the logarithms: 10 min."""
+    """A loss that training alone has between 5 and 20 min, in the middle of the
+    logarithms: 10 min."""
     seeds = np.array([1, 1.1, 0.9])
     found = data_ratio(SIZES, seeds[:, None] * CURVE, seeds * np.sqrt(0.4 * 0.3), 5.0)
     assert found == pytest.approx((2.0, 2.0, 2.0))
@@ -207,9 +316,18 @@ def test_a_curve_that_does_not_get_there_is_a_bound_without_a_value():
     three = np.stack([CURVE] * 3)
     above = data_ratio(SIZES, three, np.array([0.19, 0.21, 0.22]), 5.0)
     assert np.isnan(above.value) and 10 < above.low < 24 and above.high == np.inf
-    assert judge(above) == DIRECTION and judge(above, 20.0) == REPRODUCED and judge(above, 5.0) == DIRECTION
+    assert (
+        judge(above) == DIRECTION
+        and judge(above, 20.0) == REPRODUCED
+        and judge(above, 5.0) == DIRECTION
+    )
     below = data_ratio(SIZES, three, np.array([0.6, 0.55, 0.49]), 5.0)
-    assert np.isnan(below.value) and below.low == 0 and below.high < 1 and judge(below) == CONTRARY
+    assert (
+        np.isnan(below.value)
+        and below.low == 0
+        and below.high < 1
+        and judge(below) == CONTRARY
+    )
     both = data_ratio(SIZES, three, np.array([0.6, 0.1, 0.3]), 5.0)
     assert judge(both) == NO_VERDICT
 
@@ -219,8 +337,16 @@ def test_progress_counts_trainings_and_their_hours(study, make_row, tmp_path):
     for trial in (*trials[:3], trials[-1]):
         store.put(make_row(trial))
     found = design.progress(study, store).set_index("step")
-    assert found.stored["0"] == 3 and found.planned.sum() == 358 and found.core_hours["0"] == pytest.approx(36 / 3600)
+    assert (
+        found.stored["0"] == 3
+        and found.planned.sum() == 358
+        and found.core_hours["0"] == pytest.approx(36 / 3600)
+    )
     lines, unknown = design.listed(study, store, trials)
-    assert lines[0].startswith("step 0: search, system 1: 3 of 40 trainings stored, 0.0 core-hours")
+    assert lines[0].startswith(
+        "step 0: search, system 1: 3 of 40 trainings stored, 0.0 core-hours"
+    )
     planned = sum(step.trainings for step in STEPS)
-    assert unknown == planned - sum(not trial.solved for step in STEPS for trial in step.trials(study))
+    assert unknown == planned - sum(
+        not trial.solved for step in STEPS for trial in step.trials(study)
+    )

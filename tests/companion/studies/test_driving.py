@@ -24,14 +24,21 @@ from tests.companion.conftest import kept, made
 def jobs(tiny, data, tmp_path_factory):
     """By driver; the model's is one of system 1 from the largest tiny dataset."""
     study = Study(tiny, data, tmp_path_factory.mktemp("results"))
-    trial, corrected = (study.trial("system1", method, 0.75) for method in ("sidm", "corrected"))
+    trial, corrected = (
+        study.trial("system1", method, 0.75) for method in ("sidm", "corrected")
+    )
     plain = dict(system="system1", episodes=(0,), longest=0.5)
     small = Planning(samples=3, elites=2, horizon=4, hold=2)
     return {
         "model": d.DriverTest(driver="model", trial=trial, planning=small, **plain),
-        "corrected": d.DriverTest(driver="model", trial=corrected, planning=small, **plain),
+        "corrected": d.DriverTest(
+            driver="model", trial=corrected, planning=small, **plain
+        ),
         "simulator": d.DriverTest(
-            driver="simulator", trial=None, planning=dataclasses.replace(small, replan=2), **plain
+            driver="simulator",
+            trial=None,
+            planning=dataclasses.replace(small, replan=2),
+            **plain,
         ),
         "straight": d.DriverTest(driver="straight", trial=None, planning=None, **plain),
     }
@@ -39,21 +46,45 @@ def jobs(tiny, data, tmp_path_factory):
 
 def test_every_size_and_method_is_driven_beside_a_floor_and_a_ceiling(tmp_path):
     jobs = d.jobs(Study("laptop", tmp_path, tmp_path), "system2")
-    assert [(job.trial.novice_minutes, job.trial.seed, job.trial.method) for job in jobs if job.trial] == [
-        (minutes, seed, method) for minutes in (1, 5, 60) for seed in range(3)
+    assert [
+        (job.trial.novice_minutes, job.trial.seed, job.trial.method)
+        for job in jobs
+        if job.trial
+    ] == [
+        (minutes, seed, method)
+        for minutes in (1, 5, 60)
+        for seed in range(3)
         for method in ("sidm", "novice_only", "corrected_averaged")
     ]
-    assert [(job.driver, len(job.episodes)) for job in jobs if not job.trial] == [("simulator", 10), ("straight", 50)]
-    of_one = [job.episodes for job in jobs if job.trial and job.trial.method == "sidm"][:3]
-    assert sorted(number for episodes in of_one for number in episodes) == list(range(50))
+    assert [(job.driver, len(job.episodes)) for job in jobs if not job.trial] == [
+        ("simulator", 10),
+        ("straight", 50),
+    ]
+    of_one = [job.episodes for job in jobs if job.trial and job.trial.method == "sidm"][
+        :3
+    ]
+    assert sorted(number for episodes in of_one for number in episodes) == list(
+        range(50)
+    )
     assert len({job.planning for job in jobs}) == 2  # one planner for all who plan
-    more = [job.episodes for job in d.jobs(Study("study", tmp_path, tmp_path), "system2", [1.0]) if job.trial]
-    assert sorted(sum(more, ())) == sorted(3 * [*range(50)])  # with ten seeds at 1 min in Figure 3
+    more = [
+        job.episodes
+        for job in d.jobs(Study("study", tmp_path, tmp_path), "system2", [1.0])
+        if job.trial
+    ]
+    # with ten seeds at 1 min in Figure 3
+    assert sorted(sum(more, ())) == sorted(3 * [*range(50)])
 
 
 def test_episodes_are_the_same_for_all_and_differ():
-    first, again, second = d.episode("system1", 0), d.episode("system1", 0), d.episode("system1", 1)
-    assert np.array_equal(first.heights, again.heights) and np.array_equal(first.goal, again.goal)
+    first, again, second = (
+        d.episode("system1", 0),
+        d.episode("system1", 0),
+        d.episode("system1", 1),
+    )
+    assert np.array_equal(first.heights, again.heights) and np.array_equal(
+        first.goal, again.goal
+    )
     assert not np.array_equal(first.heights, second.heights)
     away = [np.linalg.norm(d.episode("system1", number).goal) for number in range(20)]
     assert d.NEAREST <= min(away) < max(away) <= d.FARTHEST
@@ -66,16 +97,31 @@ def test_a_drive_is_stored_as_it_was(jobs, data, tmp_path, golden, driver):
     assert found.ended == ("time",) and found.seconds == pytest.approx((0.5,))
     path, goal = np.array(found.paths[0]), d.episode("system1", 0).goal
     assert path.shape == (6, 2)
-    assert found.length[0] == pytest.approx(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+    assert found.length[0] == pytest.approx(
+        np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
+    )
     assert found.left[0] == pytest.approx(np.linalg.norm(path[-1] - goal))
     plans = {"straight": 0, "simulator": 3}.get(driver, 2)
-    assert found.plans == plans and (0 < found.plan_seconds <= found.slowest_plan_seconds) == (plans > 0)
-    assert (found.surprise[0] > 0) == (job.trial is not None)  # a plan tried out in the simulator leads where it led
+    assert found.plans == plans and (
+        0 < found.plan_seconds <= found.slowest_plan_seconds
+    ) == (plans > 0)
+    # a plan tried out in the simulator leads where it led
+    assert (found.surprise[0] > 0) == (job.trial is not None)
     assert 0 < found.top_speed[0] < 5 and 0 < found.steepest[0] < 90
-    assert (found.validation_loss > 0) == (found.position_error > 0) == (job.trial is not None)
+    assert (
+        (found.validation_loss > 0)
+        == (found.position_error > 0)
+        == (job.trial is not None)
+    )
     assert 0 < found.throttle[0] <= 1
     names = ("validation_loss", "position_error", "left", "throttle")
-    golden.hold(f"driving, {driver}", "driving", {name: getattr(found, name) for name in names}, rel=0.05, abs=0.02)
+    golden.hold(
+        f"driving, {driver}",
+        "driving",
+        {name: getattr(found, name) for name in names},
+        rel=0.05,
+        abs=0.02,
+    )
     assert kept(d.records(tmp_path), found)
 
 
@@ -84,12 +130,17 @@ def test_a_model_is_trained_once(jobs, data, monkeypatch):
     first = models.model_of(jobs["model"].trial, data)
     monkeypatch.setattr(models, "perform", None)
     again = models.model_of(jobs["model"].trial, data)
-    assert all(torch.equal(a, b) for a, b in zip(first.parameters(), again.parameters(), strict=True))
+    assert all(
+        torch.equal(a, b)
+        for a, b in zip(first.parameters(), again.parameters(), strict=True)
+    )
 
 
 def test_trying_out_leaves_the_simulator_where_it_was():
     """And leads where the steps lead."""
-    actions = torch.tensor([[[0.5, 0.2], [0.5, 0.2]], [[-0.3, 0.0], [0.1, 0.9]]], dtype=torch.float64)
+    actions = torch.tensor(
+        [[[0.5, 0.2], [0.5, 0.2]], [[-0.3, 0.0], [0.1, 0.9]]], dtype=torch.float64
+    )
     one = d.episode("system1", 0)
     with Simulator(d.find_system("system1").novice, one.heights) as simulator:
         simulator.reset()
@@ -98,14 +149,20 @@ def test_trying_out_leaves_the_simulator_where_it_was():
         assert np.allclose(simulator.state, before, atol=1e-9)
         for action in actions[0].numpy():
             simulator.step(action)
-        assert np.allclose(tried[0, -1], simulator.state, atol=1e-6) and np.allclose(tried[:, 0], before, atol=1e-9)
+        assert np.allclose(tried[0, -1], simulator.state, atol=1e-6) and np.allclose(
+            tried[:, 0], before, atol=1e-9
+        )
 
 
 class Toy:
-    """A robot on a line that is at the sum of the throttles so far, and falls over or is lost beyond 1 m."""
+    """A robot on a line that is at the sum of the throttles so far, and falls over or
+    is lost beyond 1 m."""
 
     def __init__(self, beyond: str) -> None:
-        self.state, self.beyond = np.array([0, 0, 0, 0, 0, 0, 1, *[0] * 6], float), beyond
+        self.state, self.beyond = (
+            np.array([0, 0, 0, 0, 0, 0, 1, *[0] * 6], float),
+            beyond,
+        )
 
     def save(self):
         return self.state
@@ -131,24 +188,36 @@ class Toy:
 @pytest.mark.parametrize("beyond", ["lost", "rollover"])
 def test_what_falls_over_or_is_lost_is_tried_no_further(beyond):
     """It stays where it was, upside down."""
-    actions = torch.tensor([[[0.8, 0], [0.8, 0], [0.8, 0]], [[0.1, 0], [0.1, 0], [0.1, 0]]], dtype=torch.float64)
+    actions = torch.tensor(
+        [[[0.8, 0], [0.8, 0], [0.8, 0]], [[0.1, 0], [0.1, 0], [0.1, 0]]],
+        dtype=torch.float64,
+    )
     tried = try_out(Toy(beyond), actions).numpy()
-    assert np.isfinite(tried).all() and tried[1, :, 0] == pytest.approx([0, 0.1, 0.2, 0.3])
+    assert np.isfinite(tried).all() and tried[1, :, 0] == pytest.approx(
+        [0, 0.1, 0.2, 0.3]
+    )
     assert tried[0, 2:, 3].tolist() == [1, 1] and tried[0, 3, 0] == tried[0, 2, 0]
 
 
 def test_a_ride_whose_numbers_are_lost_ends_there():
-    """And is kept up to then; one that falls over within reach of its goal has not arrived."""
+    """And is kept up to then; one that falls over within reach of its goal has not
+    arrived."""
     toy = Toy("lost")
     driver = Driver(np.array([3.0, 0.0]))  # 0.6 of throttle, straight ahead
     lost = ride(toy, driver, toy, 2.0)
-    assert lost.ended == "unstable" and len(lost.actions) == 2 and np.isfinite(lost.states).all()
+    assert (
+        lost.ended == "unstable"
+        and len(lost.actions) == 2
+        and np.isfinite(lost.states).all()
+    )
     toy = Toy("rollover")
     toy.ended = lambda state: "rollover" if state[3] == 1 else None
     assert ride(toy, Driver(np.array([1.5, 0.0])), toy, 2.0).ended == "rollover"
 
 
-def driven(about: d.DriverTest, arrived: int, episodes: int = 10, seed: int = 0) -> d.Driven:
+def driven(
+    about: d.DriverTest, arrived: int, episodes: int = 10, seed: int = 0
+) -> d.Driven:
     """Made up: so many arrive, the others are stuck."""
     path = tuple((0.1 * k, 0.05 * k) for k in range(30))
     numbers = tuple(range(seed, 3 * episodes, 3))
@@ -188,12 +257,29 @@ def made_up(jobs):
 def test_scores_are_shares_and_medians(made_up):
     every = list(scores(frame_of(made_up)).itertuples())
     best, floor = every[2], every[4]
-    assert (best.method, best.novice_minutes, floor.driver) == ("sidm", 0.75, "straight")
+    assert (best.method, best.novice_minutes, floor.driver) == (
+        "sidm",
+        0.75,
+        "straight",
+    )
     assert (best.models, best.episodes, best.arrived) == (3, 30, 0.9)
     assert 0.74 < best.low < 0.75 and 0.96 < best.high < 0.97  # Wilson's
-    assert best.seconds == 4 and best.detour == pytest.approx(1.1) and best.ends == "stuck 3" and best.length == 6.6
-    assert (best.often, best.seldom) == pytest.approx((12.5, 10)) and (floor.often, floor.seldom) == (0, 0)
-    assert floor.arrived == 0 and np.isnan(floor.seconds) and floor.ends == "stuck 10" and floor.models == 0
+    assert (
+        best.seconds == 4
+        and best.detour == pytest.approx(1.1)
+        and best.ends == "stuck 3"
+        and best.length == 6.6
+    )
+    assert (best.often, best.seldom) == pytest.approx((12.5, 10)) and (
+        floor.often,
+        floor.seldom,
+    ) == (0, 0)
+    assert (
+        floor.arrived == 0
+        and np.isnan(floor.seconds)
+        and floor.ends == "stuck 10"
+        and floor.models == 0
+    )
     assert np.isnan(floor.surprise) and best.surprise == pytest.approx(0.1)
 
 
@@ -202,48 +288,77 @@ def test_claims_pair_seeds(made_up):
     found = claims(table(frame_of(made_up)))
     assert found.value.tolist() == pytest.approx([-0.2, 0.0])
     assert found.verdict.tolist() == ["In the same direction", "Not seen"]
-    assert not any(len(claims(table(frame_of(some)))) for some in (made_up[:1], []))  # of one side, of none
+    # of one side, of none
+    assert not any(len(claims(table(frame_of(some)))) for some in (made_up[:1], []))
 
 
 @pytest.mark.parametrize(
     ("pairs", "more", "chance", "verdict"),
     [
-        (((17, 3), (8, 8), (0, 0)), 14, 2**-13, "Not seen"), (((9, 7), (9, 7)), 4, 0.125, "No verdict"),
+        (((17, 3), (8, 8), (0, 0)), 14, 2**-13, "Not seen"),
+        (((9, 7), (9, 7)), 4, 0.125, "No verdict"),
         (((0, 0),) * 3, 0, 1, "Not seen"),
     ],
-)  # fmt: skip
+)
 def test_one_model_that_differs_makes_no_verdict(jobs, pairs, more, chance, verdict):
-    """Of three, by however many episodes; nor do two that differ alike, nor models that never arrive."""
-    trials = [jobs["model"].trial.replace(method=method) for method in ("sidm", "novice_only")]
-    found = table(frame_of(
-        driven(dataclasses.replace(jobs["model"], trial=trial), count, 17, seed)
-        for seed, pair in enumerate(pairs)
-        for trial, count in zip(trials, pair, strict=True)
-    ))  # fmt: skip
+    """Of three, by however many episodes; nor do two that differ alike, nor models that
+    never arrive."""
+    trials = [
+        jobs["model"].trial.replace(method=method) for method in ("sidm", "novice_only")
+    ]
+    found = table(
+        frame_of(
+            driven(dataclasses.replace(jobs["model"], trial=trial), count, 17, seed)
+            for seed, pair in enumerate(pairs)
+            for trial, count in zip(trials, pair, strict=True)
+        )
+    )
     one = rivals(found).iloc[0]
     assert (one.more, one.fewer) == (more, 0) and one.chance == pytest.approx(chance)
     judged = claims(found)
-    assert judged.verdict[0] == verdict and len(judged) == 1 + (pairs[0][0] > 0)  # no goal, no time
+    # no goal, no time
+    assert judged.verdict[0] == verdict and len(judged) == 1 + (pairs[0][0] > 0)
 
 
 def test_models_stand_beside_floor_and_ceiling(made_up):
-    """Of the episodes that both drove, here every third; and those with SIDM beside those without."""
+    """Of the episodes that both drove, here every third; and those with SIDM beside
+    those without."""
     found = rivals(table(frame_of(made_up)))
     assert len(found) == 4 * 2 + 2
-    best = found[(found.method == "sidm") & (found.novice_minutes == 0.75)].set_index("other")
-    floor, ceiling = best.loc["straight to the goal"], best.loc["planned in the simulator"]
-    assert (floor.episodes, floor.more, floor.fewer, floor.both) == (10, 9, 0, 0) and np.isnan(floor.sooner)
+    best = found[(found.method == "sidm") & (found.novice_minutes == 0.75)].set_index(
+        "other"
+    )
+    floor, ceiling = (
+        best.loc["straight to the goal"],
+        best.loc["planned in the simulator"],
+    )
+    assert (floor.episodes, floor.more, floor.fewer, floor.both) == (
+        10,
+        9,
+        0,
+        0,
+    ) and np.isnan(floor.sooner)
     assert (ceiling.more, ceiling.fewer, ceiling.chance) == (0, 1, 1)
-    assert ceiling.both == 9 and (ceiling.sooner, ceiling.low, ceiling.high) == (0, 0, 0)
+    assert ceiling.both == 9 and (ceiling.sooner, ceiling.low, ceiling.high) == (
+        0,
+        0,
+        0,
+    )
     assert best.more["without SIDM, 0.75 min"] == 6
     apart = [one for one in made_up if not one.about.trial or one.about.trial.seed == 1]
-    assert set(rivals(table(frame_of(apart))).other) == {"without SIDM, 0.25 min", "without SIDM, 0.75 min"}
+    assert set(rivals(table(frame_of(apart))).other) == {
+        "without SIDM, 0.25 min",
+        "without SIDM, 0.75 min",
+    }
 
 
 def test_figures_draw_all_drivers(made_up):
     frame = frame_of(made_up)
     left, right = figure(scores(frame)).axes
-    assert [line[0].get_ydata().tolist() for line in left.containers] == [[0.4, 0.9], [0.2, 0.7]]
+    assert [line[0].get_ydata().tolist() for line in left.containers] == [
+        [0.4, 0.9],
+        [0.2, 0.7],
+    ]
     assert right.texts[0].get_text() == "no trials stored"
     panels = paths_figure(table(frame), "system1").axes
     assert len(panels) == SHOWN and len(panels[0].get_lines()) == 6
@@ -251,9 +366,14 @@ def test_figures_draw_all_drivers(made_up):
     assert driving_film(table(frame), "system1")[:6] == b"GIF89a"
     with pytest.raises(ValueError, match="no driver of system2"):
         driving_film(table(frame), "system2")
-    assert not len(scores(frame[:0])) and paths_figure(table(frame[:0]), "system1").axes[0].texts
+    assert (
+        not len(scores(frame[:0]))
+        and paths_figure(table(frame[:0]), "system1").axes[0].texts
+    )
 
 
 def test_a_drive_has_an_episode(jobs):
-    with pytest.raises(ConfigError, match=r"DriverTest.episodes must be numbers from 0 on, not \(\)"):
+    with pytest.raises(
+        ConfigError, match=r"DriverTest.episodes must be numbers from 0 on, not \(\)"
+    ):
         dataclasses.replace(jobs["straight"], episodes=())

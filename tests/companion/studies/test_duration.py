@@ -11,6 +11,7 @@ from companion.studies import duration
 @pytest.fixture
 def every(tmp_path, make_row) -> pd.DataFrame:
     """As the authors train a quarter of the data is saved, as this book trains none."""
+
     def loss(trial) -> float:
         slow, alone = trial.training.batch == 2, trial.method == "novice_only"
         return 2 / (trial.novice_minutes / (4 if slow and alone else 1)) ** 0.5
@@ -22,16 +23,23 @@ def every(tmp_path, make_row) -> pd.DataFrame:
 def test_the_two_ways_to_train_are_told_apart(every):
     table = duration.table(every)
     sizes = table.groupby("trained").novice_minutes.apply(set)
-    assert sizes[duration.THEIRS] == set(duration.RELEASED_SEEDS["sidm"]) and sizes[duration.OURS] == {5.0}
+    assert sizes[duration.THEIRS] == set(duration.RELEASED_SEEDS["sidm"]) and sizes[
+        duration.OURS
+    ] == {5.0}
     theirs = duration.theirs(every)
-    assert len(theirs) == (table.trained == duration.THEIRS).sum() and set(theirs.batch) == {2}
+    assert len(theirs) == (table.trained == duration.THEIRS).sum() and set(
+        theirs.batch
+    ) == {2}
 
 
 def test_losses_by_size_stand_beside_figure_3(every, tmp_path):
-    """Left as the authors train: without SIDM it takes four times the data; right nothing where nothing is stored."""
+    """Left as the authors train: without SIDM it takes four times the data; right
+    nothing where nothing is stored."""
     figure = duration.by_size(every, every[:0])
     left, right = figure.axes
     curves = {line.get_label(): line.get_xydata() for line in left.lines}
-    assert [minutes for minutes, _ in curves["with SIDM"]] == sorted(duration.RELEASED_SEEDS["sidm"])
+    assert [minutes for minutes, _ in curves["with SIDM"]] == sorted(
+        duration.RELEASED_SEEDS["sidm"]
+    )
     assert curves["without SIDM"][:, 1] == pytest.approx(2 * curves["with SIDM"][:, 1])
     assert not right.lines and right.texts[0].get_text() == "no trials stored"

@@ -1,4 +1,5 @@
-"""How far expert and novice go apart: the components by hand, a measurement, and what is stored."""
+"""How far expert and novice go apart: the components by hand, a measurement, and what
+is stored."""
 
 from concurrent.futures import ThreadPoolExecutor
 
@@ -13,7 +14,8 @@ from tests.companion.conftest import RESULTS
 
 
 def test_components_are_told_in_the_frame_of_the_start():
-    """A metre along the heading is forward, whatever the heading; a turn across the back of the circle goes on."""
+    """A metre along the heading is forward, whatever the heading; a turn across the
+    back of the circle goes on."""
     yaw = 3.0
     states = np.zeros((3, 13))
     for number, turn in enumerate((0.0, 0.1, 0.3)):
@@ -26,29 +28,44 @@ def test_components_are_told_in_the_frame_of_the_start():
 
 
 def test_a_pair_is_measured_from_the_same_starts(tmp_path):
-    """The robots part with time; the same again, whatever the number of starts that a worker drives."""
+    """The robots part with time; the same again, whatever the number of starts that a
+    worker drives."""
     with ThreadPoolExecutor(1) as executor:
         gap.measure(executor, tmp_path, ["system1"], starts=3)
     table = gap.table(tmp_path)
     forward = table[table.component == "forward"].set_index("time")
-    assert forward.gap[2.5] > forward.gap[0.5] > 0 and len(table) == len(gap.COMPONENTS) * gap.STEPS
+    assert (
+        forward.gap[2.5] > forward.gap[0.5] > 0
+        and len(table) == len(gap.COMPONENTS) * gap.STEPS
+    )
     one = gap.drives("system1", [1])
     both = gap.drives("system1", [0, 1])
     assert np.array_equal(one[:, 0], both[:, 1]) and not np.array_equal(one[0], one[1])
-    assert not len(gap.table(tmp_path / "nothing")) and gap.figure(gap.table(tmp_path / "nothing")).axes[0].texts
+    assert (
+        not len(gap.table(tmp_path / "nothing"))
+        and gap.figure(gap.table(tmp_path / "nothing")).axes[0].texts
+    )
 
 
-@pytest.mark.parametrize(("study", "kind"), [(gap, "free_struts"), (overlap, "simulation"), (payoff, "free_struts")])
+@pytest.mark.parametrize(
+    ("study", "kind"),
+    [(gap, "free_struts"), (overlap, "simulation"), (payoff, "free_struts")],
+)
 def test_what_is_stored_is_of_todays_physics(study, kind):
     again = f"again: python -m {study.__name__}"
     assert read_record(RESULTS / study.NAME)["numerics"] == versions(kind), again
 
 
 def test_robots_drive_sensibly():
-    """Free struts make no robot leap: nothing moves up or down by more than the rocks are high, in the mean."""
+    """Free struts make no robot leap: nothing moves up or down by more than the rocks
+    are high, in the mean."""
     table = gap.table(RESULTS)
     assert set(table.system) == {*SYSTEMS, *FREE_SYSTEMS}
     up = table[table.component == "up"]
     assert (up.gap < 0.2).all() and (up.spread < 0.2).all()
-    marks = [line for line in gap.figure(table).axes[0].get_lines() if len(line.get_xdata()) == len(gap.COMPONENTS)]
+    marks = [
+        line
+        for line in gap.figure(table).axes[0].get_lines()
+        if len(line.get_xdata()) == len(gap.COMPONENTS)
+    ]
     assert len(marks) == 4

@@ -30,13 +30,19 @@ def test_features_far_apart_are(pair):
     assert latents.told_apart(apart, LogisticRegression()) == 1.0
     assert latents.squared_mmd(*apart) > 0.5
     novice, expert = map(np.array, latents.picture(*apart))
-    assert novice.shape == (latents.PICTURED, 2) and abs(novice.mean(0) - expert.mean(0))[0] > 1
+    assert (
+        novice.shape == (latents.PICTURED, 2)
+        and abs(novice.mean(0) - expert.mean(0))[0] > 1
+    )
 
 
 def test_only_whole_trajectories_are_held_out(pair):
     """A mark of single trajectories, not of systems, does not help the classifier."""
     marks = np.random.default_rng(4).normal(size=(2, 40, 1, 30)).repeat(8, axis=2)
-    assert latents.told_apart(np.concatenate([pair, marks], -1), LogisticRegression()) < 0.7
+    assert (
+        latents.told_apart(np.concatenate([pair, marks], -1), LogisticRegression())
+        < 0.7
+    )
 
 
 def test_mmd_is_that_of_its_definition(pair):
@@ -47,8 +53,12 @@ def test_mmd_is_that_of_its_definition(pair):
     width = np.median([((a - b) ** 2).sum() for a in x for b in y])
 
     def mean(one, other, same):
-        terms = [np.exp(-((a - b) ** 2).sum() / width) for i, a in enumerate(one) for j, b in enumerate(other)
-                 if not (same and i == j)]  # fmt: skip
+        terms = [
+            np.exp(-((a - b) ** 2).sum() / width)
+            for i, a in enumerate(one)
+            for j, b in enumerate(other)
+            if not (same and i == j)
+        ]
         return np.mean(terms)
 
     wanted = mean(x, x, True) + mean(y, y, True) - 2 * mean(x, y, False)
@@ -56,39 +66,68 @@ def test_mmd_is_that_of_its_definition(pair):
 
 
 def test_a_trial_is_diagnosed_and_stored(study, data, tmp_path, golden):
-    """On data that its model has not seen; what comes back is what was stored, and damage is named."""
+    """On data that its model has not seen; what comes back is what was stored, and
+    damage is named."""
     trial = measure.jobs(study, "system1")[0]
     write_motion(data, measure.held_out_expert(trial))
     found = measure.measure(trial, data)
     assert found.validation_loss == run_trial(trial, data).outcome.validation_loss
     assert found.a_distance == pytest.approx(max(0, 4 * found.network_accuracy - 2))
     assert 0 <= found.discriminator_accuracy <= 1 and not found.provenance.stale
-    names = ("linear_accuracy", "network_accuracy", "raw_accuracy", "mmd", *results.CROSSED)
-    golden.hold("diagnosis", "diagnosis", {name: getattr(found, name) for name in names}, rel=0.05, abs=0.02)
+    names = (
+        "linear_accuracy",
+        "network_accuracy",
+        "raw_accuracy",
+        "mmd",
+        *results.CROSSED,
+    )
+    golden.hold(
+        "diagnosis",
+        "diagnosis",
+        {name: getattr(found, name) for name in names},
+        rel=0.05,
+        abs=0.02,
+    )
     store = measure.records(tmp_path)
     store.put(found)
     frame = store.frame([trial])
     assert frame.mmd[0] == pytest.approx(found.mmd, rel=1e-5) and not frame.stale[0]
-    (line,) = results.table(frame, [*results.ALIKE, *results.CROSSED]).itertuples(index=False)
+    (line,) = results.table(frame, [*results.ALIKE, *results.CROSSED]).itertuples(
+        index=False
+    )
     assert line[:4] == ("system1", 0.25, "sidm", 1)
-    assert line[4:] == pytest.approx([getattr(found, name) for name in (*results.ALIKE, *results.CROSSED)], rel=1e-5)
-    assert len(results.figure(frame).axes) == 1 and results.figure(frame[:0]).axes[0].texts
+    assert line[4:] == pytest.approx(
+        [getattr(found, name) for name in (*results.ALIKE, *results.CROSSED)], rel=1e-5
+    )
+    assert (
+        len(results.figure(frame).axes) == 1 and results.figure(frame[:0]).axes[0].texts
+    )
     (drawn,) = results.crossed_figure(frame, ["system1"]).axes[0].get_lines()
-    assert list(drawn.get_ydata()) == pytest.approx([getattr(found, name) for name in results.CROSSED], rel=1e-5)
-    assert results.crossed_figure(frame[:0], ["system1"]).axes[0].texts[0].get_text() == "no trials stored"
+    assert list(drawn.get_ydata()) == pytest.approx(
+        [getattr(found, name) for name in results.CROSSED], rel=1e-5
+    )
+    assert (
+        results.crossed_figure(frame[:0], ["system1"]).axes[0].texts[0].get_text()
+        == "no trials stored"
+    )
 
 
 def test_one_systems_parts_are_crossed_with_the_others(small_network, make_motion):
     """The novice's own give its loss; other parts give others."""
     model, motion = DynamicsModel(small_network), make_motion(3)
-    losses = {(e, g): latents.crossed_loss(model, motion, e, g) for e in ROLES for g in ROLES}
+    losses = {
+        (e, g): latents.crossed_loss(model, motion, e, g) for e in ROLES for g in ROLES
+    }
     for role in ROLES:
-        assert losses[role, role] == pytest.approx(float(validation_loss(model, motion, role).sum()), rel=1e-5)
+        assert losses[role, role] == pytest.approx(
+            float(validation_loss(model, motion, role).sum()), rel=1e-5
+        )
     assert len(set(losses.values())) == 4
 
 
 def test_what_is_held_out_was_not_learnt_from(study, data, monkeypatch):
-    """The latents are those of the expert's trajectories after the trial's, and of the validation set."""
+    """The latents are those of the expert's trajectories after the trial's, and of the
+    validation set."""
     trial = measure.jobs(study, "system1")[1]
     write_motion(data, measure.held_out_expert(trial))
     seen, true = {}, measure.latents_of
@@ -102,8 +141,12 @@ def test_what_is_held_out_was_not_learnt_from(study, data, monkeypatch):
     library = Library(data)
     learnt = library.motion(trial, "expert").inputs
     assert len(seen["expert"]) == trial.datasets["validation"].count
-    assert not any(torch.equal(one, other) for one in seen["expert"].inputs for other in learnt)
-    assert torch.equal(seen["novice"].inputs, library.motion(trial, "validation").inputs)
+    assert not any(
+        torch.equal(one, other) for one in seen["expert"].inputs for other in learnt
+    )
+    assert torch.equal(
+        seen["novice"].inputs, library.motion(trial, "validation").inputs
+    )
 
 
 def test_a_novice_alone_has_nothing_to_compare(study, data):

@@ -1,4 +1,5 @@
-"""How far two robots' answers lie apart, on made-up motion, and what is saved beside it."""
+"""How far two robots' answers lie apart, on made-up motion, and what is saved beside
+it."""
 
 import numpy as np
 import pandas as pd
@@ -10,8 +11,15 @@ from sidm.storage import write_record
 from tests.companion.conftest import RESULTS
 
 
-def drive(seed: int, speed: float = 1.0, turning: float = 1.0, pieces: int = 60, steps: int = 40) -> Planar:
-    """A robot whose speed and yaw rate follow its two commands at once, by its own factors."""
+def drive(
+    seed: int,
+    speed: float = 1.0,
+    turning: float = 1.0,
+    pieces: int = 60,
+    steps: int = 40,
+) -> Planar:
+    """A robot whose speed and yaw rate follow its two commands at once, by its own
+    factors."""
     rng = np.random.default_rng(seed)
     actions = np.repeat(rng.uniform(-1, 1, (pieces, steps // 10, 2)), 10, axis=1)
     yaw = np.cumsum(np.pad(0.1 * turning * actions[..., 1], ((0, 0), (1, 0))), axis=1)
@@ -23,7 +31,8 @@ def drive(seed: int, speed: float = 1.0, turning: float = 1.0, pieces: int = 60,
 
 
 def test_a_command_is_told_by_what_it_leads_to():
-    """Twice as fast a robot has half the command for the same twist, so that both are alike in features."""
+    """Twice as fast a robot has half the command for the same twist, so that both are
+    alike in features."""
     slow, fast = (payoff.moments(drive(0, speed)) for speed in (1.0, 2.0))
     assert np.allclose(2 * slow.features[:, 3], fast.features[:, 3], atol=0.02)
     assert slow.features.shape == (60 * 27, 5) and slow.answers.shape == (60 * 27, 3)
@@ -35,7 +44,8 @@ def test_a_robot_of_the_same_kind_answers_as_well_as_the_novice_itself():
 
 
 def test_a_robot_that_slips_answers_worse(rng):
-    """Its way bends to the left as it drives, which neither velocity nor command tell."""
+    """Its way bends to the left as it drives, which neither velocity nor command
+    tell."""
     novice = drive(2)
     bent = np.linspace(0, 1, novice.poses.shape[1]) ** 2
     other = drive(1)
@@ -49,40 +59,84 @@ def results(system: str, **losses) -> pd.DataFrame:
     """Three seeds of methods' losses by minutes."""
     lines = [
         (system, method, minutes, seed, loss + seed / 1e4)
-        for method, some in losses.items() for minutes, loss in some.items() for seed in range(3)
-    ]  # fmt: skip
-    return pd.DataFrame(lines, columns=["system", "method", "novice_minutes", "seed", "validation_loss"])
+        for method, some in losses.items()
+        for minutes, loss in some.items()
+        for seed in range(3)
+    ]
+    return pd.DataFrame(
+        lines, columns=["system", "method", "novice_minutes", "seed", "validation_loss"]
+    )
 
 
 def test_savings_stand_beside_the_gap(tmp_path):
     """Made up: fine-tuning does with one minute what training alone does with four."""
-    write_record(tmp_path / payoff.NAME, {"found": {"system1": {
-        "displacement": 0.4, "heading": 0.9, "own_displacement": 0.1, "own_heading": 0.1}}})  # fmt: skip
+    write_record(
+        tmp_path / payoff.NAME,
+        {
+            "found": {
+                "system1": {
+                    "displacement": 0.4,
+                    "heading": 0.9,
+                    "own_displacement": 0.1,
+                    "own_heading": 0.1,
+                }
+            }
+        },
+    )
     gaps = payoff.gaps(tmp_path)
     assert gaps.gap.tolist() == pytest.approx([6.0])
-    frame = results("system1", novice_only={1.0: 4.0, 4.0: 2.0, 16.0: 1.0}, pretrain_finetune={1.0: 2.0, 4.0: 1.0})
-    bodies = results("no map", novice_only={1.0: 4.0, 4.0: 2.0}, sidm={1.0: 4.0, 4.0: 2.0})
-    saved = payoff.saved({"alike": Group(frame, 1.0), "unlike": Group(bodies, 1.0, pair="system1")})
+    frame = results(
+        "system1",
+        novice_only={1.0: 4.0, 4.0: 2.0, 16.0: 1.0},
+        pretrain_finetune={1.0: 2.0, 4.0: 1.0},
+    )
+    bodies = results(
+        "no map", novice_only={1.0: 4.0, 4.0: 2.0}, sidm={1.0: 4.0, 4.0: 2.0}
+    )
+    saved = payoff.saved(
+        {"alike": Group(frame, 1.0), "unlike": Group(bodies, 1.0, pair="system1")}
+    )
     found = payoff.table(gaps, saved).set_index(["kind", "method"])
     assert found.ratio["alike", "pretrain_finetune"] == pytest.approx(4, rel=0.01)
-    assert found.ratio["unlike", "sidm"] == pytest.approx(1, rel=0.01) and (found.gap == gaps.gap[0]).all()
+    assert (
+        found.ratio["unlike", "sidm"] == pytest.approx(1, rel=0.01)
+        and (found.gap == gaps.gap[0]).all()
+    )
     assert len(payoff.figure(found.reset_index()).axes) == 2
 
 
 def test_without_results_there_is_nothing_to_show(tmp_path):
     empty = results("system1", novice_only={1.0: 4.0})[:0]
-    found = payoff.table(payoff.gaps(tmp_path), payoff.saved({"none": Group(empty, 1.0)}))
+    found = payoff.table(
+        payoff.gaps(tmp_path), payoff.saved({"none": Group(empty, 1.0)})
+    )
     assert not len(found) and payoff.figure(found).axes
 
 
 def test_one_expert_of_the_family_stands_beside_training_alone():
     frame = results("system1", novice_only={1.0: 4.0}, sidm={1.0: 3.0})
-    ways = pd.DataFrame({"system": "system1", "experts": [payoff.MEMBER_ALONE, "2 experts"], "way": "all", "seed": 0,
-                         "novice_minutes": 1.0, "loss": [2.0, 1.0]})  # fmt: skip
+    ways = pd.DataFrame(
+        {
+            "system": "system1",
+            "experts": [payoff.MEMBER_ALONE, "2 experts"],
+            "way": "all",
+            "seed": 0,
+            "novice_minutes": 1.0,
+            "loss": [2.0, 1.0],
+        }
+    )
     found = payoff.family_of(frame, ways)
-    assert set(found.system) == {"family"} and sorted(found.method.unique()) == ["novice_only", "pretrain_finetune"]
+    assert set(found.system) == {"family"} and sorted(found.method.unique()) == [
+        "novice_only",
+        "pretrain_finetune",
+    ]
     assert found[found.method == "pretrain_finetune"].validation_loss.tolist() == [2.0]
 
 
 def test_every_kind_of_pair_is_stored():
-    assert set(payoff.gaps(RESULTS).pair) >= {"system1", "system2_free_struts", "family", "husky to warthog"}
+    assert set(payoff.gaps(RESULTS).pair) >= {
+        "system1",
+        "system2_free_struts",
+        "family",
+        "husky to warthog",
+    }

@@ -1,4 +1,5 @@
-"""Real robots: their recordings learnt by every method, judged by sessions that none has seen, and told as a table."""
+"""Real robots: their recordings learnt by every method, judged by sessions that none
+has seen, and told as a table."""
 
 import numpy as np
 import pytest
@@ -12,38 +13,66 @@ from sidm.config import ConfigError, replace
 from sidm.fitting.windows import learn_and_test, session_order, sessions_of
 from tests.companion.conftest import kept
 
-JOBS = {(job.expert, job.method): job for pair in m.PAIRS for job in m.jobs(Study("smoke"), pair, (4, 8), 1)}
+JOBS = {
+    (job.expert, job.method): job
+    for pair in m.PAIRS
+    for job in m.jobs(Study("smoke"), pair, (4, 8), 1)
+}
 
 
 def test_only_robots_of_one_body_are_asked_for_what_copies_weights():
-    assert ("husky", "pretrain_finetune") in JOBS and ("hunter", "pretrain_finetune") not in JOBS
+    assert ("husky", "pretrain_finetune") in JOBS and (
+        "hunter",
+        "pretrain_finetune",
+    ) not in JOBS
     assert ("hunter", "sidm") in JOBS and ("", "rotation_centres") in JOBS
 
 
-JUDGED = [("", "rotation_centres"), ("", "least_squares"), ("hunter", "sidm"), ("husky", "corrected")]
+JUDGED = [
+    ("", "rotation_centres"),
+    ("", "least_squares"),
+    ("hunter", "sidm"),
+    ("husky", "corrected"),
+]
 
 
 @pytest.mark.parametrize("job", JUDGED)
 def test_a_robot_is_learnt_judged_and_stored(job, tmp_path, golden):
     found = m.measure(JOBS[job])
-    assert len(found.loss) == len(found.minutes) == 2 and len(found.displacement[0]) == len(found.heading[0]) == 15
+    assert (
+        len(found.loss) == len(found.minutes) == 2
+        and len(found.displacement[0]) == len(found.heading[0]) == 15
+    )
     assert found.loss == pytest.approx([sum(parts) for parts in found.components])
-    figures = {"loss": found.loss, "displacement": [one[-1] for one in found.displacement]}
-    golden.hold(" ".join(filter(None, ("real robots", *job))), "fitting", figures, rel=0.1, abs=0.02)
+    figures = {
+        "loss": found.loss,
+        "displacement": [one[-1] for one in found.displacement],
+    }
+    golden.hold(
+        " ".join(filter(None, ("real robots", *job))),
+        "fitting",
+        figures,
+        rel=0.1,
+        abs=0.02,
+    )
     assert kept(m.records(tmp_path), found)
 
 
 def test_sessions_are_never_parted():
     windows = m.robot("warthog", 19)
     order = session_order(windows, 3)
-    learning, testing = (set(sessions_of(part)) for part in learn_and_test(windows, order[:12]))
+    learning, testing = (
+        set(sessions_of(part)) for part in learn_and_test(windows, order[:12])
+    )
     assert not learning & testing and learning | testing == set(order[:12])
     more, _ = learn_and_test(windows, order[:16])
     assert learning <= set(sessions_of(more))
 
 
 def test_the_stored_study_is_whole_and_its_table_pairs_the_seeds():
-    jobs = list(dict.fromkeys(job for pair in m.PAIRS for job in m.jobs(Study("laptop"), pair)))
+    jobs = list(
+        dict.fromkeys(job for pair in m.PAIRS for job in m.jobs(Study("laptop"), pair))
+    )
     frame = m.records("results").frame(jobs)
     assert len(frame) == len(jobs) and not frame.stale.any()
     table = r.table(frame)
@@ -53,39 +82,59 @@ def test_the_stored_study_is_whole_and_its_table_pairs_the_seeds():
 
 def test_a_study_is_asked_for_its_own_systems_alone(tmp_path):
     with pytest.raises(ConfigError, match="is about husky to warthog"):
-        registry.run("real-robots", load_preset("smoke"), "system1", 1, tmp_path, tmp_path)
+        registry.run(
+            "real-robots", load_preset("smoke"), "system1", 1, tmp_path, tmp_path
+        )
     assert registry.STUDIES["real-robots"].pairs == tuple(m.PAIRS)
 
 
 def test_jitter_is_found_in_a_smooth_path(rng):
-    """Noise of 2 cm, 1 cm and 0.01 rad on a curve of 20 steps; the curve itself is no jitter."""
+    """Noise of 2 cm, 1 cm and 0.01 rad on a curve of 20 steps; the curve itself is no
+    jitter."""
     windows, time = m.robot("warthog", 19)[:280], 0.1 * np.arange(20)
     yaw = np.tile(0.5 * time, (280, 1))
-    smooth = np.stack([2 * np.sin(yaw), 2 - 2 * np.cos(yaw), yaw, *np.zeros((3, 280, 20))], -1)
-    first, size = [replace(one, states=path) for one, path in zip(windows, smooth, strict=True)], (0.02, 0.01, 0.01)
+    smooth = np.stack(
+        [2 * np.sin(yaw), 2 - 2 * np.cos(yaw), yaw, *np.zeros((3, 280, 20))], -1
+    )
+    first, size = (
+        [replace(one, states=path) for one, path in zip(windows, smooth, strict=True)],
+        (0.02, 0.01, 0.01),
+    )
     assert jitter.jitter(first).max() < 1e-4
     forward, left, turn = (scale * rng.normal(size=yaw.shape) for scale in size)
     noisy = smooth.copy()
     noisy[..., 0] += np.cos(yaw) * forward - np.sin(yaw) * left
     noisy[..., 1] += np.sin(yaw) * forward + np.cos(yaw) * left
     noisy[..., 2] += turn
-    shaken = [replace(one, states=path) for one, path in zip(windows, noisy, strict=True)]
+    shaken = [
+        replace(one, states=path) for one, path in zip(windows, noisy, strict=True)
+    ]
     assert jitter.jitter(shaken) == pytest.approx(size, rel=0.1)
 
 
 def test_jitter_costs_at_least_half_of_what_it_costs_without_memory():
     found = jitter.floor(m.robot("warthog"))
     assert found.loss[1] == 2 * found.loss[0] and 0.1 < found.loss[0] < 0.2
-    assert 0.02 < found.displacement[0] < found.displacement[1] < 0.1 and found.heading[1] > found.heading[0]
+    assert (
+        0.02 < found.displacement[0] < found.displacement[1] < 0.1
+        and found.heading[1] > found.heading[0]
+    )
     floors = {"warthog": found.loss, "husky": jitter.floor(m.robot("husky")).loss}
     figure = r.figure(m.records("results").frame(), "loss", floors)
-    assert [line.get_text() for line in figure.axes[-1].get_legend().get_texts()][-1] == "jitter of the pose"
+    assert [line.get_text() for line in figure.axes[-1].get_legend().get_texts()][
+        -1
+    ] == "jitter of the pose"
 
 
 @pytest.mark.parametrize("method", ["least_squares", "differential_drive"])
 def test_a_stored_result_made_again_is_the_stored_one(method):
-    """All sizes of one seed, but for rounding; the recordings are all that they need."""
-    job = next(one for one in m.jobs(Study("laptop"), "husky to warthog") if (one.method, one.seed) == (method, 0))
+    """All sizes of one seed, but for rounding; the recordings are all that they
+    need."""
+    job = next(
+        one
+        for one in m.jobs(Study("laptop"), "husky to warthog")
+        if (one.method, one.seed) == (method, 0)
+    )
     stored, again = m.records("results").get(job), m.measure(job)
     assert again.minutes == pytest.approx(stored.minutes)
     assert again.loss == pytest.approx(stored.loss, rel=1e-3)

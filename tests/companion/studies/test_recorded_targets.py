@@ -9,7 +9,11 @@ from companion import METHODS, Study
 from companion.engine.frame import records_frame
 from companion.engine.records import key_of
 from companion.studies.recorded_targets import measure as e
-from companion.studies.recorded_targets.recorded import checksum_of, load_recorded, subsets
+from companion.studies.recorded_targets.recorded import (
+    checksum_of,
+    load_recorded,
+    subsets,
+)
 from companion.studies.recorded_targets.results import (
     SHOWN,
     WITHOUT,
@@ -41,7 +45,14 @@ def recordings(tmp_path_factory):
     for number in range(12):
         heights = generate_terrain(find_system("system1").terrain, number // 2)
         actions = np.tile(rng.uniform(-1, 1, 2), (STEPS, 1))
-        found.append(Drive(glide(heights, actions, rng).astype(float), actions, ROVER, Ground(heights, 0.1)))
+        found.append(
+            Drive(
+                glide(heights, actions, rng).astype(float),
+                actions,
+                ROVER,
+                Ground(heights, 0.1),
+            )
+        )
     write_drives(folder / "system1.npz", found, "made up")
     return folder
 
@@ -58,7 +69,10 @@ def data(tiny, tmp_path_factory):
 @pytest.fixture(scope="module")
 def jobs(tiny, data, recordings, tmp_path_factory):
     study = Study(tiny, data, tmp_path_factory.mktemp("results"))
-    return [dataclasses.replace(job, held_out=2) for job in e.jobs(study, "system1", recordings, [0.25])]
+    return [
+        dataclasses.replace(job, held_out=2)
+        for job in e.jobs(study, "system1", recordings, [0.25])
+    ]
 
 
 def test_every_method_and_proxy_has_its_training(jobs):
@@ -66,17 +80,27 @@ def test_every_method_and_proxy_has_its_training(jobs):
     assert [(job.method, job.proxy) for job in jobs] == list(e.METHODS_HERE)
     assert {job.training.p_expert for job in jobs if job.method == "sidm"} == {0.75}
     assert {job.training.test_interval for job in jobs if job.fit == "gradients"} == {5}
-    assert all((job.pretraining is not None) == METHODS[job.method].pretrained for job in jobs)
+    assert all(
+        (job.pretraining is not None) == METHODS[job.method].pretrained for job in jobs
+    )
     assert {job.method for job in jobs if job.fit == "least_squares"} == {
-        "least_squares", "least_squares_mirrored", "corrected", "corrected_averaged",
-    }  # fmt: skip
+        "least_squares",
+        "least_squares_mirrored",
+        "corrected",
+        "corrected_averaged",
+    }
     assert len({key_of(job) for job in jobs}) == len(jobs)
 
 
 def test_simulated_robots_are_driven_as_the_recorded_ones_were(jobs):
-    """Undone, the law of `bounded_noise` leaves shocks of the standard deviation that it prescribes."""
-    assert {one.collection.policy for job in jobs for one in job.datasets.values()} == {"bounded_noise"}
-    actions = np.stack([one.actions for one in read_drives("recordings/system1.npz", ROVER)])
+    """Undone, the law of `bounded_noise` leaves shocks of the standard deviation that
+    it prescribes."""
+    assert {one.collection.policy for job in jobs for one in job.datasets.values()} == {
+        "bounded_noise"
+    }
+    actions = np.stack(
+        [one.actions for one in read_drives("recordings/system1.npz", ROVER)]
+    )
     seen = np.arctanh(np.clip(actions, -1 + 1e-9, 1 - 1e-9))
     walk = (seen[:, 1:] - 0.8 * seen[:, :-1]) / 0.2
     shocks = walk[:, 1:] - 0.9 * walk[:, :-1]
@@ -84,19 +108,29 @@ def test_simulated_robots_are_driven_as_the_recorded_ones_were(jobs):
 
 
 @pytest.mark.parametrize("number", range(len(e.METHODS_HERE)))
-def test_a_transfer_is_trained_judged_and_stored(jobs, data, recordings, tmp_path, golden, number):
-    """Also as it is before any recorded data, where a pretraining makes that possible; kept bit for bit."""
+def test_a_transfer_is_trained_judged_and_stored(
+    jobs, data, recordings, tmp_path, golden, number
+):
+    """Also as it is before any recorded data, where a pretraining makes that possible;
+    kept bit for bit."""
     job, store = jobs[number], e.records(tmp_path)
     found = e.measure(job, data, recordings)
     assert found.minutes == ((0.0, 0.25) if job.pretraining else (0.25,))
-    for losses, whole in zip(found.component_losses, found.validation_loss, strict=True):
+    for losses, whole in zip(
+        found.component_losses, found.validation_loss, strict=True
+    ):
         assert sum(losses) == pytest.approx(whole) and len(losses) == 13
     assert {len(error) for error in found.position_error + found.heading_error} == {25}
     for pieces, whole in zip(found.piece_losses, found.validation_loss, strict=True):
         assert len(pieces) == 4 and np.mean(pieces) == pytest.approx(whole)
-    assert len(found.curve_samples) == len(found.seconds) == len(found.best_test_loss) == 1
+    assert (
+        len(found.curve_samples) == len(found.seconds) == len(found.best_test_loss) == 1
+    )
     assert 0 < found.best_samples[0] <= found.samples[0] and found.seconds[0] > 0
-    figures = {name: getattr(found, name) for name in ("validation_loss", "samples", "best_test_loss")}
+    figures = {
+        name: getattr(found, name)
+        for name in ("validation_loss", "samples", "best_test_loss")
+    }
     golden.hold(f"recorded, {job.method}, {job.proxy}", "elsewhere", figures, rel=0.05)
     assert store.get(job) is None
     assert kept(store, found)
@@ -106,11 +140,21 @@ def test_training_stopping_and_judging_have_grounds_of_their_own(recordings):
     """And of a seed fewer minutes are among more, in the same part."""
     found = load_recorded("system1", 2, 8, recordings)
     smaller, larger = (subsets(found, minutes, 0) for minutes in (0.25, 0.5))
-    grounds = [set(grounds_of(found.drives)[part.numpy()].tolist()) for part in (*larger, found.judging)]
-    assert not (grounds[0] & grounds[1] or grounds[0] & grounds[2] or grounds[1] & grounds[2])
+    grounds = [
+        set(grounds_of(found.drives)[part.numpy()].tolist())
+        for part in (*larger, found.judging)
+    ]
+    assert not (
+        grounds[0] & grounds[1] or grounds[0] & grounds[2] or grounds[1] & grounds[2]
+    )
     assert [len(part) for part in (*smaller, *larger)] == [1, 1, 4, 1]
-    assert all(set(few.tolist()) <= set(many.tolist()) for few, many in zip(smaller, larger, strict=True))
-    with pytest.raises(ConfigError, match=r"1 recorded minutes are 7 \+ 2 pieces, but 6 \+ 2 are there"):
+    assert all(
+        set(few.tolist()) <= set(many.tolist())
+        for few, many in zip(smaller, larger, strict=True)
+    )
+    with pytest.raises(
+        ConfigError, match=r"1 recorded minutes are 7 \+ 2 pieces, but 6 \+ 2 are there"
+    ):
         subsets(found, 1.0, 0)
 
 
@@ -123,52 +167,76 @@ def test_the_recordings_are_enough_for_every_seed(system):
 
 
 def test_other_recordings_are_refused(recordings):
-    with pytest.raises(RecordingError, match="has checksum .*, the training wants 0000"):
+    with pytest.raises(
+        RecordingError, match="has checksum .*, the training wants 0000"
+    ):
         load_recorded("system1", 2, 8, recordings, "0000")
 
 
 def test_a_checksum_is_of_what_recordings_hold(recordings, tmp_path):
-    """Not of their file: packed by another version they are the same, with another state or ground they are not."""
+    """Not of their file: packed by another version they are the same, with another
+    state or ground they are not."""
     found = read_drives(recordings / "system1.npz", ROVER)
     write_drives(tmp_path / "again.npz", found, "packed again")
     again = read_drives(tmp_path / "again.npz", ROVER)
-    assert (tmp_path / "again.npz").read_bytes() != (recordings / "system1.npz").read_bytes()
+    assert (tmp_path / "again.npz").read_bytes() != (
+        recordings / "system1.npz"
+    ).read_bytes()
     assert len(checksum_of(found)) == 16 and checksum_of(again) == checksum_of(found)
     higher = found[0].ground._replace(heights=found[0].ground.heights + 0.001)
-    other = replace(found[0], states=found[0].states + 1e-5), replace(found[0], ground=higher)
+    other = (
+        replace(found[0], states=found[0].states + 1e-5),
+        replace(found[0], ground=higher),
+    )
     assert len({checksum_of([one, *found[1:]]) for one in (found[0], *other)}) == 3
 
 
 @pytest.fixture
 def made_up(jobs):
-    """Records in which each method needs so many times less data than the recordings alone; loss 4 / data."""
+    """Records in which each method needs so many times less data than the recordings
+    alone; loss 4 / data."""
     times = {
-        "novice_only": 1, "least_squares": 1.25, "least_squares_mirrored": 0.8, "sidm": 2, "pretrain_finetune": 4,
-        "corrected": 4, "corrected_averaged": 4,
-    }  # fmt: skip
+        "novice_only": 1,
+        "least_squares": 1.25,
+        "least_squares_mirrored": 0.8,
+        "sidm": 2,
+        "pretrain_finetune": 4,
+        "corrected": 4,
+        "corrected_averaged": 4,
+    }
     found = []
     for seed in range(3):
         for job in jobs:
             minutes = ((0.0,) if job.pretraining else ()) + (1.0, 2.0, 5.0)
-            power = times[job.method] * (2 if job.proxy == "novice" and job.method != "sidm" else 1)
+            power = times[job.method] * (
+                2 if job.proxy == "novice" and job.method != "sidm" else 1
+            )
             losses = tuple((4 + 0.1 * seed) / max(m * power, 0.5) for m in minutes)
-            found.append(made(
-                e.Transferred, dataclasses.replace(job, seed=seed), minutes=minutes, validation_loss=losses,
-                piece_losses=tuple((loss,) * 4 for loss in losses),
-                position_error=tuple((loss / 10,) * 25 for loss in losses),
-            ))  # fmt: skip
+            found.append(
+                made(
+                    e.Transferred,
+                    dataclasses.replace(job, seed=seed),
+                    minutes=minutes,
+                    validation_loss=losses,
+                    piece_losses=tuple((loss,) * 4 for loss in losses),
+                    position_error=tuple((loss / 10,) * 25 for loss in losses),
+                )
+            )
     return table(records_frame(e.Transferred, found))
 
 
 def test_a_size_is_held_against_the_best_alone(made_up):
-    """Which are least squares here, made up to be worth 1.25 times the data of the network."""
+    """Which are least squares here, made up to be worth 1.25 times the data of the
+    network."""
     best = best_alone(made_up, "system1")
     assert best == ("least_squares", "none") and best_alone(made_up, "system2") is None
     found = by_size(made_up, best).set_index(["method", "proxy", "novice_minutes"])
     assert len(found) == 11 * 3 + 6 and set(found.seeds) == {3}
     half = found.loc["sidm", "expert", 2.0]
     assert half.saved == pytest.approx(1.6) and half.bound == "=" and half.worth == ""
-    assert (half.ratio, half.high, half.error) == pytest.approx((0.625, 0.625, half.loss / 10))
+    assert (half.ratio, half.high, half.error) == pytest.approx(
+        (0.625, 0.625, half.loss / 10)
+    )
     assert found.bound["pretrain_finetune", "novice", 5.0] == ">="
     assert found.ratio["novice_only", "none", 1.0] == pytest.approx(1.25)
     nothing = found.loc["pretrain_finetune", "expert", 0.0]
@@ -176,44 +244,79 @@ def test_a_size_is_held_against_the_best_alone(made_up):
     assert np.isnan(found.saved["least_squares", "none", 1.0])
     page = written(by_size(made_up, best)).set_index(["method", "recorded (min)"])
     assert page["times the data"][label("sidm", "expert"), 2.0] == "1.6 [1.6, 1.6]"
-    assert page["times the data"][label("pretrain_finetune", "expert"), 0.0] == "at most 1 min"
-    assert page["ratio [95 % interval]"][label(*best), 1.0] == page["times the data"][label(*best), 1.0] == "-"
+    assert (
+        page["times the data"][label("pretrain_finetune", "expert"), 0.0]
+        == "at most 1 min"
+    )
+    assert (
+        page["ratio [95 % interval]"][label(*best), 1.0]
+        == page["times the data"][label(*best), 1.0]
+        == "-"
+    )
 
 
 def test_the_hope_can_come_true_and_be_disappointed(made_up):
     """Half the loss surely; twice; and no verdict from two seeds or none."""
     found = claims(made_up)
-    assert found.ours.tolist() == ["0.5 [0.5, 0.5]"] * 2 and set(found.verdict) == {"In the same direction"}
-    worse = made_up.assign(loss=made_up.loss.where(made_up.method != "sidm", 4 * made_up.loss))
+    assert found.ours.tolist() == ["0.5 [0.5, 0.5]"] * 2 and set(found.verdict) == {
+        "In the same direction"
+    }
+    worse = made_up.assign(
+        loss=made_up.loss.where(made_up.method != "sidm", 4 * made_up.loss)
+    )
     assert claims(worse).verdict.tolist() == ["Contrary"] * 2
     two = claims(made_up[made_up.seed < 2])
-    assert two.verdict.tolist() == ["No verdict"] * 2 and two.ours.tolist() == ["0.5"] * 2
+    assert (
+        two.verdict.tolist() == ["No verdict"] * 2 and two.ours.tolist() == ["0.5"] * 2
+    )
     assert not len(claims(made_up[:0]))
 
 
 def test_methods_are_compared_over_all_sizes(made_up):
-    found = compare(made_up, best_alone(made_up, "system1")).set_index(["method", "proxy"])
+    found = compare(made_up, best_alone(made_up, "system1")).set_index(
+        ["method", "proxy"]
+    )
     first = found.loc["pretrain_finetune", "novice"]
-    assert first.ratio == pytest.approx(1.25 / 8) and first.verdict == "better" and len(found) == 10
+    assert (
+        first.ratio == pytest.approx(1.25 / 8)
+        and first.verdict == "better"
+        and len(found) == 10
+    )
     assert found.verdict["novice_only", "none"] == "worse"
     one = compare(made_up[made_up.seed == 0], WITHOUT)
     assert set(one.verdict) == {"No verdict"} and set(one.seeds) == {1}
 
 
 def test_grounds_are_counted_apart(made_up):
-    """Four pieces on three grounds; on the last, of two pieces, the SIDM is made three times as bad."""
+    """Four pieces on three grounds; on the last, of two pieces, the SIDM is made three
+    times as bad."""
     grounds = np.array([4, 5, 7, 7])
-    pieces = [(*some[:2], 3 * some[2], 3 * some[3]) if method == "sidm" else some
-              for some, method in zip(made_up.pieces, made_up.method, strict=True)]  # fmt: skip
-    assert grounds_agree(made_up.assign(pieces=pieces), ("sidm", "expert"), WITHOUT, grounds) == (2, 3)
-    assert grounds_agree(made_up, ("pretrain_finetune", "expert"), WITHOUT, grounds) == (3, 3)
+    pieces = [
+        (*some[:2], 3 * some[2], 3 * some[3]) if method == "sidm" else some
+        for some, method in zip(made_up.pieces, made_up.method, strict=True)
+    ]
+    assert grounds_agree(
+        made_up.assign(pieces=pieces), ("sidm", "expert"), WITHOUT, grounds
+    ) == (2, 3)
+    assert grounds_agree(
+        made_up, ("pretrain_finetune", "expert"), WITHOUT, grounds
+    ) == (3, 3)
     assert grounds_agree(made_up[:0], ("sidm", "expert"), WITHOUT, grounds) is None
 
 
 def test_the_figure_draws_every_method_and_what_needs_no_data(made_up):
     left, right = figure(made_up).axes
     labels = [line.get_label() for line in left.get_lines()]
-    assert [one for one in labels if "no recorded" not in one] == [label(*one) for one in SHOWN]
-    assert len(labels) == len(SHOWN) + 2 and right.texts[0].get_text() == "no trials stored"
-    own = made_up[(made_up.method == "sidm") & (made_up.proxy == "expert")].groupby("novice_minutes").loss.mean()
+    assert [one for one in labels if "no recorded" not in one] == [
+        label(*one) for one in SHOWN
+    ]
+    assert (
+        len(labels) == len(SHOWN) + 2
+        and right.texts[0].get_text() == "no trials stored"
+    )
+    own = (
+        made_up[(made_up.method == "sidm") & (made_up.proxy == "expert")]
+        .groupby("novice_minutes")
+        .loss.mean()
+    )
     assert np.allclose(left.get_lines()[1].get_ydata(), own)

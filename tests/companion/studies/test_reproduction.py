@@ -16,16 +16,33 @@ def test_the_same_trials_are_found_by_all_but_their_data(tmp_path, make_row):
             again = trial.replace(novice_data="0123", expert_data="4567")
             store_of(tmp_path).put(make_row(again, 0.98 * (1 + trial.seed)))
     (line,) = table(store, store_of(tmp_path)).itertuples()
-    assert (line.system, line.method, line.novice_minutes, line.seeds) == ("system1", "sidm", 5, 3)
-    assert (line.ratio, line.low, line.high) == pytest.approx((0.98, 0.98, 0.98)) and line.reference == pytest.approx(2)
+    assert (line.system, line.method, line.novice_minutes, line.seeds) == (
+        "system1",
+        "sidm",
+        5,
+        3,
+    )
+    assert (line.ratio, line.low, line.high) == pytest.approx(
+        (0.98, 0.98, 0.98)
+    ) and line.reference == pytest.approx(2)
 
 
 def test_the_command_line_holds_results_against_others(tmp_path, make_row, capsys):
-    study, mine, theirs = Study("laptop", tmp_path, tmp_path), Results(tmp_path / "mine"), Results(tmp_path / "theirs")
+    study, mine, theirs = (
+        Study("laptop", tmp_path, tmp_path),
+        Results(tmp_path / "mine"),
+        Results(tmp_path / "theirs"),
+    )
     for trial in study.points("system1", ["sidm"], [5.0]):
         mine.put(make_row(trial, 3.0))
         theirs.put(make_row(trial, 2.0))
-    assert main(["show", "--results", str(mine.folder), "--against", str(theirs.folder)]) == 0
+    assert (
+        main(["show", "--results", str(mine.folder), "--against", str(theirs.folder)])
+        == 0
+    )
     line, last = capsys.readouterr().out.splitlines()
-    assert line.split() == "system1 sidm 5 min seeds 3 stored 2 here 3 ratio 1.5 [1.5, 1.5]".split()
+    assert (
+        line.split()
+        == "system1 sidm 5 min seeds 3 stored 2 here 3 ratio 1.5 [1.5, 1.5]".split()
+    )
     assert last == "points in both: 1"

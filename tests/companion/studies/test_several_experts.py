@@ -31,10 +31,18 @@ from tests.companion.conftest import kept, made, write_motion
 def test_the_family_spans_the_papers_robots():
     """Each within the ranges, which hold all four, and no two alike."""
     robots = [dataclasses.asdict(member(number)) for number in range(50)]
-    paper = [dataclasses.asdict(system.robot(role)) for system in SYSTEMS.values() for role in ROLES]
+    paper = [
+        dataclasses.asdict(system.robot(role))
+        for system in SYSTEMS.values()
+        for role in ROLES
+    ]
     for name, (low, high) in (LOGARITHMIC | LINEAR).items():
         values = [robot[name] for robot in robots]
-        assert low <= min(values) < low + 0.3 * (high - low) and max(values) <= high and len(set(values)) > 40
+        assert (
+            low <= min(values) < low + 0.3 * (high - low)
+            and max(values) <= high
+            and len(set(values)) > 40
+        )
         assert all(low <= robot[name] <= high for robot in paper)
     assert member(3) == member(3)
 
@@ -42,11 +50,20 @@ def test_the_family_spans_the_papers_robots():
 def test_a_members_motion_is_collected_once(tmp_path):
     """One shard of the strangest first robot."""
     with ThreadPoolExecutor(1) as executor:
-        collect_members("system1", "held", {0: [1]}, tmp_path, tmp_path / "results", executor)
+        collect_members(
+            "system1", "held", {0: [1]}, tmp_path, tmp_path / "results", executor
+        )
     one = dataset("system1", 0, "held", 1)
-    (found,) = load_dataset(one, find_digest(one, tmp_path / "nothing", tmp_path / "results"), tmp_path)
-    assert found.states.shape == (STEPS + 1, 13) and np.isfinite(found.states).all() and len(found.discarded) == 4
-    collect_members("system1", "held", {0: [4]}, tmp_path, tmp_path, None)  # nothing is left to do
+    (found,) = load_dataset(
+        one, find_digest(one, tmp_path / "nothing", tmp_path / "results"), tmp_path
+    )
+    assert (
+        found.states.shape == (STEPS + 1, 13)
+        and np.isfinite(found.states).all()
+        and len(found.discarded) == 4
+    )
+    # nothing is left to do
+    collect_members("system1", "held", {0: [4]}, tmp_path, tmp_path, None)
 
 
 @pytest.fixture(scope="module")
@@ -60,9 +77,20 @@ def jobs(tiny, data, tmp_path_factory):
 
 def test_all_experts_together_have_the_data_of_one(jobs, tiny):
     whole = tiny.datasets("system1")["expert"].count
-    assert [(job.experts, job.paper) for job in jobs] == [(1, True), (2, True), (1, False)]
-    assert [[one.count for one in job.members] for job in jobs] == [[], [whole // 2], [whole]]
-    assert x.members_needed(jobs) == {0: {whole // 2, whole}} and "unknown" not in jobs[1].members_data
+    assert [(job.experts, job.paper) for job in jobs] == [
+        (1, True),
+        (2, True),
+        (1, False),
+    ]
+    assert [[one.count for one in job.members] for job in jobs] == [
+        [],
+        [whole // 2],
+        [whole],
+    ]
+    assert (
+        x.members_needed(jobs) == {0: {whole // 2, whole}}
+        and "unknown" not in jobs[1].members_data
+    )
     assert all(job.fresh.frozen == "sidm" for job in jobs)
 
 
@@ -70,21 +98,42 @@ def test_another_robot_has_a_folder_of_its_own(monkeypatch):
     before = dataset("system1", 0, "held", 1)
     monkeypatch.setattr(systems, "FAMILY_SEED", 6)
     assert dataset("system1", 0, "held", 1).collection != before.collection
-    assert dataset("system2", 0, "held", 1).collection.role != dataset("system1", 0, "held", 1).collection.role
+    assert (
+        dataset("system2", 0, "held", 1).collection.role
+        != dataset("system1", 0, "held", 1).collection.role
+    )
 
 
 @pytest.mark.parametrize("number", [0, 1, 2])
 def test_novices_are_learnt_every_way_and_stored(jobs, data, tmp_path, golden, number):
     job = jobs[number]
     found = x.measure(job, data)
-    assert np.array(found.validation_loss).shape == np.array(found.samples).shape == (3, 2)
-    assert np.array(found.component_losses).sum(-1) == pytest.approx(np.array(found.validation_loss))
+    assert (
+        np.array(found.validation_loss).shape == np.array(found.samples).shape == (3, 2)
+    )
+    assert np.array(found.component_losses).sum(-1) == pytest.approx(
+        np.array(found.validation_loss)
+    )
     assert (np.array(found.best_samples) <= np.array(found.samples)).all()
-    assert set(found.nearest) <= {"expert"} if job.experts == job.paper else {"expert", "member0"}
+    assert (
+        set(found.nearest) <= {"expert"}
+        if job.experts == job.paper
+        else {"expert", "member0"}
+    )
     assert np.array(found.before).shape == (2, job.experts)
-    assert len(found.experts_loss) == job.experts and len(found.experts_curve_samples) > 0
-    figures = {name: getattr(found, name) for name in ("validation_loss", "before", "experts_loss", "samples")}
-    golden.hold(f"{job.experts} experts" + ", the paper's" * job.paper, "experts", figures, rel=0.05)
+    assert (
+        len(found.experts_loss) == job.experts and len(found.experts_curve_samples) > 0
+    )
+    figures = {
+        name: getattr(found, name)
+        for name in ("validation_loss", "before", "experts_loss", "samples")
+    }
+    golden.hold(
+        f"{job.experts} experts" + ", the paper's" * job.paper,
+        "experts",
+        figures,
+        rel=0.05,
+    )
     assert kept(x.records(tmp_path), found)
 
 
@@ -93,7 +142,9 @@ def test_the_sidm_of_the_experts_is_trained_once(jobs, data, monkeypatch):
     first = x.measure(jobs[0], data)
     monkeypatch.setattr(x, "train_several", None)
     again = x.measure(jobs[0], data)
-    assert again.before == first.before and again.validation_loss == first.validation_loss
+    assert (
+        again.before == first.before and again.validation_loss == first.validation_loss
+    )
     assert again.experts_curve_test_loss == first.experts_curve_test_loss
 
 
@@ -101,10 +152,13 @@ def test_the_single_experts_novice_has_more_data_besides(tmp_path):
     """And all are tested more often than elsewhere."""
     jobs = x.jobs(Study("laptop", tmp_path, tmp_path), "system1")
     assert {(job.experts, job.paper, job.sizes) for job in jobs} == {
-        (1, True, (1.0, 5.0, 20.0, 60.0)), (1, False, (1.0, 5.0, 20.0)),
+        (1, True, (1.0, 5.0, 20.0, 60.0)),
+        (1, False, (1.0, 5.0, 20.0)),
         *((count, True, (1.0, 5.0, 20.0)) for count in (2, 4, 8)),
-    }  # fmt: skip
-    assert {one.test_interval for job in jobs for one in (job.fresh, job.trial.training)} == {5}
+    }
+    assert {
+        one.test_interval for job in jobs for one in (job.fresh, job.trial.training)
+    } == {5}
 
 
 @pytest.fixture
@@ -114,12 +168,26 @@ def made_up(jobs):
     for seed in range(3):
         for job in jobs:
             sizes = (1.0, 5.0, 20.0) if job.members else (1.0, 5.0, 20.0, 60.0)
-            about, count = dataclasses.replace(job, trial=job.trial.replace(seed=seed), sizes=sizes), len(sizes)
-            losses = tuple((4 + 0.1 * seed) / (minutes * job.experts) for minutes in about.sizes)
-            found.append(made(
-                x.Pretrained, about, nearest=("expert",) * count, before=((9.0,) * job.experts,) * count,
-                validation_loss=(losses,) * 3, samples=((2000,) * count,) * 3, seconds=((60.0,) * count,) * 3,
-            ))  # fmt: skip
+            about, count = (
+                dataclasses.replace(
+                    job, trial=job.trial.replace(seed=seed), sizes=sizes
+                ),
+                len(sizes),
+            )
+            losses = tuple(
+                (4 + 0.1 * seed) / (minutes * job.experts) for minutes in about.sizes
+            )
+            found.append(
+                made(
+                    x.Pretrained,
+                    about,
+                    nearest=("expert",) * count,
+                    before=((9.0,) * job.experts,) * count,
+                    validation_loss=(losses,) * 3,
+                    samples=((2000,) * count,) * 3,
+                    seconds=((60.0,) * count,) * 3,
+                )
+            )
     return records_frame(x.Pretrained, found)
 
 
@@ -127,17 +195,34 @@ def test_experts_are_compared_with_the_single_one(made_up):
     found = needed(table(made_up)).set_index(["experts", "way", "novice_minutes"])
     assert len(found) == 3 * 4 + 3 * 3 + 3 * 3
     two = found.loc["2 experts", "parts", 5.0]
-    assert two.seeds == 3 and two.saved == pytest.approx(2) and two.ratio == pytest.approx(0.5)
-    assert two.minutes == 1 and two.samples == 2000 and np.isnan(found.saved[PAPERS, "parts", 5.0])
+    assert (
+        two.seeds == 3
+        and two.saved == pytest.approx(2)
+        and two.ratio == pytest.approx(0.5)
+    )
+    assert (
+        two.minutes == 1
+        and two.samples == 2000
+        and np.isnan(found.saved[PAPERS, "parts", 5.0])
+    )
     assert found.ratio[MEMBER, "all", 1.0] == pytest.approx(1)
-    assert list(dict.fromkeys(found.reset_index().experts)) == [PAPERS, MEMBER, "2 experts"]
+    assert list(dict.fromkeys(found.reset_index().experts)) == [
+        PAPERS,
+        MEMBER,
+        "2 experts",
+    ]
 
 
 @pytest.fixture
 def joint(jobs, make_row):
-    """Figure 3's results of the same sizes: 300 samples each, and a loss of 2 without SIDM."""
+    """Figure 3's results of the same sizes: 300 samples each, and a loss of 2 without
+    SIDM."""
     return frame_of(
-        make_row(jobs[0].trial.replace(method=method, novice_minutes=minutes, pool_minutes=60.0, seed=seed))
+        make_row(
+            jobs[0].trial.replace(
+                method=method, novice_minutes=minutes, pool_minutes=60.0, seed=seed
+            )
+        )
         for seed in range(3)
         for method in ("sidm", "novice_only")
         for minutes in (1.0, 5.0, 20.0)
@@ -148,7 +233,10 @@ def test_the_claims_are_of_most_experts_and_one(made_up, joint):
     found = claims(table(made_up), joint)
     assert len(found) == 8 and not len(claims(table(made_up[:1]), joint))
     assert found.verdict.tolist() == ["In the same direction"] * 6 + ["Contrary"] * 2
-    assert found.claim[1] == "loss after 2 experts / after 1 of the family; all parts, from the nearest expert's"
+    assert (
+        found.claim[1]
+        == "loss after 2 experts / after 1 of the family; all parts, from the nearest expert's"
+    )
     assert found.ours[1] == "0.5 [0.5, 0.5]" and found.ours[7] == "6.67 [6.67, 6.67]"
     assert len(claims(table(made_up), joint[:0])) == 6
     alone = claims(table(made_up[made_up.paper]), joint)
@@ -158,27 +246,43 @@ def test_the_claims_are_of_most_experts_and_one(made_up, joint):
 def test_figure_3_stands_beside(made_up, joint):
     found = costs(joint)
     assert set(found.method) == {"sidm", "novice_only"} and not len(costs(joint[:0]))
-    assert found[["seeds", "loss", "samples", "minutes"]].to_numpy() == pytest.approx(np.tile([3, 2, 300, 0.2], (6, 1)))
-    labels = [line.get_label() for line in figure(table(made_up), joint).axes[0].get_lines()]
+    assert found[["seeds", "loss", "samples", "minutes"]].to_numpy() == pytest.approx(
+        np.tile([3, 2, 300, 0.2], (6, 1))
+    )
+    labels = [
+        line.get_label() for line in figure(table(made_up), joint).axes[0].get_lines()
+    ]
     assert labels[-2:] == ["without SIDM", "with SIDM, all at once"]
 
 
 def test_the_nearest_experts_loss_is_that_of_its_place(made_up):
-    """Experts are named in the order of the losses before: the paper's, if it is one of them, then the members."""
+    """Experts are named in the order of the losses before: the paper's, if it is one of
+    them, then the members."""
     two = made_up[(made_up.experts == 2) & (made_up.trial_seed == 0)]
     before, role = ((9.0, 1.0), (9.0, 2.0), (9.0, 3.0)), "member0"
     found = as_they_are(two.assign(nearest=[(role,) * 3], before=[before]))
     assert found.loss.tolist() == [1, 2, 3] and set(found.nearest) == {role}
-    assert found.novice_minutes.tolist() == [1, 5, 20] and set(found.experts) == {"2 experts"}
+    assert found.novice_minutes.tolist() == [1, 5, 20] and set(found.experts) == {
+        "2 experts"
+    }
 
 
 def test_the_figure_has_a_plot_for_each_way(made_up, joint):
     axes = figure(table(made_up), joint[:0]).axes
-    looks = [(line.get_color(), line.get_linestyle()) for line in axes[0].get_lines()][:3]
+    looks = [(line.get_color(), line.get_linestyle()) for line in axes[0].get_lines()][
+        :3
+    ]
     few = figure(table(made_up[made_up.experts == 2]), joint[:0]).axes[0].get_lines()
-    assert len(set(looks)) == 3 and (few[0].get_color(), few[0].get_linestyle()) == looks[2]
-    assert [one.get_title(loc="left").replace("\n", " ") for one in axes] == list(x.WAYS.values())
+    assert (
+        len(set(looks)) == 3
+        and (few[0].get_color(), few[0].get_linestyle()) == looks[2]
+    )
+    assert [one.get_title(loc="left").replace("\n", " ") for one in axes] == list(
+        x.WAYS.values()
+    )
     labels = [line.get_label() for line in axes[0].get_lines()]
     assert labels[:3] == ["the paper's expert", "1 of the family", "2 experts"]
     nothing = table(made_up[:0])
-    assert figure(nothing, joint).axes[0].texts[0].get_text() == "no trials stored" and not len(needed(nothing))
+    assert figure(nothing, joint).axes[0].texts[
+        0
+    ].get_text() == "no trials stored" and not len(needed(nothing))

@@ -1,4 +1,5 @@
-"""Seconds a sample: what is timed, stored and read, and what it makes of a trial's samples."""
+"""Seconds a sample: what is timed, stored and read, and what it makes of a trial's
+samples."""
 
 import dataclasses
 
@@ -17,7 +18,8 @@ def study(tiny, data, tmp_path):
 
 
 def test_the_stretch_holds_one_phase_of_each_algorithm(study, monkeypatch):
-    """The first test is at iteration 2; the phase of Algorithm 2 follows iteration 4, and iteration 6 ends it."""
+    """The first test is at iteration 2; the phase of Algorithm 2 follows iteration 4,
+    and iteration 6 ends it."""
     phases, regularise = [], training.regularise
 
     def counted(trainer):
@@ -30,19 +32,31 @@ def test_the_stretch_holds_one_phase_of_each_algorithm(study, monkeypatch):
 
 
 def test_what_is_measured_is_read(study, tmp_path):
-    assert read(tmp_path, study.preset.name) == {} and "not measured" in pace_note(tmp_path, study.preset.name)
+    assert read(tmp_path, study.preset.name) == {} and "not measured" in pace_note(
+        tmp_path, study.preset.name
+    )
     measure(study, tmp_path, ["sidm", "pretrain_finetune"], rounds=2, beside="a film")
-    assert "in 2 rounds, on one core" in (note := pace_note(tmp_path, study.preset.name)) and "beside a film" in note
+    assert (
+        "in 2 rounds, on one core" in (note := pace_note(tmp_path, study.preset.name))
+        and "beside a film" in note
+    )
     found = read(tmp_path, study.preset.name)
     assert set(found) == {"sidm", "pretrain_finetune"} and read(tmp_path, "paper") == {}
     assert all(0 < pace.lowest < pace.median < pace.highest for pace in found.values())
 
 
 def test_samples_take_their_own_pace(study, make_row):
-    """Those of the pretraining that of one system alone; 300 samples are the made-up row's."""
-    paces = {"sidm": Pace(4.0, 3.0, 5.0), "pretrain_finetune": Pace(3.0, 2.0, 4.0), "novice_only": Pace(2.0, 1.0, 3.0)}
+    """Those of the pretraining that of one system alone; 300 samples are the made-up
+    row's."""
+    paces = {
+        "sidm": Pace(4.0, 3.0, 5.0),
+        "pretrain_finetune": Pace(3.0, 2.0, 4.0),
+        "novice_only": Pace(2.0, 1.0, 3.0),
+    }
     row = make_row(study.trial("system1", "pretrain_finetune", 0.25))
-    row = dataclasses.replace(row, outcome=dataclasses.replace(row.outcome, pretraining_samples=1000))
+    row = dataclasses.replace(
+        row, outcome=dataclasses.replace(row.outcome, pretraining_samples=1000)
+    )
     rows = frame_of([row, make_row(study.trial("system1", "sidm", 0.25))])
     assert list(seconds(rows, paces)) == pytest.approx([0.3 * 3 + 1.0 * 2, 0.3 * 4])
     assert seconds(rows, {}).isna().all()

@@ -1,4 +1,5 @@
-"""A model of one's own robot: fitted, kept, evaluated and asked, by function and by command."""
+"""A model of one's own robot: fitted, kept, evaluated and asked, by function and by
+command."""
 
 import contextlib
 import dataclasses
@@ -27,12 +28,19 @@ HUNTER = read_body(RECORDINGS / "hunter.yaml")
 
 @pytest.fixture(autouse=True)
 def few_samples(monkeypatch):
-    monkeypatch.setattr(settings, "SETTINGS", settings.SETTINGS.with_values({"max_samples": 4_000, "hidden": 16}))
+    monkeypatch.setattr(
+        settings,
+        "SETTINGS",
+        settings.SETTINGS.with_values({"max_samples": 4_000, "hidden": 16}),
+    )
 
 
 @pytest.fixture(scope="module")
 def drives():
-    return {name: read_drives(RECORDINGS / f"{name}.csv.gz", SKID)[:40] for name in ("warthog", "husky")}
+    return {
+        name: read_drives(RECORDINGS / f"{name}.csv.gz", SKID)[:40]
+        for name in ("warthog", "husky")
+    }
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -41,29 +49,48 @@ def test_a_model_is_the_same_after_it_was_kept(drives, tmp_path, method):
     found = sidm.fit(drives["warthog"], expert, method, out=tmp_path / "model")
     back = sidm.load(tmp_path / "model")
     assert (back.method, back.steps, back.body) == (method, 19, SKID)
-    assert sorted(path.name for path in (tmp_path / "model").iterdir()) == ["model.json", "model.safetensors"]
+    assert sorted(path.name for path in (tmp_path / "model").iterdir()) == [
+        "model.json",
+        "model.safetensors",
+    ]
     one, other = (some.evaluate(drives["warthog"]) for some in (found, back))
     pd.testing.assert_frame_equal(one, other)
     assert np.isfinite(one.error).all() and list(one.quantity[:6]) == list(SKID.targets)
 
 
 def settings_of(with_sidm, alone):
-    return with_sidm.p_expert, with_sidm.matching_iterations, alone.p_expert, alone.weight_decay
+    return (
+        with_sidm.p_expert,
+        with_sidm.matching_iterations,
+        alone.p_expert,
+        alone.weight_decay,
+    )
 
 
 def test_networks_and_training_may_be_ones_own(drives):
-    """Whole or by single values; what each method was tuned to holds where nothing else is said."""
+    """Whole or by single values; what each method was tuned to holds where nothing else
+    is said."""
     used = []
-    for how in ({}, {"settings": {"hidden": 8, "p_expert": 0.5}}, {"training": Training(max_samples=2_000, batch=4)},
-                {"network": Network(layers=2, hidden=8)}):  # fmt: skip
+    for how in (
+        {},
+        {"settings": {"hidden": 8, "p_expert": 0.5}},
+        {"training": Training(max_samples=2_000, batch=4)},
+        {"network": Network(layers=2, hidden=8)},
+    ):
         found = sidm.fit(drives["warthog"], drives["husky"], **how)
         used.append((found.network.layers, found.network.hidden))
     assert used == [(1, 16), (1, 8), (1, 16), (2, 8)]
     chosen = settings.settings_with(values={"p_expert": 0.5})
-    with_sidm, alone = (chosen.training_of(METHODS[name]) for name in ("sidm", "novice_only"))
+    with_sidm, alone = (
+        chosen.training_of(METHODS[name]) for name in ("sidm", "novice_only")
+    )
     assert settings_of(with_sidm, alone) == (0.5, 5, 0.0, 0.1)
-    chosen = settings.settings_with(training=Training(p_expert=0.9, matching_iterations=20, weight_decay=0.01))
-    with_sidm, alone = (chosen.training_of(METHODS[name]) for name in ("sidm", "novice_only"))
+    chosen = settings.settings_with(
+        training=Training(p_expert=0.9, matching_iterations=20, weight_decay=0.01)
+    )
+    with_sidm, alone = (
+        chosen.training_of(METHODS[name]) for name in ("sidm", "novice_only")
+    )
     assert settings_of(with_sidm, alone) == (0.9, 20, 0.0, 0.01)
     with pytest.raises(ConfigError, match="did you mean 'hidden'"):
         sidm.fit(drives["warthog"], drives["husky"], settings={"hiden": 8})
@@ -73,14 +100,19 @@ def test_predictions_stand_beside_what_was_recorded(drives):
     found = sidm.fit(drives["warthog"], body=SKID, method="least_squares")
     table = found.predict(drives["warthog"])
     assert len(table) == 40 * 19 and table.drive.nunique() == 40
-    assert np.allclose(table.actual_yaw_rate[:19], drives["warthog"][0].states[1:, 3], atol=1e-5)
+    assert np.allclose(
+        table.actual_yaw_rate[:19], drives["warthog"][0].states[1:, 3], atol=1e-5
+    )
     assert np.corrcoef(table.predicted_yaw_rate, table.actual_yaw_rate)[0, 1] > 0.9
 
 
 def test_robots_of_two_bodies_are_learnt_together(drives):
     expert = [replace(drive, body=HUNTER) for drive in drives["husky"]]
     found = sidm.fit(drives["warthog"], expert)
-    assert found.method == "sidm" and found.predictor.encoders.keys() == {"novice", "expert"}
+    assert found.method == "sidm" and found.predictor.encoders.keys() == {
+        "novice",
+        "expert",
+    }
 
 
 @pytest.mark.parametrize(
@@ -88,7 +120,10 @@ def test_robots_of_two_bodies_are_learnt_together(drives):
     [
         ({"method": "sidm"}, "learns from an expert's drives too"),
         ({"method": "sdim"}, "did you mean 'sidm'"),
-        ({"novice": BODY.with_name("warthog.csv.gz"), "body": None}, "say what the drives of novice are made of"),
+        (
+            {"novice": BODY.with_name("warthog.csv.gz"), "body": None},
+            "say what the drives of novice are made of",
+        ),
         ({"novice": []}, "novice has no drives"),
         ({"expert_body": SKID}, "but there is no expert"),
         ({"seed": -1}, "seed must be 0 or more, not -1"),
@@ -105,14 +140,19 @@ def test_an_expert_of_one_piece_cannot_be_pretrained_on(drives):
 
 
 def test_without_weights_the_loss_is_in_raw_units(drives, tmp_path):
-    """As fitted, so kept; and what predicting the mean costs is of the same drives and units."""
+    """As fitted, so kept; and what predicting the mean costs is of the same drives and
+    units."""
     plain = dataclasses.replace(SKID, weights="ones")
-    found = sidm.fit(drives["warthog"], body=plain, method="least_squares", out=tmp_path)
+    found = sidm.fit(
+        drives["warthog"], body=plain, method="least_squares", out=tmp_path
+    )
     back = sidm.load(tmp_path)
     assert found.scale is back.scale is back.predictor.loss_weights("novice") is None
     assert 0 < found.test_loss < found.mean_loss == pytest.approx(back.mean_loss)
     judged = sidm.fit(drives["warthog"], body=SKID, method="least_squares").mean_loss
-    assert judged == pytest.approx(len(SKID.targets), rel=0.5) and not judged == pytest.approx(found.mean_loss, rel=0.5)
+    assert judged == pytest.approx(
+        len(SKID.targets), rel=0.5
+    ) and not judged == pytest.approx(found.mean_loss, rel=0.5)
 
 
 def test_errors_are_in_the_units_that_drives_are_read_in(drives):
@@ -129,8 +169,12 @@ def test_copying_between_two_bodies_is_refused(drives):
 
 
 def test_drives_keep_the_body_that_they_were_read_with(drives):
-    """Another body would call a drive's columns by other names; the same one with other weights only weighs them."""
-    with pytest.raises(ConfigError, match="expert has drives of 'skid-steered', whose actions is not that of 'hunter'"):
+    """Another body would call a drive's columns by other names; the same one with other
+    weights only weighs them."""
+    with pytest.raises(
+        ConfigError,
+        match="expert has drives of 'skid-steered', whose actions is not that of 'hunter'",
+    ):
         sidm.fit(drives["warthog"], drives["husky"], expert_body=HUNTER)
 
 
@@ -145,27 +189,53 @@ def test_a_damaged_model_is_named(drives, tmp_path):
 
 def test_the_commands_lead_from_file_to_predictions(tmp_path, capsys):
     path, out = str(RECORDINGS / "warthog.csv.gz"), str(tmp_path / "model")
-    words = ["fit", "--novice", path, "--body", str(BODY), "--method", "least_squares", "--out", out]
+    words = [
+        "fit",
+        "--novice",
+        path,
+        "--body",
+        str(BODY),
+        "--method",
+        "least_squares",
+        "--out",
+        out,
+    ]
     assert command_line.main(words) == 0
     assert command_line.main(["evaluate", out, path]) == 0
     assert (tmp_path / "model" / "evaluation.png").stat().st_size > 10_000
     assert "wheel_left" in capsys.readouterr().out
-    assert command_line.main(["evaluate", out, path, "--figure", str(tmp_path / "found.foo")]) == 2
+    assert (
+        command_line.main(
+            ["evaluate", out, path, "--figure", str(tmp_path / "found.foo")]
+        )
+        == 2
+    )
     assert "found.foo: Format 'foo' is not supported" in capsys.readouterr().err
-    assert command_line.main(["predict", out, path, "--out", str(tmp_path / "found.csv")]) == 0
+    assert (
+        command_line.main(["predict", out, path, "--out", str(tmp_path / "found.csv")])
+        == 0
+    )
     assert len(pd.read_csv(tmp_path / "found.csv")) == 287 * 19
     assert command_line.main(["evaluate", out, str(RECORDINGS / "hunter.csv.gz")]) == 1
-    assert "column 'command_left' of body 'skid-steered' is missing" in capsys.readouterr().err
+    assert (
+        "column 'command_left' of body 'skid-steered' is missing"
+        in capsys.readouterr().err
+    )
 
 
 def test_a_robot_on_rough_ground_is_learnt_with_its_map(tmp_path):
     """The paper's body, from an .npz with grounds; it drives open loop over the map."""
     some = read_drives(RECORDINGS / "system1.npz", ROVER)[:12]
     write_drives(tmp_path / "mine.npz", some, "some")
-    found = sidm.fit(tmp_path / "mine.npz", body=RECORDINGS / "rover.yaml", out=tmp_path / "model")
+    found = sidm.fit(
+        tmp_path / "mine.npz", body=RECORDINGS / "rover.yaml", out=tmp_path / "model"
+    )
     table = sidm.load(tmp_path / "model").evaluate(tmp_path / "mine.npz")
     assert found.body == ROVER and found.steps == 64
-    assert np.isfinite(table.error).all() and table[table.quantity == "position"].horizon.max() == 60
+    assert (
+        np.isfinite(table.error).all()
+        and table[table.quantity == "position"].horizon.max() == 60
+    )
     assert len(found.predict(tmp_path / "mine.npz")) == 12 * 64
 
 
@@ -200,9 +270,14 @@ def test_an_unfinished_fit_goes_on_where_it_was(drives, tmp_path, monkeypatch):
     monkeypatch.setattr(fit, "_watched", watched)
     with pytest.raises(Killed):
         sidm.fit(drives["warthog"], settings=settings, out=tmp_path / "model")
-    assert (tmp_path / "model" / "unfinished").is_dir() and not (tmp_path / "model" / "model.json").exists()
+    assert (tmp_path / "model" / "unfinished").is_dir() and not (
+        tmp_path / "model" / "model.json"
+    ).exists()
     model = sidm.fit(drives["warthog"], settings=settings, out=tmp_path / "model")
-    assert model.test_loss == whole.test_loss and not (tmp_path / "model" / "unfinished").exists()
+    assert (
+        model.test_loss == whole.test_loss
+        and not (tmp_path / "model" / "unfinished").exists()
+    )
     weights, expected = model.predictor.state_dict(), whole.predictor.state_dict()
     assert all(torch.equal(weights[name], expected[name]) for name in expected)
     assert seen[6] > seen[3]  # it began after the last phase that was written

@@ -13,7 +13,12 @@ from sidm.terrain import generate_terrain
 
 def recorded(drive, ground):
     """A simulated drive as a file has it."""
-    return replace(drive, states=drive.states.astype(float), actions=drive.actions.astype(float), ground=ground)
+    return replace(
+        drive,
+        states=drive.states.astype(float),
+        actions=drive.actions.astype(float),
+        ground=ground,
+    )
 
 
 @pytest.fixture
@@ -21,12 +26,20 @@ def recordings(make_trajectories, small_terrain):
     """Five drives of two windows and a rest each, over three grounds."""
     drives = make_trajectories(5, steps=2 * STEPS + 10)
     heights = [generate_terrain(small_terrain, drive.index // 2) for drive in drives]
-    return [recorded(drive, Ground(one, small_terrain.spacing)) for drive, one in zip(drives, heights, strict=True)]
+    return [
+        recorded(drive, Ground(one, small_terrain.spacing))
+        for drive, one in zip(drives, heights, strict=True)
+    ]
 
 
-def test_windows_are_those_that_a_simulated_robot_would_have(make_trajectories, small_terrain):
+def test_windows_are_those_that_a_simulated_robot_would_have(
+    make_trajectories, small_terrain
+):
     drives = make_trajectories(3, steps=STEPS)
-    some = [recorded(one, Ground(one.ground.heights, small_terrain.spacing)) for one in drives]
+    some = [
+        recorded(one, Ground(one.ground.heights, small_terrain.spacing))
+        for one in drives
+    ]
     ours, theirs = windows_of(cut(some), 8), windows_of(drives, 8)
     assert torch.allclose(ours.inputs, theirs.inputs, atol=1e-6)  # float32
     assert torch.allclose(ours.targets, theirs.targets, atol=1e-6)
@@ -35,9 +48,13 @@ def test_windows_are_those_that_a_simulated_robot_would_have(make_trajectories, 
 
 def test_recordings_are_cut_and_share_their_grounds(recordings):
     windows = cut(recordings)
-    assert [(one.states.shape, one.actions.shape) for one in windows] == [((STEPS + 1, 13), (STEPS, 2))] * 10
+    assert [(one.states.shape, one.actions.shape) for one in windows] == [
+        ((STEPS + 1, 13), (STEPS, 2))
+    ] * 10
     assert grounds_of(windows).tolist() == [0, 0, 0, 0, 1, 1, 1, 1, 2, 2]
-    assert np.array_equal(windows[3].states, recordings[1].states[STEPS : 2 * STEPS + 1])
+    assert np.array_equal(
+        windows[3].states, recordings[1].states[STEPS : 2 * STEPS + 1]
+    )
 
 
 def test_grounds_held_out_are_not_learnt_on(recordings):

@@ -25,15 +25,26 @@ def start(datasets, small_network, small_training, tmp_path):
             if kill_at is not None and tested.samples >= kill_at:
                 raise Killed
 
-        training = dataclasses.replace(small_training, **({"max_samples": 24 * 24} | changes))
-        return train(datasets, small_network, training, seed, checkpoint=checkpoint, progress=progress)
+        training = dataclasses.replace(
+            small_training, **({"max_samples": 24 * 24} | changes)
+        )
+        return train(
+            datasets,
+            small_network,
+            training,
+            seed,
+            checkpoint=checkpoint,
+            progress=progress,
+        )
 
     return start
 
 
 def same(first, second):
     for (name, one), other in zip(
-        first.model.state_dict().items(), second.model.state_dict().values(), strict=True
+        first.model.state_dict().items(),
+        second.model.state_dict().values(),
+        strict=True,
     ):
         assert torch.equal(one, other), name
     assert first[1:] == second[1:]
@@ -42,8 +53,11 @@ def same(first, second):
 @pytest.mark.parametrize(
     "changes",
     [
-        {}, {"p_expert": 0.0, "regularise": False}, {"matching_optimiser": "shared", "decay": "l2"},
-        {"matching": "reversal"}, {"matching": "mmd", "frozen": "sidm"},
+        {},
+        {"p_expert": 0.0, "regularise": False},
+        {"matching_optimiser": "shared", "decay": "l2"},
+        {"matching": "reversal"},
+        {"matching": "mmd", "frozen": "sidm"},
         {"mirror": True, "averaging": 0.9, "tether": 10.0},
     ],
 )
@@ -61,12 +75,20 @@ def test_a_finished_run_is_read_not_repeated(start):
     same(start(kill_at=0), first)  # a test would raise
 
 
-def test_restored_state_is_the_saved_one(datasets, small_network, small_training, tmp_path):
+def test_restored_state_is_the_saved_one(
+    datasets, small_network, small_training, tmp_path
+):
     trainer = Trainer(datasets, small_network, small_training, 0)
     Checkpoint(tmp_path).save(trainer)
     twin = Trainer(datasets, small_network, small_training, 0)
-    assert Checkpoint(tmp_path).restore(twin) and not Checkpoint(tmp_path / "elsewhere").restore(twin)
-    assert twin.history == [] and twin.accuracy is None and twin.stopping == trainer.stopping
+    assert Checkpoint(tmp_path).restore(twin) and not Checkpoint(
+        tmp_path / "elsewhere"
+    ).restore(twin)
+    assert (
+        twin.history == []
+        and twin.accuracy is None
+        and twin.stopping == trainer.stopping
+    )
 
 
 @pytest.mark.parametrize("changes", [{"seed": 1}, {"learning_rate": 2e-3}])
@@ -93,11 +115,17 @@ def test_a_damaged_checkpoint_is_named(start, tmp_path, content):
 
 
 def test_arrays_and_text_come_back(tmp_path):
-    tensors = {"a/b": torch.tensor([1.5, float("inf")]), "step": torch.tensor(3.0), "bytes": torch.tensor([7]).byte()}
+    tensors = {
+        "a/b": torch.tensor([1.5, float("inf")]),
+        "step": torch.tensor(3.0),
+        "bytes": torch.tensor([7]).byte(),
+    }
     values = {"loss": 0.1 + 0.2, "none": None, "list": [1, 2]}
     write(tmp_path / "new", tensors, values)
     found, text = read(tmp_path / "new")
-    assert text == values and all(torch.equal(found[name], tensor) for name, tensor in tensors.items())
+    assert text == values and all(
+        torch.equal(found[name], tensor) for name, tensor in tensors.items()
+    )
     assert found["step"].shape == ()
 
 

@@ -20,21 +20,30 @@ def one_thread():
     torch.set_num_threads(before)
 
 
-def layers_of(channels=(8, 4), kernel=4, slope=0.01, dtype=torch.float32, seed=0) -> nn.Sequential:
+def layers_of(
+    channels=(8, 4), kernel=4, slope=0.01, dtype=torch.float32, seed=0
+) -> nn.Sequential:
     first, second = channels
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         made = nn.Sequential(
-            nn.Conv2d(1, first, kernel), nn.LeakyReLU(slope), nn.Conv2d(first, second, kernel), nn.LeakyReLU(slope)
+            nn.Conv2d(1, first, kernel),
+            nn.LeakyReLU(slope),
+            nn.Conv2d(first, second, kernel),
+            nn.LeakyReLU(slope),
         )
     return made.to(dtype).to(memory_format=torch.channels_last)
 
 
 def numbers(*shape, dtype=torch.float32, seed=1) -> torch.Tensor:
-    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64).to(dtype)
+    return torch.randn(
+        *shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64
+    ).to(dtype)
 
 
-def features(layers: nn.Sequential, maps: torch.Tensor, *units, count=3) -> torch.Tensor:
+def features(
+    layers: nn.Sequential, maps: torch.Tensor, *units, count=3
+) -> torch.Tensor:
     """With `count` numbers behind them, which are left as they are and cut off."""
     beside = numbers(len(maps), count, dtype=maps.dtype, seed=3)
     found = convolution.features(layers, maps, beside, *units)
@@ -50,43 +59,78 @@ def by_pytorch(layers: nn.Sequential, maps: torch.Tensor) -> torch.Tensor:
     return layers(maps[:, None]).movedim(1, -1).flatten(1)
 
 
-def gradients(layers: nn.Sequential, found: torch.Tensor, weights: torch.Tensor) -> list[torch.Tensor]:
+def gradients(
+    layers: nn.Sequential, found: torch.Tensor, weights: torch.Tensor
+) -> list[torch.Tensor]:
     return list(torch.autograd.grad(found, list(layers.parameters()), weights))
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64], ids=str)
 @pytest.mark.parametrize(
     ("count", "pixels", "channels"),
-    [(1, 7, (8, 4)), (5, 8, (8, 4)), (16, 9, (8, 4)), (33, 12, (4, 4)), (130, 32, (8, 4)), (17, 64, (8, 4)),
-     (20, 16, (4, 8)), (3, 11, (16, 12))],
-)  # fmt: skip
+    [
+        (1, 7, (8, 4)),
+        (5, 8, (8, 4)),
+        (16, 9, (8, 4)),
+        (33, 12, (4, 4)),
+        (130, 32, (8, 4)),
+        (17, 64, (8, 4)),
+        (20, 16, (4, 8)),
+        (3, 11, (16, 12)),
+    ],
+)
 def test_features_and_gradients_are_pytorchs(count, pixels, channels, dtype):
-    layers, maps = layers_of(channels, dtype=dtype), numbers(count, pixels, pixels, dtype=dtype)
+    layers, maps = (
+        layers_of(channels, dtype=dtype),
+        numbers(count, pixels, pixels, dtype=dtype),
+    )
     assert fast(layers, maps)
     found, expected = features(layers, maps), by_pytorch(layers, maps)
     assert found.shape == expected.shape and found.dtype == dtype
-    assert torch.allclose(found, expected, rtol=0, atol=ROUNDING[dtype] * expected.abs().max().item())
+    assert torch.allclose(
+        found, expected, rtol=0, atol=ROUNDING[dtype] * expected.abs().max().item()
+    )
     weights = numbers(*expected.shape, dtype=dtype, seed=2)
-    for mine, theirs in zip(gradients(layers, found, weights), gradients(layers, expected, weights), strict=True):
-        assert torch.allclose(mine, theirs, rtol=0, atol=ROUNDING[dtype] * theirs.abs().max().item())
+    for mine, theirs in zip(
+        gradients(layers, found, weights),
+        gradients(layers, expected, weights),
+        strict=True,
+    ):
+        assert torch.allclose(
+            mine, theirs, rtol=0, atol=ROUNDING[dtype] * theirs.abs().max().item()
+        )
 
 
 @pytest.mark.parametrize("slope", [0.01, 0.0, 0.5])
 def test_gradients_are_those_of_finite_differences(slope):
-    layers, maps = layers_of((4, 4), slope=slope, dtype=torch.float64), numbers(3, 8, 8, dtype=torch.float64)
+    layers, maps = (
+        layers_of((4, 4), slope=slope, dtype=torch.float64),
+        numbers(3, 8, 8, dtype=torch.float64),
+    )
     parameters = [one.detach().clone().requires_grad_() for one in layers.parameters()]
     beside, work = numbers(3, 2, dtype=torch.float64), convolution._Convolutions.apply
-    assert torch.autograd.gradcheck(lambda *own: work(maps, beside, *own, (slope, 0.3, 1.7)), parameters)
+    assert torch.autograd.gradcheck(
+        lambda *own: work(maps, beside, *own, (slope, 0.3, 1.7)), parameters
+    )
 
 
 def test_units_of_the_maps():
     layers, maps = layers_of(), 0.2 * numbers(18, 10, 10) + 1
     mean, std = torch.tensor(1.1), torch.tensor(0.3)
-    found, expected = features(layers, maps, mean, std), by_pytorch(layers, (maps - mean) / std)
+    found, expected = (
+        features(layers, maps, mean, std),
+        by_pytorch(layers, (maps - mean) / std),
+    )
     assert torch.allclose(found, expected, atol=1e-4)
     weights = numbers(*expected.shape, seed=2)
-    for mine, theirs in zip(gradients(layers, found, weights), gradients(layers, expected, weights), strict=True):
-        assert torch.allclose(mine, theirs, rtol=0, atol=1e-4 * theirs.abs().max().item())
+    for mine, theirs in zip(
+        gradients(layers, found, weights),
+        gradients(layers, expected, weights),
+        strict=True,
+    ):
+        assert torch.allclose(
+            mine, theirs, rtol=0, atol=1e-4 * theirs.abs().max().item()
+        )
 
 
 def test_the_same_twice_and_apart_from_other_maps():
@@ -110,23 +154,41 @@ def test_what_is_not_a_number_stays_so():
     assert found[3].isnan().any() and not found[5].isfinite().all()
     others = [row for row in range(20) if row not in (3, 5)]
     assert found[others].isfinite().all()
-    assert any(one.isnan().any() for one in gradients(layers, found, torch.ones_like(found)))
+    assert any(
+        one.isnan().any() for one in gradients(layers, found, torch.ones_like(found))
+    )
 
 
 @pytest.mark.parametrize(
     ("layers", "maps"),
-    [(layers_of((6, 4)), numbers(2, 9, 9)), (layers_of((8, 3)), numbers(2, 9, 9)),
-     (layers_of(kernel=3), numbers(2, 9, 9)), (layers_of(), numbers(2, 9, 9, dtype=torch.float64)),
-     (layers_of(), numbers(2, 9, 9).requires_grad_()), (layers_of(dtype=torch.bfloat16), numbers(2, 9, 9).bfloat16())],
-    ids=["first channels", "second channels", "kernel", "unlike types", "maps with a gradient", "bfloat16"],
-)  # fmt: skip
+    [
+        (layers_of((6, 4)), numbers(2, 9, 9)),
+        (layers_of((8, 3)), numbers(2, 9, 9)),
+        (layers_of(kernel=3), numbers(2, 9, 9)),
+        (layers_of(), numbers(2, 9, 9, dtype=torch.float64)),
+        (layers_of(), numbers(2, 9, 9).requires_grad_()),
+        (layers_of(dtype=torch.bfloat16), numbers(2, 9, 9).bfloat16()),
+    ],
+    ids=[
+        "first channels",
+        "second channels",
+        "kernel",
+        "unlike types",
+        "maps with a gradient",
+        "bfloat16",
+    ],
+)
 def test_what_pytorch_computes(layers, maps):
     assert not fast(layers, maps)
 
 
 def test_an_encoder_is_the_same_without_numba(monkeypatch):
     network = Network(pixels=12, encoder_hidden=16, latent=8)
-    encoder, inputs, maps = Encoder(network), numbers(2, 5, 11), numbers(2, 5, 12, 12).half()
+    encoder, inputs, maps = (
+        Encoder(network),
+        numbers(2, 5, 11),
+        numbers(2, 5, 12, 12).half(),
+    )
     compiled = encoder(inputs, maps)
     monkeypatch.setattr(convolution, "kernels", lambda: None)
     assert torch.allclose(encoder(inputs, maps), compiled, atol=1e-5)

@@ -20,7 +20,13 @@ from sidm.learning import (
     transition,
     windows_of,
 )
-from sidm.shards import SHARD_SIZE, Collection, ShardError, trajectories_for, write_shard
+from sidm.shards import (
+    SHARD_SIZE,
+    Collection,
+    ShardError,
+    trajectories_for,
+    write_shard,
+)
 from sidm.terrain import generate_terrain
 
 COLLECTION = Collection(system="system1", role="novice")
@@ -31,7 +37,10 @@ def stored(tmp_path, make_trajectories):
     """A collection of two shards on disk: its folder and its trajectories."""
     trajectories = make_trajectories(2 * SHARD_SIZE)
     for number in range(2):
-        write_shard(COLLECTION.shard(tmp_path, number), trajectories[number * SHARD_SIZE : (number + 1) * SHARD_SIZE])
+        write_shard(
+            COLLECTION.shard(tmp_path, number),
+            trajectories[number * SHARD_SIZE : (number + 1) * SHARD_SIZE],
+        )
     return tmp_path, trajectories
 
 
@@ -43,12 +52,26 @@ def test_windows_of_drives(small_terrain, make_trajectories):
     trajectories = make_trajectories(3)
     motion = windows_of(trajectories, 8)
     assert len(motion) == 3
-    assert (motion.inputs.shape, motion.targets.shape, motion.maps.shape) == ((3, 6, 11), (3, 6, 13), (3, 6, 8, 8))
-    assert (motion.inputs.dtype, motion.targets.dtype, motion.maps.dtype) == (torch.float32,) * 2 + (torch.float16,)
-    states, actions = (torch.from_numpy(part).double() for part in (trajectories[1].states, trajectories[1].actions))
-    # of one trajectory alone in float64: all three together round otherwise, float32 more than either
-    assert torch.allclose(motion.inputs[1].double(), encode_inputs(states[:-1], actions), atol=1e-6)
-    assert torch.allclose(motion.targets[1].double(), transition(states[:-1], states[1:]), atol=1e-6)
+    assert (motion.inputs.shape, motion.targets.shape, motion.maps.shape) == (
+        (3, 6, 11),
+        (3, 6, 13),
+        (3, 6, 8, 8),
+    )
+    assert (motion.inputs.dtype, motion.targets.dtype, motion.maps.dtype) == (
+        torch.float32,
+    ) * 2 + (torch.float16,)
+    states, actions = (
+        torch.from_numpy(part).double()
+        for part in (trajectories[1].states, trajectories[1].actions)
+    )
+    # of one trajectory alone in float64: all three together round otherwise, float32
+    # more than either
+    assert torch.allclose(
+        motion.inputs[1].double(), encode_inputs(states[:-1], actions), atol=1e-6
+    )
+    assert torch.allclose(
+        motion.targets[1].double(), transition(states[:-1], states[1:]), atol=1e-6
+    )
     maps = robot_centred_map(generate_terrain(small_terrain, 1), states[:-1], 8)
     assert torch.allclose(motion.maps[1].double(), maps, atol=2e-3)
 
@@ -56,8 +79,12 @@ def test_windows_of_drives(small_terrain, make_trajectories):
 def test_another_terrain_is_refused(small_terrain, make_trajectories):
     trajectories = make_trajectories(2)
     ground = trajectories[1].ground
-    trajectories[1] = replace(trajectories[1], ground=ground._replace(probe=ground.probe + 1e-5))
-    with pytest.raises(GroundError, match="terrain 1 is no longer the one that was driven on") as caught:
+    trajectories[1] = replace(
+        trajectories[1], ground=ground._replace(probe=ground.probe + 1e-5)
+    )
+    with pytest.raises(
+        GroundError, match="terrain 1 is no longer the one that was driven on"
+    ) as caught:
         windows_of(trajectories, 8)
     assert "\n" not in str(caught.value)
 
@@ -75,14 +102,18 @@ def test_loaded_windows_are_those_of_what_lies_on_disk(stored, small_terrain):
 def test_maps_are_computed_once(stored, small_terrain, monkeypatch):
     root, _ = stored
     load_windows(root, COLLECTION, 3, small_terrain, 8)
-    monkeypatch.setattr("sidm.terrain.generate_terrain", lambda *_: pytest.fail("built a terrain again"))
+    monkeypatch.setattr(
+        "sidm.terrain.generate_terrain", lambda *_: pytest.fail("built a terrain again")
+    )
     load_windows(root, COLLECTION, 3, small_terrain, 8)
 
 
 def test_each_resolution_and_count_has_its_file(stored, small_terrain):
     root, _ = stored
     for count, pixels in ((3, 8), (3, 7), (4, 8)):
-        assert load_windows(root, COLLECTION, count, small_terrain, pixels).maps.shape == (count, 6, pixels, pixels)
+        assert load_windows(
+            root, COLLECTION, count, small_terrain, pixels
+        ).maps.shape == (count, 6, pixels, pixels)
     assert len(cached(root)) == 3
 
 
@@ -124,7 +155,11 @@ def test_take_first_and_split(make_motion):
 def test_a_part_is_what_take_copies(make_motion):
     motion, chosen = make_motion(7), [4, 1, 5, 0]
     part, copy = motion.subset(chosen), motion.take(chosen)
-    assert len(part) == 4 and torch.equal(part.inputs, copy.inputs) and torch.equal(part.targets, copy.targets)
+    assert (
+        len(part) == 4
+        and torch.equal(part.inputs, copy.inputs)
+        and torch.equal(part.targets, copy.targets)
+    )
     assert torch.equal(torch.cat([some.maps for some in part.split(3)]), copy.maps)
     assert torch.equal(part.first(2).take([1]).maps, motion.maps[[1]])
 
@@ -132,12 +167,16 @@ def test_a_part_is_what_take_copies(make_motion):
 def anonymous_memory() -> float:
     """MiB of this process that no file stands behind."""
     lines = Path("/proc/self/status").read_text().splitlines()
-    return next(int(line.split()[1]) for line in lines if line.startswith("RssAnon")) / 1024
+    return (
+        next(int(line.split()[1]) for line in lines if line.startswith("RssAnon"))
+        / 1024
+    )
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs Linux")
 def test_maps_stay_in_their_file(tmp_path):
-    """Taking from half of 96 MiB of maps holds a batch of them, 1.5 MiB, not the 48; the allocator the rest."""
+    """Taking from half of 96 MiB of maps holds a batch of them, 1.5 MiB, not the 48;
+    the allocator the rest."""
     count, steps, pixels, batch = 192, 64, 64, 3
     np.save(tmp_path / "maps.npy", np.ones((count, steps, pixels, pixels), np.float16))
     maps = torch.from_numpy(np.load(tmp_path / "maps.npy", mmap_mode="c"))
@@ -145,7 +184,13 @@ def test_maps_stay_in_their_file(tmp_path):
     part = motion.subset(range(0, count, 2))
     part.take(range(batch))
     before = anonymous_memory()
-    assert sum(float(part.take(range(start, start + batch)).maps[0, 0, 0, 0]) for start in range(64)) == 64
+    assert (
+        sum(
+            float(part.take(range(start, start + batch)).maps[0, 0, 0, 0])
+            for start in range(64)
+        )
+        == 64
+    )
     assert sum(len(some) for some in part.split(batch)) == count // 2
     assert anonymous_memory() - before < 16
 
@@ -177,7 +222,9 @@ def test_split_depends_on_the_seed_alone():
 
 
 def test_split_of_too_small_a_pool():
-    with pytest.raises(ConfigError, match="5 novice minutes are 47 trajectories, but the pool has 20"):
+    with pytest.raises(
+        ConfigError, match="5 novice minutes are 47 trajectories, but the pool has 20"
+    ):
         novice_split(20, 5, 0)
 
 
@@ -187,13 +234,21 @@ def test_standardisation_against_numpy(make_motion):
     units = Standardisation.of(motion)
     assert np.allclose(units.input_mean, motion.inputs.numpy().mean((0, 1)), atol=1e-6)
     assert np.allclose(units.input_std, motion.inputs.numpy().std((0, 1)), atol=1e-6)
-    assert np.allclose(units.target_std[:4], motion.targets.numpy().std((0, 1))[:4], atol=1e-6)
+    assert np.allclose(
+        units.target_std[:4], motion.targets.numpy().std((0, 1))[:4], atol=1e-6
+    )
     assert np.allclose(units.map_mean, motion.maps.float().mean(), atol=1e-6)
     assert np.allclose(units.map_std, motion.maps.float().numpy().std(), atol=1e-6)
-    assert units.map_std.shape == () and (units.input_mean.dtype, units.map_std.dtype) == (torch.float32,) * 2
+    assert (
+        units.map_std.shape == ()
+        and (units.input_mean.dtype, units.map_std.dtype) == (torch.float32,) * 2
+    )
     assert units.target_std[4] == 1  # constant: in its raw unit
 
 
 def test_standardisation_from_part_of_the_maps(make_motion):
     motion = make_motion(9)
-    assert torch.equal(Standardisation.of(motion, maps_from=2).map_std, Standardisation.of(motion.first(2)).map_std)
+    assert torch.equal(
+        Standardisation.of(motion, maps_from=2).map_std,
+        Standardisation.of(motion.first(2)).map_std,
+    )

@@ -49,9 +49,14 @@ def test_rollout_step_by_step(model, scene):
     assert torch.equal(predicted[:, 0], state)
     now, memory = state.double(), None
     for k in range(5):
-        inputs, maps = encode_inputs(now, actions[:, k].double()).float(), robot_centred_map(heights, now, 8)
+        inputs, maps = (
+            encode_inputs(now, actions[:, k].double()).float(),
+            robot_centred_map(heights, now, 8),
+        )
         with torch.no_grad():
-            step, memory = model("novice", inputs[:, None], maps.half()[:, None], memory)
+            step, memory = model(
+                "novice", inputs[:, None], maps.half()[:, None], memory
+            )
         now = integrate(now, step[:, 0].double())
         assert torch.allclose(predicted[:, k + 1], now.float(), atol=1e-5)
 
@@ -61,7 +66,8 @@ def test_rollout_of_one_is_that_of_many(model, scene):
     together = rollout(model, heights, state, actions, 8, role="expert")
     alone = rollout(model, heights[1].numpy(), state[1], actions[1], 8, role="expert")
     assert alone.shape == (6, 13)
-    assert torch.allclose(alone, together[1], atol=1e-3)  # where float32 differs, a height may be the next float16
+    # where float32 differs, a height may be the next float16
+    assert torch.allclose(alone, together[1], atol=1e-3)
 
 
 def test_rollout_needs_no_gradient_and_can_be_learnt_from(model, scene):
@@ -84,7 +90,10 @@ def test_errors_of_a_known_deviation():
     position, heading = rollout_errors(predicted, actual)
     assert position.shape == heading.shape == (2, 3)
     assert position.tolist() == [[0.0, 7.0, 0.0], [0.0, 0.0, 0.0]]
-    assert heading[1, 2].item() == pytest.approx(0.5, abs=1e-6) and heading[0].abs().max() == 0
+    assert (
+        heading[1, 2].item() == pytest.approx(0.5, abs=1e-6)
+        and heading[0].abs().max() == 0
+    )
 
 
 def test_heading_error_takes_the_short_way_round():

@@ -1,4 +1,5 @@
-"""What a training is made of comes to the figures of today's versions, before any update makes much of rounding."""
+"""What a training is made of comes to the figures of today's versions, before any
+update makes much of rounding."""
 
 import numpy as np
 import pytest
@@ -18,7 +19,11 @@ CLOSE = dict(rel=1e-4, abs=1e-6)  # float32 sums of some thousand terms
 
 def samples(rows: int, columns: int, shift: float = 0.0) -> torch.Tensor:
     """Numbers (rows, columns) that any processor makes alike."""
-    return torch.tensor(np.sin(np.arange(rows * columns, dtype=float) * 1.7 + shift).reshape(rows, columns)).float()
+    return torch.tensor(
+        np.sin(np.arange(rows * columns, dtype=float) * 1.7 + shift).reshape(
+            rows, columns
+        )
+    ).float()
 
 
 def test_every_loss_comes_to_its_figures(golden):
@@ -38,11 +43,17 @@ def test_every_loss_comes_to_its_figures(golden):
     [
         ("scaled weights", Network(pixels=16, hidden=32)),
         ("PyTorch's weights", Network(pixels=16, hidden=32, initialisation="pytorch")),
-        ("the paper's layers", Network(pixels=16, hidden=32, layers=PAPER_NETWORK.layers)),
+        (
+            "the paper's layers",
+            Network(pixels=16, hidden=32, layers=PAPER_NETWORK.layers),
+        ),
     ],
 )
-def test_fresh_networks_come_to_their_figures(golden, make_trajectories, small_terrain, name, network):
-    """From trajectories over maps and standardised numbers to a loss by component, and a discriminator's logits."""
+def test_fresh_networks_come_to_their_figures(
+    golden, make_trajectories, small_terrain, name, network
+):
+    """From trajectories over maps and standardised numbers to a loss by component, and
+    a discriminator's logits."""
     motion = windows_of(make_trajectories(3), network.pixels)
     model = DynamicsModel(network, Standardisation.of(motion), seed=0)
     with torch.no_grad():

@@ -19,14 +19,24 @@ def make_model(small_network):
     return make
 
 
-@pytest.mark.parametrize(("own", "differing"), [
-    ("none", set()),
-    ("flag", {"encoders.dense.0.bias"}),
-    ("biases", {f"encoders.{n}.bias" for n in ("convolutions.0", "convolutions.2", "dense.0", "dense.2")}
-     | {f"decoders.{n}.bias" for n in ("dense.0", "dense.2")}),
-])  # fmt: skip
-def test_each_system_learns_what_is_its_own_and_both_the_rest(make_trainer, datasets, small_network, small_training,
-                                                              own, differing):  # fmt: skip
+@pytest.mark.parametrize(
+    ("own", "differing"),
+    [
+        ("none", set()),
+        ("flag", {"encoders.dense.0.bias"}),
+        (
+            "biases",
+            {
+                f"encoders.{n}.bias"
+                for n in ("convolutions.0", "convolutions.2", "dense.0", "dense.2")
+            }
+            | {f"decoders.{n}.bias" for n in ("dense.0", "dense.2")},
+        ),
+    ],
+)
+def test_each_system_learns_what_is_its_own_and_both_the_rest(
+    make_trainer, datasets, small_network, small_training, own, differing
+):
     network = dataclasses.replace(small_network, own=own)
     training = dataclasses.replace(small_training, p_expert=0.5, regularise=False)
     trainer = Trainer(datasets, network, training, 0)
@@ -37,7 +47,9 @@ def test_each_system_learns_what_is_its_own_and_both_the_rest(make_trainer, data
     weights = dict(trainer.model.state_dict())
     found = set()
     for name, tensor in weights.items():
-        if ".novice." in name and not torch.equal(tensor, weights[name.replace(".novice.", ".expert.")]):
+        if ".novice." in name and not torch.equal(
+            tensor, weights[name.replace(".novice.", ".expert.")]
+        ):
             found.add(name.replace(".novice", ""))
     assert found == differing
 
@@ -66,7 +78,10 @@ def test_both_systems_begin_as_copies(make_model, make_motion, own):
 def test_a_model_with_shared_parts_starts_from_its_own_weights(make_model):
     first, second = make_model("biases", seed=1), make_model("biases", seed=2)
     second.start(first.state_dict())
-    assert all(torch.equal(one, second.state_dict()[name]) for name, one in first.state_dict().items())
+    assert all(
+        torch.equal(one, second.state_dict()[name])
+        for name, one in first.state_dict().items()
+    )
 
 
 def test_shared_parts_have_the_novices_initial_weights(make_model):
@@ -83,4 +98,6 @@ def test_what_is_shared_has_a_name():
 
 def test_one_encoder_has_nothing_to_match(datasets, small_network, small_training):
     with pytest.raises(ConfigError, match="nothing to match"):
-        Trainer(datasets, dataclasses.replace(small_network, own="none"), small_training, 0)
+        Trainer(
+            datasets, dataclasses.replace(small_network, own="none"), small_training, 0
+        )

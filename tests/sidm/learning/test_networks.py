@@ -20,17 +20,21 @@ from sidm.learning import (
 
 
 def weights(module: nn.Module) -> torch.Tensor:
-    return torch.cat([parameter.detach().reshape(-1) for parameter in module.parameters()])
+    return torch.cat(
+        [parameter.detach().reshape(-1) for parameter in module.parameters()]
+    )
 
 
 def encoder_count(pixels: int) -> int:
-    """Two convolutions of kernel 4 with 8 and 4 channels, two layers of 128 behind them."""
+    """Two convolutions of kernel 4 with 8 and 4 channels, two layers of 128 behind
+    them."""
     flat = 4 * (pixels - 6) ** 2 + 11
     return (8 * 16 + 8) + (4 * 8 * 16 + 4) + (flat + 1) * 128 + (128 + 1) * 128
 
 
 def lstm_count(layers: int, hidden: int) -> int:
-    """Four gates, each with weights to input and state and two biases, and the output layer of 64."""
+    """Four gates, each with weights to input and state and two biases, and the output
+    layer of 64."""
     sizes = [128] + [hidden] * (layers - 1)
     return sum(4 * hidden * (size + hidden + 2) for size in sizes) + (hidden + 1) * 64
 
@@ -44,20 +48,29 @@ def test_parameter_counts(network):
 
 
 def test_the_papers_sizes():
-    """Section 4: a map of 300 by 300, LSTM layers 4 of 1024; counted without filling memory."""
+    """Section 4: a map of 300 by 300, LSTM layers 4 of 1024; counted without filling
+    memory."""
     with torch.device("meta"):
         encoder, sidm = Encoder(PAPER_NETWORK), SIDM(PAPER_NETWORK)
-        latents = encoder(torch.zeros(2, 3, 11), torch.zeros(2, 3, 300, 300, dtype=torch.float16))
+        latents = encoder(
+            torch.zeros(2, 3, 11), torch.zeros(2, 3, 300, 300, dtype=torch.float16)
+        )
         transitions, memory = sidm(latents)
-    assert parameter_count(encoder) == encoder_count(300) and parameter_count(sidm) == lstm_count(4, 1024)
+    assert parameter_count(encoder) == encoder_count(300) and parameter_count(
+        sidm
+    ) == lstm_count(4, 1024)
     assert latents.shape == (2, 3, 128) and transitions.shape == (2, 3, 64)
     assert memory[0].shape == (4, 2, 1024)
 
 
 def test_scaled_weights_carry_the_inputs_through():
-    """Numbers and maps both move the latents, and the LSTM's output, ten times as much as with PyTorch's weights."""
+    """Numbers and maps both move the latents, and the LSTM's output, ten times as much
+    as with PyTorch's weights."""
     generator = torch.Generator().manual_seed(0)
-    inputs, maps = torch.randn(2, 8, 16, 11, generator=generator), torch.randn(2, 8, 16, 16, 16, generator=generator)
+    inputs, maps = (
+        torch.randn(2, 8, 16, 11, generator=generator),
+        torch.randn(2, 8, 16, 16, 16, generator=generator),
+    )
 
     def moved(initialisation: str) -> list[float]:
         network = Network(pixels=16, initialisation=initialisation)
@@ -65,8 +78,14 @@ def test_scaled_weights_carry_the_inputs_through():
         encoder = model.encoders["novice"]
         with torch.no_grad():
             base = encoder(inputs[0], maps[0])
-            by_numbers, by_map = encoder(inputs[1], maps[0]), encoder(inputs[0], maps[1])
-            outputs = [model.sidm.lstm(latents)[0][:, -1] for latents in (base, encoder(inputs[1], maps[1]))]
+            by_numbers, by_map = (
+                encoder(inputs[1], maps[0]),
+                encoder(inputs[0], maps[1]),
+            )
+            outputs = [
+                model.sidm.lstm(latents)[0][:, -1]
+                for latents in (base, encoder(inputs[1], maps[1]))
+            ]
         pairs = (base, by_numbers), (base, by_map), outputs
         return [float((a - b).square().mean().sqrt()) for a, b in pairs]
 
@@ -80,25 +99,48 @@ def test_the_lstms_gates_have_weights_of_their_own():
     for layer in range(lstm.num_layers):
         for gate in getattr(lstm, f"weight_hh_l{layer}").chunk(4):
             assert torch.allclose(gate @ gate.T, torch.eye(32), atol=1e-5)
-        biases = (getattr(lstm, f"bias_ih_l{layer}") + getattr(lstm, f"bias_hh_l{layer}")).detach()
-        assert [float(gate.mean()) for gate in biases.chunk(4)] == [0, 1, 0, 0] and biases.sum() == 32
+        biases = (
+            getattr(lstm, f"bias_ih_l{layer}") + getattr(lstm, f"bias_hh_l{layer}")
+        ).detach()
+        assert [float(gate.mean()) for gate in biases.chunk(4)] == [
+            0,
+            1,
+            0,
+            0,
+        ] and biases.sum() == 32
 
 
 def test_encoder_is_the_papers_stack(small_network, make_motion):
-    """Against plain convolutions in the default memory layout, features in the order height, width, channel."""
+    """Against plain convolutions in the default memory layout, features in the order
+    height, width, channel."""
     motion, encoder = make_motion(2), Encoder(small_network)
     first, _, second, _ = encoder.convolutions
-    assert (first.kernel_size, first.stride, first.padding, first.out_channels) == ((4, 4), (1, 1), (0, 0), 8)
-    assert (second.kernel_size, second.stride, second.padding, second.out_channels) == ((4, 4), (1, 1), (0, 0), 4)
+    assert (first.kernel_size, first.stride, first.padding, first.out_channels) == (
+        (4, 4),
+        (1, 1),
+        (0, 0),
+        8,
+    )
+    assert (second.kernel_size, second.stride, second.padding, second.out_channels) == (
+        (4, 4),
+        (1, 1),
+        (0, 0),
+        4,
+    )
     pixels = motion.maps.float().reshape(12, 1, 8, 8)
     hidden = pixels
     for layer in (first, second):
         hidden = nn.functional.conv2d(hidden, layer.weight.contiguous(), layer.bias)
         hidden = nn.functional.leaky_relu(hidden, 0.01)
-    flat = torch.cat([hidden.permute(0, 2, 3, 1).reshape(12, -1), motion.inputs.reshape(12, 11)], dim=1)
+    flat = torch.cat(
+        [hidden.permute(0, 2, 3, 1).reshape(12, -1), motion.inputs.reshape(12, 11)],
+        dim=1,
+    )
     for layer in (encoder.dense[0], encoder.dense[2]):
         flat = nn.functional.leaky_relu(flat @ layer.weight.T + layer.bias, 0.01)
-    assert torch.allclose(encoder(motion.inputs, motion.maps).reshape(12, -1), flat, atol=1e-5)
+    assert torch.allclose(
+        encoder(motion.inputs, motion.maps).reshape(12, -1), flat, atol=1e-5
+    )
 
 
 def test_every_layer_but_the_decoders_last_is_leaky(small_network):
@@ -106,7 +148,11 @@ def test_every_layer_but_the_decoders_last_is_leaky(small_network):
     for stack in (model.encoders["novice"].dense, model.sidm.output):
         assert isinstance(stack[-1], nn.LeakyReLU)
     assert isinstance(model.decoders["novice"].dense[-1], nn.Linear)
-    assert {layer.negative_slope for layer in model.modules() if isinstance(layer, nn.LeakyReLU)} == {0.01}
+    assert {
+        layer.negative_slope
+        for layer in model.modules()
+        if isinstance(layer, nn.LeakyReLU)
+    } == {0.01}
 
 
 def test_memory_carries_a_trajectory_on(small_network, make_motion):
@@ -114,7 +160,9 @@ def test_memory_carries_a_trajectory_on(small_network, make_motion):
     whole, _ = model("expert", motion.inputs, motion.maps)
     memory, parts = None, []
     for t in range(6):
-        part, memory = model("expert", motion.inputs[:, t : t + 1], motion.maps[:, t : t + 1], memory)
+        part, memory = model(
+            "expert", motion.inputs[:, t : t + 1], motion.maps[:, t : t + 1], memory
+        )
         parts.append(part)
     assert torch.allclose(torch.cat(parts, dim=1), whole, atol=1e-5)
 
@@ -124,7 +172,9 @@ def test_discriminator_gives_a_probability(small_network, generator):
     latents = torch.randn(2, 5, 8, generator=generator)
     probability = discriminator(latents)
     assert probability.shape == (2, 5) and ((probability > 0) & (probability < 1)).all()
-    assert torch.allclose(torch.logit(probability), discriminator.logits(latents), atol=1e-5)
+    assert torch.allclose(
+        torch.logit(probability), discriminator.logits(latents), atol=1e-5
+    )
 
 
 def test_standardisation_is_the_same_net_in_other_units(small_network, make_motion):
@@ -134,14 +184,23 @@ def test_standardisation_is_the_same_net_in_other_units(small_network, make_moti
     inputs = (motion.inputs - units.input_mean) / units.input_std
     maps = (motion.maps.float() - units.map_mean) / units.map_std
     expected = units.target_mean + units.target_std * plain("novice", inputs, maps)[0]
-    assert torch.allclose(scaled("novice", motion.inputs, motion.maps)[0], expected, atol=1e-5)
+    assert torch.allclose(
+        scaled("novice", motion.inputs, motion.maps)[0], expected, atol=1e-5
+    )
 
 
 def test_a_part_begins_the_same_whatever_else_there_is(small_network):
-    both, one = DynamicsModel(small_network, seed=5), DynamicsModel(small_network, seed=5, roles=["novice"])
+    both, one = (
+        DynamicsModel(small_network, seed=5),
+        DynamicsModel(small_network, seed=5, roles=["novice"]),
+    )
     for part in ("encoders.novice", "decoders.novice", "sidm"):
-        assert torch.equal(weights(both.get_submodule(part)), weights(one.get_submodule(part)))
-    assert not torch.equal(weights(both.encoders["novice"]), weights(both.encoders["expert"]))
+        assert torch.equal(
+            weights(both.get_submodule(part)), weights(one.get_submodule(part))
+        )
+    assert not torch.equal(
+        weights(both.encoders["novice"]), weights(both.encoders["expert"])
+    )
     other = DynamicsModel(small_network, seed=6)
     assert not torch.equal(weights(both.sidm), weights(other.sidm))
 
@@ -154,19 +213,32 @@ def test_an_unknown_system_is_named(small_network, make_motion):
 
 def test_wrong_shapes_give_both(small_network):
     model = DynamicsModel(small_network)
-    with pytest.raises(ValueError, match=r"maps must have shape \(2, 3, 8, 8\), not \(2, 3, 9, 9\)"):
+    with pytest.raises(
+        ValueError, match=r"maps must have shape \(2, 3, 8, 8\), not \(2, 3, 9, 9\)"
+    ):
         model("novice", torch.zeros(2, 3, 11), torch.zeros(2, 3, 9, 9))
-    with pytest.raises(ValueError, match=r"inputs must have shape \(B, T, 11\), not \(3, 11\)"):
+    with pytest.raises(
+        ValueError, match=r"inputs must have shape \(B, T, 11\), not \(3, 11\)"
+    ):
         model("novice", torch.zeros(3, 11), torch.zeros(3, 8, 8))
-    with pytest.raises(ValueError, match=r"latents must have shape \(B, T, 8\), not \(2, 3, 9\)"):
+    with pytest.raises(
+        ValueError, match=r"latents must have shape \(B, T, 8\), not \(2, 3, 9\)"
+    ):
         model.sidm(torch.zeros(2, 3, 9))
-    with pytest.raises(ValueError, match=r"latent transitions must have shape \(2, 6\), not \(2, 7\)"):
+    with pytest.raises(
+        ValueError, match=r"latent transitions must have shape \(2, 6\), not \(2, 7\)"
+    ):
         model.decoders["novice"](torch.zeros(2, 7))
-    with pytest.raises(ValueError, match=r"latents must have shape \(2, 8\), not \(2, 7\)"):
+    with pytest.raises(
+        ValueError, match=r"latents must have shape \(2, 8\), not \(2, 7\)"
+    ):
         Discriminator(small_network).logits(torch.zeros(2, 7))
 
 
-@pytest.mark.parametrize(("name", "value"), [("pixels", 6), ("layers", 0), ("slope", 1.5), ("channels", (8, 0))])
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("pixels", 6), ("layers", 0), ("slope", 1.5), ("channels", (8, 0))],
+)
 def test_sizes_that_make_no_network(name, value):
     with pytest.raises(ConfigError, match=f"Network.{name}"):
         Network(**{name: value})

@@ -1,4 +1,5 @@
-"""What the networks see and predict: closed forms, SciPy, the terrain's own surface, and round trips."""
+"""What the networks see and predict: closed forms, SciPy, the terrain's own surface,
+and round trips."""
 
 import math
 
@@ -18,21 +19,36 @@ def random_states(count: int, seed: int = 0, spread: float = 1.0) -> torch.Tenso
     """(count, 13) float64."""
     rng = np.random.default_rng(seed)
     quaternion = Rotation.random(count, random_state=seed).as_quat()
-    return torch.from_numpy(np.hstack([rng.normal(0, spread, (count, 3)), quaternion, rng.normal(size=(count, 6))]))
+    return torch.from_numpy(
+        np.hstack(
+            [rng.normal(0, spread, (count, 3)), quaternion, rng.normal(size=(count, 6))]
+        )
+    )
 
 
 def at(x=0.0, y=0.0, z=0.0, yaw=0.0) -> torch.Tensor:
     """The state (13,) of a robot at rest."""
     turn = rotations.from_yaw(torch.tensor(yaw, dtype=torch.float64))
-    return torch.cat([torch.tensor([x, y, z], dtype=torch.float64), turn, torch.zeros(6, dtype=torch.float64)])
+    return torch.cat(
+        [
+            torch.tensor([x, y, z], dtype=torch.float64),
+            turn,
+            torch.zeros(6, dtype=torch.float64),
+        ]
+    )
 
 
 def test_inputs_against_scipy(generator):
-    states, actions = random_states(20), torch.rand(20, 2, dtype=torch.float64, generator=generator)
+    states, actions = (
+        random_states(20),
+        torch.rand(20, 2, dtype=torch.float64, generator=generator),
+    )
     inputs = encode_inputs(states, actions)
     up = Rotation.from_quat(states[:, 3:7].numpy()).inv().apply([0, 0, 1])
     assert np.allclose(inputs[:, :3], up)
-    assert torch.equal(inputs[:, 3:9], states[:, 7:]) and torch.equal(inputs[:, 9:], actions)
+    assert torch.equal(inputs[:, 3:9], states[:, 7:]) and torch.equal(
+        inputs[:, 9:], actions
+    )
 
 
 def test_transition_of_a_drive_forward_and_a_left_turn():
@@ -58,22 +74,37 @@ def test_integrating_a_transition_gives_the_next_state(seed, spread):
     before, after = random_states(4, seed, spread), random_states(4, seed + 1, spread)
     found = integrate(before, transition(before, after))
     assert torch.allclose(found[:, :3], after[:, :3], atol=1e-9 * spread)
-    assert torch.allclose(rotations.canonical(found[:, 3:7]), rotations.canonical(after[:, 3:7]), atol=1e-9)
+    assert torch.allclose(
+        rotations.canonical(found[:, 3:7]),
+        rotations.canonical(after[:, 3:7]),
+        atol=1e-9,
+    )
     assert torch.equal(found[:, 7:], after[:, 7:])
 
 
 def test_integrate_normalises_the_predicted_quaternion():
-    before, step = random_states(5), transition(random_states(5, 1), random_states(5, 2))
+    before, step = (
+        random_states(5),
+        transition(random_states(5, 1), random_states(5, 2)),
+    )
     scaled = step.clone()
     scaled[:, 3:7] *= 3.0
     assert torch.allclose(integrate(before, scaled), integrate(before, step))
-    assert torch.allclose(integrate(before, scaled)[:, 3:7].norm(dim=-1), torch.ones(5, dtype=torch.float64))
+    assert torch.allclose(
+        integrate(before, scaled)[:, 3:7].norm(dim=-1),
+        torch.ones(5, dtype=torch.float64),
+    )
 
 
-@pytest.mark.parametrize("call", [
-    lambda: encode_inputs(torch.zeros(12), torch.zeros(2)), lambda: encode_inputs(torch.zeros(13), torch.zeros(3)),
-    lambda: transition(torch.zeros(13), torch.zeros(5)), lambda: integrate(torch.zeros(13), torch.zeros(11)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: encode_inputs(torch.zeros(12), torch.zeros(2)),
+        lambda: encode_inputs(torch.zeros(13), torch.zeros(3)),
+        lambda: transition(torch.zeros(13), torch.zeros(5)),
+        lambda: integrate(torch.zeros(13), torch.zeros(11)),
+    ],
+)
 def test_wrong_sizes_are_refused_with_both_shapes(call):
     with pytest.raises(ValueError, match=r"must have shape \(\.\.\., \d+\), not \("):
         call()
@@ -92,8 +123,16 @@ def test_map_is_the_surface_that_the_wheels_touch(small_terrain):
     offset = ((np.arange(16) + 0.5) / 16 - 0.5) * 5.0
     for state, picture in zip(states.numpy(), found.numpy(), strict=True):
         heading = Rotation.from_quat(state[3:7]).as_euler("ZYX")[0]
-        x = state[0] + math.cos(heading) * offset[None, :] - math.sin(heading) * offset[:, None]
-        y = state[1] + math.sin(heading) * offset[None, :] + math.cos(heading) * offset[:, None]
+        x = (
+            state[0]
+            + math.cos(heading) * offset[None, :]
+            - math.sin(heading) * offset[:, None]
+        )
+        y = (
+            state[1]
+            + math.sin(heading) * offset[None, :]
+            + math.cos(heading) * offset[:, None]
+        )
         assert np.allclose(picture, height_at(heights, x, y) - state[2], atol=1e-12)
 
 
@@ -107,25 +146,39 @@ def test_one_terrain_for_each_trajectory(rng):
     states = random_states(12).reshape(3, 4, 13)
     together = robot_centred_map(heights, states, 8)
     assert together.shape == (3, 4, 8, 8)
-    for i in range(3):  # not bit for bit: a sine at the end of a vector is rounded otherwise than within
-        assert torch.allclose(together[i], robot_centred_map(heights[i], states[i], 8), atol=1e-12)
+    # not bit for bit: a sine at the end of a vector is rounded otherwise than within
+    for i in range(3):
+        assert torch.allclose(
+            together[i], robot_centred_map(heights[i], states[i], 8), atol=1e-12
+        )
 
 
 def test_map_size_and_resolution():
     fine = robot_centred_map(ramp(0.2, 0.0), at(), 300, size=3.0)
     assert fine.shape == (300, 300)
-    assert torch.allclose(fine[0, [0, -1]], torch.tensor([-0.299, 0.299], dtype=torch.float64))
+    assert torch.allclose(
+        fine[0, [0, -1]], torch.tensor([-0.299, 0.299], dtype=torch.float64)
+    )
 
 
 def test_numpy_is_taken_too_and_the_wider_type_returned(rng):
     heights, states = rng.normal(size=(50, 50)), random_states(2).float()
     found = robot_centred_map(heights, states.numpy(), 8)
     assert found.dtype == torch.float64 and found.shape == (2, 8, 8)
-    assert robot_centred_map(heights.astype(np.float32), states, 8).dtype == torch.float32
+    assert (
+        robot_centred_map(heights.astype(np.float32), states, 8).dtype == torch.float32
+    )
 
 
 @pytest.mark.parametrize(
-    ("heights", "states"), [((4, 5), (12,)), ((2, 9, 9), (13,)), ((2, 9, 9), (3, 13)), ((9,), (13,)), ((4, 5), ())]
+    ("heights", "states"),
+    [
+        ((4, 5), (12,)),
+        ((2, 9, 9), (13,)),
+        ((2, 9, 9), (3, 13)),
+        ((9,), (13,)),
+        ((4, 5), ()),
+    ],
 )
 def test_wrong_map_shapes_give_both(heights, states):
     with pytest.raises(ValueError) as caught:

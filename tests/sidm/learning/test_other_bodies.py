@@ -1,4 +1,5 @@
-"""Robots that are not the paper's: what they see and predict, and pairs whose bodies differ."""
+"""Robots that are not the paper's: what they see and predict, and pairs whose bodies
+differ."""
 
 import dataclasses
 import math
@@ -9,7 +10,16 @@ import torch
 
 from sidm.body import DRIVE, ROVER, TWIST, Body
 from sidm.config import ConfigError
-from sidm.learning import Training, Windows, encode_inputs, integrate, robot_centred_map, rollout, train, transition
+from sidm.learning import (
+    Training,
+    Windows,
+    encode_inputs,
+    integrate,
+    robot_centred_map,
+    rollout,
+    train,
+    transition,
+)
 from sidm.learning.dataset import Datasets, windows_from
 from sidm.learning.evaluation import mean_loss, rollout_errors, validation_loss
 from sidm.learning.observation import seen_as
@@ -20,11 +30,15 @@ from tests.sidm.learning.test_observation import at, random_states
 
 PIXELS = 8  # of the small network
 TRACKED = Body(
-    name="tracked", pose="planar", columns=(("yaw_rate", "rad/s"), ("wheel", "rad/s")),
+    name="tracked",
+    pose="planar",
+    columns=(("yaw_rate", "rad/s"), ("wheel", "rad/s")),
     actions=(("left", "rad/s"), ("right", "rad/s")),
-)  # fmt: skip
+)
 BLIND = Body(name="blind", tilt=True, columns=TWIST, actions=DRIVE)
-ARM = Body(name="arm", pose="none", columns=(("joint", "rad"),), actions=(("torque", "1"),))
+ARM = Body(
+    name="arm", pose="none", columns=(("joint", "rad"),), actions=(("torque", "1"),)
+)
 
 
 def test_a_planar_robot_turns_left_as_it_drives_forward():
@@ -32,8 +46,12 @@ def test_a_planar_robot_turns_left_as_it_drives_forward():
     states = torch.tensor([0.0, 0, 0, 0.1, 5], dtype=torch.float64)
     step = torch.tensor([1.0, 0, math.pi / 2, 0.2, 6], dtype=torch.float64)
     once = integrate(states, step, TRACKED)
-    assert torch.allclose(once, torch.tensor([1.0, 0, math.pi / 2, 0.2, 6], dtype=torch.float64))
-    assert torch.allclose(integrate(once, step, TRACKED)[:2], torch.ones(2, dtype=torch.float64))
+    assert torch.allclose(
+        once, torch.tensor([1.0, 0, math.pi / 2, 0.2, 6], dtype=torch.float64)
+    )
+    assert torch.allclose(
+        integrate(once, step, TRACKED)[:2], torch.ones(2, dtype=torch.float64)
+    )
 
 
 @pytest.mark.parametrize("body", [TRACKED, BLIND, ARM])
@@ -53,20 +71,30 @@ def test_integrating_a_transition_leads_to_the_next_state(body, rng):
 
 def test_what_a_robot_sees_has_the_bodys_size():
     actions = torch.rand(4, 2, dtype=torch.float64)
-    assert encode_inputs(torch.rand(4, 5, dtype=torch.float64), actions, TRACKED).shape == (4, 4)
-    assert torch.equal(encode_inputs(random_states(4), actions, BLIND), encode_inputs(random_states(4), actions))
+    assert encode_inputs(
+        torch.rand(4, 5, dtype=torch.float64), actions, TRACKED
+    ).shape == (4, 4)
+    assert torch.equal(
+        encode_inputs(random_states(4), actions, BLIND),
+        encode_inputs(random_states(4), actions),
+    )
     with pytest.raises(ValueError, match=r"states must have shape \(\.\.\., 5\)"):
         encode_inputs(torch.rand(4, 6), actions, TRACKED)
 
 
 def test_the_papers_state_is_seen_by_another_body():
     body = Body(
-        name="mixed", pose="planar", columns=(("up_z", "1"), ("vx", "m/s")), actions=(("left", "1"), ("right", "1"))
+        name="mixed",
+        pose="planar",
+        columns=(("up_z", "1"), ("vx", "m/s")),
+        actions=(("left", "1"), ("right", "1")),
     )
     states = at(x=1.0, y=2.0, yaw=0.5)
     states[7] = 3.0
     seen, actions = seen_as(body, states, torch.tensor([0.5, 0.2], dtype=torch.float64))
-    assert torch.allclose(seen, torch.tensor([1.0, 2.0, 0.5, 1.0, 3.0], dtype=torch.float64))
+    assert torch.allclose(
+        seen, torch.tensor([1.0, 2.0, 0.5, 1.0, 3.0], dtype=torch.float64)
+    )
     assert torch.allclose(actions, torch.tensor([0.7, 0.3], dtype=torch.float64))
     same, _ = seen_as(ROVER, random_states(3), torch.zeros(3, 2, dtype=torch.float64))
     assert torch.equal(same, random_states(3))
@@ -75,11 +103,19 @@ def test_the_papers_state_is_seen_by_another_body():
 
 
 def test_a_planar_robots_map_is_relative_to_the_ground_under_it():
-    heights = np.add.outer(np.zeros(60), 0.1 * np.arange(60))  # rises by 1 m a metre along x
+    # rises by 1 m a metre along x
+    heights = np.add.outer(np.zeros(60), 0.1 * np.arange(60))
     body = dataclasses.replace(TRACKED, map_size=1.0)
-    states = torch.tensor([[0.4, 0.3, 0.0, 0, 0], [-1.0, 0.2, 0.0, 0, 0]], dtype=torch.float64)
+    states = torch.tensor(
+        [[0.4, 0.3, 0.0, 0, 0], [-1.0, 0.2, 0.0, 0, 0]], dtype=torch.float64
+    )
     maps = robot_centred_map(heights, states, 4, 1.0, body=body)
-    assert torch.allclose(maps, torch.tensor([-0.375, -0.125, 0.125, 0.375], dtype=torch.float64).expand(2, 4, 4))
+    assert torch.allclose(
+        maps,
+        torch.tensor([-0.375, -0.125, 0.125, 0.375], dtype=torch.float64).expand(
+            2, 4, 4
+        ),
+    )
 
 
 def test_a_body_without_a_map_needs_no_ground(make_pair):
@@ -90,13 +126,20 @@ def test_a_body_without_a_map_needs_no_ground(make_pair):
     position, heading = rollout_errors(path, torch.zeros(8, 5), TRACKED)
     assert torch.allclose(position, path[1:, :2].double().norm(dim=-1))
     assert torch.allclose(heading, path[1:, 2].double().abs(), atol=1e-6)
-    with pytest.raises(ValueError, match=r"state \(B, 5\) and actions \(B, K, 2\) of one B, not \(1, 4\) and"):
+    with pytest.raises(
+        ValueError,
+        match=r"state \(B, 5\) and actions \(B, K, 2\) of one B, not \(1, 4\) and",
+    ):
         rollout(model, None, torch.zeros(4), torch.zeros(7, 2), 16, body=TRACKED)
 
 
-def motion(body: Body, count: int, rng: np.random.Generator, steps: int = 12) -> Windows:
+def motion(
+    body: Body, count: int, rng: np.random.Generator, steps: int = 12
+) -> Windows:
     """Smooth made-up motion of a body, `steps` a trajectory."""
-    states = torch.from_numpy(rng.normal(size=(count, steps + 1, len(body.state))).cumsum(1) * 0.1)
+    states = torch.from_numpy(
+        rng.normal(size=(count, steps + 1, len(body.state))).cumsum(1) * 0.1
+    )
     if body.pose == "spatial":
         states[..., 3:7] /= states[..., 3:7].norm(dim=-1, keepdim=True)
     actions = torch.from_numpy(rng.normal(size=(count, steps, len(body.actions))))
@@ -111,13 +154,18 @@ def make_pair(rng, small_network):
 
     def make(novice: Body, expert: Body):
         parts = [motion(novice, count, rng) for count in (4, 2, 2)]
-        network = dataclasses.replace(small_network, novice_body=novice, expert_body=expert)
+        network = dataclasses.replace(
+            small_network, novice_body=novice, expert_body=expert
+        )
         return Datasets(*parts, motion(expert, 6, rng)), network
 
     return make
 
 
-@pytest.mark.parametrize("novice, expert", [(TRACKED, ROVER), (BLIND, TRACKED), (ARM, ROVER), (TRACKED, TRACKED)])
+@pytest.mark.parametrize(
+    "novice, expert",
+    [(TRACKED, ROVER), (BLIND, TRACKED), (ARM, ROVER), (TRACKED, TRACKED)],
+)
 @pytest.mark.parametrize("regularise", [True, False])
 def test_a_pair_of_any_bodies_trains_and_the_same_seed_gives_the_same(
     make_pair, small_training, novice, expert, regularise
@@ -136,37 +184,62 @@ def test_the_mean_of_the_training_motion_costs_one_a_component(make_pair):
     model = Trainer(sets, network, Training(p_expert=0.0, regularise=False), 0).model
     for parameter in model.decoders["novice"].dense[-1].parameters():
         parameter.data.zero_()
-    assert torch.allclose(validation_loss(model, sets.train), torch.ones(5, dtype=torch.float64), atol=1e-4)
+    assert torch.allclose(
+        validation_loss(model, sets.train),
+        torch.ones(5, dtype=torch.float64),
+        atol=1e-4,
+    )
 
 
 def test_units_are_each_systems_own_where_bodies_are_not_the_papers(make_pair):
     sets, network = make_pair(TRACKED, TRACKED)
     units = units_of(sets, network)
-    assert torch.allclose(units["novice"].target_mean, sets.train.targets.mean((0, 1)), atol=1e-6)
-    assert torch.allclose(units["expert"].target_mean, sets.expert.targets.mean((0, 1)), atol=1e-6)
+    assert torch.allclose(
+        units["novice"].target_mean, sets.train.targets.mean((0, 1)), atol=1e-6
+    )
+    assert torch.allclose(
+        units["expert"].target_mean, sets.expert.targets.mean((0, 1)), atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("frozen", ["nothing", "sidm"])
-def test_a_pretrained_core_serves_a_novice_of_another_body(make_pair, small_training, frozen):
+def test_a_pretrained_core_serves_a_novice_of_another_body(
+    make_pair, small_training, frozen
+):
     sets, network = make_pair(TRACKED, ROVER)
-    alone = dataclasses.replace(small_training, p_expert=0.0, regularise=False, frozen=frozen)
+    alone = dataclasses.replace(
+        small_training, p_expert=0.0, regularise=False, frozen=frozen
+    )
     first = dataclasses.replace(network, novice_body=ROVER)
-    pretrained = train(expert_in_place(sets, 0), first, dataclasses.replace(alone, frozen="nothing"), 0)
+    pretrained = train(
+        expert_in_place(sets, 0), first, dataclasses.replace(alone, frozen="nothing"), 0
+    )
     core = start_from(pretrained).core().weights
     assert core and all(name.startswith("sidm.") for name in core)
     trainer = Trainer(sets, network, alone, 0, start=core)
-    assert all(torch.equal(tensor, core[f"sidm.{name}"]) for name, tensor in trainer.model.sidm.state_dict().items())
+    assert all(
+        torch.equal(tensor, core[f"sidm.{name}"])
+        for name, tensor in trainer.model.sidm.state_dict().items()
+    )
     fresh = Trainer(sets, network, alone, 0).model.encoders["novice"].state_dict()
-    assert all(torch.equal(fresh[name], one) for name, one in trainer.model.encoders["novice"].state_dict().items())
+    assert all(
+        torch.equal(fresh[name], one)
+        for name, one in trainer.model.encoders["novice"].state_dict().items()
+    )
     trained = train(sets, network, alone, 0, start=core).model.sidm.state_dict()
-    same = all(torch.equal(tensor, core[f"sidm.{name}"]) for name, tensor in trained.items())
+    same = all(
+        torch.equal(tensor, core[f"sidm.{name}"]) for name, tensor in trained.items()
+    )
     assert same == (frozen == "sidm")
 
 
 @pytest.mark.parametrize(
-    "changes, words", [({"mirror": True}, "mirror knows"), ({"reduction": "mean"}, "reduction='mean'")]
+    "changes, words",
+    [({"mirror": True}, "mirror knows"), ({"reduction": "mean"}, "reduction='mean'")],
 )
-def test_settings_that_only_the_papers_body_knows_are_refused(make_pair, small_training, changes, words):
+def test_settings_that_only_the_papers_body_knows_are_refused(
+    make_pair, small_training, changes, words
+):
     sets, network = make_pair(TRACKED, ROVER)
     with pytest.raises(ConfigError, match=words):
         Trainer(sets, network, dataclasses.replace(small_training, **changes), 0)

@@ -6,18 +6,32 @@ import pytest
 
 from sidm.learning import train
 from sidm.learning.evaluation import mean_loss
-from sidm.learning.stopping import RELEASED_PATIENCE, Curve, EarlyStopping, Kept, Rule, keep
+from sidm.learning.stopping import (
+    RELEASED_PATIENCE,
+    Curve,
+    EarlyStopping,
+    Kept,
+    Rule,
+    keep,
+)
 
 
-def feed(stopper: EarlyStopping, test_losses, training_loss: float = 1.0, step: int = 10) -> list[bool]:
+def feed(
+    stopper: EarlyStopping, test_losses, training_loss: float = 1.0, step: int = 10
+) -> list[bool]:
     """Which tests, `step` samples and one iteration apart, were new minima."""
-    return [stopper.update(step * k, k, training_loss, loss) for k, loss in enumerate(test_losses, start=1)]
+    return [
+        stopper.update(step * k, k, training_loss, loss)
+        for k, loss in enumerate(test_losses, start=1)
+    ]
 
 
 def test_smoothing_by_hand():
     stopper = EarlyStopping("test_loss", 0.5, 100, 1000)
     assert feed(stopper, [4.0, 2.0, 3.5]) == [True, True, False]  # smoothed 4, 3, 3.25
-    assert stopper.test_loss == 3.25 and stopper.best == 3.0 and stopper.best_samples == 20
+    assert (
+        stopper.test_loss == 3.25 and stopper.best == 3.0 and stopper.best_samples == 20
+    )
 
 
 def test_stops_when_patience_is_over():
@@ -60,24 +74,36 @@ def test_released_rule_smooths_by_nine_tenths():
 def curve(test_losses, training_losses=None, spacing=10, iteration=1) -> Curve:
     count = len(test_losses)
     training = training_losses or [1.0] * count
-    samples, validation = [spacing * (k + 1) for k in range(count)], [-loss for loss in test_losses]
+    samples, validation = (
+        [spacing * (k + 1) for k in range(count)],
+        [-loss for loss in test_losses],
+    )
     return Curve(samples, training, test_losses, validation, iteration)
 
 
 def test_the_end_keeps_the_lowest_smoothed_loss():
-    found = keep(curve([4.0, 2.0, 3.5, 0.5, 6.0]), Rule())  # smoothed 4, 3, 3.25, 1.875, 3.9375
-    assert found == Kept(samples=40, test_loss=1.875, validation_loss=-0.5, seen=50, ended=False)
+    # smoothed 4, 3, 3.25, 1.875, 3.9375
+    found = keep(curve([4.0, 2.0, 3.5, 0.5, 6.0]), Rule())
+    assert found == Kept(
+        samples=40, test_loss=1.875, validation_loss=-0.5, seen=50, ended=False
+    )
 
 
 def test_patience_ends_before_a_second_descent():
     losses = [3.0, 2.0, 2.5, 2.5, 2.5, 2.5, 1.0]
     found = keep(curve(losses), Rule(smoothing=0.0, patience=30))
-    assert found == Kept(samples=20, test_loss=2.0, validation_loss=-2.0, seen=50, ended=True)
+    assert found == Kept(
+        samples=20, test_loss=2.0, validation_loss=-2.0, seen=50, ended=True
+    )
     assert keep(curve(losses), Rule(smoothing=0.0, patience=60)).samples == 70
-    assert keep(curve(losses), Rule(smoothing=0.0, patience=29)).seen == 40  # over before the test at 50
+    # over before the test at 50
+    assert keep(curve(losses), Rule(smoothing=0.0, patience=29)).seen == 40
 
 
-@pytest.mark.parametrize(("most", "samples", "seen"), [(30, 20, 30), (31, 20, 30), (39, 20, 30), (40, 40, 40)])
+@pytest.mark.parametrize(
+    ("most", "samples", "seen"),
+    [(30, 20, 30), (31, 20, 30), (39, 20, 30), (40, 40, 40)],
+)
 def test_a_cap_takes_the_tests_until_it(most, samples, seen):
     found = keep(curve([3.0, 2.0, 2.5, 1.0, 0.5]), Rule(smoothing=0.0, most=most))
     assert (found.samples, found.seen, found.ended) == (samples, seen, True)
@@ -89,7 +115,9 @@ def test_the_released_rule_waits_for_overfitting(training_loss, samples, monkeyp
     monkeypatch.setattr("sidm.learning.stopping.RELEASED_PATIENCE", 3)
     losses = [1.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0, -30.0]
     rule = Rule(stopping="released", of_released=10)
-    found = keep(curve(losses, [training_loss * loss for loss in losses[:-1]] + [1.0]), rule)
+    found = keep(
+        curve(losses, [training_loss * loss for loss in losses[:-1]] + [1.0]), rule
+    )
     assert found.samples == samples and found.ended == (samples == 10)
 
 
@@ -98,18 +126,36 @@ def test_nothing_is_kept_without_a_test():
         keep(curve([]), Rule())
 
 
-@pytest.mark.parametrize("changes", [dict(patience=24 * 12), dict(patience=24 * 13), dict(max_samples=24 * 22)])
-def test_a_rule_keeps_what_a_training_that_it_stopped_kept(datasets, small_network, small_training, changes):
-    """Samples, test loss, and validation loss of the weights agree to the last digit."""
+@pytest.mark.parametrize(
+    "changes",
+    [dict(patience=24 * 12), dict(patience=24 * 13), dict(max_samples=24 * 22)],
+)
+def test_a_rule_keeps_what_a_training_that_it_stopped_kept(
+    datasets, small_network, small_training, changes
+):
+    """Samples, test loss, and validation loss of the weights agree to the last
+    digit."""
     common = dict(learning_rate=5e-3, max_samples=24 * 200, patience=24 * 200)
-    settings = [dataclasses.replace(small_training, **common | more) for more in ({}, changes)]
+    settings = [
+        dataclasses.replace(small_training, **common | more) for more in ({}, changes)
+    ]
     long, short = (train(datasets, small_network, one, 0) for one in settings)
     history = long.history
-    run = Curve(*([getattr(test, name) for test in history] for name in
-                  ("samples", "training_loss", "test_loss", "validation_loss")), iteration=24)  # fmt: skip
+    run = Curve(
+        *(
+            [getattr(test, name) for test in history]
+            for name in ("samples", "training_loss", "test_loss", "validation_loss")
+        ),
+        iteration=24,
+    )
     names = {"max_samples": "most"}
-    found = keep(run, Rule(**{names.get(name, name): value for name, value in changes.items()}))
-    assert found.samples == short.best_samples < long.best_samples and found.test_loss == short.best_test_loss
+    found = keep(
+        run, Rule(**{names.get(name, name): value for name, value in changes.items()})
+    )
+    assert (
+        found.samples == short.best_samples < long.best_samples
+        and found.test_loss == short.best_test_loss
+    )
     assert found.validation_loss == mean_loss(short.model, datasets.validation)
     assert found.seen == short.history[-1].samples and found.ended
     assert keep(run, Rule()).samples == long.best_samples

@@ -1,4 +1,5 @@
-"""Algorithms 1 and 2: who learns from what, the same seed, the released variants, a tiny run end to end."""
+"""Algorithms 1 and 2: who learns from what, the same seed, the released variants, a
+tiny run end to end."""
 
 import dataclasses
 import itertools
@@ -9,7 +10,14 @@ import torch
 from torch import nn
 
 from sidm.config import ConfigError
-from sidm.learning import DynamicsModel, Standardisation, Training, TrainingError, train, validation_loss
+from sidm.learning import (
+    DynamicsModel,
+    Standardisation,
+    Training,
+    TrainingError,
+    train,
+    validation_loss,
+)
 from sidm.learning.dataset import Datasets
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.losses import prediction_loss
@@ -18,7 +26,13 @@ from sidm.learning.trainer import Trainer
 from sidm.learning.training import discriminator_iteration, matching_iteration, predict
 from sidm.learning.weights import make_optimiser
 
-PARTS = ("encoders.novice", "encoders.expert", "sidm", "decoders.novice", "decoders.expert")
+PARTS = (
+    "encoders.novice",
+    "encoders.expert",
+    "sidm",
+    "decoders.novice",
+    "decoders.expert",
+)
 
 
 def losses_of(trainer: Trainer, batch) -> dict[str, torch.Tensor]:
@@ -27,15 +41,21 @@ def losses_of(trainer: Trainer, batch) -> dict[str, torch.Tensor]:
 
 
 def vector(module: nn.Module) -> torch.Tensor:
-    return torch.cat([parameter.detach().reshape(-1) for parameter in module.parameters()])
+    return torch.cat(
+        [parameter.detach().reshape(-1) for parameter in module.parameters()]
+    )
 
 
 def parts(trainer: Trainer) -> dict[str, torch.Tensor]:
     """All weights by part, the discriminator's as 'A'."""
-    return {name: vector(trainer.model.get_submodule(name)) for name in PARTS} | {"A": vector(trainer.discriminator)}
+    return {name: vector(trainer.model.get_submodule(name)) for name in PARTS} | {
+        "A": vector(trainer.discriminator)
+    }
 
 
-def changed(before: dict[str, torch.Tensor], after: dict[str, torch.Tensor]) -> set[str]:
+def changed(
+    before: dict[str, torch.Tensor], after: dict[str, torch.Tensor]
+) -> set[str]:
     return {name for name in before if not torch.equal(before[name], after[name])}
 
 
@@ -43,7 +63,14 @@ def changed(before: dict[str, torch.Tensor], after: dict[str, torch.Tensor]) -> 
 def run(datasets, small_network, small_training):
     def run(seed=0, sets=datasets, standardisation=None, progress=None, **changes):
         training = dataclasses.replace(small_training, **changes)
-        return train(sets, small_network, training, seed, standardisation=standardisation, progress=progress)
+        return train(
+            sets,
+            small_network,
+            training,
+            seed,
+            standardisation=standardisation,
+            progress=progress,
+        )
 
     return run
 
@@ -73,7 +100,9 @@ def test_prediction_changes_all_but_a(make_trainer):
 
 
 @pytest.mark.parametrize(("p_expert", "untouched"), [(0.0, "expert"), (1.0, "novice")])
-def test_prediction_leaves_the_parts_of_a_system_not_drawn(make_trainer, p_expert, untouched):
+def test_prediction_leaves_the_parts_of_a_system_not_drawn(
+    make_trainer, p_expert, untouched
+):
     trainer = make_trainer(p_expert=p_expert)
     before = parts(trainer)
     predict(trainer)
@@ -88,12 +117,17 @@ def test_the_discriminator_learns_to_tell_apart_and_matching_deceives_it(make_tr
         discriminator_iteration(trainer)
     novice = trainer.datasets.train
     with torch.no_grad():
-        before = float(trainer.discriminator(encoder(novice.inputs, novice.maps)).mean())
+        before = float(
+            trainer.discriminator(encoder(novice.inputs, novice.maps)).mean()
+        )
     assert trainer.accuracy > 0.7 and before < 0.4
     for _ in range(100):
         matching_iteration(trainer)
     with torch.no_grad():
-        assert float(trainer.discriminator(encoder(novice.inputs, novice.maps)).mean()) > before + 0.2
+        assert (
+            float(trainer.discriminator(encoder(novice.inputs, novice.maps)).mean())
+            > before + 0.2
+        )
 
 
 def test_batch_loss_is_that_of_each_system_alone(make_trainer):
@@ -103,7 +137,9 @@ def test_batch_loss_is_that_of_each_system_alone(make_trainer):
     for role, losses in losses_of(trainer, batch).items():
         motion = batch[role]
         predicted, _ = trainer.model(role, motion.inputs, motion.maps)
-        assert torch.allclose(losses, prediction_loss(predicted, motion.targets), rtol=1e-4)
+        assert torch.allclose(
+            losses, prediction_loss(predicted, motion.targets), rtol=1e-4
+        )
 
 
 def test_system_drawn_per_trajectory(make_trainer):
@@ -116,12 +152,17 @@ def test_system_drawn_per_trajectory(make_trainer):
 def test_system_drawn_per_iteration(make_trainer):
     trainer = make_trainer(p_expert=0.75, system_draw="iteration")
     batches = [trainer.sampler.batch() for _ in range(300)]
-    assert all(len(batch) == 1 and len(next(iter(batch.values()))) == 4 for batch in batches)
+    assert all(
+        len(batch) == 1 and len(next(iter(batch.values()))) == 4 for batch in batches
+    )
     assert abs(sum("expert" in batch for batch in batches) / 300 - 0.75) < 0.08
 
 
 def test_methods_draw_the_same_novice_trajectories(make_trainer):
-    alone, shared = make_trainer(p_expert=0.0, regularise=False, batch=8), make_trainer(p_expert=0.5, batch=8)
+    alone, shared = (
+        make_trainer(p_expert=0.0, regularise=False, batch=8),
+        make_trainer(p_expert=0.5, batch=8),
+    )
     for _ in range(5):
         everything = alone.sampler.batch()["novice"].inputs
         some = shared.sampler.batch()["novice"].inputs
@@ -129,40 +170,62 @@ def test_methods_draw_the_same_novice_trajectories(make_trainer):
 
 
 def test_decay_decoupled_and_l2(small_network):
-    """On a zero gradient, decoupled decay shrinks weights in proportion; an L2 penalty takes a step of Adam."""
+    """On a zero gradient, decoupled decay shrinks weights in proportion; an L2 penalty
+    takes a step of Adam."""
     after = {}
     for decay in ("decoupled", "l2"):
         layer = nn.Linear(3, 1, bias=False)
         layer.weight.data = torch.tensor([[1.0, 2.0, -4.0]])
         layer.weight.grad = torch.zeros(1, 3)
-        make_optimiser(layer, Training(decay=decay, learning_rate=0.1, weight_decay=0.5)).step()
+        make_optimiser(
+            layer, Training(decay=decay, learning_rate=0.1, weight_decay=0.5)
+        ).step()
         after[decay] = layer.weight.detach().flatten().tolist()
     assert after["decoupled"] == pytest.approx([0.95, 1.9, -3.8])
     assert after["l2"] == pytest.approx([0.9, 1.9, -3.9])
 
 
 def test_reduction_mean_divides_the_gradient_by_thirteen(make_trainer):
-    total, mean = (make_trainer(prediction_iterations=1, reduction=name) for name in ("sum", "mean"))
+    total, mean = (
+        make_trainer(prediction_iterations=1, reduction=name)
+        for name in ("sum", "mean")
+    )
     for trainer in (total, mean):
         predict(trainer)
-    for one, other in zip(total.model.parameters(), mean.model.parameters(), strict=True):
+    for one, other in zip(
+        total.model.parameters(), mean.model.parameters(), strict=True
+    ):
         assert (one.grad is None) == (other.grad is None)
-        assert one.grad is None or torch.allclose(one.grad, 13 * other.grad, rtol=1e-4, atol=1e-7)
+        assert one.grad is None or torch.allclose(
+            one.grad, 13 * other.grad, rtol=1e-4, atol=1e-7
+        )
     assert total.losses == mean.losses  # what is reported stays equation (1)
 
 
 def test_bfloat16_rounds_the_encoders_alone_and_moves_the_loss_little(make_trainer):
-    exact, rounded = (make_trainer(prediction_iterations=1, precision=name) for name in ("float32", "bfloat16"))
+    exact, rounded = (
+        make_trainer(prediction_iterations=1, precision=name)
+        for name in ("float32", "bfloat16")
+    )
     batch = exact.sampler.batch()
     for role, motion in batch.items():
         one, other = exact.encode(role, motion), rounded.encode(role, motion)
         assert one.dtype == other.dtype == torch.float32
         assert 0 < (one - other).abs().max() < 0.02 * one.abs().max()
-    pairs = zip(losses_of(exact, batch).values(), losses_of(rounded, batch).values(), strict=True)
-    assert all(torch.allclose(one.mean(), other.mean(), rtol=0.01) for one, other in pairs)
+    pairs = zip(
+        losses_of(exact, batch).values(),
+        losses_of(rounded, batch).values(),
+        strict=True,
+    )
+    assert all(
+        torch.allclose(one.mean(), other.mean(), rtol=0.01) for one, other in pairs
+    )
     for phase in (predict, discriminator_iteration, matching_iteration):
         phase(rounded)
-    assert all(weights.dtype == torch.float32 and weights.isfinite().all() for weights in rounded.model.parameters())
+    assert all(
+        weights.dtype == torch.float32 and weights.isfinite().all()
+        for weights in rounded.model.parameters()
+    )
 
 
 def test_released_stopping_is_chosen_by_its_name(run, make_trainer):
@@ -174,21 +237,38 @@ def test_released_stopping_is_chosen_by_its_name(run, make_trainer):
 def test_a_run_counts_samples_and_tests(run, datasets):
     seen = []
     trained = run(progress=seen.append)
-    assert trained.iterations == 12 and trained.samples == 12 * 4 * 6 and not trained.stopped_early
+    assert (
+        trained.iterations == 12
+        and trained.samples == 12 * 4 * 6
+        and not trained.stopped_early
+    )
     assert [tested.samples for tested in trained.history] == [96, 192, 288]
     assert seen == trained.history
-    assert [tested.discriminator_accuracy is None for tested in trained.history] == [True, False, False]
+    assert [tested.discriminator_accuracy is None for tested in trained.history] == [
+        True,
+        False,
+        False,
+    ]
     assert all(math.isfinite(tested.training_loss) for tested in trained.history)
 
 
 def test_losses_by_component_are_kept_ever_farther_apart(run, make_trainer):
-    """Of the weights that are tested, on the first trajectories of each set; nothing is chosen by them."""
+    """Of the weights that are tested, on the first trajectories of each set; nothing is
+    chosen by them."""
     trained = run(max_samples=24 * 400, test_interval=1)
     samples = [one.samples for one in trained.components]
-    assert samples[0] == 24 and samples == sorted(set(samples)) and len(samples) < len(trained.history) / 4
-    assert all(later >= SPACING * earlier for earlier, later in itertools.pairwise(samples))
+    assert (
+        samples[0] == 24
+        and samples == sorted(set(samples))
+        and len(samples) < len(trained.history) / 4
+    )
+    assert all(
+        later >= SPACING * earlier for earlier, later in itertools.pairwise(samples)
+    )
     tests = {tested.samples: tested.test_loss for tested in trained.history}
-    assert [sum(one.test) for one in trained.components] == pytest.approx([tests[s] for s in samples], rel=1e-5)
+    assert [sum(one.test) for one in trained.components] == pytest.approx(
+        [tests[s] for s in samples], rel=1e-5
+    )
     trainer = make_trainer(validation_trajectories=1)
     expected = validation_loss(trainer.model, trainer.datasets.validation.first(1))
     assert trainer.measure().validation == pytest.approx(expected.tolist())
@@ -205,7 +285,10 @@ def test_training_loss_is_the_novices(make_trainer):
 
 def test_same_seed_same_result_another_seed_another(run):
     first, again, other = run(seed=1), run(seed=1), run(seed=2)
-    assert torch.equal(vector(first.model), vector(again.model)) and first.history == again.history
+    assert (
+        torch.equal(vector(first.model), vector(again.model))
+        and first.history == again.history
+    )
     assert not torch.equal(vector(first.model), vector(other.model))
 
 
@@ -220,27 +303,47 @@ def test_global_randomness_does_not_matter(run):
 
 
 def test_learning_lowers_the_validation_loss(run, make_motion, small_network):
-    sets = Datasets(make_motion(60, 1), make_motion(8, 2), make_motion(8, 3), make_motion(60, 4, gain=1.5))
+    sets = Datasets(
+        make_motion(60, 1),
+        make_motion(8, 2),
+        make_motion(8, 3),
+        make_motion(60, 4, gain=1.5),
+    )
     fresh = DynamicsModel(small_network, Standardisation.of(sets.expert), seed=0)
     trained = run(sets=sets, max_samples=24 * 300, learning_rate=5e-3, p_expert=0.5)
-    before, after = (float(validation_loss(model, sets.validation).sum()) for model in (fresh, trained.model))
+    before, after = (
+        float(validation_loss(model, sets.validation).sum())
+        for model in (fresh, trained.model)
+    )
     assert after < 0.8 * before
 
 
 def test_the_best_weights_are_returned(run, datasets):
     trained = run(max_samples=24 * 40, learning_rate=0.05, smoothing=0.0)
     losses = [tested.test_loss for tested in trained.history]
-    assert losses.index(min(losses)) < len(losses) - 1, "the run must overfit for this test to tell"
+    assert losses.index(min(losses)) < len(losses) - 1, (
+        "the run must overfit for this test to tell"
+    )
     assert trained.best_test_loss == min(losses)
     assert trained.best_samples == trained.history[losses.index(min(losses))].samples
-    assert mean_loss(trained.model, datasets.test) == pytest.approx(min(losses), rel=1e-6)
+    assert mean_loss(trained.model, datasets.test) == pytest.approx(
+        min(losses), rel=1e-6
+    )
 
 
 def test_without_the_experts_data(run, datasets):
     units = Standardisation.of(datasets.expert)
-    alone = run(sets=datasets._replace(expert=None), standardisation=units, p_expert=0.0, regularise=False)
+    alone = run(
+        sets=datasets._replace(expert=None),
+        standardisation=units,
+        p_expert=0.0,
+        regularise=False,
+    )
     beside = run(p_expert=0.0, regularise=False)
-    assert torch.equal(vector(alone.model), vector(beside.model)) and alone.history == beside.history
+    assert (
+        torch.equal(vector(alone.model), vector(beside.model))
+        and alone.history == beside.history
+    )
 
 
 def test_missing_expert_data_are_named(run, datasets):
@@ -263,17 +366,26 @@ def test_a_loss_that_is_no_number_is_an_error(run, datasets):
 
 
 def test_training_that_diverges_stops_at_the_next_test(run):
-    with pytest.raises(TrainingError, match="the training loss is (nan|inf) after 3 iterations"):
+    with pytest.raises(
+        TrainingError, match="the training loss is (nan|inf) after 3 iterations"
+    ):
         run(learning_rate=1e11, test_interval=3)
 
 
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("p_expert", 1.1), ("smoothing", 1.0), ("batch", 0), ("patience", 0), ("matching_iterations", -1),
-        ("learning_rate", 0.0), ("weight_decay", -1.0), ("system_draw", "sample"), ("stopping", "never"),
+        ("p_expert", 1.1),
+        ("smoothing", 1.0),
+        ("batch", 0),
+        ("patience", 0),
+        ("matching_iterations", -1),
+        ("learning_rate", 0.0),
+        ("weight_decay", -1.0),
+        ("system_draw", "sample"),
+        ("stopping", "never"),
     ],
-)  # fmt: skip
+)
 def test_settings_that_no_run_can_have(name, value):
     with pytest.raises(ConfigError, match=f"Training.{name}"):
         Training(**{name: value})

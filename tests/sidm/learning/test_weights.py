@@ -27,4 +27,6 @@ def test_a_frozen_sidm_stays_and_the_rest_learns(make_trainer):
 def test_an_optimiser_has_what_is_not_frozen(layer):
     layer.bias.requires_grad_(False)
     optimiser = make_optimiser(layer, Training())
-    assert [p is layer.weight for group in optimiser.param_groups for p in group["params"]] == [True]
+    assert [
+        p is layer.weight for group in optimiser.param_groups for p in group["params"]
+    ] == [True]

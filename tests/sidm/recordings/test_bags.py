@@ -1,4 +1,5 @@
-"""ROS bags, written with the library and read back: poses, velocities, commands, and what can be wrong with a bag."""
+"""ROS bags, written with the library and read back: poses, velocities, commands, and
+what can be wrong with a bag."""
 
 import numpy as np
 import pytest
@@ -10,13 +11,16 @@ from sidm.body import Body
 from sidm.recordings import RecordingError, read_drives
 
 BODY = Body(
-    name="rover", pose="planar", columns=(("vx", "m/s"), ("yaw_rate", "rad/s")),
+    name="rover",
+    pose="planar",
+    columns=(("vx", "m/s"), ("yaw_rate", "rad/s")),
     actions=(("linear", "m/s"), ("angular", "rad/s")),
-)  # fmt: skip
+)
 
 
 def messages(store, turned: bool = False):
-    """Of a robot on a circle of 2 m: (topic, time s, message). `turned`: the command is left out of it."""
+    """Of a robot on a circle of 2 m: (topic, time s, message). `turned`: the command is
+    left out of it."""
     kind = store.types
     stamp = kind["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
     header = (
@@ -30,21 +34,31 @@ def messages(store, turned: bool = False):
         yaw, rate = 0.5 * time, 0.5 + 0.01 * np.sin(time)
         pose = kind["geometry_msgs/msg/Pose"](
             position=point(x=2 * np.sin(yaw), y=2 - 2 * np.cos(yaw), z=0.0),
-            orientation=kind["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=np.sin(yaw / 2), w=np.cos(yaw / 2)),
+            orientation=kind["geometry_msgs/msg/Quaternion"](
+                x=0.0, y=0.0, z=np.sin(yaw / 2), w=np.cos(yaw / 2)
+            ),
         )
         spare = np.zeros(36)
         twist = kind["geometry_msgs/msg/Twist"](
-            linear=vector(x=(-1 if turned else 1) * (1 + 0.01 * np.sin(time)), y=0.0, z=0.0),
+            linear=vector(
+                x=(-1 if turned else 1) * (1 + 0.01 * np.sin(time)), y=0.0, z=0.0
+            ),
             angular=vector(x=0.0, y=0.0, z=rate),
         )
         odometry = kind["nav_msgs/msg/Odometry"](
-            header=header, child_frame_id="base",
-            pose=kind["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=spare),
-            twist=kind["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=spare),
-        )  # fmt: skip
+            header=header,
+            child_frame_id="base",
+            pose=kind["geometry_msgs/msg/PoseWithCovariance"](
+                pose=pose, covariance=spare
+            ),
+            twist=kind["geometry_msgs/msg/TwistWithCovariance"](
+                twist=twist, covariance=spare
+            ),
+        )
         yield "/odom", time, odometry
         command = kind["geometry_msgs/msg/Twist"](
-            linear=vector(x=np.cos(time), y=0.0, z=0.0), angular=vector(x=0.0, y=0.0, z=np.sin(time))
+            linear=vector(x=np.cos(time), y=0.0, z=0.0),
+            angular=vector(x=0.0, y=0.0, z=np.sin(time)),
         )
         yield "/cmd_vel", time - 0.01, command
 
@@ -61,11 +75,17 @@ def make_bag(tmp_path):
         with writer:
             connections = {}
             for topic, time, message in messages(store, **how):
-                for name in [topic] * (topic in topics) + [twice] * (topic == "/odom" and bool(twice)):
+                for name in [topic] * (topic in topics) + [twice] * (
+                    topic == "/odom" and bool(twice)
+                ):
                     kind = message.__msgtype__
                     if name not in connections:
-                        connections[name] = writer.add_connection(name, kind, typestore=store)
-                    writer.write(connections[name], int((10 + time) * 1e9), write(message, kind))
+                        connections[name] = writer.add_connection(
+                            name, kind, typestore=store
+                        )
+                    writer.write(
+                        connections[name], int((10 + time) * 1e9), write(message, kind)
+                    )
         return path
 
     return make
@@ -86,7 +106,10 @@ def test_a_bag_is_read_as_a_drive(make_bag, ros):
     [
         ({"topics": ("/odom",)}, "no topic with a command (geometry_msgs/msg/Twist"),
         ({"topics": ("/cmd_vel",)}, "no topic with a pose"),
-        ({"twice": "/other"}, "2 topics with a pose, /odom, /other; name those that are meant with --topics"),
+        (
+            {"twice": "/other"},
+            "2 topics with a pose, /odom, /other; name those that are meant with --topics",
+        ),
         ({"turned": True}, "'vx' says; is it of the other sign"),
     ],
 )
@@ -94,12 +117,23 @@ def test_a_fault_of_a_bag_is_one_line(make_bag, how, words):
     path = make_bag(**how)
     with pytest.raises(RecordingError) as error:
         read_drives(path, BODY)
-    assert words in str(error.value) and str(path) in str(error.value) and "\n" not in str(error.value)
+    assert (
+        words in str(error.value)
+        and str(path) in str(error.value)
+        and "\n" not in str(error.value)
+    )
 
 
 def test_a_column_that_no_topic_has_is_named(make_bag):
-    body = Body(name="wheeled", pose="planar", columns=(("wheel", "rad/s"),), actions=(("linear", "m/s"),))
-    with pytest.raises(RecordingError, match="column 'wheel' of body 'wheeled' is in no topic"):
+    body = Body(
+        name="wheeled",
+        pose="planar",
+        columns=(("wheel", "rad/s"),),
+        actions=(("linear", "m/s"),),
+    )
+    with pytest.raises(
+        RecordingError, match="column 'wheel' of body 'wheeled' is in no topic"
+    ):
         read_drives(make_bag(), body)
 
 
@@ -117,5 +151,8 @@ def test_of_several_topics_those_that_are_named_are_read(make_bag):
     path = make_bag(twice="/other")
     (drive,) = read_drives(path, BODY, ["/other", "/cmd_vel"])
     assert len(drive.actions) >= 38
-    with pytest.raises(RecordingError, match="unknown parameter '/odon' of the topics; did you mean '/odom'"):
+    with pytest.raises(
+        RecordingError,
+        match="unknown parameter '/odon' of the topics; did you mean '/odom'",
+    ):
         read_drives(path, BODY, ["/odon", "/cmd_vel"])

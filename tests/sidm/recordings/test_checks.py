@@ -1,4 +1,5 @@
-"""Frames, signs and units that are not what they should be, put into the recordings of a real drive's kind."""
+"""Frames, signs and units that are not what they should be, put into the recordings of
+a real drive's kind."""
 
 from pathlib import Path
 
@@ -10,15 +11,21 @@ from sidm.body import ROVER
 from sidm.config import replace
 from sidm.drives import Drive
 from sidm.recordings import RecordingError, read_drives
-from sidm.recordings.checks import refuse_other_steering, refuse_other_turning, refuse_other_velocities
+from sidm.recordings.checks import (
+    refuse_other_steering,
+    refuse_other_turning,
+    refuse_other_velocities,
+)
 
 ROOT = Path(__file__).parents[3]
-RATES, LEFT_AND_UP = slice(10, 13), [8, 9, 11, 12]  # of the state: wx, wy, wz; vy, vz, wy, wz
+#: of the state: wx, wy, wz; vy, vz, wy, wz
+RATES, LEFT_AND_UP = slice(10, 13), [8, 9, 11, 12]
 
 
 @pytest.fixture(scope="module", params=["system1", "system2"])
 def drives(request) -> list[Drive]:
-    """Every recording of a system that is kept here; reading them is itself a test that none is refused."""
+    """Every recording of a system that is kept here; reading them is itself a test that
+    none is refused."""
     return read_drives(ROOT / "recordings" / f"{request.param}.npz", ROVER)
 
 
@@ -46,7 +53,9 @@ CHANGES = {
     "'wy' of the other sign": scaled(1, -1, 1),
     "'wz' of the other sign": scaled(1, 1, -1),
     "'wx' and 'wy' exchanged": lambda states: _put(states, states[:, [11, 10, 12]]),
-    "the world's frame": lambda states: _put(states, Rotation.from_quat(states[:, 3:7]).apply(states[:, RATES])),
+    "the world's frame": lambda states: _put(
+        states, Rotation.from_quat(states[:, 3:7]).apply(states[:, RATES])
+    ),
     "x forward, y right, z down": _down,
     "by 'wx'; is it in the unit": scaled(DEGREES, 1, 1),
     "by 'wy'; is it in the unit": scaled(1, DEGREES, 1),
@@ -66,25 +75,40 @@ def fault_of(states: np.ndarray, rate: float = 10.0) -> str:
 
 @pytest.mark.parametrize("fault", CHANGES)
 def test_angular_velocities_that_are_read_wrongly_are_named(drives, fault):
-    """In three of four drives or more by their right name; a level or straight one looks nearly the same either way."""
+    """In three of four drives or more by their right name; a level or straight one
+    looks nearly the same either way."""
     said = [fault_of(CHANGES[fault](drive.states)) for drive in drives]
     assert np.mean([fault in words or "lead where" in words for words in said]) > 0.75
-    assert all(words.startswith("drive: ") and "\n" not in words for words in said if words)
+    assert all(
+        words.startswith("drive: ") and "\n" not in words for words in said if words
+    )
 
 
 def test_attitudes_that_are_inverted_are_not_taken(drives):
     """Nor is the robot's gyroscope blamed."""
-    said = [fault_of(np.hstack([d.states[:, :3], -d.states[:, 3:6], d.states[:, 6:]])) for d in drives]
+    said = [
+        fault_of(np.hstack([d.states[:, :3], -d.states[:, 3:6], d.states[:, 6:]]))
+        for d in drives
+    ]
     assert np.mean(["lead where" in words for words in said]) > 0.9
 
 
-def turning(rate: float, yaw_rate: float, shaking: float = 0.0, hertz: float = 7.0, seconds: float = 7.0) -> np.ndarray:
-    """States (R, 13) of a robot at 1 m/s that turns, and shakes by an angle, rad, about its sideways axis."""
+def turning(
+    rate: float,
+    yaw_rate: float,
+    shaking: float = 0.0,
+    hertz: float = 7.0,
+    seconds: float = 7.0,
+) -> np.ndarray:
+    """States (R, 13) of a robot at 1 m/s that turns, and shakes by an angle, rad, about
+    its sideways axis."""
     time = np.arange(round(rate * seconds) + 1) / rate
     yaw, pitch = yaw_rate * time, shaking * np.sin(2 * np.pi * hertz * time)
     attitudes = Rotation.from_euler("ZY", np.stack([yaw, pitch], axis=1))
     states = np.zeros((len(time), 13))
-    states[:, :2] = np.cumsum(np.stack([np.cos(yaw), np.sin(yaw)], axis=1), axis=0) / rate
+    states[:, :2] = (
+        np.cumsum(np.stack([np.cos(yaw), np.sin(yaw)], axis=1), axis=0) / rate
+    )
     states[:, 3:7], states[:, 7] = attitudes.as_quat(), 1.0
     about = np.stack([-np.sin(pitch), 0 * pitch, np.cos(pitch)], axis=1) * yaw_rate
     about[:, 1] = shaking * 2 * np.pi * hertz * np.cos(2 * np.pi * hertz * time)
@@ -95,13 +119,15 @@ def turning(rate: float, yaw_rate: float, shaking: float = 0.0, hertz: float = 7
 @pytest.mark.parametrize("rate", [10.0, 100.0])
 @pytest.mark.parametrize("hertz", [3.0, 6.3, 7.0, 8.1, 12.0])
 def test_a_robot_that_shakes_is_taken(rate, hertz):
-    """By a degree, also faster than half the control steps' rate, where a sine has the other sign."""
+    """By a degree, also faster than half the control steps' rate, where a sine has the
+    other sign."""
     for yaw_rate in (0.0, 0.3):
         assert fault_of(turning(rate, yaw_rate, 0.0175, hertz), rate) == ""
 
 
 def test_noise_bias_and_standing_still_are_no_fault(drives):
-    """In attitudes and angular velocities; a gyroscope may say more than a slow turn."""
+    """In attitudes and angular velocities; a gyroscope may say more than a slow
+    turn."""
     rng = np.random.default_rng(0)
     for drive in drives[:20]:
         noise = rng.normal(0, 0.1, (len(drive.states), 3))
@@ -116,13 +142,24 @@ def test_noise_bias_and_standing_still_are_no_fault(drives):
 
 
 def test_steering_to_the_left_is_noticed_in_a_file(drives):
-    """Of twenty drives together, whatever the ground; a drive that is steered straight, or stands, is not judged."""
+    """Of twenty drives together, whatever the ground; a drive that is steered straight,
+    or stands, is not judged."""
     refuse_other_steering("file", drives)
     for first in range(0, len(drives) - 19, 20):
-        other = [replace(drive, actions=drive.actions * (1, -1)) for drive in drives[first : first + 20]]
-        with pytest.raises(RecordingError, match="file: robots turn against their steering, .* positive to the right"):
+        other = [
+            replace(drive, actions=drive.actions * (1, -1))
+            for drive in drives[first : first + 20]
+        ]
+        with pytest.raises(
+            RecordingError,
+            match="file: robots turn against their steering, .* positive to the right",
+        ):
             refuse_other_steering("file", other)
     states, steering = turning(10.0, 0.03), np.full((70, 2), 0.05)
     refuse_other_steering("file", [replace(drives[0], states=states, actions=steering)])
-    still = np.repeat(states[:1], len(states), axis=0) + np.random.default_rng(0).normal(0, 1e-3, states.shape)
-    refuse_other_steering("file", [replace(drives[0], states=still, actions=6 * steering)])
+    still = np.repeat(states[:1], len(states), axis=0) + np.random.default_rng(
+        0
+    ).normal(0, 1e-3, states.shape)
+    refuse_other_steering(
+        "file", [replace(drives[0], states=still, actions=6 * steering)]
+    )

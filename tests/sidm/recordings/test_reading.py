@@ -1,4 +1,5 @@
-"""Drives of any body: what a file may hold, how it is brought to the rate, and every fault in one line."""
+"""Drives of any body: what a file may hold, how it is brought to the rate, and every
+fault in one line."""
 
 import gzip
 
@@ -10,8 +11,11 @@ from sidm.config import replace
 from sidm.recordings import RecordingError, read_drives, write_drives
 
 BODY = Body(
-    name="cart", pose="planar", columns=(("yaw_rate", "rad/s"), ("wheel", "rad/s")), actions=(("left", "1"),),
-)  # fmt: skip
+    name="cart",
+    pose="planar",
+    columns=(("yaw_rate", "rad/s"), ("wheel", "rad/s")),
+    actions=(("left", "1"),),
+)
 NAMES = "x [m],y [m],yaw [rad],yaw_rate [rad/s],wheel [rad/s],left [1]"
 
 
@@ -20,19 +24,36 @@ def circle(count: int = 41, rate: float = 20.0) -> np.ndarray:
     time = np.arange(count) / rate
     yaw = 0.5 * time
     return np.column_stack(
-        [2 * np.sin(yaw), 2 - 2 * np.cos(yaw), yaw, 0.5 + 0.01 * np.sin(time), 5 + np.sin(time), np.cos(3 * time)]
+        [
+            2 * np.sin(yaw),
+            2 - 2 * np.cos(yaw),
+            yaw,
+            0.5 + 0.01 * np.sin(time),
+            5 + np.sin(time),
+            np.cos(3 * time),
+        ]
     )
 
 
 def text(rows: np.ndarray, names: str = NAMES, header: str = "# rate: 20 Hz\n") -> str:
-    return header + names + "\n" + "\n".join(",".join(f"{value:.9g}" for value in row) for row in rows) + "\n"
+    return (
+        header
+        + names
+        + "\n"
+        + "\n".join(",".join(f"{value:.9g}" for value in row) for row in rows)
+        + "\n"
+    )
 
 
 @pytest.fixture
 def write(tmp_path):
     def write(content: str, name: str = "drive.csv"):
         path = tmp_path / name
-        path.write_bytes(gzip.compress(content.encode()) if name.endswith(".gz") else content.encode())
+        path.write_bytes(
+            gzip.compress(content.encode())
+            if name.endswith(".gz")
+            else content.encode()
+        )
         return path
 
     return write
@@ -61,7 +82,9 @@ def test_uneven_times_are_interpolated(write, rng):
     time = np.cumsum(rng.uniform(0.08, 0.13, 60))
     yaw = 0.5 * time
     place = [2 * np.sin(yaw), 2 - 2 * np.cos(yaw), yaw]
-    rows = np.column_stack([time, *place, 0.5 + 0.01 * np.sin(time), 5 + time, np.sin(time)])
+    rows = np.column_stack(
+        [time, *place, 0.5 + 0.01 * np.sin(time), 5 + time, np.sin(time)]
+    )
     (drive,) = read_drives(write(text(rows, "time [s]," + NAMES, "")), BODY)
     assert np.allclose(np.diff(drive.states[:, 2]), 0.05, atol=1e-9)
     assert np.allclose(np.diff(drive.states[:, 4]), 0.1, atol=1e-9)
@@ -70,8 +93,14 @@ def test_uneven_times_are_interpolated(write, rng):
 def test_a_slow_sensors_pose_is_interpolated(write):
     rows = circle()
     rows[1::2, :3] = rows[:-1:2, :3]  # new every second row only
-    (drive,) = read_drives(write(text(rows)), Body(name="fast", rate=20.0, **{k: getattr(BODY, k) for k in (
-        "pose", "columns", "actions")}))  # fmt: skip
+    (drive,) = read_drives(
+        write(text(rows)),
+        Body(
+            name="fast",
+            rate=20.0,
+            **{k: getattr(BODY, k) for k in ("pose", "columns", "actions")},
+        ),
+    )
     assert np.allclose(np.diff(drive.states[:-1, 2]), 0.025, atol=1e-6)
 
 
@@ -86,13 +115,21 @@ def test_drives_and_sessions_are_told_apart(write):
     rows = np.vstack([circle(), circle(), circle()])
     lines = text(rows).splitlines()
     labels = ["a,0"] * 41 + ["a,1"] * 41 + ["b,0"] * 41
-    body = [lines[0], "session,drive," + lines[1], *(f"{k},{line}" for k, line in zip(labels, lines[2:], strict=True))]
+    body = [
+        lines[0],
+        "session,drive," + lines[1],
+        *(f"{k},{line}" for k, line in zip(labels, lines[2:], strict=True)),
+    ]
     drives = read_drives(write("\n".join(body) + "\n"), BODY)
     assert [drive.session for drive in drives] == ["a", "a", "b"]
 
 
 def test_a_folder_is_read_file_by_file(write, tmp_path):
-    write(text(circle()), "a.csv"), write(text(circle()), "b.csv.gz"), write("notes", "readme.txt")
+    (
+        write(text(circle()), "a.csv"),
+        write(text(circle()), "b.csv.gz"),
+        write("notes", "readme.txt"),
+    )
     assert len(read_drives(tmp_path, BODY)) == 2
 
 
@@ -100,16 +137,28 @@ def test_what_is_written_reads_back(write, tmp_path):
     drives = read_drives(write(text(circle())), BODY)
     write_drives(tmp_path / "again.csv.gz", drives, "a test")
     (again,) = read_drives(tmp_path / "again.csv.gz", BODY)
-    assert np.allclose(again.states, drives[0].states, rtol=1e-8) and again.session == drives[0].session
+    assert (
+        np.allclose(again.states, drives[0].states, rtol=1e-8)
+        and again.session == drives[0].session
+    )
 
 
 def test_numbers_are_written_in_the_unit_that_stands_above_them(write, tmp_path):
     """The SI's, whatever the body's is; a session may have a comma in its name."""
-    body = Body(name="cart", pose="planar", columns=(("yaw_rate", "deg/s"), ("wheel", "rad/s")), actions=BODY.actions)
-    drives = [replace(one, session="a, b") for one in read_drives(write(text(circle())), body)]
+    body = Body(
+        name="cart",
+        pose="planar",
+        columns=(("yaw_rate", "deg/s"), ("wheel", "rad/s")),
+        actions=BODY.actions,
+    )
+    drives = [
+        replace(one, session="a, b") for one in read_drives(write(text(circle())), body)
+    ]
     write_drives(tmp_path / "again.csv", drives, "a test")
     (again,) = read_drives(tmp_path / "again.csv", body)
-    assert again.session == "a, b" and np.allclose(again.states, drives[0].states, rtol=1e-8)
+    assert again.session == "a, b" and np.allclose(
+        again.states, drives[0].states, rtol=1e-8
+    )
 
 
 def test_a_command_may_be_held_where_nothing_is_learnt(write):
@@ -119,7 +168,9 @@ def test_a_command_may_be_held_where_nothing_is_learnt(write):
 
 def test_slow_drives_with_velocities_are_read(write):
     """At 1 Hz, straight on at 1 m/s."""
-    names = ",".join(f"{name} [{unit}]" for name, unit in (*ROVER.state, *ROVER.actions))
+    names = ",".join(
+        f"{name} [{unit}]" for name, unit in (*ROVER.state, *ROVER.actions)
+    )
     rows = np.zeros((20, len(names.split(","))))
     rows[:, 0], rows[:, 6], rows[:, 7], rows[:, 13] = np.arange(20), 1, 1, 0.5
     slow = Body(name="slow", pose="spatial", columns=TWIST, actions=DRIVE, rate=1.0)
@@ -128,10 +179,17 @@ def test_slow_drives_with_velocities_are_read(write):
 
 def test_a_file_of_many_drives_keeps_their_sessions(write, tmp_path):
     (drive,) = read_drives(write(text(circle())), BODY)
-    write_drives(tmp_path / "many.npz", [replace(drive, session=name) for name in "aab"], "a test")
+    write_drives(
+        tmp_path / "many.npz",
+        [replace(drive, session=name) for name in "aab"],
+        "a test",
+    )
     found = read_drives(tmp_path / "many.npz", BODY)
     assert [one.session for one in found] == ["a", "a", "b"]
-    assert all(np.allclose(one.states, drive.states, atol=1e-5) and one.ground is None for one in found)
+    assert all(
+        np.allclose(one.states, drive.states, atol=1e-5) and one.ground is None
+        for one in found
+    )
 
 
 def test_drives_are_not_written_as_what_cannot_hold_them(tmp_path):
@@ -151,17 +209,35 @@ TIMES = np.arange(41) / 20
 @pytest.mark.parametrize(
     "content, words",
     [
-        (text(circle()[:, 1:], NAMES.partition(",")[2]), "column 'x' of body 'cart' is missing"),
+        (
+            text(circle()[:, 1:], NAMES.partition(",")[2]),
+            "column 'x' of body 'cart' is missing",
+        ),
         (text(circle(), NAMES.replace("wheel", "whel")), "did you mean 'whel'"),
-        (text(circle(), NAMES.replace("yaw [rad]", "yaw [grad]")), "'yaw' in 'grad'; an angle is in rad or deg"),
-        (text(circle(), NAMES.replace("x [m]", "x")), "'x' without a unit; a length is in"),
-        (text(circle(), header=""), "it has neither a line '# rate: 10 Hz' nor a column 'time [s]'"),
+        (
+            text(circle(), NAMES.replace("yaw [rad]", "yaw [grad]")),
+            "'yaw' in 'grad'; an angle is in rad or deg",
+        ),
+        (
+            text(circle(), NAMES.replace("x [m]", "x")),
+            "'x' without a unit; a length is in",
+        ),
+        (
+            text(circle(), header=""),
+            "it has neither a line '# rate: 10 Hz' nor a column 'time [s]'",
+        ),
         (text(circle()) + '"' + "9," * 70_000, "is a quotation mark left open?"),
         (text(circle(), header="# rate: fast\n"), "not a positive number in Hz"),
         (text(circle(), header="# rat: 20 Hz\n"), "did you mean 'rate'"),
         (text(circle(), header="# 20 Hz\n"), "is not '# name: value'"),
-        (text(with_value(3, 7, np.nan)), "line 10: 'nan' of 'yaw_rate' is no finite number"),
-        (text(circle()).replace(",0.5,", ",half,", 1), "line 3: 'half' of 'yaw_rate' is no finite number"),
+        (
+            text(with_value(3, 7, np.nan)),
+            "line 10: 'nan' of 'yaw_rate' is no finite number",
+        ),
+        (
+            text(circle()).replace(",0.5,", ",half,", 1),
+            "line 3: 'half' of 'yaw_rate' is no finite number",
+        ),
         (text(circle()) + "1,2\n", "line 44 has 2 cells, not 6"),
         (text(with_value(0, 20, 30.0)), "m farther within one step"),
         (text(circle() * [1, 1, 1, 1, 0, 1]), "'wheel' never changes"),
@@ -171,17 +247,43 @@ TIMES = np.arange(41) / 20
         (text(circle(9)), "4 steps of 0.1 s; a drive has 8"),
         (text(circle()[:1]), "it has no rows of numbers"),
         ("", "it has no rows of numbers"),
-        (text(circle(), "x [m]," + NAMES.partition(",")[2].replace("y [m]", "x [m]")), "'y' of body 'cart' is missing"),
-        (text(np.column_stack([TIMES[::-1], circle()]), "time [s]," + NAMES, ""), "sort the rows"),
-        (text(np.column_stack([np.r_[TIMES[:20], TIMES[19:40]], circle()]), "time [s]," + NAMES, ""), "the same time"),
-        (text(np.column_stack([TIMES + (TIMES > 1), circle()]), "time [s]," + NAMES, ""), "make two drives of it"),
+        (
+            text(
+                circle(), "x [m]," + NAMES.partition(",")[2].replace("y [m]", "x [m]")
+            ),
+            "'y' of body 'cart' is missing",
+        ),
+        (
+            text(np.column_stack([TIMES[::-1], circle()]), "time [s]," + NAMES, ""),
+            "sort the rows",
+        ),
+        (
+            text(
+                np.column_stack([np.r_[TIMES[:20], TIMES[19:40]], circle()]),
+                "time [s]," + NAMES,
+                "",
+            ),
+            "the same time",
+        ),
+        (
+            text(
+                np.column_stack([TIMES + (TIMES > 1), circle()]),
+                "time [s]," + NAMES,
+                "",
+            ),
+            "make two drives of it",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_fault_is_one_line_that_names_file_place_and_fault(write, content, words):
     path = write(content)
     with pytest.raises(RecordingError) as error:
         read_drives(path, BODY)
-    assert words in str(error.value) and str(path) in str(error.value) and "\n" not in str(error.value)
+    assert (
+        words in str(error.value)
+        and str(path) in str(error.value)
+        and "\n" not in str(error.value)
+    )
 
 
 def test_a_file_that_is_cut_off_is_named(write, tmp_path):
@@ -199,8 +301,14 @@ def test_the_recorded_robots_are_read():
 
     folder = Path(__file__).parents[3] / "recordings"
     for robot, body, count, minutes in (
-        ("warthog", "skid_steer", 287, 9.1), ("husky", "skid_steer", 480, 15.2), ("hunter", "hunter", 80, 149.0)
-    ):  # fmt: skip
-        drives = read_drives(folder / f"{robot}.csv.gz", read_body(folder / f"{body}.yaml"))
+        ("warthog", "skid_steer", 287, 9.1),
+        ("husky", "skid_steer", 480, 15.2),
+        ("hunter", "hunter", 80, 149.0),
+    ):
+        drives = read_drives(
+            folder / f"{robot}.csv.gz", read_body(folder / f"{body}.yaml")
+        )
         assert len(drives) == count
-        assert sum(len(drive.actions) for drive in drives) / 600 == pytest.approx(minutes, abs=0.1)
+        assert sum(len(drive.actions) for drive in drives) / 600 == pytest.approx(
+            minutes, abs=0.1
+        )

@@ -16,21 +16,42 @@ from sidm.body import ROVER, Body
 from sidm.config import ConfigError
 from sidm.drives import Drive, Ground
 from sidm.recordings import write_drives
-from sidm.replay import ROBOTS, drives_scene, read_scene, replay, ride, rides_scene, write_scene
+from sidm.replay import (
+    ROBOTS,
+    drives_scene,
+    read_scene,
+    replay,
+    ride,
+    rides_scene,
+    write_scene,
+)
 from sidm.replay.packing import pack, unpack
 from sidm.replay.scene import laid, level, rolled
 from sidm.replay.scene_file import scene_json
-from sidm.replay.skeleton import BOXES, box_skeleton, find_box, heave_curves, rover_skeleton
+from sidm.replay.skeleton import (
+    BOXES,
+    box_skeleton,
+    find_box,
+    heave_curves,
+    rover_skeleton,
+)
 from sidm.simulation import Simulator
 from sidm.simulation.robot import WHEELS
 from sidm.systems import Physics, Terrain
 from sidm.terrain import generate_terrain
 
 GROUND = Terrain(cell_height_scale=0.35)
-PLANAR = Body(name="cart", pose="planar", columns=(("speed", "m/s"),), actions=(("left", "1"), ("right", "1")))
+PLANAR = Body(
+    name="cart",
+    pose="planar",
+    columns=(("speed", "m/s"),),
+    actions=(("left", "1"), ("right", "1")),
+)
 
 
-@given(arrays(np.int16, st.tuples(st.integers(1, 3), st.integers(1, 5), st.integers(1, 4))))
+@given(
+    arrays(np.int16, st.tuples(st.integers(1, 3), st.integers(1, 5), st.integers(1, 4)))
+)
 def test_what_is_packed_is_unpacked(numbers):
     assert np.array_equal(unpack(pack(numbers), numbers.shape), numbers)
 
@@ -39,10 +60,16 @@ def places(skeleton, position, quaternion, joints):
     """Of every part: where its frame is in the world, by the skeleton's own rules."""
     found = []
     for number, part in enumerate(skeleton["parts"]):
-        turn, origin = found[part["parent"]] if number else (Rotation.from_quat(quaternion), position)
+        turn, origin = (
+            found[part["parent"]]
+            if number
+            else (Rotation.from_quat(quaternion), position)
+        )
         origin = origin + turn.apply(part["at"])
         if "joint" in part:
-            turn = turn * Rotation.from_rotvec(joints[part["joint"]] * np.array(part["axis"]))
+            turn = turn * Rotation.from_rotvec(
+                joints[part["joint"]] * np.array(part["axis"])
+            )
         found.append((turn, origin))
     return found
 
@@ -51,27 +78,48 @@ def places(skeleton, position, quaternion, joints):
 def test_the_drawn_wheels_are_where_the_simulated_ones_are(motors):
     robot = ROBOTS["system2 expert"]
     skeleton = rover_skeleton(robot, motors)
-    with Simulator(robot, generate_terrain(GROUND, 3), Physics(strut_motors=motors)) as simulator:
+    with Simulator(
+        robot, generate_terrain(GROUND, 3), Physics(strut_motors=motors)
+    ) as simulator:
         simulator.reset()
         for steering in (0.0, 0.5, 0.8, 0.8, -0.3, -0.8):
             state = simulator.step(np.array([0.8, steering]))
         found = places(skeleton, state[:3], state[3:7], simulator.joint_angles)
-        wheels = [one for one, part in zip(found, skeleton["parts"], strict=True) if part.get("joint") in range(4, 8)]
-        for name, joint, (turn, origin) in zip(WHEELS, simulator._wheels, wheels, strict=True):
-            place, quaternion = simulator._client.getLinkState(simulator._body, joint, 0, 1)[4:6]
+        wheels = [
+            one
+            for one, part in zip(found, skeleton["parts"], strict=True)
+            if part.get("joint") in range(4, 8)
+        ]
+        for name, joint, (turn, origin) in zip(
+            WHEELS, simulator._wheels, wheels, strict=True
+        ):
+            place, quaternion = simulator._client.getLinkState(
+                simulator._body, joint, 0, 1
+            )[4:6]
             assert origin == pytest.approx(place, abs=5e-4), name
-            assert (turn.inv() * Rotation.from_quat(quaternion)).magnitude() < 2e-3, name
+            assert (turn.inv() * Rotation.from_quat(quaternion)).magnitude() < 2e-3, (
+                name
+            )
 
 
 def test_struts_are_as_long_as_their_travel_says():
-    """On even ground, where the links do not give; at zero travel a strut is 0.16 m long."""
+    """On even ground, where the links do not give; at zero travel a strut is 0.16 m
+    long."""
     even = Terrain(cell_height_scale=0.0, noise_height_scale=0.0)
     one = ride(ROBOTS["system2 expert"], even, 0, 0.0, steps=2, strut_motors=False)
     skeleton = rover_skeleton(one.robot, False)
     found = places(skeleton, one.states[-1, :3], one.states[-1, 3:7], one.joints[-1])
-    for rod, strut in zip([rod for rod in skeleton["rods"] if rod["kind"] == "strut"], one.struts[-1], strict=True):
-        ends = [found[part][1] + found[part][0].apply(point) for part, point in rod["ends"]]
-        assert np.linalg.norm(ends[0] - ends[1]) == pytest.approx(0.16 - strut, abs=1.5e-3)
+    for rod, strut in zip(
+        [rod for rod in skeleton["rods"] if rod["kind"] == "strut"],
+        one.struts[-1],
+        strict=True,
+    ):
+        ends = [
+            found[part][1] + found[part][0].apply(point) for part, point in rod["ends"]
+        ]
+        assert np.linalg.norm(ends[0] - ends[1]) == pytest.approx(
+            0.16 - strut, abs=1.5e-3
+        )
 
 
 def test_the_heave_follows_from_the_struts():
@@ -79,7 +127,9 @@ def test_the_heave_follows_from_the_struts():
     one = ride(ROBOTS["system2 expert"], GROUND, 3, 0.8, steps=5, strut_motors=False)
     for axle, (a, b, c) in enumerate(heave_curves(one.robot, False)):
         rest = c - one.struts[:, 2 * axle : 2 * axle + 2].mean(1)
-        assert -2 * rest / (b + np.sqrt(b * b - 4 * a * rest)) == pytest.approx(one.joints[:, 2 * axle], abs=1e-4)
+        assert -2 * rest / (b + np.sqrt(b * b - 4 * a * rest)) == pytest.approx(
+            one.joints[:, 2 * axle], abs=1e-4
+        )
     assert heave_curves(one.robot, True)[0] is None
 
 
@@ -89,27 +139,47 @@ def test_a_scene_is_what_was_ridden(rides):
     assert [track["name"] for track in found["tracks"]] == list(rides)
     assert [bool(track["ghost"]) for track in found["tracks"]] == [False, True]
     for track, one in zip(found["tracks"], rides.values(), strict=True):
-        numbers = unpack(base64.b64decode(track["motion"]), (track["moments"], len(track["scales"]))) / track["scales"]
+        numbers = (
+            unpack(
+                base64.b64decode(track["motion"]),
+                (track["moments"], len(track["scales"])),
+            )
+            / track["scales"]
+        )
         assert numbers[:, :3] == pytest.approx(one.states[:, :3], abs=1e-3)
-        assert np.abs((numbers[:, 3:7] * one.states[:, 3:7]).sum(1)) == pytest.approx(1, abs=1e-3)
+        assert np.abs((numbers[:, 3:7] * one.states[:, 3:7]).sum(1)) == pytest.approx(
+            1, abs=1e-3
+        )
         assert numbers[:, 7:] == pytest.approx(one.joints, abs=1e-3)
         assert track["step"] == 0.05
     below = found["ground"]
-    heights = unpack(base64.b64decode(below["motion"]), (below["rows"], below["columns"], 1))[..., 0] / below["scale"]
+    heights = (
+        unpack(base64.b64decode(below["motion"]), (below["rows"], below["columns"], 1))[
+            ..., 0
+        ]
+        / below["scale"]
+    )
     row, column = (round((14.95 + below[name]) / 0.1) for name in ("low", "left"))
     whole = rides["system1 novice"].heights
-    assert heights == pytest.approx(whole[row : row + below["rows"], column : column + below["columns"]], abs=1e-3)
+    assert heights == pytest.approx(
+        whole[row : row + below["rows"], column : column + below["columns"]], abs=1e-3
+    )
 
 
 def test_a_scene_comes_back_from_its_file(rides, tmp_path):
     scene = rides_scene(rides)
     write_scene(tmp_path / "ride.npz", scene)
     again = read_scene(tmp_path / "ride.npz")
-    assert [track.name for track in again.tracks] == list(rides) and again.distance == scene.distance
+    assert [track.name for track in again.tracks] == list(
+        rides
+    ) and again.distance == scene.distance
     assert again.tracks[1].joints == pytest.approx(scene.tracks[1].joints, abs=1e-5)
     assert again.tracks[0].skeleton == scene.tracks[0].skeleton
     first, second = scene_json(scene), scene_json(again)
-    assert first["tracks"] == second["tracks"] and first["ground"]["rows"] == second["ground"]["rows"]
+    assert (
+        first["tracks"] == second["tracks"]
+        and first["ground"]["rows"] == second["ground"]["rows"]
+    )
 
 
 def test_a_page_holds_all_that_it_needs(rides, tmp_path):
@@ -119,24 +189,31 @@ def test_a_page_holds_all_that_it_needs(rides, tmp_path):
     assert "<title>Novice &amp; expert</title>" in text and len(text) < 400_000
     assert re.findall(r"""(?:src|href)=["'](?!data:)|url\(|@import""", text) == []
     frame = view._repr_html_()
-    assert frame.startswith("<iframe") and "<script" not in frame  # escaped, inside srcdoc
+    # escaped, inside srcdoc
+    assert frame.startswith("<iframe") and "<script" not in frame
 
 
 def test_rolling_wheels_turn_as_far_as_the_way_is_long():
-    """Straight ahead; and turning on the spot, where the right wheels go ahead and the left ones back."""
+    """Straight ahead; and turning on the spot, where the right wheels go ahead and the
+    left ones back."""
     position, ahead = np.zeros((11, 3)), np.tile([0.0, 0, 0, 1], (11, 1))
     position[:, 0] = np.linspace(0, 2, 11)
     assert rolled(position, ahead, 0.1)[-1] == pytest.approx([20.0] * 4)
     turning = Rotation.from_euler("z", np.linspace(0, 1, 11)[:, None]).as_quat()
-    assert rolled(np.zeros((11, 3)), turning, 0.1, 0.2)[-1] == pytest.approx([2, -2, 2, -2])
+    assert rolled(np.zeros((11, 3)), turning, 0.1, 0.2)[-1] == pytest.approx(
+        [2, -2, 2, -2]
+    )
 
 
 def test_a_robot_on_a_slope_is_tilted():
-    """Uphill along x, nose up: negative pitch; the same slope from the side is a roll."""
+    """Uphill along x, nose up: negative pitch; the same slope from the side is a
+    roll."""
     heights = np.tile(0.1 * np.arange(100) * 0.2, (100, 1))
     path = np.stack([np.linspace(-2, 2, 9), np.zeros(9)], axis=1)
     ground = Ground(heights, 0.1)
-    assert laid(path, ground, 0.6, 0.4).as_euler("ZYX")[4] == pytest.approx([0, -np.arctan(0.2), 0], abs=1e-6)
+    assert laid(path, ground, 0.6, 0.4).as_euler("ZYX")[4] == pytest.approx(
+        [0, -np.arctan(0.2), 0], abs=1e-6
+    )
     assert laid(path[:, ::-1], ground, 0.6, 0.4).as_euler("ZYX")[4] == pytest.approx(
         [np.pi / 2, 0, -np.arctan(0.2)], abs=1e-6
     )
@@ -145,22 +222,35 @@ def test_a_robot_on_a_slope_is_tilted():
 def cart(steps=20):
     """A recorded drive in the plane."""
     time = np.arange(steps + 1) / 10
-    states = np.stack([time, 0.1 * time**2, np.arctan(0.2 * time), np.hypot(1, 0.2 * time)], axis=1)
+    states = np.stack(
+        [time, 0.1 * time**2, np.arctan(0.2 * time), np.hypot(1, 0.2 * time)], axis=1
+    )
     return Drive(states, np.stack([time, -time], axis=1)[:-1] / 10, PLANAR, name="cart")
 
 
 def test_a_recorded_drive_rolls_over_level_ground():
     scene = drives_scene([cart()], BOXES["husky"])
     track = scene.tracks[0]
-    assert track.position[:, :2] == pytest.approx(cart().states[:, :2]) and not scene.ground.heights.any()
-    found = places(track.skeleton, track.position[7], track.quaternion[7], track.joints[7])
-    assert [origin[2] for _, origin in found[1:]] == pytest.approx([BOXES["husky"].radius] * 4)
-    assert track.joints[-1].mean() == pytest.approx(2.05 / BOXES["husky"].radius, rel=0.02)
+    assert (
+        track.position[:, :2] == pytest.approx(cart().states[:, :2])
+        and not scene.ground.heights.any()
+    )
+    found = places(
+        track.skeleton, track.position[7], track.quaternion[7], track.joints[7]
+    )
+    assert [origin[2] for _, origin in found[1:]] == pytest.approx(
+        [BOXES["husky"].radius] * 4
+    )
+    assert track.joints[-1].mean() == pytest.approx(
+        2.05 / BOXES["husky"].radius, rel=0.02
+    )
 
 
 def test_a_body_without_a_pose_cannot_be_shown():
     with pytest.raises(ConfigError, match="'belt' has no pose"):
-        belt = Body(name="belt", pose="none", columns=(("v", "m/s"),), actions=(("u", "1"),))
+        belt = Body(
+            name="belt", pose="none", columns=(("v", "m/s"),), actions=(("u", "1"),)
+        )
         drives_scene([Drive(np.zeros((9, 1)), np.zeros((8, 1)), belt)])
 
 
@@ -175,8 +265,17 @@ def test_the_command_shows_recordings(tmp_path, capsys):
     write_drives(tmp_path / "cart.csv", [cart()], "made up")
     body = "pose: planar\ncolumns: {speed: m/s}\nactions: {left: 1, right: 1}\nrate: 10 Hz\n"
     (tmp_path / "cart.yaml").write_text(body)
-    files = {name: str(tmp_path / name) for name in ("cart.csv", "cart.yaml", "cart.html")}
-    words = ["replay", files["cart.csv"], "--body", files["cart.yaml"], "--html", files["cart.html"]]
+    files = {
+        name: str(tmp_path / name) for name in ("cart.csv", "cart.yaml", "cart.html")
+    }
+    words = [
+        "replay",
+        files["cart.csv"],
+        "--body",
+        files["cart.yaml"],
+        "--html",
+        files["cart.html"],
+    ]
     assert main([*words, "--shape", "0.5,0.4,0.1"]) == 0
     assert main([*words, "--drive", "3"]) == 2
     assert main([*words, "--shape", "husk"]) == 2
@@ -192,7 +291,10 @@ def test_the_papers_recordings_have_the_papers_robot():
 
     drive = read_drives("recordings/system1.npz", ROVER)[0]
     scene = drives_scene([drive], ROBOTS["system1 novice"])
-    assert scene.tracks[0].joints.shape == (65, 10) and scene.ground.heights is drive.ground.heights
+    assert (
+        scene.tracks[0].joints.shape == (65, 10)
+        and scene.ground.heights is drive.ground.heights
+    )
     assert scene.tracks[0].position == pytest.approx(drive.states[:, :3])
 
 
@@ -208,4 +310,8 @@ def test_shapes_are_named_or_measured():
 def test_level_ground_reaches_around_the_way():
     ground = level(np.array([[0.0, 0.0], [10.0, 2.0]]))
     rows, columns = ground.heights.shape
-    assert (columns - 1) * ground.spacing >= 26 and (rows - 1) * ground.spacing >= 18 and ground.centre == (5.0, 1.0)
+    assert (
+        (columns - 1) * ground.spacing >= 26
+        and (rows - 1) * ground.spacing >= 18
+        and ground.centre == (5.0, 1.0)
+    )

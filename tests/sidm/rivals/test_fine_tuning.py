@@ -9,7 +9,14 @@ from sidm.learning.checkpoint import CheckpointError
 from sidm.learning.trainer import Trainer
 from sidm.rivals.fine_tuning import Start, expert_in_place, keep, read, start_from
 
-ALONE = Training(p_expert=0.0, regularise=False, max_samples=2000, test_interval=5, prediction_iterations=10, batch=4)
+ALONE = Training(
+    p_expert=0.0,
+    regularise=False,
+    max_samples=2000,
+    test_interval=5,
+    prediction_iterations=10,
+    batch=4,
+)
 
 
 @pytest.fixture
@@ -23,7 +30,10 @@ def test_the_expert_stands_in_the_novices_place(datasets):
     assert len(sets.train) + len(sets.test) == len(datasets.expert)
     assert len(sets.test) == round(len(datasets.expert) / 4)
     assert not set(sets.train.places.tolist()) & set(sets.test.places.tolist())
-    assert sets.train.stored_inputs is datasets.expert.inputs and sets.validation is sets.test
+    assert (
+        sets.train.stored_inputs is datasets.expert.inputs
+        and sets.validation is sets.test
+    )
     with pytest.raises(ConfigError, match="pretraining needs the expert's data"):
         expert_in_place(datasets._replace(expert=None), 0)
 
@@ -43,13 +53,18 @@ def test_kept_weights_come_back_and_damage_is_named(start, tmp_path):
     keep(tmp_path, start)
     found = read(tmp_path)
     assert found.samples == start.samples and list(found.weights) == list(start.weights)
-    assert all(torch.equal(found.weights[name], tensor) for name, tensor in start.weights.items())
+    assert all(
+        torch.equal(found.weights[name], tensor)
+        for name, tensor in start.weights.items()
+    )
     assert not (tmp_path / "state").exists() and read(tmp_path / "none") is None
     path = tmp_path / "checkpoint.npz"
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
     path.write_bytes(content)
-    with pytest.raises(CheckpointError, match=r"checkpoint\.npz: the checkpoint is damaged"):
+    with pytest.raises(
+        CheckpointError, match=r"checkpoint\.npz: the checkpoint is damaged"
+    ):
         read(tmp_path)
 
 

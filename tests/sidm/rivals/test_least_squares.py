@@ -1,5 +1,5 @@
-"""Least squares: the closed form, the cross-validation, and the model that comes of them."""
-
+"""Least squares: the closed form, the cross-validation, and the model that comes of
+them."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,11 @@ from sidm.rivals import least_squares as ls
 def base(small_network, datasets) -> DynamicsModel:
     """An expert's model that has learnt nothing."""
     units = Standardisation.of(datasets.expert)
-    return DynamicsModel(small_network, units, roles=["novice"]).eval().requires_grad_(False)
+    return (
+        DynamicsModel(small_network, units, roles=["novice"])
+        .eval()
+        .requires_grad_(False)
+    )
 
 
 @pytest.fixture
@@ -34,9 +38,18 @@ def made(rng) -> ls.Moments:
 
 def test_the_weights_are_those_of_ridge_regression(rng):
     """As numpy's least squares find them with a row more for each penalty."""
-    rows, left, penalties = rng.normal(size=(50, 4)), rng.normal(size=(50, 13)), np.array([0.0, 0.1, 0.1, 2.0])
-    found = ls.moments(torch.from_numpy(rows), torch.from_numpy(left)).solve(torch.from_numpy(penalties))
-    more = np.vstack([rows, np.diag(np.sqrt(50 * penalties))]), np.vstack([left, np.zeros((4, 13))])
+    rows, left, penalties = (
+        rng.normal(size=(50, 4)),
+        rng.normal(size=(50, 13)),
+        np.array([0.0, 0.1, 0.1, 2.0]),
+    )
+    found = ls.moments(torch.from_numpy(rows), torch.from_numpy(left)).solve(
+        torch.from_numpy(penalties)
+    )
+    more = (
+        np.vstack([rows, np.diag(np.sqrt(50 * penalties))]),
+        np.vstack([left, np.zeros((4, 13))]),
+    )
     assert np.allclose(found.numpy(), np.linalg.lstsq(*more, rcond=None)[0], atol=1e-10)
 
 
@@ -44,31 +57,44 @@ def test_moments_know_the_loss(rng, made):
     rows, left = (torch.from_numpy(rng.normal(size=(20, size))) for size in (4, 13))
     weights = torch.from_numpy(rng.normal(size=(4, 13)))
     other = ls.moments(rows, left)
-    assert other.loss(weights) == pytest.approx(float((left - rows @ weights).square().sum(-1).mean()))
+    assert other.loss(weights) == pytest.approx(
+        float((left - rows @ weights).square().sum(-1).mean())
+    )
     both = made.plus(other)
-    assert both.steps == 70 and both.without(other).loss(weights) == pytest.approx(made.loss(weights))
+    assert both.steps == 70 and both.without(other).loss(weights) == pytest.approx(
+        made.loss(weights)
+    )
 
 
 def test_a_linear_law_is_found(many):
     """What is left of it is the maps' share, which it does not look at."""
     units = Standardisation.none()
     found = ls.fit(many, units)
-    loss, spread = validation_loss(found.model, many.validation), many.validation.targets.var((0, 1))
+    loss, spread = (
+        validation_loss(found.model, many.validation),
+        many.validation.targets.var((0, 1)),
+    )
     assert float(loss.sum()) < 0.01 * float(spread.sum())
     assert found.best_test_loss == pytest.approx(float(loss.sum()), rel=0.5)
     assert found.samples == 40 * 6 and found.iterations == 0
 
 
 def test_the_cross_validated_loss_is_of_steps_that_were_not_seen(many, monkeypatch):
-    """With one pair of penalties: fitted by hand without each fold, and judged on it."""
+    """With one pair of penalties: fitted by hand without each fold, and judged on
+    it."""
     monkeypatch.setattr(ls, "PENALTIES", (0.1,))
     monkeypatch.setattr(ls, "PRODUCT_PENALTIES", (10.0,))
     found = ls.fit(many, Standardisation.none())
-    inputs, targets = (torch.cat([getattr(one, name) for one in many[:2]]).double() for name in ("inputs", "targets"))
+    inputs, targets = (
+        torch.cat([getattr(one, name) for one in many[:2]]).double()
+        for name in ("inputs", "targets")
+    )
     functions, total = found.model.functions(inputs), 0.0
     for fold in range(ls.FOLDS):
         out = torch.arange(len(inputs)) % ls.FOLDS == fold
-        weights = ls.moments(functions[~out], targets[~out]).solve(found.model.penalties(0.1, 10.0))
+        weights = ls.moments(functions[~out], targets[~out]).solve(
+            found.model.penalties(0.1, 10.0)
+        )
         total += float((targets[out] - functions[out] @ weights).square().sum())
     assert found.best_test_loss == pytest.approx(total / (40 * 6))
 
@@ -90,19 +116,27 @@ def test_a_correction_is_added_to_the_base(datasets, base):
     found, carried = model("novice", seen.inputs, seen.maps)
     assert torch.equal(found, predicted) and all(map(torch.equal, memory, carried))
     fitted = ls.fit(datasets, units, base).model
-    alone, corrected = (float(validation_loss(one, datasets.train).sum()) for one in (base, fitted))
+    alone, corrected = (
+        float(validation_loss(one, datasets.train).sum()) for one in (base, fitted)
+    )
     assert corrected < 0.2 * alone
-    assert all(torch.equal(tensor, base.state_dict()[name]) for name, tensor in fitted.base.state_dict().items())
+    assert all(
+        torch.equal(tensor, base.state_dict()[name])
+        for name, tensor in fitted.base.state_dict().items()
+    )
 
 
 def test_with_mirror_images_left_and_right_are_alike(many):
-    """Exactly, in units that are themselves alike on both sides; not so without them."""
+    """Exactly, in units that are themselves alike on both sides; not so without
+    them."""
     inputs, maps = many.validation.inputs, many.validation.maps
     signs = torch.tensor(INPUT_SIGNS), torch.tensor(TARGET_SIGNS)
     gaps = []
     for image in (mirror_image, None):
         model = ls.fit(many, Standardisation.none(), image=image).model
-        seen, turned = (model("novice", one, maps)[0] for one in (inputs, inputs * signs[0]))
+        seen, turned = (
+            model("novice", one, maps)[0] for one in (inputs, inputs * signs[0])
+        )
         gaps.append(float((turned - seen * signs[1]).abs().max()))
     assert gaps[0] < 1e-4 < 1e-2 < gaps[1]
 
@@ -117,22 +151,40 @@ def test_what_was_never_seen_is_held_at_the_edge(datasets):
 
 def test_two_trajectories_are_enough(make_motion):
     """The fewest that a dataset has: one to learn from and one to test."""
-    found = ls.fit(Datasets(make_motion(1, 1), make_motion(1, 2), make_motion(2, 3)), Standardisation.none())
+    found = ls.fit(
+        Datasets(make_motion(1, 1), make_motion(1, 2), make_motion(2, 3)),
+        Standardisation.none(),
+    )
     assert np.isfinite(found.best_test_loss)
 
 
 @pytest.mark.parametrize("alone", [True, False])
 def test_it_rolls_out(datasets, base, alone):
     """With a memory or without one, and to where no number is infinite."""
-    model = ls.fit(datasets, Standardisation.of(datasets.expert), None if alone else base).model
-    state = torch.tensor([0, 0, 0.2, 0, 0, 0, 1, 0.5, 0, 0, 0, 0, 0], dtype=torch.float64)
-    path = rollout(model, torch.zeros(81, 81), state, torch.full((25, 2), 0.5), pixels=8)
+    model = ls.fit(
+        datasets, Standardisation.of(datasets.expert), None if alone else base
+    ).model
+    state = torch.tensor(
+        [0, 0, 0.2, 0, 0, 0, 1, 0.5, 0, 0, 0, 0, 0], dtype=torch.float64
+    )
+    path = rollout(
+        model, torch.zeros(81, 81), state, torch.full((25, 2), 0.5), pixels=8
+    )
     assert path.shape == (26, 13) and torch.isfinite(path).all()
 
 
 def test_parts_give_what_the_whole_does(many):
     """Data that lie in a larger set are taken from it."""
-    whole = Windows(*(torch.cat([getattr(one, name) for one in many[:2]]) for name in ("inputs", "targets", "maps")))
-    parts = many._replace(train=whole.subset(range(30)), test=whole.subset(range(30, 40)))
-    first, second = (ls.fit(one, Standardisation.none()).model.weights for one in (many, parts))
+    whole = Windows(
+        *(
+            torch.cat([getattr(one, name) for one in many[:2]])
+            for name in ("inputs", "targets", "maps")
+        )
+    )
+    parts = many._replace(
+        train=whole.subset(range(30)), test=whole.subset(range(30, 40))
+    )
+    first, second = (
+        ls.fit(one, Standardisation.none()).model.weights for one in (many, parts)
+    )
     assert torch.equal(first, second)

@@ -4,34 +4,57 @@ import pytest
 import torch
 
 from sidm.config import ConfigError
-from sidm.learning import CheckpointError, DynamicsModel, Standardisation, Training, train, validation_loss
+from sidm.learning import (
+    CheckpointError,
+    DynamicsModel,
+    Standardisation,
+    Training,
+    train,
+    validation_loss,
+)
 from sidm.learning.evaluation import mean_loss, rollout
 from sidm.rivals.fine_tuning import expert_in_place
 from sidm.rivals.residual import Corrected, left_over, units
 from sidm.systems import Terrain
 from sidm.terrain import generate_terrain
 
-ALONE = Training(p_expert=0.0, regularise=False, max_samples=6000, test_interval=20, prediction_iterations=20, batch=4)
+ALONE = Training(
+    p_expert=0.0,
+    regularise=False,
+    max_samples=6000,
+    test_interval=20,
+    prediction_iterations=20,
+    batch=4,
+)
 
 
 @pytest.fixture
 def base(datasets, small_network) -> DynamicsModel:
-    return train(expert_in_place(datasets, 0), small_network, ALONE, 0).model.requires_grad_(False)
+    return train(
+        expert_in_place(datasets, 0), small_network, ALONE, 0
+    ).model.requires_grad_(False)
 
 
 def test_what_is_left_over_is_the_target_less_the_base(datasets, base):
     sets = left_over(datasets, base)
     predicted, _ = base("novice", datasets.train.inputs, datasets.train.maps)
-    assert torch.allclose(sets.train.targets + predicted, datasets.train.targets, atol=1e-6)
-    assert len(sets.test) == len(datasets.test) and len(sets.validation) == len(datasets.validation)
+    assert torch.allclose(
+        sets.train.targets + predicted, datasets.train.targets, atol=1e-6
+    )
+    assert len(sets.test) == len(datasets.test) and len(sets.validation) == len(
+        datasets.validation
+    )
 
 
 def test_the_loss_of_a_correction_is_that_of_the_sum(datasets, base, small_network):
-    """So that the loop, which sees the left over alone, stops by the loss that is reported."""
+    """So that the loop, which sees the left over alone, stops by the loss that is
+    reported."""
     sets = left_over(datasets, base)
     correction = train(sets, small_network, ALONE, 0, standardisation=units(sets)).model
     both = Corrected(base, correction)
-    assert mean_loss(both, datasets.test) == pytest.approx(mean_loss(correction, sets.test), rel=1e-5)
+    assert mean_loss(both, datasets.test) == pytest.approx(
+        mean_loss(correction, sets.test), rel=1e-5
+    )
     assert float(validation_loss(both, datasets.validation).sum()) < float(
         validation_loss(base, datasets.validation).sum()
     )
@@ -39,12 +62,17 @@ def test_the_loss_of_a_correction_is_that_of_the_sum(datasets, base, small_netwo
 
 def test_both_memories_are_carried_along(datasets, base, small_network):
     """A step at a time gives what the whole trajectory gives."""
-    both, motion = Corrected(base, DynamicsModel(small_network, seed=5, roles=["novice"])), datasets.validation
+    both, motion = (
+        Corrected(base, DynamicsModel(small_network, seed=5, roles=["novice"])),
+        datasets.validation,
+    )
     whole, _ = both("novice", motion.inputs, motion.maps)
     memory, steps = None, []
     for step in range(motion.inputs.shape[1]):
         one = slice(step, step + 1)
-        predicted, memory = both("novice", motion.inputs[:, one], motion.maps[:, one], memory)
+        predicted, memory = both(
+            "novice", motion.inputs[:, one], motion.maps[:, one], memory
+        )
         steps.append(predicted)
     assert torch.allclose(torch.cat(steps, 1), whole, atol=1e-5)
     heights = generate_terrain(Terrain(cell_height_scale=0.35, size=81), 0)
@@ -54,10 +82,22 @@ def test_both_memories_are_carried_along(datasets, base, small_network):
 
 def test_a_checkpoint_is_of_one_base(datasets, base, small_network, tmp_path):
     """What another model leaves over is another run's target."""
-    sets, others = (left_over(datasets, model) for model in (base, DynamicsModel(small_network, roles=["novice"])))
-    train(sets, small_network, ALONE, 0, standardisation=units(sets), checkpoint=tmp_path)
+    sets, others = (
+        left_over(datasets, model)
+        for model in (base, DynamicsModel(small_network, roles=["novice"]))
+    )
+    train(
+        sets, small_network, ALONE, 0, standardisation=units(sets), checkpoint=tmp_path
+    )
     with pytest.raises(CheckpointError, match="of another run"):
-        train(others, small_network, ALONE, 0, standardisation=units(others), checkpoint=tmp_path)
+        train(
+            others,
+            small_network,
+            ALONE,
+            0,
+            standardisation=units(others),
+            checkpoint=tmp_path,
+        )
 
 
 def test_a_correction_works_in_the_experts_units_about_zero(datasets, base):

@@ -38,28 +38,41 @@ class InOrder(Executor):
 def collected(tmp_path_factory):
     """Two shards, made in this process."""
     root = tmp_path_factory.mktemp("data")
-    return root, collect(root, COLLECTION, 2 * SHARD_SIZE, executor=InOrder(), progress=False)
+    return root, collect(
+        root, COLLECTION, 2 * SHARD_SIZE, executor=InOrder(), progress=False
+    )
 
 
 OWN = System(
-    name="mine", novice=SYSTEMS["system1"].novice.replace(spring=20_000.0, throttle_scale=20.0),
-    expert=SYSTEMS["system2"].expert, terrain=Terrain(cell_height_scale=0.1, size=120),
-)  # fmt: skip
+    name="mine",
+    novice=SYSTEMS["system1"].novice.replace(spring=20_000.0, throttle_scale=20.0),
+    expert=SYSTEMS["system2"].expert,
+    terrain=Terrain(cell_height_scale=0.1, size=120),
+)
 
 
 @pytest.mark.parametrize("role", ["novice", "expert"])
 def test_robots_of_ones_own_drive_in_their_own_role(role, tmp_path):
-    """What `simulate` gives is what each robot does on its own ground, whichever process does it."""
+    """What `simulate` gives is what each robot does on its own ground, whichever
+    process does it."""
     collection = Collection(system="mine", role=role, seed=3)
     found = simulate_trajectory(collection, 0, OWN)
     number = sum(found.discarded)
     seed, yaw, actions = drawn(collection, 0, number)
     with Simulator(OWN.robot(role), generate_terrain(OWN.terrain, seed)) as simulator:
-        states = [simulator.reset(0.0, 0.0, yaw), *(simulator.step(action) for action in actions)]
+        states = [
+            simulator.reset(0.0, 0.0, yaw),
+            *(simulator.step(action) for action in actions),
+        ]
     assert np.array_equal(found.states, np.array(states, np.float32))
-    other = simulate_trajectory(collection, 0, dataclasses.replace(OWN, novice=OWN.expert, expert=OWN.novice))
+    other = simulate_trajectory(
+        collection, 0, dataclasses.replace(OWN, novice=OWN.expert, expert=OWN.novice)
+    )
     assert not np.array_equal(found.states, other.states)
-    (first, *_) = collect(tmp_path, collection, 2, workers=1, progress=False, system=OWN)  # a spawned worker
+    # a spawned worker
+    (first, *_) = collect(
+        tmp_path, collection, 2, workers=1, progress=False, system=OWN
+    )
     assert np.array_equal(first.states, found.states)
 
 
@@ -67,14 +80,29 @@ def test_a_name_stands_for_one_pair(tmp_path):
     own = Collection(system="mine", role="novice", seed=3)
     with pytest.raises(ConfigError, match="unknown system 'mine'"):
         simulate_trajectory(own, 0)
-    with pytest.raises(ConfigError, match="the collection is of 'system1', the robots given are of 'mine'"):
+    with pytest.raises(
+        ConfigError,
+        match="the collection is of 'system1', the robots given are of 'mine'",
+    ):
         simulate_trajectory(COLLECTION, 0, OWN)
-    with pytest.raises(ConfigError, match="'system1' is known with other robots, ground or physics; give yours"):
+    with pytest.raises(
+        ConfigError,
+        match="'system1' is known with other robots, ground or physics; give yours",
+    ):
         simulate_trajectory(COLLECTION, 0, dataclasses.replace(OWN, name="system1"))
     collect(tmp_path, own, 0, progress=False, system=OWN)
     collect(tmp_path, own, 0, progress=False, system=OWN)
-    with pytest.raises(ConfigError, match="has motion of other robots called 'mine'; delete it or choose a new name"):
-        collect(tmp_path, own, 0, progress=False, system=dataclasses.replace(OWN, expert=OWN.novice))
+    with pytest.raises(
+        ConfigError,
+        match="has motion of other robots called 'mine'; delete it or choose a new name",
+    ):
+        collect(
+            tmp_path,
+            own,
+            0,
+            progress=False,
+            system=dataclasses.replace(OWN, expert=OWN.novice),
+        )
 
 
 def state(x=0.0, y=0.0, up=1.0, speed=0.0):
@@ -88,7 +116,11 @@ def test_trajectories_have_their_length_order_and_terrain(collected):
     _, trajectories = collected
     assert [t.index for t in trajectories] == list(range(2 * SHARD_SIZE))
     for t in trajectories:
-        assert t.states.shape == (STEPS + 1, 13) and t.states.dtype == np.float32 and t.actions.shape == (STEPS, 2)
+        assert (
+            t.states.shape == (STEPS + 1, 13)
+            and t.states.dtype == np.float32
+            and t.actions.shape == (STEPS, 2)
+        )
         assert np.hypot(*t.states[0, :2]) < 0.2
     t = trajectories[3]
     assert checksum(t.ground.heights) == t.ground.checksum
@@ -104,10 +136,13 @@ def first_shard(collected, tmp_path):
     return Path(shutil.copy(COLLECTION.shard(collected[0], 0), path))
 
 
-def test_an_interrupted_collection_goes_on_and_ends_the_same(collected, first_shard, tmp_path):
+def test_an_interrupted_collection_goes_on_and_ends_the_same(
+    collected, first_shard, tmp_path
+):
     _, whole = collected
     assert missing_shards(tmp_path, COLLECTION, 2 * SHARD_SIZE) == [1]
-    stray = COLLECTION.folder(tmp_path) / ".shard-00001.npz.1.part"  # what a killed worker leaves
+    # what a killed worker leaves
+    stray = COLLECTION.folder(tmp_path) / ".shard-00001.npz.1.part"
     stray.write_bytes(b"half")
     rest = InOrder()
     again = collect(tmp_path, COLLECTION, 2 * SHARD_SIZE, executor=rest, progress=False)
@@ -117,7 +152,9 @@ def test_an_interrupted_collection_goes_on_and_ends_the_same(collected, first_sh
 
 def test_other_processes_in_any_order_make_the_same(collected, tmp_path):
     _, whole = collected
-    assert digest(collect(tmp_path, COLLECTION, SHARD_SIZE, workers=2, progress=False)) == digest(whole[:SHARD_SIZE])
+    assert digest(
+        collect(tmp_path, COLLECTION, SHARD_SIZE, workers=2, progress=False)
+    ) == digest(whole[:SHARD_SIZE])
 
 
 def test_a_damaged_shard_is_named(first_shard, tmp_path):
@@ -144,5 +181,8 @@ def test_border_rollover_and_instability_end_an_episode():
 
 def test_a_collection_is_plain_data():
     assert json.loads(json.dumps(vars(COLLECTION))) == {
-        "system": "system1", "role": "novice", "policy": "ornstein_uhlenbeck", "seed": 77,
-    }  # fmt: skip
+        "system": "system1",
+        "role": "novice",
+        "policy": "ornstein_uhlenbeck",
+        "seed": 77,
+    }

@@ -12,7 +12,8 @@ ACTIONS = ((0.8, 0.5), (0.4, -1.0), (-0.6, 0.3), (1.0, 0.0), (0.2, 0.7))
 
 
 def waves() -> np.ndarray:
-    """A smooth ground without level places: on rocks and on level ground contacts make 1e-3 of rounding in a step."""
+    """A smooth ground without level places: on rocks and on level ground contacts make
+    1e-3 of rounding in a step."""
     x = (np.arange(300) - 149.5) * 0.1
     heights = 0.1 * np.sin(0.7 * x) + 0.08 * np.sin(0.9 * x[:, None] + 1)
     return heights - heights.min()
@@ -21,27 +22,53 @@ def waves() -> np.ndarray:
 @pytest.mark.parametrize(
     ("system", "role", "strut_motors"),
     [
-        ("system1", "novice", True), ("system1", "expert", True), ("system2", "novice", True),
-        ("system2", "expert", True), ("system1", "novice", False), ("system2", "expert", False),
+        ("system1", "novice", True),
+        ("system1", "expert", True),
+        ("system2", "novice", True),
+        ("system2", "expert", True),
+        ("system1", "novice", False),
+        ("system2", "expert", False),
     ],
-)  # fmt: skip
+)
 def test_every_robot_comes_to_its_figures(golden, system, role, strut_motors):
-    """On smaller instruction sets states differ by up to 1e-7, by 1e-5 after two steps where struts are free.
+    """On smaller instruction sets states differ by up to 1e-7, by 1e-5 after two steps
+    where struts are free.
 
     Those part sooner than braked ones: two steps are held.
     """
-    with Simulator(SYSTEMS[system].robot(role), waves(), Physics() if strut_motors else FREE_PHYSICS) as simulator:
+    with Simulator(
+        SYSTEMS[system].robot(role),
+        waves(),
+        Physics() if strut_motors else FREE_PHYSICS,
+    ) as simulator:
         actions = ACTIONS if strut_motors else ACTIONS[:2]
-        states = [simulator.reset(yaw=0.7)] + [simulator.step(np.array(action)) for action in actions]
-        figures = {"states": [state.tolist() for state in states], "struts": simulator.strut_positions.tolist()}
+        states = [simulator.reset(yaw=0.7)] + [
+            simulator.step(np.array(action)) for action in actions
+        ]
+        figures = {
+            "states": [state.tolist() for state in states],
+            "struts": simulator.strut_positions.tolist(),
+        }
     kind = "simulation" if strut_motors else "free_struts"
-    golden.hold(f"{system} {role}" + " unbraked" * (not strut_motors), kind, figures, rel=0, abs=1e-4)
+    golden.hold(
+        f"{system} {role}" + " unbraked" * (not strut_motors),
+        kind,
+        figures,
+        rel=0,
+        abs=1e-4,
+    )
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_every_ground_comes_to_its_figures(golden, system):
     heights = generate_terrain(SYSTEMS[system].terrain, 5)
-    golden.hold(f"{system} ground", "simulation", {"heights": heights[::40, ::40].tolist()}, rel=0, abs=1e-7)
+    golden.hold(
+        f"{system} ground",
+        "simulation",
+        {"heights": heights[::40, ::40].tolist()},
+        rel=0,
+        abs=1e-7,
+    )
 
 
 @pytest.mark.parametrize("policy", POLICIES)

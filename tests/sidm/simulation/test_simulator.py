@@ -1,4 +1,5 @@
-"""The simulator: the ground it stands on, clean resets, determinism, stability, rules of behaviour."""
+"""The simulator: the ground it stands on, clean resets, determinism, stability, rules
+of behaviour."""
 
 import io
 import multiprocessing
@@ -27,7 +28,9 @@ def drive(system, role, heights, steps=12, seed=0, yaw=0.4):
     rng = np.random.default_rng(seed)
     with Simulator(system.robot(role), heights, system.physics) as simulator:
         states = [simulator.reset(0.3, -0.2, yaw)]
-        return np.array(states + [simulator.step(rng.uniform(-1, 1, 2)) for _ in range(steps)])
+        return np.array(
+            states + [simulator.step(rng.uniform(-1, 1, 2)) for _ in range(steps)]
+        )
 
 
 def test_wheels_touch_the_ground_of_the_height_map_on_several_terrains_in_one_process():
@@ -61,12 +64,19 @@ def test_an_exchanged_terrain_drives_as_a_new_simulator_does(rough):
         for heights in (2 * rough, rough):
             simulator.put_on(heights)
             assert simulator.heights is heights
-            exchanged = [simulator.reset(0.3, -0.2, 0.4)] + [simulator.step((0.7, 0.3)) for _ in range(5)]
+            exchanged = [simulator.reset(0.3, -0.2, 0.4)] + [
+                simulator.step((0.7, 0.3)) for _ in range(5)
+            ]
         points = np.random.default_rng(0).uniform(5, 10, (50, 2))  # away from the robot
-        assert np.abs(simulator.ray_heights(points) - height_at(rough, *points.T)).max() < 1e-3
+        assert (
+            np.abs(simulator.ray_heights(points) - height_at(rough, *points.T)).max()
+            < 1e-3
+        )
     for visible in (False, True):
         with Simulator(system.novice, rough, visible=visible) as new:
-            first = [new.reset(0.3, -0.2, 0.4)] + [new.step((0.7, 0.3)) for _ in range(5)]
+            first = [new.reset(0.3, -0.2, 0.4)] + [
+                new.step((0.7, 0.3)) for _ in range(5)
+            ]
         assert np.array_equal(exchanged, first)
 
 
@@ -74,7 +84,9 @@ def test_a_failed_simulation_leaves_no_trace(rough):
     with Simulator(SYSTEMS["system1"].novice, rough) as simulator:
         first = simulator.reset()
         for mend in (lambda: None, lambda: simulator.put_on(rough)):
-            simulator._client.resetBaseVelocity(simulator._body, [np.nan] * 3, [np.nan] * 3)
+            simulator._client.resetBaseVelocity(
+                simulator._body, [np.nan] * 3, [np.nan] * 3
+            )
             assert not np.isfinite(simulator.step((0.0, 0.0))).all()
             mend()
             assert np.array_equal(simulator.reset(), first)
@@ -108,7 +120,9 @@ def test_motion_stays_bounded_and_struts_within_their_stops(name, role):
     system = SYSTEMS[name]
     robot = system.robot(role)
     rng = np.random.default_rng(3)
-    with Simulator(robot, generate_terrain(system.terrain, 7), system.physics) as simulator:
+    with Simulator(
+        robot, generate_terrain(system.terrain, 7), system.physics
+    ) as simulator:
         simulator.reset(0, 0, 1.0)
         for _ in range(25):
             state = simulator.step(rng.uniform(-1, 1, 2))
@@ -116,18 +130,22 @@ def test_motion_stays_bounded_and_struts_within_their_stops(name, role):
             assert np.linalg.norm(state[3:7]) == pytest.approx(1)
             struts = simulator.strut_positions
             assert struts.shape == (4,)
-            assert (struts > robot.travel_lower - 0.004).all() and (struts < robot.travel_upper + 0.004).all()
+            assert (struts > robot.travel_lower - 0.004).all() and (
+                struts < robot.travel_upper + 0.004
+            ).all()
 
 
 def test_on_flat_ground_it_rests_drives_and_turns_as_told():
     system = SYSTEMS["system1"]
     with Simulator(system.novice, FLAT, system.physics) as simulator:
         start = simulator.reset()
-        assert start[2] == pytest.approx(0.185, abs=0.003)  # tyre radius, margin, axle below the body
+        # tyre radius, margin, axle below the body
+        assert start[2] == pytest.approx(0.185, abs=0.003)
         assert np.abs(start[7:]).max() < 0.02
         for _ in range(12):
             state = simulator.step((0.25, 0.0))
-        assert state[7] == pytest.approx(0.25 * 30 * 0.1, rel=0.03)  # wheel speed times radius
+        # wheel speed times radius
+        assert state[7] == pytest.approx(0.25 * 30 * 0.1, rel=0.03)
         simulator.reset()
         for _ in range(12):
             state = simulator.step((0.25, 1.0))
@@ -176,7 +194,8 @@ def test_pictures_show_the_struts_between_chassis_and_axle(rough):
     orange = (image[..., 0] > 120) & (image[..., 2] < 60)
     rows, columns = (np.flatnonzero(blue.any(axis=1 - k)) for k in range(2))
     assert blue.sum() > 100
-    assert columns.min() < np.flatnonzero(orange.any(axis=0)).min()  # beyond both ends of the chassis
+    # beyond both ends of the chassis
+    assert columns.min() < np.flatnonzero(orange.any(axis=0)).min()
     assert columns.max() > np.flatnonzero(orange.any(axis=0)).max()
     assert rows.max() > np.flatnonzero(orange.any(axis=1)).min()
 

@@ -1,9 +1,12 @@
-"""The suspension's truth: sag, frequency and damping of the heave against values computed from the robot's figures.
+"""The suspension's truth: sag, frequency and damping of the heave against values
+computed from the robot's figures.
 
-In heave all four struts move alike, by q. Each axle then turns about a line of the chassis, so every part's velocity
-is its own constant times dq/dt, and the motion has one mass, one spring (four struts), one damper. The constants are
-the closed linkage's where q is, not those of the two joints that stand for it in the simulator. The robots are taken
-with all struts free (`strut_motors=False`) and without Bullet's drag on links, neither being the suspension's.
+In heave all four struts move alike, by q. Each axle then turns about a line of the
+chassis, so every part's velocity is its own constant times dq/dt, and the motion has
+one mass, one spring (four struts), one damper. The constants are the closed linkage's
+where q is, not those of the two joints that stand for it in the simulator. The robots
+are taken with all struts free (`strut_motors=False`) and without Bullet's drag on
+links, neither being the suspension's.
 """
 
 import dataclasses
@@ -19,42 +22,68 @@ from sidm.simulation.suspension import BRAKE_LIMIT, BRAKED, FREE, Suspension
 from sidm.systems import FREE_SYSTEMS, ROLES, SYSTEMS, Physics
 from sidm.terrain import generate_terrain
 
-ROBOTS = {f"{name} {role}": system.robot(role) for name, system in SYSTEMS.items() for role in ROLES}
+ROBOTS = {
+    f"{name} {role}": system.robot(role)
+    for name, system in SYSTEMS.items()
+    for role in ROLES
+}
 FLAT = np.zeros((300, 300))
-ASIDE = 0.25  # m: the robot comes to rest there; at the origin it trembles by a tenth of its sag, as rounding has it
+#: m: the robot comes to rest there; at the origin it trembles by a tenth of its sag, as
+#: rounding has it
+ASIDE = 0.25
 
 
 def heave(travel):
-    """How the rear axle moves against the chassis a metre of q at q = travel: pose, turn (3,), rad, and shift (3,)."""
+    """How the rear axle moves against the chassis a metre of q at q = travel: pose,
+    turn (3,), rad, and shift (3,)."""
     pose = axle_pose("rear", (travel, travel))
     twist = twists("rear", pose).sum(axis=0)
     return pose, twist[:3], twist[3:]
 
 
 def velocities(robot, travel):
-    """Of each part of the rear axle, a unit of dq/dt: mass, velocity (3,) and, about y, inertia and turn."""
+    """Of each part of the rear axle, a unit of dq/dt: mass, velocity (3,) and, about y,
+    inertia and turn."""
     scale, (pose, turn, shift) = robot.mass_scale, heave(travel)
     for side in figures.SIDES:
         signs = figures.mirror("rear", side)
-        hub, tyre = pose.place(signs * figures.REAR_LEFT_HUB), pose.place(signs * figures.REAR_LEFT_TYRE)
+        hub, tyre = (
+            pose.place(signs * figures.REAR_LEFT_HUB),
+            pose.place(signs * figures.REAR_LEFT_TYRE),
+        )
         yield scale * figures.HUB_MASS, shift + np.cross(turn, hub), 0.0, turn[1]
         # held by its motor, the tyre turns with the axle
-        yield scale * figures.TYRE_MASS, shift + np.cross(turn, tyre), scale * figures.TYRE_INERTIA[1], turn[1]
-    yield scale * figures.AXLE_MASS, shift + np.cross(turn, pose.place(figures.REAR_AXLE)), 0.0, turn[1]
-    middle = pose.place(figures.REAR_LEFT_RODS.mean(axis=(0, 1)) * (1, 0, 1))  # links and struts, in the model one part
+        yield (
+            scale * figures.TYRE_MASS,
+            shift + np.cross(turn, tyre),
+            scale * figures.TYRE_INERTIA[1],
+            turn[1],
+        )
+    yield (
+        scale * figures.AXLE_MASS,
+        shift + np.cross(turn, pose.place(figures.REAR_AXLE)),
+        0.0,
+        turn[1],
+    )
+    # links and struts, in the model one part
+    middle = pose.place(figures.REAR_LEFT_RODS.mean(axis=(0, 1)) * (1, 0, 1))
     yield scale * LINKAGE_MASS, shift + np.cross(turn, middle), 0.0, turn[1]
 
 
 def falling_mass(robot, travel):
-    """The mass, kg, that goes with q in free fall, where the chassis gives way so that momentum stays nought."""
+    """The mass, kg, that goes with q in free fall, where the chassis gives way so that
+    momentum stays nought."""
     parts = list(velocities(robot, travel))
     own = 2 * sum(mass * v @ v + inertia * w * w for mass, v, inertia, w in parts)
     momentum = 2 * sum(mass * v[2] for mass, v, *_ in parts)
-    return own - momentum**2 / (figures.CHASSIS_MASS + 2 * sum(mass for mass, *_ in parts))
+    return own - momentum**2 / (
+        figures.CHASSIS_MASS + 2 * sum(mass for mass, *_ in parts)
+    )
 
 
 def computed_pole(robot, travel, dt):
-    """The decay rate and angular frequency, 1/s, of q in free fall, as velocity-first Euler steps of `dt` have them.
+    """The decay rate and angular frequency, 1/s, of q in free fall, as velocity-first
+    Euler steps of `dt` have them.
 
     With ever smaller steps they become those of the roots of m s^2 + 4 c s + 4 k.
     """
@@ -66,7 +95,8 @@ def computed_pole(robot, travel, dt):
 
 
 def measured_pole(travel, dt):
-    """The same of a recorded travel (T,), by the linear recursion of second order that fits it best."""
+    """The same of a recorded travel (T,), by the linear recursion of second order that
+    fits it best."""
     rows = np.stack([travel[1:-1], travel[:-2], np.ones(len(travel) - 2)], axis=1)
     a, b, _ = np.linalg.lstsq(rows, travel[2:], rcond=None)[0]
     pole = np.log(max(np.roots([1, -a, -b]).astype(complex), key=lambda z: z.imag)) / dt
@@ -75,11 +105,18 @@ def measured_pole(travel, dt):
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_frequency_and_damping_of_heave_in_free_fall(name):
-    robot = ROBOTS[name].replace(spring_offset=-0.002, travel_lower=-0.02, travel_upper=0.002)  # clear of the stops
+    # clear of the stops
+    robot = ROBOTS[name].replace(
+        spring_offset=-0.002, travel_lower=-0.02, travel_upper=0.002
+    )
     physics = Physics(
-        strut_motors=False, damping=0.0, drop_height=200.0, settling_time=0.0, steps_per_control=1,
+        strut_motors=False,
+        damping=0.0,
+        drop_height=200.0,
+        settling_time=0.0,
+        steps_per_control=1,
         solver_iterations=200,
-    )  # fmt: skip
+    )
     with Simulator(robot, FLAT, physics) as simulator:
         simulator.reset()
         travel = []
@@ -88,7 +125,9 @@ def test_frequency_and_damping_of_heave_in_free_fall(name):
             travel.append(simulator.strut_positions)
     assert np.ptp(travel, axis=1).max() < 0.02 * np.ptp(travel)  # all four alike
     decay, frequency = measured_pole(np.mean(travel, axis=1), physics.time_step)
-    expected_decay, expected_frequency = computed_pole(robot, robot.spring_offset, physics.time_step)
+    expected_decay, expected_frequency = computed_pole(
+        robot, robot.spring_offset, physics.time_step
+    )
     assert frequency == pytest.approx(expected_frequency, rel=0.1)
     assert decay / np.hypot(decay, frequency) == pytest.approx(
         expected_decay / np.hypot(expected_decay, expected_frequency), rel=0.1
@@ -97,38 +136,47 @@ def test_frequency_and_damping_of_heave_in_free_fall(name):
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_static_sag_is_the_sprung_weight_on_four_struts_or_the_stop(name):
-    robot = ROBOTS[name].replace(friction=0.0)  # tyres that slide, so that no friction holds the axles
+    # tyres that slide, so that no friction holds the axles
+    robot = ROBOTS[name].replace(friction=0.0)
     physics = Physics(strut_motors=False, settling_time=2.0)
     with Simulator(robot, FLAT, physics) as simulator:
         simulator.reset(ASIDE)
         sag = simulator.strut_positions
-    # With the tyres on the ground, raising the chassis by z turns the axles: q = -z / (tyre's rise a metre of q).
+    # With the tyres on the ground, raising the chassis by z turns the axles: q = -z /
+    # (tyre's rise a metre of q).
     pose, turn, shift = heave(sag.mean())
     rise = (shift + np.cross(turn, pose.place(figures.REAR_LEFT_TYRE)))[2]
     weight = figures.CHASSIS_MASS * rise
     for mass, v, *_ in velocities(robot, sag.mean()):
         weight += 2 * mass * (rise - v[2])
-    expected = min(robot.spring_offset + physics.gravity * weight / (4 * robot.spring), robot.travel_upper)
+    expected = min(
+        robot.spring_offset + physics.gravity * weight / (4 * robot.spring),
+        robot.travel_upper,
+    )
     deflection = abs(expected - robot.spring_offset)
     assert sag.mean() == pytest.approx(expected, abs=0.1 * deflection)
     assert np.ptp(sag) < 0.12 * deflection
 
 
 def held_at(suspension, roll, steps):
-    """The torques on heave and roll after `steps` with the axle held at a roll, rad, and at no heave."""
+    """The torques on heave and roll after `steps` with the axle held at a roll, rad,
+    and at no heave."""
     for _ in range(steps):
         torques = suspension.torques(suspension.joints.heave_angle(0.0), 0.0, roll, 0.0)
     return torques
 
 
 def test_links_and_struts_are_springs_in_series_in_roll():
-    robot = ROBOTS["system2 novice"].replace(travel_lower=-0.02, travel_upper=0.02)  # clear of the stops
+    # clear of the stops
+    robot = ROBOTS["system2 novice"].replace(travel_lower=-0.02, travel_upper=0.02)
     suspension = Suspension(robot, "front", Physics(strut_motors=False))
     struts = 2 * robot.spring / suspension.joints.roll_rate(0.0) ** 2  # N m/rad
     both = 1 / (1 / FREE.link_stiffness + 1 / struts)
     assert held_at(suspension, 0.1, 400)[1] == pytest.approx(-0.1 * both, rel=1e-3)
     right, left = suspension.travel(suspension.joints.heave_angle(0.0))
-    assert (left - right) / 2 * suspension.joints.roll_rate(0.0) == pytest.approx(0.1 * both / struts, rel=1e-3)
+    assert (left - right) / 2 * suspension.joints.roll_rate(0.0) == pytest.approx(
+        0.1 * both / struts, rel=1e-3
+    )
 
 
 def test_a_strut_at_its_stop_lifts_the_axle_away_and_leaves_the_links_to_give():
@@ -137,7 +185,11 @@ def test_a_strut_at_its_stop_lifts_the_axle_away_and_leaves_the_links_to_give():
     heave, roll = held_at(suspension, 0.1, 400)
     assert suspension.slip == pytest.approx(0.0, abs=1e-12)
     assert roll == pytest.approx(-0.1 * BRAKED["front"].link_stiffness, rel=1e-3)
-    assert heave < held_at(Suspension(robot, "front", Physics()), 0.0, 1)[0] - 100 * suspension.joints.heave_travel[1]
+    assert (
+        heave
+        < held_at(Suspension(robot, "front", Physics()), 0.0, 1)[0]
+        - 100 * suspension.joints.heave_travel[1]
+    )
 
 
 def test_a_braked_rear_axle_creeps_and_yields_at_the_brakes_limit():
@@ -151,10 +203,12 @@ def test_a_braked_rear_axle_creeps_and_yields_at_the_brakes_limit():
 
 
 def test_an_unbraked_robot_stands_on_both_axles_alike_and_a_braked_one_on_its_front():
-    """Braked rear struts only creep: by 0.1 to 0.2 mm on the way here, where the front ones give 7 mm.
+    """Braked rear struts only creep: by 0.1 to 0.2 mm on the way here, where the front
+    ones give 7 mm.
 
-    How far depends on how the robot trembles on its contacts, which rounding or a start moved by 1e-9 m changes: so the
-    axles are held against each other and not against a length.
+    How far depends on how the robot trembles on its contacts, which rounding or a start
+    moved by 1e-9 m changes: so the axles are held against each other and not against a
+    length.
     """
 
     def struts(motors: bool, steps: int) -> np.ndarray:
@@ -171,12 +225,19 @@ def test_an_unbraked_robot_stands_on_both_axles_alike_and_a_braked_one_on_its_fr
     assert rear.max() < 0.1 * front.min()
 
 
-@pytest.mark.parametrize("system", FREE_SYSTEMS.values(), ids=lambda system: system.name)
+@pytest.mark.parametrize(
+    "system", FREE_SYSTEMS.values(), ids=lambda system: system.name
+)
 def test_a_stiff_robot_with_free_struts_does_not_ring(system):
     """In steps of 2 ms their chassis did on rocks, by 27 and 13 rad/s in pitch here."""
     physics = dataclasses.replace(system.physics, steps_per_control=1)
     actions = draw_actions("ornstein_uhlenbeck", 64, np.random.default_rng(1))
-    with Simulator(system.novice, generate_terrain(system.terrain, 101), physics) as simulator:
+    with Simulator(
+        system.novice, generate_terrain(system.terrain, 101), physics
+    ) as simulator:
         simulator.reset(yaw=0.5)
-        rates = [simulator.step(action)[11] for action in np.repeat(actions, system.physics.steps_per_control, axis=0)]
+        rates = [
+            simulator.step(action)[11]
+            for action in np.repeat(actions, system.physics.steps_per_control, axis=0)
+        ]
     assert np.abs(rates).max() < 6
