@@ -1,9 +1,10 @@
-"""What each preset asks of one core: python benchmarks/presets.py, six minutes.
+"""Measure what each preset asks of one core.
 
-Nearly all of them, and 8 GB of memory, go to 'paper'. Collecting and training are timed
-for a while, and Figure 3 is reckoned from that with every training up to its cap: an
-upper bound, since most stop early. The module `companion.grids` adds up what stored
-trials really took.
+`python benchmarks/presets.py` takes six minutes; the preset `paper` takes nearly all of
+this time and 8 GB of memory. The script times collection and training for a while. From
+these rates it computes the hours of Figure 3 if every training went on to its cap of
+samples: an upper bound, since most trainings stop early. The module `companion.grids`
+sums the times that the stored trials really took.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ HEAD = (
 
 
 def seconds(work: Callable[[], object], least: float = 2.0) -> float:
-    """Wall-clock time of one call, the mean of as many as fill `least` seconds."""
+    """Mean wall-clock time of one call, over as many calls as fill `least` seconds."""
     calls, start = 0, time.perf_counter()
     while calls == 0 or time.perf_counter() - start < least:
         work()
@@ -52,22 +53,21 @@ def seconds(work: Callable[[], object], least: float = 2.0) -> float:
 
 
 def training(name: str) -> tuple[list[float], float]:
-    """Samples a second of SIDM's training, Algorithm 2 in its share, one figure a round; and this process's MiB.
+    """Measure SIDM's training with Algorithm 2 as often as the preset runs it.
 
-    Run in a process of its own, on one thread and random numbers, which take as long as
-    real ones.
+    It needs a process of its own, uses one thread, and trains on random numbers, which
+    take as long as real ones.
+
+    Returns:
+        Samples a second, one value a round, and the peak memory of this process, MiB.
     """
     torch.set_num_threads(1)
     preset = load_preset(name)
     usual = dataclasses.replace(preset.training, **preset.tuned_values("sidm"))
-    one = dataclasses.replace(
-        usual,
-        prediction_iterations=1,
-        test_interval=10**9,
-        max_samples=10**12,
-        patience=10**12,
-    )
-    trainer = Trainer(random_data(preset.network.pixels), preset.network, one, seed=0)
+    endless = dict(test_interval=10**9, max_samples=10**12, patience=10**12)
+    single = dataclasses.replace(usual, prediction_iterations=1, **endless)
+    sets = random_data(preset.network.pixels)
+    trainer = Trainer(sets, preset.network, single, seed=0)
     parts: dict[Callable[[Trainer], object], int] = {
         predict: usual.prediction_iterations,
         discriminator_iteration: usual.discriminator_iterations,
@@ -85,16 +85,16 @@ def training(name: str) -> tuple[list[float], float]:
 
 
 def motion(preset: Preset) -> int:
-    """Control steps of all data of both systems."""
+    """Number of control steps of all data sets of both systems."""
     return sum(
-        one.count * STEPS
+        dataset.count * STEPS
         for system in SYSTEMS
-        for one in preset.datasets(system).values()
+        for dataset in preset.datasets(system).values()
     )
 
 
 def main() -> None:
-    """A line a preset, as a table in Markdown."""
+    """Print a table in Markdown, a row for each preset."""
     pace = np.array([collecting(1) for _ in range(ROUNDS)])
     lines = []
     for name, preset in PRESETS.items():
@@ -106,7 +106,7 @@ def main() -> None:
             for system in SYSTEMS
             for minutes in preset.novice_minutes(system)
         )
-        # those on the expert alone are no trials
+        # the trainings on the expert's data alone are not trials of the grid
         trainings = len(grid(preset, "3")) + seeds * len(SYSTEMS)
         hours = trainings * preset.training.max_samples / np.median(rates) / 3600
         lines.append(
@@ -123,7 +123,8 @@ def main() -> None:
         )
     print(markdown_table(HEAD, lines))
     print(
-        f"One core collects {np.median(pace):.0f} control steps a second [{pace.min():.0f}, {pace.max():.0f}]."
+        f"One core collects {np.median(pace):.0f} control steps a second "
+        f"[{pace.min():.0f}, {pace.max():.0f}]."
     )
 
 

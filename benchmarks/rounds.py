@@ -13,9 +13,10 @@ def rate(
     prepare: Callable[[], object] = lambda: None,
     rounds: int = 7,
 ) -> np.ndarray:
-    """Units of work a second of this process's CPU time, one figure a round; `work` returns its units.
+    """Units of work a second of this process's CPU time, one value a round.
 
-    `prepare` is called before each round and is not counted.
+    `work` returns its units of work. `prepare` is called before each round, and its
+    time is not counted.
     """
     prepare()
     work()  # warm up
@@ -29,11 +30,10 @@ def rate(
 
 
 def report(
-    what: str, rates: np.ndarray, unit: str, released: float | None = None
+    name: str, rates: np.ndarray, unit: str, released: float | None = None
 ) -> None:
-    """Print one line: median, least and most, and the ratio to the released code's figure."""
-    line = f"{what:48s} {np.median(rates):9.1f} {unit} [{rates.min():.1f}, {rates.max():.1f}]"
-    print(
-        line + (f"  {np.median(rates) / released:.1f} x released" if released else ""),
-        flush=True,
-    )
+    """Print a line: median, least and most rate, and their median over `released`."""
+    median = np.median(rates)
+    line = f"{name:48s} {median:9.1f} {unit} [{rates.min():.1f}, {rates.max():.1f}]"
+    line += f"  {median / released:.1f} x released" if released else ""
+    print(line, flush=True)

@@ -1,6 +1,7 @@
-"""How fast the simulator is, beside the released one's figures, and what a physics step spends its time on.
+"""Measure how fast the simulator is and what a physics step spends its time on.
 
-Rates are a second of CPU time, one process; scaling to two processes is of wall-clock
+The rates stand beside those of the released simulator. They are per second of CPU time
+of one process; collection with one and with two processes is per second of wall-clock
 time.
 """
 
@@ -20,12 +21,13 @@ from sidm.simulation import Simulator, collect, draw_actions
 from sidm.systems import ROLES, SYSTEMS, System
 from sidm.terrain import generate_terrain
 
-#: a second on one core, as measured on machines of this kind
+#: control steps and terrains a second of the released code on one core, as measured on
+#: machines of this kind
 RELEASED_STEPS, RELEASED_TERRAINS = 7.0, 1 / 2.5
 
 
 def driving(simulator: Simulator, actions: np.ndarray) -> Callable[[], int]:
-    """Work that drives on through `actions` (T, 2), in control steps."""
+    """Function that drives on through `actions` (T, 2) and counts its control steps."""
 
     def drive() -> int:
         for action in actions:
@@ -36,7 +38,10 @@ def driving(simulator: Simulator, actions: np.ndarray) -> Callable[[], int]:
 
 
 def without_python(simulator: Simulator, steps: int) -> Callable[[], int]:
-    """Work that lets Bullet alone step the scene as it is, springs and controls left out, in control steps."""
+    """Function that lets Bullet alone step the scene and counts its control steps.
+
+    The springs and the motors' controls are left out.
+    """
 
     def advance() -> int:
         for _ in range(steps * simulator.physics.steps_per_control):
@@ -47,7 +52,10 @@ def without_python(simulator: Simulator, steps: int) -> Callable[[], int]:
 
 
 def measure_stepping(system: System, role: str, heights: np.ndarray) -> None:
-    """Control steps without settling and terrain, and the floor: the same scene, nothing but Bullet's own step."""
+    """Measure control steps, and as their lower bound Bullet's own steps of the scene.
+
+    Settling and terrain are not counted.
+    """
     actions = draw_actions("ornstein_uhlenbeck", STEPS, np.random.default_rng(0))
     with Simulator(system.robot(role), heights, system.physics) as simulator:
         rates = rate(driving(simulator, actions), simulator.reset)
@@ -57,7 +65,7 @@ def measure_stepping(system: System, role: str, heights: np.ndarray) -> None:
 
         def start() -> None:
             simulator.reset()
-            # its wheel speeds and steering hold from here on
+            # the wheels keep this action's speeds and steering from here on
             simulator.step(actions[STEPS // 2])
 
         floor = rate(without_python(simulator, STEPS), start)
@@ -69,21 +77,22 @@ def measure_stepping(system: System, role: str, heights: np.ndarray) -> None:
 
 
 def measure_parts(system: System, heights: np.ndarray) -> None:
-    """What a physics step costs with something left out: contacts, or all but a few of the solver's iterations."""
-    aloft = dataclasses.replace(system.physics, drop_height=1e4, gravity=1e-6)
-    few = dataclasses.replace(system.physics, solver_iterations=10)
-    for what, physics in {
-        "as it is": system.physics,
-        "no contacts": aloft,
-        "10 solver iterations": few,
-    }.items():
+    """Measure physics steps also without contacts and with few solver iterations."""
+    usual = system.physics
+    aloft = dataclasses.replace(usual, drop_height=1e4, gravity=1e-6)
+    few = dataclasses.replace(usual, solver_iterations=10)
+    cases = {"as it is": usual, "no contacts": aloft, "10 solver iterations": few}
+    for name, physics in cases.items():
         with Simulator(system.novice, heights, physics) as simulator:
             rates = rate(without_python(simulator, STEPS), simulator.reset)
-            report(f"{system.name} novice at rest, {what}", rates, "a s of CPU")
+            report(f"{system.name} novice at rest, {name}", rates, "a s of CPU")
 
 
 def collecting(workers: int, shards: int = 6) -> float:
-    """Kept control steps a second of wall-clock time of a collection in an empty folder, processes started anew."""
+    """Kept control steps a second of wall-clock time of a new collection.
+
+    The folder is empty at first, and the time includes starting the processes.
+    """
     collection = Collection(
         system="system1", role="novice", policy="ornstein_uhlenbeck", seed=99
     )
@@ -95,7 +104,10 @@ def collecting(workers: int, shards: int = 6) -> float:
 
 
 def measure_collection(rounds: int = 3) -> None:
-    """End to end with one process and with two, taking turns, so that what else the machine does meets both."""
+    """Measure whole collections with one process and with two.
+
+    The two take turns, so that other work of the machine disturbs both.
+    """
     pairs = np.array([[collecting(1), collecting(2)] for _ in range(rounds)])
     report("collect, one process: control steps", pairs[:, 0], "a s", RELEASED_STEPS)
     report("collect, two processes: control steps", pairs[:, 1], "a s", RELEASED_STEPS)
@@ -103,7 +115,7 @@ def measure_collection(rounds: int = 3) -> None:
 
 
 def main() -> None:
-    """Measure terrains, the simulator's construction, stepping, its parts and collection."""
+    """Measure terrains, stepping and its parts, new simulators and collection."""
     for system in SYSTEMS.values():
         making = rate(
             lambda system=system: generate_terrain(system.terrain, 1) is not None
@@ -122,7 +134,7 @@ def main() -> None:
     with Simulator(system.novice, heights, system.physics) as simulator:
 
         def exchange() -> int:
-            simulator.put_on(heights)
+            simulator.set_terrain(heights)
             return 1
 
         report("terrains exchanged under a simulator", rate(exchange), "a s of CPU")

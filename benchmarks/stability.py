@@ -1,8 +1,9 @@
-"""How stable the simulator is: thousands of trajectories of each robot on its own system's terrain.
+"""Measure how stable the simulator is over thousands of trajectories of each robot.
 
-Prints how each robot's trajectories ended, the fastest body and the farthest that a
-strut went past its stops. Finished parts are kept in the data folder, so that a run
-that was killed goes on; delete them after a change.
+Each robot drives on the terrain of its own system. The script prints how the
+trajectories ended, the highest speed of the body and the largest distance by which a
+strut passed its stops. Finished parts are kept in the data folder, so that a killed run
+can go on; delete them after a change of the simulator.
 """
 
 from __future__ import annotations
@@ -22,11 +23,16 @@ from sidm.simulation.collecting import EpisodeRules
 from sidm.systems import ROLES, SYSTEMS
 from sidm.terrain import generate_terrain
 
-PART = 25  # trajectories
+PART = 25  # trajectories in one part
 
 
 def drive(name: str, role: str, index: int) -> dict[str, float | str]:
-    """One trajectory from the middle of new ground: how it ended, its fastest body, m/s, and its worst overshoot, m."""
+    """Drive one trajectory from the middle of new ground.
+
+    Returns:
+        How the trajectory ended, the highest speed of the body, m/s, and the largest
+        distance of a strut past its stops, m.
+    """
     system = SYSTEMS[name]
     robot, rng = system.robot(role), np.random.default_rng([2021, index])
     heights = generate_terrain(system.terrain, int(rng.integers(2**62)))
@@ -38,15 +44,9 @@ def drive(name: str, role: str, index: int) -> dict[str, float | str]:
         for action in draw_actions(policy, STEPS, rng):
             state, struts = simulator.step(action), simulator.strut_positions
             fastest = max(fastest, float(np.linalg.norm(state[TWIST][:3])))
-            overshoot = max(
-                overshoot,
-                float(
-                    max(
-                        robot.travel_lower - struts.min(),
-                        struts.max() - robot.travel_upper,
-                    )
-                ),
-            )
+            below = float(robot.travel_lower - struts.min())
+            above = float(struts.max() - robot.travel_upper)
+            overshoot = max(overshoot, below, above)
             cause = rules.ended(state)
             if cause:
                 break
@@ -54,7 +54,7 @@ def drive(name: str, role: str, index: int) -> dict[str, float | str]:
 
 
 def make_part(job: tuple[Path, str, str, int]) -> int:
-    """Drive and keep one part of a robot's trajectories; how many."""
+    """Drive and store one part of a robot's trajectories; return their number."""
     path, name, role, number = job
     rows = [drive(name, role, PART * number + k) for k in range(PART)]
     path.write_text(json.dumps(rows), encoding="utf-8")
@@ -62,28 +62,22 @@ def make_part(job: tuple[Path, str, str, int]) -> int:
 
 
 def main() -> None:
-    """Drive what is missing and print the table."""
+    """Drive the missing parts and print a line for each robot."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--trajectories",
-        type=int,
-        default=100,
-        help="of each robot; 2000 take an hour on two cores",
-    )
-    parser.add_argument(
-        "--data", type=Path, default=Path("data/stability"), help="where parts are kept"
-    )
-    parser.add_argument(
-        "--workers", type=int, default=None, help="processes, one a core when not given"
-    )
+    add = parser.add_argument
+    cost = "of each robot; 2000 take an hour on two cores"
+    add("--trajectories", type=int, default=100, help=cost)
+    folder = Path("data/stability")
+    add("--data", type=Path, default=folder, help="where parts are kept")
+    add("--workers", type=int, help="processes, one a core when not given")
     options = parser.parse_args()
     options.data.mkdir(parents=True, exist_ok=True)
     parts = -(-options.trajectories // PART)
     robots = [(name, role) for name in SYSTEMS for role in ROLES]
     jobs = [
-        (options.data / f"{n}-{r}-{k:03d}.json", n, r, k)
-        for k in range(parts)
-        for n, r in robots
+        (options.data / f"{name}-{role}-{number:03d}.json", name, role, number)
+        for number in range(parts)
+        for name, role in robots
     ]
     missing = [job for job in jobs if not job[0].exists()]
     with (
@@ -93,20 +87,17 @@ def main() -> None:
         for count in pool.imap_unordered(make_part, missing):
             bar.update(count)
     for name, role in robots:
-        rows = [
-            row
-            for path, n, r, _ in jobs
-            if (n, r) == (name, role)
-            for row in json.loads(path.read_text())
-        ]
+        paths = [path for path, *robot, _ in jobs if robot == [name, role]]
+        rows = [row for path in paths for row in json.loads(path.read_text())]
         ends = Counter(row["end"] for row in rows)
         shares = ", ".join(
             f"{end} {100 * ends[end] / len(rows):.1f} %" for end in sorted(ends)
         )
         print(
             f"{name} {role}: {len(rows)} trajectories: {shares}; "
-            f"fastest body {max(r['fastest'] for r in rows):.1f} m/s; "
-            f"struts at most {1e3 * max(r['overshoot'] for r in rows):.1f} mm past their stops"
+            f"fastest body {max(row['fastest'] for row in rows):.1f} m/s; "
+            f"struts at most {1e3 * max(row['overshoot'] for row in rows):.1f} mm "
+            "past their stops"
         )
 
 

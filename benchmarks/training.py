@@ -1,8 +1,9 @@
-"""How many samples a second training takes on two cores, beside a stand-in of the released loop, in one run.
+"""Measure the samples a second of training on two cores, beside the released loop.
 
-Ours trains two trials at once, a process and a thread each; the stand-in is one process
-of two threads, as released. What the compiled convolutions and flushed denormal numbers
-bring is measured against training without either.
+This repository trains two trials at once, each in a process with one thread. The
+stand-in of the released loop runs in one process with two threads, as released. Both
+are measured in one run. Training without compiled convolutions and with denormal
+numbers shows what these two measures bring.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ ROUNDS = 5
 
 @functools.cache
 def trainer(pixels: int, batch: int, precision: str) -> Trainer:
-    """A training on random numbers, which take as long as real ones; of this process."""
+    """This process's training on random numbers, which take as long as real ones."""
     torch.set_num_threads(1)
     training = Training(
         batch=batch,
@@ -43,7 +44,10 @@ def trainer(pixels: int, batch: int, precision: str) -> Trainer:
 
 
 def train(pixels: int, batch: int, precision: str, plain: bool = False) -> float:
-    """Samples a second of wall-clock time of four short phases, in this process; `plain`: by PyTorch alone."""
+    """Samples a second of wall-clock time of four short phases in this process.
+
+    `plain` trains with PyTorch alone.
+    """
     running, kernels = trainer(pixels, batch, precision), convolution.kernels
     convolution.kernels = (lambda: None) if plain else kernels
     try:
@@ -57,12 +61,12 @@ def train(pixels: int, batch: int, precision: str, plain: bool = False) -> float
 
 
 def two_at_once(pool: Pool, *work: object) -> float:
-    """The rates of two processes at the same work, added."""
+    """Sum of the rates of two processes that do the same work at once."""
     return sum(pool.starmap(train, [work] * 2, chunksize=1))
 
 
 def matrix_products(size: int = 1024) -> Callable[[], int]:
-    """Work that multiplies square matrices, in operations."""
+    """Function that multiplies square matrices and counts its operations."""
     left, right = torch.randn(2, size, size)
 
     def multiply() -> int:
@@ -73,7 +77,10 @@ def matrix_products(size: int = 1024) -> Callable[[], int]:
 
 
 def main() -> None:
-    """Measure the released workload in turns with its stand-in, then the laptop preset's, and the floor."""
+    """Measure workloads of the released and the laptop preset, and an upper bound.
+
+    They take turns with the stand-ins. The upper bound comes from matrix products.
+    """
     stand_ins = {
         f"stand-in, resampling at {side} px": ReleasedLoop(side) for side in (64, 300)
     }
@@ -82,55 +89,49 @@ def main() -> None:
         "32 px, batch 8": (32, 8),
         "32 px, batch 2": (32, 2),
     }
-    ours = {f"{words}, float32": (*size, "float32") for words, size in sizes.items()}
-    plain = {
-        f"{words}, PyTorch alone": (*size, "float32", True)
-        for words, size in sizes.items()
+    workloads: dict[str, tuple] = {
+        f"{name}, {label}": (*size, *options)
+        for label, options in (
+            ("float32", ("float32",)),
+            ("PyTorch alone", ("float32", True)),
+            ("bfloat16", ("bfloat16",)),
+        )
+        for name, size in sizes.items()
     }
-    low = {f"{words}, bfloat16": (*size, "bfloat16") for words, size in sizes.items()}
     rates: dict[str, list[float]] = {}
     with multiprocessing.get_context("spawn").Pool(2) as pool:
-        for work in (*ours.values(), *plain.values(), *low.values()):
+        for work in workloads.values():
             two_at_once(pool, *work)  # warm up
         torch.set_num_threads(2)
         for _ in range(ROUNDS):
             for name, loop in stand_ins.items():
                 start = time.perf_counter()
-                rates.setdefault(name, []).append(
-                    loop.iterate() / (time.perf_counter() - start)
-                )
-            for name, work in (ours | plain | low).items():
+                samples = loop.iterate()
+                pace = samples / (time.perf_counter() - start)
+                rates.setdefault(name, []).append(pace)
+            for name, work in workloads.items():
                 rates.setdefault(name, []).append(two_at_once(pool, *work))
+    table = {name: np.array(values) for name, values in rates.items()}
     released = "64 px, batch 2, float32"
-    for name, found in rates.items():
-        report(
-            name,
-            np.array(found),
-            "samples a s",
-            RELEASED if name in (*stand_ins, released) else None,
-        )
-    for words in sizes:
-        ratio = np.array(rates[f"{words}, float32"]) / np.array(
-            rates[f"{words}, PyTorch alone"]
-        )
-        report(f"{words}: compiled / PyTorch alone", ratio, "times")
-    for stand_in in stand_ins:
-        report(
-            f"{released} / {stand_in}",
-            np.array(rates[released]) / np.array(rates[stand_in]),
-            "times",
-        )
+    for name, values in table.items():
+        compared = RELEASED if name in (*stand_ins, released) else None
+        report(name, values, "samples a s", compared)
+    for name in sizes:
+        ratio = table[f"{name}, float32"] / table[f"{name}, PyTorch alone"]
+        report(f"{name}: compiled / PyTorch alone", ratio, "times")
+    for name in stand_ins:
+        report(f"{released} / {name}", table[released] / table[name], "times")
     torch.set_num_threads(1)
-    products, each = (
-        np.median(rate(matrix_products())),
-        operations(trainer(64, 2, "float32")),
-    )
-    share = np.median(rates[released]) / 2 * each / products
+    products = np.median(rate(matrix_products()))
+    cost = operations(trainer(64, 2, "float32"))
+    share = np.median(table[released]) / 2 * cost / products
     print(
-        f"floor: {each / 1e6:.1f} million operations a sample; at {products / 1e9:.0f} GFLOP/s of products a core"
+        f"floor: {cost / 1e6:.1f} million operations a sample; "
+        f"at {products / 1e9:.0f} GFLOP/s of products a core"
     )
     print(
-        f"    at most {2 * products / each:.0f} samples a s on two cores; our share of it {share:.2f} in float32"
+        f"    at most {2 * products / cost:.0f} samples a s on two cores; "
+        f"our share of it {share:.2f} in float32"
     )
 
 

@@ -1,4 +1,4 @@
-"""Random data to train on, and how many operations that takes."""
+"""Random data to train on, and the number of operations of the training."""
 
 from __future__ import annotations
 
@@ -13,25 +13,23 @@ STEPS, TRAJECTORIES = 64, 20
 
 
 def random_data(pixels: int) -> Datasets:
-    """Random numbers, which take as long as real ones."""
-    draw = torch.Generator().manual_seed(0)
-    sizes = (
-        (TRAJECTORIES, STEPS, 11),
-        (TRAJECTORIES, STEPS, 13),
-        (TRAJECTORIES, STEPS, pixels, pixels),
+    """Data sets of random numbers, which take as long as real ones."""
+    generator = torch.Generator().manual_seed(0)
+    inputs, targets, maps = (
+        torch.randn((TRAJECTORIES, STEPS, *size), generator=generator)
+        for size in ((11,), (13,), (pixels, pixels))
     )
-    inputs, targets, maps = (torch.randn(size, generator=draw) for size in sizes)
     motion = Windows(inputs, targets, maps.half())
     return Datasets(train=motion, test=motion, validation=motion, expert=motion)
 
 
 def operations(running: Trainer) -> float:
-    """Floating point operations a sample of a prediction iteration, forward and backward."""
+    """Floating point operations of a prediction iteration by sample, both passes."""
     before = running.samples
     with FlopCounterMode(display=False) as counter:
         predict(running)
     network = running.network
     sizes = [network.latent] + [network.hidden] * network.layers
     lstm = sum(2 * 4 * network.hidden * (size + network.hidden) for size in sizes[:-1])
-    # the counter does not know the LSTM
+    # the counter leaves out the LSTM; its backward pass costs twice its forward pass
     return counter.get_total_flops() / (running.samples - before) + 3 * lstm

@@ -1,4 +1,6 @@
-"""The core of the rendered book as one PDF: Chromium prints its pages, pypdf binds them.
+"""Bind the core pages of the rendered book into one PDF.
+
+Chromium prints the pages, and pypdf joins them.
 
 Usage: python book/pdf.py _build/html _build/sidm-companion.pdf
 """
@@ -19,18 +21,21 @@ from pypdf.generic import ArrayObject, DictionaryObject, NameObject
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 SHEET = {"format": "A4", "print_background": True}
 MARGIN = {"top": "16mm", "bottom": "18mm", "left": "15mm", "right": "15mm"}
-SCALE = 0.72  # of a page that is made for screens
+SCALE = 0.72  # of the printed size to the size on the screen
 CONTENTS = Path(__file__).parents[1] / "_toc.yml"
-CORE = Path(__file__).with_name("core.txt")  # the pages that are bound, one a line
+CORE = Path(__file__).with_name("core.txt")  # names of the bound pages, one a line
 
 
 def chromium() -> str | None:
-    """Where the browser is; None where there is none."""
+    """Path of the browser, or None if no browser is installed."""
     return next(filter(None, map(shutil.which, BROWSERS)), None)
 
 
 def chapters() -> list[tuple[str, list[str]]]:
-    """The book's parts, each with its core pages in reading order; parts without one are left out."""
+    """Parts of the book, each with its caption and its core pages in reading order.
+
+    Parts without a core page are left out.
+    """
     toc = yaml.safe_load(CONTENTS.read_text(encoding="utf-8"))
     parts = [
         (part["caption"], [chapter["file"] for chapter in part["chapters"]])
@@ -45,24 +50,25 @@ def chapters() -> list[tuple[str, list[str]]]:
 
 
 def prepare(browser: Browser, path: Path) -> Page:
-    """One page as it is to be printed: equations and charts drawn, folded tables open."""
-    # less than a sheet takes at SCALE: charts fit
+    """Open a page for printing: equations and charts drawn, folded tables open."""
+    # narrower than a sheet at SCALE, so that charts fit
     page = browser.new_page(viewport={"width": 860, "height": 1200})
     page.emulate_media(media="print", color_scheme="light")
     page.goto(path.resolve().as_uri(), wait_until="load")
     page.evaluate("() => window.MathJax?.startup?.promise")
     page.evaluate(
-        "() => document.querySelectorAll('details').forEach(folded => (folded.open = true))"
+        "() => document.querySelectorAll('details')"
+        ".forEach(folded => (folded.open = true))"
     )
     if page.locator("#explorer").count():
         page.wait_for_selector("#explorer[data-shown]")
-    for number in range(page.locator(".vega-chart").count()):
-        page.locator(".vega-chart").nth(number).locator("canvas").wait_for()
+    for chart in page.locator(".vega-chart").all():
+        chart.locator("canvas").wait_for()
     return page
 
 
 def print_page(browser: Browser, path: Path) -> PdfReader:
-    """One page on sheets."""
+    """Print one page on as many sheets as it needs."""
     page = prepare(browser, path)
     printed = page.pdf(**SHEET, margin=MARGIN, scale=SCALE)
     page.close()
@@ -70,40 +76,51 @@ def print_page(browser: Browser, path: Path) -> PdfReader:
 
 
 def numbers(browser: Browser, count: int) -> PdfReader:
-    """Sheets that hold nothing but their number."""
-    place = "position:absolute;bottom:9mm;width:100%;text-align:center;font:9pt sans-serif;color:#444"
-    sheets = "".join(
-        f'<div style="position:relative;height:296mm;break-after:page"><p style="{place}">{n}</p></div>'
-        for n in range(1, count + 1)
-    )
+    """Print `count` sheets that are empty but for their number."""
+    style = """
+        body { margin: 0 }
+        div { position: relative; height: 296mm; break-after: page }
+        p {
+            position: absolute; bottom: 9mm; width: 100%;
+            text-align: center; font: 9pt sans-serif; color: #444;
+        }
+    """
+    sheets = "".join(f"<div><p>{n}</p></div>" for n in range(1, count + 1))
     page = browser.new_page()
-    page.set_content(f'<body style="margin:0">{sheets}</body>')
+    page.set_content(f"<style>{style}</style><body>{sheets}</body>")
     printed = page.pdf(**SHEET)
     page.close()
     return PdfReader(io.BytesIO(printed))
 
 
 def bind_links(writer: PdfWriter, html: Path, starts: dict[str, int]) -> None:
-    """Links between pages of the book go to their first sheet; other links to files of this machine go away."""
+    """Point links between pages of the book to the first sheet of each page.
+
+    Other links to files of this machine are removed.
+
+    Args:
+        writer: with all sheets, changed in place.
+        html: folder of the rendered book.
+        starts: number of the first sheet of each page, by its name.
+    """
     for sheet in writer.pages:
         kept = []
         for reference in sheet.get("/Annots", []):
             annotation = reference.get_object()
-            address = annotation.get("/A", {}).get("/URI", "")
-            if str(address).startswith("file:"):
-                target = Path(unquote(urlparse(urldefrag(str(address))[0]).path))
-                name = (
-                    str(target.relative_to(html).with_suffix(""))
-                    if target.is_relative_to(html)
-                    else ""
-                )
+            address = str(annotation.get("/A", {}).get("/URI", ""))
+            if address.startswith("file:"):
+                path = Path(unquote(urlparse(urldefrag(address)[0]).path))
+                inside = path.is_relative_to(html)
+                name = str(path.relative_to(html).with_suffix("")) if inside else ""
                 if name not in starts:
                     continue
-                there = ArrayObject(
-                    [writer.pages[starts[name]].indirect_reference, NameObject("/Fit")]
-                )
+                first = writer.pages[starts[name]].indirect_reference
+                destination = ArrayObject([first, NameObject("/Fit")])
                 annotation[NameObject("/A")] = DictionaryObject(
-                    {NameObject("/S"): NameObject("/GoTo"), NameObject("/D"): there}
+                    {
+                        NameObject("/S"): NameObject("/GoTo"),
+                        NameObject("/D"): destination,
+                    }
                 )
             kept.append(reference)
         if "/Annots" in sheet:
@@ -113,7 +130,10 @@ def bind_links(writer: PdfWriter, html: Path, starts: dict[str, int]) -> None:
 def make_pdf(
     browser: Browser, html: Path, parts: list[tuple[str, list[str]]], output: Path
 ) -> int:
-    """Print and bind pages of the rendered book in `html`; how many sheets there are."""
+    """Print and bind pages of the rendered book in `html`; return their sheets' count.
+
+    `parts` has the caption and the names of the pages of each part.
+    """
     html, writer, starts = html.resolve(), PdfWriter(), {}
     for caption, names in parts:
         part = None
@@ -121,15 +141,12 @@ def make_pdf(
             printed = print_page(browser, html / f"{name}.html")
             starts[name] = len(writer.pages)
             writer.append(printed, import_outline=False)
-            part = part or writer.add_outline_item(
-                title=caption, page_number=starts[name]
-            )
+            part = part or writer.add_outline_item(caption, starts[name])
             title = str((printed.metadata or {}).get("/Title", name)).split(" — ")[0]
-            writer.add_outline_item(title=title, page_number=starts[name], parent=part)
+            writer.add_outline_item(title, starts[name], parent=part)
     bind_links(writer, html, starts)
-    for sheet, number in zip(
-        writer.pages, numbers(browser, len(writer.pages)).pages, strict=True
-    ):
+    numbered = numbers(browser, len(writer.pages)).pages
+    for sheet, number in zip(writer.pages, numbered, strict=True):
         sheet.merge_page(number)
     writer.add_metadata({"/Title": "System invariant dynamics models: a companion"})
     output.parent.mkdir(parents=True, exist_ok=True)
@@ -138,14 +155,15 @@ def make_pdf(
 
 
 def main(html: Path, output: Path) -> None:
-    """Bind the core."""
-    found = chromium()
-    if found is None:
+    """Bind the core pages of the rendered book in `html` into the file `output`."""
+    path = chromium()
+    if path is None:
         raise SystemExit(
-            "make pdf needs Chromium: install it, for example Debian's package 'chromium'"
+            "make pdf needs Chromium: "
+            "install it, for example Debian's package 'chromium'"
         )
     with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=found)
+        browser = play.chromium.launch(executable_path=path)
         print(f"{output}: {make_pdf(browser, html, chapters(), output)} sheets")
         browser.close()
 

@@ -1,14 +1,14 @@
-"""What the book measures: trials of many methods, their results, statistics, figures and studies.
+"""What the book measures: trials of many methods, their statistics and figures.
 
-`companion.Results(folder).frame()` has a row a trial. Importing `companion` itself
-imports none of its rooms.
+`companion.Results(folder).frame()` is a table with one row per trial. Importing
+`companion` itself imports none of its subpackages, so it is quick.
 """
 
 import importlib
 from typing import Any
 
-#: Name -> the module that has it, imported when the name is first asked for: most bring
-#: pandas, some PyTorch.
+#: Public name -> the module that defines it. A module is imported when a name of it is
+#: first used, because most import pandas and some PyTorch.
 _MODULES = {
     "FIGURES": "grids",
     "METHODS": "methods",
@@ -36,9 +36,8 @@ __all__ = [*_MODULES]  # noqa: PLE0604
 def __getattr__(name: str) -> Any:
     if name not in _MODULES:
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
-    value = globals()[name] = getattr(
-        importlib.import_module(f"{__name__}.{_MODULES[name]}"), name
-    )
+    module = importlib.import_module(f"{__name__}.{_MODULES[name]}")
+    value = globals()[name] = getattr(module, name)
     return value
 
 

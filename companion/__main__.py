@@ -1,4 +1,4 @@
-"""The companion's command line, whose commands `companion --help` lists."""
+"""The command line of the companion; `companion --help` lists its commands."""
 
 from __future__ import annotations
 
@@ -16,18 +16,25 @@ from companion.commands import (
     run_show,
     run_train,
 )
-from companion.pages import notebook
+from companion.pages import notebook_command
 from sidm import __version__
-from sidm.command_line import Parser, adder, carry_out, whole_number
+from sidm.command_line import Parser, carry_out, command_adder, whole_number
 from sidm.config import first_line
 from sidm.systems import FAMILY_PAIRS, FREE_SYSTEMS, SYSTEMS
 
-DESCRIPTION = "What the book measures. Exit status: 0; 1 when something failed or is still missing; 2 for arguments "
-DESCRIPTION += "that cannot be used."
+DESCRIPTION = (
+    "What the book measures. Exit status: 0; 1 when something failed or is still "
+    "missing; 2 for arguments that cannot be used."
+)
 
-#: As the registry has them, which would bring pandas.
-_STUDIES = "latent-space, recorded-targets, driving, uncertainty, several-experts, real-robots, gap, overlap, payoff, "
-_STUDIES += "throughput, coverage, explorer"
+#: The names of `grids` and `registry`, whose import would bring pandas.
+_FIGURES = (
+    "decisive, duration, 3, references, 4, tuning, little-data, choices, released, "
+    "baselines, variants, p-expert, iterations, pixels, patience, other-bodies, "
+    "free-struts, network-size, corrected-claim, most-data, latent-space, "
+    "recorded-targets, driving, uncertainty, several-experts, real-robots, gap, "
+    "overlap, payoff, throughput, coverage, explorer or all"
+)
 _PAIRS = (*SYSTEMS, *FREE_SYSTEMS, *FAMILY_PAIRS)
 SEED = functools.partial(whole_number, least=0)
 
@@ -36,7 +43,7 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
     parser = Parser(prog="companion", description=DESCRIPTION)
     parser.add_argument("--version", action="version", version=__version__)
-    command = adder(
+    command = command_adder(
         parser, ("collect", "train", "run", "pack", "show", "merge", "notebook")
     )
     collect = command(
@@ -50,7 +57,8 @@ def build_parser() -> argparse.ArgumentParser:
     collect.add_argument(
         "--verify",
         action="store_true",
-        help="hold the data against those of the results: what differs by rounding alone stands for them",
+        help="hold the data against those of the results: what differs by rounding "
+        "alone stands for them",
     )
     collect.add_argument(
         "--workers",
@@ -107,13 +115,18 @@ def build_parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--here", action="store_true", help="only trials whose data lie under --data"
     )
-    words = "stop a bundle after so long; the same command goes on"
-    run.add_argument("--seconds", type=whole_number, metavar="N", help=words)
+    run.add_argument(
+        "--seconds",
+        type=whole_number,
+        metavar="N",
+        help="stop a bundle after so long; the same command goes on",
+    )
 
     pack = command(
         "pack",
         run_pack,
-        "Write a figure's missing trials and their data into one file for 'run --pack'.",
+        "Write a figure's missing trials and their data into one file for "
+        "'run --pack'.",
     )
     pack.add_argument("file", type=Path, metavar="FILE", help="a .tar file")
     _add_preset(pack)
@@ -127,8 +140,12 @@ def build_parser() -> argparse.ArgumentParser:
     )
 
     for trainer in (train, run):
-        words = "where to compute, cpu or cuda (%(default)s)"
-        trainer.add_argument("--device", type=_device, default="cpu", help=words)
+        trainer.add_argument(
+            "--device",
+            type=_device,
+            default="cpu",
+            help="where to compute, cpu or cuda (%(default)s)",
+        )
         trainer.add_argument(
             "--log",
             metavar="DIR",
@@ -164,10 +181,10 @@ def build_parser() -> argparse.ArgumentParser:
         help="the store that takes it in (%(default)s)",
     )
 
-    notebook.add_arguments(
+    notebook_command.add_arguments(
         command(
             "notebook",
-            notebook.run_from_arguments,
+            notebook_command.run_from_arguments,
             "Run a notebook with checked parameters.",
         )
     )
@@ -187,7 +204,8 @@ def _add_preset(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="NAME=VALUE",
         dest="changes",
-        help="change one value of the preset, e.g. seeds=5 or pixels=64; may be given again",
+        help="change one value of the preset, e.g. seeds=5 or pixels=64; may be given "
+        "again",
     )
     parser.add_argument(
         "--data",
@@ -204,15 +222,22 @@ def _add_preset(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_workers(parser: argparse.ArgumentParser) -> None:
-    words = "processes of one thread each (%(default)s)"
     parser.add_argument(
-        "--workers", type=whole_number, default=2, metavar="N", help=words
+        "--workers",
+        type=whole_number,
+        default=2,
+        metavar="N",
+        help="processes of one thread each (%(default)s)",
     )
 
 
 def _add_dask(parser: argparse.ArgumentParser) -> None:
-    words = "work on a Dask cluster instead: its scheduler, tcp://HOST:PORT or a scheduler file"
-    parser.add_argument("--dask", metavar="ADDRESS", help=words)
+    parser.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="work on a Dask cluster instead: its scheduler, tcp://HOST:PORT or a "
+        "scheduler file",
+    )
 
 
 def _add_system(parser: argparse.ArgumentParser) -> None:
@@ -225,10 +250,7 @@ def _add_system(parser: argparse.ArgumentParser) -> None:
 
 def _add_grid(parser: argparse.ArgumentParser) -> None:
     _add_system(parser)
-    figures = "decisive, duration, 3, references, 4, tuning, little-data, choices, released, baselines, variants, "
-    figures += "p-expert, iterations, pixels, patience, other-bodies, free-struts, network-size, corrected-claim, "
-    figures += f"most-data, {_STUDIES} or all"
-    parser.add_argument("--figure", default="3", help=f"{figures} (%(default)s)")
+    parser.add_argument("--figure", default="3", help=f"{_FIGURES} (%(default)s)")
     parser.add_argument(
         "--minutes",
         type=float,
@@ -239,7 +261,7 @@ def _add_grid(parser: argparse.ArgumentParser) -> None:
 
 
 def _device(name: str) -> str:
-    """An argument that names a device PyTorch can compute on here."""
+    """Parse the name of a device, on which PyTorch must be able to compute here."""
     import torch
 
     try:
@@ -251,9 +273,16 @@ def _device(name: str) -> str:
     return name
 
 
-def main(words: Sequence[str] | None = None) -> int:
-    """Carry out a command line and return its exit status; errors are one line on stderr."""
-    return carry_out(build_parser(), words)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Carry out a command line; errors are one line on stderr.
+
+    Args:
+        arguments: the command and its options; by default those of the process.
+
+    Returns:
+        The exit status.
+    """
+    return carry_out(build_parser(), arguments)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,7 @@
 """Workers on other machines: an executor on a Dask cluster.
 
-The workers need this package, and the data folder under the same path. Tasks may be
-done twice without harm, so that what a lost worker had in hand is done again by
-another.
+The workers need this package, and the data folder under the same path. A task may be
+done twice without harm, so another worker repeats the task of a lost one.
 """
 
 from __future__ import annotations
@@ -14,17 +13,21 @@ from concurrent.futures import Executor
 
 from sidm.config import first_line
 
-WAIT = "10s"  # for the scheduler to answer
-LOSSES = 10  # workers that may be lost with a task in hand before it is given up
+TIMEOUT = "10s"  # for the scheduler to answer
+RETRIES = 10  # times that a task is repeated because its worker was lost
 
 
 @contextlib.contextmanager
 def dask_executor(address: str) -> Iterator[Executor]:
-    """An executor on the cluster whose scheduler is at `address`, 'tcp://HOST:PORT' or the path of a scheduler file.
+    """An executor on a Dask cluster, closed at the end of the block.
+
+    Args:
+        address: of the cluster's scheduler, 'tcp://HOST:PORT' or the path of a
+            scheduler file.
 
     Raises:
         ImportError: Dask is not installed; one line.
-        OSError: no scheduler answers there; one line.
+        OSError: no scheduler answers at the address; one line.
     """
     try:
         from distributed import Client
@@ -32,14 +35,12 @@ def dask_executor(address: str) -> Iterator[Executor]:
         raise ImportError(
             "a Dask cluster needs the package distributed: pip install distributed"
         ) from None
-    where = (
-        {"scheduler_file": address} if os.path.exists(address) else {"address": address}
-    )
+    parameter = "scheduler_file" if os.path.exists(address) else "address"
     try:
-        client = Client(**where, timeout=WAIT)
+        client = Client(**{parameter: address}, timeout=TIMEOUT)
     except (OSError, TimeoutError, ValueError, ImportError) as error:
         raise OSError(
             f"{address}: no Dask scheduler answers there ({first_line(error)})"
         ) from None
     with client:
-        yield client.get_executor(pure=False, retries=LOSSES)
+        yield client.get_executor(pure=False, retries=RETRIES)

@@ -1,4 +1,8 @@
-"""What the companion's commands do; each imports what it needs when it is carried out, so that `--help` is quick."""
+"""The functions behind the companion's commands.
+
+Each function imports what it needs when it runs, so that `--help` is quick. Each
+returns the command's exit status.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +13,14 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
-from sidm.config import ConfigError, changes
+from sidm.config import ConfigError, parse_changes
 from sidm.systems import SYSTEMS
 
 
 def _executor(
     arguments: argparse.Namespace,
 ) -> contextlib.AbstractContextManager[Executor | None]:
-    """The cluster of --dask, or None without."""
+    """The executor of the cluster that --dask names; None without --dask."""
     if arguments.dask is None:
         return contextlib.nullcontext()
     from companion.cluster import dask_executor
@@ -25,14 +29,14 @@ def _executor(
 
 
 def _preset(arguments: argparse.Namespace):
-    """The preset that was asked for, with the changes of --set."""
+    """The preset of --preset, with the changes of --set."""
     from companion import load_preset
 
-    return load_preset(arguments.preset, **changes(arguments.changes))
+    return load_preset(arguments.preset, **parse_changes(arguments.changes))
 
 
 def _trials(arguments: argparse.Namespace, preset: Any) -> list:
-    """The trials that --figure, --system, --minutes and --seeds ask for."""
+    """The trials that --figure, --system, --minutes and --seeds name."""
     from companion import grid
 
     return grid(
@@ -46,56 +50,56 @@ def _trials(arguments: argparse.Namespace, preset: Any) -> list:
     )
 
 
+def _datasets(arguments: argparse.Namespace, preset: Any) -> list:
+    """The datasets that `collect` is to make, each once."""
+    if not arguments.figure:
+        systems = [arguments.system] if arguments.system else list(SYSTEMS)
+        return [dataset for name in systems for dataset in preset.all_datasets(name)]
+    from companion import grid
+
+    folders = dict(data=arguments.data, results=arguments.results)
+    trials = grid(preset, arguments.figure, arguments.system, **folders)
+    datasets = (dataset for trial in trials for dataset in trial.datasets.values())
+    return list(dict.fromkeys(datasets))
+
+
 def run_collect(arguments: argparse.Namespace) -> int:
-    """`collect`: prints each dataset and its digest; with --verify 1 when one is not that of the results."""
-    from companion import collect_datasets, grid
+    """Simulate datasets; print each dataset's name and digest.
+
+    Returns:
+        1 if --verify is given and a dataset is not the one of the results; else 0.
+    """
+    from companion import collect_datasets
     from companion.engine.datasets import differing, verify_datasets
 
     preset = _preset(arguments)
-    if arguments.figure:
-        trials = grid(
-            preset,
-            arguments.figure,
-            arguments.system,
-            data=arguments.data,
-            results=arguments.results,
-        )
-        needed = list(
-            dict.fromkeys(
-                dataset for trial in trials for dataset in trial.datasets.values()
-            )
-        )
-    else:
-        systems = [arguments.system] if arguments.system else list(SYSTEMS)
-        needed = [
-            dataset for system in systems for dataset in preset.every_dataset(system)
-        ]
+    needed = _datasets(arguments, preset)
     with _executor(arguments) as executor:
-        found = collect_datasets(
+        digests = collect_datasets(
             preset,
             data=arguments.data,
             workers=arguments.workers,
             executor=executor,
             needed=needed,
         )
-    for name, digest in found.items():
+    for name, digest in digests.items():
         print(f"{name}: {digest}")
     if not arguments.verify:
         for name in differing(preset, arguments.data, arguments.results):
             print(
-                f"note: {name} has other bits than the results' data; collect --verify: is it rounding alone?"
+                f"note: {name} has other bits than the results' data; "
+                "collect --verify: is it rounding alone?"
             )
         return 0
     verified = verify_datasets(needed, arguments.data, arguments.results)
     for name, differences in verified.items():
-        print(
-            f"{name}: {'; '.join(differences) or 'stands for the data of the results'}"
-        )
+        verdict = "; ".join(differences) or "stands for the data of the results"
+        print(f"{name}: {verdict}")
     return int(any(verified.values()))
 
 
 def run_train(arguments: argparse.Namespace) -> int:
-    """`train`: prints where the result lies and what it is."""
+    """Run one trial; print the file of its result and its validation loss."""
     from companion import Results, Study
     from companion.engine.run import run_here
 
@@ -111,20 +115,24 @@ def run_train(arguments: argparse.Namespace) -> int:
 
 
 def run_run(arguments: argparse.Namespace) -> int:
-    """`run`: 1 when trials are missing at the end."""
+    """Run what is missing of a figure or a pack; print how much is stored.
+
+    Returns:
+        1 if something is still missing at the end; else 0.
+    """
     from companion import Results, registry, run
     from companion.engine.datasets import is_here
 
-    if arguments.pack is None and not registry.is_of_trials(arguments.figure):
-        return _run_other(arguments)
-    if arguments.pack is None:
+    if arguments.pack is not None:
+        from companion.engine.pack import unpack
+
+        trials = unpack(arguments.pack, Path(arguments.data))
+    elif registry.is_grid(arguments.figure):
         trials = _trials(arguments, _preset(arguments))
         if arguments.here:
             trials = [trial for trial in trials if is_here(trial, arguments.data)]
     else:
-        from companion.engine.pack import unpack
-
-        trials = unpack(arguments.pack, Path(arguments.data))
+        return _run_study(arguments)
     store = Results(arguments.results)
     with _executor(arguments) as executor:
         run(
@@ -143,8 +151,8 @@ def run_run(arguments: argparse.Namespace) -> int:
     return 1 if missing else 0
 
 
-def _run_other(arguments: argparse.Namespace) -> int:
-    """`run` of what is not trials."""
+def _run_study(arguments: argparse.Namespace) -> int:
+    """Run a study or a measurement, whose results are not trials."""
     from companion import registry
 
     missing = registry.run(
@@ -160,60 +168,56 @@ def _run_other(arguments: argparse.Namespace) -> int:
 
 
 def run_pack(arguments: argparse.Namespace) -> int:
-    """`pack`: prints how many trials went into the file, and its size."""
+    """Write missing trials and their data into a file; print their number and size."""
     from companion import Results
     from companion.engine.pack import MEBIBYTE, pack
     from companion.trials import UNKNOWN
 
     missing = Results(arguments.results).missing(_trials(arguments, _preset(arguments)))
-    known = [
+    trainable = [
         trial
         for trial in missing
         if UNKNOWN not in trial.digests.values() and not trial.solved
     ]
-    taken = pack(known, arguments.file, Path(arguments.data), arguments.limit)
+    packed = pack(trainable, arguments.file, Path(arguments.data), arguments.limit)
     size = arguments.file.stat().st_size / MEBIBYTE
-    print(
-        f"{arguments.file}: {len(taken)} of {len(missing)} missing trials, {size:.1f} MiB"
-    )
+    count = f"{len(packed)} of {len(missing)} missing trials"
+    print(f"{arguments.file}: {count}, {size:.1f} MiB")
     return 0
 
 
 def run_show(arguments: argparse.Namespace) -> int:
-    """`show`: a line a point, then 'missing: N'."""
+    """Print what is stored of a figure, a line per point; last line 'missing: N'."""
     from companion import Results, Study, registry
     from companion.engine.datasets import differing
     from companion.statistics.tables import overview
-    from companion.studies.decisive.design import listed
+    from companion.studies.decisive.design import overview_by_step
 
     store = Results(arguments.results)
     if arguments.against:
         return _show_against(Results(arguments.against), store)
     preset = _preset(arguments)
-    if not registry.is_of_trials(arguments.figure):
+    folders = arguments.data, arguments.results
+    if not registry.is_grid(arguments.figure):
         lines, missing = registry.overview(
-            arguments.figure,
-            preset,
-            arguments.system,
-            arguments.data,
-            arguments.results,
+            arguments.figure, preset, arguments.system, *folders
         )
         print("\n".join([*lines, f"missing: {missing}"]))
         return 0
     trials = _trials(arguments, preset)
     print(f"preset {arguments.preset}, figure {arguments.figure}: {len(trials)} trials")
-    study = Study(preset, arguments.data, arguments.results)
-    lines, unknown = (
-        listed(study, store, trials)
-        if arguments.figure == "decisive"
-        else (overview(store, trials, study), 0)
-    )
+    study = Study(preset, *folders)
+    if arguments.figure == "decisive":
+        lines, unknown = overview_by_step(study, store, trials)
+    else:
+        lines, unknown = overview(store, trials, study), 0
     print("\n".join(lines))
     for failure in store.failures(trials):
         print(f"note: {failure}")
-    for name in differing(preset, arguments.data, arguments.results):
+    for name in differing(preset, *folders):
         print(
-            f"note: the data on this disk are not those of the stored results: {name}; see collect --verify"
+            "note: the data on this disk are not those of the stored results: "
+            f"{name}; see collect --verify"
         )
     if arguments.csv:
         from companion.engine.frame import numbers_and_words
@@ -224,29 +228,29 @@ def run_show(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _show_against(stored: Any, made: Any) -> int:
-    """`show --against`: a line a point that both stores have."""
+def _show_against(other: Any, store: Any) -> int:
+    """Print how the losses of two stores differ, a line per point that both have."""
     from companion.statistics.intervals import Interval
     from companion.studies.reproduction import table
 
-    points = table(stored, made)
-    for one in points.itertuples():
-        words = f"{one.system}  {one.method:<18}{one.novice_minutes:>6g} min  seeds {one.seeds}"
-        ratio = Interval(one.ratio, one.low, one.high).words(3)
+    points = table(other, store)
+    for row in points.itertuples():
+        ratio = Interval(row.ratio, row.low, row.high).text(3)
         print(
-            f"{words}  stored {one.reference:.4g}  here {one.mean:.4g}  ratio {ratio}"
+            f"{row.system}  {row.method:<18}{row.novice_minutes:>6g} min  "
+            f"seeds {row.seeds}  stored {row.reference:.4g}  here {row.mean:.4g}  "
+            f"ratio {ratio}"
         )
     print(f"points in both: {len(points)}")
     return 0
 
 
 def run_merge(arguments: argparse.Namespace) -> int:
-    """`merge`: prints how many rows came."""
+    """Copy the results of another store into this one; print how many rows came."""
     from companion import Results
 
     if not Path(arguments.other).is_dir():
         raise ConfigError(f"there is no folder '{arguments.other}'")
-    print(
-        f"{Results(arguments.results).take_in(Results(arguments.other))} results taken in"
-    )
+    count = Results(arguments.results).take_in(Results(arguments.other))
+    print(f"{count} results taken in")
     return 0

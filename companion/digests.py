@@ -1,9 +1,9 @@
-"""The digests by which trials know their datasets.
+"""The digests of datasets, which are part of every trial.
 
-Beside the shards of a collection lies a file `digest-COUNT.json`, written after
-collecting; with the results lies one like it under `datasets/` for each dataset that
-the stored trials learnt from, so that reading results needs no data. Where both speak,
-the data on this disk count.
+A collection's folder has a file `digest-COUNT.json`, which is written after collecting.
+The results have such a file under `datasets/` for every dataset of a stored trial, so
+that results can be read without the data. Where both files exist, the one beside the
+data counts.
 """
 
 from __future__ import annotations
@@ -17,42 +17,57 @@ from sidm.storage import Damaged, read_record
 
 
 def local_file(dataset: Dataset, data: str | Path) -> Path:
-    """Where the digest of a dataset that lies under `data` is noted."""
+    """The file with the digest of a dataset under the folder `data`."""
     return dataset.collection.folder(Path(data)) / f"digest-{dataset.count}.json"
 
 
 def committed_file(dataset: Dataset, results: str | Path) -> Path:
-    """Where the digest of a dataset that `results` were made from is noted."""
+    """The file with the digest of a dataset that the `results` were made from."""
     return Path(results) / "datasets" / f"{dataset.name}.json"
 
 
 def read_digest(path: Path) -> dict[str, Any]:
-    """What a file says, its digest UNKNOWN when there is none; ConfigError when it is damaged."""
+    """The content of a digest file.
+
+    Returns:
+        The values by name; the `digest` alone, UNKNOWN, if there is no such file.
+
+    Raises:
+        ConfigError: the file is damaged.
+    """
     try:
-        found = read_record(path)
-        if not isinstance(found.get("digest"), str):
-            raise Damaged(f"its digest is {found.get('digest')!r}, not text")
+        record = read_record(path)
+        if not isinstance(record.get("digest"), str):
+            raise Damaged(f"its digest is {record.get('digest')!r}, not text")
     except FileNotFoundError:
         return {"digest": UNKNOWN}
     except Damaged as error:
         raise ConfigError(
             f"{path}: damaged ({error}); restore it, or delete it and collect again"
         ) from None
-    return found
+    return record
 
 
 def find_digest(
     dataset: Dataset, data: str | Path = "data", results: str | Path = "results"
 ) -> str:
-    """The digest of a dataset: of what lies under `data`, else of what the `results` were made from, else UNKNOWN.
+    """The digest of a dataset.
 
-    Of data that `verify` has found to stand for those of the results it is the
-    results'.
+    Args:
+        dataset: which one.
+        data: folder of the data.
+        results: folder of the results.
+
+    Returns:
+        The digest of the data; the digest in the results if there are no data, or if
+        `engine.datasets.verify` has found that the data stand for those of the results;
+        UNKNOWN if there is neither.
+
+    Raises:
+        ConfigError: a digest file is damaged.
     """
-    local, committed = (
-        read_digest(local_file(dataset, data)),
-        read_digest(committed_file(dataset, results))["digest"],
-    )
+    local = read_digest(local_file(dataset, data))
+    committed = read_digest(committed_file(dataset, results))["digest"]
     if local["digest"] == UNKNOWN or local.get("stands_for") == committed:
         return committed
     return local["digest"]

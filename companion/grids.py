@@ -1,4 +1,4 @@
-"""The grids of trials, by the name of the figure that they are for, and what they cost."""
+"""The grids of trials, by the figure that they are for, and their cost."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from companion.trials import Trial
 from sidm.config import ConfigError, unknown_name
 from sidm.systems import FREE_SYSTEMS, SYSTEMS, find_system
 
-#: Figure -> what makes its trials of one system, and the systems that it has.
+#: Figure -> the function that makes its trials of one system, and its systems.
 FIGURES: dict[str, tuple[Callable[[Study, str], list[Trial]], tuple[str, ...]]] = {
     "decisive": (decisive.trials, (*SYSTEMS, *FREE_SYSTEMS)),
     "duration": (duration.trials, ("system1",)),
@@ -50,8 +50,8 @@ FIGURES: dict[str, tuple[Callable[[Study, str], list[Trial]], tuple[str, ...]]] 
     "most-data": (ablations.most_data_trials, tuple(SYSTEMS)),
 }
 
-#: Grids of presets that name them.
-NAMED = (
+#: Figures that only those presets have that name them.
+OPT_IN = (
     "decisive",
     "duration",
     "little-data",
@@ -60,13 +60,13 @@ NAMED = (
     "corrected-claim",
 )
 
-#: What grids were called before.
+#: Former names of figures -> today's names.
 FORMER = {"yardsticks": "references", "ample": "most-data"}
 
 
 def figures_of(preset: Preset) -> tuple[str, ...]:
-    """Names of a preset's grids."""
-    return preset.figures or tuple(name for name in FIGURES if name not in NAMED)
+    """Names of a preset's figures, keys of FIGURES."""
+    return preset.figures or tuple(name for name in FIGURES if name not in OPT_IN)
 
 
 def grid(
@@ -78,20 +78,20 @@ def grid(
     data: str | Path = "data",
     results: str | Path = "results",
 ) -> list[Trial]:
-    """The trials behind a figure, each once.
+    """The trials of a figure, each once.
 
     Args:
         preset: a Preset or the name of one.
-        figure: one of FIGURES, or 'all' that the preset has.
-        system: only this system's.
-        minutes: only these novice dataset sizes.
-        seeds: only these seeds.
-        data: where the shards lie, whose digests make part of a trial.
-        results: where the digests of the stored study lie.
+        figure: a key of FIGURES, or 'all' for all figures of the preset.
+        system: only trials of this system.
+        minutes: only trials with these novice dataset sizes.
+        seeds: only trials with these seeds.
+        data: folder of the data, whose digests are part of a trial.
+        results: folder of the results, which also has digests.
 
     Raises:
-        ConfigError: a name that does not exist, or sizes or seeds that the figure does
-            not have.
+        ConfigError: a name does not exist, or the figure does not have a system, a size
+            or a seed.
     """
     if figure in FORMER:
         raise ConfigError(f"figure '{figure}' is called '{FORMER[figure]}' now")
@@ -100,60 +100,68 @@ def grid(
     if system is not None:
         find_system(system)
     study = Study(preset, data, results)
-    found: dict[str, Trial] = {}
-    for name in figures_of(study.preset) if figure == "all" else (figure,):
-        maker, systems = FIGURES[name]
-        for one in systems:
-            if system in (None, one):
-                found |= {trial.key: trial for trial in maker(study, one)}
-    trials = list(found.values())
+    by_key: dict[str, Trial] = {}
+    names = figures_of(study.preset) if figure == "all" else (figure,)
+    for name in names:
+        make_trials, systems = FIGURES[name]
+        for figure_system in systems:
+            if system in (None, figure_system):
+                made = make_trials(study, figure_system)
+                by_key |= {trial.key: trial for trial in made}
+    trials = list(by_key.values())
     if figure == "decisive":
         trials = decisive.in_order(trials, study)  # across systems
     if not trials:
+        known = dict.fromkeys(known for name in names for known in FIGURES[name][1])
         raise ConfigError(
-            f"figure {figure} has no trials of {system}, only of {', '.join(FIGURES[figure][1])}"
+            f"figure {figure} has no trials of {system}, only of {', '.join(known)}"
         )
-    for name, wanted, of in (
-        ("minutes", minutes, "novice_minutes"),
-        ("seeds", seeds, "seed"),
-    ):
-        if wanted is not None:
-            known = sorted({getattr(trial, of) for trial in trials})
-            strange = [value for value in wanted if value not in known]
-            if strange:
-                listed = ", ".join(f"{value:g}" for value in known)
-                raise ConfigError(
-                    f"{name} {strange[0]:g} is not in this grid; it has {listed}"
-                )
-            trials = [trial for trial in trials if getattr(trial, of) in wanted]
-    return trials
+    trials = _with_values(trials, "minutes", "novice_minutes", minutes)
+    return _with_values(trials, "seeds", "seed", seeds)
+
+
+def _with_values(
+    trials: list[Trial], name: str, field: str, values: Sequence[float] | None
+) -> list[Trial]:
+    """The trials whose `field` has one of the `values`; all trials for None.
+
+    Raises:
+        ConfigError: no trial has one of the values; the message calls them `name`.
+    """
+    if values is None:
+        return trials
+    known = sorted({getattr(trial, field) for trial in trials})
+    for value in values:
+        if value not in known:
+            listed = ", ".join(f"{number:g}" for number in known)
+            raise ConfigError(f"{name} {value:g} is not in this grid; it has {listed}")
+    return [trial for trial in trials if getattr(trial, field) in values]
 
 
 def figure_costs(study: Study, store: Results) -> pd.DataFrame:
-    """A line a `figure` of a study, whose `trials` count in each that they serve; of those `stored` what they took.
+    """Cost of a preset's figures, a row per figure.
 
-    `hours` of one processor or GPU all together, the pretraining in the trials that did
-    it; `peak_memory`, MiB, of the trial that needed most; `devices`; and how many were
-    `resumed`, of which only the last stretch is counted.
+    A trial that serves several figures counts in each of them.
+
+    Returns:
+        A table with columns: `figure`; `trials`, their number; `stored`, how many of
+        them are stored; `hours`, time that the stored ones took on one processor or
+        GPU, pretraining included in the trials that did it; `peak_memory`, MiB, of the
+        trial that needed most; `devices`; `resumed`, how many were resumed, which count
+        with their last part only.
     """
-    lines = []
+    rows = []
     for figure in figures_of(study.preset):
         trials = grid(study.preset, figure, data=study.data, results=study.results)
-        made = store.frame(trials)
-        most, devices = (
-            made.peak_memory.max() if len(made) else 0.0,
-            tuple(sorted(set(made.device))),
-        )
-        lines.append(
-            (
-                figure,
-                len(trials),
-                len(made),
-                made.seconds.sum() / 3600,
-                most,
-                devices,
-                made.resumed.sum(),
-            )
-        )
-    names = ["figure", "trials", "stored", "hours", "peak_memory", "devices", "resumed"]
-    return pd.DataFrame(lines, columns=names)
+        stored = store.frame(trials)
+        row = {
+            "figure": figure,
+            "trials": len(trials),
+            "stored": len(stored),
+            "hours": stored.seconds.sum() / 3600,
+            "peak_memory": stored.peak_memory.max() if len(stored) else 0.0,
+            "devices": tuple(sorted(set(stored.device))),
+            "resumed": stored.resumed.sum(),
+        }
+        rows.append(row)
+    return pd.DataFrame(rows)

@@ -1,7 +1,7 @@
-"""The methods: configurations of the one training loop. What tells them apart stands here, and what they were tuned to.
+"""The methods: configurations of one training loop, and what tells them apart.
 
-The preset's numbers are those of its `training`, with the changes of its `tuned` for a
-method. The method `all_data`, training without SIDM on all novice data, is
+A preset has the numbers: its `training`, with the changes of its `tuned` for a method.
+The method `all_data` in some figures, training without SIDM on all novice data, is
 `novice_only` at the largest size.
 """
 
@@ -12,18 +12,17 @@ from typing import Any
 from sidm.rivals.methods import METHODS as LIBRARY
 from sidm.rivals.methods import Method
 
-#: Of training that begins with what an expert's data gave, and whose lowest loss may
-#: come within a few batches: five times as many tests as otherwise, smoothed over as
-#: long.
+#: Settings for training that starts from weights learnt on an expert's data. The
+#: lowest loss may come within a few batches, so tests are five times as frequent, and
+#: smoothing covers the same time as without these settings.
 FINER_TESTS = {"test_interval": 5, "smoothing": 0.87}
-
 
 #: The methods by name.
 METHODS: dict[str, Method] = {
     # The paper's method, and its comparison on novice data alone (section 4).
     "sidm": LIBRARY["sidm"],
     "novice_only": LIBRARY["novice_only"],
-    # Pretraining on the expert; section 4 says that the SIDM cannot be pretrained so.
+    # Pretraining on the expert; section 4 says that this cannot pretrain the SIDM.
     "pretrain_finetune": LIBRARY["pretrain_finetune"],
     "finetune_parts": Method(
         "pretraining + fine-tuning of encoder and decoder",
@@ -40,7 +39,7 @@ METHODS: dict[str, Method] = {
     ),
     # No network for the novice at all.
     "least_squares": LIBRARY["least_squares"],
-    # The SIDM without its adversary, and with others.
+    # The SIDM without its adversary, and with other ways to match the latents.
     "no_regularisation": LIBRARY["no_regularisation"],
     "strong_matching": Method(
         "SIDM, stronger matching",
@@ -75,7 +74,7 @@ METHODS: dict[str, Method] = {
     "pooled_flag": Method(
         "joint training with a system flag", "sidm", expert=True, own="flag"
     ),
-    # Beyond the paper: pretraining, and then...
+    # Beyond the paper: pretraining, followed by another training.
     "copies": Method(
         "pretraining + SIDM", "copies", expert=True, regularise=True, pretrained=True
     ),
@@ -130,7 +129,7 @@ METHODS: dict[str, Method] = {
         fit="least_squares",
         all_changes=(("mirror", True), ("averaging", 0.99)),
     ),
-    # What mirror images do for methods without pretraining.
+    # Mirror images for methods without pretraining.
     "sidm_mirrored": Method(
         "with SIDM, mirrored",
         "sidm",
@@ -144,7 +143,7 @@ METHODS: dict[str, Method] = {
     "least_squares_mirrored": Method(
         "least squares, mirrored", "", fit="least_squares", changes=(("mirror", True),)
     ),
-    # What is left of pretraining where the two robots' bodies differ.
+    # Pretraining of the shared part alone, for two robots whose bodies differ.
     "core_finetune": LIBRARY["core_finetune"],
     "core_frozen": LIBRARY["core_frozen"],
 }
@@ -152,14 +151,14 @@ METHODS: dict[str, Method] = {
 #: The two methods that the paper compares.
 COMPARED = ("sidm", "novice_only")
 
-#: What Figure 3 draws here: what a reviewer asks for first is in it from the start.
+#: The methods of Figure 3: the paper's two, and fine-tuning, the usual alternative.
 FIGURE3 = (*COMPARED, "pretrain_finetune")
 
-#: Ends what figures call a method with the settings that did best with little data
+#: Suffix of a method's name in figures, for the settings that did best with little data
 #: (`studies.tuning.LITTLE`).
 FOR_LITTLE = "_for_little"
 
-#: What might need less novice data than the paper's method and its strongest neighbour.
+#: Methods that may need less novice data than the paper's method and fine-tuning.
 VARIANTS = (
     "copies",
     "copies_no_regularisation",
@@ -172,32 +171,33 @@ VARIANTS = (
     "corrected_averaged",
 )
 
-#: Methods that mirror images might help as much, to stand beside.
+#: Methods with mirror images, which may help them as much as the VARIANTS.
 MIRRORED = ("sidm_mirrored", "novice_only_mirrored", "least_squares_mirrored")
 
-#: A rival that the claim about `corrected_averaged` is held against, with its aids.
+#: The method that the claim about `corrected_averaged` is tested against; it has the
+#: same aids.
 RIVAL = "mirrored_averaged"
 
-#: What is left of pretraining where the two robots' bodies differ, and all that such a
-#: pair can be learnt by.
+#: Methods that pretrain the shared part alone.
 CORES = ("core_finetune", "core_frozen")
+
+#: Methods for two robots whose bodies differ.
 ANY_BODIES = (*COMPARED, "no_regularisation", *CORES)
 
-#: The other methods that SIDM is put among.
+#: The other methods that SIDM is compared with.
 BASELINES = tuple(
     name
     for name in METHODS
     if name not in (*FIGURE3, *VARIANTS, *MIRRORED, *CORES, RIVAL)
 )
 
-PYTORCH_WEIGHTS, PATIENCE = "PyTorch's initial weights", "patience of 450,000 samples"
-ONE_SYSTEM, ONE_OPTIMISER = (
-    "one system a batch",
-    "matching by the prediction's optimiser",
-)
+PYTORCH_WEIGHTS = "PyTorch's initial weights"
+LONG_PATIENCE = "patience of 450,000 samples"
+ONE_SYSTEM = "one system a batch"
+ONE_OPTIMISER = "matching by the prediction's optimiser"
 
-#: Another choice than ours or the paper's, most of them the released code's -> changes
-#: of the preset, methods touched.
+#: Choices that differ from ours or the paper's, most of them the released code's, by
+#: name: changes of the preset, and the methods that they concern.
 CHOICES: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     PYTORCH_WEIGHTS: ({"initialisation": "pytorch"}, FIGURE3),
     "loss averaged over components": ({"reduction": "mean"}, FIGURE3),
@@ -205,27 +205,27 @@ CHOICES: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         {"decay": "l2", "weight_decay": 1e-5},
         FIGURE3,
     ),
-    PATIENCE: ({"patience": 450_000}, FIGURE3),
+    LONG_PATIENCE: ({"patience": 450_000}, FIGURE3),
     ONE_SYSTEM: ({"system_draw": "iteration"}, ("sidm",)),
     ONE_OPTIMISER: ({"matching_optimiser": "shared"}, ("sidm",)),
 }
 
 
 def _together(*names: str) -> dict[str, Any]:
-    """The changes of several choices."""
+    """The changes of several choices in one dictionary."""
     return {
         setting: value for name in names for setting, value in CHOICES[name][0].items()
     }
 
 
-BOTH_OF_SIDM, ALL_RELEASED = "one system a batch and one optimiser", "all as released"
+BOTH_OF_SIDM = "one system a batch and one optimiser"
+ALL_RELEASED = "all as released"
 
-#: The released code's choices together; rates, batches, phases and patience stay as
-#: they were tuned here.
+_RELEASED_CHOICES = [name for name in CHOICES if name != LONG_PATIENCE]
+
+#: Several of the released code's choices together, by name as in CHOICES. Learning
+#: rates, batches, phases and patience stay as they were tuned here.
 RELEASED: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     BOTH_OF_SIDM: (_together(ONE_SYSTEM, ONE_OPTIMISER), ("sidm",)),
-    ALL_RELEASED: (
-        _together(*(name for name in CHOICES if name != PATIENCE)),
-        COMPARED,
-    ),
+    ALL_RELEASED: (_together(*_RELEASED_CHOICES), COMPARED),
 }

@@ -1,30 +1,31 @@
-"""Versions of the numbers: a stored result counts as today's while the versions that it was made with are today's.
+"""Versions of the numbers: a stored result with other versions than today's is stale.
 
-Whoever changes what a kind of work comes to raises its version here. The golden tests
-hold short examples of every kind against stored figures and fail until that is done;
-moving, renaming or rewording code changes neither.
+Raise the version of a kind of work here when its numbers change. The golden tests
+compare short examples of every kind with stored numbers, and fail until the version is
+raised. Code that is moved, renamed or reworded changes no number and so no version.
 """
 
 from __future__ import annotations
 
-#: Kind of work -> version of its figures.
+#: Kind of work -> version of its numbers.
 NUMERICS: dict[str, int] = {
-    "simulation": 1,  # a collection's values -> its trajectories
-    "free_struts": 2,  # the same of robots whose struts no motor brakes
-    # trajectories -> a trial's outcome: maps, networks, Algorithms 1 and 2, evaluation
+    "simulation": 1,  # from a Collection to its trajectories
+    "free_struts": 2,  # simulation of robots whose struts no motor brakes
+    # from trajectories to an Outcome: maps, networks, Algorithms 1 and 2, evaluation
     "training": 1,
-    "bundle": 1,  # the same of many trials as one computation
+    "bundle": 1,  # training of many trials as one computation
     "least_squares": 1,  # weights in closed form
-    "diagnosis": 1,  # how alike two systems' latents are
+    "diagnosis": 1,  # comparison of two systems' latents
     "elsewhere": 1,  # trials on recorded motion
     "driving": 1,  # planning and driving
     "uncertainty": 1,  # training by likelihood
     "experts": 1,  # several experts before the novice
-    "fitting": 1,  # recorded drives of any body, learnt
+    "fitting": 1,  # models fitted to recorded drives of any body
 }
 
-#: Kind of work -> the kinds that its results depend on besides itself.
-_FROM: dict[str, tuple[str, ...]] = {
+#: Kind of work -> the other kinds that its results depend on; others than these depend
+#: on simulation and training.
+_DEPENDS_ON: dict[str, tuple[str, ...]] = {
     "simulation": (),
     "free_struts": ("simulation",),
     "training": ("simulation",),
@@ -35,11 +36,15 @@ _FROM: dict[str, tuple[str, ...]] = {
 
 
 def versions(kind: str) -> dict[str, int]:
-    """Today's versions of all that a result of this kind of work, one of NUMERICS, depends on."""
-    needed = (*_FROM.get(kind, ("simulation", "training")), kind)
+    """Today's versions of a kind of work and of the kinds that it depends on.
+
+    Args:
+        kind: a key of NUMERICS.
+    """
+    needed = (*_DEPENDS_ON.get(kind, ("simulation", "training")), kind)
     return {name: NUMERICS[name] for name in needed}
 
 
-def numbered(kind: str) -> str:
-    """The same for the name of a file that is kept for later: '1.1'."""
+def version_label(kind: str) -> str:
+    """The numbers of `versions` as part of a file name, such as '1.1'."""
     return ".".join(map(str, versions(kind).values()))

@@ -1,7 +1,7 @@
-"""Presets: how much of the study is run, from a test's seconds to the paper's sizes.
+"""Presets: the sizes of a study, from a test of some seconds to the paper's sizes.
 
-This table is the only place where a preset's numbers stand; `params/NAME.yaml` names
-the preset to the notebooks.
+The numbers of a preset stand here only; `params/NAME.yaml` gives its name to the
+notebooks.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from companion.training import StudyTraining
 from companion.trials import Dataset, datasets
 from sidm.config import (
     ConfigError,
+    check_numbers,
     config,
     conform,
-    refuse_nonsense,
     replace,
     unknown_name,
 )
@@ -24,219 +24,259 @@ from sidm.rivals.methods import Method
 from sidm.settings import PAPER_NETWORK, RELEASED_NETWORK, Network
 from sidm.systems import FREE_STRUTS, find_system
 
-#: The exploration policies of `sidm.simulation`, which need not be installed to read
-#: results.
+#: The exploration policies of `sidm.simulation`. They are repeated here because results
+#: can be read without that package's requirements.
 POLICIES = ("ornstein_uhlenbeck", "sinusoid", "bounded_noise", "held")
 
-MOST_SEEDS = 1000  # trials a point
+MOST_SEEDS = 1000  # trials per point
 
 PresetName = Literal["smoke", "laptop", "study", "released", "paper"]
 
 
 @config
 class Preset:
-    """The sizes of a study; the book's page on running it again says why they are so."""
+    """The sizes of a study; the book's page on running it again gives the reasons.
+
+    A point is a method at a size, that is a number of minutes of novice data; there are
+    several trials per point, one for each seed.
+
+    Attributes:
+        name: name of the preset
+        expert_minutes: motion of the expert, min
+        novice_minutes_system1: sizes of the left plot of Figure 3, min
+        novice_minutes_system2: sizes of the right plot of Figure 3, min
+        pool_minutes_system1: pool that the novice subsets are drawn from, min
+        pool_minutes_system2: the same for system 2, min
+        validation_minutes: motion of the novice for validation, min
+        rollouts: trajectories of the 25-step test
+        seeds: trials per point
+        more_seeds: sizes, min, that have more trials per point, and how many
+        figure4_minutes: sizes of Figure 4, min
+        figure4_seeds: trials per point of Figure 4
+        baseline_minutes: sizes of the baselines and diagnostics, min: a small and a
+            middle one
+        variant_minutes: sizes of the variants, min
+        ablation_minutes: sizes of the ablations, min: a small and a middle one
+        other_body_minutes: sizes of novices that sense or act unlike their expert, min
+        ablation_seeds: trials per point of the ablations
+        tuning_minutes: sizes at which the methods are tuned, min
+        tuning_pool_minutes: pool that serves only to choose settings, min; 0: settings
+            are chosen on the pool of the figures
+        tuning_validation_minutes: validation motion that goes with such a pool, min
+        motion: purpose of the novice's motion, a key of `trials.MOTION`
+        figures: names of its figures; empty: those that every preset has
+        p_expert_system1: p_e of system 1, whose robots are similar (section 4)
+        p_expert_system2: p_e of system 2, whose robots differ greatly (section 4)
+        policy: exploration policy of all motion except the 25-step test
+        network: sizes of the networks
+        training: settings of training
+        tuned: method, setting of its training, and the value that replaces the one of
+            `training`
+        references: methods that are shown beside Figure 3 at every size
+        free_strut_minutes: sizes of Figure 3 with free struts, min
+        free_strut_seeds: trials per point of Figure 3 with free struts
+
+    Raises:
+        ConfigError: an unknown name, a wrong type, or sizes that do not fit each other.
+    """
 
     name: str
     expert_minutes: float
-    novice_minutes_system1: tuple[float, ...]  # the sizes of Figure 3's left plot
-    novice_minutes_system2: tuple[float, ...]  # the sizes of Figure 3's right plot
-    pool_minutes_system1: float  # of the pool that the novice subsets are drawn from
+    novice_minutes_system1: tuple[float, ...]
+    novice_minutes_system2: tuple[float, ...]
+    pool_minutes_system1: float
     pool_minutes_system2: float
     validation_minutes: float
-    rollouts: int  # trajectories of the 25-step test
-    seeds: int  # trials a point
-    #: minutes of a size that has more of them, and how many
+    rollouts: int
+    seeds: int
     more_seeds: tuple[tuple[float, int], ...] = ()
     figure4_minutes: tuple[float, ...] = (5.0, 120.0)
-    figure4_seeds: int = 10  # trials a point of Figure 4
-    #: a small and a middle size: of the baselines and the diagnostics
+    figure4_seeds: int = 10
     baseline_minutes: tuple[float, ...] = (5.0, 20.0)
     variant_minutes: tuple[float, ...] = (1.0, 2.0, 5.0, 10.0)
-    ablation_minutes: tuple[float, ...] = (5.0, 20.0)  # a small and a middle size
-    #: of novices that see or act otherwise than their expert
+    ablation_minutes: tuple[float, ...] = (5.0, 20.0)
     other_body_minutes: tuple[float, ...] = (1.0, 5.0)
-    ablation_seeds: int = 10  # trials a point of the ablations
-    #: the sizes at which the methods are tuned
+    ablation_seeds: int = 10
     tuning_minutes: tuple[float, ...] = (20.0,)
-    #: of a pool that only settings are chosen by; 0: it is the figures'
     tuning_pool_minutes: float = 0.0
-    tuning_validation_minutes: float = 20.0  # beside such a pool
-    #: what the novice's motion serves
+    tuning_validation_minutes: float = 20.0
     motion: Literal["figures", "tuning", "claim", "decisive"] = "figures"
-    #: names of its grids; none: those that every preset has
     figures: tuple[str, ...] = ()
-    p_expert_system1: float = 0.75  # section 4: the systems are similar
-    p_expert_system2: float = 0.5  # section 4: they differ greatly
-    policy: str = "ornstein_uhlenbeck"  # that explores, in all but the 25-step test
+    p_expert_system1: float = 0.75
+    p_expert_system2: float = 0.5
+    policy: str = "ornstein_uhlenbeck"
     network: Network = Network()
     training: StudyTraining = StudyTraining()
-    #: method, setting of its training, value instead of `training`'s
     tuned: tuple[tuple[str, str, Any], ...] = ()
-    #: methods that stand beside Figure 3 at every size
     references: tuple[str, ...] = ("least_squares",)
-    #: sizes of Figure 3 with free struts
     free_strut_minutes: tuple[float, ...] = (1.0, 5.0, 20.0, 60.0)
-    free_strut_seeds: int = 5  # trials a point of it
+    free_strut_seeds: int = 5
 
     def __post_init__(self) -> None:
-        """Refuse sizes that the pools do not hold."""
-        refuse_nonsense(self)
-        for system in ("system1", "system2"):
-            most, pool = (
-                max(self.novice_minutes(system), default=0),
-                self.pool_minutes(system),
-            )
-            if most > pool:
-                raise ConfigError(
-                    f"novice_minutes_{system} asks for {most:g}, but pool_minutes_{system} is {pool:g}"
-                )
+        """Refuse values that no study can have."""
+        check_numbers(self)
+        self._check_pools()
         for name, value in vars(self).items():
-            values = value if isinstance(value, tuple) else (value,)
-            if (
-                "minutes" in name
-                and name != "tuning_pool_minutes"
-                and not all(one > 0 for one in values)
-            ):
-                raise ConfigError(f"{name} must be positive, not {value}")
-            if name.startswith("p_expert") and not 0 <= value <= 1:
-                raise ConfigError(f"{name} must be from 0 to 1, not {value}")
-            if (
-                name.endswith("seeds")
-                and name != "more_seeds"
-                and not 1 <= value <= MOST_SEEDS
-            ):
-                raise ConfigError(f"{name} must be from 1 to {MOST_SEEDS}, not {value}")
-        names = {field.name for field in dataclasses.fields(StudyTraining)} - {
-            "p_expert",
-            "regularise",
-        }  # type: ignore
+            self._check_range(name, value)
+        set_by_method = {"p_expert", "regularise"}
+        fields = dataclasses.fields(StudyTraining)  # type: ignore[arg-type]
+        settings = {field.name for field in fields} - set_by_method
         for _, setting, _ in self.tuned:
-            if setting not in names:
-                raise unknown_name(setting, names, "what a method is tuned in")
+            if setting not in settings:
+                raise unknown_name(setting, settings, "what a method is tuned in")
         if self.policy not in POLICIES:
             raise unknown_name(self.policy, POLICIES, "the exploration policies")
         if self.rollouts < 1:
             raise ConfigError(f"rollouts must be at least 1, not {self.rollouts}")
 
-    def _of(self, system: str, name: str) -> Any:
-        """A value that differs between the paper's systems; a system of your own has system 1's."""
+    def _check_pools(self) -> None:
+        """Refuse sizes of Figure 3 that are larger than the pools."""
+        for system in ("system1", "system2"):
+            most = max(self.novice_minutes(system), default=0)
+            pool = self.pool_minutes(system)
+            if most > pool:
+                raise ConfigError(
+                    f"novice_minutes_{system} asks for {most:g}, "
+                    f"but pool_minutes_{system} is {pool:g}"
+                )
+
+    @staticmethod
+    def _check_range(name: str, value: Any) -> None:
+        """Refuse minutes, probabilities and numbers of seeds outside their range."""
+        if "minutes" in name and name != "tuning_pool_minutes":
+            values = value if isinstance(value, tuple) else (value,)
+            if not all(minutes > 0 for minutes in values):
+                raise ConfigError(f"{name} must be positive, not {value}")
+        if name.startswith("p_expert") and not 0 <= value <= 1:
+            raise ConfigError(f"{name} must be from 0 to 1, not {value}")
+        if name.endswith("seeds") and name != "more_seeds":
+            if not 1 <= value <= MOST_SEEDS:
+                raise ConfigError(f"{name} must be from 1 to {MOST_SEEDS}, not {value}")
+
+    def _for_system(self, system: str, field: str) -> Any:
+        """The value of `field` for a system.
+
+        Robots with free struts have the value of the paper's system that they are
+        derived from; systems of your own have that of system 1.
+        """
         base = find_system(system).name.removesuffix(FREE_STRUTS)
-        return getattr(self, f"{name}_{base}", getattr(self, f"{name}_system1"))
+        return getattr(self, f"{field}_{base}", getattr(self, f"{field}_system1"))
 
     def novice_minutes(self, system: str) -> tuple[float, ...]:
-        """The novice dataset sizes of a system's Figure 3, in minutes of motion."""
-        return self._of(system, "novice_minutes")
+        """Novice dataset sizes of a system's plot in Figure 3, min."""
+        return self._for_system(system, "novice_minutes")
 
     def pool_minutes(self, system: str) -> float:
-        """Minutes of motion in a system's novice pool."""
-        return self._of(system, "pool_minutes")
+        """Motion in a system's novice pool, min."""
+        return self._for_system(system, "pool_minutes")
 
-    def held(self, system: str, sizes: Iterable[float]) -> tuple[float, ...]:
-        """Those of some sizes, in minutes, that a system's novice pool holds."""
+    def sizes_in_pool(self, system: str, sizes: Iterable[float]) -> tuple[float, ...]:
+        """The `sizes`, min, that are not larger than a system's novice pool."""
         return tuple(size for size in sizes if size <= self.pool_minutes(system))
 
     def p_expert(self, system: str) -> float:
         """The paper's p_e for a system."""
-        return self._of(system, "p_expert")
+        return self._for_system(system, "p_expert")
 
     def training_of(self, method: Method, system: str) -> StudyTraining:
-        """A method's training on a system's novice, with what the method was tuned to."""
+        """A method's training on a system, with the settings that it was tuned to."""
         base = replace(self.training, p_expert=self.p_expert(system))
         return method.training(base, self.tuned_values(method.tuned_as))
 
     def pretraining_of(self, method: Method) -> StudyTraining | None:
-        """A method's training on the expert alone; None for a method that begins afresh."""
+        """A method's training on the expert alone; None for fresh initial weights."""
         return method.pretraining(self.training, self.tuned_values("pretraining"))
 
     def tuned_values(self, method: str) -> dict[str, Any]:
-        """The settings of its training that a method was tuned to; 'pretraining' stands for that on the expert."""
+        """The settings of training that a method was tuned to, by name.
+
+        Args:
+            method: its name, or 'pretraining' for training on the expert alone.
+        """
         return {setting: value for name, setting, value in self.tuned if name == method}
 
     def datasets(self, system: str) -> dict[str, Dataset]:
-        """What all trials of a system need: 'novice' (the pool), 'expert', 'validation', 'rollout'."""
+        """The datasets that all trials of a system share.
+
+        Returns:
+            'novice' (the pool), 'expert', 'validation' and 'rollout'.
+        """
         return datasets(self, system, self.pool_minutes(system))
 
     def with_motion(
         self, motion: str, pool_minutes: float, validation_minutes: float
     ) -> Preset:
-        """The same with motion of the novice that serves something else than figures."""
-        pools = dict.fromkeys(
-            ("pool_minutes_system1", "pool_minutes_system2"), pool_minutes
-        )
-        largest = {
-            name: () for name in ("novice_minutes_system1", "novice_minutes_system2")
-        }
+        """This preset with other motion of the novice, and no sizes for Figure 3.
+
+        Args:
+            motion: its purpose, a key of `trials.MOTION`.
+            pool_minutes: size of the novice pools, min.
+            validation_minutes: motion for validation, min.
+        """
         return self.replace(
-            motion=motion, validation_minutes=validation_minutes, **pools, **largest
+            motion=motion,
+            validation_minutes=validation_minutes,
+            pool_minutes_system1=pool_minutes,
+            pool_minutes_system2=pool_minutes,
+            novice_minutes_system1=(),
+            novice_minutes_system2=(),
         )
 
     def for_tuning(self) -> Preset:
-        """The same with the motion that settings are chosen by."""
+        """This preset with the motion on which settings are chosen."""
         if not self.tuning_pool_minutes:
             return self
-        chosen = self.with_motion(
+        tuning = self.with_motion(
             "tuning", self.tuning_pool_minutes, self.tuning_validation_minutes
         )
-        return chosen.replace(tuning_pool_minutes=0.0)
+        return tuning.replace(tuning_pool_minutes=0.0)
 
-    def every_dataset(self, system: str) -> list[Dataset]:
-        """Those of all trials of a system, each once."""
-        return list(
-            dict.fromkeys(
-                [
-                    *self.datasets(system).values(),
-                    *self.for_tuning().datasets(system).values(),
-                ]
-            )
-        )
+    def all_datasets(self, system: str) -> list[Dataset]:
+        """All datasets of a system's trials, each once, those for tuning included."""
+        parts = (self.datasets(system), self.for_tuning().datasets(system))
+        return list(dict.fromkeys(dataset for p in parts for dataset in p.values()))
 
     def seeds_at(self, minutes: float) -> int:
-        """Trials of a size."""
+        """Trials per point at a size in minutes."""
         return dict(self.more_seeds).get(minutes, self.seeds)
 
     def replace(self, **changes: Any) -> Preset:
-        """This preset with some values changed: its own, its network's or its training's, all by their plain names.
+        """This preset with some values changed.
 
-        A value of the training holds for every method then, also for one that was tuned
-        to another.
+        A changed value of the training holds for every method, also for a method that
+        was tuned to another value.
+
+        Args:
+            **changes: values of the preset, of its network or of its training, each by
+                its field's name. `p_expert` and `regularise` are not known here,
+                because each method sets them.
 
         Raises:
-            ConfigError: an unknown name, with the nearest right one, or a value of the
-                wrong type. `p_expert` and `regularise` are the method's to set and not
-                known here.
+            ConfigError: an unknown name, with the nearest known one, or a value of the
+                wrong type.
         """
-        own, parts = (
-            dict(vars(self)),
-            {
-                "network": dict(vars(self.network)),
-                "training": dict(vars(self.training)),
-            },
-        )
-        own["tuned"] = tuple(one for one in self.tuned if one[1] not in changes)
-        groups = [own, *parts.values()]
-        hidden = {"name", "p_expert", "regularise", *parts}
-        for name, value in changes.items():
-            group = next(
-                (group for group in groups if name in group and name not in hidden),
-                None,
-            )
-            if group is None:
-                raise unknown_name(
-                    name,
-                    (n for group in groups for n in group if n not in hidden),
-                    "a preset",
-                )
-            group[name] = value
-        own |= {
-            "network": Network(**parts["network"]),
-            "training": StudyTraining(**parts["training"]),
+        values = dict(vars(self))
+        values["tuned"] = tuple(row for row in self.tuned if row[1] not in changes)
+        parts = {
+            "network": dict(vars(self.network)),
+            "training": dict(vars(self.training)),
         }
-        return Preset(**own)
+        hidden = {"name", "p_expert", "regularise", *parts}
+        group_of: dict[str, dict[str, Any]] = {}  # values to change, by field
+        for group in (values, *parts.values()):
+            for name in (field for field in group if field not in hidden):
+                group_of.setdefault(name, group)
+        for name, value in changes.items():
+            if name not in group_of:
+                raise unknown_name(name, group_of, "a preset")
+            group_of[name][name] = value
+        values["network"] = Network(**parts["network"])
+        values["training"] = StudyTraining(**parts["training"])
+        return Preset(**values)
 
 
 _PAPER_SIZES: dict[str, Any] = dict(
-    expert_minutes=500_000 / 600,  # 500,000 control steps of 0.1 s: 13.9 h
+    expert_minutes=500_000 / 600,  # 500,000 control steps of 0.1 s, 13.9 h
     novice_minutes_system1=(1, 2, 5, 20, 60, 120, 300, 600),
     novice_minutes_system2=(1, 2, 5, 10, 20, 60, 120, 300),
     pool_minutes_system1=600,
@@ -250,8 +290,8 @@ _LAPTOP_TUNED = (  # the best of `tuning.TRIES`
     ("novice_only", "weight_decay", 0.1),
     ("sidm", "matching_iterations", 5),
     ("pretrain_finetune", "learning_rate", 1e-4),
-    ("copies", "learning_rate", 1e-4),  # as that of fine-tuning, which it goes on like
-    ("copies", "matching_iterations", 5),  # as SIDM's
+    ("copies", "learning_rate", 1e-4),  # as for fine-tuning
+    ("copies", "matching_iterations", 5),  # as for SIDM
 )
 
 _LAPTOP: dict[str, Any] = dict(
@@ -303,8 +343,8 @@ PRESETS: dict[str, Preset] = {
         ),
         Preset(name="laptop", **_LAPTOP, ablation_minutes=(5.0,), ablation_seeds=3),
         Preset(
-            # the laptop's trials and more of them, on its motion; its grids in the
-            # order of worth
+            # the trials of "laptop" and more of them, on the same motion; the figures
+            # stand in the order in which they are worth computing
             name="study",
             **(_LAPTOP | {"seeds": 5}),
             more_seeds=((1, 10), (5, 10)),
@@ -340,11 +380,15 @@ PRESETS: dict[str, Preset] = {
 
 
 def load_preset(name: str, /, **changes: Any) -> Preset:
-    """The preset of that name with some values changed, as `Preset.replace` does it.
+    """The preset of a name, with some values changed.
+
+    Args:
+        name: a key of PRESETS.
+        **changes: values as `Preset.replace` takes them.
 
     Raises:
-        ConfigError: no such preset (naming the nearest), no such value, or one of the
-            wrong type.
+        ConfigError: no such preset, with the nearest name; no such value, or a value of
+            the wrong type.
     """
     preset = PRESETS[conform(name, PresetName, "preset")]
     return preset.replace(**changes) if changes else preset

@@ -1,8 +1,10 @@
-"""All that can be run and shown, by the name that `--figure` takes: grids of trials, studies of records, measurements.
+"""What can be run and shown, by the name that the option `--figure` takes.
 
-A grid's results are trials (`grids.FIGURES`). A study's are records: its module has
-`jobs`, `measure` and `records`. A measurement is one file: its module has `make`.
-Modules are imported when they are asked for, since most bring PyTorch.
+- A grid (`grids.FIGURES`) has trials as its results.
+- A study has records. Its module has `jobs`, `measure` and `records`.
+- A measurement has one file. Its module has `make`.
+
+Modules are imported when they are needed, because most import PyTorch.
 """
 
 from __future__ import annotations
@@ -24,99 +26,101 @@ from sidm.storage import Damaged, read_record
 from sidm.systems import SYSTEMS
 
 
-class Recorded(NamedTuple):
+class RecordStudy(NamedTuple):
     """A study whose results are records."""
 
-    name: str  # of the module that makes it
+    module_name: str
     #: functions that simulate what its jobs need
-    collects: tuple[str, ...] = ("collect_preset",)
-    pairs: tuple[str, ...] = tuple(SYSTEMS)  # that it is about
+    collectors: tuple[str, ...] = ("collect_preset",)
+    pairs: tuple[str, ...] = tuple(SYSTEMS)  # pairs of robots that it is about
 
     @property
     def module(self) -> Any:
-        """With `jobs`, `measure` and `records`."""
-        return importlib.import_module(self.name)
+        """The study's module, which has `jobs`, `measure` and `records`."""
+        return importlib.import_module(self.module_name)
 
     @property
     def collect(self) -> list[Callable[[Study, str, Executor], None]]:
-        """What simulates motion, each of a study, a pair and an executor."""
+        """Functions that simulate motion for a study and a pair, on an executor."""
         return [
             collect_preset if name == "collect_preset" else getattr(self.module, name)
-            for name in self.collects
+            for name in self.collectors
         ]
 
 
-class Measured(NamedTuple):
+class Measurement(NamedTuple):
     """A measurement whose result is one file."""
 
-    name: str  # of the module that makes it
-    file: str  # below the results
-    kind: str = ""  # of `numerics`; '' where no version makes it stale
+    module_name: str
+    file: str  # path below the results folder
+    kind: str = ""  # key of numerics.NUMERICS; '': the file is never stale
 
     def make(self, study: Study, workers: int) -> None:
         """Measure, and write the file."""
-        importlib.import_module(self.name).make(study, workers)
+        importlib.import_module(self.module_name).make(study, workers)
 
     def is_stale(self, results: str | Path) -> bool | None:
-        """Whether today's code would come to another file; None without one.
+        """Whether other versions than today's made the file; None if there is no file.
 
         Raises:
             ConfigError: the file is damaged; one line.
         """
         path = Path(results) / self.file
         try:
-            found = read_record(path)
+            record = read_record(path)
         except FileNotFoundError:
             return None
         except Damaged as error:
             raise ConfigError(
                 f"{path}: damaged ({error}); delete it and make it again"
             ) from None
-        return bool(self.kind) and found.get("numerics") != versions(self.kind)
+        return bool(self.kind) and record.get("numerics") != versions(self.kind)
 
 
-_MEASURE = "companion.studies.{}.measure".format
+def _study(
+    name: str,
+    collectors: tuple[str, ...] = ("collect_preset",),
+    pairs: tuple[str, ...] = tuple(SYSTEMS),
+) -> RecordStudy:
+    return RecordStudy(f"companion.studies.{name}.measure", collectors, pairs)
+
 
 STUDIES = {
-    "latent-space": Recorded(
-        _MEASURE("latent_space"), ("collect_preset", "collect_held_out")
-    ),
-    "recorded-targets": Recorded(_MEASURE("recorded_targets"), ("collect_proxies",)),
-    "driving": Recorded(_MEASURE("driving")),
-    "uncertainty": Recorded(_MEASURE("uncertainty")),
-    "several-experts": Recorded(
-        _MEASURE("several_experts"), ("collect_preset", "collect_family")
-    ),
-    "real-robots": Recorded(
-        _MEASURE("real_robots"),
-        (),
-        ("husky to warthog", "warthog to husky", "hunter to warthog"),
+    "latent-space": _study("latent_space", ("collect_preset", "collect_held_out")),
+    "recorded-targets": _study("recorded_targets", ("collect_proxies",)),
+    "driving": _study("driving"),
+    "uncertainty": _study("uncertainty"),
+    "several-experts": _study("several_experts", ("collect_preset", "collect_family")),
+    "real-robots": _study(
+        "real_robots",
+        collectors=(),
+        pairs=("husky to warthog", "warthog to husky", "hunter to warthog"),
     ),
 }
 
 MEASUREMENTS = {
-    "gap": Measured("companion.studies.gap", "gap.json", "free_struts"),
-    "overlap": Measured("companion.studies.overlap", "overlap.json", "simulation"),
-    "payoff": Measured("companion.studies.payoff", "payoff.json", "free_struts"),
-    "throughput": Measured("companion.studies.throughput", "pace.json"),
-    "coverage": Measured("companion.statistics.coverage", "coverage.json"),
-    "explorer": Measured(
+    "gap": Measurement("companion.studies.gap", "gap.json", "free_struts"),
+    "overlap": Measurement("companion.studies.overlap", "overlap.json", "simulation"),
+    "payoff": Measurement("companion.studies.payoff", "payoff.json", "free_struts"),
+    "throughput": Measurement("companion.studies.throughput", "pace.json"),
+    "coverage": Measurement("companion.statistics.coverage", "coverage.json"),
+    "explorer": Measurement(
         "companion.explorer.grid", "explorer/rides.json", "free_struts"
     ),
 }
 
-#: Every name, in the order of the tables above.
+#: All names, in the order of the tables above.
 NAMES = (*FIGURES, *STUDIES, *MEASUREMENTS)
 
-#: What studies were called before.
+#: Former names -> today's names.
 _FORMER = FORMER | {"elsewhere": "recorded-targets", "experts": "several-experts"}
 
 
-def is_of_trials(name: str) -> bool:
-    """Whether a name is that of a grid of trials, or 'all' grids.
+def is_grid(name: str) -> bool:
+    """Whether a name is that of a grid of trials, or 'all' for all grids.
 
     Raises:
-        ConfigError: no such name; it gives the nearest.
+        ConfigError: there is no such name; the message gives the nearest.
     """
     if name in _FORMER:
         raise ConfigError(f"figure '{name}' is called '{_FORMER[name]}' now")
@@ -126,7 +130,7 @@ def is_of_trials(name: str) -> bool:
 
 
 def collect_preset(study: Study, system: str, executor: Executor) -> None:
-    """Simulate what is missing of a preset's own datasets."""
+    """Simulate what is missing of a preset's datasets for one system."""
     from companion.engine.datasets import collect_datasets
 
     collect_datasets(study.preset, [system], study.data, executor=executor)
@@ -140,69 +144,87 @@ def run(
     data: str | Path,
     results: str | Path,
 ) -> list[str]:
-    """Simulate and make what a study or a measurement lacks.
+    """Simulate and measure what is missing of a study or a measurement.
 
     Args:
-        name: of STUDIES or MEASUREMENTS.
-        preset: how much of it.
-        pair: of robots, of a study that is about several; all by default.
-        workers: processes.
-        data: folder of motion.
+        name: a key of STUDIES or MEASUREMENTS.
+        preset: the sizes.
+        pair: the pair of robots, for a study of several; None: all pairs.
+        workers: number of processes.
+        data: folder of the data.
         results: folder of the results.
 
     Returns:
-        What is still missing, a line each.
+        What is still missing, a line for each job.
 
     Raises:
-        ConfigError: a pair that the study is not about.
+        ConfigError: the study is not about this pair.
     """
     study = Study(preset, Path(data), Path(results))
     if name in MEASUREMENTS:
         if MEASUREMENTS[name].is_stale(results) is not False:
             MEASUREMENTS[name].make(study, workers)
         return []
-    found, pairs = STUDIES[name], pairs_of(name, pair)
+    entry, pairs = STUDIES[name], pairs_of(name, pair)
     with local_pool(workers) as pool:
-        for one in pairs:
-            for collect in found.collect:
-                collect(study, one, pool)
-        # by the digests that are known now
-        study = Study(preset, Path(data), Path(results))
-        # pairs share some
-        jobs = list(
-            dict.fromkeys(job for one in pairs for job in found.module.jobs(study, one))
-        )
-        work = functools.partial(found.module.measure, data=Path(data).absolute())
-        records = found.module.records(results)
+        for pair_name in pairs:
+            for collect in entry.collect:
+                collect(study, pair_name, pool)
+        # a new Study reads the digests of what has just been collected
+        jobs = _jobs(entry, Study(preset, Path(data), Path(results)), pairs)
+        work = functools.partial(entry.module.measure, data=Path(data).absolute())
+        records = entry.module.records(results)
         records.run(jobs, work, pool, name)
     return [str(job) for job in jobs if records.get(job) is None]
 
 
 def pairs_of(name: str, pair: str | None) -> Sequence[str]:
-    """The pairs that a study is about, or the one asked for; ConfigError for another."""
+    """The pairs of robots that a study is about, or the one that is asked for.
+
+    Raises:
+        ConfigError: the study is not about `pair`.
+    """
     pairs = STUDIES[name].pairs
     if pair is not None and pair not in pairs:
         raise ConfigError(f"study '{name}' is about {', '.join(pairs)}, not {pair}")
     return pairs if pair is None else (pair,)
 
 
+def _jobs(entry: RecordStudy, study: Study, pairs: Sequence[str]) -> list[Any]:
+    """The jobs of a study for some pairs, each once, as several pairs may share one."""
+    jobs = (job for pair in pairs for job in entry.module.jobs(study, pair))
+    return list(dict.fromkeys(jobs))
+
+
 def overview(
     name: str, preset: Preset, pair: str | None, data: str | Path, results: str | Path
 ) -> tuple[list[str], int]:
-    """Lines of what a study or a measurement has stored, stale included, and how many results are missing."""
+    """What is stored of a study or a measurement.
+
+    Args:
+        name: a key of STUDIES or MEASUREMENTS.
+        preset: the sizes.
+        pair: the pair of robots, for a study of several; None: all pairs.
+        data: folder of the data.
+        results: folder of the results.
+
+    Returns:
+        Lines of text, a line for each pair or file, and the number of missing results.
+
+    Raises:
+        ConfigError: the study is not about this pair.
+    """
     if name in MEASUREMENTS:
         stale = MEASUREMENTS[name].is_stale(results)
-        words = {None: "missing", True: "stored, stale", False: "stored"}[stale]
-        return [f"{Path(results) / MEASUREMENTS[name].file}: {words}"], int(
-            stale is None
-        )
-    lines, missing, records = [], set(), STUDIES[name].module.records(results)
-    for one in pairs_of(name, pair):
-        jobs = list(
-            dict.fromkeys(STUDIES[name].module.jobs(Study(preset, data, results), one))
-        )
+        state = {None: "missing", True: "stored, stale", False: "stored"}[stale]
+        path = Path(results) / MEASUREMENTS[name].file
+        return [f"{path}: {state}"], int(stale is None)
+    entry = STUDIES[name]
+    lines, missing, records = [], set(), entry.module.records(results)
+    for pair_name in pairs_of(name, pair):
+        jobs = _jobs(entry, Study(preset, data, results), [pair_name])
         stored = records.stored(jobs)
         stale = sum(record.provenance.stale for record in stored)
-        lines.append(f"{one}: stored {len(stored)} of {len(jobs)}  stale {stale}")
+        lines.append(f"{pair_name}: stored {len(stored)} of {len(jobs)}  stale {stale}")
         missing |= {job for job in jobs if records.get(job) is None}
     return lines, len(missing)

@@ -1,4 +1,4 @@
-"""A study: a preset's trials. Figures 3 and 4, what stands beside them, and the points of every other grid."""
+"""The trials of a preset: Figures 3 and 4, and the points of every other grid."""
 
 from __future__ import annotations
 
@@ -8,10 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from companion.digests import find_digest
-from companion.methods import (
-    FIGURE3,
-    METHODS,
-)
+from companion.methods import FIGURE3, METHODS
 from companion.presets import Preset, load_preset
 from companion.training import StudyTraining
 from companion.trials import Trial
@@ -20,12 +17,12 @@ from sidm.systems import find_system
 
 
 class Study:
-    """Makes the trials of a preset, looking up the digests of its datasets once.
+    """Makes the trials of a preset; it reads the digest of each dataset once.
 
     Args:
         preset: a Preset or the name of one.
-        data: the folder of the shards.
-        results: the folder of the results.
+        data: folder of the data.
+        results: folder of the results.
     """
 
     def __init__(
@@ -34,26 +31,29 @@ class Study:
         data: str | Path = "data",
         results: str | Path = "results",
     ) -> None:
-        """Look the preset up and keep the folders."""
         self.preset = load_preset(preset) if isinstance(preset, str) else preset
         self.data, self.results = Path(data), Path(results)
         self._digests: dict[str, dict[str, str]] = {}
 
-    def of(self, preset: Preset) -> Study:
-        """The same of another preset."""
+    def with_preset(self, preset: Preset) -> Study:
+        """A study of another preset, with the same folders."""
         return Study(preset, self.data, self.results)
 
     def changed(self, **changes: Any) -> Study:
-        """The same of the preset with some values changed."""
-        return self.of(self.preset.replace(**changes))
+        """A study of this preset with some values changed, see `Preset.replace`."""
+        return self.with_preset(self.preset.replace(**changes))
 
     def digests(self, system: str) -> dict[str, str]:
-        """The digests of a system's datasets as Trial names them, UNKNOWN where none is known."""
+        """Digests of a system's datasets.
+
+        Returns:
+            The digests by the names of Trial's fields, such as 'novice_data'; UNKNOWN
+            where none is known.
+        """
         if system not in self._digests:
-            needed = self.preset.datasets(system)
             self._digests[system] = {
-                f"{k}_data": find_digest(d, self.data, self.results)
-                for k, d in needed.items()
+                f"{name}_data": find_digest(dataset, self.data, self.results)
+                for name, dataset in self.preset.datasets(system).items()
             }
         return self._digests[system]
 
@@ -65,7 +65,14 @@ class Study:
         seed: int = 0,
         training: StudyTraining | None = None,
     ) -> Trial:
-        """One trial of the preset's sizes; `training` replaces the method's own.
+        """One trial with the sizes of the preset.
+
+        Args:
+            system: the pair of robots.
+            method: a name of `methods.METHODS`.
+            minutes: novice data, minutes of motion.
+            seed: of the novice subset, the initial weights and the batches.
+            training: settings of training; None: those of the method.
 
         Raises:
             ConfigError: an unknown system or method, or more minutes than the pool
@@ -74,7 +81,7 @@ class Study:
         find_system(system)
         if method not in METHODS:
             raise unknown_name(method, METHODS, "the methods")
-        preset, one = self.preset, METHODS[method]
+        preset, config = self.preset, METHODS[method]
         return Trial(
             system=system,
             method=method,
@@ -85,12 +92,12 @@ class Study:
             validation_minutes=preset.validation_minutes,
             rollouts=preset.rollouts,
             policy=preset.policy,
-            network=dataclasses.replace(preset.network, own=one.own),  # type: ignore
-            training=training or preset.training_of(one, system),
-            pretraining=preset.pretraining_of(one),
-            pretrained=one.carried,
-            residual=one.residual,
-            fit=one.fit,
+            network=dataclasses.replace(preset.network, own=config.own),  # type: ignore
+            training=training or preset.training_of(config, system),
+            pretraining=preset.pretraining_of(config),
+            pretrained=config.carried,
+            residual=config.residual,
+            fit=config.fit,
             motion=preset.motion,
             **self.digests(system),
         )
@@ -103,48 +110,52 @@ class Study:
         training: StudyTraining | None = None,
         seeds: int | None = None,
     ) -> list[Trial]:
-        """Trials of every size, seed (the preset's numbers unless given) and method, those of a seed side by side."""
+        """Trials of every size, seed and method; those of one seed follow each other.
+
+        Args:
+            system: the pair of robots.
+            methods: names of `methods.METHODS`.
+            sizes: novice data, minutes of motion each.
+            training: settings of training; None: those of each method.
+            seeds: trials per point; None: the number that the preset has at a size.
+        """
         trials = []
         for minutes in sizes:
-            firsts = [
-                self.trial(system, method, minutes, 0, training) for method in methods
-            ]
-            count = seeds or self.preset.seeds_at(minutes)
-            trials += [
-                first.replace(seed=seed) for seed in range(count) for first in firsts
-            ]
+            first = [self.trial(system, name, minutes, 0, training) for name in methods]
+            for seed in range(seeds or self.preset.seeds_at(minutes)):
+                trials += [trial.replace(seed=seed) for trial in first]
         return trials
 
     def figure3(self, system: str) -> list[Trial]:
-        """Figure 3: the paper's two methods and fine-tuning at every novice dataset size."""
+        """Figure 3: the paper's methods and fine-tuning at all novice dataset sizes."""
         return self.points(system, FIGURE3, self.preset.novice_minutes(system))
 
+    def figure4(self, system: str = "system1") -> list[Trial]:
+        """Figure 4: Figure 3's methods with little and with much novice data.
+
+        The paper's figure is of system 1.
+        """
+        preset = self.preset
+        sizes, seeds = preset.figure4_minutes, preset.figure4_seeds
+        return self.points(system, FIGURE3, sizes, seeds=seeds)
+
     def references(self, system: str) -> list[Trial]:
-        """What stands beside Figure 3: the preset's at every size, and the expert's model, which has no size."""
-        return [
-            *self.points(
-                system, self.preset.references, self.preset.novice_minutes(system)
-            ),
-            *self.points(system, ["expert_only"], self.preset.baseline_minutes[:1]),
-        ]
+        """Methods that are shown beside Figure 3.
+
+        The preset's `references` have every novice dataset size. The expert's model
+        learns from no novice data, so it has one size only.
+        """
+        preset = self.preset
+        sizes, first_size = preset.novice_minutes(system), preset.baseline_minutes[:1]
+        trials = self.points(system, preset.references, sizes)
+        return trials + self.points(system, ["expert_only"], first_size)
 
     def free_struts(self, system: str) -> list[Trial]:
-        """Figure 3's methods and least squares on robots whose struts no motor brakes, as the paper describes them."""
-        preset, methods = self.preset, (*FIGURE3, "least_squares")
-        pool = self.of(
-            preset.with_motion(
-                "figures", max(preset.free_strut_minutes), preset.validation_minutes
-            )
-        )
-        return pool.points(
-            system, methods, preset.free_strut_minutes, seeds=preset.free_strut_seeds
-        )
+        """Figure 3's methods and least squares on robots with free struts.
 
-    def figure4(self, system: str = "system1") -> list[Trial]:
-        """Figure 4: Figure 3's methods with little and with much novice data; the paper's is of system 1."""
-        return self.points(
-            system,
-            FIGURE3,
-            self.preset.figure4_minutes,
-            seeds=self.preset.figure4_seeds,
-        )
+        No motor brakes these struts, as the paper describes them.
+        """
+        preset, methods = self.preset, (*FIGURE3, "least_squares")
+        sizes, seeds = preset.free_strut_minutes, preset.free_strut_seeds
+        motion = preset.with_motion("figures", max(sizes), preset.validation_minutes)
+        return self.with_preset(motion).points(system, methods, sizes, seeds=seeds)

@@ -1,29 +1,30 @@
-"""Settings of a trial's training: the library's, and those that single studies add to its loop."""
+"""Settings of training: those of the library, and those that only some studies use."""
 
 from __future__ import annotations
 
 from typing import Any, Literal
 
 from sidm.body import ROVER, Body
-from sidm.config import ConfigError, config, refuse_below
+from sidm.config import ConfigError, check_at_least, config
 from sidm.settings import Training
 
 
 @config
 class StudyTraining(Training):
-    """Settings of one training run, with what baselines and variants change of the loop.
+    """Settings of one training run, with those of baselines and variants.
 
     Attributes:
-        matching: what makes the latents alike: the paper's Algorithm 2, the same by the
-            maximum mean discrepancy or by moments, or gradient reversal in Algorithm 1
-        reversal_weight: of the discriminator's loss in the encoders' gradient, with
-            matching='reversal'
-        tether: share of the way back to their start that weights are pulled, a unit of
-            learning rate
-        averaging: weight of the past in the average of the weights that is tested and
-            kept; 0: no average
-        mirror: whether left and right of trajectories are exchanged, of each drawn with
-            probability 0.5
+        matching: what makes the latents of both systems alike; 'adversary': the paper's
+            Algorithm 2; 'mmd' and 'coral': Algorithm 2 with the maximum mean
+            discrepancy or with moments; 'reversal': gradient reversal in Algorithm 1
+        reversal_weight: weight of the discriminator's loss in the encoders' gradient,
+            with matching='reversal'
+        tether: pull of the weights towards their start (L2-SP): in each step, the share
+            of the way back, divided by the learning rate
+        averaging: weight of the past in the moving average of the weights, which is
+            tested and kept; 0: no average
+        mirror: whether trajectories are mirrored, left and right exchanged, each with
+            probability 0.5 when it is drawn
     """
 
     matching: Literal["adversary", "mmd", "coral", "reversal"] = "adversary"
@@ -37,51 +38,55 @@ class StudyTraining(Training):
         super().__post_init__()
         if not 0 <= self.averaging < 1:
             raise ConfigError(
-                f"StudyTraining.averaging must be from 0 to below 1, which would never take in an update, "
-                f"not {self.averaging}"
+                "StudyTraining.averaging must be from 0 to below 1, which would never "
+                f"take in an update, not {self.averaging}"
             )
-        refuse_below(self, 0, "reversal_weight", "tether")
+        check_at_least(self, 0, "reversal_weight", "tether")
         if self.tether * self.learning_rate > 1:
+            most = 1 / self.learning_rate
             raise ConfigError(
-                f"StudyTraining.tether must be at most 1 / learning_rate ({1 / self.learning_rate:g}), "
+                f"StudyTraining.tether must be at most 1 / learning_rate ({most:g}), "
                 f"not {self.tether}"
             )
-        if (
-            self.regularise
-            and self.matching == "reversal"
-            and self.system_draw == "iteration"
-        ):
+        reversal = self.regularise and self.matching == "reversal"
+        if reversal and self.system_draw == "iteration":
             raise ConfigError(
-                "StudyTraining.matching='reversal' needs batches of both systems: system_draw='trajectory'"
+                "StudyTraining.matching='reversal' needs batches of both systems: "
+                "system_draw='trajectory'"
             )
 
-    def refuse_for(self, body: Body) -> None:
-        """ConfigError naming the first setting that has a meaning for the paper's body alone."""
-        super().refuse_for(body)
+    def check_body(self, body: Body) -> None:
+        """Refuse settings that make sense for the paper's body only.
+
+        Raises:
+            ConfigError: names the first such setting that `body` cannot have.
+        """
+        super().check_body(body)
         if body != ROVER and self.mirror:
             raise ConfigError(
-                f"StudyTraining.mirror knows left and right of the paper's robots alone, not of '{body.name}'"
+                "StudyTraining.mirror knows left and right of the paper's robots "
+                f"alone, not of '{body.name}'"
             )
 
     def hooks(self) -> tuple[Any, ...]:
-        """What these settings add to the training loop."""
-        from companion.beyond.following import PullToStart, WeightAverage
+        """The hooks that these settings add to the training loop."""
         from companion.beyond.matching import (
             DISTANCES,
             DistanceMatching,
             GradientReversal,
         )
         from companion.beyond.mirror import Mirroring
+        from companion.beyond.weight_hooks import PullToStart, WeightAverage
 
-        found: list[Any] = []
+        hooks: list[Any] = []
         if self.regularise and self.matching == "reversal":
-            found.append(GradientReversal(self.reversal_weight))
+            hooks.append(GradientReversal(self.reversal_weight))
         if self.regularise and self.matching in DISTANCES:
-            found.append(DistanceMatching(self.matching))
+            hooks.append(DistanceMatching(self.matching))
         if self.tether:
-            found.append(PullToStart(self.tether))
+            hooks.append(PullToStart(self.tether))
         if self.averaging:
-            found.append(WeightAverage(self.averaging))
+            hooks.append(WeightAverage(self.averaging))
         if self.mirror:
-            found.append(Mirroring())
-        return tuple(found)
+            hooks.append(Mirroring())
+        return tuple(hooks)

@@ -1,4 +1,4 @@
-"""A trial: everything that the result of one training run depends on."""
+"""Trials: a trial is everything that the result of one training run depends on."""
 
 from __future__ import annotations
 
@@ -10,21 +10,20 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 from companion.training import StudyTraining
-from sidm.config import ConfigError, config, refuse_nonsense, to_mapping
+from sidm.config import ConfigError, check_numbers, config, to_mapping
 from sidm.settings import Network
 from sidm.shards import Collection, trajectories_for
 from sidm.systems import find_system
 
-#: Stands for the digest of a dataset that was never collected here nor belongs to a
-#: stored result.
+#: The digest of a dataset that is neither on this disk nor part of a stored result.
 UNKNOWN = "unknown"
 
-#: Seeds of the collections; each dataset's trajectories are disjoint from the others'.
+#: Seeds of the collections, so that no two datasets share a trajectory.
 POOL_SEED, VALIDATION_SEED, EXPERT_SEED, ROLLOUT_SEED = 0, 1, 2, 3
 
-#: Novice motion by what it serves -> what is added to the seeds of pool, validation and
-#: rollouts. What settings are chosen by is never what a figure is drawn from. The
-#: expert's motion serves all.
+#: Purpose of the novice's motion -> number added to the seeds of pool, validation and
+#: rollouts. Settings are chosen on other motion than the figures show. The expert's
+#: motion is the same for all purposes.
 MOTION = {"figures": 0, "tuning": 10, "claim": 20, "decisive": 30}
 
 
@@ -37,40 +36,42 @@ class Dataset:
 
     @property
     def name(self) -> str:
-        """For people and files, as 'system1/novice/ornstein_uhlenbeck/seed-0/1125'."""
+        """The name in messages and files: 'system1/novice/sinusoid/seed-0/1125'."""
         c = self.collection
         return f"{c.system}/{c.role}/{c.policy}/seed-{c.seed}/{self.count}"
 
 
 def datasets(sizes: Any, system: str, pool_minutes: float) -> dict[str, Dataset]:
-    """The four datasets of a study of one system: 'novice' (the pool), 'expert', 'validation' and 'rollout'.
+    """The four datasets of one system.
 
-    Their `sizes`, policy and motion are a Trial's or a Preset's.
+    Args:
+        sizes: a Trial or a Preset, which has the sizes, the policy and the motion.
+        system: the pair of robots.
+        pool_minutes: motion in the novice pool, min.
+
+    Returns:
+        'novice' (the pool), 'expert', 'validation' and 'rollout'.
     """
 
-    def dataset(
-        role: str, seed: int, count: int, policy: str = sizes.policy
-    ) -> Dataset:
+    def dataset(role: str, seed: int, count: int, policy: str) -> Dataset:
         seed += MOTION[sizes.motion] if role == "novice" else 0
-        return Dataset(
-            collection=Collection(system=system, role=role, policy=policy, seed=seed),
-            count=count,
-        )
+        collection = Collection(system=system, role=role, policy=policy, seed=seed)
+        return Dataset(collection=collection, count=count)
 
+    pool, expert, validation = (
+        trajectories_for(minutes)
+        for minutes in (pool_minutes, sizes.expert_minutes, sizes.validation_minutes)
+    )
     return {
-        "novice": dataset("novice", POOL_SEED, trajectories_for(pool_minutes)),
-        "expert": dataset(
-            "expert", EXPERT_SEED, trajectories_for(sizes.expert_minutes)
-        ),
-        "validation": dataset(
-            "novice", VALIDATION_SEED, trajectories_for(sizes.validation_minutes)
-        ),
-        "rollout": dataset("novice", ROLLOUT_SEED, sizes.rollouts, policy="held"),
+        "novice": dataset("novice", POOL_SEED, pool, sizes.policy),
+        "expert": dataset("expert", EXPERT_SEED, expert, sizes.policy),
+        "validation": dataset("novice", VALIDATION_SEED, validation, sizes.policy),
+        "rollout": dataset("novice", ROLLOUT_SEED, sizes.rollouts, "held"),
     }
 
 
-#: Values that a trial, its network or trainings did not have from the first, and what
-#: they are where it does not say.
+#: Fields that were added to a trial, its network or its trainings later, with their
+#: defaults. Keys leave them out at these defaults, so that older keys stay valid.
 LATER = (
     ("fit", "gradients"),
     ("motion", "figures"),
@@ -91,28 +92,29 @@ class Trial:
 
     Attributes:
         system: the pair of robots
-        method: a name of `methods.METHODS`; what it means stands in `training`
-        novice_minutes: of motion of the novice, min, train and test together
-        seed: of the novice subset, the initial weights and the batches; pairs the
-            methods
-        pool_minutes: of the novice pool that the subset is drawn from, min
-        expert_minutes: of motion of the expert, min
-        validation_minutes: of motion of the novice that nothing is learnt from, min
+        method: a name of `methods.METHODS`; the other fields have what it means
+        novice_minutes: motion of the novice, train and test together, min
+        seed: seed of the novice subset, the initial weights and the batches; methods
+            are compared at equal seeds
+        pool_minutes: novice pool that the subset is drawn from, min
+        expert_minutes: motion of the expert, min
+        validation_minutes: motion of the novice from which nothing is learnt, min
         rollouts: trajectories of the 25-step test
-        policy: that made pool, expert and validation data
-        novice_data: digest of the pool
-        expert_data: of the expert's motion
-        validation_data: of the validation motion
-        rollout_data: of the rollouts
+        policy: exploration policy of pool, expert and validation data
+        novice_data: digest of the novice pool
+        expert_data: digest of the expert's motion
+        validation_data: digest of the validation motion
+        rollout_data: digest of the rollouts
         network: sizes of all networks
-        training: of the method
-        pretraining: on the expert alone, whose weights the novice starts from; none:
-            fresh
-        pretrained: what of those weights it starts from; 'sidm': the shared part alone
-        residual: the pretrained model stays as it is; what is learnt, from fresh
-            weights, corrects it
-        fit: the training loop, or weights in closed form
-        motion: what the novice's motion serves, of MOTION
+        training: settings of the method's training
+        pretraining: settings of training on the expert alone, whose weights the novice
+            starts from; none: fresh weights
+        pretrained: weights that are taken from the pretraining; 'sidm': the shared part
+            alone
+        residual: whether the pretrained model stays as it is, and a model with fresh
+            weights learns to correct it
+        fit: how weights are found: by the training loop, or in closed form
+        motion: purpose of the novice's motion, a key of `trials.MOTION`
     """
 
     system: str
@@ -138,88 +140,84 @@ class Trial:
 
     def __post_init__(self) -> None:
         """Refuse a trial that cannot be run."""
-        refuse_nonsense(self)
+        check_numbers(self)
         find_system(self.system)
         if not 0 < self.novice_minutes <= self.pool_minutes:
             raise ConfigError(
-                f"Trial.novice_minutes must be above 0 and at most pool_minutes ({self.pool_minutes:g}), "
-                f"not {self.novice_minutes:g}"
+                "Trial.novice_minutes must be above 0 and at most pool_minutes "
+                f"({self.pool_minutes:g}), not {self.novice_minutes:g}"
             )
         if self.rollouts < 1:
             raise ConfigError(f"Trial.rollouts must be at least 1, not {self.rollouts}")
+        pretrains = self.pretraining is not None
         if self.pretraining is not None and self.pretraining.needs_expert:
             raise ConfigError(
-                "Trial.pretraining has the expert in the novice's place: p_expert=0 and regularise=False"
+                "Trial.pretraining has the expert in the novice's place: p_expert=0 "
+                "and regularise=False"
             )
-        if (
-            self.pretraining is not None
-            and self.pretrained == "all"
-            and not self.network.alike
-        ):
+        if pretrains and self.pretrained == "all" and not self.network.same_body:
             novice, expert = self.network.body("novice"), self.network.body("expert")
             raise ConfigError(
-                f"{self.method} copies the expert's encoder and decoder, which needs robots of one body; "
-                f"'{novice.name}' is not '{expert.name}'"
+                f"{self.method} copies the expert's encoder and decoder, which needs "
+                f"robots of one body; '{novice.name}' is not '{expert.name}'"
             )
-        if self.pretrained == "sidm" and (self.pretraining is None or self.residual):
+        if self.pretrained == "sidm" and (self.residual or not pretrains):
             raise ConfigError(
                 "Trial.pretrained='sidm' goes with a pretraining, and not with residual"
             )
-        if self.residual and (self.pretraining is None or self.training.needs_expert):
+        if self.residual and (self.training.needs_expert or not pretrains):
             raise ConfigError(
-                "Trial.residual goes with a pretraining, and with p_expert=0 and regularise=False"
+                "Trial.residual goes with a pretraining, and with p_expert=0 and "
+                "regularise=False"
             )
-        if self.solved and (
-            self.training.needs_expert
-            or self.residual != (self.pretraining is not None)
-        ):
+        if self.solved and (self.training.needs_expert or self.residual != pretrains):
             raise ConfigError(
-                "Trial.fit='least_squares' stands alone, or is the residual of a pretraining"
+                "Trial.fit='least_squares' stands alone, or is the residual of a "
+                "pretraining"
             )
 
     @property
     def datasets(self) -> dict[str, Dataset]:
-        """What it learns from and is judged on, 'novice' (the pool), 'expert', 'validation', 'rollout'."""
+        """Datasets of training and evaluation, by the names that `datasets` gives."""
         return datasets(self, self.system, self.pool_minutes)
 
     @property
     def digests(self) -> dict[str, str]:
-        """The digests of `datasets`, by the same names."""
+        """Digests of the datasets, by the datasets' names."""
         return {name: getattr(self, f"{name}_data") for name in self.datasets}
 
     @property
     def solved(self) -> bool:
-        """Whether its weights have a closed form."""
+        """Whether the weights are computed in closed form."""
         return self.fit == "least_squares"
 
     @functools.cached_property
     def key(self) -> str:
-        """20 hexadecimal digits that change when any value of the trial does."""
+        """The key of the trial's stored result, see `key_of_values`."""
         return key_of_values(self.to_json())
 
     def __str__(self) -> str:
-        """For messages and progress bars."""
-        return (
-            f"{self.system} {self.method} {self.novice_minutes:g} min seed {self.seed}"
-        )
+        """The name in messages and progress bars."""
+        size = f"{self.novice_minutes:g} min"
+        return f"{self.system} {self.method} {size} seed {self.seed}"
 
     def replace(self, **changes: Any) -> Trial:
-        """The same trial with some values changed, checked like a new one."""
+        """A trial with some values changed, which is checked like any trial."""
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
     def to_json(self) -> dict[str, Any]:
-        """All its values as plain nested mappings, without those of LATER by default, so that older keys still hold."""
+        """All values as plain nested mappings, see `without_later`."""
         return without_later(to_mapping(self))
 
 
 def key_of_values(values: Mapping[str, Any]) -> str:
-    """20 hexadecimal digits that change when any of some plain nested values does."""
+    """A key for plain nested values: 20 hexadecimal digits of their SHA-256 digest."""
     text = json.dumps(values, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:20]
 
 
 def without_later(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values without those of LATER, at any depth."""
+    """Nested values without the fields of LATER that have their defaults."""
     return {
         name: without_later(value) if isinstance(value, Mapping) else value
         for name, value in values.items()

@@ -1,10 +1,10 @@
-"""Two simulated robots with springs of your own: how much motion of the expensive one can the cheap one save?
+"""How much motion of an expensive simulated robot can a cheap one save?
 
     python examples/two_robots.py --minutes 5 --out two-robots
 
-It simulates a pair, trains a system invariant dynamics model (SIDM) and a model of the
-novice alone on the same drives, evaluates both on drives that neither has seen, and
-draws where each predicts that the novice goes.
+It simulates two robots with springs of your own, trains a system invariant dynamics
+model (SIDM) and a model of the novice alone on the same drives, evaluates both on
+drives that neither was trained on, and draws the path of the novice that each predicts.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import matplotlib.pyplot as plt
 import sidm
 
 
-def springs_of_your_own() -> sidm.System:
-    """The paper's first pair, with softer springs for the novice and rougher ground for both."""
+def soft_pair() -> sidm.System:
+    """The paper's first pair with a softer novice, and rougher ground for both."""
     pair = sidm.SYSTEMS["system1"]
     return sidm.System(
         name="soft",
@@ -29,7 +29,7 @@ def springs_of_your_own() -> sidm.System:
 
 
 def draw(models: dict[str, sidm.Model], drive: sidm.Drive, path: Path) -> None:
-    """A drive from above, and what each model predicts from its start."""
+    """Draw a drive and each model's prediction of it, seen from above, in a file."""
     figure, axes = plt.subplots(figsize=(6, 5), layout="constrained")
     axes.plot(*drive.states[:, :2].T, color="black", label="the novice")
     for name, model in models.items():
@@ -40,62 +40,41 @@ def draw(models: dict[str, sidm.Model], drive: sidm.Drive, path: Path) -> None:
     figure.savefig(path)
 
 
-def main() -> None:
-    """Simulate, train, evaluate, draw."""
+def parse_arguments() -> argparse.Namespace:
+    """The options on the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--minutes",
-        type=float,
-        default=5.0,
-        help="of the novice's motion (%(default)g)",
-    )
-    parser.add_argument(
-        "--expert-minutes",
-        type=float,
-        default=60.0,
-        help="of the expert's motion (%(default)g)",
-    )
-    parser.add_argument(
-        "--samples",
-        type=int,
-        default=300_000,
-        help="that each training sees at most (%(default)s)",
-    )
-    parser.add_argument(
-        "--workers", type=int, default=2, help="processes that simulate (%(default)s)"
-    )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        default=Path("two-robots"),
-        help="folder of what is made (%(default)s)",
-    )
-    given = parser.parse_args()
+    text = "minutes of the novice's motion (%(default)g)"
+    parser.add_argument("--minutes", type=float, default=5.0, help=text)
+    text = "minutes of the expert's motion (%(default)g)"
+    parser.add_argument("--expert-minutes", type=float, default=60.0, help=text)
+    text = "largest number of samples in a training (%(default)s)"
+    parser.add_argument("--samples", type=int, default=300_000, help=text)
+    text = "processes that simulate (%(default)s)"
+    parser.add_argument("--workers", type=int, default=2, help=text)
+    text = "folder of all results (%(default)s)"
+    parser.add_argument("--out", type=Path, default=Path("two-robots"), help=text)
+    return parser.parse_args()
 
-    pair, data = springs_of_your_own(), given.out / "data"
-    how = {"folder": data, "workers": given.workers, "progress": True}
-    novice = sidm.simulate(pair, "novice", given.minutes, seed=0, **how)
-    expert = sidm.simulate(pair, "expert", given.expert_minutes, seed=0, **how)
-    unseen = sidm.simulate(pair, "novice", 2.0, seed=1, **how)
 
-    settings = {"max_samples": given.samples}
+def main() -> None:
+    """Simulate the drives, train both models, evaluate them, draw their predictions."""
+    options = parse_arguments()
+    pair, out = soft_pair(), options.out
+    minutes, expert_minutes = options.minutes, options.expert_minutes
+    work = {"folder": out / "data", "workers": options.workers, "progress": True}
+    novice = sidm.simulate(pair, "novice", minutes, seed=0, **work)
+    expert = sidm.simulate(pair, "expert", expert_minutes, seed=0, **work)
+    unseen = sidm.simulate(pair, "novice", 2.0, seed=1, **work)
+
+    fit = {"settings": {"max_samples": options.samples}, "progress": True}
     models = {
-        "SIDM": sidm.fit(
-            novice,
-            expert,
-            method="sidm",
-            settings=settings,
-            out=given.out / "sidm",
-            progress=True,
-        ),
-        "novice alone": sidm.fit(
-            novice, settings=settings, out=given.out / "alone", progress=True
-        ),
+        "SIDM": sidm.fit(novice, expert, method="sidm", out=out / "sidm", **fit),
+        "novice alone": sidm.fit(novice, out=out / "alone", **fit),
     }
     for name, model in models.items():
         print(f"{name}: loss on unseen drives {model.loss(unseen):.3f}, equation (1)")
-    draw(models, unseen[0], given.out / "paths.png")
-    print(f"figure: {given.out / 'paths.png'}")
+    draw(models, unseen[0], out / "paths.png")
+    print(f"figure: {out / 'paths.png'}")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,7 @@
-"""How pytest takes the notebooks (nbval): what goes to stderr, as progress bars do, is not compared."""
+"""How pytest takes the notebooks (nbval).
+
+Text on stderr, such as progress bars, is not compared.
+"""
 
 
 def pytest_collection_modifyitems(items):

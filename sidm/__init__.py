@@ -1,15 +1,15 @@
 """Dynamics models of robots that share what they learn: Wang and Johnson, L4DC 2021.
 
-Simulate a pair of robots or read recorded drives, fit a model, ask it and keep it. Each
-name below is imported when it is first used; the parts that it comes from are the
-reference of the book.
+Simulate a pair of robots or read recorded drives, fit a model, use it and save it. A
+public name is imported when it is first used. The book's reference describes the
+modules that the names come from.
 
 Examples:
     >>> import sidm
     >>> novice = sidm.simulate(sidm.SYSTEMS["system1"], "novice", minutes=0.5, seed=0)
     >>> model = sidm.fit(novice, method="least_squares")
-    >>> unseen = sidm.simulate("system1", "novice", minutes=0.2, seed=1)
-    >>> path = model.rollout(unseen[0].states[0], unseen[0].actions, ground=unseen[0].ground)
+    >>> drive = sidm.simulate("system1", "novice", minutes=0.2, seed=1)[0]
+    >>> path = model.rollout(drive.states[0], drive.actions, ground=drive.ground)
     >>> path.shape
     (65, 13)
 """
@@ -19,8 +19,8 @@ from typing import Any
 
 __version__ = "0.2.0"
 
-#: Public name -> the module that it is imported from when it is first asked for:
-#: PyTorch alone takes seconds.
+#: Public name -> its module, which is imported when the name is first used, since
+#: PyTorch alone takes seconds to import.
 _MODULES = {
     "SYSTEMS": "systems",
     "System": "systems",
@@ -45,9 +45,8 @@ __all__ = [*_MODULES]  # noqa: PLE0604
 def __getattr__(name: str) -> Any:
     if name not in _MODULES:
         raise AttributeError(f"module 'sidm' has no attribute '{name}'")
-    value = globals()[name] = getattr(
-        importlib.import_module(f"sidm.{_MODULES[name]}"), name
-    )
+    module = importlib.import_module(f"sidm.{_MODULES[name]}")
+    value = globals()[name] = getattr(module, name)
     return value
 
 

@@ -1,4 +1,4 @@
-"""The library's commands: `sidm fit`, `sidm evaluate`, `sidm predict` and `sidm replay`."""
+"""The library's commands: `sidm demo`, `fit`, `evaluate`, `predict` and `replay`."""
 
 from __future__ import annotations
 
@@ -7,83 +7,63 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from sidm.command_line import Adds
-from sidm.config import ConfigError, changes, first_line
+from sidm.command_line import AddCommand
+from sidm.config import ConfigError, first_line, parse_changes
 
 _DRIVES = "drives: a file, a ROS bag, or a folder of files"
 
 
-def add_fitting(command: Adds) -> None:
-    """Add what makes and asks a model of your own robot."""
-    fit = command(
-        "fit",
-        run_fit,
-        "Learn a robot from recorded drives; can be stopped and goes on.",
-    )
+def add_fitting(add: AddCommand) -> None:
+    """Add the commands that fit a model and use it: fit, evaluate and predict."""
+    text = "Learn a robot from recorded drives; can be stopped and goes on."
+    fit = add("fit", run_fit, text)
+    _add_fit_options(fit)
+    text = "How well a fitted model predicts other drives, with a figure."
+    evaluate = add("evaluate", run_evaluate, text)
+    text = "What a fitted model predicts of drives, as CSV."
+    predict = add("predict", run_predict, text)
+    text = "topics of ROS bags that are read, where several could be meant (all)"
+    for command in (fit, evaluate, predict):
+        command.add_argument(
+            "--topics", metavar="NAME", nargs="+", default=[], help=text
+        )
+    text = "folder of a model that 'sidm fit' made"
+    for command in (evaluate, predict):
+        command.add_argument("model", metavar="MODEL", help=text)
+        command.add_argument("drives", metavar="PATH", help=_DRIVES)
+    text = "of the report (evaluation.png in the model's folder)"
+    evaluate.add_argument("--figure", metavar="FILE", help=text)
+    text = "where to write (standard output)"
+    predict.add_argument("--out", metavar="FILE", help=text)
+
+
+def _add_fit_options(fit: argparse.ArgumentParser) -> None:
+    """Add the options of `sidm fit` alone."""
     fit.add_argument("--novice", metavar="PATH", required=True, help=_DRIVES)
-    fit.add_argument(
-        "--expert",
-        metavar="PATH",
-        help="drives of another robot, whose motion is cheaper",
-    )
-    fit.add_argument(
-        "--body",
-        metavar="FILE",
-        required=True,
-        help="what the drives are made of, YAML",
-    )
-    fit.add_argument(
-        "--expert-body",
-        metavar="FILE",
-        help="the same of the expert's (the novice's unless given)",
-    )
-    fit.add_argument(
-        "--method",
-        help="sidm, novice_only, ... (sidm with an expert, novice_only without)",
-    )
-    fit.add_argument(
-        "--seed",
-        type=int,
-        default=0,
-        help="of choice, weights and batches (%(default)s)",
-    )
+    text = "drives of another robot, whose motion is cheaper"
+    fit.add_argument("--expert", metavar="PATH", help=text)
+    text = "what the drives are made of, YAML"
+    fit.add_argument("--body", metavar="FILE", required=True, help=text)
+    text = "the same of the expert's (the novice's unless given)"
+    fit.add_argument("--expert-body", metavar="FILE", help=text)
+    text = "sidm, novice_only, ... (sidm with an expert, novice_only without)"
+    fit.add_argument("--method", help=text)
+    text = "of choice, weights and batches (%(default)s)"
+    fit.add_argument("--seed", type=int, default=0, help=text)
     fit.add_argument(
         "--set",
         action="append",
         default=[],
         metavar="NAME=VALUE",
         dest="changes",
-        help="one setting of networks or training, as hidden=64 or p_expert=0.5; may be given again",
+        help="one setting of networks or training, as hidden=64 or p_expert=0.5; "
+        "may be given again",
     )
     fit.add_argument("--out", metavar="DIR", required=True, help="folder of the model")
-    evaluate = command(
-        "evaluate",
-        run_evaluate,
-        "How well a fitted model predicts other drives, with a figure.",
-    )
-    predict = command(
-        "predict", run_predict, "What a fitted model predicts of drives, as CSV."
-    )
-    for one in (fit, evaluate, predict):
-        words = "topics of ROS bags that are read, where several could be meant (all)"
-        one.add_argument("--topics", metavar="NAME", nargs="+", default=[], help=words)
-    for one in (evaluate, predict):
-        one.add_argument(
-            "model", metavar="MODEL", help="folder of a model that 'sidm fit' made"
-        )
-        one.add_argument("drives", metavar="PATH", help=_DRIVES)
-    evaluate.add_argument(
-        "--figure",
-        metavar="FILE",
-        help="of the report (evaluation.png in the model's folder)",
-    )
-    predict.add_argument(
-        "--out", metavar="FILE", help="where to write (standard output)"
-    )
 
 
 def run_fit(arguments: argparse.Namespace) -> int:
-    """`fit`: a line of what was learnt."""
+    """Run `sidm fit`: it prints a line on the fitted model."""
     from sidm.fitting.fit import fit
 
     model = fit(
@@ -92,50 +72,52 @@ def run_fit(arguments: argparse.Namespace) -> int:
         arguments.method,
         body=arguments.body,
         expert_body=arguments.expert_body,
-        settings=changes(arguments.changes),
+        settings=parse_changes(arguments.changes),
         seed=arguments.seed,
         out=arguments.out,
         topics=arguments.topics,
         progress=True,
     )
     print(
-        f"{arguments.out}: {model.method}, from {model.minutes:.2g} min in windows of {model.steps} steps; "
-        f"test loss {model.test_loss:.3g}, where predicting the mean costs {model.mean_loss:.3g}"
+        f"{arguments.out}: {model.method}, from {model.minutes:.2g} min "
+        f"in windows of {model.steps} steps; test loss {model.test_loss:.3g}, "
+        f"where predicting the mean costs {model.mean_loss:.3g}"
     )
     return 0
 
 
 def run_evaluate(arguments: argparse.Namespace) -> int:
-    """`evaluate`: the table, and its figure where Matplotlib is installed."""
+    """Run `sidm evaluate`: it prints the table of errors and draws their figure.
+
+    It draws nothing where Matplotlib is not installed.
+    """
     from sidm.fitting.model import load
 
     table = load(arguments.model).evaluate(arguments.drives, arguments.topics)
-    print(shown(table))
+    print(_errors_text(table))
     try:
         from sidm.fitting.report import figure
     except ImportError:
-        print(
-            "note: no figure is drawn without Matplotlib: pip install 'sidm[plots]'",
-            file=sys.stderr,
-        )
+        text = "note: no figure is drawn without Matplotlib: pip install 'sidm[plots]'"
+        print(text, file=sys.stderr)
         return 0
     path = Path(arguments.figure or Path(arguments.model) / "evaluation.png")
     try:
         figure(table).savefig(path)
-    except ValueError as error:  # another kind of file than there are
+    except ValueError as error:  # Matplotlib does not know the type of file
         raise ConfigError(f"{path}: {first_line(error)}") from None
     print(f"figure: {path}")
     return 0
 
 
-def shown(table: Any) -> str:
-    """The table of `evaluate` for people: of horizons every fifth."""
-    some = table[(table.horizon == 1) | (table.horizon % 5 == 0)]
-    return some.to_string(index=False, float_format="{:.3g}".format)
+def _errors_text(table: Any) -> str:
+    """The table of `Model.evaluate` as text, with the first and every fifth horizon."""
+    rows = table[(table.horizon == 1) | (table.horizon % 5 == 0)]
+    return rows.to_string(index=False, float_format="{:.3g}".format)
 
 
 def run_predict(arguments: argparse.Namespace) -> int:
-    """`predict`: CSV."""
+    """Run `sidm predict`: it writes the predictions as CSV."""
     from sidm.fitting.model import load
     from sidm.storage import write_atomically
 
@@ -148,73 +130,28 @@ def run_predict(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def add_replay(command: Adds) -> None:
-    """Add it to a command line."""
-    made = command(
-        "replay",
-        run_replay,
-        "Make a page that shows a ride in three dimensions, with nothing to install.",
+def add_replay(add: AddCommand) -> None:
+    """Add `sidm replay`."""
+    text = "Make a page that shows a ride in three dimensions, with nothing to install."
+    replay = add("replay", run_replay, text)
+    text = "a scene that `sidm.replay.write_scene` wrote, or recorded drives"
+    replay.add_argument("ride", metavar="PATH", help=text)
+    text = "where to write the page"
+    replay.add_argument("--html", metavar="FILE", required=True, help=text)
+    text = "what recorded drives are made of, YAML (the paper's robots')"
+    replay.add_argument("--body", metavar="FILE", help=text)
+    text = "which of the drives, from 0 (%(default)s)"
+    replay.add_argument("--drive", type=int, default=0, metavar="N", help=text)
+    text = (
+        "what a recorded robot looks like: rover, warthog, husky, or "
+        "WHEELBASE,TRACK,RADIUS in m (rover for the paper's, else husky)"
     )
-    made.add_argument(
-        "ride",
-        metavar="PATH",
-        help="a scene that `sidm.replay.write_scene` wrote, or recorded drives",
-    )
-    made.add_argument(
-        "--html", metavar="FILE", required=True, help="where to write the page"
-    )
-    made.add_argument(
-        "--body",
-        metavar="FILE",
-        help="what recorded drives are made of, YAML (the paper's robots')",
-    )
-    made.add_argument(
-        "--drive",
-        type=int,
-        default=0,
-        metavar="N",
-        help="which of the drives, from 0 (%(default)s)",
-    )
-    words = "what a recorded robot looks like: rover, warthog, husky, or WHEELBASE,TRACK,RADIUS in m"
-    made.add_argument(
-        "--shape", metavar="NAME", help=f"{words} (rover for the paper's, else husky)"
-    )
-    made.add_argument("--title", help="of the page (the file's name)")
-
-
-def add_demo(command: Adds) -> None:
-    """Add it to a command line."""
-    made = command(
-        "demo",
-        run_demo,
-        "A model of a real robot in half a minute, from drives that come with sidm.",
-    )
-    made.add_argument(
-        "--out",
-        metavar="DIR",
-        default="sidm-demo",
-        help="folder of what is made (%(default)s)",
-    )
-
-
-def run_demo(arguments: argparse.Namespace) -> int:
-    """`demo`: what was learnt, how well, and what to do next."""
-    from sidm.demo import run
-
-    made = run(arguments.out)
-    print(
-        f"{made.model}, {made.learnt} drives of a Warthog; its errors on {made.judged} others:"
-    )
-    print(shown(made.errors))
-    print(f"model: {made.page.parent / 'model'}")
-    print(
-        f"replay: {made.page}; open it in a browser: the ghost is where the model says that the robot would be"
-    )
-    return 0
+    replay.add_argument("--shape", metavar="NAME", help=text)
+    replay.add_argument("--title", help="of the page (the file's name)")
 
 
 def run_replay(arguments: argparse.Namespace) -> int:
-    """`replay`: prints where the page is."""
+    """Run `sidm replay`: it writes the page and prints where it is."""
     from sidm.replay.viewer import View
 
     path = Path(arguments.ride)
@@ -224,6 +161,7 @@ def run_replay(arguments: argparse.Namespace) -> int:
 
 
 def _scene(path: Path, arguments: argparse.Namespace) -> Any:
+    """The scene in a file, or the scene of one of the recorded drives in it."""
     from sidm.body import ROVER, read_body
     from sidm.recordings import read_drives
     from sidm.replay.scene import drives_scene
@@ -236,13 +174,42 @@ def _scene(path: Path, arguments: argparse.Namespace) -> Any:
         try:
             return read_scene(path)
         except Damaged:
-            pass  # recorded drives, then, which says what else is wrong
+            pass  # The file may hold recorded drives; reading them finds other faults.
     body = read_body(arguments.body) if arguments.body else ROVER
     shape = arguments.shape or ("husky" if arguments.body else "rover")
-    like = SYSTEMS["system1"].novice if shape == "rover" else find_box(shape)
+    robot = SYSTEMS["system1"].novice if shape == "rover" else find_box(shape)
     drives = read_drives(path, body)
     if not 0 <= arguments.drive < len(drives):
         raise ConfigError(
             f"{path}: it has drives 0 to {len(drives) - 1}, not {arguments.drive}"
         )
-    return drives_scene([drives[arguments.drive]], like)
+    return drives_scene([drives[arguments.drive]], robot)
+
+
+def add_demo(add: AddCommand) -> None:
+    """Add `sidm demo`."""
+    demo = add(
+        "demo",
+        run_demo,
+        "A model of a real robot in half a minute, from drives that come with sidm.",
+    )
+    text = "folder of what is made (%(default)s)"
+    demo.add_argument("--out", metavar="DIR", default="sidm-demo", help=text)
+
+
+def run_demo(arguments: argparse.Namespace) -> int:
+    """Run `sidm demo`: it prints the model, its errors and what to do next."""
+    from sidm.demo import run
+
+    demo = run(arguments.out)
+    print(
+        f"{demo.model}, {demo.training_drives} drives of a Warthog; "
+        f"its errors on {demo.held_out_drives} others:"
+    )
+    print(_errors_text(demo.errors))
+    print(f"model: {demo.page.parent / 'model'}")
+    print(
+        f"replay: {demo.page}; open it in a browser: "
+        "the ghost is where the model says that the robot would be"
+    )
+    return 0

@@ -1,4 +1,7 @@
-"""Strict frozen configuration: a dataclass that refuses unknown names and wrong types, naming the nearest right one."""
+"""Frozen dataclasses for configuration that refuse unknown names and wrong types.
+
+The error names the parameter and, for an unknown name, the nearest known one.
+"""
 
 from __future__ import annotations
 
@@ -17,72 +20,72 @@ LARGEST = 1e12  # no size, rate or seed is larger
 
 
 class ConfigError(ValueError):
-    """A parameter that does not exist or has the wrong type; the message is one line for the person who typed it."""
+    """An unknown parameter or a wrong value; the message is one line for its user."""
 
 
-class Fault(ValueError):
-    """What is wrong with a file of data; the message is one line that names file and fault, and the mend."""
+class DataError(ValueError):
+    """A fault in a file of data; one line that names file, fault and remedy."""
 
 
 def first_line(error: object) -> str:
-    """Of what an error says, or the name of its kind where it says nothing."""
+    """The first line of an error's message, or the error's type if it has none."""
     return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 def hint(name: str, known: Iterable[str]) -> str:
-    """The nearest of the `known` names, or all of them where none is near."""
+    """A text with the nearest of the `known` names, or all of them if none is near."""
     known = list(known)
     near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
     return f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
 
 
 def unknown_name(name: str, known: Iterable[str], where: str) -> ConfigError:
-    """The error for `name`, which `where` does not know."""
+    """The error for a `name` that is not among the `known` names of `where`."""
     return ConfigError(f"unknown parameter {name!r} of {where}; {hint(name, known)}")
 
 
 def conform(value: Any, kind: Any, name: str) -> Any:
-    """`value` as the type `kind` asks for it (an int serves as float, a list as tuple); ConfigError for others."""
-    if type(value) is kind:
+    """Convert a value to an annotated type: an int may be a float, a list a tuple.
+
+    Args:
+        value: any value.
+        kind: a type, or a union, `Literal`, `tuple`, `list` or `dict` of types.
+        name: the parameter's name, for the error.
+
+    Returns:
+        The value, converted if need be.
+
+    Raises:
+        ConfigError: the value is not of that type; one line that names the parameter.
+    """
+    if kind is Any or type(value) is kind:
         return value
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
-    if kind is Any:
-        return value
     if origin in (typing.Union, types.UnionType):
         for option in arguments:
-            try:
+            with contextlib.suppress(ConfigError):
                 return conform(value, option, name)
-            except ConfigError:
-                continue
     elif origin is typing.Literal:
         if value in arguments:
             return value
-        raise ConfigError(
-            f"'{name}' must be one of {', '.join(map(repr, arguments))}, not {value!r}; "
-            f"{hint(str(value), map(str, arguments))}"
-        )
+        options = ", ".join(map(repr, arguments))
+        near = hint(str(value), map(str, arguments))
+        raise ConfigError(f"'{name}' must be one of {options}, not {value!r}; {near}")
     elif origin is tuple:
         if isinstance(value, (list, tuple)):
-            if len(arguments) == 2 and arguments[1] is Ellipsis:
-                part = arguments[0]
-                return tuple(
-                    item if type(item) is part else conform(item, part, name)
-                    for item in value
-                )
-            if len(arguments) == len(value):
-                return tuple(
-                    conform(item, part, name)
-                    for item, part in zip(value, arguments, strict=True)
-                )
+            any_length = len(arguments) == 2 and arguments[1] is Ellipsis
+            kinds = arguments[:1] * len(value) if any_length else arguments
+            if len(kinds) == len(value):
+                return tuple(map(conform, value, kinds, [name] * len(value)))
     elif origin is list:
         if isinstance(value, (list, tuple)):
             return [conform(item, arguments[0], name) for item in value]
     elif origin is dict:
         if isinstance(value, dict):
-            key, item = arguments
+            of_key, of_item = arguments
             return {
-                conform(one, key, name): conform(other, item, name)
-                for one, other in value.items()
+                conform(key, of_key, name): conform(item, of_item, name)
+                for key, item in value.items()
             }
     elif kind is float:
         if isinstance(value, (int, float)) and not isinstance(value, bool):
@@ -92,15 +95,17 @@ def conform(value: Any, kind: Any, name: str) -> Any:
             return value
     elif isinstance(kind, type) and isinstance(value, kind):
         return value
-    shown = kind.__name__ if isinstance(kind, type) else str(kind)
-    raise ConfigError(
-        f"'{name}' must be {shown}, not {type(value).__name__} ({value!r})"
-    )
+    wanted = kind.__name__ if isinstance(kind, type) else str(kind)
+    given = f"{type(value).__name__} ({value!r})"
+    raise ConfigError(f"'{name}' must be {wanted}, not {given}")
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True)
 def config(cls: type[T]) -> type[T]:
-    """Class decorator: a frozen, keyword-only dataclass; ConfigError for an unknown name or a wrong type."""
+    """Make a class a frozen, keyword-only dataclass that checks names and types.
+
+    The constructor raises ConfigError for an unknown name or a wrong type.
+    """
     made = dataclasses.dataclass(frozen=True, kw_only=True)(cls)
     plain: Callable[..., None] = made.__init__
 
@@ -111,7 +116,8 @@ def config(cls: type[T]) -> type[T]:
             if name not in kinds:
                 raise unknown_name(name, kinds, made.__name__)
         for name, value in values.items():
-            # most are: thousands are read back from files
+            # Most values are of their type. The test here saves a call for each of the
+            # thousands that are read from files.
             if type(value) is not kinds[name]:
                 values[name] = conform(value, kinds[name], f"{made.__name__}.{name}")
         plain(self, **values)
@@ -122,54 +128,69 @@ def config(cls: type[T]) -> type[T]:
 
 @functools.cache
 def _kinds(cls: type) -> dict[str, Any]:
-    """Field -> type of a `config` class; found once, since resolving annotations takes longer than all the rest."""
+    """Field -> type of a `config` class; cached: to resolve annotations is slow."""
     kinds = typing.get_type_hints(cls)
     return {field.name: kinds[field.name] for field in dataclasses.fields(cls)}
 
 
 @functools.cache
 def _nested(cls: type) -> dict[str, type]:
-    """Field -> the `config` class that it holds, of `Nested | None` too."""
-    options = (
-        (name, option)
-        for name, kind in _kinds(cls).items()
-        for option in (kind, *typing.get_args(kind))
-    )
-    return {
-        name: option
-        for name, option in options
-        if isinstance(option, type) and dataclasses.is_dataclass(option)
-    }
+    """Field -> the `config` class that it holds; `Nested | None` counts as `Nested`."""
+    nested = {}
+    for name, kind in _kinds(cls).items():
+        for option in (kind, *typing.get_args(kind)):
+            if isinstance(option, type) and dataclasses.is_dataclass(option):
+                nested[name] = option
+    return nested
 
 
-def refuse_nonsense(settings: Any) -> None:
-    """ConfigError naming the first number of a configuration that is not finite or too large to be meant."""
+def _as_tuple(value: Any) -> tuple:
+    """The value itself if it is a tuple, else a tuple of it alone."""
+    return value if isinstance(value, tuple) else (value,)
+
+
+def check_numbers(settings: Any) -> None:
+    """Check that every number of a configuration is finite and of a possible size.
+
+    Raises:
+        ConfigError: one line that names the first number that is not.
+    """
     for name, value in vars(settings).items():
-        for one in value if isinstance(value, tuple) else (value,):
-            if isinstance(one, (int, float)) and not abs(one) <= LARGEST:
+        for number in _as_tuple(value):
+            if isinstance(number, (int, float)) and not abs(number) <= LARGEST:
                 where = f"{type(settings).__name__}.{name}"
-                raise ConfigError(
-                    f"{where} must be a number from -{LARGEST:g} to {LARGEST:g}, not {one}"
-                )
+                limits = f"from -{LARGEST:g} to {LARGEST:g}"
+                raise ConfigError(f"{where} must be a number {limits}, not {number}")
 
 
-def refuse_below(settings: Any, least: float, *names: str) -> None:
-    """ConfigError naming the first of some numbers of a configuration, or of tuples of them, that is below `least`."""
+def check_at_least(settings: Any, least: float, *names: str) -> None:
+    """Check that the named fields of a configuration are at least `least`.
+
+    Args:
+        settings: the configuration.
+        least: the smallest allowed number.
+        names: fields that hold a number, or a tuple of numbers.
+
+    Raises:
+        ConfigError: one line that names the first field that is smaller.
+    """
     for name in names:
         value = getattr(settings, name)
-        if min(value if isinstance(value, tuple) else (value,)) < least:
-            raise ConfigError(
-                f"{type(settings).__name__}.{name} must be at least {least}, not {value}"
-            )
+        if min(_as_tuple(value)) < least:
+            where = f"{type(settings).__name__}.{name}"
+            raise ConfigError(f"{where} must be at least {least}, not {value}")
 
 
 def replace(settings: T, **changes: Any) -> T:
-    """A copy of a configuration with some values changed, checked like a new one."""
+    """A copy of a configuration with changed values, checked like a new one."""
     return dataclasses.replace(settings, **changes)  # type: ignore[type-var]
 
 
 def from_mapping(cls: type[T], values: Mapping[str, Any]) -> T:
-    """An instance of a `config` class from a mapping (as read from YAML), nested classes from nested mappings."""
+    """An instance of a `config` class from a mapping, as a YAML file gives it.
+
+    Mappings inside the mapping become instances of the nested `config` classes.
+    """
     nested = _nested(cls)  # type: ignore[arg-type]
     ready = {
         name: from_mapping(nested[name], value)
@@ -181,20 +202,24 @@ def from_mapping(cls: type[T], values: Mapping[str, Any]) -> T:
 
 
 def to_mapping(settings: Any) -> dict[str, Any]:
-    """What `from_mapping` takes again; as `dataclasses.asdict`, without its copies, which nothing frozen needs."""
+    """The mapping from which `from_mapping` makes the same configuration.
+
+    It is that of `dataclasses.asdict` without copies, which frozen values do not need.
+    """
     cls: Any = type(settings)
-    values, nested = (
-        {name: getattr(settings, name) for name in _kinds(cls)},
-        _nested(cls),
-    )
-    return {
-        name: to_mapping(one) if name in nested and one is not None else one
-        for name, one in values.items()
-    }
+    values = {name: getattr(settings, name) for name in _kinds(cls)}
+    for name in _nested(cls):
+        if values[name] is not None:
+            values[name] = to_mapping(values[name])
+    return values
 
 
-def parsed(text: str, name: str) -> Any:
-    """The value that a command line's `text` stands for, by YAML; ConfigError, with the value's name, for none."""
+def parse_value(text: str, name: str) -> Any:
+    """The value that a text on the command line stands for, read as YAML.
+
+    Raises:
+        ConfigError: the text is no YAML; the message has the parameter's `name`.
+    """
     import yaml
 
     try:
@@ -207,12 +232,16 @@ def parsed(text: str, name: str) -> Any:
     return value
 
 
-def changes(texts: Iterable[str]) -> dict[str, Any]:
-    """Values by name from texts such as 'seeds=5', as `--set` takes them; ConfigError for another form."""
-    found: dict[str, Any] = {}
+def parse_changes(texts: Iterable[str]) -> dict[str, Any]:
+    """Name -> value from texts such as 'seeds=5', the arguments of `--set`.
+
+    Raises:
+        ConfigError: a text is not of the form NAME=VALUE.
+    """
+    values: dict[str, Any] = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not equals:
             raise ConfigError(f"--set takes NAME=VALUE, not '{text}'")
-        found[name] = parsed(value, f"--set {name}")
-    return found
+        values[name] = parse_value(value, f"--set {name}")
+    return values

@@ -1,6 +1,6 @@
-"""The motion of a robot in NumPy: the state, a drive, the ground under it; from the simulator and from files alike.
+"""Motion of a robot in NumPy: drives and the ground under them, simulated or recorded.
 
-The state of a robot of the paper, 13 numbers (`sidm.body` says what other robots have):
+The state of the paper's robots has 13 numbers (`sidm.body` says what others have):
 
 =====  ====================  ========  ==========================
 index  quantity              unit      frame
@@ -24,52 +24,62 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sidm.body import ROVER, Body
-from sidm.config import Fault
+from sidm.config import DataError
 from sidm.systems import Terrain
 
 POSITION, QUATERNION, TWIST = slice(0, 3), slice(3, 7), slice(7, 13)
 STATE_SIZE, ACTION_SIZE = 13, 2
-#: control steps of a simulated trajectory, and of a window that networks learn from
+#: Control steps of a simulated trajectory, and of a window that networks learn from.
 STEPS = 64
 CONTROL_STEP = 0.1  # s
 
-PROBES = 8
-#: of a row's and a column's share of the ground to the next probe's: none are in line
+PROBES = 8  # points at which the heights of a ground are kept
+#: Distance between neighbouring probes along y and x, as shares of the ground's sides,
+#: modulo 1; no two probes share a row or a column.
 SPREAD = (0.618034, 0.754878)
-SAME_HEIGHT = 1e-6  # m; processors differ by some 1e-14
+SAME_HEIGHT = 1e-6  # m; the same ground differs by about 1e-14 between processors
 
 
 def upright(states: Any) -> Any:
-    """The cosine (...) of the tilt of states (..., 13), arrays or tensors; below 0 they are upside down."""
+    """Cosine (...) of the tilt of states (..., 13); below 0 the robot is upside down.
+
+    States are arrays or tensors.
+    """
     x, y = states[..., QUATERNION][..., 0], states[..., QUATERNION][..., 1]
     return 1 - 2 * (x * x + y * y)
 
 
 def yaw_of(quaternions: np.ndarray) -> np.ndarray:
-    """Headings (...), rad in (-pi, pi], of quaternions (..., 4); `sidm.rotations.yaw` is the same on tensors."""
+    """Headings (...), rad in (-pi, pi], of quaternions (..., 4).
+
+    `sidm.rotations.yaw` computes the same of tensors.
+    """
     x, y, z, w = np.moveaxis(quaternions, -1, 0)
     return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2))
 
 
 def tilt_of(quaternions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pitch, nose down positive, and roll, right side down positive, rad, each (...), of quaternions (..., 4)."""
+    """Pitch and roll, rad, each (...), of quaternions (..., 4).
+
+    Pitch is positive with the nose down, roll with the right side down.
+    """
     x, y, z, w = np.moveaxis(quaternions, -1, 0)
-    return np.arcsin(np.clip(2 * (w * y - z * x), -1, 1)), np.arctan2(
-        2 * (w * x + y * z), 1 - 2 * (x**2 + y**2)
-    )
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
+    return pitch, np.arctan2(2 * (w * x + y * z), 1 - 2 * (x**2 + y**2))
 
 
 class Ground(NamedTuple):
-    """The ground that was driven on.
-
-    >>> ground = sidm.Ground(np.zeros((81, 81)), spacing=0.1)  # 8 m by 8 m of flat floor
-    >>> ground.centre
-    (0.0, 0.0)
+    """Heights of the ground that a robot drives on.
 
     Attributes:
         heights: (H, W), m, index [y, x]
-        spacing: m, between neighbours of the grid
+        spacing: distance between neighbours of the grid, m
         centre: x and y of the grid's middle, m
+
+    Examples:
+        >>> ground = sidm.Ground(np.zeros((81, 81)), spacing=0.1)  # 8 m by 8 m, flat
+        >>> ground.centre
+        (0.0, 0.0)
     """
 
     heights: np.ndarray
@@ -77,41 +87,52 @@ class Ground(NamedTuple):
     centre: tuple[float, float] = (0.0, 0.0)
 
 
-class GroundError(Fault):
-    """A simulated ground that cannot be made again as it was; the message is one line."""
+class GroundError(DataError):
+    """Generated ground differs from that of the simulation; the message is one line."""
 
 
 class SimulatedGround(NamedTuple):
-    """Generated ground, kept as its seed: its heights are made again each time that they are asked for."""
+    """Generated ground, kept as its seed; its heights are generated at each access.
+
+    Attributes:
+        terrain: the kind of ground
+        seed: `generate_terrain(terrain, seed)` returns its heights
+        checksum: checksum of the heights' bits where the robot was simulated; it is
+            part of the digest of a dataset
+        probe: (8,), m, some heights of the ground; with them another machine checks
+            that it generates the same ground
+    """
 
     terrain: Terrain
-    seed: int  # generate_terrain(terrain, seed) makes its heights
-    #: of the heights' bits where the robot was simulated; a part of a dataset's digest
+    seed: int
     checksum: str
-    #: (8,) m, `probe` of the heights, by which any machine knows the ground again
     probe: np.ndarray
 
     @property
     def heights(self) -> np.ndarray:
-        """(H, W), m, index [y, x]; GroundError where this machine makes other ones."""
-        from sidm.terrain import generate_terrain  # which brings SciPy
+        """Heights (H, W), m, index [y, x].
+
+        Raises:
+            GroundError: this machine generates another ground than the simulator had.
+        """
+        from sidm.terrain import generate_terrain  # which imports SciPy
 
         heights = generate_terrain(self.terrain, self.seed)
         if not np.allclose(probe(heights), self.probe, rtol=0, atol=SAME_HEIGHT):
             raise GroundError(
-                f"terrain {self.seed} is no longer the one that was driven on; delete the collection's folder and "
-                "collect again"
+                f"terrain {self.seed} is no longer the one that was driven on; "
+                "delete the collection's folder and collect again"
             )
         return heights
 
     @property
     def spacing(self) -> float:
-        """Between neighbours of the grid, m."""
+        """Distance between neighbours of the grid, m."""
         return self.terrain.spacing
 
     @property
     def centre(self) -> tuple[float, float]:
-        """X and y of the grid's middle, m."""
+        """Coordinates x and y of the grid's middle, m."""
         return 0.0, 0.0
 
 
@@ -119,7 +140,7 @@ AnyGround = Ground | SimulatedGround
 
 
 def probe(heights: np.ndarray) -> np.ndarray:
-    """Heights (8,), m, at places spread over a ground (H, W)."""
+    """Heights (8,), m, at points spread over a ground (H, W)."""
     rows, columns = (
         (np.arange(1, PROBES + 1) * step % 1 * size).astype(int)
         for step, size in zip(SPREAD, heights.shape, strict=True)
@@ -132,22 +153,23 @@ class Drive:
     """K control steps of one robot, at its body's rate, in SI units.
 
     Attributes:
-        states: (K + 1, S); the paper's S is 13
-        actions: (K, A); the paper's A is 2
-        body: what states and actions are made of, and how many a second
-        ground: of a body with a height map; positions are relative to its middle
+        states: (K + 1, S); S is 13 for the paper's robots
+        actions: (K, A); A is 2 for the paper's robots
+        body: what states and actions consist of, and how many there are a second
+        ground: for a body with a height map; positions are relative to its middle
         name: for messages
-        robot: which robot drove; of a simulated one its system and role
+        robot: which robot drove; its system and role if it was simulated
         session: drives of one session are all for training or all for validation
         index: number of the drive within a simulated collection
-        discarded: simulated attempts thrown away before this one, a number for each
-            cause
+        discarded: simulated attempts that were thrown away before this drive, a number
+            for each cause
 
     Raises:
         ValueError: states or actions do not have the body's shape.
 
     Examples:
-        >>> sidm.Drive(states=np.zeros((11, 13)), actions=np.zeros((10, 2)), name="at rest")
+        >>> states, actions = np.zeros((11, 13)), np.zeros((10, 2))
+        >>> sidm.Drive(states=states, actions=actions, name="at rest")
         Drive('at rest': 10 steps of 0.1 s, body 'rover')
     """
 
@@ -162,26 +184,26 @@ class Drive:
     discarded: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse arrays that are not of the body."""
-        states, actions, body = np.shape(self.states), np.shape(self.actions), self.body
-        wanted = (
-            (len(actions) and actions[0] + 1, len(body.state)),
-            (states and states[0] - 1, len(body.actions)),
-        )
-        if (states, actions) != wanted or not actions[0]:
+        """Refuse arrays whose shapes do not match the body or each other."""
+        states, actions = np.shape(self.states), np.shape(self.actions)
+        steps = actions[0] if actions else 0
+        body, width, commands = self.body, len(self.body.state), len(self.body.actions)
+        if not steps or (states, actions) != ((steps + 1, width), (steps, commands)):
             raise ValueError(
-                f"a drive of body '{body.name}' has states (K + 1, {len(body.state)}) and actions "
-                f"(K, {len(body.actions)}) of at least one step, not {states} and {actions}"
+                f"a drive of body '{body.name}' has states (K + 1, {width}) and "
+                f"actions (K, {commands}) of at least one step, "
+                f"not {states} and {actions}"
             )
 
     def __len__(self) -> int:
-        """K, control steps."""
+        """K, the number of control steps."""
         return len(self.actions)
 
     def __repr__(self) -> str:
-        return f"Drive({self.name!r}: {len(self)} steps of {1 / self.body.rate:g} s, body {self.body.name!r})"
+        steps = f"{len(self)} steps of {1 / self.body.rate:g} s"
+        return f"Drive({self.name!r}: {steps}, body {self.body.name!r})"
 
 
 def minutes_of(drives: Iterable[Drive]) -> float:
-    """Minutes of motion."""
+    """Minutes of motion in all drives together."""
     return sum(len(drive) / drive.body.rate for drive in drives) / 60

@@ -1,4 +1,4 @@
-"""The style of all figures, plots side by side, and what every plot ends with.
+"""Style, layout and finish of all figures.
 
 `pyplot`, the slow part of Matplotlib, is imported when something is drawn.
 """
@@ -18,14 +18,14 @@ STYLE = Path(__file__).with_suffix(".mplstyle")
 
 
 def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
-    """Draw in the book's style, and leave no figure open behind."""
+    """Decorate a function that draws: it uses the book's style, closes the figure."""
 
     @functools.wraps(draw)
-    def drawn(*arguments: Any, **named: Any) -> Figure:
+    def drawn(*arguments: Any, **options: Any) -> Figure:
         import matplotlib.pyplot as plt
 
         with plt.style.context(STYLE):
-            figure = draw(*arguments, **named)
+            figure = draw(*arguments, **options)
         plt.close(figure)
         return figure
 
@@ -33,7 +33,11 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
 
 
 def side_by_side(count: int, columns: int = 0) -> tuple[Figure, list[Axes]]:
-    """`count` plots in one row, or in rows of so many `columns`."""
+    """A figure of `count` plots, in one row or in rows of `columns` plots each.
+
+    Returns:
+        The figure and its axes, row by row.
+    """
     import matplotlib.pyplot as plt
 
     columns = columns or count
@@ -45,7 +49,7 @@ def side_by_side(count: int, columns: int = 0) -> tuple[Figure, list[Axes]]:
     return figure, list(axes.flat)
 
 
-#: Decades that a log axis may show -> its ticks in each.
+#: Decades on a logarithmic axis, at most -> its ticks within each decade.
 TICKS: dict[float, tuple[float, ...]] = {
     0.6: (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0),
     1.0: (1.0, 1.5, 2.0, 3.0, 5.0, 7.0),
@@ -55,18 +59,18 @@ TICKS: dict[float, tuple[float, ...]] = {
 
 
 def finish(axes: Axes, minutes: Iterable[float] = (), legend: bool = True) -> None:
-    """A legend where something is drawn, a notice where not; log axes in plain numbers, at the `minutes` if given."""
+    """Add a legend and ticks in plain numbers to a plot, or a notice if it is empty.
+
+    Args:
+        axes: the plot.
+        minutes: places of the ticks on the x axis; Matplotlib's own by default.
+        legend: whether the plot gets a legend.
+    """
     from matplotlib.ticker import FormatStrFormatter, LogLocator
 
     if not axes.has_data():
-        axes.text(
-            0.5,
-            0.5,
-            "no trials stored",
-            ha="center",
-            va="center",
-            transform=axes.transAxes,
-        )
+        centred: dict[str, Any] = {"ha": "center", "va": "center"}
+        axes.text(0.5, 0.5, "no trials stored", transform=axes.transAxes, **centred)
         axes.set(xticks=[], yticks=[])
         axes.minorticks_off()
         return
@@ -74,8 +78,8 @@ def finish(axes: Axes, minutes: Iterable[float] = (), legend: bool = True) -> No
         axes.legend()
     if axes.get_yscale() == "log":
         decades = np.ptp(np.log10(axes.get_ylim()))
-        steps = next(steps for most, steps in TICKS.items() if decades < most)
-        axes.yaxis.set_major_locator(LogLocator(subs=steps))
+        ticks_of_decade = next(t for most, t in TICKS.items() if decades < most)
+        axes.yaxis.set_major_locator(LogLocator(subs=ticks_of_decade))
         axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
     ticks = sorted(set(minutes))
     if ticks:

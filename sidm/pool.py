@@ -11,9 +11,9 @@ from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 
 
-def _die_with_parent() -> None:
-    """Initialiser of a local worker: end silently on Ctrl-C, and when the parent is gone."""
-    # as where the parent runs in the background
+def _end_with_parent() -> None:
+    """Initialise a worker: it ends silently on Ctrl-C and when the parent has ended."""
+    # A parent in the background ignores Ctrl-C, and so does its worker.
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     parent = multiprocessing.parent_process()
@@ -28,10 +28,13 @@ def _die_with_parent() -> None:
 
 @contextlib.contextmanager
 def local_pool(workers: int) -> Iterator[Executor]:
-    """Fresh processes (spawn), which are ended when the block is left by an error or Ctrl-C."""
+    """A pool of new processes (spawn) for a `with` block.
+
+    An error or Ctrl-C in the block ends the processes at once.
+    """
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(
-        workers, mp_context=context, initializer=_die_with_parent
+        workers, mp_context=context, initializer=_end_with_parent
     )
     try:
         yield pool

@@ -1,4 +1,4 @@
-"""Progress with the time left: one line that changes on a terminal, a line now and then in a log file."""
+"""Progress with the time left: one changing line on a terminal, lines in a log file."""
 
 from __future__ import annotations
 
@@ -9,11 +9,17 @@ from typing import Any, TextIO, TypeAlias
 from tqdm import tqdm
 
 LOG_INTERVAL = 30.0  # s between two lines in a log
-LINE = "{desc}: {n_fmt}/{total_fmt} {unit}, {elapsed} gone, {remaining} left, {rate_fmt}{postfix}"
+LINE = (
+    "{desc}: {n_fmt}/{total_fmt} {unit}, {elapsed} gone, {remaining} left, "
+    "{rate_fmt}{postfix}"
+)
 
 
 class LogBar(tqdm):
-    """A bar for a file: whole lines, and none for work that is over before the first is due."""
+    """A progress bar for a log file: whole lines, the first one after LOG_INTERVAL.
+
+    Work that ends before the first line is due writes nothing.
+    """
 
     last_print_t: float
 
@@ -23,23 +29,21 @@ class LogBar(tqdm):
 
     @staticmethod
     def status_printer(file: TextIO) -> Callable[[str], None]:
-        """What writes a state of the bar."""
+        """A function that writes the bar's text as a line of `file`."""
         return lambda text: print(text, file=file, flush=True)
 
     @staticmethod
     def write(text: str, file: TextIO | None = None) -> None:
-        """Print a line beside the bar's."""
+        """Print a line between the bar's lines."""
         print(text, file=file, flush=True)
 
     def close(self) -> None:
-        """Say once more where it is, if it is at its end and has said something before."""
+        """Write a last line if the work is complete and a line was written before."""
         if not self.disable:
-            if (
-                self.start_t < self.last_print_t
-                and self.last_print_n < self.n == self.total
-            ):
+            written = self.start_t < self.last_print_t
+            if written and self.last_print_n < self.n == self.total:
                 self.display()
-            # as one that has shown nothing, which tqdm leaves alone
+            # tqdm's own `close` writes nothing for a bar that has written nothing.
             self.last_print_t = self.start_t - 1
         super().close()
 
@@ -50,7 +54,18 @@ Bar: TypeAlias = tqdm
 def progress_bar(
     total: int, title: str, unit: str, shown: bool = True, scaled: bool = False
 ) -> Bar:
-    """A bar that counts to `total` on stderr: `tqdm` on a terminal, lines elsewhere; `scaled` writes k and M."""
+    """A bar on stderr that counts to `total`.
+
+    Args:
+        total: how many units of work there are.
+        title: stands before the numbers.
+        unit: name of a unit of work.
+        shown: False for a bar that writes nothing.
+        scaled: whether large numbers are written with k and M.
+
+    Returns:
+        The bar of `tqdm` on a terminal, and a `LogBar` elsewhere.
+    """
     kind = tqdm if sys.stderr.isatty() else LogBar
     return kind(
         total=total, desc=title, unit=unit, unit_scale=scaled, disable=not shown

@@ -12,7 +12,7 @@ from torch import Tensor
 
 
 def multiply(p: Tensor, q: Tensor) -> Tensor:
-    """Hamilton product (..., 4) of `p` and `q`, each (..., 4): first turn by `q`, then by `p`."""
+    """Hamilton product (..., 4) of `p` and `q`, each (..., 4); `q` turns first."""
     u, a, v, b = p[..., :3], p[..., 3:], q[..., :3], q[..., 3:]
     vector = a * v + b * u + _cross(u, v)
     scalar = a * b - (u * v).sum(-1, keepdim=True)
@@ -20,38 +20,43 @@ def multiply(p: Tensor, q: Tensor) -> Tensor:
 
 
 def conjugate(q: Tensor) -> Tensor:
-    """The opposite rotation (..., 4) of unit quaternions (..., 4)."""
+    """Quaternions (..., 4) of the opposite rotations of unit quaternions (..., 4)."""
     return torch.cat([-q[..., :3], q[..., 3:]], dim=-1)
 
 
 def normalise(q: Tensor) -> Tensor:
-    """`q` (..., 4) at unit length; the zero quaternion, which is no rotation at all, becomes the identity."""
+    """Quaternions `q` (..., 4) scaled to unit length.
+
+    The zero quaternion stands for no rotation; it becomes the identity.
+    """
     length = q.norm(dim=-1, keepdim=True)
     identity = torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=q.dtype, device=q.device)
-    return torch.where(
-        length > 0, q / length.clamp_min(torch.finfo(q.dtype).tiny), identity
-    )
+    unit = q / length.clamp_min(torch.finfo(q.dtype).tiny)
+    return torch.where(length > 0, unit, identity)
 
 
 def canonical(q: Tensor) -> Tensor:
-    """The one of `q` and -`q` (..., 4), the same rotation, that has w >= 0."""
+    """The quaternion `q` or `-q` (..., 4), whichever has w >= 0: the same rotation."""
     return torch.where(q[..., 3:] < 0, -q, q)
 
 
 def rotate(q: Tensor, v: Tensor) -> Tensor:
-    """Vectors `v` (..., 3) of the body frame in the world frame, for unit quaternions `q` (..., 4)."""
+    """Vectors `v` (..., 3) turned from body to world frame by unit quaternions `q`."""
     u, w = q[..., :3], q[..., 3:]
     t = 2 * _cross(u, v)
     return v + w * t + _cross(u, t)
 
 
 def rotate_inverse(q: Tensor, v: Tensor) -> Tensor:
-    """Vectors `v` (..., 3) of the world frame in the body frame, for unit quaternions `q` (..., 4)."""
+    """Vectors `v` (..., 3) turned from world to body frame by unit quaternions `q`."""
     return rotate(conjugate(q), v)
 
 
 def yaw(q: Tensor) -> Tensor:
-    """Heading (...), rad in (-pi, pi], of quaternions (..., 4): the direction of the body's x axis seen from above."""
+    """Headings (...), rad in (-pi, pi], of quaternions `q` (..., 4).
+
+    A heading is the direction of the body's x axis, seen from above.
+    """
     x, y, z, w = q.unbind(-1)
     return torch.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
@@ -63,18 +68,17 @@ def from_yaw(angle: Tensor) -> Tensor:
 
 
 def wrap(angle: Tensor) -> Tensor:
-    """`angle` (...), rad, brought into [-pi, pi]."""
+    """Angles (...), rad, brought into [-pi, pi]."""
     return torch.atan2(torch.sin(angle), torch.cos(angle))
 
 
 def turn(v: Tensor, angle: Tensor) -> Tensor:
     """Vectors `v` (..., 2) of the plane, turned to the left by `angle` (...), rad."""
     cos, sin = torch.cos(angle), torch.sin(angle)
-    return torch.stack(
-        [cos * v[..., 0] - sin * v[..., 1], sin * v[..., 0] + cos * v[..., 1]], dim=-1
-    )
+    x, y = v[..., 0], v[..., 1]
+    return torch.stack([cos * x - sin * y, sin * x + cos * y], dim=-1)
 
 
 def _cross(u: Tensor, v: Tensor) -> Tensor:
-    """Vector product (..., 3), broadcasting."""
+    """Vector product (..., 3); leading dimensions broadcast."""
     return torch.linalg.cross(*torch.broadcast_tensors(u, v))

@@ -1,40 +1,44 @@
-"""How large the networks are and how they are trained: the paper's choices, and the released code's variants of them.
+"""Sizes of the networks and settings of their training.
 
-Without PyTorch, so that results can be read without it.
+The defaults are the paper's choices; other values are variants, of which some are the
+released code's. The module does not import PyTorch, so that results can be read
+without it.
 """
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any, Literal
 
 from sidm.body import ROVER, Body
-from sidm.config import ConfigError, config, refuse_below, refuse_nonsense
+from sidm.config import ConfigError, check_at_least, check_numbers, config, replace
 
 
 @config
 class Network:
-    """Sizes of all networks (section 4); the defaults are the paper's but for the map and the LSTM.
+    """Sizes of all networks (section 4).
+
+    The defaults are the paper's, except those of the map and the LSTM.
 
     Attributes:
-        pixels: P, a side of the height map; the paper has 300
-        channels: of the encoder's two convolutions
-        kernel: a side of both convolutions' kernels; no padding, stride 1
-        encoder_hidden: the encoder's hidden layer
+        pixels: P, pixels along a side of the height map; the paper has 300
+        channels: channels of the encoder's two convolutions
+        kernel: side of both convolutions' kernels, pixels; no padding, stride 1
+        encoder_hidden: size of the encoder's hidden layer
         latent: size of the latent state-action
         layers: LSTM layers of the SIDM; the paper has 4
         hidden: size of each LSTM layer; the paper has 1024
         latent_transition: size of the latent state transition
-        decoder_hidden: the decoder's hidden layer
-        discriminator_hidden: the discriminator's hidden layer (not in the paper; the
-            released code's)
-        slope: of the leaky ReLU below zero
-        initialisation: of weights; 'pytorch': its own
-        own: what each system has of encoder and decoder for itself, the rest being
-            common to both; 'flag': the bias of the encoder's first dense layer, as if
-            the system were an input
-        novice_body: the novice's X and Y; none: the paper's
-        expert_body: the expert's
+        decoder_hidden: size of the decoder's hidden layer
+        discriminator_hidden: size of the discriminator's hidden layer (not in the
+            paper; the released code's)
+        slope: slope of the leaky ReLU below zero
+        initialisation: initial weights; 'scaled': signals keep their scale from layer
+            to layer; 'pytorch': PyTorch's defaults
+        own: which weights of encoder and decoder each system has for itself; both share
+            the rest; 'flag': the bias of the encoder's first dense layer, as if the
+            system were an input
+        novice_body: body of the novice, which defines its X and Y; None: the paper's
+        expert_body: body of the expert; None: the paper's
 
     Raises:
         ConfigError: an unknown name, a wrong type, or sizes that make no network.
@@ -62,48 +66,38 @@ class Network:
 
     def __post_init__(self) -> None:
         """Refuse sizes that make no network."""
-        refuse_nonsense(self)
-        refuse_below(
-            self,
-            1,
-            "kernel",
-            "encoder_hidden",
-            "latent",
-            "layers",
-            "hidden",
-            "latent_transition",
-            "decoder_hidden",
-            "discriminator_hidden",
-            "channels",
-        )
+        check_numbers(self)
+        check_at_least(self, 1, "kernel", "encoder_hidden", "latent", "layers")
+        check_at_least(self, 1, "hidden", "latent_transition", "decoder_hidden")
+        check_at_least(self, 1, "discriminator_hidden", "channels")
         if not 0 <= self.slope < 1:
             raise ConfigError(f"Network.slope must be in [0, 1), not {self.slope}")
-        for pixels in {
-            self.body(role).pixels(self.pixels) or self.pixels
-            for role in ("novice", "expert")
-        }:
-            if pixels <= 2 * (self.kernel - 1):
+        least = 2 * self.kernel - 1
+        bodies = [self.body(role) for role in ("novice", "expert")]
+        for pixels in {body.pixels(self.pixels) or self.pixels for body in bodies}:
+            if pixels < least:
                 raise ConfigError(
-                    f"Network.pixels must be at least {2 * self.kernel - 1} for two kernels of {self.kernel}, "
-                    f"not {pixels}"
+                    f"Network.pixels must be at least {least} for two kernels of "
+                    f"{self.kernel}, not {pixels}"
                 )
-        if self.own != "all" and not self.alike:
+        if self.own != "all" and not self.same_body:
             raise ConfigError(
-                f"Network.own='{self.own}' shares weights, which needs robots of one body"
+                f"Network.own='{self.own}' shares weights, "
+                "which needs robots of one body"
             )
 
     def body(self, role: str) -> Body:
-        """The body of the novice, or of an expert."""
+        """The body of the novice for `role` 'novice', else that of an expert."""
         return (self.novice_body if role == "novice" else self.expert_body) or ROVER
 
     @property
-    def alike(self) -> bool:
-        """Whether novice and expert have one body, so that weights of one fit the other."""
-        novice, expert = (self.body(role) for role in ("novice", "expert"))
-        return novice == dataclasses.replace(expert, name=novice.name)  # type: ignore[type-var]
+    def same_body(self) -> bool:
+        """Whether novice and expert have equal bodies and so can share weights."""
+        novice, expert = self.body("novice"), self.body("expert")
+        return novice == replace(expert, name=novice.name)
 
     def map_side(self, body: Body) -> int:
-        """A side of what the convolutions leave of a body's map; 0 without one."""
+        """Side of a body's map after both convolutions, pixels; 0 without a map."""
         return max(0, body.pixels(self.pixels) - 2 * (self.kernel - 1))
 
 
@@ -120,42 +114,46 @@ class Training:
     control step.
 
     Attributes:
-        p_expert: p_e: probability that a trajectory of a batch is the expert's
+        p_expert: p_e, the probability that a trajectory of a batch is the expert's
         regularise: whether Algorithm 2 runs after each phase of Algorithm 1
-        batch: b_pred, trajectories
-        discriminator_batch: b_d, trajectories of each system
-        matching_batch: b_g, trajectories of the novice
-        prediction_iterations: a phase
-        discriminator_iterations: a phase (not in the paper; the released code's)
-        matching_iterations: a phase
-        learning_rate: of every optimiser
-        weight_decay: of every optimiser
+        batch: b_pred, trajectories in a batch of the prediction phase
+        discriminator_batch: b_d, trajectories of each system in a discriminator's batch
+        matching_batch: b_g, the novice's trajectories in a batch of the matching phase
+        prediction_iterations: iterations of a prediction phase
+        discriminator_iterations: iterations of a discriminator phase (not in the paper;
+            the released code's)
+        matching_iterations: iterations of a matching phase
+        learning_rate: learning rate of every optimiser
+        weight_decay: weight decay of every optimiser
         test_interval: prediction iterations between two tests
-        test_trajectories: of the test split, at most, in a test: the first ones
-        validation_trajectories: of the validation set, at most, in a test: the first
-            ones; nothing goes by them
+        test_trajectories: trajectories of the test split in a test, at most; the first
+            ones are taken
+        validation_trajectories: trajectories of the validation set in a test, at most;
+            the first ones are taken; training does not depend on their loss
         smoothing: weight of the past in the smoothed test loss, [0, 1)
         patience: samples without a new minimum of the smoothed test loss before
             training ends
-        max_samples: of the prediction phases, novice and expert together; 0: the start
-            as it is
-        system_draw: 'iteration': one system a batch (released code)
-        decay: 'l2': in the gradient (released code)
-        matching_optimiser: 'shared': the prediction optimiser's moments (released code)
-        stopping: the rules of `stopping.EarlyStopping`
-        reduction: over the 13 components of the loss that is minimised ('mean':
-            released)
-        frozen: 'sidm': encoders and decoders alone learn
-        units: inside the networks ('raw': released code)
+        max_samples: samples of the prediction phases, novice and expert together, at
+            most; 0: the initial weights stay as they are
+        system_draw: how often the system is drawn; 'trajectory': for each trajectory;
+            'iteration': once for a batch (released code)
+        decay: how weights decay; 'l2': as a part of the gradient (released code)
+        matching_optimiser: optimiser of the matching phase; 'shared': with the moments
+            of the prediction optimiser (released code)
+        stopping: rule that ends training, of `stopping.EarlyStopping`
+        reduction: how the 13 components make up the loss that is minimised; 'mean':
+            the released code's
+        frozen: weights that do not learn; 'sidm': encoders and decoders alone learn
+        units: units inside the networks; 'raw': the released code's
         zero_gradients: whether parts that a batch does not touch have gradients of 0 in
             place of none, so that momentum and L2 decay move them in every step, once
             they have had a gradient (released code)
-        replacement: of draws; False: each data set is gone through in a random order,
-            then in another one (released code)
-        discriminator_draw: systems of a discriminator's batch; 'one': either with
+        replacement: whether trajectories are drawn with replacement; False: each data
+            set is gone through in a random order, then in another one (released code)
+        discriminator_draw: systems in a discriminator's batch; 'one': either with
             probability 0.5 (released code)
-        precision: 'tf32': of all products, on a GPU; 'bfloat16': of the encoders'
-            arithmetic but for the tests'
+        precision: arithmetic; 'tf32': of all products, on a GPU; 'bfloat16': of the
+            encoders, except in tests
 
     Raises:
         ConfigError: an unknown name, a wrong type, or values that no run can have.
@@ -195,36 +193,21 @@ class Training:
 
     def __post_init__(self) -> None:
         """Refuse values that no run can have."""
-        refuse_nonsense(self)
+        check_numbers(self)
         for name in ("p_expert", "smoothing"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise ConfigError(
-                    f"Training.{name} must be from 0 to 1, not {getattr(self, name)}"
-                )
+            value = getattr(self, name)
+            if not 0 <= value <= 1:
+                raise ConfigError(f"Training.{name} must be from 0 to 1, not {value}")
         if self.smoothing == 1:
             raise ConfigError(
                 "Training.smoothing must be below 1; 1 would never take in a test"
             )
-        refuse_below(
-            self,
-            1,
-            "batch",
-            "discriminator_batch",
-            "matching_batch",
-            "prediction_iterations",
-            "test_interval",
-            "test_trajectories",
-            "patience",
-        )
-        refuse_below(
-            self,
-            0,
-            "discriminator_iterations",
-            "matching_iterations",
-            "weight_decay",
-            "max_samples",
-            "validation_trajectories",
-        )
+        check_at_least(self, 1, "batch", "discriminator_batch", "matching_batch")
+        check_at_least(self, 1, "prediction_iterations", "test_interval")
+        check_at_least(self, 1, "test_trajectories", "patience")
+        check_at_least(self, 0, "discriminator_iterations", "matching_iterations")
+        check_at_least(self, 0, "weight_decay", "max_samples")
+        check_at_least(self, 0, "validation_trajectories")
         if not self.learning_rate > 0:
             raise ConfigError(
                 f"Training.learning_rate must be positive, not {self.learning_rate}"
@@ -235,17 +218,23 @@ class Training:
         """Whether any phase draws the expert's data."""
         return self.p_expert > 0 or self.regularise
 
-    def refuse_for(self, body: Body) -> None:
-        """ConfigError naming the first setting that has a meaning for the paper's body alone."""
+    def check_body(self, body: Body) -> None:
+        """Check that every setting has a meaning for a robot's body.
+
+        Raises:
+            ConfigError: one line that names the first setting that has none.
+        """
         if body != ROVER and self.reduction == "mean":
             raise ConfigError(
-                f"Training.reduction='mean' is the released code's for its 13 numbers, not '{body.name}'"
+                "Training.reduction='mean' is the released code's for its 13 numbers, "
+                f"not '{body.name}'"
             )
         if body.weights == "variance" and self.units == "raw":
             raise ConfigError(
-                f"Training.units='raw' leaves '{body.name}' no variance to weigh its loss by"
+                f"Training.units='raw' leaves '{body.name}' no variance to weigh its "
+                "loss by"
             )
 
     def hooks(self) -> tuple[Any, ...]:
-        """What a study adds to the training loop, of `learning.trainer.Hook`; these settings add nothing."""
+        """Hooks (`learning.trainer.Hook`) that a study adds to the loop; none here."""
         return ()

@@ -1,4 +1,8 @@
-"""Simulated drives on disk: immutable shards without pickle, of collections that any worker can go on with."""
+"""Simulated drives on disk: collections of immutable shards, without pickle.
+
+A collection is interrupted and continued by any worker; a shard holds SHARD_SIZE
+drives of it.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from sidm.body import ROVER
-from sidm.config import ConfigError, Fault, config
+from sidm.config import ConfigError, DataError, config
 from sidm.drives import ACTION_SIZE, PROBES, STATE_SIZE, STEPS, Drive, SimulatedGround
 from sidm.storage import read_arrays, write_arrays
 from sidm.systems import Terrain, find_system
@@ -20,12 +24,7 @@ SHARD_SIZE = 4  # trajectories in a shard
 #: Why an attempt at a trajectory is thrown away.
 DISCARDS = ("stuck", "border", "rollover", "unstable")
 
-
-class ShardError(Fault):
-    """A shard that is missing, damaged or from elsewhere; the message is one line that names the file and the mend."""
-
-
-#: Members of a shard that are no arrays of floats, and their types on disk.
+#: Arrays of a shard that do not hold floats, and their types on disk.
 TYPES: dict[str, Any] = {
     "index": np.int64,
     "terrain_seed": np.uint64,
@@ -34,17 +33,24 @@ TYPES: dict[str, Any] = {
 }
 
 
+class ShardError(DataError):
+    """A shard is missing, damaged or foreign; one line with the file and a remedy."""
+
+
 def simulated_ground(drive: Drive) -> SimulatedGround:
-    """The ground of a simulated drive; ValueError for one that was recorded."""
+    """The ground of a simulated drive.
+
+    Raises:
+        ValueError: the drive was recorded.
+    """
     if not isinstance(drive.ground, SimulatedGround):
-        raise ValueError(
-            f"{drive.name or 'the drive'} was not simulated: its ground has no seed"
-        )
+        name = drive.name or "the drive"
+        raise ValueError(f"{name} was not simulated: its ground has no seed")
     return drive.ground
 
 
 def digest(drives: Iterable[Drive]) -> str:
-    """16 hexadecimal digits that stand for the content of a dataset of simulated drives."""
+    """16 hexadecimal digits that identify the content of simulated drives."""
     total = hashlib.sha256()
     for drive in drives:
         ground = simulated_ground(drive)
@@ -66,14 +72,17 @@ def write_shard(path: Path, drives: Sequence[Drive]) -> None:
         "terrain_probe": [ground.probe for ground in grounds],
         "discarded": [drive.discarded for drive in drives],
     }
-    write_arrays(
-        path,
-        {name: np.array(column, TYPES.get(name)) for name, column in columns.items()},
-    )
+    arrays = {name: np.array(rows, TYPES.get(name)) for name, rows in columns.items()}
+    write_arrays(path, arrays)
 
 
 def read_shard(path: Path, terrain: Terrain, robot: str = "") -> list[Drive]:
-    """The drives of a shard, over ground of a kind of `terrain`, by a `robot` of that name.
+    """The drives of a shard.
+
+    Args:
+        path: the file.
+        terrain: the kind of ground that they drove on.
+        robot: name of the robot that drove.
 
     Raises:
         ShardError: the file is missing or damaged.
@@ -90,26 +99,18 @@ def read_shard(path: Path, terrain: Terrain, robot: str = "") -> list[Drive]:
         raise ShardError(
             f"{path}: the shard is damaged ({error}); delete it and collect again"
         ) from None
-    seeds, checksums, probes = (
-        plain["terrain_seed"],
-        plain["terrain_checksum"],
-        columns["terrain_probe"],
-    )
-    grounds = [
-        SimulatedGround(terrain, *own)
-        for own in zip(seeds, checksums, probes, strict=True)
-    ]
-    return [
-        simulated_drive(
-            robot,
-            index,
-            columns["states"][number],
-            columns["actions"][number],
-            grounds[number],
-            tuple(plain["discarded"][number]),
+    drives = []
+    for row, index in enumerate(plain["index"]):
+        ground = SimulatedGround(
+            terrain,
+            plain["terrain_seed"][row],
+            plain["terrain_checksum"][row],
+            columns["terrain_probe"][row],
         )
-        for number, index in enumerate(plain["index"])
-    ]
+        states, actions = columns["states"][row], columns["actions"][row]
+        discarded = tuple(plain["discarded"][row])
+        drives.append(simulated_drive(robot, index, states, actions, ground, discarded))
+    return drives
 
 
 def simulated_drive(
@@ -120,13 +121,13 @@ def simulated_drive(
     ground: SimulatedGround,
     discarded: tuple = (),
 ) -> Drive:
-    """Drive `index` of a simulated robot of this name; each is a session of its own."""
+    """Drive `index` of a simulated robot of this name, with a session of its own."""
     name = f"{robot} {index}".strip()
     return Drive(states, actions, ROVER, ground, name, robot, name, index, discarded)
 
 
 def _check_shapes(columns: Mapping[str, np.ndarray]) -> None:
-    """ValueError or KeyError unless a shard's columns belong together."""
+    """ValueError or KeyError unless the shapes of a shard's columns fit each other."""
     count, steps = columns["actions"].shape[:2]
     wanted = {
         "index": (count,),
@@ -143,36 +144,46 @@ def _check_shapes(columns: Mapping[str, np.ndarray]) -> None:
 
 
 def trajectories_for(minutes: float) -> int:
-    """How many trajectories of 64 steps of 0.1 s make `minutes` of motion: at least 2."""
+    """How many trajectories, of 64 steps of 0.1 s, make up `minutes`; at least 2."""
     return max(2, round(600 * minutes / STEPS))
 
 
 @config
 class Collection:
-    """A named, endless sequence of trajectories: number i is a pure function of these values and of i."""
+    """A named, endless sequence of trajectories.
+
+    Trajectory i is a pure function of these values and of i.
+
+    Attributes:
+        system: name of the pair of robots, as in `systems.find_system`
+        role: 'novice' or 'expert'
+        policy: name of the exploration policy
+        seed: differs between the novice's training data, the validation set and the
+            expert's data, so that they have no trajectory in common
+    """
 
     system: str
     role: str
     policy: str = "ornstein_uhlenbeck"
-    #: disjoint for the novice pool, the validation set and the expert's data
     seed: int = 0
 
     def __post_init__(self) -> None:
         """Refuse names that would lead out of the data folder."""
         for name in ("system", "role", "policy"):
-            if not getattr(self, name).isidentifier():
+            value = getattr(self, name)
+            if not value.isidentifier():
                 raise ConfigError(
-                    f"Collection.{name} must be a plain name, not {getattr(self, name)!r}"
+                    f"Collection.{name} must be a plain name, not {value!r}"
                 )
         if self.seed < 0:
             raise ConfigError(f"Collection.seed must not be negative, not {self.seed}")
 
     def folder(self, root: Path) -> Path:
-        """Where its shards lie under the data folder `root`."""
+        """The folder of its shards inside the data folder `root`."""
         return Path(root) / self.system / self.role / self.policy / f"seed-{self.seed}"
 
     def shard(self, root: Path, number: int) -> Path:
-        """The shard of trajectories SHARD_SIZE * number to SHARD_SIZE * (number + 1) - 1."""
+        """The file of a shard; its first trajectory is SHARD_SIZE * `number`."""
         return self.folder(root) / f"shard-{number:05d}.npz"
 
 
@@ -183,27 +194,22 @@ def load(
 
     Args:
         root: the data folder.
-        collection: what is loaded.
-        count: drives.
-        terrain: the kind of ground; by default that of the system of the collection's
-            name.
+        collection: which drives.
+        count: how many drives.
+        terrain: the kind of ground; by default that of the collection's system.
 
     Raises:
-        ConfigError: no system of that name is known.
-        ShardError: the first shard that is missing or damaged.
+        ConfigError: the collection's system is not known.
+        ShardError: a shard is missing or damaged; the error names the first one.
     """
     terrain = find_system(collection.system).terrain if terrain is None else terrain
-    shards, robot = (
-        range(-(-count // SHARD_SIZE)),
-        f"{collection.system} {collection.role}",
-    )
-    drives = [
-        drive
-        for number in shards
-        for drive in read_shard(collection.shard(root, number), terrain, robot)
-    ]
+    robot = f"{collection.system} {collection.role}"
+    drives: list[Drive] = []
+    for number in range(-(-count // SHARD_SIZE)):
+        drives += read_shard(collection.shard(root, number), terrain, robot)
     if [drive.index for drive in drives] != list(range(len(drives))):
+        folder = collection.folder(root)
         raise ShardError(
-            f"{collection.folder(root)}: shards out of order; delete the folder and collect again"
+            f"{folder}: shards out of order; delete the folder and collect again"
         )
     return drives[:count]

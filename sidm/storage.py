@@ -1,8 +1,8 @@
-"""Files that are there whole or not at all, and that show when a byte of them has changed. No pickle.
+"""Files that exist whole or not at all, and whose checksum shows a changed byte.
 
-Arrays lie in an .npz archive whose comment is the SHA-256 of everything before it; any
+Arrays are in an .npz archive whose comment is the SHA-256 of everything before it; any
 reader of .npz reads them. Records are JSON whose last value is such a checksum of the
-text before it.
+text before it. Nothing is pickled.
 """
 
 from __future__ import annotations
@@ -25,24 +25,32 @@ from sidm.config import first_line
 
 try:
     import fcntl
-except ImportError:  # Windows: two processes may make the same, each alike
+except ImportError:  # Windows: two processes may both make the same file
     fcntl = None  # type: ignore[assignment]
 
-SEAL = 64  # hexadecimal digits of SHA-256
+SHA256_DIGITS = 64  # hexadecimal
 LARGEST_RECORD = 2**24  # bytes
-MARK = ',\n"checksum": "'
+CHECKSUM_KEY = ',\n"checksum": "'  # the text of a record between values and checksum
+#: Compression methods of the members of an archive that `write_arrays` wrote.
+STORED = {zipfile.ZIP_STORED}
+#: Errors that a damaged archive causes, beside those of `zipfile`.
+UNREADABLE = (ValueError, KeyError, EOFError, MemoryError, OSError)
 
 
 class Damaged(ValueError):
-    """A file that is not what was written; the message is one line without the file's name."""
+    """A file is not as it was written; the message is one line without its name."""
 
 
 def write_atomically(path: Path, write: Callable[[IO[bytes]], object]) -> None:
-    """Call `write(file)` on a new file beside `path`, force it to disk and move it into place.
+    """Write a file so that it appears under its name only when it is whole.
+
+    Args:
+        path: the file.
+        write: is called with a new, open file beside `path`, which then moves there.
 
     Raises:
-        OSError: it cannot be written, as on a full disk; one line that names `path`.
-            What was there before stays.
+        OSError: the file cannot be written, as on a full disk; one line that names
+            `path`. A file that was there before stays.
     """
     part = None
     try:
@@ -55,9 +63,8 @@ def write_atomically(path: Path, write: Callable[[IO[bytes]], object]) -> None:
         os.replace(part, path)
         _sync_folder(path.parent)
     except OSError as error:
-        raise OSError(
-            f"{path}: cannot be written ({error.strerror or error})"
-        ) from error
+        reason = error.strerror or error
+        raise OSError(f"{path}: cannot be written ({reason})") from error
     finally:
         if part is not None:
             with contextlib.suppress(FileNotFoundError):
@@ -65,7 +72,7 @@ def write_atomically(path: Path, write: Callable[[IO[bytes]], object]) -> None:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Force the new name itself to disk."""
+    """Force the names of a folder's files to disk."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -75,7 +82,7 @@ def _sync_folder(folder: Path) -> None:
 
 @contextlib.contextmanager
 def locked(path: Path) -> Iterator[None]:
-    """Let a single process of this machine make the file or folder `path`; the others wait."""
+    """Let one process of this machine at a time into a block that makes `path`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with open(path.parent / f".{path.name}.lock", "wb") as lock:
         if fcntl is not None:
@@ -85,14 +92,19 @@ def locked(path: Path) -> Iterator[None]:
 
 
 def checksum(array: np.ndarray) -> str:
-    """16 hexadecimal digits that change when any byte, the shape or the type of `array` does."""
+    """A checksum of an array's bytes, shape and type: 16 hexadecimal digits."""
     digest = hashlib.sha256(f"{array.dtype.str}{array.shape}".encode())
     digest.update(np.ascontiguousarray(array).data)
     return digest.hexdigest()[:16]
 
 
 def sweep(folder: Path, age: float = 3600.0) -> None:
-    """Delete what killed writers left in `folder` more than `age` seconds ago."""
+    """Delete unfinished files that killed writers left in a folder.
+
+    Args:
+        folder: where the files are.
+        age: s since the last write; younger files may still be written.
+    """
     for part in folder.glob(".*.part"):
         with contextlib.suppress(OSError):
             if time.time() - part.stat().st_mtime > age:
@@ -100,57 +112,42 @@ def sweep(folder: Path, age: float = 3600.0) -> None:
 
 
 def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Write named arrays as one sealed .npz file."""
+    """Write named arrays as one .npz file with a checksum."""
     archive = io.BytesIO()
     np.savez(archive, allow_pickle=False, **arrays)  # type: ignore[arg-type]
-    # the comment's length ends the archive
-    body = archive.getvalue()[:-2] + SEAL.to_bytes(2, "little")
-    write_atomically(
-        path,
-        lambda file: (
-            file.write(body),
-            file.write(hashlib.sha256(body).hexdigest().encode()),
-        ),
-    )
+    # The last two bytes of an archive are the length of its comment.
+    body = archive.getvalue()[:-2] + SHA256_DIGITS.to_bytes(2, "little")
+    digest = hashlib.sha256(body).hexdigest().encode()
+    write_atomically(path, lambda file: (file.write(body), file.write(digest)))
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
-    """What `write_arrays` wrote.
+    """Read the named arrays of a file that `write_arrays` wrote.
 
     Raises:
         FileNotFoundError: there is no such file.
-        Damaged: it is not as it was written.
+        Damaged: the file is not as it was written.
     """
-    content = _content(path)
-    if hashlib.sha256(content[:-SEAL]).hexdigest().encode() != content[-SEAL:]:
+    content = _read(path)
+    body, digest = content[:-SHA256_DIGITS], content[-SHA256_DIGITS:]
+    if hashlib.sha256(body).hexdigest().encode() != digest:
         raise Damaged("its checksum does not match")
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            if any(
-                member.compress_type != zipfile.ZIP_STORED
-                for member in archive.infolist()
-            ):
+            if {member.compress_type for member in archive.infolist()} - STORED:
                 raise Damaged("compressed")
         with np.load(io.BytesIO(content), allow_pickle=False) as data:
             arrays = {name: data[name] for name in data.files}
-    except (
-        ValueError,
-        KeyError,
-        EOFError,
-        MemoryError,
-        OSError,
-        zipfile.BadZipFile,
-        NotImplementedError,
-    ) as error:
+    except (*UNREADABLE, zipfile.BadZipFile, NotImplementedError) as error:
         raise Damaged(first_line(error)) from None
-    # NumPy gives other members as bytes
+    # NumPy returns members that are no arrays as bytes.
     if not all(isinstance(array, np.ndarray) for array in arrays.values()):
         raise Damaged("it holds something else than arrays")
     return arrays
 
 
 def write_record(path: Path, values: Mapping[str, Any]) -> None:
-    """Write a mapping of JSON types, a line a value, and its checksum.
+    """Write a mapping of JSON types, one value a line, with a checksum.
 
     Raises:
         ValueError: a number is not finite.
@@ -159,33 +156,39 @@ def write_record(path: Path, values: Mapping[str, Any]) -> None:
         f"{json.dumps(name)}: {json.dumps(value, allow_nan=False)}"
         for name, value in values.items()
     )
-    body = "{\n" + ",\n".join(lines)
-    text = f'{body}{MARK}{hashlib.sha256(body.encode()).hexdigest()[:16]}"\n}}\n'
+    text = _with_checksum("{\n" + ",\n".join(lines))
     write_atomically(path, lambda file: file.write(text.encode()))
 
 
 def read_record(path: Path) -> dict[str, Any]:
-    """What `write_record` wrote.
+    """Read the mapping in a file that `write_record` wrote.
 
     Raises:
         FileNotFoundError: there is no such file.
-        Damaged: it is not as it was written.
+        Damaged: the file is not as it was written.
     """
     try:
-        text = _content(path, LARGEST_RECORD).decode()
+        text = _read(path, LARGEST_RECORD).decode()
         values = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise Damaged(first_line(error)) from None
-    body, mark, _ = text.rpartition(MARK)
-    if not isinstance(values, dict) or not mark:
+    body, key, _ = text.rpartition(CHECKSUM_KEY)
+    if not isinstance(values, dict) or not key:
         raise Damaged("it has no checksum, as files of older versions")
-    if text != f'{body}{MARK}{hashlib.sha256(body.encode()).hexdigest()[:16]}"\n}}\n':
+    if text != _with_checksum(body):
         raise Damaged("its checksum does not match")
     del values["checksum"]
     return values
 
 
-def _content(path: Path, most: int | None = None) -> bytes:
+def _with_checksum(body: str) -> str:
+    """The text of a record from its values, which `body` holds."""
+    digest = hashlib.sha256(body.encode()).hexdigest()[:16]
+    return f'{body}{CHECKSUM_KEY}{digest}"\n}}\n'
+
+
+def _read(path: Path, most: int | None = None) -> bytes:
+    """The bytes of a file; Damaged where it cannot be read or is larger than `most`."""
     try:
         if most is not None and path.stat().st_size > most:
             raise Damaged(f"it is larger than {most} bytes")

@@ -1,4 +1,4 @@
-"""The robots, their terrain and the physics they live in: the paper's two systems as frozen dataclasses.
+"""Robots, terrain and physics: the paper's two systems as frozen dataclasses.
 
 The values are those of the authors' released simulation parameters (footnote 1 of the
 paper); the ratios between novice and expert are the paper's (section 5).
@@ -13,12 +13,12 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from sidm.config import ConfigError, config, refuse_nonsense
+from sidm.config import ConfigError, check_numbers, config
 
 
 @config
 class Robot:
-    """What distinguishes one robot from another; what is the same for all is in `simulation.dimensions`.
+    """Values in which robots differ; `simulation.dimensions` has what all share.
 
     Attributes:
         throttle_scale: wheel speed at full throttle, rad/s
@@ -27,10 +27,10 @@ class Robot:
             positive
         travel_lower: the strut's longest extension, m (negative)
         travel_upper: the strut's deepest compression, m
-        damping: of each strut, N s/m
+        damping: damping of each strut, N s/m
         spring: stiffness of each strut, N/m
         friction: Coulomb coefficient of the tyres
-        mass_scale: on mass and inertia of every part but the chassis
+        mass_scale: factor on mass and inertia of every part but the chassis
 
     Raises:
         ConfigError: an unknown name, a wrong type, or values that make no robot.
@@ -53,43 +53,41 @@ class Robot:
 
     def __post_init__(self) -> None:
         """Refuse a robot that cannot be built."""
-        refuse_nonsense(self)
+        check_numbers(self)
         if not self.travel_lower < self.travel_upper:
             raise ConfigError(
-                f"Robot.travel_lower must be below travel_upper, not {self.travel_lower} and {self.travel_upper}"
+                "Robot.travel_lower must be below travel_upper, "
+                f"not {self.travel_lower} and {self.travel_upper}"
             )
         for name in ("damping", "spring", "friction", "mass_scale"):
-            if getattr(self, name) < 0 or (
-                name == "mass_scale" and self.mass_scale == 0
-            ):
-                raise ConfigError(
-                    f"Robot.{name} must be positive, not {getattr(self, name)}"
-                )
+            value = getattr(self, name)
+            if value < 0 or (name == "mass_scale" and value == 0):
+                raise ConfigError(f"Robot.{name} must be positive, not {value}")
 
     def replace(self, **changes: float) -> Robot:
-        """The same robot with some values changed, checked like a new one."""
+        """A copy of the robot with changed values, checked like a new one."""
         return Robot(**(dataclasses.asdict(self) | changes))
 
 
-GRID_SPACING = 0.1  # m, of the ground's heights in the simulator
+GRID_SPACING = 0.1  # m between the heights of the ground in the simulator
 
 
 @config
 class Terrain:
-    """Random rocky ground: Voronoi steps of random height, smoothed, with finer noise and a flat start (section 5).
+    """Random rocky ground (section 5): smoothed Voronoi steps, noise and a flat start.
 
     Attributes:
         cell_height_scale: amplitude of the cells' Perlin heights, m
-        size: grid points a side
-        spacing: between grid points, m
+        size: grid points along a side
+        spacing: distance between grid points, m
         cells_per_area: mean density of cell centres, 1/m^2
-        cell_frequency: of the Perlin noise that gives the cells' heights, 1/m
+        cell_frequency: frequency of the Perlin noise for the cells' heights, 1/m
         start_cell_radius: centres nearer to the origin than this are replaced by one at
             the origin, m
         smoothing: standard deviation of the Gaussian filter, grid cells
         noise_height_scale: amplitude of the fine Perlin noise, m
-        noise_frequency: of the fine Perlin noise, 1/m
-        flat_radius: of the level disc at the origin, m
+        noise_frequency: frequency of the fine Perlin noise, 1/m
+        flat_radius: radius of the level disc at the origin, m
         blend: width of the ring around the disc that leads back to the rough ground, m
 
     Raises:
@@ -115,10 +113,11 @@ class Terrain:
 
     def __post_init__(self) -> None:
         """Refuse ground that cannot be built."""
-        refuse_nonsense(self)
+        check_numbers(self)
         if self.spacing != GRID_SPACING:
             raise ConfigError(
-                f"Terrain.spacing must be {GRID_SPACING}, as in the simulator, not {self.spacing}"
+                f"Terrain.spacing must be {GRID_SPACING}, as in the simulator, "
+                f"not {self.spacing}"
             )
 
     @property
@@ -129,64 +128,90 @@ class Terrain:
 
 @config
 class Physics:
-    """Constants of the rigid-body simulation, shared by all robots: the released simulator's, but for the solver's.
+    """Constants of the rigid-body simulation, which all robots share.
 
-    Changed one at a time against trajectories of the released mechanism: twice the
-    `time_step` makes stiff struts and contacts another robot altogether, a tenth of the
-    `contact_damping` lets it bounce and part about four times as far, a fifth of the
-    `damping` (Bullet's drag) about twice as far. A third of the `contact_stiffness`, a
-    tenth of the `contact_margin`, no `contact_slop`, 10 `solver_iterations` or 100 are
-    hardly seen.
+    All but the solver's are the released simulator's. Each was changed by itself, and
+    the motion was compared with trajectories of the released mechanism. Twice the
+    `time_step` turns stiff struts and contacts into another robot. With a tenth of the
+    `contact_damping` the robot bounces, and its motion differs about four times as
+    much; with a fifth of the `damping` (Bullet's drag) it differs about twice as much.
+    A third of the `contact_stiffness`, a tenth of the `contact_margin`, no
+    `contact_slop` and 10 or 100 `solver_iterations` have hardly any effect.
 
     `kingpin_stop` and `strut_motors` are in no table of the released robot: its
     recorded motion shows them. At full steering every robot turns as with 0.5 rad, and
     its struts move as if braked (`sidm.simulation.suspension`).
+
+    Attributes:
+        time_step: physics step, s
+        steps_per_control: physics steps in one control step of 0.1 s
+        gravity: m/s^2, downward
+        solver_iterations: iterations of the constraint solver in a physics step, at
+            most
+        solver_residual: squared velocity error at which the solver stops earlier, which
+            saves 4 % of the time
+        damping: linear and angular drag of every link, as Bullet defines it
+        contact_threshold: breaking threshold of contacts, m
+        contact_slop: penetration that the solver does not correct, m
+        contact_margin: collision margin around the terrain, m
+        contact_stiffness: stiffness of the terrain, N/m
+        contact_damping: damping of the terrain, N s/m
+        ground_friction: Coulomb coefficient of the terrain; Bullet multiplies it by the
+            tyre's
+        wheel_torque: torque at a wheel, at most, N m
+        steering_rate: angular velocity of a kingpin, at most, rad/s
+        kingpin_stop: angle of the front wheels, at most, whatever the steering scale,
+            rad
+        strut_motors: whether motors brake the struts, as in the released simulator; if
+            not, see FREE_PHYSICS
+        drop_height: height of the body's origin at the start, above the highest ground
+            within 1 m, m
+        settling_time: time before a trajectory begins, s
     """
 
-    time_step: float = 1 / 500  # s
-    steps_per_control: int = 50  # physics steps in one control step of 0.1 s
-    gravity: float = 10.0  # m/s^2, downward
-    solver_iterations: int = 50  # at most, of the constraint solver, a physics step
-    #: squared velocity error at which the solver stops earlier; saves 4 % of the time
+    time_step: float = 1 / 500
+    steps_per_control: int = 50
+    gravity: float = 10.0
+    solver_iterations: int = 50
     solver_residual: float = 1e-4
-    damping: float = 0.2  # linear and angular drag of every link, as Bullet defines it
-    contact_threshold: float = 1e-4  # breaking threshold of contacts, m
-    contact_slop: float = 1e-4  # penetration that the solver leaves alone, m
-    contact_margin: float = 0.01  # collision margin around the terrain, m
-    contact_stiffness: float = 30_000.0  # of the terrain, N/m
-    contact_damping: float = 1_000.0  # of the terrain, N s/m
-    #: Coulomb coefficient of the terrain; Bullet multiplies it with the tyre's
+    damping: float = 0.2
+    contact_threshold: float = 1e-4
+    contact_slop: float = 1e-4
+    contact_margin: float = 0.01
+    contact_stiffness: float = 30_000.0
+    contact_damping: float = 1_000.0
     ground_friction: float = 0.5
-    wheel_torque: float = 10.0  # at most, a wheel, N m
-    steering_rate: float = 10.0  # at most, a kingpin, rad/s
-    #: whatever the steering scale, the front wheels turn no farther, rad
+    wheel_torque: float = 10.0
+    steering_rate: float = 10.0
     kingpin_stop: float = 0.5
-    #: the struts braked as in the released simulator; without, see FREE_PHYSICS
     strut_motors: bool = True
-    #: of the body's origin above the highest ground within 1 m at the start, m
     drop_height: float = 0.3
-    settling_time: float = 0.5  # before a trajectory begins, s
+    settling_time: float = 0.5
 
     def __post_init__(self) -> None:
-        """Refuse what is no number."""
-        refuse_nonsense(self)
+        """Refuse numbers that are not finite."""
+        check_numbers(self)
 
 
 @config
 class System:
-    """A pair of similar robots and the ground they drive on.
+    """A pair of similar robots and the ground that they drive on.
 
     Attributes:
-        novice: the target, whose data are dear
-        expert: the proxy, whose data are cheap
+        name: for messages, and for the folder of the system's trajectories
+        novice: the target robot, whose data are expensive
+        expert: the proxy robot, whose data are cheap
+        terrain: the kind of ground
+        physics: constants of the simulation
 
     Raises:
         ConfigError: an unknown name or a wrong type.
 
     Examples:
         >>> pair = sidm.SYSTEMS["system2"]
-        >>> own = sidm.System(name="own", novice=pair.expert, expert=pair.novice, terrain=pair.terrain)
-        >>> own.robot("novice") == pair.expert
+        >>> robots = {"novice": pair.expert, "expert": pair.novice}
+        >>> swapped = sidm.System(name="swapped", terrain=pair.terrain, **robots)
+        >>> swapped.robot("novice") == pair.expert
         True
     """
 
@@ -197,7 +222,7 @@ class System:
     physics: Physics = Physics()
 
     def robot(self, role: str) -> Robot:
-        """The robot in the role 'novice' or 'expert'; ConfigError for another."""
+        """The robot in a role; ConfigError if it is not 'novice' or 'expert'."""
         if role not in ROLES:
             raise ConfigError(f"a role is one of {', '.join(ROLES)}, not {role!r}")
         return self.novice if role == "novice" else self.expert
@@ -206,7 +231,9 @@ class System:
 ROLES = ("novice", "expert")
 
 SYSTEMS = {
-    "system1": System(  # similar dynamics: spring 5 x, damping 2 x, equal travel
+    # Similar dynamics: the novice has 5 times the spring, twice the damping and the
+    # same travel.
+    "system1": System(
         name="system1",
         novice=Robot(
             throttle_scale=30.0,
@@ -231,7 +258,8 @@ SYSTEMS = {
         ),
         terrain=Terrain(cell_height_scale=0.35),
     ),
-    # unlike dynamics: spring 667 x, damping 100 x, 1.5 x less travel
+    # Different dynamics: 667 times the spring, 100 times the damping, 1.5 times less
+    # travel.
     "system2": System(
         name="system2",
         novice=Robot(
@@ -259,16 +287,16 @@ SYSTEMS = {
     ),
 }
 
-#: ends the names of the systems whose struts no motor brakes
+#: End of the names of systems whose struts no motor brakes.
 FREE_STRUTS = "_free_struts"
 
-#: Of robots whose struts no motor brakes. A chassis on stiff springs rings in steps of
-#: 2 ms, by 20 rad/s and more in pitch; in steps of 1 ms its velocities peak no higher
-#: than in steps of 0.5 ms.
+#: Physics of robots whose struts no motor brakes. With a physics step of 2 ms a chassis
+#: on stiff springs oscillates by 20 rad/s and more in pitch; with 1 ms its velocities
+#: peak no higher than with 0.5 ms.
 FREE_PHYSICS = Physics(time_step=1 / 1000, steps_per_control=100, strut_motors=False)
 
-# The same robots as the paper describes them, springs and dampers alone; of the presets
-# that name them.
+#: The paper's systems as its text describes them, with springs and dampers alone. Only
+#: some presets use them.
 FREE_SYSTEMS = {
     name + FREE_STRUTS: System(
         name=name + FREE_STRUTS,
@@ -280,10 +308,10 @@ FREE_SYSTEMS = {
     for name, system in SYSTEMS.items()
 }
 
-FAMILY_SEED = 5  # of the robots drawn
+FAMILY_SEED = 5  # seed of the family's random values
 
-# Ranges that hold the paper's four robots, drawn from evenly in the logarithm or, where
-# they reach 0, in the number.
+# Ranges of the family's values, which include the paper's four robots. A value is drawn
+# uniformly in its logarithm, or in the number itself where the range reaches 0.
 LOGARITHMIC = {
     "throttle_scale": (30.0, 60.0),
     "steering_scale": (0.5, 0.8),
@@ -299,9 +327,9 @@ LINEAR = {
 }
 
 
-def member(number: int) -> Robot:
-    """Robot `number` of the family."""
-    import numpy as np  # which listing trials does without
+def family_robot(number: int) -> Robot:
+    """Robot `number` of a family of random robots like the paper's."""
+    import numpy as np  # here, since commands that only list trials need no NumPy
 
     rng = np.random.default_rng(
         np.random.SeedSequence(FAMILY_SEED, spawn_key=(number,))
@@ -314,25 +342,25 @@ def member(number: int) -> Robot:
     return Robot(**{name: float(f"{value:.4g}") for name, value in values.items()})
 
 
-# Pairs of the family that nothing was tuned on: numbers of novice and expert, and whose
-# ground they drive on.
+# Pairs of the family on which nothing was tuned: numbers of novice and expert, and the
+# system whose ground they drive on.
 FAMILY_PAIRS = {"family20_21": (20, 21, "system1"), "family22_23": (22, 23, "system2")}
 
 
-def is_known(name: str) -> bool:
+def is_system(name: str) -> bool:
     """Whether `find_system` finds a system of that name."""
     return name in SYSTEMS or name in FREE_SYSTEMS or name in FAMILY_PAIRS
 
 
 def find_system(name: str) -> System:
-    """The system of that name; ConfigError naming the known ones otherwise."""
+    """The system of that name; ConfigError, which lists the known names, for others."""
     if name in FAMILY_PAIRS:
         novice, expert, ground = FAMILY_PAIRS[name]
         paper = SYSTEMS[ground]
         return System(
             name=name,
-            novice=member(novice),
-            expert=member(expert),
+            novice=family_robot(novice),
+            expert=family_robot(expert),
             terrain=paper.terrain,
         )
     known = SYSTEMS | FREE_SYSTEMS

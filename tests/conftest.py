@@ -1,5 +1,7 @@
-"""Seeded fixtures: tiny synthetic motion that needs no simulator, and the smallest
-networks."""
+"""Fixtures with fixed seeds: small synthetic motion and the smallest networks.
+
+They need no simulator.
+"""
 
 import dataclasses
 import os
@@ -27,31 +29,34 @@ from tests.golden import Golden
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo
 ) -> Generator[None, pytest.TestReport]:
-    """Under CI a test that would be skipped fails: what is missing there is to be
-    installed."""
+    """Under CI a test that would be skipped fails, unless it needs a GPU."""
     report = yield
-    if report.skipped and os.environ.get("CI") and not hasattr(report, "wasxfail"):
-        report.outcome, report.longrepr = (
-            "failed",
-            f"skipped, which CI does not allow: {report.longrepr}",
-        )
+    allowed = hasattr(report, "wasxfail") or item.get_closest_marker("gpu")
+    if report.skipped and os.environ.get("CI") and not allowed:
+        reason = f"skipped, which CI does not allow: {report.longrepr}"
+        report.outcome, report.longrepr = "failed", reason
     return report
 
 
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    if item.get_closest_marker("gpu") and not torch.cuda.is_available():
+        pytest.skip("needs a GPU")
+
+
 class Scheduling(LoadFileScheduling):
-    """A file's tests go to one worker, but each run of a whole notebook to the next
-    that is free."""
+    """Gives the tests of a file to one worker.
+
+    Each run of a whole notebook goes to the next free worker.
+    """
 
     def _split_scope(self, nodeid: str) -> str:
-        return (
-            nodeid
-            if "with_the_smoke_preset" in nodeid
-            else super()._split_scope(nodeid)
-        )
+        if "with_the_smoke_preset" in nodeid:
+            return nodeid
+        return super()._split_scope(nodeid)
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Scheduling:
-    """With `--dist loadfile`."""
+    """Schedule tests under `--dist loadfile`."""
     return Scheduling(config, log)
 
 
@@ -61,7 +66,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.fixture(autouse=True, scope="session")
 def threads(pytestconfig: pytest.Config) -> None:
-    """Bit-for-bit comparisons hold at one number of threads."""
+    """Fix the number of threads, since bit-for-bit comparisons depend on it."""
     torch.set_num_threads(pytestconfig.getoption("threads"))
 
 
@@ -83,7 +88,7 @@ def generator() -> torch.Generator:
 
 @pytest.fixture(scope="session")
 def small_terrain() -> Terrain:
-    """8 m a side."""
+    """Terrain of 8 m a side."""
     return Terrain(cell_height_scale=0.35, size=81)
 
 
@@ -118,7 +123,7 @@ def small_training() -> StudyTraining:
 
 @pytest.fixture(scope="session")
 def make_trajectories(small_terrain) -> Callable[..., list[Drive]]:
-    """Random but lawful motion: `make_trajectories(count, steps=6, seed=0)`."""
+    """Function that makes random drives: make_trajectories(count, steps=6, seed=0)."""
 
     def make(count: int, steps: int = 6, seed: int = 0) -> list[Drive]:
         rng, made = np.random.default_rng(seed), []
@@ -144,8 +149,10 @@ def make_trajectories(small_terrain) -> Callable[..., list[Drive]]:
 
 @pytest.fixture(scope="session")
 def make_motion() -> Callable[..., Windows]:
-    """Motion that can be learnt: `make_motion(count, seed=0, steps=6, gain=1.0)`; y is
-    linear in x."""
+    """Function that makes motion that can be learnt: targets are linear in the inputs.
+
+    Call `make_motion(count, seed=0, steps=6, gain=1.0)`.
+    """
 
     def make(
         count: int, seed: int = 0, steps: int = 6, pixels: int = 8, gain: float = 1.0
@@ -164,8 +171,10 @@ def make_motion() -> Callable[..., Windows]:
 
 @pytest.fixture
 def datasets(make_motion) -> Datasets:
-    """Six novice trajectories to learn from, two to test, three to validate, twelve of
-    an expert with other gains."""
+    """Novice data of 6 training, 2 test and 3 validation trajectories, and expert data.
+
+    The 12 expert trajectories have other gains.
+    """
     return Datasets(
         make_motion(6, 1),
         make_motion(2, 2),
@@ -176,7 +185,7 @@ def datasets(make_motion) -> Datasets:
 
 @pytest.fixture
 def make_trainer(datasets, small_network, small_training) -> Callable[..., Trainer]:
-    """A Trainer with some settings changed."""
+    """Function that makes a Trainer with some settings changed."""
 
     def make(**changes) -> Trainer:
         training = dataclasses.replace(small_training, **changes)
@@ -187,7 +196,7 @@ def make_trainer(datasets, small_network, small_training) -> Callable[..., Train
 
 @pytest.fixture(scope="session")
 def rides() -> dict[str, Ride]:
-    """Two robots over the same ground for half a second."""
+    """Rides of two robots over the same ground for half a second."""
     ground = Terrain(cell_height_scale=0.35)
     return {
         name: ride(ROBOTS[name], ground, 3, 0.5, steps=5)

@@ -1,8 +1,8 @@
-"""Kill a collection and a study of small trials with SIGKILL at random moments: `make
-crash`.
+"""Kill a collection and a study of small trials with SIGKILL at random moments.
 
-What was finished before a kill must stay untouched, a reader must never meet half a
-file, and in the end everything must equal, bit for bit, what an undisturbed run makes.
+`make crash` runs this script. Files that were finished before a kill must not change, a
+reader must never find half a file, and in the end everything must equal, bit for bit,
+the files of an undisturbed run.
 """
 
 from __future__ import annotations
@@ -35,47 +35,32 @@ SETTINGS = {
     "max_samples": 12_000,
     "patience": 12_000,
 }
-READY = 1.0  # s that a process needs at least before it does anything
+READY = 1.0  # s; a process does nothing before
 
 
 def command(verb: str, data: Path, results: Path) -> list[str]:
-    """`companion collect` or `run` of the small study, with two workers."""
-    changes = [
-        word
-        for name, value in SETTINGS.items()
-        for word in ("--set", f"{name}={value}")
-    ]
+    """Command line of `companion collect` or `run` for the small study, two workers."""
+    study = ["--preset", "smoke", "--system", "system1"]
+    for name, value in SETTINGS.items():
+        study += ["--set", f"{name}={value}"]
     places = ["--data", str(data), "--results", str(results), "--workers", "2"]
-    return [
-        sys.executable,
-        "-m",
-        "companion",
-        verb,
-        "--preset",
-        "smoke",
-        "--system",
-        "system1",
-        *places,
-        *changes,
-    ]
+    return [sys.executable, "-m", "companion", verb, *study, *places]
 
 
 def finish(words: list[str]) -> float:
-    """Run a command to its end; how many seconds it took."""
+    """Run a command to its end and return its seconds."""
     start = time.monotonic()
     subprocess.run(words, check=True, capture_output=True)
     return time.monotonic() - start
 
 
 def kill_at(words: list[str], moment: float, whole_group: bool) -> bool:
-    """Start a command and kill it after so many seconds, its workers too or not;
-    whether it was still running."""
-    process = subprocess.Popen(
-        words,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+    """Start a command and kill it after `moment` seconds, with or without its workers.
+
+    Returns whether the command was still running.
+    """
+    quiet = dict(stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(words, **quiet, start_new_session=True)
     try:
         process.wait(moment)
         return False
@@ -89,7 +74,7 @@ def kill_at(words: list[str], moment: float, whole_group: bool) -> bool:
 
 
 def stamps(folder: Path, pattern: str) -> dict[Path, tuple[int, int]]:
-    """Every finished file, with what changes when it is written again."""
+    """Inode and time of every finished file; they change when it is written again."""
     return {
         path: (path.stat().st_ino, path.stat().st_mtime_ns)
         for path in folder.rglob(pattern)
@@ -100,8 +85,7 @@ def stamps(folder: Path, pattern: str) -> dict[Path, tuple[int, int]]:
 def reader(
     folder: Path, pattern: str, read: Callable[[Path], object]
 ) -> Iterator[list[str]]:
-    """Reads all files again and again until the block ends; gives the list of what was
-    wrong with them."""
+    """Read all files repeatedly until the block ends; give a list of their faults."""
     wrong: list[str] = []
     done = threading.Event()
 
@@ -129,20 +113,20 @@ class Stage:
     """A command whose files are watched."""
 
     words: list[str]
-    folder: Path  # that it writes to
-    pattern: str  # of its finished files
+    folder: Path  # into which the command writes
+    pattern: str  # of the names of finished files
     read: Callable[[Path], object]
-    seconds: float  # that it takes undisturbed
-    wanted: dict[str, object]  # what it makes undisturbed
+    seconds: float  # time of an undisturbed run
+    wanted: dict[str, object]  # content of the files of an undisturbed run
 
 
 def torture(stage: Stage, kills: int, chance: random.Random) -> int:
-    """Kill a command so many times at work, begin anew whenever it has come to its end;
-    how often that was.
+    """Kill a command `kills` times at work, and begin anew whenever it has ended.
 
-    Raises:
-        AssertionError: a finished file was written again, half a file was read, or
-            other files came out.
+    Returns how often it ended.
+
+    Raises an AssertionError if a finished file was written again, half a file was read,
+    or the final files differ.
     """
     met, ends, known = 0, 0, stamps(stage.folder, stage.pattern)
     with reader(stage.folder, stage.pattern, stage.read) as wrong:
@@ -172,22 +156,19 @@ def torture(stage: Stage, kills: int, chance: random.Random) -> int:
 
 
 def content(folder: Path, pattern: str) -> dict[str, object]:
-    """Shards to the byte; of rows all but where they come from."""
-    found: dict[str, object] = {}
+    """Bytes of all shards; values of all rows without their provenance."""
+    contents: dict[str, object] = {}
     for path in sorted(folder.rglob(pattern)):
         if path.suffix == ".npz":
-            found[str(path.relative_to(folder))] = path.read_bytes()
+            contents[str(path.relative_to(folder))] = path.read_bytes()
         else:
-            found[path.name] = {
-                name: value
-                for name, value in read_record(path).items()
-                if name != "provenance"
-            }
-    return found
+            row = read_record(path)
+            contents[path.name] = {key: row[key] for key in row if key != "provenance"}
+    return contents
 
 
 def crash(kills: int, seed: int, root: Path) -> list[str]:
-    """The whole test in a folder; a line on each half of it."""
+    """Run the whole test in a folder; return a line for each of the two commands."""
     chance, lines = random.Random(seed), []
     whole, hurt = (root / name for name in ("whole", "hurt"))
     kinds = (
@@ -199,21 +180,20 @@ def crash(kills: int, seed: int, root: Path) -> list[str]:
         wanted = content(whole / place, pattern)
         assert wanted
         words = command(verb, hurt / "data", hurt / "results")
-        ends = torture(
-            Stage(words, hurt / place, pattern, read, seconds, wanted), kills, chance
-        )
+        stage = Stage(words, hurt / place, pattern, read, seconds, wanted)
+        ends = torture(stage, kills, chance)
         lines.append(
-            f"{verb}: {len(wanted)} files as undisturbed, {ends} times, through {kills} kills at work"
+            f"{verb}: {len(wanted)} files as undisturbed, {ends} times, "
+            f"through {kills} kills at work"
         )
     return lines
 
 
 def main() -> None:
-    """The whole test with as many kills as asked for."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split(":")[0])
-    parser.add_argument(
-        "--kills", type=int, default=20, help="of the collection and of the study, each"
-    )
+    """Run the whole test with a chosen number of kills."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    scope = "of the collection and of the study, each"
+    parser.add_argument("--kills", type=int, default=20, help=scope)
     parser.add_argument("--seed", type=int, default=0, help="of the moments")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:

@@ -1,8 +1,7 @@
-"""Plant changes of the numbers, one at a time, and see a golden test fail for each:
-`make planted`.
+"""Change a number of the code, one place at a time, and see a golden test fail.
 
-Each is one that no one would want to slip into stored results: small, and nowhere an
-error.
+`make planted` runs this script. Each planted change is small, raises no error, and
+would silently change the stored results.
 """
 
 from __future__ import annotations
@@ -17,20 +16,18 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
-METHODS, SIMULATION = (
-    "tests/companion/test_golden_methods.py",
-    "tests/sidm/simulation/test_golden_simulation.py",
-)
+METHODS = "tests/companion/test_golden_methods.py"
+SIMULATION = "tests/sidm/simulation/test_golden_simulation.py"
 PARTS = "tests/sidm/learning/test_golden_parts.py"
 
 
 class Planted(NamedTuple):
-    """A change of one line, and the golden tests that are to see it."""
+    """A change of one line of code, and the golden tests that must see it."""
 
-    file: str  # of a module
+    file: str  # path of the module below ROOT
     old: str
     new: str
-    tests: str
+    tests: str  # file of the golden tests
     only: str = ""  # pytest's -k
 
 
@@ -102,8 +99,8 @@ CHANGES = (
     ),
     Planted(
         "sidm/rivals/least_squares.py",
-        "held[..., first] * held[..., second]",
-        "held[..., first] + held[..., second]",
+        "held = numbers.clamp(self.low, self.high)",
+        "held = numbers.clamp(self.low / 2, self.high / 2)",
         METHODS,
         "least_squares",
     ),
@@ -116,15 +113,15 @@ CHANGES = (
     ),
     Planted(
         "companion/beyond/planning.py",
-        "elites: int = 6",
-        "elites: int = 5",
+        "costs.argsort(stable=True)",
+        "costs.argsort(stable=True, descending=True)",
         "tests/companion/studies/test_driving.py",
         "stored_as_it_was",
     ),
 )
 
 
-def seen(one: Planted, folder: Path) -> bool:
+def is_seen(change: Planted, folder: Path) -> bool:
     """Whether a golden test fails on a copy of the project with the change."""
     copy = folder / "copy"
     for name in ("sidm", "companion", "tests", "recordings"):
@@ -132,47 +129,35 @@ def seen(one: Planted, folder: Path) -> bool:
             ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__")
         )
     shutil.copy(ROOT / "pyproject.toml", copy)
-    path = copy / one.file
+    path = copy / change.file
     text = path.read_text()
-    assert text.count(one.old) == 1, f"{one.file} has not exactly one '{one.old}'"
-    path.write_text(text.replace(one.old, one.new))
-    words = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-q",
-        "-x",
-        "-p",
-        "no:cacheprovider",
-        one.tests,
-        "-k",
-        one.only,
-    ]
-    done = subprocess.run(
-        words,
+    count = text.count(change.old)
+    assert count == 1, f"{change.file} has '{change.old}' {count} times, not once"
+    path.write_text(text.replace(change.old, change.new))
+    pytest = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider"]
+    run = subprocess.run(
+        [*pytest, change.tests, "-k", change.only],
         cwd=copy,
         env=os.environ | {"PYTHONPATH": str(copy)},
         capture_output=True,
         text=True,
     )
     shutil.rmtree(copy)
-    assert done.returncode in (0, 1), done.stdout + done.stderr
-    return done.returncode == 1 and "companion/numerics.py" in done.stdout
+    assert run.returncode in (0, 1), run.stdout + run.stderr
+    return run.returncode == 1 and "companion/numerics.py" in run.stdout
 
 
 def main() -> int:
-    """Exit status 1 when a change went unseen."""
+    """Plant all changes; return 1 if a change went unseen, else 0."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.parse_args()
     unseen = 0
     with tempfile.TemporaryDirectory() as folder:
-        for one in CHANGES:
-            found = seen(one, Path(folder))
-            unseen += not found
-            print(
-                f"{'seen  ' if found else 'UNSEEN'} {one.file}: {one.old} -> {one.new}",
-                flush=True,
-            )
+        for change in CHANGES:
+            seen = is_seen(change, Path(folder))
+            unseen += not seen
+            verdict = "seen  " if seen else "UNSEEN"
+            print(f"{verdict} {change.file}: {change.old} -> {change.new}", flush=True)
     print(f"{len(CHANGES) - unseen} of {len(CHANGES)} planted changes were seen")
     return min(unseen, 1)
 

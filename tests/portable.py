@@ -1,9 +1,10 @@
-"""Run the numerical tests again as other processors round: `make portable`.
+"""Run the numerical tests with the rounding of other processors.
 
-Libraries choose their kernels by the processor's instructions, and with them the order
-of sums, fused products and the polynomials of exp and sin. Their own variables take
-instructions away from them. Before a leg runs, each of its variables alone must be seen
-to change what its library computes: a leg that changes nothing could not fail.
+`make portable` runs this script. Libraries choose their kernels by the instructions of
+the processor, and with the kernels the order of sums, fused products and the
+polynomials of exp and sin. Environment variables take instructions away from the
+libraries. Before a leg, the tests under one set of variables, each of its variables
+alone must change what its library computes: a leg that changes nothing could not fail.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ CORE = [
     "companion/bundle",
     "companion/beyond",
 ]
-#: of x86 processors, as PyTorch calls them; the lowest has SSE
+#: levels of x86 processors, as PyTorch calls them; the lowest has SSE
 LEVELS = ["DEFAULT", "AVX2", "AVX512"]
 
 
@@ -51,9 +52,9 @@ VARIABLES = {
 
 
 class Leg(NamedTuple):
-    """Variables that libraries read when they are loaded."""
+    """Variables that libraries read when they are loaded, to simulate a processor."""
 
-    #: the level that they then keep to; None: it is no matter of instructions
+    #: level that is left to the libraries; None if instructions stay the same
     leaves: str | None
     settings: dict[str, str]
 
@@ -66,7 +67,7 @@ LEGS = {
             "ONEDNN_MAX_CPU_ISA": "AVX2",
             "MKL_CBWR": "AVX2",
             "OPENBLAS_CORETYPE": "Haswell",
-            # of those that NumPy has, whose names begin so
+            # beginnings of the names of NumPy's features
             "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512",
         },
     ),
@@ -78,8 +79,10 @@ LEGS = {
             "MKL_CBWR": "COMPATIBLE",
             "OPENBLAS_CORETYPE": "Nehalem",
             "NPY_DISABLE_CPU_FEATURES": "X86 AVX F16C FMA",
-            # older and newer names
-            "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX2_Usable,-FMA_Usable",
+            # names of older and of newer versions
+            "GLIBC_TUNABLES": (
+                "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX2_Usable,-FMA_Usable"
+            ),
             "NUMBA_CPU_NAME": "generic",
         },
     ),
@@ -88,14 +91,15 @@ LEGS = {
 
 
 def numbers(*shape: int) -> np.ndarray:
-    """Between -1 and 1, from whole numbers by operations that IEEE 754 rounds: the same
-    everywhere."""
+    """Numbers between -1 and 1 that are the same on every processor.
+
+    They come from whole numbers by operations that IEEE 754 rounds.
+    """
     return 2 * np.random.default_rng(0).random(shape) - 1
 
 
 def computed(library: str) -> dict[str, Any]:
-    """What a library computes, some of it by instructions that a processor need not
-    have."""
+    """Results of a library, some by instructions that not every processor has."""
     import torch
 
     x, pair = numbers(10_000), numbers(2, 200, 200)
@@ -115,7 +119,7 @@ def computed(library: str) -> dict[str, Any]:
             }
         ),
         "libm": lambda: {
-            f.__name__: [f(one) for one in 9 * x]
+            f.__name__: [f(number) for number in 9 * x]
             for f in (math.sin, math.cos, math.exp)
         },
         "OpenBLAS": lambda: products | {"solve": np.linalg.solve(a, b)},
@@ -159,7 +163,7 @@ def networks() -> dict[str, Any]:
 
 
 def compiled() -> dict[str, Any]:
-    """The encoder's convolutions and their gradients."""
+    """The encoder's convolutions and their gradients, as Numba compiles them."""
     import torch
 
     from sidm.learning import Network
@@ -170,22 +174,21 @@ def compiled() -> dict[str, Any]:
     torch.manual_seed(0)
     layers = Encoder(Network(pixels=12)).convolutions
     maps, beside = torch.from_numpy(numbers(20, 12, 12)).float(), torch.zeros(20, 1)
-    found = features(layers, maps, beside)
-    found.sum().backward()
-    return {"features": found.detach(), "gradient": layers[0].weight.grad}
+    outputs = features(layers, maps, beside)
+    outputs.sum().backward()
+    return {"features": outputs.detach(), "gradient": layers[0].weight.grad}
 
 
 def digests(library: str) -> dict[str, str]:
-    """What a library computes, to the last bit."""
+    """Digests of a library's results, which show every bit."""
     return {
-        name: sha256(np.asarray(found).tobytes()).hexdigest()
-        for name, found in computed(library).items()
+        name: sha256(np.asarray(values).tobytes()).hexdigest()
+        for name, values in computed(library).items()
     }
 
 
 def processor() -> dict[str, Any]:
-    """Its level, the features that NumPy would use of it, and which of the libraries
-    are in use."""
+    """Level of this processor, its features for NumPy, and the libraries in use."""
     import torch
 
     config = np.show_config(mode="dicts")
@@ -205,44 +208,51 @@ def processor() -> dict[str, Any]:
 
 
 def environment(settings: dict[str, str]) -> dict[str, str]:
-    """This process's, with these settings in place of what it says of any; threads that
-    wait leave their core."""
+    """Environment of this process with other settings of the libraries.
+
+    Waiting threads leave their core.
+    """
     plain = {name: value for name, value in os.environ.items() if name not in VARIABLES}
     return plain | {"OMP_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"} | settings
 
 
 def ask(question: str, settings: dict[str, str]) -> Any:
-    """What a process of its own answers under some settings: of 'processor', or of what
-    a library computes."""
-    words = [sys.executable, "-m", "tests.portable", "--ask", question]
+    """Answer of a new process under some settings.
+
+    The question is 'processor' or the name of a library.
+    """
+    arguments = [sys.executable, "-m", "tests.portable", "--ask", question]
     return json.loads(
-        subprocess.check_output(words, env=environment(settings), cwd=ROOT, text=True)
+        subprocess.check_output(
+            arguments, env=environment(settings), cwd=ROOT, text=True
+        )
     )
 
 
 @functools.cache
 def as_it_is(library: str) -> dict[str, str]:
-    """What a library computes with all the instructions that there are."""
+    """Digests of a library with all instructions of this processor."""
     return ask(library, {})
 
 
 class Blunt(Exception):
-    """A setting that should change something and does not."""
+    """A setting changes nothing, although it should."""
 
 
 def seen(leg: Leg, here: dict[str, Any]) -> dict[str, str]:
-    """The settings of a leg that lower something here, each alone seen to change what
-    is computed; prints what.
+    """Settings of a leg that lower something here; each alone must change results.
 
-    Raises:
-        Blunt: one changes nothing.
+    Prints what each setting changes.
+
+    Raises Blunt if a setting changes nothing.
     """
     kept = {}
     lower = LEVELS[: LEVELS.index(here["level"])] if here["level"] in LEVELS else []
     for name, value in leg.settings.items():
         if (library := VARIABLES[name]) == "NumPy":
+            starts = tuple(value.split())
             value = ",".join(
-                one for one in here["features"] if one.startswith(tuple(value.split()))
+                name for name in here["features"] if name.startswith(starts)
             )
         if library not in here["libraries"]:
             print(f"  {name}: left out, {library} is not in use here")
@@ -250,11 +260,11 @@ def seen(leg: Leg, here: dict[str, Any]) -> dict[str, str]:
             print(f"  {name}: left out, this processor has nothing above {leg.leaves}")
         else:
             before, after = as_it_is(library), ask(library, {name: value})
-            if not (
-                changed := [what for what in before if after[what] != before[what]]
-            ):
+            changed = [key for key in before if after[key] != before[key]]
+            if not changed:
                 raise Blunt(
-                    f"{name}={value} changes none of {library}'s {', '.join(before)}: the leg could not fail"
+                    f"{name}={value} changes none of {library}'s {', '.join(before)}: "
+                    "the leg could not fail"
                 )
             print(
                 f"  {name}={value} changes {library}'s {', '.join(changed)}", flush=True
@@ -265,58 +275,43 @@ def seen(leg: Leg, here: dict[str, Any]) -> dict[str, str]:
 
 def tested(paths: list[str], settings: dict[str, str], jobs: str) -> bool:
     """Whether the tests of some paths pass under these settings."""
-    own = environment(settings)
-    words = [
-        "-m",
-        "pytest",
-        "-n",
-        jobs,
-        "--dist",
-        "loadfile",
-        "--threads",
-        own["OMP_NUM_THREADS"],
-    ]
-    return not subprocess.call(
-        [sys.executable, *words, *(f"tests/{path}" for path in paths)],
-        cwd=ROOT,
-        env=own,
-    )
+    variables = environment(settings)
+    pytest = [sys.executable, "-m", "pytest", "-n", jobs, "--dist", "loadfile"]
+    pytest += ["--threads", variables["OMP_NUM_THREADS"]]
+    paths = [f"tests/{path}" for path in paths]
+    return not subprocess.call([*pytest, *paths], cwd=ROOT, env=variables)
 
 
 def main() -> int:
-    """Run the legs that are asked for; 0 when all of those that this processor can show
-    have passed, one at least."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split(":")[0])
+    """Run the chosen legs; return 0 if all that this processor can show passed.
+
+    At least one leg must have passed.
+    """
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument(
         "legs", nargs="*", metavar="LEG", help=f"of {', '.join(LEGS)}; all by default"
     )
     parser.add_argument(
         "--core",
         action="store_true",
-        help="without tests/experiments, which takes most of the time",
+        help="without the rest of tests/companion, which takes most of the time",
     )
     parser.add_argument("--jobs", default="2", help="processes side by side")
     parser.add_argument("--ask", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.ask:
-        print(
-            json.dumps(
-                processor() if options.ask == "processor" else digests(options.ask)
-            )
-        )
+        asked = options.ask
+        print(json.dumps(processor() if asked == "processor" else digests(asked)))
         return 0
     if unknown := set(options.legs) - set(LEGS):
         parser.error(f"no leg {', '.join(unknown)}; there are {', '.join(LEGS)}")
+    paths = CORE if options.core else [*CORE, "companion"]
     here, ends = ask("processor", {}), {}
     for leg in options.legs or LEGS:
         print(f"{leg}, on a processor with {here['level']}:", flush=True)
         try:
             if settings := seen(LEGS[leg], here):
-                ends[leg] = tested(
-                    [*CORE, *([] if options.core else ["companion"])],
-                    settings,
-                    options.jobs,
-                )
+                ends[leg] = tested(paths, settings, options.jobs)
         except Blunt as error:
             print(f"  {error}")
             ends[leg] = False

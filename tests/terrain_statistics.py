@@ -1,7 +1,8 @@
-"""Statistics of terrains that are held against the recorded ones; run as a script, it
-makes their file anew.
+"""Statistics of terrains, for comparison with recorded ones.
 
-    python tests/terrain_statistics.py FOLDER > tests/recorded/terrain_quantiles.json
+Run as a script, this module writes the file of the recorded statistics:
+
+python tests/terrain_statistics.py FOLDER > tests/recorded/terrain_quantiles.json
 
 FOLDER holds the recordings ``rough_SYSTEM.npz`` and ``novice_SYSTEM.npz`` of the
 released simulator, each with ``terrain`` (n, 300, 300), m: 29 terrains a system.
@@ -19,8 +20,10 @@ LAGS = (0.1, 0.5, 1.0)  # m
 
 
 def statistics(heights: np.ndarray, spacing: float = 0.1) -> dict[str, np.ndarray]:
-    """Quantiles of height (about each terrain's median), slope and height difference of
-    terrains (n, H, W), m."""
+    """Quantiles of height, slope and height differences of terrains (n, H, W), m.
+
+    Heights are about each terrain's median.
+    """
     heights = heights - np.median(heights, axis=(1, 2), keepdims=True)
     along, across = np.gradient(heights, spacing, axis=(1, 2))
     figures = {"height": heights, "slope": np.hypot(along, across)}

@@ -1,4 +1,4 @@
-"""Imports go one way, and what does not simulate does without PyBullet."""
+"""Imports go one way, and only the simulation needs PyBullet."""
 
 import ast
 import graphlib
@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("sidm", "companion")  # the second uses the first
+PACKAGES = ("sidm", "companion")  # the companion uses the library
 
 
 def rooms() -> list[list[str]]:
-    """The rooms of the table in the book's page on the design, row by row."""
+    """Rooms in the table of the book's page on the design, row by row."""
     lines = (ROOT / "book" / "design.md").read_text(encoding="utf-8").splitlines()
     names = [
         re.findall(r"`((?:sidm|companion)\.[\w.]+)`", line.split("|")[1])
@@ -28,11 +28,12 @@ def rooms() -> list[list[str]]:
 ROOMS = rooms()
 ROW = {room: number for number, row in enumerate(ROOMS) for room in row}
 
-#: Inside `sidm.learning` itself, first to last.
+#: modules of `sidm.learning`; each may import those above it
 LEARNING = [
     "seeds",
     "arithmetic",
     "observation",
+    "height_maps",
     "dataset",
     "units",
     "losses",
@@ -62,24 +63,26 @@ WITHOUT_TORCH = (
 
 
 def modules() -> dict[str, Path]:
-    """Dotted name -> file, of every module of both packages."""
-    found = {}
+    """File of every module of both packages, by its dotted name."""
+    files = {}
     for path in sorted(
         path for name in PACKAGES for path in (ROOT / name).rglob("*.py")
     ):
         parts = path.relative_to(ROOT).with_suffix("").parts
-        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
-    return found
+        files[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return files
 
 
 MODULES = modules()
-#: both packages hand on names of their rooms
+#: modules without the packages, which re-export names of their rooms
 INSIDE = [name for name in MODULES if name not in PACKAGES]
 
 
 def imported(name: str, top_level_only: bool = False) -> Iterator[str]:
-    """Dotted names of what a module imports, `from a import b` as a.b where that is a
-    module."""
+    """Dotted names of what a module imports.
+
+    `from a import b` gives a.b where that is a module.
+    """
     tree = ast.parse(MODULES[name].read_text(encoding="utf-8"))
     for node in _outside_functions(tree) if top_level_only else ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -99,8 +102,7 @@ def _outside_functions(tree: ast.AST) -> Iterator[ast.AST]:
 
 
 def room_of(name: str) -> str | None:
-    """The room that a module stands in; None for the packages and for packages whose
-    rooms are listed one by one."""
+    """Room of a module, or None for a package whose rooms are listed one by one."""
     return max(
         (room for room in ROW if f"{name}.".startswith(f"{room}.")),
         key=len,
@@ -187,16 +189,16 @@ def test_no_module_imports_itself_in_a_circle():
 
 
 def test_only_the_simulation_imports_pybullet():
-    """Others import the simulation inside the function that simulates."""
+    """Other modules import the simulation inside the function that simulates."""
     for name in MODULES:
         if room_of(name) != "sidm.simulation":
             assert not PYBULLET & {target.split(".")[0] for target in imported(name)}, (
                 name
             )
-            ours = set(imported(name, top_level_only=True))
-            assert not any(target.startswith("sidm.simulation") for target in ours), (
-                name
-            )
+            targets = set(imported(name, top_level_only=True))
+            assert not any(
+                target.startswith("sidm.simulation") for target in targets
+            ), name
 
 
 def test_what_does_not_learn_does_without_torch():
@@ -209,23 +211,27 @@ def test_what_does_not_learn_does_without_torch():
 
 
 def test_every_name_of_the_companion_is_there():
-    """It imports a name's module when the name is first asked for."""
-    code = "import types, companion; from companion import *; "
-    code += "assert not set(companion.__all__) - set(dir(companion)); "
-    code += "print([n for n in companion.__all__ if isinstance(getattr(companion, n), types.ModuleType)])"
-    done = subprocess.run(
+    """The package imports a name's module when the name is first used."""
+    code = """
+import types, companion
+from companion import *
+assert not set(companion.__all__) - set(dir(companion))
+values = {name: getattr(companion, name) for name in companion.__all__}
+print([name for name in values if isinstance(values[name], types.ModuleType)])
+"""
+    result = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True
     )
-    assert done.stdout.strip() == "[]", done.stderr
+    assert result.stdout.strip() == "[]", result.stderr
 
 
 @pytest.mark.parametrize("name", ["sidm", "sidm.learning", "companion.engine.run"])
 def test_imports_without_pybullet(name):
     block = "; ".join(f"sys.modules[{module!r}] = None" for module in sorted(PYBULLET))
-    done = subprocess.run(
+    result = subprocess.run(
         [sys.executable, "-c", f"import sys; {block}; import {name}"],
         cwd=ROOT,
         capture_output=True,
         text=True,
     )
-    assert done.returncode == 0, done.stderr
+    assert result.returncode == 0, result.stderr

@@ -1,4 +1,4 @@
-"""What `make portable` asks of a leg before it runs its tests."""
+"""The check that `make portable` makes of a leg before its tests."""
 
 import pytest
 from portable import LEGS, Blunt, seen
@@ -7,10 +7,11 @@ HERE = {"level": "AVX2", "features": [], "libraries": ["NumPy", "OpenBLAS"]}
 
 
 def test_a_setting_that_changes_nothing_is_a_fault():
-    """As to take away none of NumPy's features would."""
+    """One such setting takes away none of NumPy's features."""
     with pytest.raises(
         Blunt,
-        match="NPY_DISABLE_CPU_FEATURES= changes none of NumPy's exp, .*: the leg could",
+        match="NPY_DISABLE_CPU_FEATURES= changes none of NumPy's exp, "
+        ".*: the leg could",
     ):
         seen(LEGS["sse"]._replace(settings={"NPY_DISABLE_CPU_FEATURES": "X86"}), HERE)
 

@@ -1,4 +1,4 @@
-"""What `make setup` says before it installs."""
+"""The messages of `make setup` before it installs."""
 
 import importlib.util
 import platform
@@ -25,20 +25,26 @@ def requirements():
 
 
 def test_it_announces_what_is_coming():
-    done = subprocess.run(
+    result = subprocess.run(
         [sys.executable, ROOT / "requirements.py"], capture_output=True, text=True
     )
     pins = "".join(
         (ROOT / name).read_text() for name in ("requirements.txt", "constraints.txt")
     )
-    assert done.returncode == 0 and done.stderr == "" and done.stdout.count("\n") == 1
+    assert (
+        result.returncode == 0
+        and result.stderr == ""
+        and result.stdout.count("\n") == 1
+    )
     count = len(re.findall(r"^[\w.-]+==", pins, re.MULTILINE))
-    assert f"Python {platform.python_version()}: {count} packages" in done.stdout
+    assert f"Python {platform.python_version()}: {count} packages" in result.stdout
 
 
 def test_it_knows_where_pybullet_has_a_wheel(requirements):
-    """pip's record of what is installed here: a wheel from the index is for many
-    Linuxes, one built here for this."""
+    """pip records what is installed: an index's wheel is for many Linuxes.
+
+    A wheel that was built here is for this one.
+    """
     pybullet = distribution("pybullet")
     assert pybullet.version in (requirements.pybullet_is_ready.__doc__ or "")
     assert requirements.pybullet_is_ready() == (
@@ -50,11 +56,9 @@ def test_a_compiler_that_is_missing_is_named_before_pip_fails(
     requirements, monkeypatch
 ):
     monkeypatch.setattr(requirements, "pybullet_is_ready", lambda: False)
-    said = requirements.refusal("no-such-compiler")
-    assert (
-        "PyBullet has no ready build" in said
-        and "install a C++ compiler (no-such-compiler)" in said
-    )
+    message = requirements.refusal("no-such-compiler")
+    assert "PyBullet has no ready build" in message
+    assert "install a C++ compiler (no-such-compiler)" in message
     assert "to compile PyBullet" in requirements.announcement()
 
 

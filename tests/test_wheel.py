@@ -1,5 +1,4 @@
-"""The wheel in an empty environment: the library works there with its own dependencies
-and nothing else."""
+"""In an empty environment, the wheel works with the library's own dependencies."""
 
 import importlib.metadata
 import re
@@ -12,16 +11,16 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-WARTHOG, SKID = (
-    ROOT / "recordings" / "warthog.csv.gz",
-    ROOT / "recordings" / "skid_steer.yaml",
-)
+WARTHOG = ROOT / "recordings" / "warthog.csv.gz"
+SKID = ROOT / "recordings" / "skid_steer.yaml"
 EXTRA = re.compile(r";.*extra\s*==")
 
 
 def needed(names: set[str]) -> set[str]:
-    """Distributions that some need, themselves included; what a package needs for an
-    extra is left out."""
+    """Distributions that some distributions need, with themselves.
+
+    Needs of a package's extras are left out.
+    """
     found: set[str] = set()
     waiting = [name.lower() for name in names]
     while waiting:
@@ -31,7 +30,7 @@ def needed(names: set[str]) -> set[str]:
         try:
             wanted = importlib.metadata.requires(name) or []
         except importlib.metadata.PackageNotFoundError:
-            continue  # of another system
+            continue  # a requirement of another operating system
         found.add(name)
         waiting += [
             re.match(r"[\w.-]+", line)[0].lower()
@@ -43,7 +42,7 @@ def needed(names: set[str]) -> set[str]:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory) -> Path:
-    """Built from a copy, without a network."""
+    """The wheel, built from a copy without a network."""
     folder = tmp_path_factory.mktemp("wheel")
     for name in ("sidm", "companion"):
         shutil.copytree(
@@ -53,26 +52,20 @@ def wheel(tmp_path_factory) -> Path:
         )
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, folder / "source")
-    words = [
-        "-m",
-        "pip",
-        "wheel",
-        "--no-deps",
-        "--no-build-isolation",
-        "--quiet",
-        "-w",
-        folder,
-        folder / "source",
-    ]
-    done = subprocess.run([sys.executable, *words], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    arguments = (
+        f"-m pip wheel --no-deps --no-build-isolation --quiet -w {folder} "
+        f"{folder / 'source'}"
+    ).split()
+    result = subprocess.run(
+        [sys.executable, *arguments], capture_output=True, text=True
+    )
+    assert result.returncode == 0, result.stderr
     return next(folder.glob("sidm-*.whl"))
 
 
 @pytest.fixture(scope="module")
 def least(wheel, tmp_path_factory) -> Path:
-    """The Python of an environment with the wheel, and of all else that is installed
-    here only what the wheel names."""
+    """Python of an environment with the wheel and only its requirements."""
     folder = tmp_path_factory.mktemp("least")
     venv.create(folder / "env", with_pip=False, symlinks=True)
     packages = folder / "packages"
@@ -82,15 +75,7 @@ def least(wheel, tmp_path_factory) -> Path:
     (metadata,) = unpacked.glob("sidm-*.dist-info/METADATA")
     lines = re.findall(r"^Requires-Dist: (.+)$", metadata.read_text(), re.MULTILINE)
     names = {re.match(r"[\w.-]+", line)[0] for line in lines if "extra ==" not in line}  # type: ignore[index]
-    assert names == {
-        "numpy",
-        "scipy",
-        "torch",
-        "pandas",
-        "tqdm",
-        "PyYAML",
-        "safetensors",
-    }
+    assert names == set("numpy scipy torch pandas tqdm PyYAML safetensors".split())
     for name in needed(names):
         for file in importlib.metadata.files(name) or []:
             top = file.parts[0]
@@ -114,31 +99,32 @@ def run(python: Path, folder: Path, *words: str) -> subprocess.CompletedProcess:
 
 
 def test_a_model_is_fitted_from_a_csv_file_there(least, tmp_path):
-    code = "import sidm, sys; sidm.fit(sys.argv[1], body=sys.argv[2], settings={'max_samples': 4000}, out='m')\n"
-    code += "print(sidm.load('m')); assert not {'matplotlib', 'pybullet', 'numba', 'companion'} & set(sys.modules)"
-    done = run(least, tmp_path, "-c", code, str(WARTHOG), str(SKID))
-    assert done.returncode == 0 and done.stdout.startswith("Model('novice_only'"), (
-        done.stderr
+    code = """
+import sidm, sys
+settings = {"max_samples": 4000}
+sidm.fit(sys.argv[1], body=sys.argv[2], settings=settings, out="m")
+print(sidm.load("m"))
+assert not {"matplotlib", "pybullet", "numba", "companion"} & set(sys.modules)
+"""
+    result = run(least, tmp_path, "-c", code, str(WARTHOG), str(SKID))
+    assert result.returncode == 0 and result.stdout.startswith("Model('novice_only'"), (
+        result.stderr
     )
 
 
 def test_the_commands_work_there_or_say_what_they_lack(least, tmp_path):
-    done = run(least, tmp_path, "-m", "sidm", "demo")
-    assert done.returncode == 0 and (tmp_path / "sidm-demo" / "replay.html").exists(), (
-        done.stderr
-    )
-    done = run(
+    result = run(least, tmp_path, "-m", "sidm", "demo")
+    assert (
+        result.returncode == 0 and (tmp_path / "sidm-demo" / "replay.html").exists()
+    ), result.stderr
+    result = run(
         least, tmp_path, "-m", "sidm", "evaluate", "sidm-demo/model", str(WARTHOG)
     )
-    assert (
-        done.returncode == 0
-        and "yaw_rate" in done.stdout
-        and "pip install 'sidm[plots]'" in done.stderr
-    )
-    done = run(
+    assert result.returncode == 0
+    assert "yaw_rate" in result.stdout
+    assert "pip install 'sidm[plots]'" in result.stderr
+    result = run(
         least, tmp_path, "-c", "import sidm; sidm.simulate('system1', 'novice', 0.2)"
     )
-    assert (
-        done.returncode == 1
-        and "simulating needs PyBullet: pip install" in done.stderr.splitlines()[-1]
-    )
+    assert result.returncode == 1
+    assert "simulating needs PyBullet: pip install" in result.stderr.splitlines()[-1]

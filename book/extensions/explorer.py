@@ -1,4 +1,7 @@
-"""Sphinx extension: the scripts of the explorer's and the replay's pages, made from the stored rides and scenes."""
+"""Sphinx extension: write the scripts of the explorer's and the replay's pages.
+
+The scripts hold the stored rides and scenes.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from companion.explorer import grid, page
 
 
 def write_scripts(app: Sphinx, error: Exception | None) -> None:
-    """Put Vega, the replay and the rides into _static/explorer."""
+    """Write Vega, the replay and the rides to _static/explorer."""
     if error is None and app.builder.format == "html":
         stored = Path(app.confdir) / grid.FOLDER
         page.write(Path(app.outdir) / "_static" / "explorer", grid.read(stored), stored)

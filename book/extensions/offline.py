@@ -1,8 +1,8 @@
-"""Sphinx extension: pages that need nothing from another host.
+"""Sphinx extension: make pages that load nothing from another host.
 
-MathJax comes from a pinned Python package and is copied into the rendered book (one
-script and its fonts, not the 35 MB around them); scripts that other extensions would
-load from elsewhere are left out.
+MathJax comes from a pinned Python package. One script and its fonts are copied into the
+rendered book, not the whole package of 35 MB. Scripts that other extensions would load
+from another host are removed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from sphinx.application import Sphinx
 from sphinx.errors import ExtensionError
 
 MATHJAX = ("tex-chtml-full.js", "output/chtml/fonts/woff-v2")
-#: live cells: would load a kernel's client from another host when clicked
+#: scripts for live cells, which would load a client from another host when clicked
 REFUSED = ("thebe",)
 
 
@@ -26,7 +26,8 @@ def copy_mathjax(app: Sphinx, error: Exception | None) -> None:
     package = importlib.util.find_spec("mathjax")
     if package is None or package.origin is None:
         raise ExtensionError(
-            "MathJax is not installed; 'pip install -r requirements.txt' brings django-static-mathjax"
+            "MathJax is not installed; "
+            "'pip install -r requirements.txt' brings django-static-mathjax"
         )
     source = Path(package.origin).parent / "static" / "mathjax" / "es5"
     target = Path(app.outdir) / "_static" / "mathjax"
@@ -38,23 +39,21 @@ def copy_mathjax(app: Sphinx, error: Exception | None) -> None:
             shutil.copyfile(source / name, target / name)
 
 
+def is_local(script: object) -> bool:
+    """Whether a script loads nothing from another host."""
+    name = getattr(script, "filename", script)
+    described = f"{getattr(script, 'filename', '')}{getattr(script, 'attributes', {})}"
+    return not str(name).startswith(("http:", "https:", "//")) and not any(
+        word in described for word in REFUSED
+    )
+
+
 def refuse_scripts(
     app: Sphinx, page: str, template: str, context: dict, doctree: object
 ) -> None:
-    """Take out of a page's head the scripts that fetch from another host."""
+    """Remove from a page's head the scripts that load from another host."""
     scripts = context.get("script_files", [])
-    context["script_files"] = [
-        script
-        for script in scripts
-        if not str(getattr(script, "filename", script)).startswith(
-            ("http:", "https:", "//")
-        )
-        and not any(
-            word
-            in f"{getattr(script, 'filename', '')}{getattr(script, 'attributes', {})}"
-            for word in REFUSED
-        )
-    ]
+    context["script_files"] = [script for script in scripts if is_local(script)]
 
 
 def setup(app: Sphinx) -> dict[str, object]:

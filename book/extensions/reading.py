@@ -1,4 +1,7 @@
-"""Sphinx extension: under its title, how long a page takes to read; what is folded, code and tables do not count."""
+"""Sphinx extension: show under the title how many minutes a page takes to read.
+
+Folded text, code and tables do not count.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from sphinx.application import Sphinx
 
 PACE = 200  # words a minute
 UNREAD = re.compile(r"<(details|pre|table|script|style|math)\b.*?</\1>", re.DOTALL)
-#: that nobody reads through
+#: beginnings of the names of pages that nobody reads from top to bottom
 REFERENCE = ("book/api", "CHANGELOG", "CONTRIBUTING", "genindex", "search")
 
 
@@ -22,11 +25,11 @@ def minutes(body: str) -> int:
 def add_minutes(
     app: Sphinx, name: str, template: str, context: dict[str, Any], doctree: Any
 ) -> None:
-    """Put the minutes behind the page's title."""
+    """Write the minutes below the title of a page."""
     body = context.get("body")
     if body and not name.startswith(REFERENCE):
-        words = f'</h1>\n<p class="reading-time">{minutes(body)} min to read</p>'
-        context["body"] = body.replace("</h1>", words, 1)
+        note = f'<p class="reading-time">{minutes(body)} min to read</p>'
+        context["body"] = body.replace("</h1>", f"</h1>\n{note}", 1)
 
 
 def setup(app: Sphinx) -> dict[str, object]:

@@ -1,7 +1,7 @@
-"""Sphinx extension: the reference's pages, one for each module, and the table of rooms that leads to them.
+"""Sphinx extension: write the reference, one page for each module.
 
-`autosummary` finds the modules and writes the sources of their pages into book/api,
-which git ignores.
+A table of the packages' folders, the rooms, leads to the pages. `autosummary` finds the
+modules and writes the sources of their pages into book/api, which git ignores.
 """
 
 from __future__ import annotations
@@ -30,17 +30,20 @@ TITLE = re.compile(r"(?<=<h1>)[\w.]+")
 
 
 class Rooms(SphinxDirective):
-    """The rooms of both packages, linked, in the order of the page on its design."""
+    """Directive `rooms`: a linked table of the rooms of both packages.
+
+    The rows and their order come from the page on the design of the code.
+    """
 
     def run(self) -> list[nodes.Node]:
-        """The table, made from that page's."""
+        """Make the table from the table of that page."""
         design = Path(self.env.srcdir) / DESIGN
         self.env.note_dependency(str(design))
         rooms = ROOM.findall(design.read_text(encoding="utf-8"))
         lines = ["| Room | What is in it |", "| --- | --- |"]
         lines += [
-            f"| {re.sub(LINKED, '{py:mod}`', names)} | {what} |"
-            for names, what in rooms
+            f"| {LINKED.sub('{py:mod}`', names)} | {content} |"
+            for names, content in rooms
         ]
         place = nodes.container()
         self.state.nested_parse(StringList(lines, str(design)), 0, place)
@@ -50,14 +53,18 @@ class Rooms(SphinxDirective):
 
 
 def read_modules(app: Sphinx, config: Config) -> None:
-    """Let the pages of modules be read, which the table of contents does not list."""
+    """Let Sphinx read the pages of modules, which the table of contents leaves out."""
     config.exclude_patterns = [
         name for name in config.exclude_patterns if not name.startswith(f"{PAGES}/")
     ]
 
 
 def write_sources(app: Sphinx) -> None:
-    """Look for modules in all sources, as `autosummary` would in those that change; none outlives its module."""
+    """Write the sources of the pages of all modules.
+
+    `autosummary` alone would look for modules only in changed sources. Once a module is
+    gone, all sources are deleted first.
+    """
     modules = {
         module.name
         for package in (sidm, companion)
@@ -66,7 +73,7 @@ def write_sources(app: Sphinx) -> None:
     modules |= {"sidm", "companion"}
     sources = list((Path(app.srcdir) / PAGES).glob("*.rst"))
     if not modules.issuperset(path.stem for path in sources):
-        while sources:  # others may name what is gone
+        while sources:  # the sources of other modules may name the one that is gone
             sources.pop().unlink()
     generate_autosummary_docs(
         [f"{PAGES}.md", *map(str, sources)], base_path=app.srcdir, app=app
@@ -76,22 +83,23 @@ def write_sources(app: Sphinx) -> None:
 def break_title(
     app: Sphinx, page: str, template: str, context: dict, doctree: object
 ) -> None:
-    """The name of a module goes on in another line after a dot, not in the middle of a word."""
-    if page.startswith(f"{PAGES}/") and context.get("body"):
+    """Let the name of a module break after a dot, not in the middle of a word."""
+    body = context.get("body")
+    if page.startswith(f"{PAGES}/") and body:
         context["body"] = TITLE.sub(
-            lambda name: name[0].replace(".", ".<wbr>"), context["body"], count=1
+            lambda name: name[0].replace(".", ".<wbr>"), body, count=1
         )
 
 
 def setup(app: Sphinx) -> dict[str, object]:
-    """Register with Sphinx; what leaves files out comes before."""
+    """Register with Sphinx, after the extensions that exclude files."""
     plain = autosummary._import_by_name
 
     def modules_first(
-        name: str, *words: bool, **options: bool
+        name: str, *args: bool, **options: bool
     ) -> tuple[object, object, str]:
-        """A package may hand on a function that is named as its module, which is then meant."""
-        thing, parent, place = plain(name, *words, **options)
+        """Import a module where a function of its package has the same name."""
+        thing, parent, place = plain(name, *args, **options)
         return sys.modules.get(name, thing), parent, place
 
     autosummary._import_by_name = modules_first

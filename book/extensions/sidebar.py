@@ -1,9 +1,9 @@
-"""Sphinx extension: the contents in the sidebar, made from the pages' titles alone.
+"""Sphinx extension: make the contents in the sidebar from the pages' titles alone.
 
-For every page Sphinx copies the headings of all pages, those of the package's reference
-by the thousand, and then throws away all but the titles: a quarter of the time that
-rendering takes. The modules are a tree of short names, which the reference's own pages
-show alone.
+For every page, Sphinx copies the headings of all pages, thousands of them from the
+reference, and then removes all but the titles. This takes a quarter of the time of
+rendering. The modules are a tree of short names, which only the pages of the reference
+show.
 """
 
 from __future__ import annotations
@@ -18,7 +18,10 @@ REFERENCE = "book/api"
 def titles_of(
     name: str, headings: nodes.bullet_list, with_pages: bool = True
 ) -> nodes.bullet_list:
-    """A page's headings without what lies below its title, unless that lists other pages."""
+    """Headings of a page without those below its title.
+
+    Those below it stay if they list other pages and `with_pages` is set.
+    """
     titles = headings.deepcopy()
     for entry in titles.children:
         if len(entry) > 1 and not (with_pages and any(entry.findall(addnodes.toctree))):
@@ -32,18 +35,18 @@ def titles_of(
 def shorten(
     app: Sphinx, page: str, template: str, context: dict, doctree: object
 ) -> None:
-    """Where titles alone are asked for, let Sphinx know no others."""
-    whole = context["toctree"]
+    """Give Sphinx only the titles of pages where it makes a list of titles alone."""
+    make = context["toctree"]
 
     def toctree(**options: object) -> str:
         if not options.get("titles_only"):
-            return whole(**options)
-        known = app.env.tocs
+            return make(**options)
+        headings = app.env.tocs
         app.env.tocs = titles if page.startswith(REFERENCE) else titles | closed
         try:
-            return whole(**options)
+            return make(**options)
         finally:
-            app.env.tocs = known
+            app.env.tocs = headings
 
     if not hasattr(app.builder, "titles"):
         app.builder.titles = {

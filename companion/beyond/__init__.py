@@ -1,1 +1,1 @@
-"""Planning and driving on a model."""
+"""Methods of single chapters: distributions, several experts, planning, hooks."""

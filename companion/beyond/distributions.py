@@ -1,8 +1,9 @@
-"""Encoders, SIDM and decoders that estimate distributions (section 3.2, last paragraph), all Gaussian and diagonal.
+"""Networks that estimate Gaussian distributions (section 3.2, last paragraph).
 
-Latent state-actions and latent transitions are sampled by reparametrisation (Kingma and
-Welling, 2014); the decoder gives mean and standard deviation of the transition. Without
-a generator the latents are their means.
+All distributions are diagonal Gaussians. Latent state-actions and latent state
+transitions are sampled by reparametrisation (Kingma and Welling, 2014); the decoder
+gives the mean and the standard deviation of the state transition. Without a random
+generator, the means take the place of the samples.
 """
 
 from __future__ import annotations
@@ -20,9 +21,11 @@ from sidm.learning.units import Standardisation
 from sidm.learning.weights import scale_last
 from sidm.settings import Network
 
-#: logarithm of a standard deviation, in the networks' units
-QUIETEST, LOUDEST = -6.0, 2.0
-QUIET = -3.0  # of the latents' at the start: about a twentieth of what they vary by
+#: Bounds of the logarithm of a standard deviation, in the networks' units.
+MIN_LOG_STD, MAX_LOG_STD = -6.0, 2.0
+#: Logarithm of the latents' standard deviation before training: about a twentieth of
+#: what the latents vary by.
+INITIAL_LOG_STD = -3.0
 
 
 class Gaussian(NamedTuple):
@@ -32,41 +35,47 @@ class Gaussian(NamedTuple):
     std: Tensor  # (...)
 
     def sample(self, generator: torch.Generator | None) -> Tensor:
-        """One draw of each (...), through which gradients reach both; the means without a generator."""
+        """One sample of each distribution, (...); the means without a generator.
+
+        Gradients pass through the sample to the mean and the standard deviation.
+        """
         if generator is None:
             return self.mean
         noise = torch.randn(self.mean.shape, generator=generator, dtype=self.mean.dtype)
         return self.mean + self.std * noise.to(self.mean.device)
 
     def nll(self, values: Tensor) -> Tensor:
-        """Negative log-likelihood (...), nats, of values (..., K), summed over the last dimension."""
+        """Negative log-likelihood (...), nats, of values (..., K), summed over K."""
         return self.component_nll(values).sum(-1)
 
     def component_nll(self, values: Tensor) -> Tensor:
-        """The same of each component alone, (..., K)."""
-        return (
-            ((values - self.mean) / self.std).square() / 2
-            + self.std.log()
-            + math.log(2 * math.pi) / 2
-        )
+        """Negative log-likelihood of each component of values (..., K), nats."""
+        squares = ((values - self.mean) / self.std).square()
+        return squares / 2 + self.std.log() + math.log(2 * math.pi) / 2
 
 
-class Spread(nn.Module):
-    """From the means of latents to their distributions; at the start all are as quiet."""
+class StdHead(nn.Module):
+    """A linear layer from the means of latents to their standard deviations.
+
+    Before training, all standard deviations are equal and small.
+    """
 
     def __init__(self, size: int):
         super().__init__()
         self.dense = nn.Linear(size, size)
         nn.init.zeros_(self.dense.weight)
-        nn.init.constant_(self.dense.bias, QUIET)
+        nn.init.constant_(self.dense.bias, INITIAL_LOG_STD)
 
     def forward(self, mean: Tensor) -> Gaussian:
         """Independent normal distributions about latents (..., K)."""
-        return Gaussian(mean, self.dense(mean).clamp(QUIETEST, LOUDEST).exp())
+        return Gaussian(mean, self.dense(mean).clamp(MIN_LOG_STD, MAX_LOG_STD).exp())
 
 
 class GaussianEncoder(Encoder):
-    """E_e or E_n: a distribution of latent state-actions about those of the deterministic twin."""
+    """E_e or E_n that estimates a distribution of latent state-actions.
+
+    The means are the output of the deterministic `Encoder`.
+    """
 
     def __init__(
         self,
@@ -75,30 +84,36 @@ class GaussianEncoder(Encoder):
         body: Body = ROVER,
     ):
         super().__init__(network, standardisation, body)
-        self.spread = Spread(network.latent)
+        self.spread = StdHead(network.latent)
 
     def distribution(self, inputs: Tensor, maps: Tensor) -> Gaussian:
-        """Of latent state-actions (B, T, 128), as `Encoder` gives their means."""
+        """Distribution of latent state-actions (B, T, 128)."""
         return self.spread(self(inputs, maps))
 
 
 class GaussianSIDM(SIDM):
-    """The SIDM: a distribution of latent transitions about those of the deterministic twin."""
+    """The SIDM that estimates a distribution of latent state transitions.
+
+    The means are the output of the deterministic `SIDM`.
+    """
 
     def __init__(self, network: Network):
         super().__init__(network)
-        self.spread = Spread(network.latent_transition)
+        self.spread = StdHead(network.latent_transition)
 
     def distribution(
         self, latents: Tensor, memory: Memory | None = None
     ) -> tuple[Gaussian, Memory]:
-        """Of latent state transitions (B, T, 64), and the memory, as `SIDM` gives them."""
+        """Distribution of latent state transitions (B, T, 64), and the new memory."""
         transitions, memory = self(latents, memory)
         return self.spread(transitions), memory
 
 
 class GaussianDecoder(Decoder):
-    """D_e or D_n with a second number for each component: the logarithm of its standard deviation."""
+    """D_e or D_n that estimates a distribution of state transitions.
+
+    A second output layer gives the logarithm of each component's standard deviation.
+    """
 
     def __init__(
         self,
@@ -111,17 +126,19 @@ class GaussianDecoder(Decoder):
         scale_last(self.spread)
 
     def distribution(self, transitions: Tensor) -> Gaussian:
-        """Of the state transition y (..., 13), raw units, given latent state transitions (..., 64)."""
+        """Distribution of the state transition y (..., 13), raw units.
+
+        Args:
+            transitions: latent state transitions (..., 64).
+        """
         hidden = self.dense[:-1](transitions)
-        std = self.spread(hidden).clamp(QUIETEST, LOUDEST).exp()
-        return Gaussian(
-            self.target_mean + self.target_std * self.dense[-1](hidden),
-            self.target_std * std,
-        )
+        std = self.spread(hidden).clamp(MIN_LOG_STD, MAX_LOG_STD).exp()
+        mean = self.target_mean + self.target_std * self.dense[-1](hidden)
+        return Gaussian(mean, self.target_std * std)
 
 
-class Stochastic(Protocol):
-    """What can say how sure it is of a transition."""
+class StochasticPredictor(Protocol):
+    """A model that predicts a distribution of transitions."""
 
     def predict(
         self,
@@ -131,14 +148,18 @@ class Stochastic(Protocol):
         memory: Memory | None,
         generator: torch.Generator | None,
     ) -> tuple[Gaussian, Memory]:
-        """The transition's distribution (B, T, 13), raw units, given one draw of all latents; and the memory."""
+        """Distribution of the transition (B, T, 13), raw units, and the new memory.
+
+        The distribution is conditional on one sample of all latents.
+        """
 
 
 class DistributionModel(DynamicsModel):
-    """Figure 1 with distributions in the place of values; called, it gives the mean that the latents' means lead to.
+    """Figure 1 with distributions in place of values.
 
-    Each latent has a standard deviation beside it; the means begin as those of the
-    deterministic twin.
+    A call returns the mean of the transition, computed from the means of the latents.
+    The means start as the values of the deterministic twin, a `DynamicsModel` with the
+    same seed.
     """
 
     _parts = (GaussianEncoder, GaussianSIDM, GaussianDecoder)
@@ -150,7 +171,7 @@ class DistributionModel(DynamicsModel):
         maps: Tensor,
         generator: torch.Generator | None = None,
     ) -> Tensor:
-        """Latent state-actions (B, T, latent): a draw, or their means."""
+        """Sampled latent state-actions (B, T, latent); means without a generator."""
         return self.encoders[role].distribution(inputs, maps).sample(generator)  # type: ignore[operator]
 
     def transit(
@@ -159,9 +180,12 @@ class DistributionModel(DynamicsModel):
         memory: Memory | None = None,
         generator: torch.Generator | None = None,
     ) -> tuple[Tensor, Memory]:
-        """Latent state transitions (B, T, latent_transition), a draw or their means, and the memory."""
-        found, memory = self.sidm.distribution(latents, memory)  # type: ignore[operator]
-        return found.sample(generator), memory
+        """Sampled latent state transitions (B, T, latent_transition), and the memory.
+
+        Without a generator, the means take the place of the samples.
+        """
+        transitions, memory = self.sidm.distribution(latents, memory)  # type: ignore[operator]
+        return transitions.sample(generator), memory
 
     def predict(
         self,
@@ -171,26 +195,27 @@ class DistributionModel(DynamicsModel):
         memory: Memory | None = None,
         generator: torch.Generator | None = None,
     ) -> tuple[Gaussian, Memory]:
-        """As `Stochastic.predict`: of (B, T, 13)."""
-        transitions, memory = self.transit(
-            self.draw_latents(role, inputs, maps, generator), memory, generator
-        )
+        """`StochasticPredictor.predict`: distribution (B, T, 13) and memory."""
+        latents = self.draw_latents(role, inputs, maps, generator)
+        transitions, memory = self.transit(latents, memory, generator)
         return self.decoders[role].distribution(transitions), memory  # type: ignore[operator]
 
     def forward(
         self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None
     ) -> tuple[Tensor, Memory]:
-        """Means (B, T, 13) and the memory, as of `DynamicsModel`."""
-        found, memory = self.predict(role, inputs, maps, memory)
-        return found.mean, memory
+        """Mean transitions (B, T, 13) and the memory, as `DynamicsModel` gives them."""
+        prediction, memory = self.predict(role, inputs, maps, memory)
+        return prediction.mean, memory
 
 
 class ConstantSpread:
-    """The deterministic twin with errors that are as large everywhere: a normal distribution about what it predicts.
+    """A deterministic model with a constant standard deviation of its errors.
+
+    The distribution is normal, and its mean is what the model predicts.
 
     Args:
-        model: that predicts.
-        std: (13,) of its errors, raw units.
+        model: the deterministic model.
+        std: (13,) standard deviation of the model's errors, raw units.
     """
 
     def __init__(self, model: DynamicsModel, std: Tensor) -> None:
@@ -204,6 +229,6 @@ class ConstantSpread:
         memory: Memory | None = None,
         generator: torch.Generator | None = None,
     ) -> tuple[Gaussian, Memory]:
-        """As `Stochastic.predict`: of (B, T, 13); there are no latents to draw."""
+        """`StochasticPredictor.predict`; there are no latents to sample."""
         mean, memory = self.model(role, inputs, maps, memory)
         return Gaussian(mean, self.std.expand_as(mean)), memory

@@ -1,4 +1,4 @@
-"""Who drives an episode: straight ahead, or by plans that a model or the simulator imagines."""
+"""Drivers of an episode: straight to the goal, or by plans of a model or simulator."""
 
 from __future__ import annotations
 
@@ -10,105 +10,122 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from companion.beyond.planning import Dreamer, Planner, straight
+from companion.beyond.planning import (
+    Imagination,
+    ModelImagination,
+    Planner,
+    steer_to_goal,
+)
 from sidm.drives import CONTROL_STEP, POSITION, QUATERNION, TWIST, upright
 
-ARRIVED = 0.5  # m from the goal
-UPSIDE_DOWN = (1.0, 0.0, 0.0, 0.0)  # a quaternion
+ARRIVED = 0.5  # m, a robot this near to the goal has arrived
+UPSIDE_DOWN = (1.0, 0.0, 0.0, 0.0)  # quaternion x, y, z, w
 
 
-class Ride(NamedTuple):
-    """An episode that was driven: K control steps."""
+class DrivenEpisode(NamedTuple):
+    """An episode of K control steps that was driven to its end."""
 
     ended: str  # 'arrived', a cause of `trajectory.DISCARDS`, or 'time'
     states: np.ndarray  # (K + 1, 13)
     actions: np.ndarray  # (K, 2)
-    #: m, from where a plan led to where the robot was at the next, mean; 0 of no plan
+    #: mean distance, m, from the planned position to the robot's position when the next
+    #: plan begins; 0 for a driver without plans
     surprise: float
 
     @property
     def path(self) -> np.ndarray:
-        """(K + 1, 2) x and y, m."""
+        """Positions (K + 1, 2) x and y, m."""
         return self.states[:, POSITION][:, :2]
 
     @property
     def seconds(self) -> float:
-        """Of driving."""
+        """Duration of the episode, s."""
         return CONTROL_STEP * len(self.actions)
 
     @property
     def top_speed(self) -> float:
-        """Forward and sideways together, m/s."""
+        """Largest speed, forward and sideways together, m/s."""
         return float(np.linalg.norm(self.states[:, TWIST][:, :2], axis=1).max())
 
     @property
     def length(self) -> float:
-        """Of the path, m."""
+        """Length of the path, m."""
         return float(np.linalg.norm(np.diff(self.path, axis=0), axis=1).sum())
 
     @property
     def steepest(self) -> float:
-        """Tilt, degrees."""
+        """Largest tilt, degrees."""
         return float(np.degrees(np.arccos(np.clip(upright(self.states), -1, 1)).max()))
 
 
 class Driver:
-    """What acts.
+    """Chooses the actions of an episode.
 
     Args:
         goal: (2,) x and y, m.
-        planner: whose plans are carried out; None drives straight ahead.
-        imagination: of the plans, a learned model's or the simulator that is driven in.
+        planner: makes the plans to carry out; None drives straight to the goal.
+        imagination: predicts where plans lead: a learned model's `ModelImagination`, or
+            the simulator in which the robot drives.
     """
 
     def __init__(
         self, goal: np.ndarray, planner: Planner | None = None, imagination: Any = None
     ) -> None:
         self.goal, self.planner, self.imagination = goal, planner, imagination
-        # s, of each plan, what was done since the one before taken in
+        # s of computing, a value a plan; includes the update of the model's memory
         self.pace: list[float] = []
-        # m, from where a plan led to where the robot was at the next
+        # m, from the planned to the actual position, a value a plan after the first
         self.surprises: list[float] = []
-        self._ready: list[Tensor] = []
+        self._ready: list[Tensor] = []  # planned actions not yet carried out
 
     @property
     def surprise(self) -> float:
-        """Mean over the plans, m."""
+        """Mean distance from planned to actual positions, m; 0 without a plan."""
         return float(np.mean(self.surprises)) if self.surprises else 0.0
 
     def act(self, state: np.ndarray) -> np.ndarray:
         """The action (2,) in a state (13,)."""
         if self.planner is None:
-            return straight(state, self.goal)
+            return steer_to_goal(state, self.goal)
         if not self._ready:
             self._ready = self._plan(self.planner, state)
         action = self._ready.pop(0).numpy()
-        if isinstance(self.imagination, Dreamer):
+        if isinstance(self.imagination, ModelImagination):
             self.imagination.observe(state, action)
         return action
 
     def _plan(self, planner: Planner, state: np.ndarray) -> list[Tensor]:
-        """The actions until the next plan."""
-        steps, dreamer = planner.settings.replan, self.imagination
+        """The actions (2,) until the next plan."""
+        steps = planner.settings.replan
         if planner.foreseen is not None:
-            self.surprises.append(
-                float(
-                    np.linalg.norm(
-                        planner.foreseen[steps, :2].numpy() - state[POSITION][:2]
-                    )
-                )
-            )
+            expected = planner.foreseen[steps, :2].numpy()
+            distance = np.linalg.norm(expected - state[POSITION][:2])
+            self.surprises.append(float(distance))
         start = time.perf_counter()
-        if isinstance(dreamer, Dreamer):
-            plan = planner.plan(functools.partial(dreamer.imagine, state))
+        imagine: Imagination
+        if isinstance(self.imagination, ModelImagination):
+            imagine = functools.partial(self.imagination.imagine, state)
         else:
-            plan = planner.plan(functools.partial(try_out, self.imagination))
+            imagine = functools.partial(simulate_sequences, self.imagination)
+        plan = planner.plan(imagine)
         self.pace.append(time.perf_counter() - start)
         return list(plan[:steps])
 
 
-def ride(simulator: Any, driver: Driver, rules: Any, longest: float) -> Ride:
-    """Drive one episode to its end: the goal, an end by the `rules` of collecting, or `longest`, s."""
+def drive_episode(
+    simulator: Any, driver: Driver, rules: Any, longest: float
+) -> DrivenEpisode:
+    """Drive one episode to its end.
+
+    Args:
+        simulator: in the state in which the episode begins.
+        driver: chooses the actions.
+        rules: the rules of data collection by which an episode ends early.
+        longest: duration, s, after which an episode ends without arrival.
+
+    Returns:
+        The episode; it ends at the goal, by the rules, or after `longest`.
+    """
     actions: list[np.ndarray] = []
     states, ended = [simulator.state], "time"
     while ended == "time" and len(actions) < round(longest / CONTROL_STEP):
@@ -119,19 +136,23 @@ def ride(simulator: Any, driver: Driver, rules: Any, longest: float) -> Ride:
         states.append(state if np.isfinite(state).all() else states[-1])
         if cause or np.linalg.norm(states[-1][POSITION][:2] - driver.goal) < ARRIVED:
             ended = cause or "arrived"
-    return Ride(ended, np.array(states), np.array(actions), driver.surprise)
+    return DrivenEpisode(ended, np.array(states), np.array(actions), driver.surprise)
 
 
-def try_out(simulator: Any, actions: Tensor) -> Tensor:
-    """Where actions (N, H, 2) lead, tried out in the simulator one sequence after the other: (N, H + 1, 13).
+def simulate_sequences(simulator: Any, actions: Tensor) -> Tensor:
+    """Simulate action sequences (N, H, 2), each from the simulator's present state.
 
-    A sequence that has rolled over is not tried further, nor one whose numbers are
-    lost: it stays upside down.
+    A sequence ends early when the robot rolls over or when its state is not finite. The
+    robot then stays upside down for the remaining steps.
+
+    Returns:
+        States (N, H + 1, 13), the present one first. The simulator is left in its
+        present state.
     """
-    now = simulator.save()
+    present = simulator.save()
     paths = []
     for sequence in actions.numpy():
-        path = [simulator.restore(now)]
+        path = [simulator.restore(present)]
         for action in sequence:
             state = simulator.step(action)
             lost = not np.isfinite(state).all()
@@ -142,6 +163,6 @@ def try_out(simulator: Any, actions: Tensor) -> Tensor:
                 path += [path[-1]] * (len(sequence) + 1 - len(path))
                 break
         paths.append(np.array(path))
-    simulator.restore(now)
-    simulator.forget(now)
+    simulator.restore(present)
+    simulator.forget(present)
     return torch.from_numpy(np.array(paths))

@@ -1,4 +1,7 @@
-"""Algorithms 1 and 2 with the negative log-likelihood as the loss of the prediction (section 3.2, last paragraph)."""
+"""Algorithms 1 and 2 with a negative log-likelihood as the prediction loss.
+
+Section 3.2, last paragraph.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ from sidm.learning.units import Standardisation, Units
 from sidm.settings import Network, Training
 from sidm.systems import ROLES
 
-#: Settings that have one value here.
+#: The only value that this training allows for a setting.
 ONLY = {
     "precision": "float32",
     "frozen": "nothing",
@@ -30,12 +33,15 @@ ONLY = {
 
 
 def mean_nll(model: DistributionModel, motion: Windows) -> float:
-    """Negative log-likelihood, nats, averaged over the steps of `motion`, all latents at their means."""
+    """Mean negative log-likelihood over the steps of `motion`, nats.
+
+    All latents are at their means.
+    """
     total = 0.0
     with torch.inference_mode():
         for part in motion.split(EVALUATION_BATCH):
-            found, _ = model.predict("novice", part.inputs, part.maps)
-            total += float(found.nll(part.targets).double().sum())
+            prediction, _ = model.predict("novice", part.inputs, part.maps)
+            total += float(prediction.nll(part.targets).double().sum())
     return total / motion.targets[..., 0].numel()
 
 
@@ -46,14 +52,15 @@ def train_distributions(
     seed: int,
     standardisation: Standardisation,
 ) -> Trained:
-    """`training.train` for distributions: the same phases and the same rule to stop by, without checkpoints.
+    """Train a model of distributions, with the phases and the stopping of `train`.
 
-    The test likelihood that it stops by is that of the latents' means: the mixture over
-    draws of them, which `particles.one_step` reports, costs as many times as much.
+    There are no checkpoints. The test loss is the likelihood at the means of the
+    latents. The likelihood of the mixture over samples of the latents, which
+    `particles.one_step` reports, costs as many times more as there are samples.
 
     Raises:
-        ConfigError: data that the settings need are not there, or settings that it does
-            not know.
+        ConfigError: data that the settings need are missing, or a setting has a value
+            that this training does not allow.
         TrainingError: a test found a loss that is not finite; the message names the
             iteration.
     """
@@ -71,13 +78,16 @@ def train_distributions(
         standardisation,
         model=LikelihoodModel,
         test_loss=mean_nll,
-        measured=False,
+        with_validation=False,
     )
     return learn(trainer)
 
 
 class LikelihoodModel(DistributionModel):
-    """A model of distributions in training: latents are drawn, and the loss is the negative log-likelihood, nats."""
+    """A model of distributions in training, with sampled latents.
+
+    The loss is the negative log-likelihood, nats.
+    """
 
     def __init__(
         self,
@@ -90,13 +100,18 @@ class LikelihoodModel(DistributionModel):
         self.noise = generator(seed, "latents")
 
     def encode(self, role: str, batch: Windows) -> Tensor:
-        """A draw of latent state-actions (b, T, latent)."""
+        """Sampled latent state-actions (b, T, latent)."""
         return self.draw_latents(role, batch.inputs, batch.maps, self.noise)
 
     def losses(
         self, batch: Mapping[str, Windows], latents: Mapping[str, Tensor]
     ) -> dict[str, Tensor]:
-        """Negative log-likelihood of each sample of a batch and its latents by system, (b, T) each."""
+        """Negative log-likelihood of each step of a batch, nats, (b, T) by system.
+
+        Args:
+            batch: windows by system.
+            latents: their latent state-actions (b, T, latent).
+        """
         transitions, _ = self.transit(
             torch.cat(list(latents.values())), generator=self.noise
         )

@@ -1,4 +1,4 @@
-"""What stands in for the paper's adversary: distances between the latents' distributions, and gradient reversal."""
+"""Alternatives to the paper's adversary: latent distances, and gradient reversal."""
 
 from __future__ import annotations
 
@@ -12,10 +12,14 @@ from sidm.learning.trainer import Hook, Trainer
 
 
 def mmd(first: Tensor, second: Tensor) -> Tensor:
-    """Squared maximum mean discrepancy (Gretton et al., 2012) of samples (N, K) and (M, K): a scalar, 0 for equal ones.
+    """Squared maximum mean discrepancy (Gretton et al., 2012), a scalar.
 
-    The kernel is the mean of three Gaussian ones, as wide as half, once and twice the
-    median squared distance.
+    The kernel is the mean of three Gaussian kernels, whose widths are half, once and
+    twice the median squared distance. The value is 0 for equal samples.
+
+    Args:
+        first: samples (N, K).
+        second: samples (M, K).
     """
     both = torch.cat([first, second])
     squares = torch.cdist(both, both, compute_mode="use_mm_for_euclid_dist").square()
@@ -28,17 +32,23 @@ def mmd(first: Tensor, second: Tensor) -> Tensor:
 
 
 def coral(first: Tensor, second: Tensor) -> Tensor:
-    """Distance of the covariances of samples (N, K) and (M, K), after Sun and Saenko (2016), and of their means.
+    """Distance between covariances, after Sun and Saenko (2016), and between means.
 
-    Their loss leaves the means alone; here a shift counts too, as it does for the
-    adversary.
+    Their loss ignores the means. Here a shift of the mean counts, too, because it
+    counts for the adversary.
+
+    Args:
+        first: samples (N, K).
+        second: samples (M, K).
+
+    Returns:
+        A scalar.
     """
     shift = (first.mean(0) - second.mean(0)).square().mean()
     return shift + (torch.cov(first.T) - torch.cov(second.T)).square().mean()
 
 
-#: Distances between the distributions of latents (N, K) and (M, K), by the setting that
-#: chooses them.
+#: Setting -> distance between the distributions of latents (N, K) and (M, K).
 DISTANCES: dict[str, Callable[[Tensor, Tensor], Tensor]] = {"mmd": mmd, "coral": coral}
 
 
@@ -46,61 +56,63 @@ class DistanceMatching(Hook):
     """Algorithm 2 without a discriminator: E_n moves its latents toward those of E_e.
 
     Args:
-        name: of the distance, one of DISTANCES.
+        name: of the distance, a key of DISTANCES.
     """
 
     def __init__(self, name: str) -> None:
         self.distance = DISTANCES[name]
 
     def regularise(self, trainer: Trainer) -> bool:
-        """As many steps as Algorithm 2 has."""
+        """Take as many steps as the distribution matching of Algorithm 2 has."""
         for _ in range(trainer.training.matching_iterations):
             self.iteration(trainer)
         return True
 
     def iteration(self, trainer: Trainer) -> None:
-        """One step of E_n alone down the distance between its latents and those of E_e."""
+        """One step of E_n alone that reduces the distance to the latents of E_e."""
         count, sampler = trainer.training.matching_batch, trainer.sampler
+        windows = sampler.draw("expert", count, "discriminator expert")
         with torch.no_grad():
-            expert = trainer.encode(
-                "expert", sampler.draw("expert", count, "discriminator expert")
-            )
+            expert = trainer.encode("expert", windows)
         novice = trainer.encode("novice", sampler.matching_batch())
         trainer.step_encoder(self.distance(expert.flatten(0, 1), novice.flatten(0, 1)))
 
 
 class GradientReversal(Hook):
-    """The adversary within Algorithm 1: the encoders feel its gradient reversed (Ganin and Lempitsky, 2015).
+    """The adversary within Algorithm 1 (Ganin and Lempitsky, 2015).
+
+    The encoders get the reversed gradient of the discriminator A.
 
     Args:
-        weight: of the reversed gradient.
+        weight: factor of the reversed gradient.
     """
 
     def __init__(self, weight: float) -> None:
         self.weight = weight
 
     def auxiliary_loss(self, trainer: Trainer, latents: Mapping[str, Tensor]) -> Tensor:
-        """Equation (2) for A on a batch's latents; of only one system there is nothing to tell apart."""
+        """Equation (2) for A on the latents of a batch, a scalar.
+
+        The loss is 0 for a batch of one system: there is nothing to tell apart.
+        """
         trainer.discrimination.zero_grad()
         if len(latents) < 2:
             return next(iter(latents.values())).new_zeros(())
-        # The value is the latents', the derivative by them is -weight.
-        turned = {
+        # equal to the latents in value, with the derivative -weight
+        reversed_latents = {
             role: (1 + self.weight) * latents[role].detach()
             - self.weight * latents[role]
             for role in ("expert", "novice")
         }
-        # unequal numbers
-        terms = [
-            one_sided_loss(**{name: one})
-            for name, one in trainer.discriminate(turned).items()
-        ]
+        logits = trainer.discriminate(reversed_latents)
+        # one term a system, because their numbers of windows differ
+        terms = [one_sided_loss(**{name: values}) for name, values in logits.items()]
         return torch.stack(terms).sum()
 
     def after_step(self, trainer: Trainer) -> None:
-        """A takes its step, too."""
+        """Take a step of the discriminator A."""
         trainer.discrimination.step()
 
     def regularise(self, trainer: Trainer) -> bool:
-        """Algorithm 1 has done it."""
+        """Skip Algorithm 2, because Algorithm 1 has trained A and the encoders."""
         return True

@@ -1,4 +1,8 @@
-"""Left and right exchanged: the paper's robots are alike on both sides, so a mirror image is motion of theirs too."""
+"""Mirror images of motion, left and right exchanged.
+
+The paper's robots are the same on both sides, so a mirror image is also a motion of
+these robots.
+"""
 
 from __future__ import annotations
 
@@ -11,34 +15,42 @@ from sidm.learning.seeds import generator
 from sidm.learning.trainer import Hook
 from sidm.settings import Training
 
-#: Signs in the mirror image, in the order of the tables of `observation`: vectors turn
-#: their y component, axes of rotation the other two, and steering turns.
+#: Signs of the components in the mirror image, in the order of the tables of
+#: `observation`. Vectors change the sign of y; axes of rotation change the signs of x
+#: and z; the steering angle changes its sign.
 INPUT_SIGNS = (1, -1, 1, 1, -1, 1, -1, 1, -1, 1, -1)
 TARGET_SIGNS = (1, -1, 1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1)
 
 
 def mirrored(motion: Windows, which: Tensor) -> Windows:
-    """The trajectories `which` (N,), bool, of a motion in mirror image, the others as they are."""
+    """Some trajectories of a motion in mirror image, the others as they are.
 
-    def turned(values: Tensor, signs: tuple[int, ...]) -> Tensor:
-        return torch.where(
-            which[:, None, None], values * values.new_tensor(signs), values
-        )
+    Args:
+        motion: N trajectories.
+        which: (N,) bool, the trajectories to mirror.
+    """
 
-    # axis -2 runs to the left
+    def mirror(values: Tensor, signs: tuple[int, ...]) -> Tensor:
+        images = values * values.new_tensor(signs)
+        return torch.where(which[:, None, None], images, values)
+
+    # axis -2 of a map runs to the left
     maps = torch.where(which[:, None, None, None], motion.maps.flip(-2), motion.maps)
     return Windows(
-        turned(motion.inputs, INPUT_SIGNS), turned(motion.targets, TARGET_SIGNS), maps
+        mirror(motion.inputs, INPUT_SIGNS), mirror(motion.targets, TARGET_SIGNS), maps
     )
 
 
 def mirror_image(windows: Windows) -> Windows:
-    """All of some windows in mirror image."""
+    """All windows in mirror image."""
     return mirrored(windows, torch.ones(len(windows), dtype=torch.bool))
 
 
 class MirroredSampler(Sampler):
-    """Draws mirror images, too: a system's stand behind its windows, and every second draw at random goes there."""
+    """Draws windows and their mirror images, each with probability 0.5.
+
+    Indices from the number of a system's windows upwards stand for mirror images.
+    """
 
     def __init__(
         self, datasets: Datasets, training: Training, seed: int, device: torch.device
@@ -50,23 +62,25 @@ class MirroredSampler(Sampler):
         }
 
     def indices(self, role: str, count: int, purpose: str) -> Tensor:
-        """(count,) int64: which of a system's windows, or of their mirror images behind them, to learn from."""
-        drawn = super().indices(role, count, purpose)
-        turned = (
-            torch.rand(count, generator=self.generators[f"{purpose} mirrored"]) < 0.5
-        )
-        return drawn + len(self.windows[role]) * turned
+        """Random indices (count,) int64 of a system's windows and mirror images."""
+        indices = super().indices(role, count, purpose)
+        noise = torch.rand(count, generator=self.generators[f"{purpose} mirrored"])
+        return indices + len(self.windows[role]) * (noise < 0.5)
 
     def take(self, role: str, which: Tensor) -> Windows:
-        """A system's windows (b, T) numbered `which` (b,), or their mirror images, on the device."""
-        count = len(self.windows[role])
-        return mirrored(self.windows[role].take(which % count), which >= count).to(
-            self.device
-        )
+        """A system's windows (b, T), or their mirror images, on the device.
+
+        Args:
+            role: the system.
+            which: (b,) indices, as `indices` gives them.
+        """
+        windows = self.windows[role]
+        count = len(windows)
+        return mirrored(windows.take(which % count), which >= count).to(self.device)
 
 
 class Mirroring(Hook):
-    """Left and right of windows are exchanged, of each drawn with probability 0.5."""
+    """Training on windows and their mirror images, each with probability 0.5."""
 
     def sampler(
         self, datasets: Datasets, training: Training, seed: int, device: torch.device

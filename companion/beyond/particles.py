@@ -1,4 +1,8 @@
-"""How sure a model is, and whether rightly so: likelihoods, coverage of one step, and particles over many steps."""
+"""Calibration of predicted distributions.
+
+For one step: the likelihood and the coverage of intervals. For many steps: the coverage
+of the intervals of particles.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from companion.beyond.distributions import Stochastic
+from companion.beyond.distributions import StochasticPredictor
 from sidm import rotations
 from sidm.drives import QUATERNION
 from sidm.learning.dataset import Windows
@@ -22,18 +26,18 @@ from sidm.learning.observation import (
     robot_centred_map,
 )
 
-DRAWS = 16  # of the latents, whose mixture a likelihood is of
-LEVELS = (0.5, 0.9)  # of the intervals
-QUANTILES = (0.5, 0.9, 0.99, 1.0)  # of the likelihoods of single steps
+DRAWS = 16  # samples of the latents, which make the mixture of a likelihood
+LEVELS = (0.5, 0.9)  # probabilities of the central intervals
+QUANTILES = (0.5, 0.9, 0.99, 1.0)  # reported of the likelihoods of single steps
 
 
 class Calibration(NamedTuple):
-    """Of one step, over the steps of some motion."""
+    """Calibration of one step, over all steps of a motion."""
 
-    nll: float  # negative log-likelihood, nats a sample
-    #: QUANTILES of that of single steps: few may make most of the mean
+    nll: float  # mean negative log-likelihood of a step, nats
+    #: QUANTILES of a step's negative log-likelihood: few steps may dominate the mean
     nll_quantiles: tuple[float, ...]
-    component_nll: tuple[float, ...]  # (13,) of each component alone
+    component_nll: tuple[float, ...]  # (13,) mean of each component alone, nats
     #: (13,) mean standard deviation given the latents, raw units
     spread: tuple[float, ...]
     #: (L, 13) share of steps within the central intervals of LEVELS
@@ -41,18 +45,24 @@ class Calibration(NamedTuple):
 
 
 def one_step(
-    model: Stochastic,
+    model: StochasticPredictor,
     motion: Windows,
     generator: torch.Generator | None,
     draws: int = DRAWS,
 ) -> Calibration:
-    """Likelihood and coverage of the mixture over so many draws of the latents, whole trajectories each.
+    """Likelihood and coverage of the mixture over samples of the latents.
 
-    Of few draws the likelihood is too small, on average. Without a generator the
-    latents are their means.
+    Few samples give too small a likelihood, on average.
+
+    Args:
+        model: predicts distributions.
+        motion: windows (B, T) of the novice.
+        generator: of the samples; None puts the latents at their means.
+        draws: D, number of samples; each is a sample for whole trajectories.
     """
-    steps: list[Tensor] = []  # negative log-likelihoods
-    alone, spread = (torch.zeros(TARGET_SIZE, dtype=torch.float64) for _ in range(2))
+    step_nll: list[Tensor] = []  # of single steps
+    component_nll = torch.zeros(TARGET_SIZE, dtype=torch.float64)  # sum over the steps
+    spread = torch.zeros(TARGET_SIZE, dtype=torch.float64)  # sum over the steps
     inside = torch.zeros(len(LEVELS), TARGET_SIZE, dtype=torch.float64)
     with torch.inference_mode():
         for part in motion.split(EVALUATION_BATCH):
@@ -60,32 +70,33 @@ def one_step(
                 model.predict("novice", part.inputs, part.maps, None, generator)[0]
                 for _ in range(draws)
             ]
-            # (D, B, T, 13)
-            logs = torch.stack(
-                [-one.component_nll(part.targets) for one in drawn]
-            ).double()
-            steps.append(math.log(draws) - torch.logsumexp(logs.sum(-1), 0).flatten())
-            alone -= (torch.logsumexp(logs, 0) - math.log(draws)).sum((0, 1))
-            spread += (
-                torch.stack([one.std for one in drawn]).double().mean(0).sum((0, 1))
-            )
+            likelihoods = [-sample.component_nll(part.targets) for sample in drawn]
+            logs = torch.stack(likelihoods).double()  # (D, B, T, 13)
+            mixture = torch.logsumexp(logs.sum(-1), 0)  # (B, T)
+            step_nll.append(math.log(draws) - mixture.flatten())
+            component_nll -= (torch.logsumexp(logs, 0) - math.log(draws)).sum((0, 1))
+            stds = torch.stack([sample.std for sample in drawn]).double()
+            spread += stds.mean(0).sum((0, 1))
             ranks = [
-                torch.special.ndtr((part.targets - one.mean) / one.std) for one in drawn
+                torch.special.ndtr((part.targets - sample.mean) / sample.std)
+                for sample in drawn
             ]
-            rank = torch.stack(ranks).mean(0)  # (B, T, 13), the probability of less
+            # (B, T, 13), the predicted probability of a smaller value
+            rank = torch.stack(ranks).mean(0)
             for number, level in enumerate(LEVELS):
                 inside[number] += (2 * (rank - 0.5).abs() <= level).double().sum((0, 1))
-    nll = torch.cat(steps)
-    components, spreads = (
-        tuple((some / len(nll)).tolist()) for some in (alone, spread)
+    nll = torch.cat(step_nll)
+    return Calibration(
+        float(nll.mean()),
+        tuple(torch.quantile(nll, nll.new_tensor(QUANTILES)).tolist()),
+        tuple((component_nll / len(nll)).tolist()),
+        tuple((spread / len(nll)).tolist()),
+        tuple(tuple(shares.tolist()) for shares in inside / len(nll)),
     )
-    quantiles = tuple(torch.quantile(nll, nll.new_tensor(QUANTILES)).tolist())
-    shares = tuple(tuple(level.tolist()) for level in inside / len(nll))
-    return Calibration(float(nll.mean()), quantiles, components, spreads, shares)
 
 
 def particle_rollout(
-    model: Stochastic,
+    model: StochasticPredictor,
     heights: Tensor,
     state: Tensor,
     actions: Tensor,
@@ -93,16 +104,16 @@ def particle_rollout(
     count: int,
     generator: torch.Generator,
 ) -> Tensor:
-    """Many ways a drive may go on: at each step every particle draws its latents and its transition.
+    """Sampled rollouts: at each step, each particle samples latents and transition.
 
     Args:
-        model: that predicts distributions.
+        model: predicts distributions.
         heights: (H, W), m.
-        state: (13,) where all particles start.
+        state: (13,) in which all particles start.
         actions: (K, 2).
         pixels: P of the model's maps.
-        count: S, of particles.
-        generator: of all draws.
+        count: S, number of particles.
+        generator: of all samples.
 
     Returns:
         States (S, K + 1, 13), the given one first.
@@ -111,49 +122,57 @@ def particle_rollout(
     memory: Memory | None = None
     with torch.inference_mode():
         for action in actions.double():
-            inputs = encode_inputs(states[-1], action.expand(count, -1)).float()[
-                :, None
-            ]
-            maps = robot_centred_map(heights, states[-1], pixels).half()[:, None]
-            found, memory = model.predict("novice", inputs, maps, memory, generator)
-            states.append(integrate(states[-1], found.sample(generator)[:, 0].double()))
+            inputs = encode_inputs(states[-1], action.expand(count, -1)).float()
+            maps = robot_centred_map(heights, states[-1], pixels).half()
+            prediction, memory = model.predict(
+                "novice", inputs[:, None], maps[:, None], memory, generator
+            )
+            transition = prediction.sample(generator)[:, 0]
+            states.append(integrate(states[-1], transition.double()))
     return torch.stack(states, dim=1)
 
 
-class Along(NamedTuple):
-    """Particles beside what happened, without the start: along and across its heading, m, and of the heading, rad."""
+class PathCoverage(NamedTuple):
+    """Intervals of particles beside the actual path, without the first state.
 
-    inside: Tensor  # (L, K, 3) bool, whether the central intervals hold it
-    width: Tensor  # (L, K, 3) of the intervals
-    error: Tensor  # (K, 3) how far the particles' mean is off
+    The three values are the positions along and across the actual heading at the start,
+    m, and the heading, rad.
+    """
+
+    inside: Tensor  # (L, K, 3) bool, whether the intervals hold the actual value
+    width: Tensor  # (L, K, 3) of the central intervals
+    error: Tensor  # (K, 3) absolute error of the particles' mean
 
 
-def covered(
+def path_coverage(
     particles: Tensor, actual: Tensor, levels: Sequence[float] = LEVELS
-) -> Along:
-    """How the particles' central intervals fit what happened.
+) -> PathCoverage:
+    """Compare the particles' central intervals with the actual path.
 
     Args:
         particles: states (S, K + 1, 13).
         actual: states (K + 1, 13).
-        levels: of the intervals.
+        levels: (L,) probabilities of the intervals.
     """
     heading = rotations.yaw(particles[..., QUATERNION])[:, 1:]  # (S, K)
-    # (K,): turns are counted from there
+    # (K,), the mean heading, from which headings are measured
     middle = torch.atan2(heading.sin().mean(0), heading.cos().mean(0))
     start = rotations.yaw(actual[0, QUATERNION])
-    # (S, K, 3), (K, 3)
-    numbers, truth = (
-        _seen(states, start, middle) for states in (particles[:, 1:], actual[1:])
-    )
-    ends = [central(numbers, level) for level in levels]
+    values = _path_values(particles[:, 1:], start, middle)  # (S, K, 3)
+    truth = _path_values(actual[1:], start, middle)  # (K, 3)
+    ends = [central_interval(values, level) for level in levels]
     inside = torch.stack([(low <= truth) & (truth <= high) for low, high in ends])
     width = torch.stack([high - low for low, high in ends])
-    return Along(inside, width, (numbers.mean(0) - truth).abs())
+    return PathCoverage(inside, width, (values.mean(0) - truth).abs())
 
 
-def central(values: Tensor, level: float) -> tuple[Tensor, Tensor]:
-    """The ends (...) between which a new draw lies with probability `level`, of S draws (S, ...)."""
+def central_interval(values: Tensor, level: float) -> tuple[Tensor, Tensor]:
+    """The ends (...) of the interval that holds a new sample with probability `level`.
+
+    Args:
+        values: (S, ...) samples.
+        level: the probability.
+    """
     count = len(values)
     low, high = (
         min(max((share * (count + 1) - 1) / (count - 1), 0.0), 1.0)
@@ -162,9 +181,17 @@ def central(values: Tensor, level: float) -> tuple[Tensor, Tensor]:
     return values.quantile(low, dim=0), values.quantile(high, dim=0)
 
 
-def _seen(states: Tensor, heading: Tensor, middle: Tensor) -> Tensor:
-    """(..., K, 3): metres along and across a `heading`, the turn from a `middle` (K,), rad, of states (..., K, 13)."""
+def _path_values(states: Tensor, heading: Tensor, middle: Tensor) -> Tensor:
+    """Position, m, in the directions of a heading, and heading, rad, of states.
+
+    Args:
+        states: (..., K, 13).
+        heading: of the first axis of the positions, rad.
+        middle: (K,) from which the headings are measured, rad.
+
+    Returns:
+        (..., K, 3): position along `heading` and across it, and the heading.
+    """
     turn = rotations.wrap(rotations.yaw(states[..., QUATERNION]) - middle)
-    return torch.cat(
-        [rotations.turn(states[..., :2], -heading), turn[..., None]], dim=-1
-    )
+    position = rotations.turn(states[..., :2], -heading)
+    return torch.cat([position, turn[..., None]], dim=-1)

@@ -1,4 +1,7 @@
-"""Driving with a model: the cross-entropy method over action sequences, on whatever can imagine where they lead."""
+"""Planning with the cross-entropy method over action sequences.
+
+The method works on whatever predicts where action sequences lead.
+"""
 
 from __future__ import annotations
 
@@ -10,76 +13,91 @@ import torch
 from torch import Tensor
 
 from sidm import rotations
-from sidm.config import ConfigError, config, refuse_below, refuse_nonsense
+from sidm.config import ConfigError, check_at_least, check_numbers, config
 from sidm.drives import ACTION_SIZE, POSITION, QUATERNION, STEPS, upright
 from sidm.learning.model import Predictor
 from sidm.learning.networks import Memory
 from sidm.learning.observation import encode_inputs, integrate, robot_centred_map
 
-#: Where actions (N, H, 2) lead: states (N, H + 1, 13), the present one first.
+#: From action sequences (N, H, 2) to the states (N, H + 1, 13) to which they lead, the
+#: present state first.
 Imagination = Callable[[Tensor], Tensor]
 
-#: Between these lie 99 % of the throttles that the novices' data were collected with.
+#: Between these values lie 99 % of the throttles of the novices' data.
 SLOWEST, FASTEST = -0.2, 0.6
+#: Cost, m, of each step of a sequence that tilts beyond the steepest tilt.
+ROLLED_OVER = 100.0
 
 
 @config
 class Planning:
-    """Settings of a planner: the cross-entropy method, its distribution kept from plan to plan and moved on in time."""
+    """Settings of a planner by the cross-entropy method.
 
-    samples: int = 32  # action sequences an iteration
-    #: a plan; each draws from the distribution of the elites before, the first from the
-    #: last plan's
+    The distribution of the action sequences is kept from plan to plan and shifted in
+    time.
+
+    Attributes:
+        samples: action sequences an iteration
+        iterations: iterations a plan; each samples from the distribution of the elites
+            before, the first from that of the last plan
+        elites: number of best samples, whose mean and standard deviation are taken
+        horizon: control steps of 0.1 s
+        hold: control steps for which an action is held
+        replan: control steps from plan to plan
+        spread: standard deviation at first, and of steps that no plan has reached yet
+        least: smallest standard deviation, so that the search goes on
+        steepest: tilt, degrees, beyond which a sequence counts as a rollover; above 60
+            some robots still return
+        slowest: smallest planned throttle
+        fastest: largest planned throttle
+    """
+
+    samples: int = 32
     iterations: int = 1
-    #: of the samples, the best ones, whose mean and standard deviation are taken
     elites: int = 6
-    horizon: int = 9  # control steps of 0.1 s
-    hold: int = 3  # control steps that an action lasts
-    replan: int = 3  # control steps from plan to plan
-    #: standard deviation at first, and of what a plan has not looked at yet
+    horizon: int = 9
+    hold: int = 3
+    replan: int = 3
     spread: float = 0.5
-    least: float = 0.2  # standard deviation that is kept, so that the search goes on
-    #: degrees of tilt, beyond which a sequence counts as a rollover; from 60 some
-    #: robots return
+    least: float = 0.2
     steepest: float = 65.0
-    slowest: float = SLOWEST  # throttle that is planned
+    slowest: float = SLOWEST
     fastest: float = FASTEST
 
     def __post_init__(self) -> None:
-        """Refuse settings that no plan can be made with."""
-        refuse_nonsense(self)
-        refuse_below(
+        """Refuse settings that allow no plan."""
+        check_numbers(self)
+        check_at_least(
             self, 1, "samples", "iterations", "elites", "horizon", "hold", "replan"
         )
         if self.elites > self.samples:
             raise ConfigError(
-                f"Planning.elites must be at most samples ({self.samples}), not {self.elites}"
+                f"Planning.elites must be at most samples ({self.samples}), "
+                f"not {self.elites}"
             )
         if self.horizon % self.hold:
             raise ConfigError(
-                f"Planning.horizon must be a multiple of hold ({self.hold}), not {self.horizon}"
+                f"Planning.horizon must be a multiple of hold ({self.hold}), "
+                f"not {self.horizon}"
             )
         if self.replan > self.horizon:
             raise ConfigError(
-                f"Planning.replan must be at most horizon ({self.horizon}), not {self.replan}"
+                f"Planning.replan must be at most horizon ({self.horizon}), "
+                f"not {self.replan}"
             )
         for name in ("spread", "least"):
-            if not getattr(self, name) > 0:
-                raise ConfigError(
-                    f"Planning.{name} must be positive, not {getattr(self, name)}"
-                )
+            value = getattr(self, name)
+            if not value > 0:
+                raise ConfigError(f"Planning.{name} must be positive, not {value}")
         if not -1 <= self.slowest < self.fastest <= 1:
             raise ConfigError(
-                f"Planning: -1 <= slowest < fastest <= 1, not {self.slowest} and {self.fastest}"
+                "Planning: -1 <= slowest < fastest <= 1, "
+                f"not {self.slowest} and {self.fastest}"
             )
-
-
-#: m, added to the cost of a sequence for every step beyond the steepest tilt
-ROLLED_OVER = 100.0
 
 
 def cost(states: Tensor, goal: Tensor, steepest: float) -> Tensor:
-    """What imagined paths cost.
+    """Cost of imagined paths.
 
     Args:
         states: (N, H + 1, 13).
@@ -87,8 +105,8 @@ def cost(states: Tensor, goal: Tensor, steepest: float) -> Tensor:
         steepest: tilt, degrees.
 
     Returns:
-        (N,), m: the distance from the goal, mean over the steps and once more at the
-        end, and ROLLED_OVER for every step that tilts more.
+        (N,), m: the mean distance from the goal over the steps, plus the distance at
+        the end, plus ROLLED_OVER for each step that tilts beyond `steepest`.
     """
     ahead = states[:, 1:]
     distance = (ahead[..., :2] - goal).norm(dim=-1)  # (N, H)
@@ -97,7 +115,7 @@ def cost(states: Tensor, goal: Tensor, steepest: float) -> Tensor:
 
 
 class Planner:
-    """Plans again and again towards one goal, each time from where the samples that did best before led.
+    """Plans repeatedly towards one goal; each plan starts from the last distribution.
 
     Args:
         settings: of the method.
@@ -113,64 +131,63 @@ class Planner:
         self.low, self.high = torch.tensor(
             [[settings.slowest, -1.0], [settings.fastest, 1.0]], dtype=torch.float64
         )
-        # (H + 1, 13), where the last plan leads by what imagined it
+        # states (H + 1, 13) to which the last plan leads, as imagined
         self.foreseen: Tensor | None = None
 
     def plan(self, imagine: Imagination) -> Tensor:
-        """Actions (H, 2) from now on; the first `replan` are to be carried out before the next plan."""
+        """Actions (H, 2) from now on; carry out the first `replan`, then plan again."""
         settings, mean, spread = self.settings, self.mean, self.spread  # (H, 2)
         shape = settings.samples, settings.horizon // settings.hold, ACTION_SIZE
         best, lowest = mean, math.inf
         for _ in range(settings.iterations):
             noise = torch.randn(shape, generator=self.generator, dtype=torch.float64)
-            # (N, H, 2)
-            drawn = mean + spread * noise.repeat_interleave(settings.hold, dim=1)
-            drawn = drawn.clamp(self.low, self.high)
-            drawn[0] = mean
-            paths = imagine(drawn)
+            noise = noise.repeat_interleave(settings.hold, dim=1)
+            samples = (mean + spread * noise).clamp(self.low, self.high)  # (N, H, 2)
+            samples[0] = mean
+            paths = imagine(samples)
             costs = cost(paths, self.goal, settings.steepest)
             elite = costs.argsort(stable=True)[: settings.elites]
-            mean, spread = (
-                drawn[elite].mean(0),
-                drawn[elite].std(0, correction=0).clamp_min(settings.least),
-            )
-            if float(costs[elite[0]]) < lowest:
-                best, lowest, self.foreseen = (
-                    drawn[elite[0]],
-                    float(costs[elite[0]]),
-                    paths[elite[0]],
-                )
+            mean = samples[elite].mean(0)
+            spread = samples[elite].std(0, correction=0).clamp_min(settings.least)
+            first = elite[0]
+            if float(costs[first]) < lowest:
+                best, lowest = samples[first], float(costs[first])
+                self.foreseen = paths[first]
         ahead = slice(settings.replan, None)
         self.mean = torch.cat([mean[ahead], mean[-1:].expand(settings.replan, -1)])
-        self.spread = torch.cat(
-            [spread[ahead], torch.full_like(spread[: settings.replan], settings.spread)]
-        )
+        unseen = torch.full_like(spread[: settings.replan], settings.spread)
+        self.spread = torch.cat([spread[ahead], unseen])
         return best
 
 
-class Dreamer:
-    """Imagination of a learned model, which remembers what its robot has done so far.
+class ModelImagination:
+    """Predicts paths with a learned model, which remembers the motion so far.
 
     Args:
-        model: that predicts the novice.
+        model: predicts the novice.
         heights: (H, W), m, of the ground.
         pixels: P of the model's maps.
-        horizon: control steps that are imagined from where the robot is.
+        horizon: control steps to predict from the robot's state.
     """
 
     def __init__(
         self, model: Predictor, heights: np.ndarray, pixels: int, horizon: int = 0
     ) -> None:
         self.model, self.pixels = model, pixels
-        self.longest = STEPS - horizon  # of the memory
+        self.longest = STEPS - horizon  # steps of the memory
         self.heights = torch.as_tensor(heights, dtype=torch.float32)
         self.memory: Memory | None = None
-        # states and actions that the memory is of, or will be
+        # states (13,) and actions (2,) in the memory, then those to be added
         self.done: list[tuple[Tensor, Tensor]] = []
-        self.new = 0  # how many of them it does not have yet
+        self.new = 0  # number of steps to be added to the memory
 
     def imagine(self, state: np.ndarray | Tensor, actions: Tensor) -> Tensor:
-        """Where `actions` (N, H, 2) lead from `state` (13,): states (N, H + 1, 13) float64."""
+        """States to which action sequences lead, (N, H + 1, 13) float64.
+
+        Args:
+            state: (13,), the robot's, first in each path.
+            actions: (N, H, 2).
+        """
         self.remember()
         count = len(actions)
         states = [torch.as_tensor(state, dtype=torch.float32).expand(count, -1)]
@@ -189,29 +206,28 @@ class Dreamer:
         return torch.stack(states, dim=1).double()
 
     def observe(self, state: np.ndarray, action: np.ndarray | Tensor) -> None:
-        """Note that the robot was in `state` (13,) and did `action` (2,)."""
-        self.done.append(
-            (
-                torch.as_tensor(state, dtype=torch.float32),
-                torch.as_tensor(action, dtype=torch.float32),
-            )
+        """Note that the robot took `action` (2,) in `state` (13,)."""
+        step = (
+            torch.as_tensor(state, dtype=torch.float32),
+            torch.as_tensor(action, dtype=torch.float32),
         )
+        self.done.append(step)
         self.new += 1
 
     def remember(self) -> None:
-        """Take into the memory what was observed since the last time.
+        """Add the new steps to the memory.
 
-        What is remembered and imagined together is never longer than STEPS, the most
-        that training has seen: before it would be, the memory is made anew of half as
-        many.
+        Memory and imagined path together are never longer than STEPS, the most that the
+        model saw in training. When they would be, the memory starts again from half as
+        many steps.
         """
         if len(self.done) > self.longest:
             self.done, self.memory = self.done[-self.longest // 2 :], None
             self.new = len(self.done)
         if self.new:
             states, actions = (
-                torch.stack(some)[None]
-                for some in zip(*self.done[-self.new :], strict=True)
+                torch.stack(values)[None]
+                for values in zip(*self.done[-self.new :], strict=True)
             )
             with torch.inference_mode():
                 _, self.memory = self._predict(states, actions, self.memory)
@@ -225,14 +241,26 @@ class Dreamer:
         return self.model("novice", encode_inputs(states, actions), maps, memory)
 
 
-def heading_to(state: np.ndarray, goal: np.ndarray) -> float:
-    """From the robot's heading to the direction of a goal (2,), rad, in [-pi, pi]; positive to the left."""
+def relative_bearing(state: np.ndarray, goal: np.ndarray) -> float:
+    """Angle from the robot's heading to the direction of a goal, rad, in [-pi, pi].
+
+    Args:
+        state: (13,).
+        goal: (2,) x and y, m.
+
+    Returns:
+        The angle, positive to the left.
+    """
     x, y = np.asarray(goal) - np.asarray(state)[POSITION][:2]
     yaw = rotations.yaw(torch.as_tensor(state)[QUATERNION])
     return float(rotations.wrap(torch.atan2(torch.tensor(y), torch.tensor(x)) - yaw))
 
 
-def straight(state: np.ndarray, goal: np.ndarray) -> np.ndarray:
-    """The action (2,) of a driver who looks at nothing but the goal: constant throttle, steering towards it."""
+def steer_to_goal(state: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    """The action (2,) of a driver without a plan.
+
+    The throttle is constant, and the robot steers towards the goal.
+    """
     # positive steering turns right
-    return np.array([FASTEST, np.clip(-1.5 * heading_to(state, goal), -1, 1)])
+    steering = np.clip(-1.5 * relative_bearing(state, goal), -1, 1)
+    return np.array([FASTEST, steering])

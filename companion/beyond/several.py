@@ -1,8 +1,8 @@
-"""One SIDM of several experts, before any novice is met (section 6 of the paper).
+"""One SIDM of several experts, trained without a novice (section 6 of the paper).
 
-Each expert has an encoder and a decoder of its own, as in Figure 1; Algorithm 1 draws
-each trajectory of a batch from one of them at random. Algorithm 2 has no form for
-several experts in the paper and is left out.
+Each expert has its own encoder and decoder, as in Figure 1. Algorithm 1 draws each
+trajectory of a batch from a random expert. The paper gives no form of Algorithm 2 for
+several experts, so Algorithm 2 is left out.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from torch import Tensor
 
 from sidm.config import ConfigError
 from sidm.learning import checkpoint
-from sidm.learning.dataset import Datasets, Windows, split
+from sidm.learning.dataset import Datasets, Windows, split_indices
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.model import DynamicsModel
 from sidm.learning.sampler import Sampler
@@ -24,14 +24,14 @@ from sidm.learning.training import Trained, learn
 from sidm.learning.units import Standardisation
 from sidm.settings import Network, Training
 
-Parts = Mapping[str, Tensor]  # weights and buffers by name
+Weights = Mapping[str, Tensor]  # weights and buffers by name
 
 
 class SeveralSampler(Sampler):
-    """Draws from several experts, each with equal probability.
+    """Draws from several experts with equal probability.
 
     Args:
-        windows: to learn from, by expert.
+        windows: training windows by expert.
         training: how batches are drawn.
         seed: of all draws.
     """
@@ -47,11 +47,15 @@ class SeveralSampler(Sampler):
         self.generators |= {role: generator(seed, role) for role in windows}
 
     def batch_indices(self) -> dict[str, Tensor]:
-        """Which windows (b,) make a batch, by expert: each of one that is drawn with equal probability."""
+        """Indices of the windows of a batch, (b,) by expert, for Algorithm 1.
+
+        All experts have equal probability. Experts without a window are left out.
+        """
         roles, count = list(self.windows), self.training.batch
-        whose = torch.randint(len(roles), (count,), generator=self.generators["system"])
+        source = self.generators["system"]
+        expert = torch.randint(len(roles), (count,), generator=source)
         drawn = {
-            role: self.indices(role, count, role)[whose == number]
+            role: self.indices(role, count, role)[expert == number]
             for number, role in enumerate(roles)
         }
         return {role: indices for role, indices in drawn.items() if len(indices)}
@@ -64,44 +68,40 @@ def several_trainer(
     seed: int,
     standardisation: Standardisation,
 ) -> Trainer:
-    """A model of several experts in training: each has three of four windows to learn from, one to stop by.
+    """A model of several experts in training.
+
+    Three of four windows of each expert are for training, one is for the test loss.
 
     Raises:
-        ConfigError: settings with a novice, or that add to the loop.
+        ConfigError: settings with a novice, or with hooks of the training loop.
     """
     if training.needs_expert or training.hooks():
         raise ConfigError(
-            "several experts without a novice: p_expert=0, regularise=False and nothing that adds to it"
+            "several experts without a novice: p_expert=0, regularise=False and "
+            "nothing that adds to it"
         )
-    parts = {
-        role: split(len(windows), len(windows), seed)
-        for role, windows in experts.items()
-    }
-    learning = {role: experts[role].subset(which) for role, (which, _) in parts.items()}
-    count = training.test_trajectories
-    testing = {
-        role: experts[role].subset(which).first(count)
-        for role, (_, which) in parts.items()
-    }
+    train, test = {}, {}
+    for role, windows in experts.items():
+        train_indices, test_indices = split_indices(len(windows), len(windows), seed)
+        train[role] = windows.subset(train_indices)
+        test[role] = windows.subset(test_indices).first(training.test_trajectories)
 
     def test_loss(model: DynamicsModel, _: Windows) -> float:
         """The mean of the experts' test losses."""
-        losses = [mean_loss(model, windows, role) for role, windows in testing.items()]
+        losses = [mean_loss(model, windows, role) for role, windows in test.items()]
         return sum(losses) / len(losses)
 
     first = next(iter(experts))
-    sets = Datasets(learning[first], testing[first], experts[first])
-    sampler = SeveralSampler(learning, training, seed)
     return Trainer(
-        sets,
+        Datasets(train[first], test[first], experts[first]),
         network,
         training,
         seed,
         standardisation,
         roles=experts,
-        sampler=sampler,
+        sampler=SeveralSampler(train, training, seed),
         test_loss=test_loss,
-        measured=False,
+        with_validation=False,
     )
 
 
@@ -112,7 +112,9 @@ def train_several(
     seed: int,
     standardisation: Standardisation,
 ) -> Trained:
-    """Train one SIDM, and an encoder and a decoder for each expert, by Algorithm 1 until their test loss rises.
+    """Train one SIDM, and an encoder and a decoder for each expert, by Algorithm 1.
+
+    Training stops when the mean of the experts' test losses rises.
 
     Args:
         experts: motion by name.
@@ -128,33 +130,31 @@ def train_several(
     return learn(several_trainer(experts, network, training, seed, standardisation))
 
 
-def as_novice(model: DynamicsModel, role: str) -> Parts:
-    """The SIDM with one expert's encoder and decoder in the novice's place."""
-    found = {}
+def expert_as_novice(model: DynamicsModel, role: str) -> Weights:
+    """Weights of the SIDM, with an expert's encoder and decoder for the novice."""
+    weights = {}
     for name, tensor in checkpoint.module_tensors(model).items():
-        kind, _, rest = name.partition(".")
-        if kind == "sidm":
-            found[name] = tensor
+        part, _, rest = name.partition(".")
+        if part == "sidm":
+            weights[name] = tensor
         elif rest.startswith(f"{role}."):
-            found[f"{kind}.novice.{rest.removeprefix(f'{role}.')}"] = tensor
-    return found
+            weights[f"{part}.novice.{rest.removeprefix(f'{role}.')}"] = tensor
+    return weights
 
 
-def nearest(model: DynamicsModel, motion: Windows) -> str:
-    """The expert whose encoder and decoder predict some motion of a novice with the smallest loss."""
+def nearest_expert(model: DynamicsModel, motion: Windows) -> str:
+    """The expert whose encoder and decoder predict a novice's motion best."""
     return min(model.encoders, key=lambda role: mean_loss(model, motion, role))
 
 
-def fresh_around(
+def fresh_novice(
     model: DynamicsModel, network: Network, standardisation: Standardisation, seed: int
-) -> Parts:
-    """The SIDM with a new encoder and a new decoder for the novice."""
-    fresh = checkpoint.module_tensors(
-        DynamicsModel(network, standardisation, seed, ["novice"])
-    )
+) -> Weights:
+    """Weights of the SIDM, with a new encoder and a new decoder for the novice."""
+    fresh = DynamicsModel(network, standardisation, seed, ["novice"])
     sidm = {
-        name: part
-        for name, part in checkpoint.module_tensors(model).items()
+        name: tensor
+        for name, tensor in checkpoint.module_tensors(model).items()
         if name.startswith("sidm.")
     }
-    return fresh | sidm
+    return checkpoint.module_tensors(fresh) | sidm

@@ -1,6 +1,6 @@
-"""M trials at once on one device: what fills a GPU that a single training leaves idle."""
+"""M trials at once on one device: a single training leaves most of a GPU idle."""
 
-from companion.bundle.seat import Run
-from companion.bundle.training import ONLY, SHARED, Ended, train_bundle
+from companion.bundle.bundled_trial import Run
+from companion.bundle.training import FIXED, SHARED, Ended, train_bundle
 
-__all__ = ["ONLY", "SHARED", "Ended", "Run", "train_bundle"]
+__all__ = ["FIXED", "SHARED", "Ended", "Run", "train_bundle"]

@@ -1,8 +1,8 @@
-"""M trials in their seats: the phases of Algorithms 1 and 2, and their tests.
+"""The phases of Algorithms 1 and 2, and the tests, for M trials at once.
 
-Each trial keeps its `Trainer`, which draws its batches, follows its test loss and says
-when it is over, as in a training of its own; `StackedLearners` do the arithmetic of
-all. M seats, b trajectories in a batch.
+Every trial keeps a `Trainer`, which draws its batches, follows its test loss and says
+when it has ended, as in a single training; `StackedTrainers` do the arithmetic of all.
+A trial stands in one of M slots; b trajectories are in a batch.
 """
 
 from __future__ import annotations
@@ -13,235 +13,242 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import torch
 from torch import Tensor
 
-from companion.bundle.learners import StackedLearners
-from companion.bundle.seat import Seat
-from companion.bundle.shelf import Shelf
+from companion.bundle.bundled_trial import BundledTrial
+from companion.bundle.device_data import DeviceData
+from companion.bundle.trainers import StackedTrainers
 from sidm.learning.resuming import Checkpoint
-from sidm.learning.stopping import Tested
+from sidm.learning.stopping import CurvePoint
 from sidm.settings import Network, Training
+
+#: called after a test with the trial's number among the runs, and the test
+Progress = Callable[[int, CurvePoint], None]
 
 
 class Bundle:
-    """Seats for M trials."""
+    """M slots for trials that are trained together.
+
+    Args:
+        data: trajectories on the device, by system.
+        network: sizes of the networks.
+        training: settings; the trials share those that `training.SHARED` names.
+        roles: the systems: ('novice', 'expert') or ('novice',).
+        slots: M.
+        device: where to compute.
+    """
 
     def __init__(
         self,
-        shelves: Mapping[str, Shelf],
+        data: Mapping[str, DeviceData],
         network: Network,
         training: Training,
         roles: Sequence[str],
-        seats: int,
+        slots: int,
         device: torch.device,
     ):
-        self.shelves, self.network, self.training, self.roles, self.device = (
-            shelves,
-            network,
-            training,
-            roles,
-            device,
-        )
-        self.stacked = StackedLearners(shelves, network, training, roles, seats, device)
-        self.seats: list[Seat | None] = [None] * seats
+        self.data, self.network, self.training = data, network, training
+        self.roles, self.device = roles, device
+        self.stacked = StackedTrainers(data, network, training, roles, slots, device)
+        self.slots: list[BundledTrial | None] = [None] * slots
 
     @property
-    def taken(self) -> dict[int, Seat]:
-        """The trials that are here, by seat."""
-        return {
-            index: seat for index, seat in enumerate(self.seats) if seat is not None
-        }
+    def trials(self) -> dict[int, BundledTrial]:
+        """The trials of the bundle by slot; empty slots are left out."""
+        return {i: trial for i, trial in enumerate(self.slots) if trial is not None}
 
-    def join(self, seat: Seat) -> None:
-        """Seat a trial in the first free place."""
-        index = self.seats.index(None)
-        self.seats[index] = seat
-        self.stacked.put(index, seat.trainer)
+    @property
+    def running(self) -> dict[int, BundledTrial]:
+        """The trials that have not ended, by slot."""
+        return {slot: trial for slot, trial in self.trials.items() if not trial.ended}
 
-    def leave(self, index: int) -> Seat:
-        """Give a trial's trainer what it has learnt, and free its place."""
-        seat = self.taken[index]
-        self.stacked.get(index, seat.trainer)
-        self.seats[index] = None
-        return seat
+    def join(self, trial: BundledTrial) -> None:
+        """Put a trial into the first free slot."""
+        slot = self.slots.index(None)
+        self.slots[slot] = trial
+        self.stacked.put(slot, trial.trainer)
+
+    def leave(self, slot: int) -> BundledTrial:
+        """Free a slot; its trial's trainer gets the state from the device."""
+        trial = self.trials[slot]
+        self.stacked.get(slot, trial.trainer)
+        self.slots[slot] = None
+        return trial
 
     def save(self) -> None:
-        """Write the checkpoints of all trials that have a folder for it."""
-        for index, seat in self.taken.items():
-            if seat.run.checkpoint is not None:
-                self.stacked.get(index, seat.trainer)
-                Checkpoint(seat.run.checkpoint).save(seat.trainer)
+        """Write the checkpoints of all trials that have a checkpoint folder."""
+        for slot, trial in self.trials.items():
+            if trial.run.checkpoint is not None:
+                self.stacked.get(slot, trial.trainer)
+                Checkpoint(trial.run.checkpoint).save(trial.trainer)
 
     def close(self) -> None:
-        """Free what the device holds for the trials that are here."""
+        """Free what the device holds for the trials."""
         self.stacked.close()
 
     def shrunk(self) -> Bundle:
-        """A bundle of the same trials without empty seats, in place of this one."""
-        seats = [self.leave(index) for index in self.taken]
+        """A bundle of the same trials without empty slots; it replaces this one."""
+        trials = [self.leave(slot) for slot in self.trials]
         self.close()
-        small = Bundle(
-            self.shelves,
+        smaller = Bundle(
+            self.data,
             self.network,
             self.training,
             self.roles,
-            len(seats),
+            len(trials),
             self.device,
         )
-        for seat in seats:
-            small.join(seat)
-        return small
+        for trial in trials:
+            smaller.join(trial)
+        return smaller
 
-    def phase(self, progress: Callable[[int, Tested], None] | None = None) -> None:
-        """A phase of Algorithm 1 and one of Algorithm 2 of all trials."""
+    def phase(self, progress: Progress | None = None) -> None:
+        """One phase of Algorithm 1 and one of Algorithm 2, for all trials."""
         self.predict_phase(progress)
-        for index, seat in self.taken.items():
-            if seat.over and not seat.error and not seat.trainer.history:
-                self.take_tests([index], progress)
+        for slot, trial in self.trials.items():
+            # a trial that ended between two tests has at least one
+            if trial.ended and not trial.error and not trial.trainer.history:
+                self.take_tests([slot], progress)
         self.regularise_phase()
 
-    def timed_phase(
-        self, progress: Callable[[int, Tested], None] | None = None
-    ) -> None:
-        """A phase whose time is shared out among those who took part."""
-        start, here = time.monotonic(), list(self.taken.values())
+    def timed_phase(self, progress: Progress | None = None) -> None:
+        """The same as `phase`; the time is divided equally among the trials."""
+        start, trials = time.monotonic(), list(self.trials.values())
         self.phase(progress)
-        for seat in here:
-            seat.seconds += (time.monotonic() - start) / len(here)
+        for trial in trials:
+            trial.seconds += (time.monotonic() - start) / len(trials)
 
-    def predict_phase(
-        self, progress: Callable[[int, Tested], None] | None = None
-    ) -> None:
-        """Algorithm 1."""
-        going = {index: seat for index, seat in self.taken.items() if not seat.over}
-        if not going:
+    def predict_phase(self, progress: Progress | None = None) -> None:
+        """A phase of Algorithm 1; trials that end within it stay as they are then."""
+        running = self.running
+        if not running:
             return
-        batches = {
-            index: seat.draw_batches(self.training.prediction_iterations)
-            for index, seat in going.items()
-        }
-        moving = self._flags(going)
-        places = self._spread({index: places for index, (places, _) in batches.items()})
-        of_expert = self._spread({index: who for index, (_, who) in batches.items()})
-        for iteration in range(self.training.prediction_iterations):
-            self.stacked.predict(moving, places[iteration], of_expert[iteration])
-            for index, seat in going.items():
-                seat.count(batches[index][1][iteration])
-            due = [
-                index
-                for index, seat in going.items()
-                if seat.trainer.iteration % self.training.test_interval == 0
-            ]
+        iterations = self.training.prediction_iterations
+        batches = {slot: t.draw_batches(iterations) for slot, t in running.items()}
+        active = self._flags(running)
+        rows = self._stack({slot: rows for slot, (rows, _) in batches.items()})
+        of_expert = self._stack({slot: flags for slot, (_, flags) in batches.items()})
+        for iteration in range(iterations):
+            self.stacked.predict(active, rows[iteration], of_expert[iteration])
+            for slot, trial in running.items():
+                trial.count(batches[slot][1][iteration])
+            due = [slot for slot, t in running.items() if t.trainer.test_is_due]
             self.take_tests(due, progress)
-            if any(seat.over for seat in going.values()):
-                going = {index: seat for index, seat in going.items() if not seat.over}
-                moving = self._flags(going)
-            if not going:
+            if any(trial.ended for trial in running.values()):
+                running = {slot: t for slot, t in running.items() if not t.ended}
+                active = self._flags(running)
+            if not running:
                 return
 
     def regularise_phase(self) -> None:
-        """Algorithm 2, of the trials that have one."""
+        """A phase of Algorithm 2, for the trials that are regularised."""
         training = self.training
-        going = {
-            i: seat
-            for i, seat in self.taken.items()
-            if seat.trainer.training.regularise and not seat.over
+        running = {
+            slot: trial
+            for slot, trial in self.running.items()
+            if trial.trainer.training.regularise
         }
-        if not going:
+        if not running:
             return
-        moving = self._flags(going)
+        active = self._flags(running)
 
-        def drawn(iterations: int, role: str, count: int, purpose: str) -> Tensor:
-            """Places (iterations, M, count) on the device."""
-            return self._spread(
+        def draw(iterations: int, role: str, count: int, purpose: str) -> Tensor:
+            """Rows (iterations, M, count), on the device."""
+            return self._stack(
                 {
-                    i: seat.draw(iterations, role, count, purpose)
-                    for i, seat in going.items()
+                    slot: trial.draw(iterations, role, count, purpose)
+                    for slot, trial in running.items()
                 }
             )
 
-        count, batch = training.discriminator_iterations, training.discriminator_batch
+        iterations = training.discriminator_iterations
+        count = training.discriminator_batch
         if training.discriminator_draw == "both":
             batches = [
-                drawn(count, role, batch, f"discriminator {role}")
+                draw(iterations, role, count, f"discriminator {role}")
                 for role in ("expert", "novice")
             ]
         else:
-            drawn_one = {
-                index: seat.draw_discriminated(count, batch)
-                for index, seat in going.items()
+            drawn = {
+                slot: trial.draw_single_system(iterations, count)
+                for slot, trial in running.items()
             }
             batches = [
-                self._spread({index: one[part] for index, one in drawn_one.items()})
-                for part in (0, 1)
+                self._stack({slot: batch[part] for slot, batch in drawn.items()})
+                for part in (0, 1)  # rows, and whether they are the expert's
             ]
-        for iteration in range(count):
-            self.stacked.discriminate(moving, *(part[iteration] for part in batches))
-        matched = drawn(
-            training.matching_iterations, "novice", training.matching_batch, "matching"
-        )
-        for iteration in range(training.matching_iterations):
-            self.stacked.match(moving, matched[iteration])
-        if count:
-            right = self.stacked.right.tolist()
-            for index, seat in going.items():
-                seat.trainer.accuracy = right[index]
+        for iteration in range(iterations):
+            self.stacked.discriminate(active, *(part[iteration] for part in batches))
+        iterations, count = training.matching_iterations, training.matching_batch
+        rows = draw(iterations, "novice", count, "matching")
+        for iteration in range(iterations):
+            self.stacked.match(active, rows[iteration])
+        if training.discriminator_iterations:
+            accuracy = self.stacked.accuracy.tolist()
+            for slot, trial in running.items():
+                trial.trainer.accuracy = accuracy[slot]
 
     def take_tests(
-        self,
-        indices: Sequence[int],
-        progress: Callable[[int, Tested], None] | None = None,
+        self, slots: Sequence[int], progress: Progress | None = None
     ) -> None:
-        """Measure the test losses of these seats' trials; keep the weights of those that are the best so far."""
-        if not indices:
+        """Measure the losses of the trials in these slots; keep the best weights."""
+        if not slots:
             return
-        better, tests = [], {index: self.taken[index].tests for index in indices}
-        watched = {
-            index: places
-            for index in indices
-            if len(places := self.taken[index].watched)
-        }
-        test, validation = (
-            self._component_losses(tests),
-            self._component_losses(watched),
+        trials = {slot: self.trials[slot] for slot in slots}
+        test = self._mean_losses({slot: t.test_rows for slot, t in trials.items()})
+        validation = self._mean_losses(
+            {
+                slot: trial.validation_rows
+                for slot, trial in trials.items()
+                if len(trial.validation_rows)
+            }
         )
-        for index in indices:
-            seat = self.taken[index]
-            self.stacked.settle(index, seat.trainer)
-            if seat.judge(test[index], validation.get(index)):
-                better.append(index)
-            if progress is not None and seat.error is None:
-                progress(seat.number, seat.trainer.history[-1])
-        self.stacked.keep_best(better)
+        best = []
+        for slot, trial in trials.items():
+            self.stacked.hand_over_losses(slot, trial.trainer)
+            if trial.add_test(test[slot], validation.get(slot)):
+                best.append(slot)
+            if progress is not None and trial.error is None:
+                progress(trial.number, trial.trainer.history[-1])
+        self.stacked.keep_best(best)
 
-    def _component_losses(self, sets: Mapping[int, Tensor]) -> dict[int, Tensor]:
-        """The mean of equation (1) and of its summands, (1 + Y,) float64, over trajectories at places (N,), by seat."""
-        if not sets:
+    def _mean_losses(self, rows: Mapping[int, Tensor]) -> dict[int, Tensor]:
+        """Means of equation (1) and of its summands over novice trajectories.
+
+        Args:
+            rows: (N,) each, the trajectories by slot; N may differ.
+
+        Returns:
+            (1 + Y,) float64 each, by slot.
+        """
+        if not rows:
             return {}
-        size = self.training.batch  # at a time: what has room in training has room here
-        length = -(-max(map(len, sets.values())) // size) * size
-        places = torch.zeros(len(self.seats), length, dtype=torch.long)
-        counted = torch.zeros(len(self.seats), length, dtype=torch.bool)
-        for index, mine in sets.items():
-            places[index, : len(mine)], counted[index, : len(mine)] = mine, True
-        parts = zip(counted.split(size, dim=1), places.split(size, dim=1), strict=True)
+        # at a time: what fits into the device's memory in training fits here
+        size = self.training.batch
+        length = -(-max(map(len, rows.values())) // size) * size
+        padded = torch.zeros(len(self.slots), length, dtype=torch.long)
+        counted = torch.zeros(len(self.slots), length, dtype=torch.bool)
+        for slot, trial_rows in rows.items():
+            padded[slot, : len(trial_rows)] = trial_rows
+            counted[slot, : len(trial_rows)] = True
+        parts = zip(counted.split(size, dim=1), padded.split(size, dim=1), strict=True)
         sums = sum(
-            self.stacked.test(some.to(self.device), at.to(self.device)).cpu()
-            for some, at in parts
+            self.stacked.test(flags.to(self.device), part.to(self.device)).cpu()
+            for flags, part in parts
         )
         return {
-            index: sums[index] / (len(mine) * self.taken[index].steps)
-            for index, mine in sets.items()
+            slot: sums[slot] / (len(trial_rows) * self.trials[slot].steps)
+            for slot, trial_rows in rows.items()
         }
 
-    def _flags(self, indices: Iterable[int]) -> Tensor:
-        """(M,) bool, on the device: True at `indices`."""
-        flags = torch.zeros(len(self.seats), dtype=torch.bool)
-        flags[list(indices)] = True
+    def _flags(self, slots: Iterable[int]) -> Tensor:
+        """(M,) bool on the device, True at `slots`."""
+        flags = torch.zeros(len(self.slots), dtype=torch.bool)
+        flags[list(slots)] = True
         return flags.to(self.device)
 
-    def _spread(self, of_seats: Mapping[int, Tensor]) -> Tensor:
-        """(I, M, b) on the device of (I, b) by seat; 0 at the seats that have none."""
-        first = next(iter(of_seats.values()))
-        spread = first.new_zeros(len(first), len(self.seats), *first.shape[1:])
-        for index, mine in of_seats.items():
-            spread[:, index] = mine
-        return spread.to(self.device)
+    def _stack(self, by_slot: Mapping[int, Tensor]) -> Tensor:
+        """Tensors (I, b) by slot as one (I, M, b) on the device; 0 for other slots."""
+        first = next(iter(by_slot.values()))
+        stacked = first.new_zeros(len(first), len(self.slots), *first.shape[1:])
+        for slot, tensor in by_slot.items():
+            stacked[:, slot] = tensor
+        return stacked.to(self.device)

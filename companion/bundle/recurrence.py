@@ -1,7 +1,7 @@
-"""The SIDM's LSTM for M trials at once: cells over stacked weights.
+"""The SIDM's LSTM for M trials at once: LSTM cells with stacked weights.
 
-`nn.LSTM` cannot be batched over weights, and its kernels on a GPU serve one set of
-them. M trials, B trajectories, T steps.
+`torch.func.vmap` cannot batch `nn.LSTM` over weights, and its GPU kernels use one set
+of weights. M trials, B trajectories, T steps, H hidden units.
 """
 
 from __future__ import annotations
@@ -14,66 +14,79 @@ from torch.autograd.function import once_differentiable
 
 
 class Recurrence(torch.autograd.Function):
-    """One LSTM layer along the steps, from zero states.
+    """One LSTM layer over all steps, from zero states.
 
-    The gradient of the recurrent weights is one product over all steps, where recorded
-    steps would add up T of them.
+    The gradient of the recurrent weights is one product over all steps; autograd would
+    add up T products.
     """
 
     @staticmethod
-    def forward(ctx, inward: Tensor, back: Tensor) -> Tensor:
-        """Hidden states (M, T, B, H) of gates (M, T, B, 4 H) before the recurrent product; `back` is (M, 4 H, H)."""
-        trials, steps, batch, width = inward.shape
-        output = inward.new_zeros(trials, batch, width // 4)
+    def forward(ctx, inputs: Tensor, recurrent: Tensor) -> Tensor:
+        """Hidden states of the layer.
+
+        Args:
+            ctx: autograd's context.
+            inputs: (M, T, B, 4 H), the gates before the recurrent product is added.
+            recurrent: (M, 4 H, H), the recurrent weights.
+
+        Returns:
+            (M, T, B, H).
+        """
+        trials, steps, batch, width = inputs.shape
+        output = inputs.new_zeros(trials, batch, width // 4)
         cell = torch.zeros_like(output)
-        gates, cells, outputs = torch.empty_like(inward), [], []
+        gates, cells, outputs = torch.empty_like(inputs), [], []
         for step in range(steps):
-            raw = torch.baddbmm(inward[:, step], output, back.mT)
-            take, forget, new, give = raw.chunk(4, dim=-1)  # the order of nn.LSTM
-            now = torch.cat(
-                [take.sigmoid(), forget.sigmoid(), new.tanh(), give.sigmoid()], dim=-1
-            )
-            take, forget, new, give = now.chunk(4, dim=-1)
-            cell = forget * cell + take * new
-            output = give * cell.tanh()
-            gates[:, step] = now
+            raw = torch.baddbmm(inputs[:, step], output, recurrent.mT)
+            i, f, g, o = raw.chunk(4, dim=-1)  # the order of nn.LSTM
+            gate = torch.cat([i.sigmoid(), f.sigmoid(), g.tanh(), o.sigmoid()], dim=-1)
+            i, f, g, o = gate.chunk(4, dim=-1)
+            cell = f * cell + i * g
+            output = o * cell.tanh()
+            gates[:, step] = gate
             cells.append(cell)
             outputs.append(output)
         hidden = torch.stack(outputs, dim=1)
-        ctx.save_for_backward(gates, torch.stack(cells, dim=1), hidden, back)
+        ctx.save_for_backward(gates, torch.stack(cells, dim=1), hidden, recurrent)
         return hidden
 
     @staticmethod
     @once_differentiable
-    def backward(ctx, wanted: Tensor) -> tuple[Tensor, Tensor]:
-        """Gradients of the gates and of `back` from that of the hidden states (M, T, B, H)."""
-        gates, cells, hidden, back = ctx.saved_tensors
-        slopes = torch.empty_like(gates)
-        output = torch.zeros_like(hidden[:, 0])
+    def backward(ctx, hidden_gradient: Tensor) -> tuple[Tensor, Tensor]:
+        """Gradients of both inputs of `forward`.
+
+        Args:
+            ctx: autograd's context.
+            hidden_gradient: (M, T, B, H), the gradient of the hidden states.
+
+        Returns:
+            (M, T, B, 4 H) and (M, 4 H, H).
+        """
+        gates, cells, hidden, recurrent = ctx.saved_tensors
+        gradients = torch.empty_like(gates)
+        output = torch.zeros_like(hidden[:, 0])  # from here on gradients of both
         cell = torch.zeros_like(output)
         for step in reversed(range(hidden.shape[1])):
-            take, forget, new, give = gates[:, step].chunk(4, dim=-1)
-            before = cells[:, step - 1] if step else torch.zeros_like(cell)
-            bent = cells[:, step].tanh()
-            output = output + wanted[:, step]
-            cell = cell + output * give * (1 - bent * bent)
-            slope = torch.cat(
-                [
-                    cell * new * take * (1 - take),
-                    cell * before * forget * (1 - forget),
-                    cell * take * (1 - new * new),
-                    output * bent * give * (1 - give),
-                ],
-                dim=-1,
+            i, f, g, o = gates[:, step].chunk(4, dim=-1)
+            previous = cells[:, step - 1] if step else torch.zeros_like(cell)
+            tanh = cells[:, step].tanh()
+            output = output + hidden_gradient[:, step]
+            cell = cell + output * o * (1 - tanh * tanh)
+            slopes = (
+                cell * g * i * (1 - i),
+                cell * previous * f * (1 - f),
+                cell * i * (1 - g * g),
+                output * tanh * o * (1 - o),
             )
-            slopes[:, step] = slope
-            output, cell = slope @ back, cell * forget
-        earlier = hidden[:, :-1].flatten(1, 2)  # (M, (T - 1) B, H)
-        return slopes, slopes[:, 1:].flatten(1, 2).mT @ earlier
+            gradient = torch.cat(slopes, dim=-1)
+            gradients[:, step] = gradient
+            output, cell = gradient @ recurrent, cell * f
+        before = hidden[:, :-1].flatten(1, 2)  # (M, (T - 1) B, H)
+        return gradients, gradients[:, 1:].flatten(1, 2).mT @ before
 
 
 def lstm(weights: Mapping[str, Tensor], inputs: Tensor) -> Tensor:
-    """Hidden states of the last layer, trajectories beginning here.
+    """Hidden states of the last LSTM layer, from zero states at the first step.
 
     Args:
         weights: those of `nn.LSTM` by its names, stacked: 'weight_ih_l0' (M, 4 H, K),
@@ -84,13 +97,10 @@ def lstm(weights: Mapping[str, Tensor], inputs: Tensor) -> Tensor:
         (M, B, T, H).
     """
     hidden = inputs.transpose(1, 2)  # (M, T, B, K)
+    names = ("weight_ih", "weight_hh", "bias_ih", "bias_hh")
     for layer in range(sum(name.startswith("weight_ih") for name in weights)):
-        inward, back, first, second = (
-            weights[f"{name}_l{layer}"]
-            for name in ("weight_ih", "weight_hh", "bias_ih", "bias_hh")
-        )
-        gates = torch.baddbmm(
-            (first + second).unsqueeze(1), hidden.flatten(1, 2), inward.mT
-        )
-        hidden = Recurrence.apply(gates.unflatten(1, hidden.shape[1:3]), back)
+        w_ih, w_hh, b_ih, b_hh = (weights[f"{name}_l{layer}"] for name in names)
+        bias = (b_ih + b_hh).unsqueeze(1)
+        gates = torch.baddbmm(bias, hidden.flatten(1, 2), w_ih.mT)
+        hidden = Recurrence.apply(gates.unflatten(1, hidden.shape[1:3]), w_hh)
     return hidden.transpose(1, 2)

@@ -1,4 +1,4 @@
-"""Many trials on one device at once, from fresh weights to their ends: one that is over leaves its seat to another."""
+"""Many trials on one device: one that ends leaves its slot to the next."""
 
 from __future__ import annotations
 
@@ -6,24 +6,24 @@ import contextlib
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import torch
 
-from companion.bundle.bundle import Bundle
-from companion.bundle.seat import Run, Seat
-from companion.bundle.shelf import Shelf
+from companion.bundle.bundle import Bundle, Progress
+from companion.bundle.bundled_trial import BundledTrial, Run
+from companion.bundle.device_data import DeviceData
 from sidm.body import ROVER
 from sidm.config import ConfigError
 from sidm.learning.arithmetic import matmul_precision
 from sidm.learning.checkpoint import CheckpointError
-from sidm.learning.stopping import Tested, TrainingError
+from sidm.learning.stopping import TrainingError
 from sidm.learning.training import Trained, result
 from sidm.settings import Network
 from sidm.systems import ROLES
 
-#: What the trials of a bundle have in common; they may differ in all other settings.
+#: Settings of training that all trials of a bundle share; all others may differ.
 SHARED = (
     "batch",
     "discriminator_batch",
@@ -40,151 +40,154 @@ SHARED = (
     "discriminator_draw",
 )
 
-#: What a bundle cannot vary: the settings' only values in it.
-ONLY = {"matching": "adversary", "tether": 0.0, "averaging": 0.0, "mirror": False}
+#: Settings of training that have only this value in a bundle.
+FIXED = {"matching": "adversary", "tether": 0.0, "averaging": 0.0, "mirror": False}
 
-SAVE_INTERVAL = 600.0  # s between two writings of all checkpoints
-#: the bundle is made smaller when one of so many seats is empty and no trial waits
+SAVE_INTERVAL = 600.0  # s between two saves of all checkpoints
+#: when no trial waits, the bundle shrinks once one of so many slots is empty
 SHRINK = 8
 
 
 class Ended(NamedTuple):
-    """A trial of a bundle that is over."""
+    """A trial of a bundle that has ended."""
 
-    number: int  # among the runs
-    #: an error where a loss was not finite or it could not go on
+    number: int  # of the trial among the runs
+    #: an error if a loss was not finite, or if the trial could not be resumed
     result: Trained | TrainingError | CheckpointError
-    seconds: float  # its share of the time that the bundle took
+    seconds: float  # this trial's share of the bundle's time
 
 
 def train_bundle(
     runs: Sequence[Run],
     network: Network,
-    seats: int,
+    slots: int,
     device: str | torch.device = "cpu",
-    progress: Callable[[int, Tested], None] | None = None,
+    progress: Progress | None = None,
     until: float = math.inf,
 ) -> Iterator[Ended]:
-    """Train many trials side by side, `seats` at a time; a trial that ends makes room for the next.
+    """Train many trials, `slots` of them at a time.
 
-    Each gives what `train` gives, but for rounding.
+    Each trial has the result that `train` gives, apart from rounding.
 
     Args:
-        runs: the trials, in the order in which they are seated: the longest first
-            leaves the fewest seats empty.
-        network: sizes of the networks of all.
-        seats: M, how many are trained at once.
+        runs: the trials, in the order in which they begin. Longest first leaves the
+            fewest slots empty.
+        network: sizes of all networks.
+        slots: M, how many trials are trained at once.
         device: where to compute.
         progress: called after each test with the trial's number among `runs`.
-        until: `time.monotonic()` at which the states of all are written and those that
-            have not ended are left.
+        until: value of `time.monotonic()` at which training stops: checkpoints are
+            written, and trials that have not ended are left out.
 
     Yields:
-        What a trial came to, as soon as it ends.
+        Each trial's result, as soon as the trial ends.
 
     Raises:
-        ConfigError: settings in which the trials of a bundle may not differ, data of
-            unlike shapes, or more trials than the device's memory holds.
+        ConfigError: the trials differ in a setting that they must share, their data
+            differ in shape, or the device has too little memory.
     """
-    check_shared(runs, network)
+    check_settings(runs, network)
     if not runs:
         return
-    training, needs_expert = (
-        runs[0].training,
-        any(run.training.needs_expert for run in runs),
-    )
+    training = runs[0].training
+    needs_expert = any(run.training.needs_expert for run in runs)
     roles, device = ROLES if needs_expert else ROLES[:1], torch.device(device)
-    shelves = shelves_of(runs, network, roles, device)
+    data = device_data(runs, network, roles, device)
     waiting = deque(enumerate(runs))
-    seats = min(seats, len(runs))
-    with matmul_precision(training.precision), enough_memory(device, seats):
-        bundle = Bundle(shelves, network, training, roles, seats, device)
+    slots = min(slots, len(runs))
+    with matmul_precision(training.precision), enough_memory(device, slots):
+        bundle = Bundle(data, network, training, roles, slots, device)
         yield from _train(bundle, waiting, progress, until)
 
 
 @contextlib.contextmanager
 def enough_memory(device: torch.device, trials: int) -> Iterator[None]:
-    """ConfigError in place of PyTorch's report when the device's memory does not hold so many trials."""
+    """Raise a ConfigError of one line where PyTorch runs out of memory in the block."""
     try:
         yield
     except torch.OutOfMemoryError:
-        what = f"{trials} trials side by side; choose a smaller bundle"
-        one = "the trial; choose smaller networks or maps"
-        raise ConfigError(
-            f"the memory of {device} does not hold {what if trials > 1 else one}"
-        ) from None
+        advice = (
+            f"{trials} trials side by side; choose a smaller bundle"
+            if trials > 1
+            else "the trial; choose smaller networks or maps"
+        )
+        raise ConfigError(f"the memory of {device} does not hold {advice}") from None
 
 
 def _train(
     bundle: Bundle,
     waiting: deque[tuple[int, Run]],
-    progress: Callable[[int, Tested], None] | None,
+    progress: Progress | None,
     until: float,
 ) -> Iterator[Ended]:
-    """Seat those who wait and train until nobody is left, or the time is up."""
+    """Fill free slots and train, until all trials have ended or the time is up."""
     saved = time.monotonic()
     try:
-        while waiting or bundle.taken:
-            while waiting and None in bundle.seats:
+        while waiting or bundle.trials:
+            while waiting and None in bundle.slots:
                 number, run = waiting.popleft()
                 try:
-                    bundle.join(Seat(number, run, bundle.network, bundle.shelves))
+                    trial = BundledTrial(number, run, bundle.network, bundle.data)
+                    bundle.join(trial)
                 except CheckpointError as error:
                     yield Ended(number, error, 0.0)
             bundle.timed_phase(progress)
-            for index in [index for index, seat in bundle.taken.items() if seat.over]:
-                seat = bundle.leave(index)
-                yield Ended(
-                    seat.number, seat.error or result(seat.trainer), seat.seconds
-                )
+            for slot in [slot for slot, trial in bundle.trials.items() if trial.ended]:
+                trial = bundle.leave(slot)
+                trained = trial.error or result(trial.trainer)
+                yield Ended(trial.number, trained, trial.seconds)
             late = time.monotonic() >= until
             if late or time.monotonic() - saved > SAVE_INTERVAL:
                 bundle.save()
                 saved = time.monotonic()
             if late:
                 return
-            if (
-                not waiting
-                and bundle.taken
-                and bundle.seats.count(None) * SHRINK >= len(bundle.seats)
-            ):
+            empty = bundle.slots.count(None)
+            if not waiting and bundle.trials and empty * SHRINK >= len(bundle.slots):
                 bundle = bundle.shrunk()
     finally:
         bundle.close()
 
 
-def shelves_of(
+def device_data(
     runs: Sequence[Run], network: Network, roles: Sequence[str], device: torch.device
-) -> dict[str, Shelf]:
-    """The data of each system; on one shelf where both have the paper's body, and so the same shapes and units."""
+) -> dict[str, DeviceData]:
+    """All trajectories of the runs on the device, by system.
+
+    Both systems have the same DeviceData if both robots have the paper's body, because
+    shapes and units are then the same.
+    """
     novice = [
-        motion
+        windows
         for run in runs
-        for motion in (run.datasets.train, run.datasets.test, run.datasets.validation)
+        for windows in (run.datasets.train, run.datasets.test, run.datasets.validation)
     ]
     if len(roles) == 1:
-        return {"novice": Shelf(novice, device)}
+        return {"novice": DeviceData(novice, device)}
     expert = [run.datasets.expert for run in runs if run.datasets.expert is not None]
     if network.body("novice") == network.body("expert") == ROVER:
-        return dict.fromkeys(roles, Shelf([*novice, *expert], device))
-    return {"novice": Shelf(novice, device), "expert": Shelf(expert, device)}
+        return dict.fromkeys(roles, DeviceData([*novice, *expert], device))
+    return {"novice": DeviceData(novice, device), "expert": DeviceData(expert, device)}
 
 
-def check_shared(runs: Sequence[Run], network: Network) -> None:
-    """ConfigError naming the first setting that a bundle cannot vary, or in which its trials may not differ."""
+def check_settings(runs: Sequence[Run], network: Network) -> None:
+    """Refuse settings that a bundle cannot train.
+
+    Raises:
+        ConfigError: names the first setting that has another value than FIXED says, or
+            that is in SHARED and differs between the runs.
+    """
+    unfit = "cannot be trained in a bundle; train it alone"
     if network.own != "all":
-        raise ConfigError(
-            f"Network.own={network.own!r} cannot be trained in a bundle; train it alone"
-        )
-    for name, only in ONLY.items():
+        raise ConfigError(f"Network.own={network.own!r} {unfit}")
+    for name, fixed in FIXED.items():
         for run in runs:
-            if (value := getattr(run.training, name, only)) != only:
-                raise ConfigError(
-                    f"Training.{name}={value!r} cannot be trained in a bundle; train it alone"
-                )
+            if (value := getattr(run.training, name, fixed)) != fixed:
+                raise ConfigError(f"Training.{name}={value!r} {unfit}")
     for name in SHARED:
         values = sorted({str(getattr(run.training, name)) for run in runs})
         if len(values) > 1:
             raise ConfigError(
-                f"the trials of a bundle must have one Training.{name}, not {' and '.join(values)}"
+                f"the trials of a bundle must have one Training.{name}, "
+                f"not {' and '.join(values)}"
             )

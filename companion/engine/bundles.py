@@ -1,4 +1,4 @@
-"""Run trials as bundles: many at once on one device, in this process."""
+"""Run trials in bundles: many trainings at once on one device, in this process."""
 
 from __future__ import annotations
 
@@ -10,42 +10,54 @@ from typing import NamedTuple
 
 import torch
 
-from companion.bundle import ONLY, SHARED, Run, train_bundle
+from companion.bundle import FIXED, SHARED, Run, train_bundle
 from companion.engine import provenance
-from companion.engine.execute import Library, evaluate, stored_as
+from companion.engine.execute import stored_as
+from companion.engine.library import Library
+from companion.engine.outcomes import outcome_of
 from companion.engine.pretrained import carried, folder, network_of
 from companion.engine.store import Failure, Outcome, Row
 from companion.trials import Trial
 from sidm.config import ConfigError
 from sidm.drives import GroundError
 from sidm.learning.checkpoint import CheckpointError
-from sidm.learning.training import Tested, Trained, TrainingError
+from sidm.learning.training import CurvePoint, Trained, TrainingError
 from sidm.rivals import fine_tuning
-from sidm.rivals.fine_tuning import STATE, Start, expert_in_place, start_from
+from sidm.rivals.fine_tuning import (
+    STATE,
+    Pretrained,
+    pretrained_from,
+    pretraining_datasets,
+)
 from sidm.shards import ShardError
+
+#: The weights that a trial starts from, none, or why there are none.
+Starting = Pretrained | TrainingError | CheckpointError | None
 
 
 def fits(trial: Trial) -> bool:
-    """Whether a bundle can train it: parts of their own, the paper's adversary or none, and no aids."""
-    trainings = [
-        training
-        for training in (trial.training, trial.pretraining)
-        if training is not None
-    ]
+    """Whether a bundle can train the trial.
+
+    A bundle trains networks whose systems share the SIDM alone, with the paper's
+    adversary or without matching, and without the aids of some studies.
+    """
+    trainings = filter(None, (trial.training, trial.pretraining))
     plain = all(
-        getattr(training, name) == only
+        getattr(training, name) == value
         for training in trainings
-        for name, only in ONLY.items()
+        for name, value in FIXED.items()
     )
     gradients = not trial.solved and trial.training.max_samples > 0
     return plain and gradients and trial.network.own == "all" and not trial.residual
 
 
 def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:
-    """The trials that can be trained side by side: of one system, network and kind of training; longest first.
+    """Groups of trials that one bundle trains, in each the longest trainings first.
+
+    The trials of a group have one system, one network and one kind of training.
 
     Raises:
-        ConfigError: a trial's method cannot be trained so.
+        ConfigError: no bundle can train a trial's method.
     """
     groups: dict[tuple, list[Trial]] = {}
     for trial in trials:
@@ -53,13 +65,11 @@ def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:
             raise ConfigError(
                 f"{trial}: this method cannot be trained in a bundle; train it alone"
             )
-        trainings = (trial.training, trial.pretraining)
-        common = tuple(
-            tuple(getattr(training, name) for name in SHARED)
-            for training in trainings
-            if training
+        trainings = filter(None, (trial.training, trial.pretraining))
+        shared = tuple(
+            tuple(getattr(training, name) for name in SHARED) for training in trainings
         )
-        groups.setdefault((trial.system, trial.network, common), []).append(trial)
+        groups.setdefault((trial.system, trial.network, shared), []).append(trial)
     return [
         sorted(group, key=lambda trial: -trial.novice_minutes)
         for group in groups.values()
@@ -67,30 +77,29 @@ def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:
 
 
 class Hooks(NamedTuple):
-    """What a bundle tells those who run it."""
+    """What a bundle calls while it runs."""
 
-    progress: Callable[[Trial, Tested], None]  # a test was taken
-    #: a trial could not be run or evaluated; the others go on
-    fault: Callable[[Trial, Exception], None]
+    progress: Callable[[Trial, CurvePoint], None]  # after a test
+    fault: Callable[[Trial, Exception], None]  # a trial failed; the others go on
 
 
 def run_bundle(
     trials: Sequence[Trial],
-    seats: int,
+    slots: int,
     data: str | Path,
     checkpoint: Callable[[Trial], Path],
     hooks: Hooks,
     device: str = "cpu",
     until: float = math.inf,
 ) -> Iterator[Row | Failure]:
-    """Train trials side by side, `seats` at a time, and evaluate each when it ends.
+    """Train trials side by side, `slots` at a time, and evaluate each when it ends.
 
     Args:
-        trials: those of one of `bundles`.
-        seats: how many are trained at once.
+        trials: one group of `bundles`.
+        slots: how many are trained at once.
         data: the folder of the shards.
         checkpoint: the folder of a trial, to go on from and to write to.
-        hooks: what is told of them meanwhile.
+        hooks: called meanwhile.
         device: where to compute.
         until: `time.monotonic()` at which all states are written and the rest is left
             for the next call.
@@ -100,127 +109,138 @@ def run_bundle(
         rounding.
     """
     provenance.source()  # as the work begins
-    library, ready = Library(data), []
+    library = Library(data)
+
+    def record(
+        trial: Trial, result: Outcome | TrainingError, seconds: float, resumed: bool
+    ) -> Row | Failure:
+        threads = torch.get_num_threads()
+        made = provenance.here(seconds, threads, resumed, device, bundle=slots)
+        return stored_as(trial, result, made)
+
+    runs, begun = [], []
+    loadable = _loadable(trials, library, hooks)
+    starts = _starts(loadable, slots, library, device, until)
+    for trial in loadable:
+        if trial.key not in starts:
+            continue  # its pretraining goes on in the next call
+        start = starts[trial.key]
+        if isinstance(start, TrainingError):
+            yield record(trial, start, 0.0, False)
+        elif isinstance(start, Exception):
+            hooks.fault(trial, start)
+        else:
+            runs.append(_run_of(trial, start, library, checkpoint(trial)))
+            begun.append((trial, start, checkpoint(trial).exists()))
+
+    def tested(number: int, test: CurvePoint) -> None:
+        hooks.progress(begun[number][0], test)
+
+    network = trials[0].network
+    for number, ended, seconds in train_bundle(
+        runs, network, slots, device, tested, until
+    ):
+        (trial, start, resumed), evaluated = begun[number], time.perf_counter()
+        try:
+            result = _result(trial, ended, start, library, device)
+        except Exception as error:  # one trial's failure must not lose the others
+            hooks.fault(trial, error)
+        else:
+            seconds += time.perf_counter() - evaluated
+            yield record(trial, result, seconds, resumed)
+
+
+def _loadable(trials: Sequence[Trial], library: Library, hooks: Hooks) -> list[Trial]:
+    """The trials whose motion is on disk; known before hours of work."""
+    loadable = []
     for trial in trials:
         try:
-            library.rollouts(trial)  # missing ones are known before hours of work
+            library.rollouts(trial)
             library.datasets(trial)
         except (GroundError, ShardError) as error:
             hooks.fault(trial, error)
         else:
-            ready.append(trial)
-    starts, going, runs = _starts(ready, seats, data, library, device, until), [], []
-    for trial in ready:
-        if trial.key not in starts:
-            continue  # its pretraining goes on next time
-        given = starts[trial.key]
-        if isinstance(given, TrainingError):
-            made = provenance.here(
-                0.0, torch.get_num_threads(), False, device, bundle=seats
-            )
-            yield stored_as(trial, given, made)
-        elif isinstance(given, Exception):
-            hooks.fault(trial, given)
-        else:
-            run = Run(
-                library.datasets(trial),
-                trial.training,
-                trial.seed,
-                checkpoint=checkpoint(trial),
-            )
-            runs.append(
-                run._replace(start=carried(trial, given).weights) if given else run
-            )
-            going.append((trial, given))
-    ready = [trial for trial, _ in going]
-    resumed = [checkpoint(trial).exists() for trial in ready]
-    for number, found, seconds in train_bundle(
-        runs,
-        trials[0].network,
-        seats,
-        device,
-        lambda number, tested: hooks.progress(ready[number], tested),
-        until,
-    ):
-        (trial, given), start = going[number], time.perf_counter()
-        try:
-            if isinstance(found, CheckpointError):
-                raise found
-            if isinstance(found, Trained):
-                found.model.to(device)
-                outcome: Outcome | TrainingError = evaluate(
-                    trial, found, library, given
-                )
-            else:
-                outcome = found
-        except Exception as error:  # one trial's failure must not lose the others
-            hooks.fault(trial, error)
-        else:
-            seconds += time.perf_counter() - start
-            made = provenance.here(
-                seconds, torch.get_num_threads(), resumed[number], device, bundle=seats
-            )
-            yield stored_as(trial, outcome, made)
+            loadable.append(trial)
+    return loadable
+
+
+def _run_of(
+    trial: Trial, start: Pretrained | None, library: Library, checkpoint: Path
+) -> Run:
+    sets = library.datasets(trial)
+    run = Run(sets, trial.training, trial.seed, checkpoint=checkpoint)
+    return run._replace(start=carried(trial, start).weights) if start else run
+
+
+def _result(
+    trial: Trial,
+    ended: Trained | TrainingError | CheckpointError,
+    start: Pretrained | None,
+    library: Library,
+    device: str,
+) -> Outcome | TrainingError:
+    """The outcome of a training that ended; CheckpointError if it could not go on."""
+    if isinstance(ended, CheckpointError):
+        raise ended
+    if isinstance(ended, TrainingError):
+        return ended
+    ended.model.to(device)
+    return outcome_of(trial, ended, library, start.samples if start else 0)
 
 
 def _starts(
-    trials: Sequence[Trial],
-    seats: int,
-    data: str | Path,
-    library: Library,
-    device: str,
-    until: float,
-) -> dict[str, Start | TrainingError | CheckpointError | None]:
-    """By key, the weights that each trial starts from, or why there are none; made, side by side, where they lack.
+    trials: Sequence[Trial], slots: int, library: Library, device: str, until: float
+) -> dict[str, Starting]:
+    """The weights that each trial starts from, by key; missing ones are pretrained.
 
-    Those whose pretraining does not end in time are left out.
+    A trial whose pretraining does not end in time is left out.
     """
-    users = {
-        folder(trial, data, "bundle"): trial
+    folders = {
+        trial: folder(trial, library.data, "bundle")
         for trial in trials
         if trial.pretraining is not None
     }
-    # one for all its users
-    kept: dict[Path, Start | TrainingError | CheckpointError] = {}
-    for where in users:
+    users = {path: trial for trial, path in folders.items()}  # one for each folder
+    starts: dict[Path, Starting] = {}
+    for path in users:
         try:
-            if (start := fine_tuning.read(where)) is not None:
-                kept[where] = start
+            if (start := fine_tuning.read(path)) is not None:
+                starts[path] = start
         except CheckpointError as error:
-            kept[where] = error
-    lacking = {where: trial for where, trial in users.items() if where not in kept}
-    kept |= _pretrained(lacking, seats, library, device, until)
-    found: dict[str, Start | TrainingError | CheckpointError | None] = {}
-    for trial in trials:
-        if trial.pretraining is None:
-            found[trial.key] = None
-        elif (where := folder(trial, data, "bundle")) in kept:
-            found[trial.key] = kept[where]
-    return found
+            starts[path] = error
+    missing = {path: trial for path, trial in users.items() if path not in starts}
+    starts |= _pretrained(missing, slots, library, device, until)
+    pretrained = {
+        trial.key: starts[path] for trial, path in folders.items() if path in starts
+    }
+    fresh = {trial.key: None for trial in trials if trial.pretraining is None}
+    return pretrained | fresh
 
 
 def _pretrained(
-    lacking: dict[Path, Trial], seats: int, library: Library, device: str, until: float
-) -> dict[Path, Start | TrainingError | CheckpointError]:
-    """By folder, the weights of its trial's pretraining, made and kept there, or why there are none."""
+    missing: dict[Path, Trial], slots: int, library: Library, device: str, until: float
+) -> dict[Path, Starting]:
+    """Pretrain for the trials, by folder, and keep the weights there."""
+    folders = list(missing)
     runs = [
         Run(
-            expert_in_place(library.datasets(one), one.seed),
-            one.pretraining,
-            one.seed,
-            checkpoint=where / STATE,
+            pretraining_datasets(library.datasets(trial), trial.seed),
+            trial.pretraining,
+            trial.seed,
+            checkpoint=path / STATE,
         )
-        for where, one in lacking.items()
-        if one.pretraining is not None
+        for path, trial in missing.items()
+        if trial.pretraining is not None
     ]
-    folders, made = list(lacking), {}
     if not runs:
         return {}
-    for number, found, _ in train_bundle(
-        runs, network_of(lacking[folders[0]]), seats, device, until=until
-    ):
-        where = folders[number]
-        made[where] = start_from(found) if isinstance(found, Trained) else found
-        if isinstance(found, Trained):
-            fine_tuning.keep(where, start_from(found))
-    return made
+    starts: dict[Path, Starting] = {}
+    network = network_of(missing[folders[0]])
+    for number, ended, _ in train_bundle(runs, network, slots, device, until=until):
+        path = folders[number]
+        if isinstance(ended, Trained):
+            starts[path] = start = pretrained_from(ended)
+            fine_tuning.write(path, start)
+        else:
+            starts[path] = ended
+    return starts

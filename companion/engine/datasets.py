@@ -1,9 +1,9 @@
-"""The datasets of a study on disk: collected, held against those of the results, read.
+"""The datasets of a study on disk: collect, verify and load them.
 
-Another processor rounds otherwise, and a robot that is pushed about by rocks makes more
-of it with every step: data made again elsewhere are not the same bit for bit. `verify`
-holds them against the likeness that stands with the results' digest; where they are the
-same but for rounding they stand for it, and rows made from them say so.
+Another processor rounds differently, and contact amplifies the difference with every
+step: a dataset that is simulated again elsewhere has other bits. `verify` compares it
+with the likeness that is stored beside the digest in the results. A dataset that
+differs by rounding alone stands for the results' one, and rows made from it say so.
 """
 
 from __future__ import annotations
@@ -31,106 +31,121 @@ from sidm.systems import SYSTEMS
 def verify(
     dataset: Dataset, data: str | Path = "data", results: str | Path = "results"
 ) -> list[str]:
-    """How the data under `data` are not those of the results but for rounding, in words; none: they stand for them.
+    """How a dataset under `data` differs from the results' one by more than rounding.
+
+    Without differences, a note is written that the dataset stands for the results' one.
+
+    Returns:
+        The differences in words, one entry each.
 
     Raises:
         ShardError: a shard is missing or damaged.
     """
-    path, committed = (
-        local_file(dataset, data),
-        read_digest(committed_file(dataset, results)),
-    )
+    path = local_file(dataset, data)
+    committed = read_digest(committed_file(dataset, results))
     if committed["digest"] == UNKNOWN:
         return ["the results know no such data"]
     trajectories = load(Path(data), dataset.collection, dataset.count)
-    found = digest(trajectories)
-    if found == committed["digest"]:
+    local_digest = digest(trajectories)
+    if local_digest == committed["digest"]:
         return []
     if "likeness" not in committed:
         return ["other bits, and the results keep nothing else to know them by"]
-    own = Likeness.of(trajectories)
-    differences = from_mapping(Likeness, committed["likeness"]).differences(own)
-    noted = {"digest": found, "likeness": dataclasses.asdict(own)}
-    write_record(
-        path, noted if differences else noted | {"stands_for": committed["digest"]}
-    )
+    likeness = Likeness.of(trajectories)
+    differences = from_mapping(Likeness, committed["likeness"]).differences(likeness)
+    note = {"digest": local_digest, "likeness": dataclasses.asdict(likeness)}
+    if not differences:
+        note["stands_for"] = committed["digest"]
+    write_record(path, note)
     return differences
 
 
 def is_here(trial: Trial, data: str | Path = "data") -> bool:
-    """Whether the data that a trial wants have been collected under `data`, or data that stand for them."""
-    return UNKNOWN not in trial.digests.values() and all(
-        trial.digests[kind] in (noted["digest"], noted.get("stands_for"))
+    """Whether a trial's datasets, or datasets that stand for them, are under `data`."""
+    notes = {
+        kind: read_digest(local_file(dataset, data))
         for kind, dataset in trial.datasets.items()
-        for noted in [read_digest(local_file(dataset, data))]
+    }
+    return UNKNOWN not in trial.digests.values() and all(
+        trial.digests[kind] in (note["digest"], note.get("stands_for"))
+        for kind, note in notes.items()
     )
 
 
 def others(made: Any, data: str | Path = "data") -> tuple[str, ...]:
-    """Kind and digest of the data under `data` that are not those of a trial, or the like, but stand for them."""
+    """Kind and digest of each dataset under `data` that stands for one of a trial's.
+
+    Args:
+        made: an object with `datasets` and their `digests`, such as a Trial.
+        data: the folder of the datasets.
+    """
     local = {
         kind: read_digest(local_file(dataset, data))
         for kind, dataset in made.datasets.items()
     }
     return tuple(
-        f"{kind} {one['digest']}"
-        for kind, one in local.items()
-        if one.get("stands_for") == made.digests[kind]
+        f"{kind} {note['digest']}"
+        for kind, note in local.items()
+        if note.get("stands_for") == made.digests[kind]
     )
 
 
 def differing(
     preset: Preset, data: str | Path = "data", results: str | Path = "results"
 ) -> list[str]:
-    """Names of a preset's datasets whose data on this disk do not stand for those that the results were made from."""
-    needed = [dataset for system in SYSTEMS for dataset in preset.every_dataset(system)]
-    known = {one: read_digest(committed_file(one, results))["digest"] for one in needed}
+    """Names of a preset's datasets under `data` that differ from the results' ones."""
+    needed = [dataset for system in SYSTEMS for dataset in preset.all_datasets(system)]
+    committed = {
+        dataset: read_digest(committed_file(dataset, results))["digest"]
+        for dataset in needed
+    }
     return [
-        one.name
-        for one, noted in known.items()
-        if noted not in (UNKNOWN, find_digest(one, data, results))
+        dataset.name
+        for dataset, known in committed.items()
+        if known not in (UNKNOWN, find_digest(dataset, data, results))
     ]
 
 
 def note_digest(
     dataset: Dataset, trajectories: Sequence[Drive], data: str | Path = "data"
 ) -> str:
-    """Write the digest and the likeness of a dataset beside its shards, and return the digest."""
-    found, path = digest(trajectories), local_file(dataset, data)
-    if read_digest(path)["digest"] != found:
-        write_record(
-            path,
-            {
-                "digest": found,
-                "likeness": dataclasses.asdict(Likeness.of(trajectories)),
-            },
-        )
-    return found
+    """Write the digest and the likeness of a dataset beside its shards.
+
+    Returns:
+        The digest.
+    """
+    path, new = local_file(dataset, data), digest(trajectories)
+    if read_digest(path)["digest"] != new:
+        likeness = dataclasses.asdict(Likeness.of(trajectories))
+        write_record(path, {"digest": new, "likeness": likeness})
+    return new
 
 
 def note_committed(
     dataset: Dataset,
-    found: str,
+    known: str,
     data: str | Path = "data",
     results: str | Path = "results",
 ) -> None:
-    """Write the digest of a dataset, with its likeness where it lies under `data`, into the results' `datasets/`."""
-    path, local = (
-        committed_file(dataset, results),
-        read_digest(local_file(dataset, data)),
-    )
-    if read_digest(path)["digest"] != found:
-        write_record(path, local if local["digest"] == found else {"digest": found})
+    """Write the digest of a dataset into the results' `datasets/`.
+
+    The likeness is written, too, where the dataset is under `data`.
+    """
+    path = committed_file(dataset, results)
+    local = read_digest(local_file(dataset, data))
+    if read_digest(path)["digest"] != known:
+        write_record(path, local if local["digest"] == known else {"digest": known})
 
 
 def note_collected(
     dataset: Dataset, data: str | Path = "data", results: str | Path = "results"
 ) -> None:
-    """Write what lies under `data` into the results' `datasets/`, unless it stands for what is written there."""
-    local, known = (
-        read_digest(local_file(dataset, data)),
-        read_digest(committed_file(dataset, results))["digest"],
-    )
+    """Write the digest of a collected dataset into the results' `datasets/`.
+
+    A dataset that stands for the results' one changes nothing there.
+    """
+    local = read_digest(local_file(dataset, data))
+    known = read_digest(committed_file(dataset, results))["digest"]
     if known not in (local["digest"], local.get("stands_for")) and (
         known == UNKNOWN or verify(dataset, data, results)
     ):
@@ -140,35 +155,35 @@ def note_collected(
 def note_datasets(
     trials: Iterable[Trial], data: str | Path = "data", results: str | Path = "results"
 ) -> None:
-    """Write what `trials` learn from into the results' `datasets/`."""
+    """Write the digests of all datasets of `trials` into the results' `datasets/`."""
     entries = {
         dataset: trial.digests[kind]
         for trial in trials
         for kind, dataset in trial.datasets.items()
     }
-    for dataset, found in entries.items():
-        note_committed(dataset, found, data, results)
+    for dataset, known in entries.items():
+        note_committed(dataset, known, data, results)
 
 
 def load_dataset(
     dataset: Dataset, wanted: str, data: str | Path = "data"
 ) -> list[Drive]:
-    """The trajectories of a dataset from disk, held against the digest that a trial wants.
+    """The drives of a dataset from disk, checked by the digest that a trial wants.
 
     Raises:
         ShardError: a shard is missing or damaged, or the data are not those of the
             trial.
     """
     trajectories = load(Path(data), dataset.collection, dataset.count)
-    found = digest(trajectories)
-    noted = read_digest(local_file(dataset, data))
-    if found != wanted and (noted["digest"], noted.get("stands_for")) != (
-        found,
-        wanted,
-    ):
+    local = digest(trajectories)
+    note = read_digest(local_file(dataset, data))
+    stands_for = note.get("stands_for") if note["digest"] == local else None
+    if wanted not in (local, stands_for):
+        folder = dataset.collection.folder(Path(data))
         raise ShardError(
-            f"{dataset.collection.folder(Path(data))}: the first {dataset.count} trajectories have digest {found}, the "
-            f"trial wants {wanted}; 'companion collect --verify' sees whether they differ by rounding alone"
+            f"{folder}: the first {dataset.count} trajectories have digest {local}, "
+            f"the trial wants {wanted}; 'companion collect --verify' sees whether they "
+            "differ by rounding alone"
         )
     return trajectories
 
@@ -178,7 +193,7 @@ def verify_datasets(
     data: str | Path = "data",
     results: str | Path = "results",
 ) -> dict[str, list[str]]:
-    """`verify` of some datasets, by their names.
+    """Results of `verify`, by the names of the datasets.
 
     Raises:
         ShardError: a shard is missing or damaged.
@@ -195,7 +210,7 @@ def collect_datasets(
     progress: bool = True,
     needed: Iterable[Dataset] = (),
 ) -> dict[str, str]:
-    """Simulate whatever a preset's datasets still miss and note their digests.
+    """Simulate what is missing of a preset's datasets and note their digests.
 
     Args:
         preset: the study.
@@ -204,7 +219,7 @@ def collect_datasets(
         workers: processes; all cores when None.
         executor: a `concurrent.futures.Executor` instead of local processes.
         progress: whether to show bars.
-        needed: these instead of all that the preset's trials of the systems need.
+        needed: the datasets, instead of all that the preset's trials need.
 
     Returns:
         Dataset name -> digest.
@@ -213,16 +228,13 @@ def collect_datasets(
         ImportError: PyBullet is not installed; one line.
     """
     needed = list(needed) or [
-        dataset for system in systems for dataset in preset.every_dataset(system)
+        dataset for system in systems for dataset in preset.all_datasets(system)
     ]
-    pool = (
-        contextlib.nullcontext(executor)
-        if executor
-        else local_pool(workers or os.cpu_count() or 1)
-    )
-    with pool as where:
+    workers = workers or os.cpu_count() or 1
+    pool = contextlib.nullcontext(executor) if executor else local_pool(workers)
+    with pool as executor:
         return {
-            dataset.name: collect_dataset(dataset, data, where, progress)
+            dataset.name: collect_dataset(dataset, data, executor, progress)
             for dataset in needed
         }
 
@@ -233,14 +245,14 @@ def collect_dataset(
     executor: Executor | None = None,
     progress: bool = True,
 ) -> str:
-    """Simulate whatever a dataset still misses and note its digest, which is returned; as `collect_datasets`."""
+    """Simulate what is missing of a dataset; note and return its digest.
+
+    Arguments and errors are those of `collect_datasets`.
+    """
     from sidm.simulation import collect
 
-    found = collect(
-        Path(data),
-        dataset.collection,
-        dataset.count,
-        executor=executor,
-        progress=progress,
+    collection, count = dataset.collection, dataset.count
+    drives = collect(
+        Path(data), collection, count, executor=executor, progress=progress
     )
-    return note_digest(dataset, found, data)
+    return note_digest(dataset, drives, data)

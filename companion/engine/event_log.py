@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sidm.learning.stopping import Tested
+from sidm.learning.stopping import CurvePoint
 
 if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
@@ -20,10 +20,16 @@ if TYPE_CHECKING:
 
 
 class EventLog:
-    """The event files under a folder, one folder a trial; without a folder nothing is written."""
+    """The event files under a folder, one folder for each trial.
+
+    Args:
+        folder: where to write; nothing is written by default.
+
+    Raises:
+        ImportError: TensorBoard is asked for and not installed; one line.
+    """
 
     def __init__(self, folder: str | Path | None):
-        """ImportError, in one line, where TensorBoard is asked for and not installed."""
         self.folder = None if folder is None else Path(folder)
         self._files = contextlib.ExitStack()
         self._writers: dict[str, SummaryWriter] = {}
@@ -37,11 +43,11 @@ class EventLog:
         self._files.close()
 
     def progress(
-        self, trial: Trial, also: Callable[[Tested], None] | None = None
-    ) -> Callable[[Tested], None]:
-        """What `train` calls after each test of `trial`: writes it down, then calls `also`."""
+        self, trial: Trial, also: Callable[[CurvePoint], None] | None = None
+    ) -> Callable[[CurvePoint], None]:
+        """A callback for `train` that logs each test, then calls `also`."""
 
-        def write(tested: Tested) -> None:
+        def write(tested: CurvePoint) -> None:
             if self.folder is not None:
                 self._write(self.folder, trial, tested)
             if also is not None:
@@ -49,7 +55,7 @@ class EventLog:
 
         return write
 
-    def _write(self, folder: Path, trial: Trial, tested: Tested) -> None:
+    def _write(self, folder: Path, trial: Trial, tested: CurvePoint) -> None:
         if trial.key not in self._writers:
             name = f"{trial} {trial.key}".replace(" ", "-")
             self._writers[trial.key] = self._files.enter_context(
@@ -70,6 +76,7 @@ def _writer_class() -> type[SummaryWriter]:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError:
         raise ImportError(
-            "event files need TensorBoard: pip install tensorboard, or name no log folder"
+            "event files need TensorBoard: pip install tensorboard, or name no log "
+            "folder"
         ) from None
     return SummaryWriter

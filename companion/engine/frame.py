@@ -1,4 +1,7 @@
-"""Results as one tidy table: a row a trial, a column a value, so that grouping, pivoting and joining are pandas'."""
+"""Results as one tidy pandas table: a row a trial, a column a value.
+
+Grouping, pivoting and joining are done with pandas.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,7 @@ from sidm.body import Body
 from sidm.config import to_mapping
 from sidm.settings import Network
 
-# Parts of a row -> what stands before their columns' names.
+#: The classes whose fields are columns, and the prefix of their columns' names.
 _PARTS: tuple[tuple[type, str], ...] = (
     (Trial, ""),
     (Network, ""),
@@ -52,48 +55,37 @@ def frame_of(rows: Iterable[Row]) -> pd.DataFrame:
 
 def columns() -> list[tuple[str, str, str]]:
     """Name, type and description, with its unit, of every column of `frame_of`."""
-    found = [
-        (f"{prefix}{name}", kind, words)
+    parts = ("network", "training", "pretraining")  # their values are columns
+    described = [
+        (f"{prefix}{name}", kind, text)
         for cls, prefix in _PARTS
-        for name, (kind, words) in _described(cls).items()
-        if name
-        not in (
-            "network",
-            "training",
-            "pretraining",
-        )  # whose values are columns themselves
+        for name, (kind, text) in _described(cls).items()
+        if name not in parts
     ]
-    return [
-        *found,
-        ("stale", "bool", "whether today's code would come to other figures"),
-    ]
+    stale = ("stale", "bool", "whether today's code would come to other figures")
+    return [*described, stale]
 
 
 def _line(row: Row) -> dict[str, Any]:
     trial = to_mapping(row.trial)
-    parts = _flat(trial | trial["network"] | trial["training"])
-    return (
-        parts
-        | to_mapping(row.outcome)
-        | to_mapping(row.provenance)
-        | {"stale": row.provenance.stale}
-    )
+    values = _flat(trial | trial["network"] | trial["training"])
+    values |= to_mapping(row.outcome) | to_mapping(row.provenance)
+    return values | {"stale": row.provenance.stale}
 
 
 def numbers_and_words(frame: pd.DataFrame) -> pd.DataFrame:
-    """The columns of a table that have one value in a cell, for files such as CSV."""
-    return frame.loc[
-        :, [bool(frame[name].map(pd.api.types.is_scalar).all()) for name in frame]
-    ]
+    """The columns of a table whose cells hold one value each, for files such as CSV."""
+    scalar = [name for name in frame if frame[name].map(pd.api.types.is_scalar).all()]
+    return frame[scalar]
 
 
-def records_frame(kind: type, found: Iterable[Any]) -> pd.DataFrame:
-    """Records of one kind as a table, a row a record: what it is about, what was found, what made it.
+def records_frame(kind: type, records: Iterable[Any]) -> pd.DataFrame:
+    """Records of one kind as a table, a row a record.
 
-    Values of what a record is about are columns of their own names; those of its parts,
-    such as a trial, have the part's name before them (``trial_seed``), and are missing
-    where there is no such part. What was found under a name that the provenance has too
-    is a column with ``found_`` before it (``found_seconds``).
+    The fields of a record's `about` are columns of the same names. The fields of a part
+    of it, such as a trial, have the part's name as prefix (``trial_seed``) and are
+    missing where there is no such part. A result that has the name of a field of the
+    provenance gets the prefix ``found_`` (``found_seconds``).
     """
     about, made_by = typing.get_type_hints(kind)["about"], list(_names(Provenance))
     fields = [
@@ -101,40 +93,32 @@ def records_frame(kind: type, found: Iterable[Any]) -> pd.DataFrame:
         for field in dataclasses.fields(kind)
         if field.name not in ("about", "provenance")
     ]
-    own = {name: f"found_{name}" if name in made_by else name for name in fields}
+    column = {name: f"found_{name}" if name in made_by else name for name in fields}
     lines = []
-    for one in found:
-        values = {column: getattr(one, name) for name, column in own.items()}
-        made = to_mapping(one.provenance) | {"stale": one.provenance.stale}
-        lines.append(_flat(to_mapping(one.about)) | values | made)
-    return pd.DataFrame(
-        lines, columns=[*_names(about), *own.values(), *made_by, "stale"]
-    )
+    for record in records:
+        results = {column[name]: getattr(record, name) for name in fields}
+        made = to_mapping(record.provenance) | {"stale": record.provenance.stale}
+        lines.append(_flat(to_mapping(record.about)) | results | made)
+    names = [*_names(about), *column.values(), *made_by, "stale"]
+    return pd.DataFrame(lines, columns=names)
 
 
 def of_trials(frame: pd.DataFrame) -> pd.DataFrame:
-    """Records that are about trials, with the trials' columns by their own names, ``seed`` for ``trial_seed``."""
-    own = {
-        name: name.removeprefix("trial_")
-        for name in frame
-        if name.removeprefix("trial_") not in frame
-    }
-    return frame.rename(columns=own)
+    """Rename the columns of records about trials: ``trial_seed`` becomes ``seed``.
+
+    A column stays as it is where the table has the shorter name, too.
+    """
+    shorter = {name: name.removeprefix("trial_") for name in frame}
+    return frame.rename(columns={k: v for k, v in shorter.items() if v not in frame})
 
 
 def _names(cls: type, prefix: str = "") -> Iterator[str]:
-    """Columns of a `config` class's values, those of its parts with the part's name before them."""
+    """Columns of a `config` class; those of a part have the part's name as prefix."""
     hints = typing.get_type_hints(cls)
     for field in dataclasses.fields(cls):
         hint = hints[field.name]
-        part = next(
-            (
-                one
-                for one in (hint, *typing.get_args(hint))
-                if dataclasses.is_dataclass(one)
-            ),
-            None,
-        )
+        parts = filter(dataclasses.is_dataclass, (hint, *typing.get_args(hint)))
+        part = next(parts, None)
         name = f"{prefix}{field.name}"
         if part in (None, Body) or typing.get_origin(hint) is tuple:
             yield name
@@ -143,34 +127,30 @@ def _names(cls: type, prefix: str = "") -> Iterator[str]:
 
 
 def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    """One level of values by name; a body is its name."""
+    flat: dict[str, Any] = {}
     for name, value in values.items():
         if name.endswith("_body") and isinstance(value, Mapping):
             value = value["name"]
-        found |= (
-            _flat(value, f"{prefix}{name}_")
-            if isinstance(value, Mapping)
-            else {f"{prefix}{name}": value}
-        )
-    return found
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{prefix}{name}_")
+        else:
+            flat[f"{prefix}{name}"] = value
+    return flat
 
 
 @functools.cache
 def _described(cls: type) -> dict[str, tuple[str, str]]:
-    """Field -> its type, and what the Attributes of the class's docstring say of it."""
-    parents = [
-        base for base in reversed(cls.__mro__[1:]) if dataclasses.is_dataclass(base)
-    ]
+    """Field -> its type, and its text in the Attributes of the class's docstring."""
     described: dict[str, tuple[str, str]] = {}
-    for parent in parents:
-        described |= _described(parent)
-    words = {
-        item.arg_name: item.description or ""
-        for item in docstring_parser.parse(
-            cls.__doc__ or "", DocstringStyle.GOOGLE
-        ).params
+    for parent in filter(dataclasses.is_dataclass, reversed(cls.__mro__[1:])):
+        described |= _described(parent)  # type: ignore[arg-type]
+    docstring = docstring_parser.parse(cls.__doc__ or "", DocstringStyle.GOOGLE)
+    texts = {
+        item.arg_name: " ".join((item.description or "").split())
+        for item in docstring.params
         if item.args[0] == "attribute"
     }
     for name, kind in inspect.get_annotations(cls).items():
-        described[name] = (kind, " ".join(words.get(name, "").split()))
+        described[name] = (kind, texts.get(name, ""))
     return described

@@ -1,4 +1,4 @@
-"""What trials need of a machine's data, in one file: for a machine that has no simulator and no network."""
+"""The motion that trials need as one file, for a machine without a simulator."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from sidm.config import ConfigError, from_mapping
 from sidm.shards import SHARD_SIZE, ShardError
 from sidm.storage import write_atomically
 
-TRIALS = "trials.json"  # in the file: the trials, in their order
+TRIALS = "trials.json"  # member of the file that lists the trials, in order
 MEBIBYTE = 2**20
 
 
@@ -29,24 +29,24 @@ def files_of(dataset: Dataset, data: Path) -> list[Path]:
         dataset.collection.shard(data, number)
         for number in range(-(-dataset.count // SHARD_SIZE))
     ]
-    found = [*shards, local_file(dataset, data)]
-    for path in found:
+    paths = [*shards, local_file(dataset, data)]
+    for path in paths:
         if not path.is_file():
             raise ShardError(f"{path} is missing; 'companion collect' makes it")
-    return found
+    return paths
 
 
 def pack(
     trials: Iterable[Trial], file: Path, data: Path, limit: float = 60.0
 ) -> list[Trial]:
-    """Write trials, in their order, and what they learn from into a .tar file of at most `limit` MiB.
+    """Write trials and the motion they need into a .tar file of at most `limit` MiB.
 
     Returns:
         The trials that the file holds: those whose datasets still have room.
 
     Raises:
-        ConfigError: not one of them has.
-        ShardError: data are missing.
+        ConfigError: no trial's datasets have room.
+        ShardError: motion is missing.
     """
     sizes: dict[Path, int] = {}
     taken: list[Trial] = []
@@ -62,7 +62,8 @@ def pack(
             taken.append(trial)
     if not taken:
         raise ConfigError(
-            f"no trial's data fit into {limit:g} MiB; take a system with less, or raise the limit"
+            f"no trial's data fit into {limit:g} MiB; take a system with less, or "
+            "raise the limit"
         )
     write_atomically(file, lambda target: _write(target, taken, sorted(sizes), data))
     return taken
@@ -81,7 +82,7 @@ def _write(
 
 
 def unpack(file: Path, data: Path) -> list[Trial]:
-    """Lay a pack's data under `data`, unless they lie there, and return its trials.
+    """Extract a pack's motion under `data` where it is missing; return its trials.
 
     Raises:
         ConfigError: the file is missing or is no pack.

@@ -1,4 +1,7 @@
-"""Where a result comes from: the versions of the numbers behind it, the code, the libraries and the machine."""
+"""Where a result comes from.
+
+The provenance holds versions of the numbers, the code, the libraries and the machine.
+"""
 
 from __future__ import annotations
 
@@ -16,32 +19,33 @@ import sidm
 from companion.numerics import NUMERICS, versions
 from sidm.config import config
 
-#: of PyTorch, for a trial; results are compared bit for bit only at the same number
+#: PyTorch threads of a trial; the number of threads changes how floats are rounded.
 THREADS = 1
 
 
 @config
 class Provenance:
-    """What made a row of the store.
+    """How a record was made.
 
     Attributes:
-        version: of this package
-        source: hash of its files, to find the commit by
-        numerics: kind of work -> its version, of all that the result depends on; see
-            `companion.numerics`
-        python: version, as those of the libraries
-        torch: version
-        numpy: version
-        scipy: version
-        device: where it was computed
-        threads: of PyTorch
-        seconds: of the last stretch, if the trial was interrupted and `resumed`; in a
-            bundle its share of them
+        version: version of the `sidm` package
+        source: hash of the files of both packages, to find the commit by
+        numerics: kind of work -> its version, for all that the result depends on;
+            see `companion.numerics`
+        python: version of Python
+        torch: version of PyTorch
+        numpy: version of NumPy
+        scipy: version of SciPy
+        device: processor or GPU that computed it
+        threads: number of PyTorch threads
+        seconds: run time, s; since the last interruption if it was `resumed`; in a
+            bundle the trial's share
         resumed: whether it was interrupted and went on
-        peak_memory: of the process that ran it, MiB
+        peak_memory: most memory of the process that ran it, MiB
         date: UTC, ISO 8601
-        other_data: 'novice 938fa1f0...': made again elsewhere, alike but for rounding
-        bundle: how many trials were trained side by side, at most; 0: alone
+        other_data: kind and digest of datasets that were simulated again elsewhere and
+            differ by rounding alone, as 'novice 938fa1f0...'
+        bundle: most trials that were trained side by side; 0: trained alone
     """
 
     version: str
@@ -70,19 +74,17 @@ class Provenance:
 
 @functools.cache
 def source() -> str:
-    """12 hexadecimal digits for the files of both packages, as they were on disk when this was first called.
+    """Hash of the files of both packages, 12 hexadecimal digits.
 
-    Call it when long work begins: the files may be edited before the work ends.
+    It is of the files as they were at the first call. Call it when long work begins:
+    the files may be edited before the work ends.
     """
     digest = hashlib.sha256()
     for package in (sidm, companion):
         folder = Path(str(package.__file__)).parent
         for file in sorted(folder.rglob("*.py")):
-            digest.update(
-                file.relative_to(folder.parent).as_posix().encode()
-                + b"\n"
-                + file.read_bytes()
-            )
+            name = file.relative_to(folder.parent).as_posix()
+            digest.update(name.encode() + b"\n" + file.read_bytes())
     return digest.hexdigest()[:12]
 
 
@@ -93,7 +95,7 @@ def peak_memory() -> float:
 
 
 def device_name(device: str) -> str:
-    """What computed: 'x86_64 CPU', or the name of the GPU."""
+    """The name of a device: 'x86_64 CPU', or that of the GPU."""
     if device == "cpu":
         return f"{platform.machine()} CPU"
     import torch
@@ -109,7 +111,16 @@ def here(
     bundle: int = 0,
     kind: str = "training",
 ) -> Provenance:
-    """The provenance of a kind of work, one of `numerics.NUMERICS`, that this process has done just now."""
+    """The provenance of work that this process has just done.
+
+    Args:
+        seconds: run time.
+        threads: number of PyTorch threads.
+        resumed: whether the work was interrupted and went on.
+        device: 'cpu' or 'cuda'.
+        bundle: most trials that were trained side by side; 0 for a trial alone.
+        kind: of work, one of `numerics.NUMERICS`.
+    """
     return Provenance(
         version=sidm.__version__,
         source=source(),

@@ -1,4 +1,8 @@
-"""What studies find that are no trials of the store: a file each, by what it is about, with its provenance."""
+"""Stored results of studies: one JSON file for each record.
+
+A record says what it is about, what was measured, and how it was made. The rows of
+trials are records, too (`store`).
+"""
 
 from __future__ import annotations
 
@@ -22,28 +26,27 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-#: a `config` class with its `about`, a `config` object too, and its `provenance`
+#: A `config` class of records; its `about` is a `config` object, too.
 F = TypeVar("F")
 
-DIGITS = 6  # significant, of stored floats
+DIGITS = 6  # significant digits of stored floats
 
-#: Values that older records do not have, where they are as they were then; `fit` they
-#: had from the first.
-LATER = tuple(one for one in LATER_OF_TRIALS if one[0] != "fit")
+#: Fields with values that older records lack; `key_of` leaves them out. Records have
+#: had `fit` from the first.
+LATER = tuple(pair for pair in LATER_OF_TRIALS if pair[0] != "fit")
 
 
 class StoreError(OSError):
-    """A record that cannot be read, or not be stored; the message is one line that names the file and the mend."""
+    """A record cannot be read or stored; one line names the file and what to do."""
 
 
 def key_of(about: Any) -> str:
     """20 hexadecimal digits that change when any value of a `config` object does."""
-    return key_of_values(
-        dataclasses.asdict(
-            about,
-            dict_factory=lambda pairs: {k: v for k, v in pairs if (k, v) not in LATER},
-        )
-    )
+
+    def without_later(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        return {name: value for name, value in pairs if (name, value) not in LATER}
+
+    return key_of_values(dataclasses.asdict(about, dict_factory=without_later))
 
 
 def rounded(value: Any) -> Any:
@@ -58,12 +61,12 @@ def rounded(value: Any) -> Any:
 
 
 def by_field(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Fields of a record that have an entry a part, from those of each part."""
-    return {name: tuple(one[name] for one in parts) for name in parts[0]}
+    """Tuples of the parts' values, by name; all parts have the same names."""
+    return {name: tuple(part[name] for part in parts) for name in parts[0]}
 
 
 def records_of(kind: type[F], study: str) -> Callable[..., Records[F]]:
-    """A study's `records(results)`: where its results of a kind are kept, under the folder of all results."""
+    """A function `records(results)` that gives a study's records of a kind."""
     place = study.replace("-", "_")
     return lambda results="results": Records(
         kind, Path(results) / place, f"companion run --figure {study}"
@@ -71,7 +74,7 @@ def records_of(kind: type[F], study: str) -> Callable[..., Records[F]]:
 
 
 def single(path: Path) -> dict[str, Any]:
-    """What the one record of a study holds; empty where it has none."""
+    """The values of a measurement's file; empty where it has none."""
     try:
         return read_record(path)
     except FileNotFoundError:
@@ -82,9 +85,9 @@ class Records(Generic[F]):
     """The records of one kind under a folder.
 
     Args:
-        kind: their class.
-        folder: of their files; it need not exist.
-        again: the command that makes them, for messages.
+        kind: the class of the records.
+        folder: of the records' files; it need not exist.
+        again: the command that makes the records, for messages.
     """
 
     subject = "about"  # the field that says what a record is about
@@ -97,37 +100,41 @@ class Records(Generic[F]):
         """The file of a record, whether it exists or not."""
         return self.folder / self.place / f"{key_of(about)}.json"
 
-    def _values(self, found: Any) -> dict[str, Any]:
-        """What is written of a record: its numbers rounded, those of what it is about not."""
-        return rounded(dataclasses.asdict(found)) | {
-            "about": dataclasses.asdict(found.about)
+    def _values(self, record: Any) -> dict[str, Any]:
+        """The values that are written: floats are rounded except those of `about`."""
+        return rounded(dataclasses.asdict(record)) | {
+            "about": dataclasses.asdict(record.about)
         }
 
-    def put(self, found: F) -> Path:
-        """Store a record, in place of an earlier one of the same.
+    def put(self, record: F) -> Path:
+        """Store a record, in place of an earlier one about the same.
 
         Raises:
             StoreError: a number is not finite.
         """
-        path = self.path(getattr(found, self.subject))
+        path = self.path(getattr(record, self.subject))
         try:
-            write_record(path, self._values(found))
+            write_record(path, self._values(record))
         except ValueError:
             raise StoreError(f"{path}: not stored, a number is not finite") from None
         return path
 
     def get(self, about: Any) -> F | None:
-        """The stored record, None where there is none; StoreError when it is damaged or about something else."""
+        """The stored record, or None.
+
+        Raises:
+            StoreError: the file is damaged or about something else.
+        """
         path = self.path(about)
         try:
-            found = self._read(path)
+            record = self._read(path)
         except FileNotFoundError:
             return None
-        if getattr(found, self.subject) != about:
+        if getattr(record, self.subject) != about:
             raise StoreError(
                 f"{path}: is about something else; delete it and run '{self.again}'"
             )
-        return found
+        return record
 
     def _read(self, path: Path) -> F:
         try:
@@ -138,27 +145,25 @@ class Records(Generic[F]):
             ) from None
 
     def _readable(self, values: dict[str, Any]) -> dict[str, Any]:
-        """The fields of a record from what a file holds; Damaged for another version's."""
+        """The fields of a record among a file's values; Damaged for other versions."""
         return values
 
     def stored(self, abouts: Iterable[Any]) -> list[F]:
-        """The stored ones, in their order."""
-        return [found for found in map(self.get, abouts) if found is not None]
+        """The stored records about `abouts`, in their order."""
+        records = map(self.get, abouts)
+        return [record for record in records if record is not None]
 
     def all(self) -> list[F]:
-        """Every stored one, whatever it is about, in the order of the keys."""
-        return [
-            self._read(path)
-            for path in sorted((self.folder / self.place).glob("*.json"))
-        ]
+        """All stored records, in the order of their keys."""
+        paths = sorted((self.folder / self.place).glob("*.json"))
+        return [self._read(path) for path in paths]
 
     def frame(self, abouts: Iterable[Any] | None = None) -> pd.DataFrame:
-        """The stored ones, all unless given, as a table: `frame.records_frame`."""
+        """The stored records, all by default, as a table: `frame.records_frame`."""
         from companion.engine.frame import records_frame
 
-        return records_frame(
-            self.kind, self.all() if abouts is None else self.stored(abouts)
-        )
+        records = self.all() if abouts is None else self.stored(abouts)
+        return records_frame(self.kind, records)
 
     def run(
         self,
@@ -168,10 +173,17 @@ class Records(Generic[F]):
         what: str,
         progress: bool = True,
     ) -> int:
-        """Do the `work` of those that are not stored, and store each as soon as it is done; `what` is for the bar.
+        """Make the records that are not stored, and store each as soon as it is done.
+
+        Args:
+            abouts: what the records are about.
+            work: makes the record about one of them.
+            executor: where the work is done.
+            what: the name of the work, for the bar and for messages.
+            progress: whether to show a bar.
 
         Returns:
-            How many failed: they are reported in one line each, and the others go on.
+            How many failed: each is reported in one line, and the others go on.
         """
         missing = [about for about in abouts if self.get(about) is None]
         futures = [executor.submit(work, about) for about in missing]
@@ -190,20 +202,20 @@ class Records(Generic[F]):
 
 
 def one_line(error: BaseException) -> str:
-    """An error for a person: the first line of its message, after its type where that says more."""
+    """The first line of an error's message, after its type where that says more."""
     text = (str(error).splitlines() or [""])[0]
     plain = isinstance(error, (ValueError, OSError, ImportError)) and text
     return text if plain else f"{type(error).__name__}: {text}".rstrip(": ")
 
 
 class Making:
-    """What a record says of how it was made.
+    """Measures the work on a record, for its provenance.
 
     Args:
         kind: of work, one of `numerics.NUMERICS`.
-        used: what names its `datasets` and their `digests`, as a Trial does; None where
-            there are none.
-        data: their folder.
+        used: an object with `datasets` and their `digests`, such as a Trial; None where
+            no dataset is used.
+        data: the folder of the datasets.
     """
 
     def __init__(self, kind: str, used: Any, data: str | Path) -> None:
@@ -212,6 +224,6 @@ class Making:
         self.others = others(used, data) if used else ()
 
     def done(self) -> Provenance:
-        """The provenance of a record."""
+        """The provenance of the record; call it when the work is done."""
         made = here(time.perf_counter() - self.begun, THREADS, kind=self.kind)
         return dataclasses.replace(made, other_data=self.others)  # type: ignore[type-var]

@@ -1,8 +1,8 @@
-"""Run many trials on any `concurrent.futures.Executor`; what is stored is not run again.
+"""Run many trials on a `concurrent.futures.Executor`; stored ones are not run again.
 
-A trial that is killed goes on from its checkpoint, a trial that fails is reported in
-one line and the others go on. With an executor of other machines, `data` must be a
-folder that they all see.
+A trial that was killed goes on from its checkpoint. A trial that fails is reported in
+one line, and the others go on. With an executor of other machines, `data` must be a
+folder that all of them see.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from companion.engine.event_log import EventLog
 from companion.engine.execute import run_trial
 from companion.engine.records import StoreError, one_line
 from companion.engine.store import Failure, Results, Row
-from companion.numerics import numbered
+from companion.numerics import version_label
 from companion.trials import UNKNOWN, Trial
 from sidm.config import ConfigError
-from sidm.learning.training import Tested, TrainingError
+from sidm.learning.training import CurvePoint, TrainingError
 from sidm.pool import local_pool
 from sidm.progress import Bar, progress_bar
 from sidm.storage import sweep
@@ -38,18 +38,24 @@ WORKERS = 2  # by default
 
 
 def checkpoint_folder(data: str | Path, trial: Trial, kind: str = "training") -> Path:
-    """Where an unfinished trial keeps its state: apart for each version of the numbers, so that none are mixed."""
-    return Path(data) / "checkpoints" / f"{trial.key}-{numbered(kind)}"
+    """The folder of an unfinished trial's state, for today's version of numbers."""
+    return Path(data) / "checkpoints" / f"{trial.key}-{version_label(kind)}"
 
 
 def refuse_unknown_data(trials: Iterable[Trial]) -> None:
-    """ConfigError naming the first dataset whose digest is not known, and the command that makes it."""
+    """Refuse trials whose data are unknown.
+
+    Raises:
+        ConfigError: a digest is unknown; names the first such dataset and the command
+            that makes it.
+    """
     for trial in trials:
         for kind, dataset in trial.datasets.items():
             if trial.digests[kind] == UNKNOWN:
                 raise ConfigError(
-                    f"the dataset {dataset.name} is neither on this disk nor known to the results; "
-                    f"'companion collect --preset NAME --system {trial.system}' makes a preset's data"
+                    f"the dataset {dataset.name} is neither on this disk nor known to "
+                    f"the results; 'companion collect --preset NAME --system "
+                    f"{trial.system}' makes a preset's data"
                 )
 
 
@@ -106,7 +112,8 @@ def run(
         )
     if seconds < math.inf and not bundle:
         raise ConfigError(
-            "seconds are those of a bundle; trials in workers go on where they were when they are killed"
+            "seconds are those of a bundle; trials in workers go on where they were "
+            "when they are killed"
         )
     until = time.monotonic() + seconds
     sweep(store.folder / "trials")
@@ -116,32 +123,32 @@ def run(
         note_datasets(missing, data, store.folder)
         with progress_bar(len(missing), "trials", "trial", progress) as bar:
             runner = _Runner(store, data, bar, device, log)
-            runner.bundles(
-                [trial for trial in missing if bundle and fits(trial)], bundle, until
-            )
+            bundled = {trial: None for trial in missing if bundle and fits(trial)}
+            runner.bundles(list(bundled), bundle, until)
             if time.monotonic() >= until:
                 return store
-            alone = [trial for trial in missing if not (bundle and fits(trial))]
-            places = min(workers, len(alone))
-            pool = (
-                local_pool(places)
-                if executor is None and places > 1
-                else contextlib.nullcontext(executor)
-            )
-            with pool as where:
-                runner.alone(alone, where)
+            alone = [trial for trial in missing if trial not in bundled]
+            with _pool(executor, min(workers, len(alone))) as pool:
+                runner.alone(alone, pool)
     return store
 
 
+def _pool(
+    executor: Executor | None, workers: int
+) -> contextlib.AbstractContextManager[Executor | None]:
+    """The executor, local processes, or None for this process."""
+    if executor is None and workers > 1:
+        return local_pool(workers)
+    return contextlib.nullcontext(executor)
+
+
 def _not_failed(store: Results, trials: list[Trial]) -> list[Trial]:
-    """Those that today's code has not seen fail; the others are reported."""
+    """The trials that have not failed with today's code; the others are reported."""
     failed = {failure.trial.key: failure for failure in store.failures(trials)}
     for failure in failed.values():
-        where = store.failed.path(failure.trial)
-        print(
-            f"companion: {failure}; not run again unless {where} is deleted",
-            file=sys.stderr,
-        )
+        path = store.failed.path(failure.trial)
+        message = f"{failure}; not run again unless {path} is deleted"
+        print(f"companion: {message}", file=sys.stderr)
     return [trial for trial in trials if trial.key not in failed]
 
 
@@ -158,24 +165,24 @@ class _Runner(NamedTuple):
         self.bar.write(f"companion: {message}", file=sys.stderr)
 
     def fault(self, trial: Trial, error: Exception) -> None:
-        """One trial's failure must not lose the others."""
+        """Report a trial that failed; the others go on."""
         self.report(f"{trial}: {one_line(error)}")
         self.bar.update()
 
     def keep(self, row: Row | Failure, folder: Path) -> None:
-        """Store what became of a trial, and delete the folder of its checkpoint."""
+        """Store a trial's row or failure, and delete the folder of its checkpoint."""
         self.store.put(of_data(row, self.data))
         if isinstance(row, Failure):
             self.report(str(row))
         self.bar.update()
         shutil.rmtree(folder, ignore_errors=True)
 
-    def bundles(self, trials: list[Trial], seats: int, until: float) -> None:
+    def bundles(self, trials: list[Trial], slots: int, until: float) -> None:
         """Train bundle after bundle in this process until the time is up."""
         folder = functools.partial(checkpoint_folder, self.data, kind="bundle")
         with EventLog(self.log) as events:
 
-            def show(trial: Trial, tested: Tested) -> None:
+            def show(trial: Trial, tested: CurvePoint) -> None:
                 events.progress(trial)(tested)
                 self.bar.set_postfix(
                     samples=tested.samples,
@@ -188,7 +195,7 @@ class _Runner(NamedTuple):
                     return
                 hooks = Hooks(show, self.fault)
                 for row in run_bundle(
-                    group, seats, self.data, folder, hooks, self.device, until
+                    group, slots, self.data, folder, hooks, self.device, until
                 ):
                     try:
                         self.keep(row, folder(row.trial))
@@ -196,34 +203,36 @@ class _Runner(NamedTuple):
                         self.fault(row.trial, error)
 
     def alone(self, trials: list[Trial], executor: Executor | None) -> None:
-        """Run trials with an executor, stored as they end, or without one here, one after the other."""
-        work, lost = functools.partial(run_trial, device=self.device, log=self.log), 0
+        """Run trials, one after the other if there is no executor; store each."""
+        work = functools.partial(run_trial, device=self.device, log=self.log)
         folders = {trial: checkpoint_folder(self.data, trial) for trial in trials}
         jobs = {
             trial: functools.partial(work, trial, self.data, folder)
             for trial, folder in folders.items()
         }
-        for trial, outcome in _ended(jobs, executor):
+        lost = 0
+        for trial, result in _ended(jobs, executor):
             try:
-                self.keep(outcome(), folders[trial])
+                self.keep(result(), folders[trial])
             except BrokenProcessPool:
                 lost += 1
             except Exception as error:
                 self.fault(trial, error)
         if lost:
             self.report(
-                f"a worker was killed (out of memory?); {lost} trials not done, run again to go on"
+                f"a worker was killed (out of memory?); {lost} trials not done, "
+                "run again to go on"
             )
 
 
-#: what became of a trial, or the error that it raised
-Outcome = Callable[[], Row | Failure]
+#: Returns the row or the failure of a trial, or raises its error.
+Result = Callable[[], Row | Failure]
 
 
 def _ended(
-    jobs: Mapping[Trial, Outcome], executor: Executor | None
-) -> Iterator[tuple[Trial, Outcome]]:
-    """Every trial with its outcome: in this process one after the other, with an executor as they end."""
+    jobs: Mapping[Trial, Result], executor: Executor | None
+) -> Iterator[tuple[Trial, Result]]:
+    """Trials with their results: as they end, or in order without an executor."""
     if executor is None:
         yield from jobs.items()
     else:
@@ -233,10 +242,12 @@ def _ended(
 
 
 def of_data(row: Row | Failure, data: str | Path) -> Row | Failure:
-    """The row with a word of data that only stand for the trial's own."""
-    found = others(row.trial, data)
-    made = dataclasses.replace(row.provenance, other_data=found)  # type: ignore[type-var]
-    return dataclasses.replace(row, provenance=made) if found else row  # type: ignore[type-var]
+    """Note in a row's provenance the datasets that stand for the trial's."""
+    other_data = others(row.trial, data)
+    if not other_data:
+        return row
+    made = dataclasses.replace(row.provenance, other_data=other_data)  # type: ignore[type-var]
+    return dataclasses.replace(row, provenance=made)  # type: ignore[type-var]
 
 
 def run_here(
@@ -247,13 +258,13 @@ def run_here(
     device: str = "cpu",
     log: str | Path | None = None,
 ) -> Row:
-    """Run one trial in this process unless it is stored, and store it; errors are raised.
+    """Run one trial in this process and store it, unless it is stored.
 
     The bar counts samples up to `max_samples`, which early stopping seldom lets a trial
     reach.
 
     Raises:
-        ShardError: data are missing or others than the trial's.
+        ShardError: motion is missing or has another digest than the trial wants.
         TrainingError: a loss was not finite; the failure is stored.
     """
     store = results if isinstance(results, Results) else Results(results)
@@ -266,7 +277,7 @@ def run_here(
         trial.training.max_samples, str(trial), "sample", progress, scaled=True
     ) as bar:
 
-        def show(tested: Tested) -> None:
+        def show(tested: CurvePoint) -> None:
             bar.set_postfix(test_loss=f"{tested.test_loss:.4g}", refresh=False)
             bar.update(tested.samples - bar.n)
 

@@ -29,15 +29,14 @@ class Outcome:
     """What a trial yields, a function of the trial and its data alone.
 
     The loss is that of equation (1), in raw units of y unless the robot's body asks for
-    other ones. K is the number of steps of a rollout, 0.1 s each. E tests of the training
-    are stored, one after each `test_spacing` samples; trials of older versions have none.
-    The loss by component is stored at D of them, ever farther apart; trials of older
-    versions, older trials of a bundle and closed forms have none.
+    other ones. K is the number of steps of a rollout, 0.1 s each. E tests of the
+    training are stored, one after each `test_spacing` samples; trials of older versions
+    have none. The loss by component is stored at D of them, ever farther apart; trials
+    of older versions, older trials of a bundle and closed forms have none.
 
     Attributes:
         validation_loss: loss of a sample of the validation set
-        component_losses: (Y,) summands of the validation loss, each over the variance of
-            its component in the validation set
+        component_losses: (Y,) summands of the validation loss
         best_test_loss: smoothed loss on the novice's test split, of the weights kept
         position_error: (K,) m, mean over the rollouts, after each step
         heading_error: (K,) rad, mean over the rollouts, after each step
@@ -87,7 +86,7 @@ class Outcome:
 
 @config
 class Row:
-    """A line of the store."""
+    """A stored trial with its outcome."""
 
     trial: Trial
     outcome: Outcome
@@ -96,20 +95,21 @@ class Row:
 
 @config
 class Failure:
-    """What is kept of a trial that came to nothing: the loss that was not finite, and when."""
+    """A stored trial whose training failed because a loss was not finite."""
 
     trial: Trial
-    what: str  # 'training' or 'test' loss
-    loss: str  # 'nan' or 'inf'
-    iteration: int  # of prediction
+    what: str  # the loss: 'training' or 'test'
+    loss: str  # its value: 'nan' or 'inf'
+    iteration: int  # prediction iterations until then
     provenance: Provenance
 
     def __str__(self) -> str:
-        return f"{self.trial}: failed, the {self.what} loss was {self.loss} after {self.iteration} iterations"
+        reason = f"the {self.what} loss was {self.loss}"
+        return f"{self.trial}: failed, {reason} after {self.iteration} iterations"
 
 
 class _OfTrials(Records[F]):
-    """Records that are about trials and go by their keys."""
+    """Records about trials, filed under the trials' keys."""
 
     subject = "trial"
 
@@ -117,11 +117,11 @@ class _OfTrials(Records[F]):
         """The file of a trial's record, whether it exists or not."""
         return self.folder / self.place / f"{about.key}.json"
 
-    def _values(self, found: Any) -> dict[str, Any]:
+    def _values(self, record: Any) -> dict[str, Any]:
         return {
             "schema": SCHEMA,
-            **rounded(dataclasses.asdict(found)),
-            "trial": found.trial.to_json(),
+            **rounded(dataclasses.asdict(record)),
+            "trial": record.trial.to_json(),
         }
 
     def _readable(self, values: dict[str, Any]) -> dict[str, Any]:
@@ -131,18 +131,21 @@ class _OfTrials(Records[F]):
 
 
 class Failures(_OfTrials[Failure]):
-    """How trials failed, under a folder of results."""
+    """The failures under a folder of results."""
 
     place = "failures"
 
 
 class Results(_OfTrials[Row]):
-    """The rows under a folder, by trial; `failed` are those that came to nothing."""
+    """The rows under a folder of results, by trial, and the failures.
+
+    Args:
+        folder: of the results; it need not exist.
+    """
 
     place = "trials"
 
     def __init__(self, folder: str | Path = "results") -> None:
-        """`folder` need not exist."""
         super().__init__(Row, folder, "companion run")
         self.failed = Failures(Failure, folder, "companion run")
 
@@ -150,53 +153,59 @@ class Results(_OfTrials[Row]):
         """Whether a trial's row is stored."""
         return self.path(trial).is_file()
 
-    def put(self, found: Row | Failure) -> Path:
-        """Store a row, in place of an earlier one of the same trial and of its failure; or a failure.
+    def put(self, record: Row | Failure) -> Path:
+        """Store a row or a failure, in place of an earlier one of the same trial.
 
         Raises:
             StoreError: a number is not finite (the training diverged).
         """
-        if isinstance(found, Failure):
-            return self.failed.put(found)
-        path = super().put(found)
-        self.failed.path(found.trial).unlink(missing_ok=True)
+        if isinstance(record, Failure):
+            return self.failed.put(record)
+        path = super().put(record)
+        self.failed.path(record.trial).unlink(missing_ok=True)
         return path
 
     def rows(self, trials: Iterable[Trial]) -> list[Row]:
-        """The stored rows among `trials`, in their order."""
+        """The stored rows of `trials`, in their order."""
         return self.stored(trials)
 
     def failures(self, trials: Iterable[Trial]) -> list[Failure]:
-        """The failures among `trials` that today's code would repeat, in their order."""
-        return [one for one in self.failed.stored(trials) if not one.provenance.stale]
+        """The failures of `trials` that today's code would repeat, in their order."""
+        failures = self.failed.stored(trials)
+        return [failure for failure in failures if not failure.provenance.stale]
 
     def frame(self, trials: Iterable[Trial] | None = None) -> pd.DataFrame:
-        """The stored rows among `trials`, all unless given, as a table: `frame.frame_of`."""
+        """The stored rows of `trials`, all by default, as a table: `frame.frame_of`."""
         from companion.engine.frame import frame_of
 
         return frame_of(self.all() if trials is None else self.rows(trials))
 
     def missing(self, trials: Iterable[Trial]) -> list[Trial]:
-        """Those of `trials` that are not stored, in their order."""
+        """The `trials` that are not stored, in their order."""
         return [trial for trial in trials if trial not in self]
 
     def take_in(self, other: Results) -> int:
-        """Copy what another store has and this one lacks: rows, failures, digests of datasets; how many rows came.
+        """Copy rows, failures and digests of datasets that another store has.
+
+        What this store has stays as it is.
+
+        Returns:
+            How many rows were copied.
 
         Raises:
             StoreError: a row there is damaged.
         """
-        came = 0
+        copied = 0
         for row in other.all():
             if row.trial not in self:
                 self.put(row)
-                came += 1
+                copied += 1
         for name in ("failures", "datasets"):
             for path in (other.folder / name).rglob("*.json"):
                 target = self.folder / path.relative_to(other.folder)
-                if not target.exists() and not (
-                    name == "failures" and (self.folder / "trials" / path.name).exists()
-                ):
+                succeeded = (self.folder / "trials" / path.name).exists()
+                superseded = name == "failures" and succeeded
+                if not target.exists() and not superseded:
                     target.parent.mkdir(parents=True, exist_ok=True)
                     target.write_bytes(path.read_bytes())
-        return came
+        return copied

@@ -1,6 +1,6 @@
-"""The suspension under one's fingers: robots over the same ground, what their springs do, and how they drive.
+"""The suspension explorer: robots on the same ground, their struts and their motion.
 
-`views` draws charts; `live` has sliders that simulate anew, and `grid` and `page` make
-the book's page, whose sliders choose among rides that were simulated before.
-`predictions` puts models' predictions beside robots as ghosts.
+`views` draws figures; `live` has sliders that simulate new rides; `grid` and `page`
+make the book's page, whose sliders choose among rides that were simulated before;
+`predictions` shows predictions of models as ghosts beside robots.
 """

@@ -1,8 +1,8 @@
-"""The rides behind the explorer's page: every combination of its sliders, simulated once and stored as whole numbers.
+"""The stored rides of the explorer's page, one for every combination of its sliders.
 
-`companion run --figure explorer` makes them again, about ten minutes on two cores. What
-the sliders do not change (mass, tyres, gearing) is the novice's of system 1; the
-paper's four robots ride on the same grounds as they are.
+`companion run --figure explorer` simulates them, in about ten minutes on two cores.
+What no slider changes (mass, tyres, gearing) is as in system 1's novice. The paper's
+four robots drive unchanged on the same grounds.
 """
 
 from __future__ import annotations
@@ -20,36 +20,42 @@ from sidm.drives import POSITION, QUATERNION
 from sidm.pool import local_pool
 from sidm.progress import progress_bar
 from sidm.replay.packing import pack, unpack
-from sidm.replay.rides import ROBOTS, SAMPLES, Ride, drive, sampled_physics, weave
+from sidm.replay.rides import (
+    ROBOTS,
+    SAMPLES_PER_STEP,
+    Ride,
+    drive,
+    sampled_physics,
+    weave,
+)
 from sidm.storage import read_arrays, read_record, write_arrays, write_record
 from sidm.systems import ROLES, Robot, Terrain
 from sidm.terrain import generate_terrain
 
 FOLDER = Path("results/explorer")
 BODY = ROBOTS["system1 novice"]
-#: The paper's four robots, which ride as they are.
-PAPERS = {
+#: The paper's four robots, which drive with their own suspension.
+PAPER_ROBOTS = {
     name: ROBOTS[name]
     for name in (f"system{number} {role}" for number in (1, 2) for role in ROLES)
 }
 TERRAIN_SEED = 3
 STEPS = 40
-MOMENTS = STEPS * SAMPLES + 1
+SAMPLES = STEPS * SAMPLES_PER_STEP + 1  # samples of a ride: T + 1
 
 
 class Knob(NamedTuple):
     """A slider: the values that it stops at, and where it starts."""
 
-    name: str  # of a Robot's field, or 'roughness' or 'throttle'
+    name: str  # field of Robot, or 'roughness' or 'throttle'
     label: str
     unit: str
     values: tuple[float, ...]
     start: float
-    shown: float = 1.0  # what a value is multiplied with to be shown in its unit
+    shown: float = 1.0  # factor that converts a value to the unit
 
 
-#: Of the robot's set-up, then of the drive; the stored rides have one axis a knob, in
-#: this order.
+#: Sliders of the robot's suspension.
 SET_UP = (
     Knob(
         "spring",
@@ -68,19 +74,23 @@ SET_UP = (
         -1000.0,
     ),
 )
+#: Sliders of the drive.
 DRIVE = (
     Knob("roughness", "height scale of the rocks", "m", (0.0, 0.2, 0.35, 0.9), 0.35),
     Knob("throttle", "throttle", "of full", (0.25, 0.5, 0.75, 1.0), 0.5),
 )
+#: All sliders. The stored rides have one axis for each, in this order.
 KNOBS = SET_UP + DRIVE
-#: whether the struts are braked as in the recorded robot; the axis before the drive's
+#: Whether the joint motors hold the struts, as in the recorded robots. The rides have
+#: an axis for it between the axes of SET_UP and of DRIVE.
 BRAKES = (True, False)
-#: throttle of the drive that weaves, which comes after the straight ones on their axis
+#: Throttle of the drive that weaves. It is the last on the axis of the throttle, after
+#: the straight drives.
 WEAVING = 0.5
 
-#: What is stored of a moment -> how many whole numbers a unit: m, of the vector of the
-#: quaternion with w >= 0, m of the struts, rad of the axles' rolls, of the wheels and
-#: of the kingpins, which turn alike.
+#: Stored quantity -> whole numbers per unit. The quantities are the position, m; the
+#: vector part of the quaternion with w >= 0; the travel of the struts, m; and angles,
+#: rad: the rolls of the axles, the wheels, and the kingpins, which turn together.
 CHANNELS = (
     {name: 500 for name in "xyz"}
     | {f"q{name}": 2000 for name in "xyz"}
@@ -89,95 +99,103 @@ CHANNELS = (
     | {f"wheel {n}": 20 for n in range(4)}
     | {"kingpin": 100}
 )
+#: Columns of `Ride.joints` that are stored: two rolls, four wheels, one kingpin.
+_JOINTS = [1, 3, 4, 5, 6, 7, 8]
 
-GONE = -32768
-#: m from the origin, where the wheels still have ground
+GONE = -32768  # stored for all samples after a robot has left the ground
+#: Distance from the origin, along x and y, at which all wheels still have ground, m.
 BORDER = Terrain(cell_height_scale=0.0).half_width - 0.5
 
 
 class Grid(NamedTuple):
-    """The stored rides: axes of SET_UP (or the robots of PAPERS), BRAKES, roughness, drive, time and CHANNELS."""
+    """The stored rides.
 
-    rides: np.ndarray  # (5, 4, 4, 2, 4, 5, T + 1, C) int16
-    robots: np.ndarray  # (4, 2, 4, 5, T + 1, C) int16
-    #: (4, 5, T + 1, C) each: set-ups, then robots of the paper; braked, then free
+    Attributes:
+        rides: (5, 4, 4, 2, 4, 5, T + 1, C) int16; axes of SET_UP, BRAKES, roughness,
+            drive, time and CHANNELS
+        robots: (4, 2, 4, 5, T + 1, C) int16; the same with one axis of PAPER_ROBOTS in
+            place of SET_UP
+        packed: packed rides (4, 5, T + 1, C) of each robot, with held, then with free
+            struts: first the robots of SET_UP, then PAPER_ROBOTS
+        numerics: versions of the numerics that made the rides
+    """
+
+    rides: np.ndarray
+    robots: np.ndarray
     packed: tuple[bytes, ...]
-    numerics: dict[str, int]  # versions that they were made with
+    numerics: dict[str, int]
 
 
-def whole_numbers(one: Ride) -> np.ndarray:
-    """A ride as it is stored, (T + 1, C) int16; GONE from where it leaves the ground."""
-    turn = one.states[:, QUATERNION]
-    turn = np.where(turn[:, 3:] < 0, -turn, turn)[:, :3]
-    columns = [
-        *one.states[:, POSITION].T,
-        *turn.T,
-        *one.struts.T,
-        *one.joints.T[[1, 3, 4, 5, 6, 7, 8]],
-    ]
+def whole_numbers(ride: Ride) -> np.ndarray:
+    """A ride as it is stored, (T + 1, C) int16; GONE once it has left the ground."""
+    quaternion = ride.states[:, QUATERNION]
+    vector = np.where(quaternion[:, 3:] < 0, -quaternion, quaternion)[:, :3]
+    position, joints = ride.states[:, POSITION], ride.joints[:, _JOINTS]
+    columns = [*position.T, *vector.T, *ride.struts.T, *joints.T]
     scaled = [
         scale * column for scale, column in zip(CHANNELS.values(), columns, strict=True)
     ]
-    outside = ~(np.abs(one.states[:, :2]) <= BORDER).all(axis=1)
-    numbers = np.where(
-        np.maximum.accumulate(outside)[:, None], GONE, np.rint(np.stack(scaled, axis=1))
-    )
+    outside = ~(np.abs(ride.states[:, :2]) <= BORDER).all(axis=1)
+    gone = np.maximum.accumulate(outside)[:, None]
+    numbers = np.where(gone, GONE, np.rint(np.stack(scaled, axis=1)))
     return np.clip(numbers, GONE, -GONE - 1).astype(np.int16)
 
 
 def ground(roughness: float) -> np.ndarray:
-    """Heights (300, 300) of the ground of that roughness, m."""
+    """Heights (300, 300), m, of the ground whose rocks have that height scale, m."""
     return generate_terrain(Terrain(cell_height_scale=roughness), TERRAIN_SEED)
 
 
 def set_ups() -> Iterator[Robot]:
-    """The robots that the sliders can make, the last knob of SET_UP fastest."""
+    """The robots that the sliders can make; the last knob of SET_UP changes fastest."""
+    names = [knob.name for knob in SET_UP]
     for values in itertools.product(*(knob.values for knob in SET_UP)):
-        changed = dict(zip((knob.name for knob in SET_UP), values, strict=True))
-        yield BODY.replace(**changed)
+        yield BODY.replace(**dict(zip(names, values, strict=True)))
 
 
 def simulate(
     setting: tuple[Robot, bool], drives: Sequence[int] = range(len(DRIVE[1].values) + 1)
 ) -> np.ndarray:
-    """All drives of one robot, braked or not: (4, drives, T + 1, C) int16; the last of them weaves."""
+    """Simulate the drives of one robot on every ground.
+
+    Args:
+        setting: the robot, and whether its struts are held.
+        drives: numbers of drives; the last drive of all weaves.
+
+    Returns:
+        Whole numbers (4, drives, T + 1, C) int16, one ground after the other.
+    """
     from sidm.simulation import Simulator
 
     robot, brakes = setting
     roughness, throttles = (knob.values for knob in DRIVE)
-    straight: list[tuple[float, float | np.ndarray]] = [
-        (throttle, 0.0) for throttle in throttles
+    actions: list[tuple[float, float | np.ndarray]] = [
+        *((throttle, 0.0) for throttle in throttles),
+        (WEAVING, weave(STEPS)),
     ]
-    actions = [*straight, (WEAVING, weave(STEPS))]
-    found = []
+    rides = []
     with Simulator(robot, ground(roughness[0]), sampled_physics(brakes)) as simulator:
-        for rough in roughness:
-            simulator.put_on(ground(rough))
-            found.append(
-                [
-                    whole_numbers(drive(simulator, *actions[number], steps=STEPS))
-                    for number in drives
-                ]
-            )
-    return np.array(found)
+        for scale in roughness:
+            simulator.set_terrain(ground(scale))
+            paths = [drive(simulator, *actions[n], steps=STEPS) for n in drives]
+            rides.append([whole_numbers(path) for path in paths])
+    return np.array(rides)
 
 
 def make(study: Any, workers: int) -> None:
-    """`companion run --figure explorer`: simulate every ride and store them."""
+    """Simulate every ride and store it, for `companion run --figure explorer`."""
     folder = Path(study.results) / FOLDER.name
-    settings = list(itertools.product([*set_ups(), *PAPERS.values()], BRAKES))
+    settings = list(itertools.product([*set_ups(), *PAPER_ROBOTS.values()], BRAKES))
     with (
         local_pool(workers) as pool,
         progress_bar(len(settings), "rides", "set-up") as bar,
     ):
         packed = []
-        for one in pool.map(simulate, settings):
-            packed.append(np.frombuffer(pack(one), np.uint8))
+        for rides in pool.map(simulate, settings):
+            packed.append(np.frombuffer(pack(rides), np.uint8))
             bar.update()
-    arrays = {
-        "packed": np.concatenate(packed),
-        "ends": np.cumsum([len(one) for one in packed]),
-    }
+    ends = np.cumsum([len(part) for part in packed])
+    arrays = {"packed": np.concatenate(packed), "ends": ends}
     write_arrays(folder / "rides.npz", arrays)
     write_record(folder / "rides.json", {"numerics": versions("free_struts")})
     read.cache_clear()
@@ -185,25 +203,20 @@ def make(study: Any, workers: int) -> None:
 
 @functools.cache
 def read(folder: Path = FOLDER) -> Grid:
-    """The stored rides.
+    """Read the stored rides.
 
     Raises:
         FileNotFoundError: there are none.
         Damaged: a file is not as it was written.
     """
     arrays = read_arrays(folder / "rides.npz")
-    packed = [one.tobytes() for one in np.split(arrays["packed"], arrays["ends"][:-1])]
+    parts = np.split(arrays["packed"], arrays["ends"][:-1])
+    packed = tuple(part.tobytes() for part in parts)
     roughness, throttles = (len(knob.values) for knob in DRIVE)
-    drives = roughness, throttles + 1, MOMENTS, len(CHANNELS)
-    every = np.array([unpack(one, drives) for one in packed]).reshape(
-        -1, len(BRAKES), *drives
-    )
-    rides = every[: -len(PAPERS)].reshape(
-        *(len(knob.values) for knob in SET_UP), *every.shape[1:]
-    )
-    return Grid(
-        rides,
-        every[-len(PAPERS) :],
-        tuple(packed),
-        read_record(folder / "rides.json")["numerics"],
-    )
+    drives = roughness, throttles + 1, SAMPLES, len(CHANNELS)
+    unpacked = np.array([unpack(part, drives) for part in packed])
+    both = unpacked.reshape(-1, len(BRAKES), *drives)
+    set_ups, robots = both[: -len(PAPER_ROBOTS)], both[-len(PAPER_ROBOTS) :]
+    rides = set_ups.reshape(*(len(knob.values) for knob in SET_UP), *both.shape[1:])
+    numerics = read_record(folder / "rides.json")["numerics"]
+    return Grid(rides, robots, packed, numerics)

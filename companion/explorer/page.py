@@ -1,9 +1,9 @@
-"""The explorer's page: charts that Vega draws in the reader's browser, and the rides that its sliders choose from.
+"""The explorer's page: charts drawn by Vega in the browser, and the rides they show.
 
-`write` puts scripts beside the page, so that nothing comes from another host: Vega
-itself, the charts, the replay, and the rides in pieces that are loaded when they are
-needed; book/static/explorer.js puts them together. Altair makes the charts and
-vl-convert brings Vega's libraries.
+`write` puts scripts beside the page, so that nothing comes from another host: Vega, the
+charts, the replay, and the rides in pieces that are loaded when they are needed;
+book/static/explorer.js puts them together. Altair makes the charts; vl-convert brings
+Vega's libraries.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from companion.explorer.grid import (
     FOLDER,
     GONE,
     KNOBS,
-    MOMENTS,
-    PAPERS,
+    PAPER_ROBOTS,
+    SAMPLES,
     SET_UP,
     STEPS,
     WEAVING,
@@ -38,127 +38,108 @@ from companion.explorer.views import LINES
 from companion.figures.style import half_width
 from sidm.drives import CONTROL_STEP, Ground
 from sidm.replay.packing import text
-from sidm.replay.rides import SAMPLE, STRUTS
+from sidm.replay.rides import SAMPLE_TIME, STRUTS
 from sidm.replay.scene_file import cropped, ground_json, read_scene, scene_json
 from sidm.replay.skeleton import heave_curves, rover_skeleton
 from sidm.replay.viewer import SCRIPTS, STYLE, static
 from sidm.systems import GRID_SPACING, Robot
 
 WHO = ("your robot", "the robot named")
-#: left, right, low and high of the ground that is shown, m
+#: Left, right, low and high end of the ground that the charts show, m.
 VIEW = (-1.5, 14.5, -5.0, 5.0)
-REPLAYED = (-4.0, 14.9, -9.0, 9.0)  # the same of the replay's
-CELL = 0.4  # side of a piece of ground that is drawn, m
+REPLAYED = (-4.0, 14.9, -9.0, 9.0)  # the same for the replay, m
+CELL = 0.4  # side of a square of ground in the charts, m
 TALLEST = 2.0  # height of the darkest ground, m
+
+
+def _axis(kind: Any, field: str, title: str, start: float, end: float) -> Any:
+    """An axis, `alt.X` or `alt.Y`, from start to end."""
+    return kind(field, title=title, scale=alt.Scale(domain=[start, end], nice=False))
 
 
 def _lines() -> alt.Chart:
     """Lines of both robots, told apart by colour and dashes."""
-    looks = {"domain": list(WHO), "range": [line["color"] for line in LINES]}
-    return (
-        alt.Chart(alt.NamedData(name="ride"))
-        .mark_line(clip=True)
-        .encode(
-            color=alt.Color("who:N", scale=alt.Scale(**looks), legend=None),
-            strokeDash=alt.StrokeDash(
-                "who:N",
-                scale=alt.Scale(domain=list(WHO), range=[[1, 0], [6, 3]]),
-                legend=None,
-            ),
-            order="t:Q",
-        )
+    colours = alt.Scale(domain=list(WHO), range=[line["color"] for line in LINES])
+    dashes = alt.Scale(domain=list(WHO), range=[[1, 0], [6, 3]])
+    lines = alt.Chart(alt.NamedData(name="ride")).mark_line(clip=True)
+    return lines.encode(
+        color=alt.Color("who:N", scale=colours, legend=None),
+        strokeDash=alt.StrokeDash("who:N", scale=dashes, legend=None),
+        order="t:Q",
     )
 
 
 def _over_time(title: str, **scale: Any) -> alt.Chart:
     """A value `v` against time."""
-    time = alt.X(
-        "t:Q",
-        title="time (s)",
-        scale=alt.Scale(domain=[0, CONTROL_STEP * STEPS], nice=False),
-    )
-    return _lines().encode(
-        x=time, y=alt.Y("v:Q", title=title, scale=alt.Scale(zero=False, **scale))
-    )
+    x = _axis(alt.X, "t:Q", "time (s)", 0, CONTROL_STEP * STEPS)
+    y = alt.Y("v:Q", title=title, scale=alt.Scale(zero=False, **scale))
+    return _lines().encode(x=x, y=y)
 
 
 def _travel() -> alt.LayerChart:
     """A strut's travel between its stops."""
-    low = min(
-        value for knob in SET_UP if knob.name == "travel_lower" for value in knob.values
-    )
+    low = min(_knob("travel_lower").values)
     lines = _over_time("travel (mm)", domain=[1e3 * low - 2, 6], nice=False)
-    stops = (
-        alt.Chart(alt.NamedData(name="stops"))
-        .mark_rule(strokeDash=[2, 3])
-        .encode(y="v:Q", color=alt.Color("who:N", legend=None))
-    )
-    return lines + stops
+    stops = alt.Chart(alt.NamedData(name="stops")).mark_rule(strokeDash=[2, 3])
+    return lines + stops.encode(y="v:Q", color=alt.Color("who:N", legend=None))
 
 
 def _path() -> alt.LayerChart:
     """The paths over the ground, from above."""
     left, right, low, high = VIEW
-    x = alt.X("x:Q", title="x (m)", scale=alt.Scale(domain=[left, right], nice=False))
-    y = alt.Y("y:Q", title="y (m)", scale=alt.Scale(domain=[low, high], nice=False))
+    x = _axis(alt.X, "x:Q", "x (m)", left, right)
+    y = _axis(alt.Y, "y:Q", "y (m)", low, high)
     pale = alt.Scale(domain=[0, TALLEST], range=["#ffffff", "#4d4d4d"], clamp=True)
-    cells = (
-        alt.Chart(alt.NamedData(name="ground"))
-        .mark_rect()
-        .encode(
-            x=x,
-            x2="x2:Q",
-            y=y,
-            y2="y2:Q",
-            color=alt.Color("h:Q", scale=pale, legend=None),
-        )
-    )
+    shade = alt.Color("h:Q", scale=pale, legend=None)
+    squares = alt.Chart(alt.NamedData(name="ground")).mark_rect()
+    cells = squares.encode(x=x, x2="x2:Q", y=y, y2="y2:Q", color=shade)
     return (cells + _lines().encode(x=x, y=y)).resolve_scale(color="independent")
 
 
 def charts() -> dict[str, dict[str, Any]]:
-    """Specifications of the charts by the name of what they show, in the order in which they stand."""
-    made = {
-        "height": (
-            _over_time("height of the body (m)"),
-            "Height of the body over time",
-        ),
+    """Vega-Lite specifications of the charts by name, in their order on the page."""
+    height = _over_time("height of the body (m)")
+    pitch, roll = _over_time("pitch (degrees)"), _over_time("roll (degrees)")
+    charts = {
+        "height": (height, "Height of the body over time"),
         "path": (_path(), "Paths from above, higher ground darker"),
-        "pitch": (_over_time("pitch (degrees)"), "Pitch over time, nose down positive"),
-        "roll": (
-            _over_time("roll (degrees)"),
-            "Roll over time, right side down positive",
-        ),
+        "pitch": (pitch, "Pitch over time, nose down positive"),
+        "roll": (roll, "Roll over time, right side down positive"),
     }
-    for number in (3, 2, 1, 0):  # as they lie, seen from above
-        words = f"{STRUTS[number].capitalize()} strut, stops dotted"
-        made[f"strut {number}"] = _travel(), words
+    for number in (3, 2, 1, 0):  # as the struts lie, seen from above
+        title = f"{STRUTS[number].capitalize()} strut, stops dotted"
+        charts[f"strut {number}"] = _travel(), title
+    size: dict[str, Any] = {"width": "container", "height": 180}
     return {
-        name: chart.properties(
-            width="container", height=180, title=words, description=words
-        )
+        name: chart.properties(**size, title=title, description=title)
         .configure(background="white", font="sans-serif")
         .to_dict(validate=False)
-        for name, (chart, words) in made.items()
+        for name, (chart, title) in charts.items()
     }
 
 
 def _ground(roughness: float) -> list[int]:
-    """Heights of the pieces of ground in VIEW, rows from low to high, cm."""
+    """Heights of the squares of ground in VIEW, rows from low to high, cm."""
     heights = ground(roughness)
     left, right, low, high = VIEW
-    across, up = (
+    x, y = (
         np.arange(start, end, CELL) + CELL / 2
         for start, end in ((left, right), (low, high))
     )
     rows, columns = (
-        np.rint((at + half_width(heights)) / GRID_SPACING).astype(int)
-        for at in (up, across)
+        np.rint((middles + half_width(heights)) / GRID_SPACING).astype(int)
+        for middles in (y, x)
     )
     return np.rint(100 * heights[np.ix_(rows, columns)]).astype(int).ravel().tolist()
 
 
-def _knob(knob: Knob) -> dict[str, Any]:
+def _knob(name: str) -> Knob:
+    """The knob of that name."""
+    return next(knob for knob in KNOBS if knob.name == name)
+
+
+def _knob_json(knob: Knob) -> dict[str, Any]:
+    """A knob as JSON types, with its values in its unit."""
     return {
         "name": knob.name,
         "label": knob.label,
@@ -169,88 +150,95 @@ def _knob(knob: Knob) -> dict[str, Any]:
 
 
 def _set_up(name: str) -> dict[str, Any]:
-    """Where the sliders stand for a robot, and its stops in mm."""
-    robot = PAPERS[name]
+    """The positions of the sliders for one of the paper's robots, and its stops, mm."""
+    robot = PAPER_ROBOTS[name]
     at = {knob.name: knob.values.index(getattr(robot, knob.name)) for knob in SET_UP}
-    return {
-        "name": name,
-        "knobs": at,
-        "stops": [1e3 * robot.travel_lower, 1e3 * robot.travel_upper],
-    }
+    stops = [1e3 * robot.travel_lower, 1e3 * robot.travel_upper]
+    return {"name": name, "knobs": at, "stops": stops}
 
 
 def _bodies(robots: list[Robot]) -> list[list[dict[str, Any]]]:
-    """Of each robot, braked and free: what is drawn of it, and how its axles' heave follows from their struts."""
+    """What is drawn of each robot, with held and with free struts.
+
+    `heave` tells the heave of the axles from the travel of the struts.
+    """
     return [
         [
             {
-                "skeleton": rover_skeleton(one, brakes),
-                "heave": heave_curves(one, brakes),
+                "skeleton": rover_skeleton(robot, brakes),
+                "heave": heave_curves(robot, brakes),
             }
             for brakes in BRAKES
         ]
-        for one in robots
+        for robot in robots
     ]
 
 
 def contents() -> dict[str, Any]:
-    """All that explorer.js needs beside the rides, of JSON types."""
-    roughness = next(knob for knob in DRIVE if knob.name == "roughness")
-    lowest = next(knob for knob in SET_UP if knob.name == "travel_lower")
+    """All that explorer.js needs beside the rides, as JSON types."""
+    lowest = _knob("travel_lower").values
     return {
         "who": WHO,
-        "knobs": [_knob(knob) for knob in KNOBS],
+        "knobs": [_knob_json(knob) for knob in KNOBS],
         "setUp": len(SET_UP),
         "weaving": DRIVE[1].values.index(WEAVING),
-        "robots": [_set_up(name) for name in PAPERS],
+        "robots": [_set_up(name) for name in PAPER_ROBOTS],
         "channels": CHANNELS,
         "ownUpperStop": 1e3 * BODY.travel_upper,
         "gone": GONE,
-        "moments": MOMENTS,
-        "step": SAMPLE,
+        "moments": SAMPLES,
+        "step": SAMPLE_TIME,
         "view": [*VIEW, CELL],
-        "grounds": [_ground(value) for value in roughness.values],
+        "grounds": [_ground(scale) for scale in _knob("roughness").values],
         "charts": charts(),
         "colours": [line["color"] for line in LINES],
-        "bodies": _bodies(
-            [BODY.replace(travel_lower=value) for value in lowest.values]
-        ),
-        "robotBodies": _bodies(list(PAPERS.values())),
+        "bodies": _bodies([BODY.replace(travel_lower=value) for value in lowest]),
+        "robotBodies": _bodies(list(PAPER_ROBOTS.values())),
     }
 
 
 def pieces(grid: Grid, scenes: Path) -> Iterator[tuple[str, Any]]:
-    """What the pages load when they need it, by name: the drives of one robot, braked or not, grounds, whole scenes."""
+    """The pieces that the pages load when they need them.
+
+    Args:
+        grid: the stored rides.
+        scenes: folder of the replay's scenes.
+
+    Yields:
+        Name and content of each piece, of JSON types: scenes, the drives of one robot
+        with held or free struts, and grounds.
+    """
     for path in sorted(scenes.glob("scene-*.npz")):
         yield path.stem, scene_json(read_scene(path))
     for number, packed in enumerate(grid.packed):
         yield f"rides-{number}", text(packed)
-    for number, roughness in enumerate(DRIVE[0].values):
-        left, right, low, high = REPLAYED
-        corners = np.array([[left, low], [right, high]])
-        yield (
-            f"ground-{number}",
-            ground_json(
-                cropped(Ground(ground(roughness), GRID_SPACING), corners, margin=0.0)
-            ),
-        )
+    left, right, low, high = REPLAYED
+    corners = np.array([[left, low], [right, high]])
+    for number, roughness in enumerate(_knob("roughness").values):
+        whole = Ground(ground(roughness), GRID_SPACING)
+        yield f"ground-{number}", ground_json(cropped(whole, corners, margin=0.0))
 
 
 def write(folder: Path, grid: Grid, scenes: Path = FOLDER) -> None:
-    """Write vega.js, data.js, the replay's scripts and pieces into `folder`; `scenes` is the folder of its scenes."""
+    """Write the page's scripts: vega.js, data.js, the replay's, and the pieces.
+
+    Args:
+        folder: folder that the scripts are written to.
+        grid: the stored rides.
+        scenes: folder of the replay's scenes.
+    """
     folder.mkdir(parents=True, exist_ok=True)
+
+    def put(name: str, script: str) -> None:
+        (folder / name).write_text(script, encoding="utf-8")
+
     vega = vl_convert.javascript_bundle("window.vegaEmbed = vegaEmbed;")
-    # its other names are names of the theme's scripts, too
-    hidden = f"(() => {{{vega}}})();\n"
-    (folder / "vega.js").write_text(hidden, encoding="utf-8")
-    words = json.dumps(contents(), separators=(",", ":"))
-    (folder / "data.js").write_text(
-        f"window.explorerData = {words};\n", encoding="utf-8"
-    )
+    # in a function: scripts of the theme use some of its names, too
+    put("vega.js", f"(() => {{{vega}}})();\n")
+    data = json.dumps(contents(), separators=(",", ":"))
+    put("data.js", f"window.explorerData = {data};\n")
     for name in (*SCRIPTS, STYLE):
-        (folder / name).write_text(static(name), encoding="utf-8")
+        put(name, static(name))
     for name, piece in pieces(grid, scenes):
-        words = json.dumps(piece, separators=(",", ":"))
-        (folder / f"{name}.js").write_text(
-            f'window.sidmPieces["{name}"]({words});\n', encoding="utf-8"
-        )
+        content = json.dumps(piece, separators=(",", ":"))
+        put(f"{name}.js", f'window.sidmPieces["{name}"]({content});\n')

@@ -1,7 +1,7 @@
-"""Predictions as ghosts: a robot that really drove, and where models say it would be.
+"""Predictions as ghosts: the drive of a robot beside the paths that models predict.
 
-`python -m companion.explorer.predictions` makes the scenes of the book's page again
-from the stored results and recordings.
+`python -m companion.explorer.predictions` makes the scenes of the book's page from the
+stored results and recordings.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ import sidm
 from sidm.drives import CONTROL_STEP, POSITION, QUATERNION, Ground
 from sidm.replay.rides import Ride, drive, sampled_physics
 from sidm.replay.scene import (
-    GHOST,
+    GHOST_OPACITY,
     ROVER_JOINTS,
     ROVER_WHEELS,
     SPACING,
-    TRUTH,
+    TRUTH_COLOUR,
     Scene,
     Track,
+    attitudes_on_ground,
     height_on,
-    laid,
     predicted_scene,
     ride_track,
-    rolled,
+    rolling_angles,
 )
 from sidm.replay.scene_file import write_scene
 from sidm.replay.skeleton import BOXES, Skeleton
@@ -37,28 +37,30 @@ from sidm.terrain import generate_terrain
 
 FOLDER = Path("results/explorer")
 METHODS = ("novice_only", "sidm", "pretrain_finetune")
-SEED = 0  # whose trials predict
-WARTHOG_DRIVE = 23  # it turns more than most
+SEED = 0  # seed of the trials whose models predict
+WARTHOG_DRIVE = 23  # index of the drive; it turns more than most
 
 
 def collected_ride(collection: Collection, index: int, steps: int) -> Ride:
-    """Trajectory `index` of a collection as a ride: the same motion, with all that moves."""
+    """Simulate the start of a collected trajectory again, with struts and joints.
+
+    Args:
+        collection: the collection that the trajectory belongs to.
+        index: number of the trajectory.
+        steps: number of control steps.
+    """
     from sidm.simulation import Simulator, simulate_trajectory
-    from sidm.simulation.collecting import drawn
+    from sidm.simulation.collecting import draw_attempt
     from sidm.systems import find_system
 
-    system, attempts = (
-        find_system(collection.system),
-        sum(simulate_trajectory(collection, index).discarded),
-    )
-    terrain_seed, yaw, actions = drawn(collection, index, attempts)
+    system = find_system(collection.system)
+    attempt = sum(simulate_trajectory(collection, index).discarded)
+    terrain_seed, yaw, actions = draw_attempt(collection, index, attempt)
+    throttle, steering = actions[:steps].T
+    heights = generate_terrain(system.terrain, terrain_seed)
+    robot = system.robot(collection.role)
     physics = sampled_physics(system.physics.strut_motors)
-    with Simulator(
-        system.robot(collection.role),
-        generate_terrain(system.terrain, terrain_seed),
-        physics,
-    ) as simulator:
-        throttle, steering = actions[:steps].T
+    with Simulator(robot, heights, physics) as simulator:
         return drive(simulator, throttle, steering, steps, yaw)
 
 
@@ -70,48 +72,49 @@ def predicted_track(
     colour: str,
     height: float = 0.0,
 ) -> Track:
-    """A ghost of predicted states, a control step apart.
+    """The track of a ghost that moves through predicted states.
 
     Args:
-        states: (K + 1, 13); or (K + 1, 2), x and y in m: then it lies on the ground,
-            heading along its way.
-        ground: under it.
-        skeleton: of the robot.
-        name: of the model.
-        colour: of the ghost.
-        height: of the body above the ground where only x and y are known, m.
+        states: (K + 1, 13), one per control step; or (K + 1, 2), x and y, m: then the
+            ghost lies on the ground and faces along its path.
+        ground: the ground under the ghost.
+        skeleton: shape of the robot.
+        name: name of the model.
+        colour: colour of the ghost.
+        height: height of the body above the ground where only x and y are known, m.
     """
     base, track, radius = ROVER_WHEELS
     if states.shape[1] == 2:
         position = np.column_stack([states, height_on(ground, states) + height])
-        turn = laid(states, ground, base, track).as_quat()
+        turn = attitudes_on_ground(states, ground, base, track).as_quat()
     else:
         position, turn = states[:, POSITION], states[:, QUATERNION]
     joints = np.zeros((len(states), ROVER_JOINTS))
-    joints[:, 4:8] = rolled(position, turn, radius, track / 2)
-    return Track(name, CONTROL_STEP, position, turn, joints, skeleton, colour, GHOST)
+    joints[:, 4:8] = rolling_angles(position, turn, radius, track / 2)
+    motion = (CONTROL_STEP, position, turn, joints)
+    return Track(name, *motion, skeleton, colour, GHOST_OPACITY)
 
 
 def rollout_scene(rows: Sequence[Any], minutes: float) -> Scene:
-    """The first rollout of Figure 4: the robot, and what the models trained on so many minutes predict.
+    """The first rollout of Figure 4: the robot, and the paths that models predict.
 
     Args:
-        rows: of the results store, of one system; those of SEED and of METHODS are
-            shown.
-        minutes: of novice data.
+        rows: rows of the results store for one system; the trials with SEED and METHODS
+            are shown.
+        minutes: the novice data that the models were trained on.
 
     Raises:
-        ValueError: no such row is stored, or the robot drives elsewhere today than it
-            did then.
+        ValueError: no such row is stored, or the robot's path differs from its path at
+            the time of these trials.
     """
     from companion.figures.style import METHOD_STYLES
 
-    chosen = {
+    stored = {
         row.trial.method: row
         for row in rows
         if (row.trial.seed, row.trial.novice_minutes) == (SEED, minutes)
     }
-    shown = {name: chosen[name] for name in METHODS if name in chosen}
+    shown = {name: stored[name] for name in METHODS if name in stored}
     if not shown:
         raise ValueError(f"no trial of seed {SEED} with {minutes:g} min is stored")
     first = next(iter(shown.values()))
@@ -123,29 +126,27 @@ def rollout_scene(rows: Sequence[Any], minutes: float) -> Scene:
         )
     ground = Ground(ride.heights, SPACING)
     height = float(np.mean(ride.states[:, 2] - height_on(ground, ride.states[:, :2])))
-    truth = ride_track(ride, "the robot", TRUTH)
+    truth = ride_track(ride, "the robot", TRUTH_COLOUR)
     ghosts = []
     for method, row in shown.items():
-        whole, style = row.outcome.rollouts_predicted, METHOD_STYLES[method]
-        states = np.array(whole[0] if whole else row.outcome.example_predicted)
-        ghosts.append(
-            predicted_track(
-                states, ground, truth.skeleton, style["label"], style["color"], height
-            )
-        )
-    return Scene(
-        (truth, *ghosts),
-        ground,
-        2.0,
-        f"the robot, and models trained on {minutes:g} min",
-    )
+        rollouts, style = row.outcome.rollouts_predicted, METHOD_STYLES[method]
+        states = np.array(rollouts[0] if rollouts else row.outcome.example_predicted)
+        look = (truth.skeleton, style["label"], style["color"])
+        ghosts.append(predicted_track(states, ground, *look, height))
+    title = f"the robot, and models trained on {minutes:g} min"
+    return Scene((truth, *ghosts), ground, 2.0, title)
 
 
 def warthog_scene(recordings: Path = Path("recordings")) -> Scene:
-    """A drive of the real Warthog, and what the model that is kept beside the recording predicts from its start."""
-    drive = sidm.read_drives(
+    """A drive of the real Warthog, and the path that a model predicts from its start.
+
+    Args:
+        recordings: folder with the recording and the stored model.
+    """
+    drives = sidm.read_drives(
         recordings / "warthog.csv.gz", recordings / "skid_steer.yaml"
-    )[WARTHOG_DRIVE]
+    )
+    drive = drives[WARTHOG_DRIVE]
     model = sidm.load(recordings / "models" / "warthog")
     path = model.rollout(drive.states[0], drive.actions)
     return predicted_scene(drive, path, BOXES["warthog"], ("the Warthog", "its model"))
@@ -157,9 +158,8 @@ def make(folder: Path = FOLDER) -> None:
 
     rows = Results("results").rows(Study("laptop").figure4("system1"))
     for minutes in (5.0, 120.0):
-        write_scene(
-            folder / f"scene-{minutes:g}-minutes.npz", rollout_scene(rows, minutes)
-        )
+        path = folder / f"scene-{minutes:g}-minutes.npz"
+        write_scene(path, rollout_scene(rows, minutes))
     write_scene(folder / "scene-warthog.npz", warthog_scene())
 
 

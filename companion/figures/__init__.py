@@ -1,1 +1,1 @@
-"""Figures in one style."""
+"""Figures of the book, all in one style."""

@@ -1,4 +1,7 @@
-"""Results as figures, each a matplotlib Figure in the book's style: colour-blind safe, opaque, units on every axis."""
+"""Results as curves, each a Matplotlib Figure in the book's style.
+
+Figures are safe for colour-blind readers and opaque, with units on every axis.
+"""
 
 from __future__ import annotations
 
@@ -14,19 +17,19 @@ from companion.figures.style import (
     EFFICIENCY_MARKS,
     LOSS_BY_SIZE,
     METHOD_STYLES,
-    by_system,
-    labelled,
     legend_below,
+    legend_entries,
     mean_and_range,
+    system_panels,
 )
 from companion.methods import COMPARED, FIGURE3
-from companion.statistics.efficiency import efficiency, falling
-from companion.statistics.pairs import complete, of_one_grid
+from companion.statistics.efficiency import efficiency, isotonic_fit
+from companion.statistics.pairs import complete, unique_results
 from companion.statistics.savings import efficiency_band
 from sidm.plots import finish, styled
 from sidm.systems import SYSTEMS
 
-MOST_INSIDE = 4  # methods whose names have room within a plot
+MOST_INSIDE = 4  # number of methods whose names have room inside a plot
 
 
 @styled
@@ -35,23 +38,24 @@ def figure3(
     systems: Sequence[str] = tuple(SYSTEMS),
     methods: Sequence[str] = FIGURE3,
 ) -> Figure:
-    """Figure 3: validation loss against novice data; lines are means over each size's seeds, shades minimum to maximum.
+    """Figure 3: validation loss against novice data.
 
-    A dotted level marks the method `expert_only` where its results are there: it has no
-    novice data. The names of more than MOST_INSIDE methods stand below the plots.
+    Lines are means over the seeds of each size; shades reach from minimum to maximum. A
+    dotted level marks the method `expert_only`, which has no novice data, where its
+    results are in `frame`. The names of more than MOST_INSIDE methods stand below the
+    plots.
     """
-    figure, plots = by_system(frame, systems, **LOSS_BY_SIZE)
+    figure, plots = system_panels(frame, systems, **LOSS_BY_SIZE)
     crowded = len(methods) > MOST_INSIDE
-    for system, (axes, mine) in zip(systems, plots, strict=True):
-        drawn = _curves(axes, mine, system, methods)
-        alone = mine[mine.method == "expert_only"].validation_loss
-        if len(alone):
+    for system, (axes, rows) in zip(systems, plots, strict=True):
+        sizes = _curves(axes, rows, system, methods)
+        expert_only = rows[rows.method == "expert_only"].validation_loss
+        if len(expert_only):
             style = METHOD_STYLES["expert_only"] | {"marker": "", "linestyle": ":"}
-            axes.axhline(alone.mean(), **style)
-            axes.axhspan(
-                alone.min(), alone.max(), color=style["color"], alpha=0.12, lw=0
-            )
-        finish(axes, drawn, legend=not crowded)
+            axes.axhline(expert_only.mean(), **style)
+            shade = {"color": style["color"], "alpha": 0.12, "lw": 0}
+            axes.axhspan(expert_only.min(), expert_only.max(), **shade)
+        finish(axes, sizes, legend=not crowded)
     if crowded:
         legend_below(figure, figure.axes)
     return figure
@@ -65,20 +69,30 @@ def _curves(
     words: str = "",
     **other: Any,
 ) -> set[float]:
-    """Figure 3's curves of some methods, and the sizes that they have; `words` after the labels, `other` styles."""
+    """Draw the curves of Figure 3 for some methods.
+
+    Args:
+        axes: to draw on.
+        frame: results.
+        system: of these results.
+        methods: of these results.
+        words: added to the labels.
+        other: styles that replace those of METHOD_STYLES.
+
+    Returns:
+        The sizes of the novice data, min.
+    """
     drawn: set[float] = set()
     for method in methods:
-        found = of_one_grid(frame, system, [method])
-        if len(found):
+        rows = unique_results(frame, system, [method])
+        if len(rows):
             style = METHOD_STYLES[method] | other
-            one = ", one seed" if words and found.seed.nunique() == 1 else ""
-            sizes = found.validation_loss.astype(float).groupby(
-                found.novice_minutes.astype(float)
-            )
-            losses = sizes.agg(["mean", "min", "max"])
-            mean_and_range(
-                axes, losses, **style | {"label": style["label"] + words + one}
-            )
+            seeds = ", one seed" if words and rows.seed.nunique() == 1 else ""
+            minutes = rows.novice_minutes.astype(float)
+            by_size = rows.validation_loss.astype(float).groupby(minutes)
+            losses = by_size.agg(["mean", "min", "max"])
+            label = style["label"] + words + seeds
+            mean_and_range(axes, losses, **style | {"label": label})
             drawn |= set(losses.index)
     return drawn
 
@@ -90,51 +104,48 @@ def changed_choices(
     words: str,
     systems: Sequence[str] = tuple(SYSTEMS),
 ) -> Figure:
-    """Figure 3's curves of the paper's methods, beside those with a choice changed with hollow marks and `words`."""
-    figure, plots = by_system(frame, systems, **LOSS_BY_SIZE)
-    for system, (axes, mine) in zip(systems, plots, strict=True):
-        drawn = _curves(axes, mine, system, COMPARED)
-        drawn |= _curves(
-            axes,
-            changed,
-            system,
-            COMPARED,
-            words=f", {words}",
-            mfc="white",
-            linewidth=1,
-        )
-        finish(axes, drawn)
+    """Figure 3's curves of the paper's methods, with and without a changed choice.
+
+    Args:
+        frame: results of Figure 3.
+        changed: results with the choice changed, drawn with hollow marks.
+        words: added to the labels of the changed curves.
+        systems: one plot each.
+    """
+    figure, plots = system_panels(frame, systems, **LOSS_BY_SIZE)
+    hollow: dict[str, Any] = {"mfc": "white", "linewidth": 1}
+    for system, (axes, rows) in zip(systems, plots, strict=True):
+        sizes = _curves(axes, rows, system, COMPARED)
+        sizes |= _curves(axes, changed, system, COMPARED, f", {words}", **hollow)
+        finish(axes, sizes)
     return figure
 
 
 @styled
 def efficiency_curves(frame: pd.DataFrame) -> Figure:
-    """Data-efficiency ratio against the loss to be reached, its 95 % interval shaded; triangles mark bounds."""
+    """Data-efficiency ratio against the loss to be reached.
+
+    The 95 % interval is shaded; triangles mark bounds.
+    """
     xlabel = "validation loss to reach\n(squared m, m/s and rad/s, summed)"
     ylabel = "data without SIDM / data with SIDM (-)"
-    figure, plots = by_system(
+    figure, plots = system_panels(
         frame, tuple(SYSTEMS), yscale="log", xlabel=xlabel, ylabel=ylabel
     )
-    for system, (axes, mine) in zip(SYSTEMS, plots, strict=True):
-        losses = complete(mine, system)
+    for system, (axes, rows) in zip(SYSTEMS, plots, strict=True):
+        losses = complete(rows, system)
         if losses.values.size:
             sidm, novice = losses.values.mean(0)
-            reach = np.concatenate([falling(sidm), falling(novice)])
-            found = efficiency(
-                losses.minutes, sidm, novice, np.linspace(reach.min(), reach.max(), 60)
-            )
-            band = efficiency_band(losses.minutes, losses.values, found.loss)
-            axes.fill_between(found.loss, *band, color="0.5", alpha=0.2, lw=0)
-            for bound, marker, colour, words in EFFICIENCY_MARKS:
-                at = found.bound == bound
-                if at.any():
-                    axes.plot(
-                        found.loss[at],
-                        found.ratio[at],
-                        marker,
-                        color=colour,
-                        label=words,
-                    )
+            fits = np.concatenate([isotonic_fit(sidm), isotonic_fit(novice)])
+            levels = np.linspace(fits.min(), fits.max(), 60)
+            curve = efficiency(losses.minutes, sidm, novice, levels)
+            band = efficiency_band(losses.minutes, losses.values, curve.loss)
+            axes.fill_between(curve.loss, *band, color="0.5", alpha=0.2, lw=0)
+            for bound, marker, colour, label in EFFICIENCY_MARKS:
+                where = curve.bound == bound
+                if where.any():
+                    points = curve.loss[where], curve.ratio[where]
+                    axes.plot(*points, marker, color=colour, label=label)
             axes.axhline(1, color="0.5", lw=1, linestyle="-", marker="")
         finish(axes)
     return figure
@@ -143,15 +154,14 @@ def efficiency_curves(frame: pd.DataFrame) -> Figure:
 def by_method_and_size(
     frame: pd.DataFrame,
 ) -> Iterator[tuple[str, float, pd.DataFrame]]:
-    """Results by method and size, both in order, the last method of the alphabet first."""
-    for (method, minutes), group in reversed(
-        list(frame.groupby(["method", "novice_minutes"]))
-    ):
+    """Yield method, size and results of each group, sorted in descending order."""
+    groups = list(frame.groupby(["method", "novice_minutes"]))
+    for (method, minutes), group in reversed(groups):
         yield str(method), float(minutes), group
 
 
 def size_style(method: str, index: int) -> dict[str, Any]:
-    """A method's colour, with a line style by the number of the size."""
+    """Line style of a method and a size: the method's colour, dashes by `index`."""
     line = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)), (0, (1, 3)))[index % 6]
     return {"color": METHOD_STYLES[method]["color"], "linestyle": line, "marker": ""}
 
@@ -160,26 +170,22 @@ def size_style(method: str, index: int) -> dict[str, Any]:
 def learning_curves(
     frame: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)
 ) -> Figure:
-    """Novice test loss against samples seen, a thin line a trial."""
+    """Novice test loss against samples seen, one thin line per trial."""
+    xlabel = "samples seen (control steps)"
     ylabel = "novice test loss, equation (1)\n(raw units squared)"
-    axis = dict(
-        xscale="log", yscale="log", xlabel="samples seen (control steps)", ylabel=ylabel
+    scales = {"xscale": "log", "yscale": "log"}
+    figure, plots = system_panels(
+        frame, systems, xlabel=xlabel, ylabel=ylabel, **scales
     )
-    figure, plots = by_system(frame, systems, **axis)
-    for axes, here in plots:
-        sizes = sorted(here.novice_minutes.unique())
-        for method, minutes, group in by_method_and_size(here):
-            style = size_style(method, sizes.index(minutes))
-            for number, one in enumerate(group.itertuples()):
-                label = (
-                    f"{METHOD_STYLES[method]['label']}, {minutes:g} min"
-                    if number == 0
-                    else None
-                )
-                axes.plot(
-                    one.curve_samples, one.curve_test_loss, lw=0.9, label=label, **style
-                )
+    for axes, results in plots:
+        sizes = sorted(results.novice_minutes.unique())
+        for method, minutes, group in by_method_and_size(results):
+            style = size_style(method, sizes.index(minutes)) | {"lw": 0.9}
+            label: str | None = f"{METHOD_STYLES[method]['label']}, {minutes:g} min"
+            for row in group.itertuples():
+                axes.plot(row.curve_samples, row.curve_test_loss, label=label, **style)
+                label = None  # one entry of the legend per group
         finish(axes, legend=False)
-    if drawn := labelled(figure.axes):
+    if drawn := legend_entries(figure.axes):
         figure.legend(drawn.values(), drawn.keys(), loc="outside right upper")
     return figure

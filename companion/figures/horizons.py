@@ -1,4 +1,4 @@
-"""Errors of several models open loop, against the time ahead."""
+"""Open-loop errors of several models against the time ahead."""
 
 from __future__ import annotations
 
@@ -12,28 +12,21 @@ from sidm.plots import finish, side_by_side, styled
 
 
 @styled
-def compare(tables: Mapping[str, pd.DataFrame], rate: float) -> Figure:
-    """Errors open loop, a line a method.
+def horizon_errors(tables: Mapping[str, pd.DataFrame], rate: float) -> Figure:
+    """Open-loop errors of position and heading, one line per method.
 
     Args:
-        tables: by the method, as `fit.evaluate` gives them.
+        tables: by method, as `fit.evaluate` gives them.
         rate: of the body, Hz.
     """
     figure, panels = side_by_side(2)
-    for axes, name in zip(panels, ("position", "heading"), strict=True):
+    units = {"position": "m", "heading": "rad"}
+    for axes, (name, unit) in zip(panels, units.items(), strict=True):
         for method, table in tables.items():
-            mine = table[table.quantity == name]
-            axes.plot(
-                mine.horizon / rate,
-                mine.error,
-                **METHOD_STYLES[method] | {"marker": ""},
-            )
-        unit = {"position": "m", "heading": "rad"}[name]
-        axes.set(
-            xlabel="time ahead, open loop (s)",
-            ylabel=f"{name} error ({unit})",
-            ylim=(0, None),
-        )
-        axes.set_title(f"{name} on drives held out")
+            errors = table[table.quantity == name]
+            style = METHOD_STYLES[method] | {"marker": ""}
+            axes.plot(errors.horizon / rate, errors.error, **style)
+        axes.set(xlabel="time ahead, open loop (s)", ylabel=f"{name} error ({unit})")
+        axes.set(ylim=(0, None), title=f"{name} on drives held out")
         finish(axes, legend=name == "position")
     return figure

@@ -1,4 +1,4 @@
-"""Predicted paths, Figure 4."""
+"""Predicted paths: Figure 4 and its example."""
 
 from __future__ import annotations
 
@@ -16,19 +16,18 @@ from sidm.plots import finish, side_by_side, styled
 
 @styled
 def figure4(frame: pd.DataFrame, seed: int = 0) -> Figure:
-    """Figure 4: deviation of the predicted from the actual path over time, and one example seen from above.
+    """Figure 4: deviation of predicted from actual paths over time, and an example.
+
+    The example is seen from above.
 
     Args:
-        frame: of one system; lines are means over the trials, shades their standard
-            error.
-        seed: whose trials draw the example's paths.
+        frame: results of one system; lines are means over the trials, shades their
+            standard error.
+        seed: of the trials whose paths the example shows.
     """
     figure, (left, right) = side_by_side(2)
-    left.set(
-        xlabel="time (s)",
-        ylabel="distance from the actual position (m)",
-        title="all test drives",
-    )
+    left.set(xlabel="time (s)", ylabel="distance from the actual position (m)")
+    left.set(title="all test drives")
     right.set(xlabel="x (m)", ylabel="y (m)", title="one of them from above")
     sizes = sorted(frame.novice_minutes.unique())
     for method, minutes, group in by_method_and_size(frame):
@@ -39,25 +38,14 @@ def figure4(frame: pd.DataFrame, seed: int = 0) -> Figure:
         time, mean = CONTROL_STEP * np.arange(errors.shape[1]), errors.mean(0)
         left.plot(time, mean, label=label, **style)
         if len(errors) > 1:
-            spread = errors.std(0, ddof=1) / np.sqrt(len(errors))
-            left.fill_between(
-                time,
-                mean - spread,
-                mean + spread,
-                color=style["color"],
-                alpha=0.15,
-                lw=0,
-            )
+            error = errors.std(0, ddof=1) / np.sqrt(len(errors))
+            shade = {"color": style["color"], "alpha": 0.15, "lw": 0}
+            left.fill_between(time, mean - error, mean + error, **shade)
         for path in group[group.seed == seed].example_predicted:
-            right.plot(*np.array(path).T, **style)  # lines as on the left
+            right.plot(*np.array(path).T, **style)  # the styles of the left plot
     for path in frame[frame.seed == seed].example_actual[:1]:
-        right.plot(
-            *np.array(path).T,
-            color="black",
-            linestyle="-",
-            marker="",
-            label="actual path",
-        )
+        style = {"color": "black", "linestyle": "-", "marker": ""}
+        right.plot(*np.array(path).T, label="actual path", **style)
         right.set_aspect("equal", adjustable="datalim")
     finish(left, legend=False)
     finish(right, legend=False)
@@ -66,28 +54,33 @@ def figure4(frame: pd.DataFrame, seed: int = 0) -> Figure:
 
 
 class Example(NamedTuple):
-    """Figure 4's example beside all test trajectories, m."""
+    """Figure 4's example beside all test trajectories, m.
 
-    driven: float  # how far the robot goes
-    nearest: float  # from where it comes to, of the predicted paths of a seed's models
-    farthest: float
-    mean: float  # of that distance over all test trajectories and trials
+    The distances are from the robot's last position to those that the models of one
+    seed predict.
+    """
+
+    driven: float  # length of the robot's path
+    nearest: float  # smallest distance
+    farthest: float  # largest distance
+    mean: float  # mean distance over all test trajectories and trials
 
 
 def example(frame: pd.DataFrame, seed: int) -> Example | None:
-    """The example with the models of `seed`; None where they are not stored."""
+    """Figure 4's example with the models of a seed; None if they are not stored.
+
+    Args:
+        frame: results of one system.
+        seed: of the models.
+    """
     shown = frame[frame.seed == seed]
     if not len(shown):
         return None
     actual = np.array(shown.example_actual.iloc[0])
-    parted = [
+    distances = [
         float(np.linalg.norm(path[-1] - actual[-1]))
         for path in map(np.array, shown.example_predicted)
     ]
     driven = float(np.linalg.norm(np.diff(actual, axis=0), axis=1).sum())
-    return Example(
-        driven,
-        min(parted),
-        max(parted),
-        float(frame.position_error.str[-1].astype(float).mean()),
-    )
+    mean = float(frame.position_error.str[-1].astype(float).mean())
+    return Example(driven, min(distances), max(distances), mean)

@@ -1,7 +1,7 @@
-"""What all figures have in common: the style, how methods look, plots side by side.
+"""Parts that all figures share: styles, names of methods, plots side by side.
 
-`pyplot`, the slow part of Matplotlib, is imported when something is drawn: those who
-list trials do without.
+`pyplot`, the slow part of Matplotlib, is imported only when something is drawn, so that
+commands that list trials stay fast.
 """
 
 from __future__ import annotations
@@ -22,60 +22,62 @@ from companion.methods import FOR_LITTLE, METHODS
 from sidm.plots import side_by_side
 from sidm.systems import GRID_SPACING
 
-_LOOKS: dict[str, dict[str, Any]] = {
-    "sidm": {"color": "#0072B2", "linestyle": "-", "marker": "o"},
-    "novice_only": {"color": "#D55E00", "linestyle": "--", "marker": "s"},
-    "no_regularisation": {"color": "#009E73", "linestyle": "-.", "marker": "^"},
-    "pretrain_finetune": {"color": "#CC79A7", "linestyle": ":", "marker": "D"},
+#: Colour, line and marker of a method; a dashed line may be (offset, dashes).
+_STYLES: dict[str, tuple[str, Any, str]] = {
+    "sidm": ("#0072B2", "-", "o"),
+    "novice_only": ("#D55E00", "--", "s"),
+    "no_regularisation": ("#009E73", "-.", "^"),
+    "pretrain_finetune": ("#CC79A7", ":", "D"),
+    # methods that may do better, and the method without a network
+    "least_squares": ("#009E73", (0, (3, 1, 1, 1)), "P"),
+    "corrected": ("#D55E00", (0, (3, 1, 1, 1)), "p"),
+    "corrected_mirrored": ("#882255", "-", "h"),
+    "corrected_averaged": ("#44AA99", (0, (5, 1)), "H"),
+    "mirrored": ("#009E73", "-", "*"),
+    "averaged": ("#7F3FBF", (0, (5, 1)), "X"),
+    "tethered": ("#000000", (0, (1, 1)), "v"),
+    "adapters": ("#8C6D00", "-.", "P"),
+    "copies": ("#E69F00", "-", "^"),
+    "copies_no_regularisation": ("#56B4E9", "--", "<"),
+    "core_finetune": ("#E69F00", "-.", "v"),
 }
-_LOOKS |= {  # of what might do better, and of no network
-    "least_squares": {
-        "color": "#009E73",
-        "linestyle": (0, (3, 1, 1, 1)),
-        "marker": "P",
-    },
-    "corrected": {"color": "#D55E00", "linestyle": (0, (3, 1, 1, 1)), "marker": "p"},
-    "corrected_mirrored": {"color": "#882255", "linestyle": "-", "marker": "h"},
-    "corrected_averaged": {"color": "#44AA99", "linestyle": (0, (5, 1)), "marker": "H"},
-    "mirrored": {"color": "#009E73", "linestyle": "-", "marker": "*"},
-    "averaged": {"color": "#7F3FBF", "linestyle": (0, (5, 1)), "marker": "X"},
-    "tethered": {"color": "#000000", "linestyle": (0, (1, 1)), "marker": "v"},
-    "adapters": {"color": "#8C6D00", "linestyle": "-.", "marker": "P"},
-    "copies": {"color": "#E69F00", "linestyle": "-", "marker": "^"},
-    "copies_no_regularisation": {"color": "#56B4E9", "linestyle": "--", "marker": "<"},
-    "core_finetune": {"color": "#E69F00", "linestyle": "-.", "marker": "v"},
-}
-#: of methods that no curve shows
-_PLAIN = {"color": "#555555", "linestyle": "-", "marker": "."}
+_PLAIN = "#555555", "-", "."  # for methods that no curve shows
 
-#: How a method is drawn and named, told apart by colour (Okabe and Ito), line and
-#: marker.
+
+def _style(colour: str, line: Any, marker: str) -> dict[str, Any]:
+    """Matplotlib's options for a line."""
+    return {"color": colour, "linestyle": line, "marker": marker}
+
+
+#: Style and label of each method. Colour (Okabe and Ito), line and marker tell methods
+#: apart.
 METHOD_STYLES: dict[str, dict[str, Any]] = {
-    name: _LOOKS.get(name, _PLAIN) | {"label": method.label}
+    name: _style(*_STYLES.get(name, _PLAIN)) | {"label": method.label}
     for name, method in METHODS.items()
 }
-METHOD_STYLES |= {  # with other settings: see `studies.tuning`
+METHOD_STYLES |= {  # with settings for little data: see `studies.tuning`
     name + FOR_LITTLE: METHOD_STYLES[name]
-    | look
+    | {"color": colour, "marker": marker}
     | {"label": f"{METHODS[name].label}, tuned for little data"}
-    for name, look in {
-        "sidm": {"color": "#56B4E9", "marker": "v"},
-        "novice_only": {"color": "#E69F00", "marker": "^"},
-    }.items()
+    for name, colour, marker in (
+        ("sidm", "#56B4E9", "v"),
+        ("novice_only", "#E69F00", "^"),
+    )
 }
+#: Styles of the sizes of novice data, where a figure tells sizes apart.
 SIZE_STYLES: tuple[dict[str, Any], ...] = (
-    {"color": "#0072B2", "linestyle": "-", "marker": "o"},
-    {"color": "#D55E00", "linestyle": "--", "marker": "s"},
-    {"color": "#009E73", "linestyle": "-.", "marker": "^"},
-    {"color": "#CC79A7", "linestyle": ":", "marker": "D"},
-    {"color": "#E69F00", "linestyle": (0, (6, 1, 1, 1)), "marker": "v"},
+    _style("#0072B2", "-", "o"),
+    _style("#D55E00", "--", "s"),
+    _style("#009E73", "-.", "^"),
+    _style("#CC79A7", ":", "D"),
+    _style("#E69F00", (0, (6, 1, 1, 1)), "v"),
 )
 LOSS_LABEL = "validation loss, equation (1)\n(squared m, m/s and rad/s, summed)"
-#: The axes of a plot of losses by novice data.
+#: Axes of a plot of losses against novice data.
 LOSS_BY_SIZE = dict(
     xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL
 )
-#: How a data-efficiency ratio is drawn: its bound, marker, colour and words.
+#: Bound, marker, colour and label of a data-efficiency ratio.
 EFFICIENCY_MARKS = (
     ("=", "o", "#0072B2", "ratio"),
     (">=", "^", "#D55E00", "at least"),
@@ -84,7 +86,12 @@ EFFICIENCY_MARKS = (
 
 
 def html_picture(figure: Figure, words: str) -> str:
-    """A figure as HTML with a text in its place for who cannot see it, for a page that takes it over from another."""
+    """A figure as HTML, for a page that shows a figure of another page.
+
+    Args:
+        figure: to be shown.
+        words: what the figure shows, for readers who cannot see it.
+    """
     file = io.BytesIO()
     figure.savefig(file, format="png")
     data = base64.b64encode(file.getvalue()).decode()
@@ -92,19 +99,32 @@ def html_picture(figure: Figure, words: str) -> str:
 
 
 def html_chart(specification: dict[str, Any], figure: Figure, words: str) -> str:
-    """A chart of Vega's as HTML, which book/static/charts.js draws, and until then a figure in its place."""
+    """A Vega chart as HTML, which book/static/charts.js draws.
+
+    Args:
+        specification: of the chart.
+        figure: shown until the chart is drawn.
+        words: what the figure shows, for readers who cannot see it.
+    """
     text = json.dumps(specification, separators=(",", ":")).replace("</", "<\\/")
     script = f'<script type="application/json">{text}</script>'
     return f'<div class="vega-chart">{html_picture(figure, words)}{script}</div>'
 
 
 def half_width(heights: np.ndarray) -> float:
-    """From the middle of a ground (H, H) to its border, m."""
+    """Distance from the middle of a ground (H, H) to its border, m."""
     return (len(heights) - 1) * GRID_SPACING / 2
 
 
-def lay_ground(axes: Axes, heights: np.ndarray, palest: float, darkest: float) -> None:
-    """A ground (H, H), m, under what is drawn from above: grey from one height to another, pale enough for lines."""
+def draw_ground(axes: Axes, heights: np.ndarray, palest: float, darkest: float) -> None:
+    """Draw a ground seen from above, in greys pale enough for lines on it.
+
+    Args:
+        axes: to draw on.
+        heights: (H, H), m.
+        palest: height with the palest grey, m.
+        darkest: height with the darkest grey, m.
+    """
     half = half_width(heights)
     axes.imshow(
         heights,
@@ -118,34 +138,42 @@ def lay_ground(axes: Axes, heights: np.ndarray, palest: float, darkest: float) -
     axes.grid(False)
 
 
-def mean_and_range(axes: Axes, found: pd.DataFrame, **style: Any) -> None:
-    """A line through the `mean` of a table by its index, shaded from `min` to `max`."""
-    axes.plot(found.index, found["mean"], **style)
-    axes.fill_between(
-        found.index, found["min"], found["max"], color=style["color"], alpha=0.2, lw=0
-    )
+def mean_and_range(axes: Axes, table: pd.DataFrame, **style: Any) -> None:
+    """Draw the `mean` of a table by its index, with a shade from `min` to `max`."""
+    axes.plot(table.index, table["mean"], **style)
+    shade = {"color": style["color"], "alpha": 0.2, "lw": 0}
+    axes.fill_between(table.index, table["min"], table["max"], **shade)
 
 
-def named(system: str) -> str:
-    """A system in words: 'system 1', 'system 1, free struts'."""
+def system_label(system: str) -> str:
+    """The name of a system in a text: 'system 1', 'system 1, free struts'."""
     return system.replace("system", "system ").replace("_", ", ", 1).replace("_", " ")
 
 
-def by_system(
-    table: pd.DataFrame, systems: Sequence[str], title: str = "{}", **looks: Any
+def system_panels(
+    table: pd.DataFrame, systems: Sequence[str], title: str = "{}", **options: Any
 ) -> tuple[Figure, list[tuple[Axes, pd.DataFrame]]]:
-    """A figure with a plot a system, two in a row, its name in the title; the plots, each with the system's lines."""
+    """A figure with one plot per system, two in a row.
+
+    Args:
+        table: with a column `system`.
+        systems: one plot each.
+        title: of each plot; '{}' stands for the name of the system.
+        options: of `Axes.set`, for all plots.
+
+    Returns:
+        The figure, and the axes of each plot with the system's rows of the table.
+    """
     figure, panels = side_by_side(len(systems), min(len(systems), 2))
+    plots = []
     for axes, system in zip(panels, systems, strict=True):
-        axes.set(title=title.format(named(system)), **looks)
-    return figure, [
-        (axes, table[table.system == system])
-        for axes, system in zip(panels, systems, strict=True)
-    ]
+        axes.set(title=title.format(system_label(system)), **options)
+        plots.append((axes, table[table.system == system]))
+    return figure, plots
 
 
-def labelled(panels: Iterable[Axes]) -> dict[str, Any]:
-    """What is drawn in some plots, by its label, each once."""
+def legend_entries(panels: Iterable[Axes]) -> dict[str, Any]:
+    """Label -> what is drawn with this label in some plots."""
     return {
         name: handle
         for axes in panels
@@ -154,8 +182,8 @@ def labelled(panels: Iterable[Axes]) -> dict[str, Any]:
 
 
 def legend_below(figure: Figure, panels: Iterable[Axes]) -> None:
-    """One legend for all plots, below them, where the names would cover what they name."""
-    drawn = labelled(panels)
+    """Add one legend for all plots below them, where it covers nothing."""
+    drawn = legend_entries(panels)
     if drawn:
         figure.set_figheight(figure.get_figheight() + 0.25 * -(-len(drawn) // 2))
         figure.legend(drawn.values(), drawn.keys(), loc="outside lower center", ncols=2)

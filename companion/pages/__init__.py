@@ -1,1 +1,1 @@
-"""What the book and the README take from results."""
+"""Contents of the book's pages and the README, and runs of the notebooks."""

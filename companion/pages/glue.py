@@ -1,4 +1,4 @@
-"""Results that a notebook keeps for other pages, in the form that MyST-NB's `{glue}` takes them over from there."""
+"""Notebook outputs for MyST-NB's `{glue}` role, by which other pages show them."""
 
 from __future__ import annotations
 
@@ -7,20 +7,18 @@ from typing import Any
 from IPython.core.formatters import format_display_data
 from IPython.display import display
 
-#: before the kinds of an output that is not shown where it is made
-KEPT = "application/papermill.record/"
+#: prefix of the MIME types of an output that the notebook itself does not show
+HIDDEN = "application/papermill.record/"
 
 
-def glue(name: str, thing: Any) -> None:
-    """Keep `thing` under a name without showing it.
+def glue(name: str, value: Any) -> None:
+    """Store `value` under a name in the notebook's outputs, without showing it.
 
-    MyST-NB's function of that name does the same and takes a second to import, for it
-    brings the check of notebooks.
+    MyST-NB's function `glue` does the same, but takes a second to import.
     """
-    kinds, about = format_display_data(thing)
-    kept = {f"{KEPT}{kind}": value for kind, value in kinds.items()}
+    formats, metadata = format_display_data(value)
     display(
-        kept,
-        metadata={**about, "scrapbook": {"mime_prefix": KEPT, "name": name}},
+        {f"{HIDDEN}{mime_type}": data for mime_type, data in formats.items()},
+        metadata={**metadata, "scrapbook": {"mime_prefix": HIDDEN, "name": name}},
         raw=True,
     )

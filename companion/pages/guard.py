@@ -1,4 +1,4 @@
-"""Words of a page held against the results that they speak of: a sentence that no longer holds stops the page."""
+"""Checks that a page's claims agree with the results; a false claim stops the page."""
 
 from __future__ import annotations
 
@@ -8,33 +8,35 @@ from IPython.display import Markdown
 
 
 class Outdated(AssertionError):
-    """A sentence that the results do not bear out; the message names it."""
+    """A claim that the stored results contradict; the message names the claim."""
 
 
-def hold(
+def check_claims(
     claims: Mapping[str, Callable[[], bool]],
     preset: str,
     written_for: str = "laptop",
-    of: str = "the preset",
+    subject: str = "the preset",
 ) -> Markdown | None:
-    """Check the claims of a page that was written for the stored results of a preset.
+    """Check the claims of a page against the results that the page was written for.
 
     Args:
-        claims: a claim in the page's own words -> whether the results bear it out,
-            asked for these results alone.
-        preset: whose results the page shows now.
-        written_for: whose results the words are about.
-        of: what the two are, where it is no preset.
+        claims: a claim in the page's words -> a function that returns whether the
+            results agree. It is called only where `preset` is `written_for`.
+        preset: the preset whose results the page shows now.
+        written_for: the preset whose results the page's text describes.
+        subject: what `preset` and `written_for` are, where they are no presets.
 
     Returns:
-        Nothing, or for other results a line that the words are not about them.
+        None; for other results a line that says that the text does not describe them.
 
     Raises:
-        Outdated: a claim does not hold.
+        Outdated: a claim is false.
     """
     if preset != written_for:
-        words = f"The words of this page are about results of {of} `{written_for}`; these are of `{preset}`."
-        return Markdown(f"*{words}*")
+        return Markdown(
+            f"*The words of this page are about results of {subject} `{written_for}`; "
+            f"these are of `{preset}`.*"
+        )
     for claim, holds in claims.items():
         if not holds():
             raise Outdated(

@@ -1,4 +1,7 @@
-"""The README's numbers, which are those of the store, and Figures 3 and 4 as files; `make figures` draws them."""
+"""The README's numbers from the stored results, and Figures 3 and 4 as files.
+
+`make figures` draws the figures.
+"""
 
 from __future__ import annotations
 
@@ -14,122 +17,123 @@ from companion.figures.curves import figure3
 from companion.figures.paths import figure4
 from companion.grids import grid
 from companion.methods import COMPARED, FIGURE3, FOR_LITTLE
-from companion.statistics.claims import saved
+from companion.statistics.claims import data_saving_claim
 from companion.statistics.savings import savings
-from companion.studies.tuning import best_alone, for_little
+from companion.studies.tuning import best_novice_only, little_data_results
 from companion.study import Study
 from sidm.systems import SYSTEMS
 
-PRESET = "study"  # the study that the book shows
-BESIDE = "least_squares"  # beside the methods of Figure 3
-DRAWN = (*COMPARED, *(name + FOR_LITTLE for name in COMPARED), FIGURE3[-1], BESIDE)
-FIGURE = Path("book/static/figure3.png")  # that the README shows
+PRESET = "study"  # whose results the book shows
+CLOSED_FORM = "least_squares"  # drawn beside the methods of Figure 3
+DRAWN = (*COMPARED, *(name + FOR_LITTLE for name in COMPARED), FIGURE3[-1], CLOSED_FORM)
+FIGURE = Path("book/static/figure3.png")  # in the README
 
 
-def numbers(frame: pd.DataFrame, little: pd.DataFrame) -> list[str]:
-    """What the README says in bold: what an SIDM saves, what one tuned for least data, and what fine-tuning.
+def headline_numbers(frame: pd.DataFrame, little: pd.DataFrame) -> list[str]:
+    """The README's numbers: how many times less novice data the methods need.
 
     Args:
-        frame: of Figure 3; of both systems, one after the other.
-        little: of the methods that were tuned for little data.
+        frame: results of Figure 3.
+        little: results of the methods that were tuned for little data.
+
+    Returns:
+        The numbers, each for one system after the other: ratio and ends of its interval
+        for an SIDM with 5 min; the same for an SIDM that was tuned for little data, at
+        its smallest size; the ratio for fine-tuning at its smallest size.
     """
-    both = [saved(frame, system) for system in SYSTEMS]
-    ratios = [
-        one[name].iloc[0]
-        for one in both
-        if len(one)
-        for name in ("value", "low", "high")
-    ]
-    least = savings(
-        pd.concat([little, best_alone(frame, little)]), ["sidm" + FOR_LITTLE]
-    ).drop_duplicates("system")
+    claims = [data_saving_claim(frame, system) for system in SYSTEMS]
+    sidm = pd.concat(claims)[["value", "low", "high"]]
+    tuned = savings(
+        pd.concat([little, best_novice_only(frame, little)]), ["sidm" + FOR_LITTLE]
+    ).drop_duplicates("system")[["ratio", "low", "high"]]
     finetuned = savings(frame, ["pretrain_finetune"]).drop_duplicates("system").ratio
-    return [
-        f"{one:.2g}"
-        for one in (
-            *ratios,
-            *least[["ratio", "low", "high"]].to_numpy().ravel(),
-            *finetuned,
-        )
-    ]
+    values = (*sidm.to_numpy().ravel(), *tuned.to_numpy().ravel(), *finetuned)
+    return [f"{value:.2g}" for value in values]
 
 
-def stated(text: str) -> list[str]:
-    """The numbers that a README has in bold, in their order."""
+def bold_numbers(text: str) -> list[str]:
+    """The numbers that a Markdown text has in bold, in their order."""
     return re.findall(r"\*\*([\d.]+)\*\*", text)
 
 
-def stored(
+def stored_results(
     data: str | Path = "data",
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """The results of Figure 3, with what stands beside it, of methods tuned for little data, and of Figure 4."""
+    """Stored results behind the README's numbers and figures.
+
+    Args:
+        data: the folder of simulated motion.
+
+    Returns:
+        A row for each trial: of Figure 3 with CLOSED_FORM, of the methods tuned for
+        little data, and of Figure 4.
+    """
     study, store = Study(PRESET, data), Results("results")
     trials = {name: grid(PRESET, name, data=data) for name in ("3", "references", "4")}
-    beside = [trial for trial in trials["references"] if trial.method == BESIDE]
-    little = for_little(study, store, SYSTEMS)
-    return store.frame([*trials["3"], *beside]), little, store.frame(trials["4"])
+    closed_form = [
+        trial for trial in trials["references"] if trial.method == CLOSED_FORM
+    ]
+    little = little_data_results(study, store, SYSTEMS)
+    return store.frame([*trials["3"], *closed_form]), little, store.frame(trials["4"])
 
 
 class Headline(NamedTuple):
-    """A number of the README, where it is from, and how its rows are made again."""
+    """A number of the README and its origin."""
 
-    number: str  # as the README has it
-    words: str  # what it is
-    rows: int  # trials that it is computed from
-    command: str  # that makes them again
+    number: str  # as in the README
+    quantity: str  # what the number is
+    rows: int  # number of trials that it is computed from
+    command: str  # runs these trials again
 
 
 def headlines(frame: pd.DataFrame, little: pd.DataFrame) -> list[Headline]:
-    """The README's numbers in their order; `frame` and `little` as of `numbers`."""
-    run = f"companion run --preset {PRESET} --figure"
+    """The README's numbers with their origin, in the order of `headline_numbers`.
+
+    Args:
+        frame: results of Figure 3.
+        little: results of the methods that were tuned for little data.
+    """
+    ratio = "times the novice data that training alone needs, against"
     ends = ("", ", lower end of the 95 % interval", ", upper end of it")
-    alone = "times the novice data that training alone needs, against"
-    compared = (
-        frame[frame.method.isin(COMPARED)],
-        frame[frame.method.isin((COMPARED[1], FIGURE3[-1]))],
-    )
-    asked = [
-        (f"{alone} an SIDM with 5 min", ends, compared[0], f"{run} 3"),
-        (
-            f"{alone} an SIDM with 1 min, both tuned for little data",
-            ends,
-            little,
-            f"{run} little-data",
-        ),
-        (f"{alone} fine-tuning with 1 min", ends[:1], compared[1], f"{run} 3"),
+    sidm = frame[frame.method.isin(COMPARED)]
+    finetuned = frame[frame.method.isin((COMPARED[1], FIGURE3[-1]))]
+    groups = [
+        ("an SIDM with 5 min", ends, sidm, "3"),
+        ("an SIDM with 1 min, both tuned for little data", ends, little, "little-data"),
+        ("fine-tuning with 1 min", ends[:1], finetuned, "3"),
     ]
-    found = [
-        (f"{system}: {words}{end}", int((rows.system == system).sum()), command)
-        for words, parts, rows, command in asked
-        for system in SYSTEMS
-        for end in parts
-    ]
+    origins = []
+    for method, group_ends, trials, figure in groups:
+        command = f"companion run --preset {PRESET} --figure {figure}"
+        for system in SYSTEMS:
+            count = int((trials.system == system).sum())
+            for end in group_ends:
+                origins.append((f"{system}: {ratio} {method}{end}", count, command))
+    numbers = headline_numbers(frame, little)
     return [
-        Headline(number, *said)
-        for number, said in zip(numbers(frame, little), found, strict=True)
+        Headline(number, *origin)
+        for number, origin in zip(numbers, origins, strict=True)
     ]
 
 
 def show() -> None:
-    """Print every number of the README with its rows and the command that makes these again."""
-    frame, little, _ = stored()
-    for one in headlines(frame, little):
-        print(
-            f"{one.number:>6}  {one.words}\n        {one.rows} rows of results/; again: {one.command}"
-        )
+    """Print each number of the README, its trials and the command that runs them."""
+    frame, little, _ = stored_results()
+    for headline in headlines(frame, little):
+        print(f"{headline.number:>6}  {headline.quantity}")
+        print(f"        {headline.rows} rows of results/; again: {headline.command}")
 
 
 def main(figures: Path = Path("_build/figures")) -> None:
     """Draw Figures 3 and 4 into a folder, and Figure 3 for the README."""
-    frame, little, frame4 = stored()
+    frame, little, frame4 = stored_results()
     figures.mkdir(parents=True, exist_ok=True)
     for path in (figures / "figure3.png", FIGURE):
         figure3(pd.concat([frame, little]), methods=DRAWN).savefig(path)
     figure4(frame4).savefig(figures / "figure4.png")
-    drawn = len(frame) + len(little) + len(frame4)
-    print(
-        f"{FIGURE} and {figures}/figure3.png, figure4.png are drawn from {drawn} trials"
-    )
+    count = len(frame) + len(little) + len(frame4)
+    paths = f"{FIGURE} and {figures}/figure3.png, figure4.png"
+    print(f"{paths} are drawn from {count} trials")
 
 
 if __name__ == "__main__":

@@ -1,13 +1,13 @@
-"""Strict runs of the notebooks through papermill: an unknown parameter or a wrong type is an error, never a warning.
+"""The project's notebooks and their parameters, with strict checks.
 
-A notebook's parameters stand in its one cell tagged `parameters`, a line each: `name:
-type = value  # what it is, its unit`. The types that papermill can read there are plain
-ones (`int`, `list[float]`) and `Optional[...]` of them.
+An unknown parameter or a wrong type is an error, never a warning. A notebook declares
+its parameters in the one cell tagged `parameters`, one in each line: `name: type =
+value  # what it is, its unit`. The types there are what papermill can read: plain types
+(`int`, `list[float]`) and `Optional[...]` of them.
 """
 
 from __future__ import annotations
 
-import argparse
 import ast
 import functools
 import os
@@ -19,15 +19,20 @@ from typing import Any, NamedTuple, Optional
 
 import yaml
 
-from companion.pages.notebook_runs import Run, execute
-from sidm.config import ConfigError, conform, first_line, hint, parsed, unknown_name
+from sidm.config import (
+    ConfigError,
+    conform,
+    first_line,
+    hint,
+    parse_value,
+    unknown_name,
+)
 
-DEFAULT_OUTPUT = Path("_build/runs")  # where a run goes that names no output
 KINDS: dict[str, Any] = {
     kind.__name__: kind for kind in (bool, int, float, str, list, dict, tuple)
 }
 KINDS |= {"Optional": Optional, "None": None}
-#: Chapters that others took in, or that were called otherwise.
+#: Former name of a chapter -> its name now, or the chapter that has its contents.
 RENAMED = {
     "variants": "least-squares",
     "released": "choices",
@@ -36,36 +41,44 @@ RENAMED = {
 
 
 class Parameter(NamedTuple):
-    """One line of a notebook's `parameters` cell."""
+    """One parameter of a notebook."""
 
     name: str
-    kind: Any  # the annotation, as a type
-    default: str  # as written
+    kind: Any  # the type of the annotation
+    default: str  # source code of the default value
     help: str
 
     @property
-    def kind_words(self) -> str:
-        """The type as it is written."""
-        return (
-            str(self.kind).replace("typing.", "")
-            if typing.get_args(self.kind)
-            else self.kind.__name__
-        )
+    def kind_text(self) -> str:
+        """Source code of the type."""
+        if typing.get_args(self.kind):
+            return str(self.kind).replace("typing.", "")
+        return self.kind.__name__
 
 
 def project_root(start: Path | None = None) -> Path:
-    """The nearest folder above `start` (the working folder) that is a project, or the package's own."""
-    here = Path(start or Path.cwd()).resolve()
-    for folder in (here, *here.parents):
-        if (folder / "notebooks").is_dir() and (
-            folder / "companion" / "pages"
-        ).is_dir():
+    """The project's folder that has `start` inside.
+
+    Args:
+        start: a folder; by default the working folder.
+
+    Returns:
+        The nearest folder above `start` with notebooks and this package, or the folder
+        of this file's project where there is none.
+    """
+    start = Path(start or Path.cwd()).resolve()
+    for folder in (start, *start.parents):
+        parts = (folder / "notebooks", folder / "companion" / "pages")
+        if all(part.is_dir() for part in parts):
             return folder
     return Path(__file__).resolve().parents[2]
 
 
 def enter_project() -> Path:
-    """Make the project's folder the working one: `results` and `data` are the same then, however a notebook is run."""
+    """Make the project's folder the working folder, and return it.
+
+    Then `results` and `data` are the project's, however a notebook is run.
+    """
     root = project_root()
     os.chdir(root)
     return root
@@ -77,10 +90,14 @@ def notebooks(root: Path | None = None) -> list[Path]:
 
 
 def find_notebook(name: str) -> Path:
-    """The notebook of that path or name: `05-figure3` and `figure3` are notebooks/05-figure3.ipynb; numbers may be old.
+    """The notebook with this path or name.
+
+    Args:
+        name: a path; or a name with or without its number, as `05-figure3` or
+            `figure3`. The number is ignored, and former names of chapters are known.
 
     Raises:
-        ConfigError: there is none; it names the nearest.
+        ConfigError: there is none; the message has the nearest name.
     """
     if Path(name).is_file():
         return Path(name)
@@ -97,82 +114,99 @@ def _without_number(stem: str) -> str:
 
 
 def inspect(path: Path) -> dict[str, Parameter]:
-    """The parameters of a notebook; ConfigError when it declares none or one has no type that can be checked."""
+    """The parameters of a notebook by name.
+
+    Raises:
+        ConfigError: the file is no notebook, the notebook declares no parameters, or a
+            parameter has no type that can be checked.
+    """
     from papermill import inspect_notebook
 
     try:
         lines = inspect_notebook(str(path))
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such notebook") from None
-    except Exception as error:  # whatever nbformat raises on a file that is no notebook
+    except Exception as error:  # nbformat raises many types for other files
         raise ConfigError(f"{path}: not a notebook ({first_line(error)})") from error
     if not lines:
         raise ConfigError(
-            f"{path}: no parameters; tag one cell 'parameters', each line 'name: type = value  # help'"
+            f"{path}: no parameters; tag one cell 'parameters', "
+            "each line 'name: type = value  # help'"
         )
-    return {
-        name: Parameter(
-            name,
-            _kind(line["inferred_type_name"], name, path),
-            line["default"],
-            line["help"],
-        )
-        for name, line in lines.items()
-    }
+    parameters = {}
+    for name, line in lines.items():
+        kind = _kind(line["inferred_type_name"], name, path)
+        parameters[name] = Parameter(name, kind, line["default"], line["help"])
+    return parameters
 
 
 def _kind(annotation: str, name: str, path: Path) -> Any:
-    """The type that an annotation's text names."""
-    # papermill's word for a line without one, or with one that it cannot read
+    """The type that the source code of an annotation stands for."""
+    # papermill gives "None" where there is no annotation or it cannot read it
     if annotation == "None":
         raise ConfigError(
-            f"{path}: parameter '{name}' has no readable type; write 'name: type = value  # help'"
+            f"{path}: parameter '{name}' has no readable type; "
+            "write 'name: type = value  # help'"
         )
     try:
         return _type(ast.parse(annotation, mode="eval").body)
     except (SyntaxError, KeyError, TypeError, ValueError, RecursionError) as error:
-        known = ", ".join(KINDS)
         raise ConfigError(
-            f"{path}: parameter '{name}' has the unknown type '{annotation}'; use {known}"
+            f"{path}: parameter '{name}' has the unknown type '{annotation}'; "
+            f"use {', '.join(KINDS)}"
         ) from error
 
 
 def _type(node: ast.expr) -> Any:
-    """The type that an annotation's syntax tree names; nothing of it is executed."""
+    """The type that the syntax tree of an annotation stands for; runs no code."""
     if isinstance(node, ast.Constant) and node.value is None:
         return None
     if isinstance(node, ast.Name):
         return KINDS[node.id]
     if not isinstance(node, ast.Subscript):
         raise ValueError("not a type")
-    inner = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+    items = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
     kinds = tuple(
-        ... if isinstance(one, ast.Constant) and one.value is ... else _type(one)
-        for one in inner
+        ... if isinstance(item, ast.Constant) and item.value is ... else _type(item)
+        for item in items
     )
     return _type(node.value)[kinds if len(kinds) > 1 else kinds[0]]
 
 
 def check(value: Any, kind: Any, name: str) -> Any:
-    """`value` as `kind` asks, in a form that papermill can write into a notebook (lists for tuples).
+    """A value converted to its type.
+
+    Args:
+        value: the value.
+        kind: the type.
+        name: name of the parameter, for error messages.
+
+    Returns:
+        The value in a form that papermill can write into a notebook: a list for a
+        tuple.
 
     Raises:
-        ConfigError: it is of another kind; `name` is the parameter's.
+        ConfigError: the value has another type.
     """
     checked = conform(value, kind, name)
     return list(checked) if isinstance(checked, tuple) else checked
 
 
 def read_value(text: str, kind: Any, name: str) -> Any:
-    """The value that a command line's `text` stands for: YAML, checked against `kind`; `text` itself for a string.
+    """The value of a parameter that is given on the command line.
+
+    Args:
+        text: the value in YAML; for a string, the string itself.
+        kind: the type.
+        name: name of the parameter, for error messages.
 
     Raises:
-        ConfigError: it is no YAML, or of another kind; `name` is the parameter's.
+        ConfigError: the text is no YAML, or the value has another type.
     """
     if kind is str:
         return text
-    value = parsed(text, name)
-    if kind == Optional[str]:  # noqa: UP045 - as the notebooks write it
+    value = parse_value(text, name)
+    if kind == Optional[str]:  # noqa: UP045 - as in the notebooks
         return None if value is None else text
     return check(value, kind, name)
 
@@ -180,36 +214,40 @@ def read_value(text: str, kind: Any, name: str) -> Any:
 def merge_parameters(
     path: Path, given: Mapping[str, Any], files: Iterable[Path] = ()
 ) -> dict[str, Any]:
-    """The checked parameters of one run: the files' in their order, then those given by hand.
+    """The checked parameters of one run of a notebook.
 
-    A name given by hand must be this notebook's; a name in a file must be known to some
-    notebook of the project and is left out where it is another's. ConfigError names the
-    nearest right name, or the type that is asked for.
+    Args:
+        path: the notebook.
+        given: single values, which win over all files. Each name must be a parameter of
+            this notebook.
+        files: YAML files with values; a later file wins over an earlier one. Each name
+            must be a parameter of some notebook of the project; parameters of other
+            notebooks are left out.
+
+    Raises:
+        ConfigError: an unknown name, with the nearest right one; or a value of the
+            wrong type.
     """
-    own = inspect(path)
+    parameters = inspect(path)
     merged: dict[str, Any] = {}
     for file in files:
         values = _read_file(Path(file))
-        everywhere = {
-            name for other in notebooks() for name in _names(other.resolve())
-        } | set(own)
+        known = set(parameters).union(*(_names(each.resolve()) for each in notebooks()))
         for name, value in values.items():
-            if name not in everywhere:
-                raise unknown_name(
-                    name, sorted(everywhere), f"{file} (no notebook has it)"
-                )
-            if name in own:
-                merged[name] = check(value, own[name].kind, f"{file}: {name}")
+            if name not in known:
+                raise unknown_name(name, sorted(known), f"{file} (no notebook has it)")
+            if name in parameters:
+                merged[name] = check(value, parameters[name].kind, f"{file}: {name}")
     for name, value in given.items():
-        if name not in own:
-            raise unknown_name(name, own, Path(path).name)
-        merged[name] = check(value, own[name].kind, name)
+        if name not in parameters:
+            raise unknown_name(name, parameters, Path(path).name)
+        merged[name] = check(value, parameters[name].kind, name)
     return merged
 
 
 @functools.cache
 def _names(path: Path) -> frozenset[str]:
-    """The parameters of a notebook by name, read once in a process."""
+    """The names of a notebook's parameters, read once in a process."""
     return frozenset(inspect(path))
 
 
@@ -223,112 +261,10 @@ def _read_file(path: Path) -> dict[str, Any]:
         raise ConfigError(f"{path}: not YAML ({first_line(error)})") from None
     if not isinstance(values, dict):
         raise ConfigError(
-            f"{path}: a parameter file is a mapping 'name: value', not {type(values).__name__}"
+            f"{path}: a parameter file is a mapping 'name: value', "
+            f"not {type(values).__name__}"
         )
-    strange = [name for name in values if not isinstance(name, str)]
-    if strange:
-        raise ConfigError(f"{path}: a parameter's name is text, not {strange[0]!r}")
+    for name in values:
+        if not isinstance(name, str):
+            raise ConfigError(f"{path}: a parameter's name is text, not {name!r}")
     return values
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of `companion notebook`."""
-    add = parser.add_argument
-    add("notebook", help="its name, with or without the number, or its path; or 'all'")
-    add(
-        "output",
-        nargs="?",
-        type=Path,
-        help=f"the executed copy, for 'all' a folder; else it goes to {DEFAULT_OUTPUT}",
-    )
-    many: dict[str, Any] = {"action": "append", "default": []}
-    add(
-        "-p",
-        "--parameter",
-        nargs=2,
-        metavar=("NAME", "VALUE"),
-        help="one parameter, by hand",
-        **many,
-    )
-    add(
-        "-f",
-        "--file",
-        type=Path,
-        metavar="YAML",
-        help="parameters of a preset, as params/smoke.yaml",
-        **many,
-    )
-    add(
-        "--jobs",
-        type=int,
-        metavar="N",
-        help="how many of 'all' run side by side; one a core unless given",
-    )
-    add(
-        "--in-place",
-        action="store_true",
-        help="refresh the outputs in the notebook itself, by its defaults",
-    )
-    add("--list", action="store_true", help="show the parameters and run nothing")
-
-
-def run_from_arguments(arguments: argparse.Namespace) -> int:
-    """Carry out `companion notebook`.
-
-    Raises:
-        ConfigError: arguments that cannot be used; nothing is run.
-        NotebookError: a notebook failed.
-    """
-    paths = (
-        notebooks()
-        if arguments.notebook == "all"
-        else [find_notebook(arguments.notebook)]
-    )
-    _refuse(arguments)
-    if arguments.list:
-        for path in paths:
-            _show(path)
-    else:
-        # all of them checked before the first is run
-        wanted = [_wanted(path, arguments) for path in paths]
-        execute(wanted, project_root(), arguments.jobs)
-    return 0
-
-
-def _refuse(arguments: argparse.Namespace) -> None:
-    """ConfigError for arguments that do not go together."""
-    if arguments.in_place and (
-        arguments.output or arguments.parameter or arguments.file
-    ):
-        raise ConfigError(
-            "--in-place keeps a notebook's own outputs: give it no output and no parameters"
-        )
-    if arguments.notebook == "all" and arguments.parameter:
-        raise ConfigError(
-            "-p is one notebook's: name the notebook, or put the parameter into a file for -f"
-        )
-    if arguments.jobs is not None and arguments.jobs < 1:
-        raise ConfigError(f"--jobs must be at least 1, not {arguments.jobs}")
-
-
-def _wanted(path: Path, arguments: argparse.Namespace) -> Run:
-    """How a notebook is to be run, its parameters checked."""
-    own = inspect(path)
-    given: dict[str, Any] = dict(arguments.parameter)
-    given |= {
-        name: read_value(text, own[name].kind, name)
-        for name, text in given.items()
-        if name in own
-    }
-    values, output = merge_parameters(path, given, arguments.file), arguments.output
-    if not arguments.in_place and (arguments.notebook == "all" or not output):
-        output = (output or DEFAULT_OUTPUT) / path.name
-    return Run(path, output, values)
-
-
-def _show(path: Path) -> None:
-    print(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
-    for name, parameter in inspect(path).items():
-        print(
-            f"  {name}: {parameter.kind_words} = {parameter.default}  # {parameter.help}"
-        )

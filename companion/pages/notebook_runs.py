@@ -1,4 +1,7 @@
-"""Notebooks executed side by side, each on a kernel of its own; the first that fails stops the others."""
+"""Parallel runs of notebooks, each with its own kernel.
+
+The first notebook that fails stops all others.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,8 @@ from typing import Any, NamedTuple
 
 from sidm.progress import progress_bar
 
-#: About how long the longest notebooks take, s: they begin first, and the time left is
-#: told by it.
+#: Run time of the longest notebooks, s, roughly. They start first; the progress bar
+#: computes the time left from it.
 SECONDS = {
     "04-training": 50,
     "21-own-data": 35,
@@ -22,125 +25,137 @@ SECONDS = {
     "12-driving": 8,
     "05-figure3": 6,
 }
-OTHERS = 4  # s that any other takes
-#: of the kernel, which would warn that it listens on this machine's own ports
-QUIET = ["--log-level=ERROR"]
-STARTS = 3  # tries at a kernel
-LATEST = 60  # s after a cell's end until its outputs must be there
+OTHER_SECONDS = 4  # run time of any other notebook, s
+#: Without it the kernel would warn that it listens on local ports.
+KERNEL_ARGUMENTS = ["--log-level=ERROR"]
+START_ATTEMPTS = 3  # to start a kernel
+OUTPUT_TIMEOUT = 60  # s after the end of a cell, for its outputs to arrive
 
 
 class NotebookError(RuntimeError):
-    """A notebook that could not be run to its end; the message is one line naming the cell and its error."""
+    """A notebook failed; the message is one line with the cell and its error."""
 
 
 class Run(NamedTuple):
-    """One notebook to be executed."""
+    """One notebook to execute."""
 
     path: Path
-    #: where the executed copy goes; None refreshes the notebook itself
+    #: path of the executed copy; None to refresh the notebook itself
     output: Path | None = None
-    values: Mapping[str, Any] = {}  # its parameters, checked
+    values: Mapping[str, Any] = {}  # checked parameters
 
     @property
     def seconds(self) -> int:
-        """About how long it takes."""
-        return SECONDS.get(self.path.stem, OTHERS)
+        """The approximate run time, s."""
+        return SECONDS.get(self.path.stem, OTHER_SECONDS)
 
 
 def cores() -> int:
-    """How many processors this process may use."""
-    return (
-        len(os.sched_getaffinity(0))
-        if hasattr(os, "sched_getaffinity")
-        else os.cpu_count() or 1
-    )
+    """The number of processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def execute(runs: Sequence[Run], root: Path, jobs: int | None = None) -> None:
-    """Execute notebooks side by side; of several, or on a terminal, with a bar that has the time left.
+    """Execute notebooks in parallel.
 
-    A notebook that was to be refreshed and did not come to its end is as it was; a copy
-    holds all up to where it came.
+    Several notebooks have a progress bar with the time left; a single one has it on a
+    terminal only. When a notebook fails, its copy keeps the outputs up to the error; a
+    notebook that was to be refreshed stays as it was.
 
     Args:
-        runs: what to execute; the longest begin first.
-        root: the project's folder, in which they work.
-        jobs: how many kernels at a time, of one thread each where they are several; all
-            cores when None.
+        runs: the notebooks; the longest start first.
+        root: the project's folder, which is the kernels' working folder.
+        jobs: number of kernels at a time; by default the number of cores. Several
+            kernels have one thread each.
 
     Raises:
-        NotebookError: a cell failed; no kernel runs any more.
+        NotebookError: a cell failed. All kernels have ended.
     """
-    places = min(jobs or cores(), len(runs))
-    with progress_bar(
-        100, "notebooks", "%", len(runs) > 1 or sys.stderr.isatty()
-    ) as bar:
+    jobs = min(jobs or cores(), len(runs))
+    shown = len(runs) > 1 or sys.stderr.isatty()
+    with progress_bar(100, "notebooks", "%", shown) as bar:
         total, done = sum(run.seconds for run in runs), 0.0
 
-        def more(seconds: float) -> None:
+        def advance(seconds: float) -> None:
             nonlocal done
             done += seconds
             bar.update(round(100 * done / total) - bar.n)
 
-        def tell(run: Run) -> None:
+        def report(run: Run) -> None:
             bar.write(str(run.output or run.path), file=sys.stdout)
 
-        asyncio.run(_side_by_side(_lanes(runs), root, places, more, tell))
+        asyncio.run(_execute_queues(_queues(runs), root, jobs, advance, report))
 
 
-def _lanes(runs: Sequence[Run]) -> list[list[Run]]:
-    """What must be done in turn, the longest first: notebooks that run what is missing take trials from one another."""
-    together = [run for run in runs if run.values.get("run_missing")]
-    alone = sorted(
-        (run for run in runs if run not in together), key=lambda run: -run.seconds
-    )
-    return [together] * bool(together) + [[run] for run in alone]
+def _queues(runs: Sequence[Run]) -> list[list[Run]]:
+    """Queues of runs: the runs of a queue are executed one after the other.
+
+    Notebooks that run missing trials share the first queue, because they use each
+    other's trials. Each other notebook has its own queue, the longest first.
+    """
+    dependent = [run for run in runs if run.values.get("run_missing")]
+    independent = [run for run in runs if run not in dependent]
+    independent.sort(key=lambda run: -run.seconds)
+    return [dependent] * bool(dependent) + [[run] for run in independent]
 
 
-async def _side_by_side(
-    lanes: Iterable[list[Run]],
+async def _execute_queues(
+    queues: Iterable[list[Run]],
     root: Path,
-    places: int,
-    more: Callable[[float], None],
-    tell: Callable[[Run], None],
+    jobs: int,
+    advance: Callable[[float], None],
+    report: Callable[[Run], None],
 ) -> None:
-    """Execute so many lanes at a time; whatever ends this early ends all of them."""
-    free = asyncio.Semaphore(places)
-    environment = {**({"OMP_NUM_THREADS": "1"} if places > 1 else {}), **os.environ}
+    """Execute `jobs` queues at a time; an error or an interruption ends all of them.
 
-    async def follow(lane: list[Run]) -> None:
+    Args:
+        queues: the queues; the first ones start first.
+        root: the kernels' working folder.
+        jobs: number of kernels at a time.
+        advance: called with the share of a run's seconds after each cell.
+        report: called after each run.
+    """
+    free = asyncio.Semaphore(jobs)
+    environment = {**({"OMP_NUM_THREADS": "1"} if jobs > 1 else {}), **os.environ}
+
+    async def execute_queue(queue: list[Run]) -> None:
         async with free:
-            for run in lane:
-                await _execute(run, root, environment, more)
-                tell(run)
+            for run in queue:
+                await _execute(run, root, environment, advance)
+                report(run)
 
-    tasks = [asyncio.create_task(follow(lane)) for lane in lanes]
+    tasks = [asyncio.create_task(execute_queue(queue)) for queue in queues]
     try:
-        for task in asyncio.as_completed(tasks):
-            await task
+        for finished in asyncio.as_completed(tasks):
+            await finished
     finally:
-        for one in tasks:
-            one.cancel()
+        for task in tasks:
+            task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
 async def _execute(
-    run: Run, root: Path, environment: Mapping[str, str], more: Callable[[float], None]
+    run: Run,
+    root: Path,
+    environment: Mapping[str, str],
+    advance: Callable[[float], None],
 ) -> None:
-    """Execute one notebook; its kernel has ended when this does, in whatever way."""
+    """Execute one notebook; its kernel ends in any case."""
     from nbclient import NotebookClient
     from nbclient.exceptions import CellControlSignal
     from nbclient.util import ensure_async
 
-    notebook, ended = _load(run), False
+    notebook, complete = _load(run), False
     client = NotebookClient(
         notebook,
         timeout=None,
-        iopub_timeout=LATEST,
+        iopub_timeout=OUTPUT_TIMEOUT,
         raise_on_iopub_timeout=True,
         record_timing=False,
         resources={"metadata": {"path": str(root)}},
-        extra_arguments=list(QUIET),
+        extra_arguments=list(KERNEL_ARGUMENTS),
     )
     client.reset_execution_trackers()
     try:
@@ -149,25 +164,30 @@ async def _execute(
             await client.async_execute_cell(
                 cell, index, execution_count=client.code_cells_executed + 1
             )
-            more(run.seconds / len(notebook.cells))
+            advance(run.seconds / len(notebook.cells))
         client.set_widgets_metadata()
-        ended = True
+        complete = True
     except (CellControlSignal, RuntimeError) as error:
         reason = _reason(error, client.code_cells_executed)
-        raise NotebookError(f"{run.path}: {reason}; {_kept(run, notebook)}") from None
+        kept = _keep_partial(run, notebook)
+        raise NotebookError(f"{run.path}: {reason}; {kept}") from None
     finally:
         if client.kc is not None:
             client.kc.stop_channels()
         if client.km is not None:
-            await ensure_async(client.km.shutdown_kernel(now=not ended))
+            await ensure_async(client.km.shutdown_kernel(now=not complete))
     _write(run, notebook)
 
 
 async def _start(client: Any, environment: Mapping[str, str]) -> None:
-    """Start a kernel that answers; once more where another process was quicker to take a port that was free."""
+    """Start a kernel and connect to it.
+
+    A start fails when another process takes a port that was free a moment before; then
+    it is tried again.
+    """
     from nbclient.util import ensure_async
 
-    for left in reversed(range(STARTS)):
+    for attempts_left in reversed(range(START_ATTEMPTS)):
         kernel = client.create_kernel_manager()
         try:
             await client.async_start_new_kernel(env=dict(environment))
@@ -175,12 +195,12 @@ async def _start(client: Any, environment: Mapping[str, str]) -> None:
             return
         except RuntimeError:
             await ensure_async(kernel.shutdown_kernel(now=True))
-            if not left:
+            if not attempts_left:
                 raise
 
 
 def _load(run: Run) -> Any:
-    """The notebook with its parameters in place."""
+    """Read the notebook and set its parameters."""
     import nbformat
 
     if not run.values:
@@ -192,21 +212,19 @@ def _load(run: Run) -> Any:
 
 
 def _reason(error: Exception, cell: int) -> str:
-    """Which cell, by the number that stands beside it, and what it said; in one line."""
+    """One line with the execution number of the failed cell and its error."""
     from nbclient.exceptions import DeadKernelError
 
     if isinstance(error, DeadKernelError):
         return f"cell {cell} failed, its kernel died (out of memory?)"
-    name, text = (
-        getattr(error, "ename", type(error).__name__),
-        str(getattr(error, "evalue", error)),
-    )
+    name = getattr(error, "ename", type(error).__name__)
+    text = str(getattr(error, "evalue", error))
     where = f"cell {cell} failed" if cell else "its kernel did not start"
     return f"{where}, {name}: {(text.splitlines() or [''])[0]}"
 
 
-def _kept(run: Run, notebook: Any) -> str:
-    """Keep what a notebook that failed came to, and say where."""
+def _keep_partial(run: Run, notebook: Any) -> str:
+    """Write the copy of a notebook that failed; returns text that says where it is."""
     if run.output is None:
         return "the notebook is unchanged"
     _write(run, notebook)
@@ -214,22 +232,24 @@ def _kept(run: Run, notebook: Any) -> str:
 
 
 def _write(run: Run, notebook: Any) -> None:
-    """Write the copy, or refresh the notebook."""
+    """Write the executed copy, or refresh the notebook itself."""
     import nbformat
 
     if run.output is None:
-        _still(notebook)
+        _remove_changing_parts(notebook)
     target = run.output or run.path
     target.parent.mkdir(parents=True, exist_ok=True)
     nbformat.write(notebook, target)
 
 
-def _still(notebook: Any) -> None:
-    """Leave out what is another at each run: papermill's notes, and of live widgets all but what stands in for them."""
+def _remove_changing_parts(notebook: Any) -> None:
+    """Remove what differs in each run: papermill's metadata and live widgets.
+
+    The static output beside a widget stays.
+    """
     for part in (notebook, *notebook.cells):
         part.metadata.pop("papermill", None)
     notebook.metadata.pop("widgets", None)
-    for output in (
-        output for cell in notebook.cells for output in cell.get("outputs", [])
-    ):
-        output.get("data", {}).pop("application/vnd.jupyter.widget-view+json", None)
+    for cell in notebook.cells:
+        for output in cell.get("outputs", []):
+            output.get("data", {}).pop("application/vnd.jupyter.widget-view+json", None)

@@ -1,4 +1,4 @@
-"""The robots of the chapter on your own data: recordings, or simulated robots by their names."""
+"""Drives for the chapter on your own data, recorded or simulated."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from sidm.systems import ROLES, SYSTEMS
 
 SEEDS = {"novice": 0, "expert": 2}  # of a simulated robot's motion
 
-#: Robots of the paper by what they are called here -> system and role.
+#: Name of a robot of the paper, such as 'system1 expert' -> its system and role.
 SIMULATED = {f"{system} {role}": (system, role) for system in SYSTEMS for role in ROLES}
 
 
 def robot_drives(
     source: str, body: Body, minutes: float = 30.0, data: str | Path = "data"
 ) -> list[Drive]:
-    """The drives of a robot.
+    """The drives of a recorded or a simulated robot.
 
     Args:
-        source: a file or folder of recordings, or the name of a simulated robot, as
-            'system1 expert'.
-        body: of recordings; a simulated robot's is `body.ROVER`.
-        minutes: of a simulated robot's motion, simulated where it is missing; of
-            recordings all are taken.
+        source: a file or folder of recordings, or the name of a simulated robot, such
+            as 'system1 expert'.
+        body: the body of recordings; the body of a simulated robot is `body.ROVER`.
+        minutes: amount of a simulated robot's motion, which is simulated where it is
+            missing. Recordings are read completely.
         data: the folder of simulated motion.
 
     Raises:
-        ConfigError: there is no such file and no such robot.
+        ConfigError: `source` is neither a file nor a simulated robot.
         RecordingError: a file has a fault.
         ImportError: PyBullet is needed and not installed; one line.
     """
@@ -40,7 +40,6 @@ def robot_drives(
         system, role = SIMULATED[source]
         return simulate(system, role, minutes, SEEDS[role], folder=data)
     if not Path(source).exists():
-        raise ConfigError(
-            f"'{source}' is no file, and {unknown_name(source, SIMULATED, 'the simulated robots')}"
-        )
+        unknown = unknown_name(source, SIMULATED, "the simulated robots")
+        raise ConfigError(f"'{source}' is no file, and {unknown}")
     return read_drives(source, body)

@@ -1,1 +1,1 @@
-"""Intervals over seeds, how much data a method saves, and what that says of a claim."""
+"""Intervals over seeds, how much data a method saves, and verdicts on claims."""

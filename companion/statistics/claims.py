@@ -1,4 +1,7 @@
-"""The paper's claims (section 5) beside our figures; verdicts follow by the rule of the book's page on claims."""
+"""The paper's claims (section 5) beside our results.
+
+Verdicts follow the rule of the book's page on claims.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ import pandas as pd
 
 from companion.methods import COMPARED
 from companion.statistics.intervals import Interval, interval
-from companion.statistics.pairs import beside, complete
+from companion.statistics.pairs import complete, mean_difference, paired_comparison
 from companion.statistics.savings import savings
 from sidm.systems import SYSTEMS
 
@@ -19,11 +22,11 @@ NOT_SEEN = "Not seen"
 CONTRARY = "Contrary"
 UNCLEAR = "Unclear in the paper"
 BETTER, WORSE, NO_DIFFERENCE = "better", "worse", "no difference seen"
-#: not run, fewer than three seeds, or sizes from which no figure follows
+#: For trials not run, fewer than three seeds, or sizes that give no value.
 NO_VERDICT = "No verdict"
 
-#: Of a table of claims: the quantity, the paper's words, its value here with the
-#: interval's ends, NaN where unknown.
+#: Columns of a table of claims: the quantity, the paper's words, our value with the
+#: ends of its interval, NaN where unknown.
 COLUMNS = (
     "claim",
     "system",
@@ -35,59 +38,70 @@ COLUMNS = (
     "seeds",
     "verdict",
 )
-AT = 5.0  # min of novice data at which claims 1 and 2 are judged
-#: claims 1 and 2
-SAVED = {"system1": ("up to 20 x", 20.0), "system2": ("about 5 x", 5.0)}
+CLAIMED_AT = 5.0  # min of novice data for the verdicts on claims 1 and 2
+#: System -> the paper's words and number for claims 1 and 2.
+PAPER_SAVINGS = {"system1": ("up to 20 x", 20.0), "system2": ("about 5 x", 5.0)}
 
 
 def verdict(
-    found: Interval, none: float, paper: float | None = None, above: bool = True
+    estimate: Interval, none: float, paper: float | None = None, above: bool = True
 ) -> str:
-    """What an interval says about a claim that a value lies above `none`, or below, and at the `paper`'s figure.
+    """Verdict of an interval on a claim.
 
-    One that holds `none` as well as the paper's figure says nothing of either.
+    Args:
+        estimate: our value with its interval.
+        none: the value that means no effect.
+        paper: the paper's value, if any.
+        above: whether the claim is a value above `none`; otherwise below.
+
+    Returns:
+        The verdict. An interval that holds `none` supports no claim, even if it holds
+        the paper's value, too.
     """
-    if not np.all(np.isfinite(found)):
+    if not np.all(np.isfinite(estimate)):
         return NO_VERDICT
-    side = found.side(none) * (1 if above else -1)
-    if side == 1 and paper is not None and found.low <= paper <= found.high:
+    side = estimate.side(none) * (1 if above else -1)
+    if side == 1 and paper is not None and estimate.low <= paper <= estimate.high:
         return REPRODUCED
     return {1: DIRECTION, 0: NOT_SEEN, -1: CONTRARY}[side]
 
 
-def judged(
+def claim_rows(
     table: pd.DataFrame,
     claim: str | Sequence[str],
     paper: str,
     above: bool = False,
     unit: str = "",
 ) -> pd.DataFrame:
-    """Lines of a table of claims from a table of `pairs`.
+    """Rows of a table of claims from a table of comparisons.
 
     Args:
-        table: of ratios, which the claims hold against 1, or of differences, against 0;
-            with `system` and `seeds`.
-        claim: the quantity, of all lines or one by one.
+        table: `paired_comparison` or `pooled_comparison`, with `system` and `seeds`;
+            claims compare ratios with 1 and differences with 0.
+        claim: the quantity, one text for all rows or one a row.
         paper: what the paper says of it.
-        above: whether the claims are that the value is the larger; else the smaller.
+        above: whether the claim is a larger value; otherwise a smaller one.
         unit: of a difference.
     """
     name, none = ("difference", 0.0) if "difference" in table else ("ratio", 1.0)
-    found = [
-        Interval(*ends) for ends in table[[name, "low", "high"]].itertuples(index=False)
-    ]
-    lines = table[["system", "seeds", "low", "high"]].assign(
+    columns = table[[name, "low", "high"]]
+    estimates = [Interval(*ends) for ends in columns.itertuples(index=False)]
+    rows = table[["system", "seeds", "low", "high"]].assign(
         claim=claim,
         paper=paper,
         value=table[name],
-        ours=[f"{one.words(3)} {unit}".rstrip() for one in found],
-        verdict=[verdict(one, none, above=above) for one in found],
+        ours=[f"{estimate.text(3)} {unit}".rstrip() for estimate in estimates],
+        verdict=[verdict(estimate, none, above=above) for estimate in estimates],
     )
-    return lines[list(COLUMNS)]
+    return rows[list(COLUMNS)]
 
 
-def beside_one(table: pd.DataFrame) -> np.ndarray:
-    """BETTER, WORSE or NO_DIFFERENCE by the whole interval of each ratio of `pairs`; NO_VERDICT where there is none."""
+def ratio_verdicts(table: pd.DataFrame) -> np.ndarray:
+    """BETTER, WORSE or NO_DIFFERENCE for each ratio of a table of comparisons.
+
+    The whole interval lies below 1, above 1, or neither; NO_VERDICT without an
+    interval.
+    """
     return np.select(
         [table.high < 1, table.low > 1, table.low.notna()],
         [BETTER, WORSE, NO_DIFFERENCE],
@@ -95,120 +109,116 @@ def beside_one(table: pd.DataFrame) -> np.ndarray:
     )
 
 
-def saved(frame: pd.DataFrame, system: str) -> pd.DataFrame:
-    """Claims 1 and 2: how many times the data training without SIDM needs for what it reaches with SIDM.
+def data_saving_claim(frame: pd.DataFrame, system: str) -> pd.DataFrame:
+    """Claims 1 and 2: how many times as much data training needs without SIDM.
 
-    It is said at one size, fixed before: the one nearest to AT. The greatest of several
-    ratios is picked after the fact, which no interval knows of.
+    The comparison is at one size, chosen before: the size nearest to CLAIMED_AT. The
+    largest of several ratios would be chosen after the results, and no interval
+    accounts for such a choice.
 
     Args:
-        frame: of Figure 3.
-        system: whose; the paper has a figure for its own two.
+        frame: results of Figure 3.
+        system: of these results; the paper has a value for its own two systems.
+
+    Returns:
+        A table of claims with one row, or none without results.
     """
     table = savings(frame[frame.system == system])
     if not len(table):
         return pd.DataFrame(columns=list(COLUMNS))
-    paper, figure = SAVED.get(system, ("-", None))
-    nearest = (np.log(table.novice_minutes) - np.log(AT)).abs().idxmin()
-    line = table.loc[nearest]
-    found = Interval(line.ratio, line.low, line.high)
-    bound = {"=": "", ">=": "at least ", "<=": "at most "}[line.bound]
-    words = (
-        f"data without SIDM / with SIDM, same loss, {line.novice_minutes:g} min with it"
+    words, number = PAPER_SAVINGS.get(system, ("-", None))
+    nearest = (np.log(table.novice_minutes) - np.log(CLAIMED_AT)).abs().idxmin()
+    row = table.loc[nearest]
+    estimate = Interval(row.ratio, row.low, row.high)
+    bound = {"=": "", ">=": "at least ", "<=": "at most "}[row.bound]
+    claim = (
+        f"data without SIDM / with SIDM, same loss, {row.novice_minutes:g} min with it"
     )
-    line = (
-        words,
-        system,
-        paper,
-        *found,
-        f"{bound}{found.words(3)} x",
-        int(line.seeds),
-        verdict(found, 1.0, figure),
-    )
-    return pd.DataFrame([line], columns=list(COLUMNS))
+    ours = f"{bound}{estimate.text(3)} x"
+    says = verdict(estimate, 1.0, number)
+    values = (claim, system, words, *estimate, ours, int(row.seeds), says)
+    return pd.DataFrame([values], columns=list(COLUMNS))
 
 
-def met(frame: pd.DataFrame, system: str) -> pd.DataFrame:
-    """Claim 3: from which size on the losses with and without SIDM keep to one side of each other, or are alike."""
+def convergence_claim(frame: pd.DataFrame, system: str) -> pd.DataFrame:
+    """Claim 3: the size from which the losses with and without SIDM are comparable.
+
+    From this size on, the difference of the losses keeps its sign or shows none.
+
+    Args:
+        frame: results of Figure 3.
+        system: of these results.
+
+    Returns:
+        A table of claims with one row, or none without results.
+    """
     losses = complete(frame, system)
     if not losses.values.size:
         return pd.DataFrame(columns=list(COLUMNS))
-    every = [
-        interval(
-            lambda pairs: (pairs[:, 1] - pairs[:, 0]).mean(), losses.values[:, :, n]
-        )
-        for n in range(len(losses.minutes))
+    estimates = [
+        interval(mean_difference, losses.values[:, :, size])
+        for size in range(len(losses.minutes))
     ]
-    sides = [one.side(0) for one in every]
-    start = losses.minutes[
-        max((n for n, side in enumerate(sides) if side != sides[-1]), default=-1) + 1
-    ]
+    sides = [estimate.side(0) for estimate in estimates]
+    others = [size for size, side in enumerate(sides) if side != sides[-1]]
+    start = losses.minutes[max(others, default=-1) + 1]
     kind = {1: "better", 0: "alike", -1: "worse"}[sides[-1]]
-    ours = (
-        f"with SIDM {kind} from {start:g} min on"
-        if np.isfinite(every[0]).all()
-        else "-"
-    )
-    line = (
-        "the curves become comparable",
-        system,
-        "at about 2 h or 5 h",
-        start,
-        np.nan,
-        np.nan,
-        ours,
-    )
-    return pd.DataFrame([(*line, len(losses.values), UNCLEAR)], columns=list(COLUMNS))
+    known = np.isfinite(estimates[0]).all()
+    ours = f"with SIDM {kind} from {start:g} min on" if known else "-"
+    claim, paper = "the curves become comparable", "at about 2 h or 5 h"
+    seeds = len(losses.values)
+    values = (claim, system, paper, start, np.nan, np.nan, ours, seeds, UNCLEAR)
+    return pd.DataFrame([values], columns=list(COLUMNS))
 
 
-def pretrained(frame: pd.DataFrame, minutes: float) -> pd.DataFrame:
+def pretraining_claim(frame: pd.DataFrame, minutes: float) -> pd.DataFrame:
     """Claim 5: the expert's data alone cannot pretrain the SIDM (section 4)."""
-    here = frame[frame.novice_minutes == minutes]
+    frame = frame[frame.novice_minutes == minutes]
     finetuned, sidm = (
-        here[here.method == name] for name in ("pretrain_finetune", "sidm")
+        frame[frame.method == name] for name in ("pretrain_finetune", "sidm")
     )
-    words = f"loss of pretraining and fine-tuning less that with SIDM, {minutes:g} min"
-    return judged(
-        beside(finetuned, sidm, difference=True),
-        words,
-        "'cannot be pretrained'",
-        above=True,
-    )
+    table = paired_comparison(finetuned, sidm, difference=True)
+    claim = f"loss of pretraining and fine-tuning less that with SIDM, {minutes:g} min"
+    return claim_rows(table, claim, "'cannot be pretrained'", above=True)
 
 
 def figure3_claims(frame: pd.DataFrame, minutes: float = 5.0) -> pd.DataFrame:
-    """Claims 1 to 3 and 5 beside Figure 3's results; the last looks at one size, in minutes.
+    """Claims 1, 2, 3 and 5 beside the results of Figure 3.
 
     Ratios and differences are of means over seeds, with 95 % intervals over whole
     seeds.
+
+    Args:
+        frame: results of Figure 3.
+        minutes: of novice data at which claim 5 is checked.
     """
-    parts = [claim(frame, system) for claim in (saved, met) for system in SYSTEMS]
-    return pd.concat(
-        [part for part in (*parts, pretrained(frame, minutes)) if len(part)] or parts,
-        ignore_index=True,
-    )
+    claims = (data_saving_claim, convergence_claim)
+    tables = [claim(frame, system) for claim in claims for system in SYSTEMS]
+    filled = [
+        table for table in (*tables, pretraining_claim(frame, minutes)) if len(table)
+    ]
+    return pd.concat(filled or tables, ignore_index=True)
 
 
 def figure4_claims(
     frame: pd.DataFrame, sizes: Sequence[float] = (5.0, 120.0)
 ) -> pd.DataFrame:
-    """Claim 4 beside Figure 4's results: a smaller deviation over 25 steps."""
-    here = frame[frame.novice_minutes.isin(sizes)].assign(
+    """Claim 4 beside the results of Figure 4: a smaller deviation after 25 steps."""
+    frame = frame[frame.novice_minutes.isin(sizes)].assign(
         deviation=frame.position_error.str[-1]
     )
-    sidm, alone = (here[here.method == name] for name in COMPARED)
-    found = beside(sidm, alone, value="deviation", difference=True).sort_values(
-        "novice_minutes"
-    )
-    words = [
+    sidm, alone = (frame[frame.method == name] for name in COMPARED)
+    table = paired_comparison(sidm, alone, value="deviation", difference=True)
+    table = table.sort_values("novice_minutes")
+    claims = [
         f"deviation after 2.5 s with SIDM minus without, {minutes:g} min"
-        for minutes in found.novice_minutes
+        for minutes in table.novice_minutes
     ]
-    return judged(found, words, "less (Figure 4)", unit="m")
+    return claim_rows(table, claims, "less (Figure 4)", unit="m")
 
 
-def written(table: pd.DataFrame) -> pd.DataFrame:
-    """A table of claims for a page."""
+def page_table(table: pd.DataFrame) -> pd.DataFrame:
+    """A table of claims with the columns and headings of a page."""
     names = {
         "claim": "Claim",
         "system": "System",

@@ -1,9 +1,10 @@
-"""How often 95 % intervals hold the truth: measured on synthetic studies whose data-efficiency ratio is known.
+"""Coverage: how often 95 % intervals hold the true value.
 
-First for two kinds of interval, then for each estimator that a page or a verdict uses,
-at a size fixed before.
+Coverage is measured on synthetic studies whose data-efficiency ratio is known: first
+for two kinds of interval, then for each estimator that a page or a verdict uses, at a
+size chosen before.
 
-Run as a module it measures anew and writes `results/coverage.json`.
+`companion run --figure coverage` measures it and writes `results/coverage.json`.
 """
 
 from __future__ import annotations
@@ -31,16 +32,17 @@ from sidm.storage import read_record, write_record
 
 MINUTES = np.array([1.0, 2, 5, 20, 60, 120])
 RATIO = 4.0  # between the data that the two methods need
-SLOPE = 0.25  # loss falls with data to this power
-#: the loss at which the ratio is read, inside both curves
+SLOPE = 0.25  # the loss falls with this power of the data
+#: Loss at which the ratio is read, inside the range of both curves.
 LEVEL = (RATIO * 10.0) ** -SLOPE
-#: standard deviations of log loss: of each training, and of a seed's trainings together
+#: Standard deviations of the logarithm of the loss: of each training, and common to all
+#: trainings of a seed.
 NOISE, COMMON = 0.15, 0.1
-FIGURE3_NOISE = 0.04, 0.03  # the same, about as in Figure 3
+FIGURE3_NOISE = 0.04, 0.03  # the two standard deviations, about as in Figure 3
 SEEDS, STUDIES, RESAMPLES = (3, 5, 10, 30), 500, 300
-#: seeds of a study, and what its estimators are held against
+#: Numbers of seeds, and true data ratios, of the studies for the estimators.
 ESTIMATED_SEEDS, TRUTHS = (5, 10), (1.0, 3.0, 20.0)
-AT = 2  # which of MINUTES: 5
+SIZE = 2  # index in MINUTES of the size of the estimators: 5 min
 FILE = Path("results") / "coverage.json"
 
 
@@ -50,24 +52,37 @@ def synthetic_study(
     ratio: float = RATIO,
     noise: tuple[float, float] = (NOISE, COMMON),
 ) -> np.ndarray:
-    """Losses (S, 2, M) of paired seeds, SIDM's before the comparison's, which needs `ratio` times the data."""
+    """Losses of a synthetic study with a known data ratio.
+
+    Args:
+        seeds: S, number of paired seeds.
+        rng: of the noise.
+        ratio: how many times the data of SIDM the comparison needs.
+        noise: standard deviations of the logarithm of the loss, of each training and
+            common to a seed.
+
+    Returns:
+        Losses (S, 2, M): SIDM first, then the comparison, at the sizes MINUTES.
+    """
     curves = np.stack([ratio * MINUTES, MINUTES]) ** -SLOPE
-    common, own = (
-        rng.normal(0, noise[1], (seeds, 1, 1)),
-        rng.normal(0, noise[0], (seeds, *curves.shape)),
-    )
-    return curves * np.exp(common + own)
+    common = rng.normal(0, noise[1], (seeds, 1, 1))
+    each = rng.normal(0, noise[0], (seeds, *curves.shape))
+    return curves * np.exp(common + each)
 
 
 def log_ratio(pairs: np.ndarray) -> float:
-    """Logarithm of the data-efficiency ratio at LEVEL of the mean curves of losses (S, 2, M)."""
+    """Logarithm of the data-efficiency ratio at LEVEL of mean curves.
+
+    Args:
+        pairs: losses (S, 2, M).
+    """
     sidm, novice_only = pairs.mean(0)
     return float(
         np.log(efficiency(MINUTES, sidm, novice_only, np.array([LEVEL])).ratio[0])
     )
 
 
-#: Kind of interval -> that of `log_ratio` over the S seeds of losses (S, 2, M).
+#: Kind of interval -> interval of `log_ratio` over the S seeds of losses (S, 2, M).
 METHODS: dict[str, Callable[[np.ndarray], Interval]] = {
     "percentile": functools.partial(bootstrap, log_ratio, resamples=RESAMPLES),
     "leave_one_out": functools.partial(leave_one_out, log_ratio),  # Student's
@@ -77,98 +92,122 @@ METHODS: dict[str, Callable[[np.ndarray], Interval]] = {
 def coverage(
     method: Callable[[np.ndarray], Interval], seeds: int
 ) -> tuple[float, float]:
-    """Share of synthetic studies (S, 2, M) whose interval holds the true ratio, and the median width in log ratio."""
+    """Coverage and width of a kind of interval on synthetic studies.
+
+    Args:
+        method: from losses (S, 2, M) to the interval.
+        seeds: S, of each study.
+
+    Returns:
+        The share of studies whose interval holds the true ratio, and the median width
+        of the interval of the log ratio.
+    """
     rng = np.random.default_rng(seeds)
-    found = [method(synthetic_study(seeds, rng)) for _ in range(STUDIES)]
-    held = [one.low <= np.log(RATIO) <= one.high for one in found]
-    return float(np.mean(held)), float(np.median([one.high - one.low for one in found]))
+    intervals = [method(synthetic_study(seeds, rng)) for _ in range(STUDIES)]
+    held = [interval.low <= np.log(RATIO) <= interval.high for interval in intervals]
+    widths = [interval.high - interval.low for interval in intervals]
+    return float(np.mean(held)), float(np.median(widths))
 
 
-def of_mean_curves(study: np.ndarray) -> tuple[float, float]:
-    """The interval of `savings` at 5 min, of losses (S, 2, M): SIDM's before the comparison's."""
+def mean_curves_interval(study: np.ndarray) -> tuple[float, float]:
+    """The interval of `savings` at 5 min, of losses (S, 2, M), SIDM first."""
     seeds = np.arange(len(study))
-    own, other = (Losses(MINUTES, study[:, [side]], seeds) for side in (0, 1))
-    return savings_between(own, other)[AT][4:6]
+    sidm, other = (Losses(MINUTES, study[:, [side]], seeds) for side in (0, 1))
+    return savings_between(sidm, other)[SIZE][4:6]
 
 
-def by_seed(study: np.ndarray) -> tuple[float, float]:
-    """The interval of `data_ratio` at 5 min."""
-    return data_ratio(MINUTES.tolist(), study[:, 1], study[:, 0, AT], MINUTES[AT])[1:]
+def seedwise_interval(study: np.ndarray) -> tuple[float, float]:
+    """The interval of `data_ratio` at 5 min, of losses (S, 2, M), SIDM first."""
+    sidm, alone = study[:, 0, SIZE], study[:, 1]
+    return data_ratio(MINUTES.tolist(), alone, sidm, MINUTES[SIZE])[1:]
 
 
-#: Estimator -> its interval from losses (S, 2, M), and what it is of: the data ratio,
-#: or the ratio of losses at 5 min.
+#: Estimator -> its interval from losses (S, 2, M), and its true value from the data
+#: ratio: the data ratio itself, or the ratio of losses at 5 min.
 ESTIMATORS: dict[
     str, tuple[Callable[[np.ndarray], Sequence[float]], Callable[[float], float]]
 ] = {
-    "data ratio of mean curves": (of_mean_curves, float),
-    "data ratio by seed": (by_seed, float),
+    "data ratio of mean curves": (mean_curves_interval, float),
+    "data ratio by seed": (seedwise_interval, float),
     "ratio of mean losses": (
-        lambda study: ratio_of_means(study[:, ::-1, AT])[1:],
+        lambda study: ratio_of_means(study[:, ::-1, SIZE])[1:],
         lambda ratio: ratio**-SLOPE,
     ),
     "mean ratio of losses": (
-        lambda study: mean_ratio(study[:, :1, AT], study[:, 1:, AT])[1:],
+        lambda study: mean_ratio(study[:, :1, SIZE], study[:, 1:, SIZE])[1:],
         lambda ratio: ratio**-SLOPE,
     ),
 }
 
 
-def estimated(name: str, ratio: float, seeds: int) -> tuple[float, float, float]:
-    """Of an estimator on studies with a data ratio: the share of its intervals that hold the truth.
+def estimator_coverage(
+    name: str, ratio: float, seeds: int
+) -> tuple[float, float, float]:
+    """Coverage of an estimator on synthetic studies.
+
+    Args:
+        name: of the estimator, a key of ESTIMATORS.
+        ratio: true data ratio of the studies.
+        seeds: S, of each study.
 
     Returns:
-        The share, that of the intervals that lie above the truth, and that of studies
-        without an interval.
+        The share of intervals that hold the true value, the share that lies above it,
+        and the share of studies without an interval.
     """
     ends_of, truth_of = ESTIMATORS[name]
     rng, truth = np.random.default_rng([seeds, round(10 * ratio)]), truth_of(ratio)
-    ends = np.array(
-        [
-            ends_of(synthetic_study(seeds, rng, ratio, FIGURE3_NOISE))
-            for _ in range(STUDIES)
-        ]
+    studies = (
+        synthetic_study(seeds, rng, ratio, FIGURE3_NOISE) for _ in range(STUDIES)
     )
-    there = ends[np.isfinite(ends[:, 0])]
-    held = (there[:, 0] <= truth) & (truth <= there[:, 1])
-    return (
-        float(held.mean()),
-        float((there[:, 0] > truth).mean()),
-        1 - len(there) / STUDIES,
-    )
+    ends = np.array([ends_of(study) for study in studies])
+    known = ends[np.isfinite(ends[:, 0])]
+    held = (known[:, 0] <= truth) & (truth <= known[:, 1])
+    above = known[:, 0] > truth
+    return float(held.mean()), float(above.mean()), 1 - len(known) / STUDIES
 
 
 def measure(seeds: Sequence[int] = SEEDS) -> dict[str, Any]:
-    """Coverage and width by kind of interval and number of seeds, and coverage of each estimator."""
-    found: dict[str, Any] = {
-        name: {str(n): [round(x, 4) for x in coverage(one, n)] for n in seeds}
-        for name, one in METHODS.items()
+    """Measure the coverage of the kinds of interval and of the estimators.
+
+    Returns:
+        By kind of interval and number of seeds: coverage and width. By 'estimators':
+        rows of estimator, data ratio, number of seeds, and the shares of
+        `estimator_coverage`.
+    """
+    by_kind: dict[str, Any] = {
+        name: {str(n): [round(x, 4) for x in coverage(method, n)] for n in seeds}
+        for name, method in METHODS.items()
     }
-    lines = [
-        (name, ratio, n)
+    rows = [
+        [name, ratio, n, *(round(x, 4) for x in estimator_coverage(name, ratio, n))]
         for name in ESTIMATORS
         for ratio in TRUTHS
         for n in ESTIMATED_SEEDS
     ]
-    return found | {
-        "estimators": [
-            [*line, *(round(x, 4) for x in estimated(*line))] for line in lines
-        ]
-    }
+    return by_kind | {"estimators": rows}
 
 
 def table(file: Path = FILE) -> pd.DataFrame:
-    """As stored: the `share` of 95 % intervals that hold the true ratio, a line a method and number of seeds."""
-    found = read_record(file)
-    lines = [(name, int(n), *one) for name in METHODS for n, one in found[name].items()]
-    return pd.DataFrame(lines, columns=["interval", "seeds", "share", "width"])
+    """Stored coverage of the kinds of interval, a row per kind and number of seeds.
+
+    `share` is the share of 95 % intervals that hold the true ratio, `width` their
+    median width.
+    """
+    stored = read_record(file)
+    rows = [
+        (name, int(n), *shares)
+        for name in METHODS
+        for n, shares in stored[name].items()
+    ]
+    return pd.DataFrame(rows, columns=["interval", "seeds", "share", "width"])
 
 
 def estimators(file: Path = FILE) -> pd.DataFrame:
-    """As stored: the `share` of intervals that hold the truth, and of those `above` it, a line an estimator and truth.
+    """Stored coverage of the estimators, a row per estimator, data ratio and seeds.
 
-    `ratio` is the data ratio of the synthetic studies; `open`, the share of studies
-    without an interval.
+    `ratio` is the data ratio of the synthetic studies; `share`, the share of intervals
+    that hold the true value; `above`, the share that lies above it; `open`, the share
+    of studies without an interval.
     """
     names = ["estimator", "ratio", "seeds", "share", "above", "open"]
     return pd.DataFrame(read_record(file)["estimators"], columns=names)

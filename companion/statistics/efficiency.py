@@ -1,4 +1,7 @@
-"""How many times as much data one method needs for the loss of another, along isotonic fits of their curves."""
+"""Data efficiency: how many times as much data one method needs for another's loss.
+
+Losses are read from isotonic fits of the learning curves.
+"""
 
 from __future__ import annotations
 
@@ -7,24 +10,34 @@ from typing import NamedTuple
 import numpy as np
 
 
-def falling(losses: np.ndarray) -> np.ndarray:
-    """Isotonic fit of the log of losses (M,), in order of growing data: the nearest curve that never rises."""
+def isotonic_fit(losses: np.ndarray) -> np.ndarray:
+    """The nearest curve that never rises, fitted to the logarithm of losses.
+
+    Args:
+        losses: (M,), in order of growing data.
+
+    Returns:
+        The fitted losses (M,).
+    """
     from scipy.optimize import isotonic_regression
 
-    return np.exp(
-        isotonic_regression(np.log(np.asarray(losses, float)), increasing=False).x
-    )
+    logs = np.log(np.asarray(losses, float))
+    return np.exp(isotonic_regression(logs, increasing=False).x)
 
 
 def minutes_needed(
     minutes: np.ndarray, curve: np.ndarray, loss: float
 ) -> tuple[float, str]:
-    """Novice data with which a falling curve (M,) over `minutes` (M,) gets down to `loss`.
+    """Novice data with which a falling curve reaches a loss.
+
+    Args:
+        minutes: (M,) sizes, rising.
+        curve: (M,) falling losses.
+        loss: to be reached.
 
     Returns:
-        The minutes, interpolated between the logarithms, and how they are to be read:
-        '=', '<=' where the smallest size is already there, '>' where the largest is not
-        yet.
+        The minutes, interpolated between logarithms, and how to read them: '='; '<='
+        if the smallest size is enough; '>' if the largest is not.
     """
     if curve[0] <= loss:
         return float(minutes[0]), "=" if curve[0] == loss else "<="
@@ -37,31 +50,36 @@ def minutes_needed(
 
 
 class Efficiency(NamedTuple):
-    """Data-efficiency ratio n_novice_only(loss) / n_sidm(loss) over losses, each (L,)."""
+    """Data-efficiency ratio n_novice_only(loss) / n_sidm(loss) at L losses."""
 
-    loss: np.ndarray
-    ratio: np.ndarray  # NaN where neither a value nor a bound is known
-    bound: np.ndarray  # '=', '>=' (at least), '<=' (at most) or '?'
+    loss: np.ndarray  # (L,)
+    ratio: np.ndarray  # (L,); NaN where neither a value nor a bound is known
+    bound: np.ndarray  # (L,) '=', '>=' (at least), '<=' (at most) or '?'
 
 
 def efficiency(
     minutes: np.ndarray, sidm: np.ndarray, novice_only: np.ndarray, losses: np.ndarray
 ) -> Efficiency:
-    """How many times as much data the comparison needs, along the isotonic fits of two curves of mean losses (M,)."""
-    curves = falling(sidm), falling(novice_only)
+    """Data-efficiency ratio at given losses, from isotonic fits of mean curves.
+
+    Args:
+        minutes: (M,) sizes of both curves, rising.
+        sidm: (M,) mean losses with SIDM.
+        novice_only: (M,) mean losses of the comparison.
+        losses: (L,) to be reached.
+    """
+    minutes, losses = np.asarray(minutes, float), np.asarray(losses, float)
+    sidm_fit, novice_fit = isotonic_fit(sidm), isotonic_fit(novice_only)
     ratios, bounds = [], []
-    for loss in np.asarray(losses, float):
-        (own, own_sign), (other, other_sign) = (
-            minutes_needed(np.asarray(minutes, float), c, loss) for c in curves
-        )
-        more, less = (
-            other_sign == ">" or own_sign == "<=",
-            other_sign == "<=" or own_sign == ">",
-        )
+    for loss in losses:
+        data, sign = minutes_needed(minutes, sidm_fit, loss)
+        novice_data, novice_sign = minutes_needed(minutes, novice_fit, loss)
+        more = novice_sign == ">" or sign == "<="
+        less = novice_sign == "<=" or sign == ">"
         bound = "?" if more and less else ">=" if more else "<=" if less else "="
-        ratios.append(np.nan if bound == "?" else other / own)
+        ratios.append(np.nan if bound == "?" else novice_data / data)
         bounds.append(bound)
-    return Efficiency(np.asarray(losses, float), np.array(ratios), np.array(bounds))
+    return Efficiency(losses, np.array(ratios), np.array(bounds))
 
 
 def efficiency_at_sizes(
@@ -70,30 +88,26 @@ def efficiency_at_sizes(
     novice_only: np.ndarray,
     novice_only_minutes: np.ndarray | None = None,
 ) -> Efficiency:
-    """How many times as much data the comparison needs for what the fitted SIDM curve (M,) has at each size.
+    """Data-efficiency ratio at the losses that the fitted SIDM curve has at its sizes.
 
-    The size itself is the divisor, also where the fit is level and a smaller one would
-    do. The comparison's curve has the same sizes unless its own (N,) are given.
+    The divisor is the size itself, also where the fit is level and a smaller size would
+    be enough.
+
+    Args:
+        minutes: (M,) sizes with SIDM, rising.
+        sidm: (M,) mean losses with SIDM.
+        novice_only: (M,) or (N,) mean losses of the comparison.
+        novice_only_minutes: (N,) sizes of the comparison; by default `minutes`.
     """
-    minutes, losses, other = (
-        np.asarray(minutes, float),
-        falling(sidm),
-        falling(novice_only),
-    )
-    known_at = (
-        minutes
-        if novice_only_minutes is None
-        else np.asarray(novice_only_minutes, float)
-    )
-    needed = [minutes_needed(known_at, other, loss) for loss in losses]
-    ratios = np.array([much for much, _ in needed]) / minutes
-    return Efficiency(
-        losses,
-        ratios,
-        np.array([{"=": "=", ">": ">=", "<=": "<="}[sign] for _, sign in needed]),
-    )
+    minutes, losses = np.asarray(minutes, float), isotonic_fit(sidm)
+    other = minutes if novice_only_minutes is None else novice_only_minutes
+    other, curve = np.asarray(other, float), isotonic_fit(novice_only)
+    needed = [minutes_needed(other, curve, loss) for loss in losses]
+    ratios = np.array([data for data, _ in needed]) / minutes
+    bounds = [{"=": "=", ">": ">=", "<=": "<="}[sign] for _, sign in needed]
+    return Efficiency(losses, ratios, np.array(bounds))
 
 
-def known(ratio: float, bound: str) -> float:
-    """Logarithm of a ratio, NaN where it is only a bound: intervals are of values, not of bounds."""
+def log_of_value(ratio: float, bound: str) -> float:
+    """Logarithm of a ratio; NaN for a bound, because intervals need values."""
     return float(np.log(ratio)) if bound == "=" else float("nan")

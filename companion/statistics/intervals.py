@@ -1,8 +1,7 @@
 """Intervals over whole seeds.
 
-Losses come as arrays whose first axis is the seed: S seeds, M sizes, L losses. Seeds
-pair the methods and the sizes, so that resampling draws whole seeds and keeps what
-belongs together.
+Losses are arrays whose first axis is the seed: S seeds, M sizes, L losses. A seed pairs
+the methods and the sizes, so resampling draws whole seeds and keeps these pairs.
 """
 
 from __future__ import annotations
@@ -14,9 +13,11 @@ import numpy as np
 
 RESAMPLES = 2000
 CONFIDENCE = 0.95
-#: for a verdict; two leave an interval of 13 standard errors to either side
+#: For a verdict. The interval of two seeds reaches 13 standard errors to either side.
 FEWEST_SEEDS = 3
-MANY_SEEDS = 20  # from here on resampling seeds tells enough
+MANY_SEEDS = 20  # from this number on, seeds are resampled
+
+Statistic = Callable[[np.ndarray], float]
 
 
 class Interval(NamedTuple):
@@ -27,54 +28,50 @@ class Interval(NamedTuple):
     high: float
 
     def __str__(self) -> str:
-        """With two significant digits."""
-        return self.words(2)
+        """The estimate with two significant digits."""
+        return self.text(2)
 
-    def words(self, digits: int) -> str:
-        """The value with so many significant digits, its ends in brackets where they are known; no powers of ten."""
+    def text(self, digits: int) -> str:
+        """The value, and the ends of the interval in brackets where they are known.
+
+        Args:
+            digits: number of significant digits; there are no powers of ten.
+        """
         value, low, high = (
             np.format_float_positional(float(f"{number:.{digits}g}"), trim="-")
             for number in self
         )
-        return (
-            f"{value} [{low}, {high}]"
-            if np.isfinite([self.low, self.high]).all()
-            else value
-        )
+        known = np.isfinite([self.low, self.high]).all()
+        return f"{value} [{low}, {high}]" if known else value
 
-    def side(self, of: float) -> int:
-        """1 where the whole interval lies above a value, -1 where it lies below, else 0."""
-        return 1 if self.low > of else -1 if self.high < of else 0
+    def side(self, value: float) -> int:
+        """1 if the whole interval lies above a value, -1 if below, otherwise 0."""
+        return 1 if self.low > value else -1 if self.high < value else 0
 
 
 def bootstrap(
-    statistic: Callable[[np.ndarray], float],
-    samples: np.ndarray,
-    resamples: int = RESAMPLES,
+    statistic: Statistic, samples: np.ndarray, resamples: int = RESAMPLES
 ) -> Interval:
     """Percentile bootstrap of `statistic` over the whole seeds of `samples`.
 
     Args:
-        statistic: takes an array like `samples` and does not mind the order of the
-            seeds; values that are not finite are left out of the percentiles.
+        statistic: takes an array like `samples` and ignores the order of the seeds;
+            values that are not finite are left out of the percentiles.
         samples: (S, ...), seeds first.
         resamples: how many times S seeds are drawn with replacement; the draws are
             always the same.
 
     Returns:
-        The statistic of `samples`, and its interval: of one seed the value itself; NaN
-        if the statistic is not finite.
+        The statistic of `samples`, and its interval: with one seed the value itself;
+        NaN if the statistic is not finite.
     """
     samples = np.asarray(samples, float)
-    count = len(samples)
-    draws = np.sort(
-        np.random.default_rng(0).integers(count, size=(resamples, count)), axis=1
-    )
+    count, rng = len(samples), np.random.default_rng(0)
+    draws = np.sort(rng.integers(count, size=(resamples, count)), axis=1)
+    # the statistic is computed once for draws with the same seeds
     different, times = np.unique(draws, axis=0, return_counts=True)
-    value, values = (
-        float(statistic(samples)),
-        np.repeat([statistic(samples[draw]) for draw in different], times),
-    )
+    value = float(statistic(samples))
+    values = np.repeat([statistic(samples[draw]) for draw in different], times)
     values = values[np.isfinite(values)]
     if not (np.isfinite(value) and len(values)):
         return Interval(value, np.nan, np.nan)
@@ -82,14 +79,13 @@ def bootstrap(
     return Interval(value, float(low), float(high))
 
 
-def leave_one_out(
-    statistic: Callable[[np.ndarray], float], samples: np.ndarray
-) -> Interval:
-    """Student's interval with the jackknife's standard error: `statistic` without each whole seed in turn.
+def leave_one_out(statistic: Statistic, samples: np.ndarray) -> Interval:
+    """Student's interval with the jackknife's standard error.
 
-    With few seeds resampling knows too little of what other seeds would give, and its
-    intervals are too narrow (module `coverage`); this one keeps what it promises.
-    `statistic` should vary about evenly on either side of its value: give it the
+    The jackknife computes `statistic` without each whole seed in turn. With few seeds,
+    resampling knows too little of what other seeds would give, and its intervals are
+    too narrow (module `coverage`); the interval of this function has the coverage that
+    it claims. The distribution of `statistic` should be about symmetric: use the
     logarithm of a ratio.
 
     Args:
@@ -97,10 +93,10 @@ def leave_one_out(
         samples: (S, ...), seeds first.
 
     Returns:
-        The statistic of `samples`, and its interval; NaN with one seed, or where a seed
-        left out leaves no value.
+        The statistic of `samples`, and its interval; NaN with one seed, or if there is
+        no value without one of the seeds.
     """
-    from scipy.special import stdtrit  # listing results does without
+    from scipy.special import stdtrit  # late: lists of results do without it
 
     samples = np.asarray(samples, float)
     count, value = len(samples), float(statistic(samples))
@@ -115,44 +111,59 @@ def leave_one_out(
 
 
 def student(values: np.ndarray) -> Interval:
-    """The mean of one value a seed, (S,), with Student's interval; NaN with one seed."""
-    return leave_one_out(lambda some: float(some.mean()), values)
+    """Mean of values (S,), one a seed, with Student's interval; NaN with one seed."""
+    return leave_one_out(lambda drawn: float(drawn.mean()), values)
 
 
 def interval(
-    statistic: Callable[[np.ndarray], float], samples: np.ndarray, held_out: float = 0.0
+    statistic: Statistic, samples: np.ndarray, held_out: float = 0.0
 ) -> Interval:
-    """`leave_one_out` of samples (S, ...) with fewer than MANY_SEEDS seeds S, else `bootstrap`; NaN of too few.
+    """An interval by `leave_one_out` with few seeds, by `bootstrap` with MANY_SEEDS.
 
-    Seeds that split the same few data again and again are not independent. Where each
-    seed judges on a random share `held_out` of all data, the interval is as much wider
-    as the corrected resampled t-test has it (Nadeau and Bengio, Machine Learning 52,
-    2003): its variance is (1 / S + held_out / (1 - held_out)) of the seeds' in place of
-    1 / S.
+    Seeds that only split the same few data differently are not independent. The
+    interval is then widened as in the corrected resampled t-test (Nadeau and Bengio,
+    Machine Learning 52, 2003): its variance is that of the seeds times (1 / S +
+    held_out / (1 - held_out)) instead of 1 / S.
+
+    Args:
+        statistic: as in `bootstrap`.
+        samples: (S, ...), seeds first.
+        held_out: share of all data, drawn at random, on which each seed is tested; 0
+            for independent seeds.
+
+    Returns:
+        The statistic of `samples`, and its interval; NaN with fewer than FEWEST_SEEDS.
     """
     if len(samples) < FEWEST_SEEDS:
         return Interval(float(statistic(np.asarray(samples, float))), np.nan, np.nan)
-    value, low, high = (leave_one_out if len(samples) < MANY_SEEDS else bootstrap)(
-        statistic, samples
-    )
+    method = leave_one_out if len(samples) < MANY_SEEDS else bootstrap
+    value, low, high = method(statistic, samples)
     wider = np.sqrt(1 + len(samples) * held_out / (1 - held_out))
-    return Interval(
-        value, value + wider * (low - value), value + wider * (high - value)
-    )
+    low, high = value + wider * (low - value), value + wider * (high - value)
+    return Interval(value, low, high)
 
 
 def ratio_of_means(pairs: np.ndarray, held_out: float = 0.0) -> Interval:
-    """Mean of the second of losses (S, 2) by the mean of the first, paired by seed; `held_out` as of `interval`."""
+    """Ratio of the mean of the second losses to the mean of the first.
 
-    def log_ratio(some: np.ndarray) -> float:
-        first, second = some.mean(0)
+    Args:
+        pairs: (S, 2) losses, paired by seed.
+        held_out: as in `interval`.
+    """
+
+    def log_ratio(drawn: np.ndarray) -> float:
+        first, second = drawn.mean(0)
         return float(np.log(second / first))
 
     return Interval(*np.exp(interval(log_ratio, pairs, held_out)))
 
 
 def mean_ratio(own: np.ndarray, other: np.ndarray) -> Interval:
-    """Of values (S, M) by others paired with them: the geometric mean over M sizes, an interval over S seeds."""
-    return Interval(
-        *np.exp(interval(lambda some: float(some.mean()), np.log(own) - np.log(other)))
-    )
+    """Geometric mean of the ratios of paired values, with an interval over seeds.
+
+    Args:
+        own: (S, M) values of S seeds and M sizes.
+        other: (S, M) values to divide by.
+    """
+    logs = np.log(own) - np.log(other)
+    return Interval(*np.exp(interval(lambda drawn: float(drawn.mean()), logs)))

@@ -1,4 +1,4 @@
-"""Two sides of results, seed by seed: what one loses or gains beside the other."""
+"""Comparisons of two sets of results, paired by seed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from companion.statistics.intervals import (
 POINT = ("system", "novice_minutes")
 
 
-def beside(
+def paired_comparison(
     frame: pd.DataFrame,
     reference: pd.DataFrame,
     on: Sequence[str] = POINT,
@@ -28,89 +28,86 @@ def beside(
     difference: bool = False,
     held_out: float = 0.0,
 ) -> pd.DataFrame:
-    """Two sides point by point, paired by seed, in the order in which the groups come.
+    """Compare results with a reference, group by group, paired by seed.
 
     Args:
         frame: results, as `Results.frame` gives them.
-        reference: what they are held against; at most one a seed where the columns `on`
-            agree.
-        on: columns in which the two sides agree, beside the seed.
-        by: further columns of `frame` that tell its groups apart.
-        value: the column that is compared.
-        difference: whether by the mean of differences instead of the ratio of means.
-        held_out: the share of the same data that each seed judges on, where seeds only
-            split them anew.
+        reference: results to compare with; at most one a seed for equal columns `on`.
+        on: columns that are equal on both sides, besides the seed.
+        by: further columns of `frame` that distinguish its groups.
+        value: the column to compare.
+        difference: whether to take the mean of differences instead of the ratio of
+            means.
+        held_out: share of the same data on which each seed is tested, where seeds only
+            split these data differently; see `intervals.interval`.
 
     Returns:
-        A line a group that has a seed in common with the reference: `on` and `by`,
-        `seeds`, `reference` and `mean`, the means of both sides, `lower`, the seeds in
-        which `frame`'s is the lower, and `ratio`, of the second mean to the first, or
-        `difference`, the second less the first, with the ends `low` and `high` of its
-        95 % interval, NaN of too few seeds.
+        One row per group that has a seed in common with the reference, in the order of
+        `frame`. Columns: `on` and `by`; `seeds`; `reference` and `mean`, the means of
+        both sides; `lower`, the number of seeds in which `frame` has the lower value;
+        `ratio`, of `mean` to `reference`, or `difference`, `mean` less `reference`;
+        `low` and `high`, the ends of its 95 % interval, NaN with too few seeds.
 
     Raises:
-        ValueError: two rows stand for the same point, as those of two grids do.
+        ValueError: two rows stand for the same point, as in results of two grids.
     """
     both, groups = _joined(frame, reference, on, by, value)
-    lines = []
+    rows = []
     for key, group in both.groupby(groups, sort=False):
         pairs = group[["reference", value]].to_numpy(float)
         lower = int((pairs[:, 1] < pairs[:, 0]).sum())
-        found = (
-            interval(_mean_difference, pairs, held_out)
-            if difference
-            else ratio_of_means(pairs, held_out)
-        )
-        lines.append((*key, len(pairs), *pairs.mean(0).tolist(), lower, *found))
-    names = [
-        "seeds",
-        "reference",
-        "mean",
-        "lower",
-        "difference" if difference else "ratio",
-        "low",
-        "high",
-    ]
-    return _table(lines, both[groups], names)
+        if difference:
+            estimate = interval(mean_difference, pairs, held_out)
+        else:
+            estimate = ratio_of_means(pairs, held_out)
+        rows.append((*key, len(pairs), *pairs.mean(0).tolist(), lower, *estimate))
+    kind = "difference" if difference else "ratio"
+    names = ["seeds", "reference", "mean", "lower", kind, "low", "high"]
+    return _table(rows, both[groups], names)
 
 
-def together(
+def pooled_comparison(
     frame: pd.DataFrame,
     reference: pd.DataFrame,
     by: Sequence[str] = ("method",),
     value: str = "validation_loss",
 ) -> pd.DataFrame:
-    """Two sides over several sizes at once: the geometric mean of their ratios, paired by seed and size.
+    """Compare results with a reference over several sizes at once.
+
+    The estimate is the geometric mean of the ratios, paired by seed and size.
 
     Args:
-        frame: as of `beside`, as are `reference`, `by` and `value`; a seed that lacks a
-            size that another seed of the group has is left out.
-        reference: the other side.
-        by: further columns of `frame` that tell its groups apart.
-        value: the column that is compared.
+        frame: results, as in `paired_comparison`; a seed that lacks a size of its group
+            is left out.
+        reference: results to compare with.
+        by: further columns of `frame` that distinguish its groups.
+        value: the column to compare.
 
     Returns:
-        A line a `system` and `by`: `sizes` that they have, `seeds`, `ratio`, `low` and
-        `high`.
+        One row per `system` and `by`, with `sizes`, a tuple of minutes, `seeds`,
+        `ratio`, `low` and `high`.
     """
     both, _ = _joined(frame, reference, POINT, by, value)
-    groups, lines = ["system", *by], []
+    groups, rows = ["system", *by], []
     for key, group in both.groupby(groups, sort=False):
         wide = group.pivot(
             index="seed", columns="novice_minutes", values=[value, "reference"]
         )
         own, other = (wide[side].dropna() for side in (value, "reference"))
-        found = mean_ratio(own.to_numpy(float), other.to_numpy(float))
-        lines.append((*key, tuple(own.columns), len(own), *found))
-    return _table(lines, both[groups], ["sizes", "seeds", "ratio", "low", "high"])
+        estimate = mean_ratio(own.to_numpy(float), other.to_numpy(float))
+        rows.append((*key, tuple(own.columns), len(own), *estimate))
+    return _table(rows, both[groups], ["sizes", "seeds", "ratio", "low", "high"])
 
 
-def _table(lines: list[tuple], keys: pd.DataFrame, names: list[str]) -> pd.DataFrame:
-    """Lines as a table whose columns have the types of the `keys` and of numbers, also without a line."""
-    found = pd.DataFrame(lines, columns=[*keys, *names])
-    return (
-        found if lines else found.astype({**keys.dtypes, **dict.fromkeys(names, float)})
-    )
+def _table(rows: list[tuple], keys: pd.DataFrame, names: list[str]) -> pd.DataFrame:
+    """A table with the columns of `keys` and `names`.
+
+    A table without rows has the types of `keys`, and numbers in `names`.
+    """
+    table = pd.DataFrame(rows, columns=[*keys, *names])
+    if rows:
+        return table
+    return table.astype({**keys.dtypes, **dict.fromkeys(names, float)})
 
 
 def _joined(
@@ -120,40 +117,41 @@ def _joined(
     by: Sequence[str],
     value: str,
 ) -> tuple[pd.DataFrame, list[str]]:
-    """Both sides' values in one line a seed, and the columns that tell the groups apart."""
+    """The values of both sides, one row per seed, and the columns of the groups."""
     on, groups = list(on), [*on, *(name for name in by if name not in on)]
     for side, keys in ((reference, on), (frame, groups)):
         if len(side) and side.duplicated([*keys, "seed"]).any():
             raise ValueError(
-                f"two rows of the same {', '.join(keys)} and seed; take the rows of one grid at a time"
+                f"two rows of the same {', '.join(keys)} and seed; take the rows of "
+                "one grid at a time"
             )
     other = reference[[*on, "seed", value]].rename(columns={value: "reference"})
     return frame[[*groups, "seed", value]].merge(other, on=[*on, "seed"]), groups
 
 
-def _mean_difference(pairs: np.ndarray) -> float:
-    """Of the second of pairs (S, 2) less the first."""
+def mean_difference(pairs: np.ndarray) -> float:
+    """Mean of the second values less the first of pairs (S, 2)."""
     return float((pairs[:, 1] - pairs[:, 0]).mean())
 
 
-def of_one_grid(
+def unique_results(
     frame: pd.DataFrame, system: str, methods: Sequence[str]
 ) -> pd.DataFrame:
-    """The results of a system's methods, at most one a point.
+    """The results of a system's methods, at most one per seed, method and size.
 
     Raises:
-        ValueError: two results stand for the same point, as those of an ablation do.
+        ValueError: two results stand for the same point, as in an ablation.
     """
-    mine = frame[(frame.system == system) & frame.method.isin(methods)]
-    if mine.duplicated(["seed", "method", "novice_minutes"]).any():
+    results = frame[(frame.system == system) & frame.method.isin(methods)]
+    if results.duplicated(["seed", "method", "novice_minutes"]).any():
         raise ValueError(
             f"two results of {system} at one point; take the rows of one grid at a time"
         )
-    return mine
+    return results
 
 
 class Losses(NamedTuple):
-    """The part of some results that is complete: S seeds, K methods, M sizes."""
+    """The complete part of results: S seeds, K methods, M sizes."""
 
     minutes: np.ndarray  # (M,) rising
     values: np.ndarray  # (S, K, M)
@@ -166,40 +164,41 @@ def complete(
     methods: Sequence[str] = COMPARED,
     value: str = "validation_loss",
 ) -> Losses:
-    """A column of results of a system as an array over seeds, methods and sizes.
+    """A column of a system's results as an array over seeds, methods and sizes.
 
-    Sizes that a method lacks altogether are left out, then seeds that lack one of the
-    sizes. Raises as `of_one_grid`.
+    Sizes that one of the methods lacks for all seeds are left out, then seeds that lack
+    one of the remaining sizes.
+
+    Raises:
+        ValueError: as in `unique_results`.
     """
-    mine = of_one_grid(frame, system, methods)
-    wide = mine.pivot(index="seed", columns=["method", "novice_minutes"], values=value)
+    results = unique_results(frame, system, methods)
+    wide = results.pivot(
+        index="seed", columns=["method", "novice_minutes"], values=value
+    )
     have = [set(wide.get(method, wide[:0]).columns) for method in methods]
     sizes = sorted(set.intersection(*have)) if len(wide.columns) else []
-    whole = wide.reindex(
-        columns=[(method, size) for method in methods for size in sizes]
-    ).dropna()
-    values = whole.to_numpy(float).reshape(
-        len(whole) if sizes else 0, len(methods), len(sizes)
-    )
-    return Losses(
-        np.array(sizes, float), values, whole.index.to_numpy(int)[: len(values)]
-    )
+    columns = [(method, size) for method in methods for size in sizes]
+    whole = wide.reindex(columns=columns).dropna()
+    count = len(whole) if sizes else 0
+    values = whole.to_numpy(float).reshape(count, len(methods), len(sizes))
+    return Losses(np.array(sizes, float), values, whole.index.to_numpy(int)[:count])
 
 
-def written(table: pd.DataFrame, digits: int = 3, **names: str) -> pd.DataFrame:
-    """A table of `beside` or `together` for a page: value and interval in one column of text, others by new `names`."""
+def page_table(table: pd.DataFrame, digits: int = 3, **names: str) -> pd.DataFrame:
+    """A table of comparisons for a page, value and interval in one column of text.
+
+    Args:
+        table: as `paired_comparison` or `pooled_comparison` gives it.
+        digits: number of significant digits.
+        names: new names of further columns.
+    """
     value = "difference" if "difference" in table else "ratio"
-    words = [
-        Interval(*line).words(digits)
-        for line in table[[value, "low", "high"]].itertuples(index=False)
-    ]
-    found = table.drop(columns=["lower", value, "low", "high"], errors="ignore").assign(
-        **{value: words}
-    )
-    return found.rename(
-        columns={
-            "novice_minutes": "novice data (min)",
-            value: f"{value} [95 % interval]",
-        }
-        | names
-    )
+    ends = table[[value, "low", "high"]].itertuples(index=False)
+    texts = [Interval(*row).text(digits) for row in ends]
+    page = table.drop(columns=["lower", value, "low", "high"], errors="ignore")
+    headings = {
+        "novice_minutes": "novice data (min)",
+        value: f"{value} [95 % interval]",
+    }
+    return page.assign(**{value: texts}).rename(columns=headings | names)

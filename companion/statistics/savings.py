@@ -12,25 +12,15 @@ from companion.statistics.efficiency import (
     Efficiency,
     efficiency,
     efficiency_at_sizes,
-    falling,
-    known,
+    isotonic_fit,
+    log_of_value,
     minutes_needed,
 )
 from companion.statistics.intervals import Interval, interval
-from companion.statistics.pairs import Losses, beside, complete
+from companion.statistics.pairs import Losses, complete, paired_comparison
 
-COLUMNS = [
-    "system",
-    "method",
-    "against",
-    "novice_minutes",
-    "seeds",
-    "loss",
-    "ratio",
-    "low",
-    "high",
-    "bound",
-]
+NUMBERS = ["novice_minutes", "seeds", "loss", "ratio", "low", "high"]
+COLUMNS = ["system", "method", "against", *NUMBERS, "bound"]
 
 
 def savings(
@@ -40,43 +30,47 @@ def savings(
     value: str = "validation_loss",
     held_out: float = 0.0,
 ) -> pd.DataFrame:
-    """How many times a method's data others, on their own sizes, need to do as well as it does at each size.
+    """How many times a method's data the comparisons need for the same loss.
 
     Args:
-        frame: of Figure 3, or of the variants; seeds that lack one of a method's sizes
-            are left out.
-        methods: that save.
-        against: the comparisons.
-        value: the column that is compared.
-        held_out: the share of the same data that each seed judges on, where seeds only
-            split them anew.
+        frame: results of Figure 3, or of its variants; seeds that lack one of a
+            method's sizes are left out.
+        methods: the methods that save data.
+        against: the methods to compare with, each at its own sizes.
+        value: the column to compare.
+        held_out: share of the same data on which each seed is tested, where seeds only
+            split these data differently; see `intervals.interval`.
 
     Returns:
-        A line a system, method, comparison and size: `loss`, that the method reaches
-        along its isotonic fit, and the `ratio` of the data that the comparison needs
-        for it, with the ends of its 95 % interval, NaN where a seed left out makes a
-        bound, and how the ratio is to be read: `bound` is '=', '>=' or '<='.
+        One row per system, method, comparison and size. `loss` is the method's, from
+        its isotonic fit; `ratio`, the data of the comparison for this loss by the data
+        of the method; `low` and `high`, the ends of its 95 % interval, NaN if the ratio
+        without one of the seeds is a bound; `bound`, how to read the ratio: '=', '>='
+        or '<='.
     """
-    lines: list[tuple] = []
+    rows: list[tuple] = []
     for system in dict.fromkeys(frame.system):
         for method in methods:
-            own = complete(frame, system, [method], value)
-            for other in against:
-                found = savings_between(
-                    own, complete(frame, system, [other], value), held_out
-                )
-                lines += [(system, method, other, *line) for line in found]
-    found = pd.DataFrame(lines, columns=COLUMNS)
-    return found.astype(
-        {
-            name: float
-            for name in ("novice_minutes", "seeds", "loss", "ratio", "low", "high")
-        }
-    )
+            losses = complete(frame, system, [method], value)
+            for name in against:
+                other = complete(frame, system, [name], value)
+                found = savings_between(losses, other, held_out)
+                rows += [(system, method, name, *row) for row in found]
+    return pd.DataFrame(rows, columns=COLUMNS).astype(dict.fromkeys(NUMBERS, float))
 
 
 def savings_between(own: Losses, other: Losses, held_out: float = 0.0) -> list[tuple]:
-    """Data ratio between two methods, one curve each: size, seeds, loss, ratio, its ends, bound."""
+    """Data ratio between two methods with one curve each.
+
+    Args:
+        own: losses of the method that saves data, K = 1.
+        other: losses of the comparison, K = 1.
+        held_out: as in `savings`.
+
+    Returns:
+        A tuple per size of `own`: minutes, number of seeds, loss, ratio, low, high,
+        bound.
+    """
     seeds, count = np.intersect1d(own.seeds, other.seeds), len(own.minutes)
     if not (seeds.size and count and len(other.minutes)):
         return []
@@ -85,31 +79,24 @@ def savings_between(own: Losses, other: Losses, held_out: float = 0.0) -> list[t
         [side.values[np.isin(side.seeds, seeds), 0] for side in (own, other)]
     )
 
-    def at_sizes(some: np.ndarray) -> Efficiency:
-        mean = some.mean(0)
+    def at_sizes(losses: np.ndarray) -> Efficiency:
+        mean = losses.mean(0)
         return efficiency_at_sizes(
             own.minutes, mean[:count], mean[count:], other.minutes
         )
 
-    def ends(size: int) -> np.ndarray:
-        def ratio(some: np.ndarray) -> float:
-            again = at_sizes(some)
-            return known(again.ratio[size], str(again.bound[size]))
-
-        return np.exp(interval(ratio, both, held_out)[1:])
+    def log_ratio(losses: np.ndarray, size: int) -> float:
+        drawn = at_sizes(losses)
+        return log_of_value(drawn.ratio[size], str(drawn.bound[size]))
 
     found = at_sizes(both)
-    return [
-        (
-            float(minutes),
-            len(seeds),
-            float(found.loss[size]),
-            float(found.ratio[size]),
-            *ends(size).tolist(),
-            str(found.bound[size]),
-        )
-        for size, minutes in enumerate(own.minutes)
-    ]
+    rows: list[tuple] = []
+    for size, minutes in enumerate(own.minutes):
+        estimate = interval(functools.partial(log_ratio, size=size), both, held_out)
+        numbers = float(minutes), len(seeds), float(found.loss[size])
+        ends = np.exp(estimate[1:]).tolist()
+        rows.append((*numbers, float(found.ratio[size]), *ends, str(found.bound[size])))
+    return rows
 
 
 def with_savings(
@@ -119,88 +106,112 @@ def with_savings(
     on: Sequence[str],
     by: Sequence[str],
 ) -> pd.DataFrame:
-    """Means at each size with how their groups stand beside a reference, by `loss`, and what novice data they save.
+    """Add loss ratios and data savings beside a reference to a table of means.
 
     Args:
-        means: a line for each of the columns `on` and `by` and each of the
-            `novice_minutes`.
-        frame: the groups' results, a line a seed.
-        reference: those that they are held against.
-        on: columns in which the two sides agree beside seed and size, the system first.
-        by: further columns that tell the groups apart.
+        means: one row per group (columns `on` and `by`) and `novice_minutes`.
+        frame: the groups' results, one row per seed, with `loss`.
+        reference: results to compare with.
+        on: columns that are equal on both sides besides seed and size, the system
+            first.
+        by: further columns that distinguish the groups.
 
     Returns:
-        The means, with `ratio`, `low` and `high` as of `pairs.beside`, and how many
-        times a group's data the reference needs: `saved`, `saved_low`, `saved_high` and
-        `bound`. NaN where a line has nothing to be held against.
+        The means with `ratio`, `low` and `high` of `pairs.paired_comparison`, and with
+        `saved`, `saved_low`, `saved_high` and `bound`: how many times a group's data
+        the reference needs. NaN in rows without a reference.
     """
     point = [*on, *by, "novice_minutes"]
-    ratios = beside(frame, reference, on=[*on, "novice_minutes"], by=by, value="loss")
-    lines: list[tuple] = []
-    for key, own in frame.groupby(point[:-1], sort=False):
-        other = reference[(reference[list(on)] == list(key[: len(on)])).all(axis=1)]
-        mine, its = (
-            complete(side.assign(method="any"), str(key[0]), ["any"], "loss")
-            for side in (own, other)
-        )
-        lines += [
-            (*key, minutes, *ends)
-            for minutes, _, _, *ends in savings_between(mine, its)
-        ]
-    saved = pd.DataFrame(
-        lines, columns=[*point, "saved", "saved_low", "saved_high", "bound"]
+    ratios = paired_comparison(
+        frame, reference, on=[*on, "novice_minutes"], by=by, value="loss"
     )
-    found = means.merge(ratios[[*point, "ratio", "low", "high"]], how="left", on=point)
-    return found.merge(saved.astype(means[point].dtypes), how="left", on=point)
+    rows: list[tuple] = []
+    for key, group in frame.groupby(point[:-1], sort=False):
+        other = reference[(reference[list(on)] == list(key[: len(on)])).all(axis=1)]
+        own_losses, other_losses = (
+            complete(side.assign(method="any"), str(key[0]), ["any"], "loss")
+            for side in (group, other)
+        )
+        for minutes, _, _, *ends in savings_between(own_losses, other_losses):
+            rows.append((*key, minutes, *ends))
+    saved = pd.DataFrame(
+        rows, columns=[*point, "saved", "saved_low", "saved_high", "bound"]
+    )
+    ratios = ratios[[*point, "ratio", "low", "high"]]
+    table = means.merge(ratios, how="left", on=point)
+    return table.merge(saved.astype(means[point].dtypes), how="left", on=point)
 
 
-def written(table: pd.DataFrame) -> list[str]:
-    """The ratios of a table of `savings` for a page: 'at least 3.2 [1.9, 5.4]', no brackets where no interval is."""
-    words = {"=": "", ">=": "at least ", "<=": "at most "}
+def ratio_texts(table: pd.DataFrame) -> list[str]:
+    """The ratios of a table of `savings` for a page: 'at least 3.2 [1.9, 5.4]'.
+
+    A ratio without an interval has no brackets.
+    """
+    prefix = {"=": "", ">=": "at least ", "<=": "at most "}
     columns = table[["bound", "ratio", "low", "high"]]
     return [
-        f"{words[bound]}{Interval(*ends)}"
+        f"{prefix[bound]}{Interval(*ends)}"
         for bound, *ends in columns.itertuples(index=False)
     ]
 
 
-def rivals(
+def savings_table(
     frame: pd.DataFrame, methods: Sequence[str], against: Sequence[str]
 ) -> pd.DataFrame:
-    """`savings` of methods against several others side by side: a line a system, method and size, ratios as texts."""
-    found = savings(frame, methods, against)
+    """`savings` of methods with a column for each comparison, the ratios as texts.
+
+    Args:
+        frame: as in `savings`.
+        methods: the methods that save data.
+        against: the methods to compare with.
+
+    Returns:
+        One row per system, method and size, with the `loss` as text; sizes without a
+        ratio for all comparisons are left out.
+    """
+    table = savings(frame, methods, against)
     point = ["system", "method", "novice_minutes"]
-    wide = found.assign(times=written(found)).pivot(
+    texts = table.assign(times=ratio_texts(table)).pivot(
         index=point, columns="against", values="times"
     )
-    wide = wide.reindex(columns=list(against)).dropna()
-    losses = found.groupby(point).loss.first().map("{:.3f}".format).to_frame()
-    return losses.join(wide, how="right").reset_index()
+    texts = texts.reindex(columns=list(against)).dropna()
+    losses = table.groupby(point).loss.first().map("{:.3f}".format).to_frame()
+    return losses.join(texts, how="right").reset_index()
 
 
-def minutes_words(minutes: np.ndarray, losses: np.ndarray, loss: float) -> str:
-    """With how much data a method has a loss, by its own mean losses (M,) at sizes (M,), as 'more than 20 min'."""
-    much, sign = minutes_needed(minutes, falling(losses), loss)
-    return {"=": "", "<=": "at most ", ">": "more than "}[
-        sign
-    ] + f"{float(f'{much:.2g}'):g} min"
+def minutes_text(minutes: np.ndarray, losses: np.ndarray, loss: float) -> str:
+    """The data with which a method reaches a loss, as text: 'more than 20 min'.
+
+    Args:
+        minutes: (M,) sizes, rising.
+        losses: (M,) mean losses of the method.
+        loss: to be reached.
+    """
+    data, sign = minutes_needed(minutes, isotonic_fit(losses), loss)
+    prefix = {"=": "", "<=": "at most ", ">": "more than "}[sign]
+    return f"{prefix}{float(f'{data:.2g}'):g} min"
 
 
 def efficiency_band(
     minutes: np.ndarray, pairs: np.ndarray, losses: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """95 % interval of the data-efficiency ratio at each of `losses` (L,): low and high ends, NaN where there is none.
+    """95 % interval of the data-efficiency ratio at each loss.
 
     Args:
         minutes: (M,) sizes, rising.
-        pairs: (S, 2, M) losses, the method's before the comparison's.
+        pairs: (S, 2, M) losses, the method first, then the comparison.
         losses: (L,) to be reached.
+
+    Returns:
+        Low ends (L,) and high ends (L,); NaN where there is no interval.
     """
 
-    def ratio(some: np.ndarray, loss: float) -> float:
-        method, comparison = some.mean(0)
-        again = efficiency(minutes, method, comparison, np.array([loss]))
-        return known(again.ratio[0], str(again.bound[0]))
+    def log_ratio(drawn: np.ndarray, loss: float) -> float:
+        method, comparison = drawn.mean(0)
+        found = efficiency(minutes, method, comparison, np.array([loss]))
+        return log_of_value(found.ratio[0], str(found.bound[0]))
 
-    found = np.exp([interval(functools.partial(ratio, loss=x), pairs) for x in losses])
+    found = np.exp(
+        [interval(functools.partial(log_ratio, loss=loss), pairs) for loss in losses]
+    )
     return found[:, 1], found[:, 2]

@@ -1,4 +1,4 @@
-"""Tables of stored trials: what they cost, how they spread, which are stored."""
+"""Tables of stored trials: what they cost, how losses vary, which are stored."""
 
 from __future__ import annotations
 
@@ -22,108 +22,119 @@ COMPONENTS = (
 )
 
 
-def spread(frame: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-    """For each group that the columns `by` make: number of trials, mean, minimum and maximum of the loss."""
-    found = (
-        frame.groupby(list(by))
-        .validation_loss.agg(["size", "mean", "min", "max"])
-        .reset_index()
-    )
-    return found.rename(columns={"size": "trials", "min": "minimum", "max": "maximum"})
+def loss_summary(frame: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+    """Number of trials, and mean, minimum and maximum of the loss, by group.
+
+    Args:
+        frame: results.
+        by: columns that define the groups.
+    """
+    losses = frame.groupby(list(by)).validation_loss
+    table = losses.agg(["size", "mean", "min", "max"]).reset_index()
+    return table.rename(columns={"size": "trials", "min": "minimum", "max": "maximum"})
 
 
 def wide(
     table: pd.DataFrame, rows: Sequence[str], columns: str, value: str
 ) -> pd.DataFrame:
-    """A column for each of what `columns` holds, in their order; each of the `rows` has the words `value`, or a dash.
+    """A table in wide form: one column for each value of a column, in their order.
 
-    Narrow cells break before a bracket, never in it.
+    Narrow cells break before a bracket, never inside it.
+
+    Args:
+        table: in long form.
+        rows: columns that identify a row.
+        columns: the column whose values become columns.
+        value: the column whose texts fill the cells; an empty cell is a dash.
     """
-    unbroken = table.assign(
-        **{value: table[value].astype(str).str.replace(", ", ",\N{NO-BREAK SPACE}")}
-    )
-    found = unbroken.pivot_table(
+    unbroken = table[value].astype(str).str.replace(", ", ",\N{NO-BREAK SPACE}")
+    pivot = table.assign(**{value: unbroken}).pivot_table(
         value, list(rows), columns, aggfunc="first", sort=False, fill_value="-"
     )
-    return found.reset_index()
+    return pivot.reset_index()
 
 
 def component_errors(losses: Mapping[str, Sequence[Sequence[float]]]) -> pd.DataFrame:
-    """Root mean square error of each component of y, a line each with its unit, and the sum of squares.
+    """Root mean square error of each component of y, and the sum of squares.
 
     Args:
         losses: name of a column -> component losses (S, 13) of S trials, as
             `Outcome.component_losses`.
+
+    Returns:
+        One row per component, with its unit, and one for the sum; a column for each key
+        of `losses`.
     """
     means = {
-        name: np.mean(np.asarray(some, float), axis=0) for name, some in losses.items()
+        name: np.mean(np.asarray(trials, float), axis=0)
+        for name, trials in losses.items()
     }
-    found = pd.DataFrame(COMPONENTS, columns=["component", "unit"]).assign(
-        **{name: np.sqrt(mean) for name, mean in means.items()}
-    )
-    found.loc[len(found)] = [
-        "**equation (1), sum of squares**",
-        "",
-        *(float(mean.sum()) for mean in means.values()),
-    ]
-    return found
+    table = pd.DataFrame(COMPONENTS, columns=["component", "unit"])
+    table = table.assign(**{name: np.sqrt(mean) for name, mean in means.items()})
+    total = "**equation (1), sum of squares**"
+    table.loc[len(table)] = [total, "", *(float(mean.sum()) for mean in means.values())]
+    return table
 
 
 def costs(frame: pd.DataFrame) -> pd.DataFrame:
-    """What trials took, by system and method: mean and longest, min, and the most memory, MiB."""
-    found = (
-        frame.assign(minutes=frame.seconds / 60)
-        .groupby(["system", "method"])
-        .agg(
-            trials=("seed", "size"),
-            mean=("minutes", "mean"),
-            longest=("minutes", "max"),
-            memory=("peak_memory", "max"),
-        )
-        .reset_index()
-    )
+    """Time, min, and memory, MiB, of trials by system and method.
+
+    The time is the mean and the longest; the memory is the largest.
+    """
+    groups = frame.assign(minutes=frame.seconds / 60).groupby(["system", "method"])
+    table = groups.agg(
+        trials=("seed", "size"),
+        mean=("minutes", "mean"),
+        longest=("minutes", "max"),
+        memory=("peak_memory", "max"),
+    ).reset_index()
     names = {
         "mean": "mean (min)",
         "longest": "longest (min)",
         "memory": "peak memory (MiB)",
     }
-    return found.assign(memory=found.memory.round().astype(int)).rename(columns=names)
+    return table.assign(memory=table.memory.round().astype(int)).rename(columns=names)
 
 
 def differences(trial: Trial, base: Trial) -> str:
-    """What tells a trial's network and trainings from another's, as 'p_expert=0.25'; empty when nothing does."""
-    words = []
+    """Differences of a trial's network and trainings from another's: 'p_expert=0.25'.
+
+    The text is empty when there are none.
+    """
+    texts = []
     for part in ("network", "training", "pretraining"):
-        one, other = getattr(trial, part), getattr(base, part)
-        if one is not None and other is not None:
-            names = [field.name for field in dataclasses.fields(one)]
-            values = {
-                n: getattr(one, n)
-                for n in names
-                if getattr(one, n) != getattr(other, n)
-            }
-            words += [
-                f"{n}={v.name if isinstance(v, Body) else v}" for n, v in values.items()
-            ]
-    return ", ".join(dict.fromkeys(words))
+        settings, others = getattr(trial, part), getattr(base, part)
+        if settings is None or others is None:
+            continue
+        for field in dataclasses.fields(settings):
+            value = getattr(settings, field.name)
+            if value != getattr(others, field.name):
+                text = value.name if isinstance(value, Body) else value
+                texts.append(f"{field.name}={text}")
+    return ", ".join(dict.fromkeys(texts))
 
 
 def overview(store: Results, trials: Iterable[Trial], study: Study) -> list[str]:
-    """A line a system, method, size and configuration: how many of a study's trials are stored and stale, mean loss."""
+    """Lines of text about the stored trials of a study.
+
+    One line per system, method, size and configuration: how many trials are stored, how
+    many of these are stale, and their mean loss.
+    """
     points: dict[Trial, list[Trial]] = {}
     for trial in trials:
         points.setdefault(trial.replace(seed=0), []).append(trial)
     lines = []
     for first, group in points.items():
         rows = store.rows(group)
-        words = f"{first.system}  {first.method:<18}{first.novice_minutes:>6g} min  stored {len(rows)} of {len(group)}"
+        line = (
+            f"{first.system}  {first.method:<18}{first.novice_minutes:>6g} min"
+            f"  stored {len(rows)} of {len(group)}"
+        )
         if rows:
             loss = np.mean([row.outcome.validation_loss for row in rows])
-            words += (
-                f"  stale {sum(row.provenance.stale for row in rows)}  loss {loss:.4g}"
-            )
-        variant = differences(
-            first, study.trial(first.system, first.method, first.novice_minutes)
-        )
-        lines.append(words + (f"  ({variant})" if variant else ""))
+            stale = sum(row.provenance.stale for row in rows)
+            line += f"  stale {stale}  loss {loss:.4g}"
+        default = study.trial(first.system, first.method, first.novice_minutes)
+        variant = differences(first, default)
+        lines.append(f"{line}  ({variant})" if variant else line)
     return lines

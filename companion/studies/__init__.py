@@ -1,1 +1,1 @@
-"""What the book asks: a module or folder a question."""
+"""The studies of the book: one module or folder for each question."""

@@ -1,4 +1,7 @@
-"""Ablations of the paper's advice: one value of SIDM's training changed at a time, on a small novice dataset."""
+"""Ablations of the paper's advice: one setting of SIDM's training changed at a time.
+
+They run on small novice datasets; `most_data` runs on the largest.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +18,11 @@ from companion.figures.style import (
     METHOD_STYLES,
     SIZE_STYLES,
     legend_below,
-    named,
+    system_label,
 )
-from companion.methods import CHOICES, COMPARED, METHODS
-from companion.methods import PATIENCE as LONG_PATIENCE
+from companion.methods import CHOICES, COMPARED, LONG_PATIENCE, METHODS
 from companion.presets import Preset
-from companion.statistics.tables import spread
+from companion.statistics.tables import loss_summary
 from companion.study import Study
 from companion.trials import Trial
 from sidm.config import ConfigError, replace
@@ -33,42 +35,43 @@ EMPTY: Mapping[str, float] = MappingProxyType({})
 #: Values of p_e; None stands for 'proportional to the data'.
 P_EXPERT = (0.0, 0.25, 0.5, 0.75, 0.9, None)
 
-#: Iterations a phase, by the name of the phase.
+#: Field of the training -> the numbers of iterations that are tried.
 ITERATIONS = {
     "prediction_iterations": (20, 100, 500),
     "discriminator_iterations": (5, 20, 100),
     "matching_iterations": (0, 5, 20, 100),
 }
 
-#: Pixels a side of the height map; the paper has 300, the released code 64.
+#: Pixels on each side of the height map; the paper has 300, the released code 64.
 PIXELS = (16, 32, 64)
 
 #: Samples without a new minimum of the test loss before training ends.
 PATIENCE = (50_000, 150_000, 450_000)
 
-
-#: p_e with as much novice data as there is; section 5 advises less than with little.
+#: p_e for the largest novice dataset; section 5 advises less than for small ones.
 MOST_DATA_P_EXPERT = 0.25
 
 
 def most_data(study: Study, system: str) -> dict[str, list[Trial]]:
-    """SIDM on the largest novice dataset as section 5 advises there: the expert and the adversary count for less.
+    """Trials on the largest novice dataset, where section 5 advises other settings.
 
-    Patience is among it because it counts the samples of both systems: at a p_e of 0.75
-    a quarter are the novice's.
+    Section 5 advises that the expert and the adversary count for less there. Patience
+    is tried too because it counts the samples of both systems: at a p_e of 0.75 only a
+    quarter of them are the novice's.
+
+    Returns:
+        Description of each change of SIDM -> its trials.
     """
     sizes = [max(study.preset.novice_minutes(system))]
-    changed = replace(
-        study.preset.training_of(METHODS["sidm"], system), p_expert=MOST_DATA_P_EXPERT
-    )
+    sidm = study.preset.training_of(METHODS["sidm"], system)
+    less_expert = replace(sidm, p_expert=MOST_DATA_P_EXPERT)
+    no_adversary = METHODS["no_regularisation"].label
     patient = study.changed(**CHOICES[LONG_PATIENCE][0])
     return {
         f"p_e of {MOST_DATA_P_EXPERT:g}": study.points(
-            system, ["sidm"], sizes, changed
+            system, ["sidm"], sizes, less_expert
         ),
-        METHODS["no_regularisation"].label: study.points(
-            system, ["no_regularisation"], sizes
-        ),
+        no_adversary: study.points(system, ["no_regularisation"], sizes),
         LONG_PATIENCE: patient.points(system, ["sidm"], sizes),
     }
 
@@ -79,7 +82,15 @@ def most_data_trials(study: Study, system: str) -> list[Trial]:
 
 
 def proportional(preset: Preset, minutes: float) -> float:
-    """The p_e that is proportional to the sizes of the data, which the paper advises against."""
+    """The p_e proportional to the dataset sizes, which the paper advises against.
+
+    Args:
+        preset: gives the size of the expert dataset.
+        minutes: the size of the novice dataset.
+
+    Returns:
+        The expert's share of all trajectories, rounded to six digits.
+    """
     expert, novice = trajectories_for(preset.expert_minutes), trajectories_for(minutes)
     return round(expert / (expert + novice), 6)
 
@@ -90,16 +101,20 @@ def p_expert(
     values: Iterable[float | None] = P_EXPERT,
     sizes: Sequence[float] = (),
 ) -> list[Trial]:
-    """Ablation of p_e; at 0 the expert is never seen, in the regularisation neither."""
+    """Ablation of p_e; at 0 there is no regularisation, so no expert data is used.
+
+    Args:
+        study: makes the trials.
+        system: the pair of robots.
+        values: values of p_e; None stands for `proportional`.
+        sizes: minutes of novice data; those of the preset's ablations by default.
+    """
     trials = []
     for minutes in sizes or study.preset.ablation_minutes:
         for value in values:
             p = proportional(study.preset, minutes) if value is None else value
-            training = replace(
-                study.preset.training_of(METHODS["sidm"], system),
-                p_expert=p,
-                regularise=p > 0,
-            )
+            sidm = study.preset.training_of(METHODS["sidm"], system)
+            training = replace(sidm, p_expert=p, regularise=p > 0)
             method = "sidm" if p > 0 else "novice_only"
             trials += study.points(
                 system, [method], [minutes], training, study.preset.ablation_seeds
@@ -114,18 +129,30 @@ def iterations(
     values: Iterable[int] | None = None,
     sizes: Sequence[float] = (),
 ) -> list[Trial]:
-    """Ablation of the iterations of one phase; 0 of matching leave out the regularisation, of others: ConfigError."""
-    trials = []
+    """Ablation of the iterations of one phase.
+
+    Args:
+        study: makes the trials.
+        system: the pair of robots.
+        phase: a name of ITERATIONS.
+        values: numbers of iterations; those of ITERATIONS by default. 0 matching
+            iterations mean training without regularisation.
+        sizes: minutes of novice data; those of the preset's ablations by default.
+
+    Raises:
+        ConfigError: 0 iterations of another phase than matching.
+    """
+    sizes, trials = sizes or study.preset.ablation_minutes, []
     for value in ITERATIONS[phase] if values is None else values:
         if value == 0 and phase != "matching_iterations":
             raise ConfigError(
-                f"{phase} must be at least 1; without an adversary there are 0 matching_iterations"
+                f"{phase} must be at least 1; "
+                "without an adversary there are 0 matching_iterations"
             )
         method = "sidm" if value > 0 else "no_regularisation"
         training = study.preset.training_of(METHODS[method], system)
         if value > 0:
             training = replace(training, **{phase: value})
-        sizes = sizes or study.preset.ablation_minutes
         trials += study.points(
             system, [method], sizes, training, study.preset.ablation_seeds
         )
@@ -139,7 +166,15 @@ def setting(
     values: Iterable[int],
     sizes: Sequence[float] = (),
 ) -> list[Trial]:
-    """Ablation of a setting that both of the paper's methods have, of their training or their network."""
+    """Ablation of a setting that both of the paper's methods have.
+
+    Args:
+        study: makes the trials.
+        system: the pair of robots.
+        name: the setting, a field of the training or of the network.
+        values: values of the setting.
+        sizes: minutes of novice data; those of the preset's ablations by default.
+    """
     sizes = sizes or study.preset.ablation_minutes
     return [
         trial
@@ -166,24 +201,28 @@ def patience(study: Study, system: str) -> list[Trial]:
 
 
 def table(frame: pd.DataFrame, name: str, by_method: bool = False) -> pd.DataFrame:
-    """Number, mean, minimum and maximum of validation losses by system, size, method if asked for, and `value`.
+    """Validation losses of an ablation by the ablated `value`.
 
     Args:
-        frame: of the ablation of `name`.
-        name: of the value, a setting of the training or the network.
-        by_method: whether each method has lines of its own; else what a value makes of
-            it stands with the rest.
+        frame: stored results of the ablation of `name`.
+        name: the ablated setting of the training or the network.
+        by_method: whether each method has its own rows; else all trials with the same
+            value are taken together.
+
+    Returns:
+        One row per `system`, `novice_minutes`, `method` if asked for, and `value`, with
+        the number of `trials` and the `mean`, `minimum` and `maximum` of their losses.
     """
     value = frame[name]
     if name == "matching_iterations":  # none without regularisation
         value = value.where(frame.regularise, 0)
-    return spread(
+    return loss_summary(
         frame.assign(value=value),
         ["system", "novice_minutes", *["method"] * by_method, "value"],
     )
 
 
-#: What is ablated, on its axis.
+#: Ablated setting -> label of its axis.
 _AXES = {
     "p_expert": "$p_e$, probability of drawing the expert (-)",
     "prediction_iterations": "prediction iterations a phase",
@@ -201,46 +240,47 @@ def figure(
     systems: Sequence[str] = tuple(SYSTEMS),
     usual: Mapping[str, float] = EMPTY,
 ) -> Figure:
-    """Validation loss against an ablated value, a line a size and method: mean over seeds with minimum to maximum.
+    """Validation loss against an ablated setting, one line per size and method.
 
-    A probability has an axis of its own; of other values each that was tried has a
-    place, in their order.
+    Lines are means over seeds; bars reach from the minimum to the maximum. Values of
+    p_e have a linear axis; the values of other settings stand at equal distances.
 
     Args:
-        table: as `table` makes it.
-        name: of the value.
-        systems: a plot each.
+        table: made by `table`.
+        name: the ablated setting.
+        systems: one plot for each.
         usual: each system's value in Figure 3, which a vertical line marks.
     """
     figure, panels = side_by_side(len(systems))
     for axes, system in zip(panels, systems, strict=True):
         _draw(axes, table, name, system, usual)
-        axes.set(ylabel=LOSS_LABEL, title=named(system))
+        axes.set(ylabel=LOSS_LABEL, title=system_label(system))
     return figure
 
 
 @styled
-def compared(
+def comparison_figure(
     tables: Mapping[str, pd.DataFrame],
     systems: Sequence[str] = tuple(SYSTEMS),
     usual: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
 ) -> Figure:
-    """Several ablations as `figure` draws each, a column each and a row for each system, whose losses share an axis.
+    """Several ablations side by side, each drawn as `figure` draws it.
 
     Args:
-        tables: by the name of the value.
-        systems: a row each.
-        usual: by the same names, each system's value in Figure 3.
+        tables: ablated setting -> its table; one column of plots for each.
+        systems: one row of plots for each; the plots of a row share the loss axis.
+        usual: ablated setting -> each system's value in Figure 3.
     """
-    figure, panels = side_by_side(len(systems) * len(tables), len(tables))
+    names = list(tables)
+    figure, panels = side_by_side(len(systems) * len(names), len(names))
     figure.set_size_inches(10.4, 3.3 * len(systems))
     for number, axes in enumerate(panels):
-        row, column = divmod(number, len(tables))
-        system, name = systems[row], list(tables)[column]
+        row, column = divmod(number, len(names))
+        system, name = systems[row], names[column]
         if column and len(tables[name]):
-            axes.sharey(panels[row * len(tables)])
+            axes.sharey(panels[row * len(names)])
         _draw(axes, tables[name], name, system, usual.get(name, EMPTY), legend=False)
-        axes.set_title(named(system))
+        axes.set_title(system_label(system))
         axes.tick_params(labelleft=not column)
         if not column:
             axes.set_ylabel(LOSS_LABEL)
@@ -256,44 +296,37 @@ def _draw(
     usual: Mapping[str, float],
     legend: bool = True,
 ) -> None:
-    """One system's lines of an ablation."""
-    tried = sorted({*table.value, *usual.values()})
-    place = {
+    """Draw one system's lines of an ablation; the arguments are those of `figure`."""
+    values = sorted({*table.value, *usual.values()})
+    x = {
         value: value if name == "p_expert" else float(number)
-        for number, value in enumerate(tried)
+        for number, value in enumerate(values)
     }
-    mine = table[table.system == system]
+    rows = table[table.system == system]
     axes.set_xlabel(_AXES.get(name, name))
-    lines = mine.groupby([one for one in ("novice_minutes", "method") if one in table])
-    for number, ((minutes, *method), line) in enumerate(lines):
-        ends = [
-            (line["mean"] - line.minimum).clip(0),
-            (line.maximum - line["mean"]).clip(0),
-        ]
-        words = ", ".join(
-            [*(METHOD_STYLES[one]["label"] for one in method), f"{minutes:g} min"]
-        )
-        style = SIZE_STYLES[number % len(SIZE_STYLES)]
-        if method:  # in its own colour
-            size = sorted(mine.novice_minutes.unique()).index(minutes)
-            style = size_style(method[0], size) | {
-                "marker": METHOD_STYLES[method[0]]["marker"]
-            }
+    groups = [column for column in ("novice_minutes", "method") if column in table]
+    for number, ((minutes, *method), line) in enumerate(rows.groupby(groups)):
+        below, above = line["mean"] - line.minimum, line.maximum - line["mean"]
+        style, label = SIZE_STYLES[number % len(SIZE_STYLES)], f"{minutes:g} min"
+        if method:  # the method's colour, and a line style for the size
+            size = sorted(rows.novice_minutes.unique()).index(minutes)
+            look = METHOD_STYLES[method[0]]
+            style = size_style(method[0], size) | {"marker": look["marker"]}
+            label = f"{look['label']}, {label}"
         axes.errorbar(
-            line.value.map(place), line["mean"], ends, capsize=3, label=words, **style
+            line.value.map(x),
+            line["mean"],
+            [below.clip(0), above.clip(0)],
+            capsize=3,
+            label=label,
+            **style,
         )
-    if len(mine) and system in usual:
-        axes.axvline(
-            place[usual[system]],
-            color="0.6",
-            linestyle=":",
-            marker="",
-            zorder=0,
-            label="as in Figure 3",
-        )
+    if len(rows) and system in usual:
+        look = {"color": "0.6", "linestyle": ":", "marker": "", "zorder": 0}
+        axes.axvline(x[usual[system]], label="as in Figure 3", **look)
     finish(axes, legend=legend)
-    if len(mine) and name == "p_expert":
+    if len(rows) and name == "p_expert":
         axes.set_xlim(-0.03, 1.03)
-    elif len(mine):
-        axes.set_xticks(list(place.values()), [f"{value:,.0f}" for value in place])
-        axes.set_xlim(-0.3, len(place) - 0.7)
+    elif len(rows):
+        axes.set_xticks(list(x.values()), [f"{value:,.0f}" for value in x])
+        axes.set_xlim(-0.3, len(x) - 0.7)

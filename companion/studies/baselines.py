@@ -1,15 +1,16 @@
-"""The method among its neighbours: what each reaches on the same novice data, and what it costs."""
+"""SIDM among other methods: what each reaches on the same novice data, and its cost."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from companion.figures.style import METHOD_STYLES, SIZE_STYLES, named
+from companion.figures.style import METHOD_STYLES, SIZE_STYLES, system_label
 from companion.methods import BASELINES, COMPARED, FIGURE3, METHODS
-from companion.statistics.pairs import beside
+from companion.statistics.pairs import paired_comparison
 from companion.studies.throughput import Pace, seconds
 from companion.study import Study
 from companion.trials import Trial
@@ -20,30 +21,34 @@ POINT = ["system", "novice_minutes", "method"]
 
 
 def trials(study: Study, system: str) -> list[Trial]:
-    """Figure 3's methods and their neighbours on a small and a middle dataset; the expert alone has no size."""
+    """Trials of Figure 3's methods and the baselines on a small and a middle dataset.
+
+    `expert_only` uses no novice data, so it is run at one size. `novice_only` is also
+    run on the largest dataset, as the method `all_data`.
+    """
     sizes = study.preset.baseline_minutes
-    named = [one for one in (*FIGURE3, *BASELINES) if one != "expert_only"]
-    largest = max(study.preset.novice_minutes(system))  # 'all_data'
+    methods = [name for name in (*FIGURE3, *BASELINES) if name != "expert_only"]
+    largest = max(study.preset.novice_minutes(system))
     return [
-        *study.points(system, named, sizes),
+        *study.points(system, methods, sizes),
         *study.points(system, ["expert_only"], sizes[:1]),
         *study.points(system, ["novice_only"], [largest]),
     ]
 
 
 def table(frame: pd.DataFrame, paces: Mapping[str, Pace] | None = None) -> pd.DataFrame:
-    """A line a system, size and method, in the order of METHODS.
+    """Losses and costs of each method, one row per system, size and method.
 
     Args:
-        frame: of stored results, at most one a system, size, method and seed.
-        paces: seconds of 1,000 samples by method, as `throughput.read` finds them.
+        frame: stored results, at most one per system, size, method and seed.
+        paces: method -> seconds per 1,000 samples, from `throughput.read`.
 
     Returns:
-        `seeds`; mean `loss`, `lowest` and `highest`; mean `samples` of prediction and
-        pretraining; `minutes` of a core, at those paces or, where a method has none, as
-        the trials took beside whatever ran then; and the ratio of the loss to that of
-        each of the paper's methods with its interval, `to_sidm`, `to_sidm_low` and so
-        on.
+        Rows in the order of METHODS: `seeds`; mean `loss`, `lowest` and `highest`; mean
+        `samples` of prediction and pretraining; mean `minutes` of one core, from the
+        method's pace, or, where it has none, as long as the trials took beside whatever
+        ran at that time; and the ratio of the loss to that of each of the paper's
+        methods with its interval, `to_sidm`, `to_sidm_low` and so on.
 
     Raises:
         ValueError: two results stand for the same point.
@@ -52,7 +57,7 @@ def table(frame: pd.DataFrame, paces: Mapping[str, Pace] | None = None) -> pd.Da
         samples=frame.samples + frame.pretraining_samples,
         minutes=seconds(frame, paces or {}).fillna(frame.seconds) / 60,
     )
-    found = (
+    means = (
         frame.groupby(POINT, sort=False)
         .agg(
             seeds=("seed", "size"),
@@ -64,19 +69,15 @@ def table(frame: pd.DataFrame, paces: Mapping[str, Pace] | None = None) -> pd.Da
         )
         .reset_index()
     )
-    for other in COMPARED:
-        ratios = beside(frame[frame.method != other], frame[frame.method == other])
-        names = {
-            "ratio": f"to_{other}",
-            "low": f"to_{other}_low",
-            "high": f"to_{other}_high",
-        }
-        found = found.merge(
-            ratios[[*POINT, *names]].rename(columns=names), how="left", on=POINT
-        )
-    order = found.method.map(list(METHODS).index)
+    for paper in COMPARED:
+        rest, reference = frame[frame.method != paper], frame[frame.method == paper]
+        ends = {"low": f"to_{paper}_low", "high": f"to_{paper}_high"}
+        names = {"ratio": f"to_{paper}"} | ends
+        ratios = paired_comparison(rest, reference)[[*POINT, *names]]
+        means = means.merge(ratios.rename(columns=names), how="left", on=POINT)
+    order = means.method.map(list(METHODS).index)
     return (
-        found.assign(order=order)
+        means.assign(order=order)
         .sort_values(["system", "novice_minutes", "order"])
         .drop(columns="order")
     )
@@ -86,53 +87,43 @@ def table(frame: pd.DataFrame, paces: Mapping[str, Pace] | None = None) -> pd.Da
 def figure(
     table: pd.DataFrame, sizes: Sequence[float], systems: Sequence[str] = tuple(SYSTEMS)
 ) -> Figure:
-    """Validation loss of each method, mean with minimum to maximum: a plot a system, a colour a size.
+    """Mean validation loss of each method, with bars from minimum to maximum.
 
     Args:
-        table: as `table` makes it.
-        sizes: that the methods are compared at, min; those with other sizes are
-            vertical lines.
-        systems: a plot each.
+        table: made by `table`.
+        sizes: minutes of novice data, one colour for each; the mean losses at other
+            sizes are vertical lines.
+        systems: one plot for each.
     """
     figure, panels = side_by_side(len(systems))
     methods = [name for name in METHODS if name in set(table.method)]
-    figure.set_size_inches(
-        figure.get_size_inches()[0], 1.2 + 0.34 * max(len(methods), 5)
-    )
+    width, _ = figure.get_size_inches()
+    figure.set_size_inches(width, 1.2 + 0.34 * max(len(methods), 5))
     for axes, system in zip(panels, systems, strict=True):
-        mine = table[table.system == system]
+        rows = table[table.system == system]
         for number, minutes in enumerate(sizes):
-            here = mine[mine.novice_minutes == minutes]
-            if len(here):
-                ends = [
-                    (here.loss - here.lowest).clip(0),
-                    (here.highest - here.loss).clip(0),
-                ]
-                height = here.method.map(methods.index) + 0.16 * (
-                    number - (len(sizes) - 1) / 2
-                )
+            points = rows[rows.novice_minutes == minutes]
+            shift = 0.16 * (number - (len(sizes) - 1) / 2)
+            if len(points):
+                height = points.method.map(methods.index) + shift
                 style = SIZE_STYLES[number % len(SIZE_STYLES)] | {"linestyle": ""}
-                axes.errorbar(
-                    here.loss,
-                    height,
-                    xerr=ends,
-                    capsize=2,
-                    label=f"{minutes:g} min",
-                    **style,
-                )
-        for one in mine[~mine.novice_minutes.isin(sizes)].itertuples():
-            label = f"{METHOD_STYLES[one.method]['label']}, {one.novice_minutes:g} min"
-            axes.axvline(one.loss, color="0.5", linestyle=":", marker="", label=label)
-        axes.set(
-            xlabel="validation loss, equation (1)",
-            title=named(system),
-            ylim=(len(methods) - 0.5, -0.5),
-        )
+                _draw_losses(axes, points, height, f"{minutes:g} min", style)
+        for row in rows[~rows.novice_minutes.isin(sizes)].itertuples():
+            label = f"{METHOD_STYLES[row.method]['label']}, {row.novice_minutes:g} min"
+            axes.axvline(row.loss, color="0.5", linestyle=":", marker="", label=label)
+        axes.set(xlabel="validation loss, equation (1)", title=system_label(system))
+        axes.set_ylim(len(methods) - 0.5, -0.5)
         finish(axes)
-        labels = (
-            [METHOD_STYLES[name]["label"] for name in methods]
-            if axes is panels[0]
-            else [""] * len(methods)
-        )
+        first = axes is panels[0]
+        labels = [METHOD_STYLES[name]["label"] if first else "" for name in methods]
         axes.set_yticks(range(len(methods)), labels)
     return figure
+
+
+def _draw_losses(
+    axes: Axes, rows: pd.DataFrame, height: pd.Series, label: str, style: Mapping
+) -> None:
+    """Draw the losses of one size as points with bars from lowest to highest."""
+    below, above = rows.loss - rows.lowest, rows.highest - rows.loss
+    bars = [below.clip(0), above.clip(0)]
+    axes.errorbar(rows.loss, height, xerr=bars, capsize=2, label=label, **style)

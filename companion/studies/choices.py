@@ -1,7 +1,7 @@
-"""What choices are worth that the paper leaves open, or that the released code makes otherwise.
+"""The worth of choices that the paper leaves open or the released code makes otherwise.
 
-Figure 3's methods are trained with one choice changed at a time, on the small size of
-the ablations, as each was tuned; and with the released code's choices together, at
+Figure 3's methods, as each was tuned, are trained with one choice changed at a time, on
+the smallest dataset of the ablations; and with the released code's choices together, at
 every size.
 """
 
@@ -14,32 +14,36 @@ import pandas as pd
 
 from companion.engine.store import Results
 from companion.methods import CHOICES, FIGURE3, RELEASED
-from companion.statistics.pairs import beside
+from companion.statistics.pairs import paired_comparison
 from companion.study import Study
 from companion.trials import Trial
 
+#: Description of a choice -> changes of the preset, and the methods that it concerns.
 Choices = Mapping[str, tuple[dict[str, Any], tuple[str, ...]]]
 
-OURS = "as in Figure 3"
+UNCHANGED = "as in Figure 3"
 
 
 def changed(
     study: Study, system: str, choices: Choices = CHOICES
 ) -> dict[str, list[Trial]]:
-    """The trials of a system with each of the choices changed: CHOICES on a small dataset, RELEASED at every size."""
-    small, every = (
-        study.preset.ablation_minutes[:1],
-        study.preset.novice_minutes(system),
-    )
-    sizes = {words: small if words in CHOICES else every for words in choices}
+    """The trials of a system with each of the choices changed.
+
+    Returns:
+        Choice -> its trials: of CHOICES on a small dataset, of RELEASED at every size.
+    """
+    small = study.preset.ablation_minutes[:1]
+    every = study.preset.novice_minutes(system)
     return {
-        words: study.changed(**changes).points(system, methods, sizes[words])
-        for words, (changes, methods) in choices.items()
+        choice: study.changed(**changes).points(
+            system, methods, small if choice in CHOICES else every
+        )
+        for choice, (changes, methods) in choices.items()
     }
 
 
 def trials(study: Study, system: str) -> list[Trial]:
-    """Figure 3's methods on a small dataset with one of our choices changed at a time."""
+    """Figure 3's methods on a small dataset with one choice changed at a time."""
     return sum(changed(study, system).values(), [])
 
 
@@ -51,20 +55,28 @@ def released(study: Study, system: str) -> list[Trial]:
 def frame(
     study: Study, store: Results, systems: Iterable[str], choices: Choices = CHOICES
 ) -> pd.DataFrame:
-    """Stored results by `choice`, those of Figure 3's own sizes and methods among them as OURS."""
+    """Stored results by `choice`; the results of Figure 3 have the choice UNCHANGED."""
     parts = []
     for system in systems:
-        own = {OURS: study.points(system, FIGURE3, study.preset.novice_minutes(system))}
-        for words, some in (own | changed(study, system, choices)).items():
-            parts.append(store.frame(some).assign(choice=words))
+        figure3 = study.points(system, FIGURE3, study.preset.novice_minutes(system))
+        grids = {UNCHANGED: figure3} | changed(study, system, choices)
+        parts += [
+            store.frame(trials).assign(choice=choice)
+            for choice, trials in grids.items()
+        ]
     return pd.concat(parts)
 
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
-    """Losses with a choice changed beside OURS: `pairs.beside`, a ratio above 1 where ours is the better."""
-    return beside(
-        frame[frame.choice != OURS],
-        frame[frame.choice == OURS],
+    """Ratios of the losses with a choice changed to the losses of Figure 3.
+
+    Returns:
+        A table of `pairs.paired_comparison`, one row per system, method, size and
+        choice; a ratio above 1 means that the choice of Figure 3 is better.
+    """
+    return paired_comparison(
+        frame[frame.choice != UNCHANGED],
+        frame[frame.choice == UNCHANGED],
         ["system", "method", "novice_minutes"],
         ["choice"],
     )

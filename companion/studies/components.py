@@ -1,4 +1,4 @@
-"""Which components of a transition does an SIDM predict better, from the same novice data?"""
+"""Which components of a transition does SIDM predict better from equal novice data?"""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from companion.figures.style import named
+from companion.figures.style import system_label
 from companion.methods import COMPARED
-from companion.statistics.pairs import beside
+from companion.statistics.pairs import paired_comparison
 from companion.statistics.tables import COMPONENTS
 from companion.study import Study
 from companion.trials import Trial
@@ -21,51 +21,50 @@ NAMES = [name for name, _ in COMPONENTS]
 
 
 def trials(study: Study, system: str) -> list[Trial]:
-    """The paper's two methods at every size, of Figure 3."""
+    """The paper's two methods at every size, taken from Figure 3."""
     return [trial for trial in study.figure3(system) if trial.method in COMPARED]
 
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
-    """The loss of each component with SIDM beside that without: `pairs.beside`, below 1 where SIDM predicts better."""
+    """Ratio of each component's loss with SIDM to its loss without.
+
+    Returns:
+        A table of `pairs.paired_comparison`, one row per system, size and component; a
+        ratio below 1 means that SIDM predicts the component better.
+    """
     long = frame.assign(component=[NAMES] * len(frame)).explode(
         ["component", "component_losses"]
     )
-    sidm, alone = (
-        long[long.method == method].astype({"component_losses": float})
-        for method in COMPARED
-    )
-    return beside(
-        sidm,
-        alone,
-        on=["system", "novice_minutes", "component"],
-        value="component_losses",
-    )
+    long = long.astype({"component_losses": float})
+    sidm, alone = (long[long.method == method] for method in COMPARED)
+    point = ["system", "novice_minutes", "component"]
+    return paired_comparison(sidm, alone, on=point, value="component_losses")
 
 
 @styled
 def figure(table: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
-    """Ratios by component and size as colours, blue below 1; numbers where the whole interval lies to one side of 1."""
+    """Ratios by component and size as colours, blue below 1, one plot per system.
+
+    Numbers stand where the whole interval lies on one side of 1.
+    """
     figure, panels = side_by_side(len(systems))
     figure.set_figheight(5)
     for axes, system in zip(panels, systems, strict=True):
-        mine = table[table.system == system].set_index(["component", "novice_minutes"])
-        if len(mine):
-            ratio = mine.ratio.unstack().reindex(NAMES)
+        rows = table[table.system == system].set_index(["component", "novice_minutes"])
+        if len(rows):
+            ratio = rows.ratio.unstack().reindex(NAMES)
+            sizes = list(ratio.columns)
             axes.imshow(np.log2(ratio), cmap="RdBu_r", vmin=-1, vmax=1, aspect="auto")
-            for (component, minutes), one in mine.iterrows():
-                if one.high < 1 or one.low > 1:
-                    place = list(ratio.columns).index(minutes), NAMES.index(component)
-                    axes.text(
-                        *place, f"{one.ratio:.2f}", ha="center", va="center", fontsize=7
-                    )
-            axes.set_xticks(
-                range(len(ratio.columns)), [f"{minutes:g}" for minutes in ratio.columns]
-            )
-        axes.set(title=named(system), xlabel="novice data (min)")
+            for (component, minutes), row in rows.iterrows():
+                if row.high < 1 or row.low > 1:
+                    x, y = sizes.index(minutes), NAMES.index(component)
+                    text = f"{row.ratio:.2f}"
+                    axes.text(x, y, text, ha="center", va="center", fontsize=7)
+            axes.set_xticks(range(len(sizes)), [f"{minutes:g}" for minutes in sizes])
+        axes.set(title=system_label(system), xlabel="novice data (min)")
         axes.grid(False)
         finish(axes, legend=False)
-        if len(mine):
-            axes.set_yticks(
-                range(len(NAMES)), NAMES if axes is panels[0] else [""] * len(NAMES)
-            )
+        if len(rows):
+            labels = NAMES if axes is panels[0] else [""] * len(NAMES)
+            axes.set_yticks(range(len(NAMES)), labels)
     return figure

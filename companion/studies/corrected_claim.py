@@ -1,16 +1,18 @@
-"""A claim about a method of ours, its protocol written before its trials were run: half the data of the best rival.
+"""A claim of our own: `corrected_averaged` needs half the data of its best rival.
 
-`corrected_averaged` (the expert's model corrected by least squares, mirrored and
-averaged) was chosen on the validation data that it was first judged on. So it is judged
-again, by a rule that stands here, on data that nothing was chosen by: seeds from
-FIRST_SEED on, a pool and validation motion of their own, and pairs of robots that
-nothing was tuned on: the paper's with free struts, and two of the family. Fine-tuning
-has its aids, too; the rivals have the settings that the laptop's tuning gave them.
+The protocol was written before the trials were run. `corrected_averaged` (the expert's
+model corrected by least squares, mirrored and averaged) was chosen on the same
+validation data that first showed it ahead. So it is tested once more, by the rule that
+stands here, on data that no choice was made with: seeds from FIRST_SEED on, a novice
+pool and validation motion that nothing else uses, and pairs of robots that nothing was
+tuned on: the paper's with free struts, and two of the family. The rival `RIVAL` is
+fine-tuning with the same two aids (mirrored and averaged); the rivals have the settings
+of the laptop preset's tuning.
 
-The claim: with m minutes of novice data its mean validation loss is below that of the
-best rival with 2 m, the rival of the lowest mean at that pair and size, the whole
-paired 95 % interval of the ratio below 1, at every m of SIZES and for every pair of
-PAIRS.
+The claim: with m minutes of novice data the method's mean validation loss is below that
+of its best rival with 2 m minutes, and the whole paired 95 % interval of the ratio is
+below 1. This holds for every m of SIZES and for every pair of PAIRS. The best rival is
+the rival with the lowest mean loss at that pair and size.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ import pandas as pd
 
 from companion.methods import RIVAL
 from companion.statistics.intervals import FEWEST_SEEDS
-from companion.statistics.pairs import beside
+from companion.statistics.pairs import paired_comparison
 from companion.study import Study
 from companion.trials import Trial
 from sidm.systems import FAMILY_PAIRS, FREE_SYSTEMS
@@ -33,43 +35,49 @@ POOL_MINUTES, VALIDATION_MINUTES = 20.0, 20.0
 
 
 def trials(study: Study, system: str) -> list[Trial]:
-    """The method with m minutes and its rivals with 2 m, on motion that serves this alone."""
-    own = study.of(study.preset.with_motion("claim", POOL_MINUTES, VALIDATION_MINUTES))
-    found = own.points(system, [METHOD], SIZES, seeds=SEEDS)
-    found += own.points(system, RIVALS, [2 * minutes for minutes in SIZES], seeds=SEEDS)
-    return [trial.replace(seed=FIRST_SEED + trial.seed) for trial in found]
+    """The method with m minutes and its rivals with 2 m, on motion for this claim."""
+    preset = study.preset.with_motion("claim", POOL_MINUTES, VALIDATION_MINUTES)
+    claim, doubled = study.with_preset(preset), [2 * minutes for minutes in SIZES]
+    trials = claim.points(system, [METHOD], SIZES, seeds=SEEDS)
+    trials += claim.points(system, RIVALS, doubled, seeds=SEEDS)
+    return [trial.replace(seed=FIRST_SEED + trial.seed) for trial in trials]
 
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
-    """The method beside the best rival with twice its data: `pairs.beside` by pair and size, with that `rival`.
+    """Ratio of the method's loss to that of its best rival with twice the data.
 
     A seed counts where the method and every rival have it.
 
-    `holds` says whether the claim does there: the whole interval of the ratio lies
-    below 1.
+    Returns:
+        A table of `pairs.paired_comparison`, one row per pair of robots and size, with
+        the best `rival`, and whether the claim `holds` there: the whole interval of the
+        ratio lies below 1.
     """
     point = ["system", "novice_minutes"]
-    own, rivals = frame[frame.method == METHOD], frame[frame.method.isin(RIVALS)]
-    both = pd.concat([own, rivals.assign(novice_minutes=rivals.novice_minutes / 2)])
-    both = both[
-        both.groupby([*point, "seed"]).method.transform("nunique") == 1 + len(RIVALS)
-    ]
-    own, rivals = both[both.method == METHOD], both[both.method != METHOD]
+    method, rivals = frame[frame.method == METHOD], frame[frame.method.isin(RIVALS)]
+    both = pd.concat([method, rivals.assign(novice_minutes=rivals.novice_minutes / 2)])
+    methods = both.groupby([*point, "seed"]).method.transform("nunique")
+    both = both[methods == 1 + len(RIVALS)]
+    method, rivals = both[both.method == METHOD], both[both.method != METHOD]
     means = rivals.groupby([*point, "method"]).validation_loss.mean()
-    best = (
-        means.groupby(level=[0, 1])
-        .idxmin()
-        .map(lambda key: key[2])
-        .rename("rival")
-        .reset_index()
-    )
+    lowest = means.groupby(level=[0, 1]).idxmin()  # (system, minutes, method)
+    best = lowest.map(lambda key: key[2]).rename("rival").reset_index()
     chosen = rivals.merge(best, left_on=[*point, "method"], right_on=[*best.columns])
-    found = beside(own, chosen).merge(best, on=point)
-    return found.assign(holds=found.high < 1)
+    compared = paired_comparison(method, chosen).merge(best, on=point)
+    return compared.assign(holds=compared.high < 1)
 
 
 def verdict(table: pd.DataFrame) -> bool | None:
-    """Whether the claim holds at every pair and size: not if it fails at one, None before all have FEWEST_SEEDS."""
+    """Whether the claim holds at every pair and size.
+
+    Args:
+        table: made by `table`.
+
+    Returns:
+        False as soon as the claim fails at one point with FEWEST_SEEDS; else None until
+        all points have so many seeds, then True.
+    """
     run = table[table.seeds >= FEWEST_SEEDS]
-    whole = len(run) == len(PAIRS) * len(SIZES)
-    return (True if whole else None) if run.holds.all() else False
+    if not run.holds.all():
+        return False
+    return True if len(run) == len(PAIRS) * len(SIZES) else None

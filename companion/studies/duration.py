@@ -1,4 +1,7 @@
-"""How long to train: far past the preset's patience, on a small dataset that settings are chosen by."""
+"""How long to train: far past the preset's patience, on a small dataset.
+
+The dataset is one that settings are chosen by, not one of a figure.
+"""
 
 from __future__ import annotations
 
@@ -15,25 +18,25 @@ from companion.trials import Trial
 from sidm.config import replace
 from sidm.plots import finish, side_by_side, styled
 
-#: The paper's motion of the expert, and motion of the novice that settings are chosen
-#: by.
+#: The paper's amount of expert motion, and novice motion that settings are chosen by.
 MOTION: dict[str, Any] = {
     "expert_minutes": 500_000 / 600,
     "rollouts": 100,
     "tuning_pool_minutes": 60.0,
 }
-#: Until so many samples bring no lower test loss.
+#: Training goes on until so many samples bring no lower test loss.
 LONG: dict[str, Any] = {"patience": 2_500_000, "max_samples": 6_000_000}
 MINUTES, SEEDS = (5.0,), 3
 MANY_EXPERTS = 0.9  # p_e
-#: Method -> minutes of novice data -> trials as the authors train. An SIDM at 5 min
-#: stands beside training alone at 20.
+#: Method -> minutes of novice data -> number of trials as the authors train. SIDM at
+#: 5 min stands beside training without SIDM at 20.
 RELEASED_SEEDS: dict[str, dict[float, int]] = {
     "sidm": {1.0: 1, 5.0: SEEDS, 20.0: 1, 60.0: 1},
     "novice_only": {1.0: 1, 5.0: SEEDS, 20.0: SEEDS, 60.0: 1},
 }
 
-#: Batches and rate of the authors' code, with a test as often in samples as ours.
+#: Batches and learning rate of the authors' code; the test loss is taken after as many
+#: samples as in this book's trainings.
 RELEASED_PACE = dict(
     batch=2,
     discriminator_batch=2,
@@ -42,98 +45,116 @@ RELEASED_PACE = dict(
     test_interval=100,
 )
 
+#: The two ways to train, as tables and figures name them.
+BY_BOOK, BY_AUTHORS = "as this book trains, to the end", "as the authors train"
+
 
 def trials(study: Study, system: str) -> list[Trial]:
-    """The paper's methods, with SIDM also at a p_e of MANY_EXPERTS, and as the authors train them."""
-    long = study.of(study.preset.replace(**MOTION).for_tuning().replace(**LONG))
-    more = replace(
-        long.preset.training_of(METHODS["sidm"], system), p_expert=MANY_EXPERTS
+    """The paper's methods trained for long as in this book, and as the authors train.
+
+    SIDM is also trained for long at a p_e of MANY_EXPERTS.
+    """
+    long = study.with_preset(
+        study.preset.replace(**MOTION).for_tuning().replace(**LONG)
     )
-    found = []
+    sidm = long.preset.training_of(METHODS["sidm"], system)
+    many_experts = replace(sidm, p_expert=MANY_EXPERTS)
+    trials = []
     for seed in range(SEEDS):
         firsts = long.points(system, COMPARED, MINUTES, seeds=1)
-        firsts += long.points(system, ["sidm"], MINUTES, more, seeds=1)
-        found += [first.replace(seed=seed) for first in firsts]
-    theirs = long.changed(tuned=(), **RELEASED[ALL_RELEASED][0] | RELEASED_PACE)
+        firsts += long.points(system, ["sidm"], MINUTES, many_experts, seeds=1)
+        trials += [first.replace(seed=seed) for first in firsts]
+    authors = long.changed(tuned=(), **RELEASED[ALL_RELEASED][0] | RELEASED_PACE)
     for method, sizes in RELEASED_SEEDS.items():
         for minutes, seeds in sizes.items():
-            found += theirs.points(system, [method], [minutes], seeds=seeds)
-    return found
+            trials += authors.points(system, [method], [minutes], seeds=seeds)
+    return trials
 
 
-OURS, THEIRS = "as this book trains, to the end", "as the authors train"
+def _way_to_train(frame: pd.DataFrame) -> np.ndarray:
+    """BY_AUTHORS or BY_BOOK for each result, told apart by the batch size."""
+    return np.where(frame.batch == RELEASED_PACE["batch"], BY_AUTHORS, BY_BOOK)
 
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
-    """A line a trial: `trained`, OURS or THEIRS, and where it ended: losses, samples and iterations."""
+    """One row per trial: how it was `trained` (BY_BOOK or BY_AUTHORS) and its results.
+
+    The results are losses, samples and iterations at the end of the training.
+    """
     names = ["system", "method", "p_expert", "novice_minutes", "seed"]
-    ends = ["validation_loss", "best_test_loss", "samples", "iterations"]
-    trained = np.where(frame.batch == RELEASED_PACE["batch"], THEIRS, OURS)
-    found = frame[[*names, *ends]].assign(trained=trained)
-    return found.sort_values(
-        ["trained", "novice_minutes", "method", "p_expert", "seed"]
-    ).reset_index(drop=True)
+    results = ["validation_loss", "best_test_loss", "samples", "iterations"]
+    rows = frame[[*names, *results]].assign(trained=_way_to_train(frame))
+    order = ["trained", "novice_minutes", "method", "p_expert", "seed"]
+    return rows.sort_values(order).reset_index(drop=True)
 
 
-def theirs(frame: pd.DataFrame) -> pd.DataFrame:
-    """Of this grid's results those of trainings as the authors train."""
+def by_authors(frame: pd.DataFrame) -> pd.DataFrame:
+    """The results of this grid's trainings as the authors train."""
     return frame[frame.batch == RELEASED_PACE["batch"]]
 
 
 def curves(frame: pd.DataFrame) -> pd.DataFrame:
-    """A line a trial and test along its training: `samples` and validation `loss`, equation (1)."""
+    """Validation losses along each training.
+
+    Returns:
+        One row per trial and test: `samples` seen and validation `loss`, equation (1).
+    """
     names = ["system", "method", "p_expert", "novice_minutes", "seed", "batch"]
-    long = frame[[*names, "component_samples", "component_validation"]].explode(
-        ["component_samples", "component_validation"]
-    )
-    long["trained"] = np.where(long.batch == RELEASED_PACE["batch"], THEIRS, OURS)
-    losses = [float(np.sum(one)) for one in long.component_validation]
-    return long.assign(samples=long.component_samples.astype(float), loss=losses).drop(
-        columns=["component_samples", "component_validation", "batch"]
-    )
+    components = ["component_samples", "component_validation"]
+    long = frame[[*names, *components]].explode(components)
+    long["trained"] = _way_to_train(long)
+    losses = [float(np.sum(squares)) for squares in long.component_validation]
+    long = long.assign(samples=long.component_samples.astype(float), loss=losses)
+    return long.drop(columns=[*components, "batch"])
 
 
 @styled
 def figure(curves: pd.DataFrame, minutes: float = MINUTES[0]) -> Figure:
-    """Validation loss along the training, a plot a way to train: lines are means over seeds, shades their range."""
+    """Validation loss along the training, one plot for each way to train.
+
+    Lines are means over seeds; shades reach from the minimum to the maximum.
+
+    Args:
+        curves: made by `curves`.
+        minutes: the size of the novice dataset.
+    """
     figure, panels = side_by_side(2)
-    mine = curves[
+    rows = curves[
         (curves.novice_minutes == minutes) & (curves.p_expert != MANY_EXPERTS)
     ]
-    for axes, trained in zip(panels, (THEIRS, OURS), strict=True):
+    for axes, trained in zip(panels, (BY_AUTHORS, BY_BOOK), strict=True):
         axes.set(xscale="log", yscale="log", title=trained)
         axes.set(xlabel="samples seen (control steps)", ylabel="validation loss")
-        for method, some in mine[mine.trained == trained].groupby("method", sort=False):
-            points = some.groupby("samples").loss.agg(["mean", "min", "max", "size"])
-            # which all seeds came to
-            points = points[points["size"] == points["size"].max()]
-            mean_and_range(axes, points, **METHOD_STYLES[method] | {"marker": ""})
-    if len(mine):
-        for axes in panels:
-            axes.set_ylim(
-                0.95 * mine.loss.min(), 1.05 * mine[mine.samples > 3e4].loss.max()
-            )
+        methods = rows[rows.trained == trained].groupby("method", sort=False)
+        for method, points in methods:
+            losses = points.groupby("samples").loss.agg(["mean", "min", "max", "size"])
+            # only tests that all seeds reached
+            losses = losses[losses["size"] == losses["size"].max()]
+            mean_and_range(axes, losses, **METHOD_STYLES[method] | {"marker": ""})
     for axes in panels:
+        if len(rows):
+            highest = rows[rows.samples > 3e4].loss.max()
+            axes.set_ylim(0.95 * rows.loss.min(), 1.05 * highest)
         finish(axes)
     return figure
 
 
 @styled
 def by_size(frame: pd.DataFrame, figure3: pd.DataFrame) -> Figure:
-    """Validation loss by novice data as the authors train, beside Figure 3's: means over seeds, shades their range."""
+    """Validation loss by novice data as the authors train, beside Figure 3's.
+
+    Lines are means over seeds; shades reach from the minimum to the maximum.
+    """
     figure, panels = side_by_side(2)
-    for axes, some, title in zip(
-        panels, (theirs(frame), figure3), (THEIRS, "as in Figure 3"), strict=True
-    ):
+    parts = {BY_AUTHORS: by_authors(frame), "as in Figure 3": figure3}
+    for axes, (title, results) in zip(panels, parts.items(), strict=True):
         axes.set(title=title, **LOSS_BY_SIZE)
-        for method, mine in some[some.method.isin(COMPARED)].groupby(
-            "method", sort=False
-        ):
-            losses = mine.groupby("novice_minutes").validation_loss.agg(
-                ["mean", "min", "max"]
-            )
+        paper = results[results.method.isin(COMPARED)]
+        for method, rows in paper.groupby("method", sort=False):
+            sizes = rows.groupby("novice_minutes").validation_loss
+            losses = sizes.agg(["mean", "min", "max"])
             mean_and_range(axes, losses, **METHOD_STYLES[method])
-        finish(axes, some.novice_minutes.unique())
+        finish(axes, results.novice_minutes.unique())
     ends = [end for axes in panels if axes.has_data() for end in axes.get_ylim()]
     for axes in panels:
         axes.set_ylim(min(ends, default=None), max(ends, default=None))

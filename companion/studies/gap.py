@@ -1,9 +1,10 @@
-"""How far a pair's expert and novice go apart from the same state under the same actions, before any learning.
+"""How far a pair's expert and novice go apart under the same actions, before learning.
 
-Both stand at rest on the same ground with the same heading, and are given the same
-random actions. What the expert does other than the novice, by component, is the gap
-that a model of the novice has to learn. Run as a module it measures anew and writes
-`results/gap.json`.
+Both robots stand at rest on the same ground with the same heading, and get the same
+random actions. The gap is the difference between their motions, component by component,
+which a model of the novice has to learn.
+
+`companion run --figure gap` measures it and writes `results/gap.json`.
 """
 
 from __future__ import annotations
@@ -28,14 +29,15 @@ from sidm.storage import write_record
 from sidm.systems import FREE_SYSTEMS, ROLES, SYSTEMS, find_system
 from sidm.terrain import generate_terrain
 
-GAP_SEED = 6  # apart from the seeds of all data
+GAP_SEED = 6  # differs from the seeds of all data
 POLICY = "ornstein_uhlenbeck"
-STARTS, STEPS = 96, 25  # drives of each robot, and control steps of each
-BATCH = 12  # starts that a worker drives
+STARTS, STEPS = 96, 25  # drives of each robot, and control steps of each drive
+BATCH = 12  # starts that one job of a worker simulates
 EVERY_SYSTEM = (*SYSTEMS, *FREE_SYSTEMS)
 NAME = "gap.json"
 
-#: What the robots' motion is told by, in the frame of the start, and the unit.
+#: Components of the motion since the start, in the frame of the start, and the
+#: velocities, with their units.
 COMPONENTS = {
     "forward": "m",
     "sideways": "m",
@@ -52,54 +54,47 @@ COMPONENTS = {
 }
 
 
-def drives(system: str, numbers: Sequence[int]) -> np.ndarray:
-    """(2, N, STEPS + 1, 12) COMPONENTS of the novice's and the expert's motion from starts of those numbers."""
+def simulate_components(system: str, starts: Sequence[int]) -> np.ndarray:
+    """Drive both robots of a pair from the same starts under the same actions.
+
+    Args:
+        system: name of the pair.
+        starts: N numbers; ground, heading and actions are drawn from each.
+
+    Returns:
+        COMPONENTS (2, N, STEPS + 1, 12) of the novice's motion, then the expert's.
+    """
     from sidm.simulation import Simulator
     from sidm.simulation.exploration import draw_actions
 
-    own, found = find_system(system), []
+    pair, motions = find_system(system), []
+    flat = np.zeros((pair.terrain.size, pair.terrain.size))
     for role in ROLES:
         paths = []
-        with Simulator(
-            own.robot(role), np.zeros((own.terrain.size, own.terrain.size)), own.physics
-        ) as simulator:
-            for number in numbers:
-                rng = np.random.default_rng(
-                    np.random.SeedSequence(GAP_SEED, spawn_key=(number,))
-                )
-                terrain_seed, yaw = (
-                    int(rng.integers(2**62)),
-                    float(rng.uniform(-np.pi, np.pi)),
-                )
+        with Simulator(pair.robot(role), flat, pair.physics) as simulator:
+            for start in starts:
+                seeds = np.random.SeedSequence(GAP_SEED, spawn_key=(start,))
+                rng = np.random.default_rng(seeds)
+                terrain_seed = int(rng.integers(2**62))
+                yaw = float(rng.uniform(-np.pi, np.pi))
                 actions = draw_actions(POLICY, STEPS, rng)
-                simulator.put_on(generate_terrain(own.terrain, terrain_seed))
-                states = [
-                    simulator.reset(0.0, 0.0, yaw),
-                    *(simulator.step(action) for action in actions),
-                ]
+                simulator.set_terrain(generate_terrain(pair.terrain, terrain_seed))
+                first = simulator.reset(0.0, 0.0, yaw)
+                states = [first, *(simulator.step(action) for action in actions)]
                 paths.append(components(np.array(states), yaw))
-        found.append(paths)
-    return np.array(found)
+        motions.append(paths)
+    return np.array(motions)
 
 
 def components(states: np.ndarray, yaw: float) -> np.ndarray:
-    """(K, 12) COMPONENTS of states (K, 13) that began with a heading `yaw`, rad."""
+    """COMPONENTS (K, 12) of states (K, 13) that start with the heading `yaw`, rad."""
     pitch, roll = tilt_of(states[:, QUATERNION])
     heading = np.unwrap(yaw_of(states[:, QUATERNION]))
-    moved = states[:, :3] - states[0, :3]
-    forward = np.cos(yaw) * moved[:, 0] + np.sin(yaw) * moved[:, 1]
-    sideways = np.cos(yaw) * moved[:, 1] - np.sin(yaw) * moved[:, 0]
-    return np.column_stack(
-        [
-            forward,
-            sideways,
-            moved[:, 2],
-            roll,
-            pitch,
-            heading - heading[0],
-            states[:, 7:13],
-        ]
-    )
+    x, y, z = (states[:, :3] - states[0, :3]).T
+    forward = np.cos(yaw) * x + np.sin(yaw) * y
+    sideways = np.cos(yaw) * y - np.sin(yaw) * x
+    turned = heading - heading[0]
+    return np.column_stack([forward, sideways, z, roll, pitch, turned, states[:, 7:13]])
 
 
 def measure(
@@ -108,74 +103,81 @@ def measure(
     systems: Sequence[str] = EVERY_SYSTEM,
     starts: int = STARTS,
 ) -> None:
-    """Drive all pairs, and store by step the gap and what it is to be held against.
+    """Drive all pairs, and store the gap and the novice's spread at every step.
 
-    The gap is the root mean square of the expert's component less the novice's over the
-    starts; the novice's own spread its standard deviation over them.
+    The gap is the root mean square, over the starts, of the difference between the
+    expert's and the novice's component. The spread is the standard deviation of the
+    novice's component over the starts; the gap is compared with it.
+
+    Args:
+        executor: runs the drives.
+        results: folder that `gap.json` is written to.
+        systems: names of the pairs.
+        starts: number of starts.
     """
     batches = [
         range(first, min(first + BATCH, starts)) for first in range(0, starts, BATCH)
     ]
     jobs = {
-        system: [executor.submit(drives, system, batch) for batch in batches]
+        system: [
+            executor.submit(simulate_components, system, batch) for batch in batches
+        ]
         for system in systems
     }
-    found = {}
+    measured = {}
     for system, parts in jobs.items():
-        # (N, STEPS + 1, 12) each
-        novice, expert = np.concatenate([part.result() for part in parts], axis=1)
-        gap, own = np.sqrt(((expert - novice) ** 2).mean(0)), novice.std(0)
-        found[system] = {
-            name: np.array(values).round(6).tolist()
-            for name, values in (("gap", gap), ("spread", own))
+        motions = np.concatenate([part.result() for part in parts], axis=1)
+        novice, expert = motions  # (N, STEPS + 1, 12) each
+        gap = np.sqrt(((expert - novice) ** 2).mean(0))
+        measured[system] = {
+            "gap": gap.round(6).tolist(),
+            "spread": novice.std(0).round(6).tolist(),
         }
     robots = {system: to_mapping(find_system(system)) for system in systems}
     made = {"starts": starts, "systems": robots, "numerics": versions("free_struts")}
-    write_record(results / NAME, {"found": found, **made})
+    write_record(results / NAME, {"found": measured, **made})
 
 
 def table(results: Path | str = "results") -> pd.DataFrame:
-    """A line a system, component and time: `gap`, the novice's own `spread`, their `ratio`; empty if not measured."""
-    found = single(Path(results) / NAME).get("found", {})
-    lines = [
-        (
-            system,
-            name,
-            unit,
-            CONTROL_STEP * step,
-            both["gap"][step][number],
-            both["spread"][step][number],
-        )
-        for system, both in found.items()
+    """The stored gaps as a table, without rows if none are stored.
+
+    Returns:
+        One row per system, component and `time`, s: `gap`, the novice's `spread`, and
+        their `ratio`.
+    """
+    stored = single(Path(results) / NAME).get("found", {})
+    rows = [
+        (system, name, unit, CONTROL_STEP * step)
+        + tuple(values[which][step][number] for which in ("gap", "spread"))
+        for system, values in stored.items()
         for number, (name, unit) in enumerate(COMPONENTS.items())
         for step in range(1, STEPS + 1)
     ]
-    frame = pd.DataFrame(
-        lines, columns=["system", "component", "unit", "time", "gap", "spread"]
-    )
+    names = ["system", "component", "unit", "time", "gap", "spread"]
+    frame = pd.DataFrame(rows, columns=names)
     return frame.assign(ratio=frame.gap / frame.spread)
 
 
 @styled
 def figure(table: pd.DataFrame, time: float = 1.0) -> Figure:
-    """The gap of each component after some time, s, by the novice's own spread then: a mark a system."""
+    """Ratio of gap to the novice's spread by component, one mark per system.
+
+    Args:
+        table: made by `table`.
+        time: since the start, s.
+    """
     figure, (axes,) = side_by_side(1)
     figure.set_size_inches(8, 4.6)
     names = list(COMPONENTS)
-    at = table[np.isclose(table.time, time)]
-    for number, (system, mine) in enumerate(at.groupby("system", sort=False)):
-        height = mine.component.map(names.index) + 0.15 * (number - 1.5)
-        axes.plot(
-            mine.ratio,
-            height,
-            **SIZE_STYLES[number % len(SIZE_STYLES)]
-            | {"linestyle": "", "label": system},
-        )
-    axes.set(
-        xlabel=f"gap after {time:g} s by the novice's own spread (-)", xscale="log"
-    )
+    rows = table[np.isclose(table.time, time)]
+    for number, (system, marks) in enumerate(rows.groupby("system", sort=False)):
+        height = marks.component.map(names.index) + 0.15 * (number - 1.5)
+        style = SIZE_STYLES[number % len(SIZE_STYLES)] | {"linestyle": ""}
+        axes.plot(marks.ratio, height, **style, label=system)
+    xlabel = f"gap after {time:g} s by the novice's own spread (-)"
+    axes.set(xlabel=xlabel, xscale="log")
     finish(axes, legend=False)
-    if len(at):
+    if len(rows):
         axes.axvline(1, color="0.5", lw=1, linestyle="-", marker="", zorder=0)
         axes.set_xticks([0.5, 1, 2, 5, 10], ["0.5", "1", "2", "5", "10"])
         axes.set_yticks(range(len(names)), names)
@@ -185,6 +187,6 @@ def figure(table: pd.DataFrame, time: float = 1.0) -> Figure:
 
 
 def make(study: Study, workers: int) -> None:
-    """`companion run --figure gap`."""
+    """Measure and store the gap, for `companion run --figure gap`."""
     with local_pool(workers) as pool:
         measure(pool, study.results)

@@ -1,8 +1,10 @@
-"""What might hold the SIDM back: each hypothesis tested by changes of SIDM, beside SIDM as it is."""
+"""What might limit the SIDM: each hypothesis tested by changes of SIDM.
+
+The losses of each change are compared with those of SIDM without the change.
+"""
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterable, Iterator
 from itertools import accumulate
 from typing import Any, NamedTuple
@@ -14,20 +16,20 @@ from companion.engine.store import Results
 from companion.methods import (
     BOTH_OF_SIDM,
     CHOICES,
+    LONG_PATIENCE,
     METHODS,
     ONE_OPTIMISER,
     ONE_SYSTEM,
-    PATIENCE,
     PYTORCH_WEIGHTS,
     RELEASED,
 )
-from companion.statistics.claims import BETTER, NO_VERDICT, WORSE, beside_one
-from companion.statistics.pairs import beside
+from companion.statistics.claims import BETTER, NO_VERDICT, WORSE, ratio_verdicts
+from companion.statistics.pairs import paired_comparison
 from companion.studies import ablations
 from companion.study import Study
 from companion.trials import Trial
 
-# What might hold the SIDM back.
+# The hypotheses: what might limit the SIDM.
 ALIKE = "how alike the robots are"
 TOGETHER = "learning from both robots at once"
 APART = "an encoder and a decoder for each system"
@@ -41,7 +43,7 @@ BATCHES = "the composition of the batches"
 RELEASED_TWO = "one optimiser and one system a batch together"
 OTHERS = "initial weights, the loss's mean, the weight decay"
 
-#: Other ways to learn from two systems, and the hypothesis that each tests.
+#: Other method that learns from two systems -> the hypothesis that it tests.
 REPLACED = {
     "no_regularisation": ADVERSARY,
     "strong_matching": ADVERSARY,
@@ -54,23 +56,22 @@ REPLACED = {
     "expert_only": ALIKE,
 }
 
-#: The hypothesis that a choice of ours tests.
+#: Changed choice of `methods.CHOICES` -> the hypothesis that it tests.
 CONCERNS = {
-    PATIENCE: STOPPING,
+    LONG_PATIENCE: STOPPING,
     ONE_SYSTEM: BATCHES,
     ONE_OPTIMISER: OPTIMISER,
     PYTORCH_WEIGHTS: OTHERS,
 }
 
-#: Parts of the expert's through which the novice's motion is sent, by what a diagnosis
-#: calls its loss.
+#: Column of a diagnosis -> the expert's parts that predicted the novice's motion.
 CROSSED = {
     "expert_encoder_loss": "the expert's encoder",
     "expert_decoder_loss": "the expert's decoder",
     "expert_path_loss": "both of the expert's",
 }
 
-AS_IT_IS = "as it is"
+UNCHANGED = "as it is"
 POINT = ["system", "novice_minutes"]
 
 
@@ -79,165 +80,158 @@ class Change(NamedTuple):
 
     hypothesis: str
     change: str
-    figure: str  # whose trials these are, as `companion run --figure` calls it
+    figure: str  # the grid that has these trials, as `companion run --figure` names it
     trials: list[Trial]
 
 
 def changes(study: Study, system: str) -> Iterator[Change]:
-    """Each change of a system's SIDM that a training can make."""
-    sizes, own = (
-        study.preset.baseline_minutes,
-        study.preset.training_of(METHODS["sidm"], system),
-    )
+    """All changes of a system's SIDM that are made by training it differently."""
+    preset = study.preset
+    sizes, sidm = preset.baseline_minutes, preset.training_of(METHODS["sidm"], system)
     for method, hypothesis in REPLACED.items():
-        # which has no size of its own
+        # expert_only uses no novice data: one size is enough
         at = sizes[:1] if method == "expert_only" else sizes
-        yield Change(
-            hypothesis,
-            METHODS[method].label,
-            "baselines",
-            study.points(system, [method], at),
-        )
-    for words, (changes, methods) in CHOICES.items():
+        trials = study.points(system, [method], at)
+        yield Change(hypothesis, METHODS[method].label, "baselines", trials)
+    for choice, (settings, methods) in CHOICES.items():
         if "sidm" in methods:
-            trials = study.changed(**changes).points(
-                system, ["sidm"], study.preset.ablation_minutes[:1]
-            )
-            yield Change(CONCERNS.get(words, OTHERS), words, "choices", trials)
+            small = preset.ablation_minutes[:1]
+            trials = study.changed(**settings).points(system, ["sidm"], small)
+            yield Change(CONCERNS.get(choice, OTHERS), choice, "choices", trials)
     both = study.changed(**RELEASED[BOTH_OF_SIDM][0])
-    trials = both.points(system, ["sidm"], study.preset.novice_minutes(system))
+    trials = both.points(system, ["sidm"], preset.novice_minutes(system))
     yield Change(RELEASED_TWO, BOTH_OF_SIDM, "released", trials)
     for p in ablations.P_EXPERT:
-        if p is not None and p not in (0.0, own.p_expert):
-            yield Change(
-                P_EXPERT,
-                f"p_e of {p:g}",
-                "p-expert",
-                ablations.p_expert(study, system, [p]),
-            )
+        if p is not None and p not in (0.0, sidm.p_expert):
+            trials = ablations.p_expert(study, system, [p])
+            yield Change(P_EXPERT, f"p_e of {p:g}", "p-expert", trials)
     for phase, values in ablations.ITERATIONS.items():
         for value in values:
-            if value not in (0, getattr(own, phase)):
+            if value not in (0, getattr(sidm, phase)):
                 trials = ablations.iterations(study, system, phase, [value])
-                yield Change(
-                    PHASES, f"{value} {phase.replace('_', ' ')}", "iterations", trials
-                )
+                change = f"{value} {phase.replace('_', ' ')}"
+                yield Change(PHASES, change, "iterations", trials)
     for pixels in ablations.PIXELS:
-        if pixels != study.preset.network.pixels:
+        if pixels != preset.network.pixels:
             trials = ablations.setting(study, system, "pixels", [pixels])
-            sidm = [trial for trial in trials if trial.method == "sidm"]
-            yield Change(FIRST_LAYER, f"maps of {pixels} pixels", "pixels", sidm)
-    alone = METHODS["no_regularisation"].label
-    whom = {
+            trials = [trial for trial in trials if trial.method == "sidm"]
+            yield Change(FIRST_LAYER, f"maps of {pixels} pixels", "pixels", trials)
+    tested = {
         f"p_e of {ablations.MOST_DATA_P_EXPERT:g}": P_EXPERT,
-        alone: ADVERSARY,
-        PATIENCE: STOPPING,
+        METHODS["no_regularisation"].label: ADVERSARY,
+        LONG_PATIENCE: STOPPING,
     }
-    for words, trials in ablations.most_data(study, system).items():
-        yield Change(whom[words], words, "most-data", trials)
+    for change, trials in ablations.most_data(study, system).items():
+        yield Change(tested[change], change, "most-data", trials)
 
 
 def frame(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
-    """Stored results by `hypothesis` and `change`, those of SIDM as it is among them."""
+    """Stored results by `hypothesis` and `change`; SIDM itself has change UNCHANGED."""
     parts = []
     for system in systems:
-        own = study.points(
-            system,
-            ["sidm"],
-            [*study.preset.novice_minutes(system), *study.preset.baseline_minutes],
-        )
-        parts.append(
-            store.frame({trial.key: trial for trial in own}.values()).assign(
-                change=AS_IT_IS, hypothesis=""
-            )
-        )
-        for one in changes(study, system):
-            parts.append(
-                store.frame(one.trials).assign(
-                    change=one.change, hypothesis=one.hypothesis
-                )
-            )
+        preset = study.preset
+        sizes = [*preset.novice_minutes(system), *preset.baseline_minutes]
+        trials = study.points(system, ["sidm"], sizes)
+        sidm = store.frame({trial.key: trial for trial in trials}.values())
+        parts.append(sidm.assign(change=UNCHANGED, hypothesis=""))
+        parts += [
+            store.frame(trials).assign(change=change, hypothesis=hypothesis)
+            for hypothesis, change, _, trials in changes(study, system)
+        ]
     return pd.concat(parts)
 
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
-    """SIDM changed beside SIDM as it is: `pairs.beside` with a `verdict`, the lowest ratio of each size first."""
-    own = frame.change == AS_IT_IS
-    found = beside(frame[~own], frame[own], POINT, ["hypothesis", "change"])
-    found["verdict"] = beside_one(found)
-    return found.sort_values([*POINT, "ratio"], ignore_index=True)
+    """Ratios of the losses of changed SIDMs to the losses of the unchanged SIDM.
+
+    Args:
+        frame: made by `frame`.
+
+    Returns:
+        A table of `pairs.paired_comparison` with a `verdict`, sorted by system, size
+        and ratio, the lowest ratio first.
+    """
+    sidm = frame.change == UNCHANGED
+    changed, by = frame[~sidm], ["hypothesis", "change"]
+    compared = paired_comparison(changed, frame[sidm], POINT, by)
+    compared["verdict"] = ratio_verdicts(compared)
+    return compared.sort_values([*POINT, "ratio"], ignore_index=True)
 
 
 def crossings(diagnoses: pd.DataFrame) -> pd.DataFrame:
-    """The loss on the novice's motion through parts of the expert's, beside that through its own: `pairs.beside`."""
-    sent = [
-        diagnoses.assign(validation_loss=diagnoses[name], change=words)
-        for name, words in CROSSED.items()
+    """Ratio of the novice's loss through the expert's parts to that through its own.
+
+    Args:
+        diagnoses: one row per model, with its `validation_loss` and the columns that
+            CROSSED names.
+
+    Returns:
+        A table of `pairs.paired_comparison`, whose `change` is a text of CROSSED.
+    """
+    crossed = [
+        diagnoses.assign(validation_loss=diagnoses[column], change=parts)
+        for column, parts in CROSSED.items()
     ]
-    return beside(pd.concat(sent), diagnoses, POINT, ["change"])
+    return paired_comparison(pd.concat(crossed), diagnoses, POINT, ["change"])
 
 
 def ranking(table: pd.DataFrame) -> pd.DataFrame:
-    """Changes by the least ratio that they reach, of comparisons with an interval: how many are better or worse.
+    """Changes sorted by the least ratio that they reach.
 
-    Better and worse are said by the whole interval.
+    Args:
+        table: made by `table`; comparisons without an interval are left out.
+
+    Returns:
+        One row per hypothesis and change: the number of `comparisons`, in how many of
+        them the change is `better` or `worse` (the whole interval lies on one side of
+        1), and the `least` and `greatest` ratio.
     """
-    judged = table[table.verdict != NO_VERDICT]
-    judged = judged.assign(
-        better=judged.verdict == BETTER, worse=judged.verdict == WORSE
-    )
-    found = judged.groupby(["hypothesis", "change"]).agg(
+    clear = table[table.verdict != NO_VERDICT]
+    clear = clear.assign(better=clear.verdict == BETTER, worse=clear.verdict == WORSE)
+    counts = clear.groupby(["hypothesis", "change"]).agg(
         comparisons=("ratio", "size"),
         better=("better", "sum"),
         worse=("worse", "sum"),
         least=("ratio", "min"),
         greatest=("ratio", "max"),
     )
-    return found.sort_values("least").reset_index()
+    return counts.sort_values("least").reset_index()
 
 
 def memorised(frame: pd.DataFrame) -> pd.DataFrame:
-    """Mean `training` loss about when the lowest test loss was reached, and `validation` loss, by method and size.
+    """Mean `training` and `validation` loss by method and size, and their `ratio`.
 
-    The training loss is the mean of the learning curve's point nearest to the weights
-    that were kept and of its neighbours.
+    The training loss of a trial is the mean over three points of its learning curve:
+    the point nearest to the weights that were kept and its two neighbours.
     """
     trainings = []
     for row in frame.itertuples():
-        best = _kept(row)
-        trainings.append(
-            float(np.mean(row.curve_training_loss[max(best - 1, 0) : best + 2]))
-        )
+        kept = _kept_point(row)
+        near = row.curve_training_loss[max(kept - 1, 0) : kept + 2]
+        trainings.append(float(np.mean(near)))
     order = frame.method.map(list(METHODS).index)
-    found = frame.assign(training=trainings, order=order).groupby(
-        ["system", "order", "method", "novice_minutes"]
+    means = (
+        frame.assign(training=trainings, order=order)
+        .groupby(["system", "order", "method", "novice_minutes"])
+        .agg(training=("training", "mean"), validation=("validation_loss", "mean"))
+        .reset_index()
+        .drop(columns="order")
     )
-    table = found.agg(
-        training=("training", "mean"), validation=("validation_loss", "mean")
-    ).reset_index()
-    return table.drop(columns="order").assign(ratio=table.validation / table.training)
+    return means.assign(ratio=means.validation / means.training)
 
 
-def _kept(row: Any) -> int:
-    """Number of the learning curve's point at which the weights that were kept were tested, or nearest to it.
+def _kept_point(row: Any) -> int:
+    """Index of the learning curve's point nearest to the weights that were kept.
 
-    A training that stopped by its patience had its lowest test loss so many samples
-    before; of another the smoothed test losses of the curve's summary tell.
+    A training that its patience stopped had its lowest test loss `patience` samples
+    before the end. For other trainings it is the minimum of the curve's smoothed test
+    losses.
     """
     if row.stopping == "test_loss" and row.samples < row.max_samples:
-        return int(
-            np.abs(np.array(row.curve_samples) - (row.samples - row.patience)).argmin()
-        )
-    return int(
-        np.argmin(
-            list(
-                accumulate(
-                    row.curve_test_loss, functools.partial(_blend, row.smoothing)
-                )
-            )
-        )
-    )
+        best = row.samples - row.patience
+        return int(np.abs(np.array(row.curve_samples) - best).argmin())
 
+    def smooth(past: float, now: float) -> float:
+        return row.smoothing * past + (1 - row.smoothing) * now
 
-def _blend(weight: float, past: float, now: float) -> float:
-    return weight * past + (1 - weight) * now
+    return int(np.argmin(list(accumulate(row.curve_test_loss, smooth))))

@@ -1,4 +1,8 @@
-"""Does what an SIDM saves grow with the networks? Maps up to 128 pixels, LSTMs up to the paper's, one size of data."""
+"""Does the data that an SIDM saves grow with the networks?
+
+Maps have up to 128 pixels on each side, LSTMs are as large as the paper's; the novice
+dataset has one size.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +11,15 @@ from typing import Any
 import pandas as pd
 
 from companion.methods import COMPARED, FIGURE3
-from companion.statistics.pairs import beside
+from companion.statistics.pairs import paired_comparison
 from companion.studies.tuning import TUNING_SEED
 from companion.study import Study
 from companion.trials import Trial
 
 MINUTES = (5.0,)
 PAPER_LSTM = (32, 4, 1024)
-#: Pixels a side of the map, LSTM layers and hidden units -> seeds; the paper's maps
-#: have 300 pixels.
+#: Pixels on each side of the map, LSTM layers, hidden units -> number of seeds. The
+#: paper's maps have 300 pixels.
 SIZES = {
     (16, 3, 256): 3,
     (32, 1, 128): 3,
@@ -24,51 +28,56 @@ SIZES = {
     (128, 3, 256): 3,
     PAPER_LSTM: 1,
 }
-#: so slow that the paper's two methods alone are trained
+#: Sizes so slow that only the paper's two methods are trained.
 LARGE = ((64, 3, 256), (128, 3, 256), PAPER_LSTM)
 
-#: At Figure 3's rate and patience PAPER_LSTM hardly learns. These were tried, on motion
-#: that settings are chosen by.
+#: Learning rates tried for PAPER_LSTM, which hardly learns with Figure 3's rate and
+#: patience; they are tried on motion that settings are chosen by.
 RATES = (1e-3, 3e-4, 1e-4)
-#: To the cap, meant for a GPU; both methods with the SIDM's own iterations of Algorithm
-#: 2, so that one bundle has both.
+#: Training up to the cap on samples, meant for a GPU. Both methods have the SIDM's
+#: number of matching iterations (Algorithm 2), so that one bundle has both.
 LONG: dict[str, Any] = {
     "patience": 1_000_000,
     "precision": "tf32",
     "matching_iterations": 5,
 }
-#: The rate of both methods' lowest test loss, a cap past both losses there, and the
-#: sizes that are trained so.
+#: Long training at the rate with both methods' lowest test loss, with a cap that lies
+#: past the minimum of both.
 SLOW: dict[str, Any] = LONG | {"learning_rate": 3e-4, "max_samples": 400_000}
+#: Sizes trained with the settings SLOW -> number of seeds.
 SLOW_SIZES = {(32, 3, 256): 3, PAPER_LSTM: 3}
 SIZE = ("pixels", "layers", "hidden")
 
 
 def trials(study: Study, system: str) -> list[Trial]:
-    """Figure 3's methods at each size, the paper's two at those that are LARGE or at the smaller rate; the tries."""
-    found = []
+    """Trials at each network size, and the tries of learning rates.
+
+    Figure 3's methods are trained at each size; only the paper's two at the sizes that
+    are LARGE, and with the smaller learning rate.
+    """
+    trials = []
     for size, seeds in SIZES.items():
-        changed = sized(study, size)
-        found += changed.points(
-            system, COMPARED if size in LARGE else FIGURE3, MINUTES, seeds=seeds
-        )
+        methods = COMPARED if size in LARGE else FIGURE3
+        trials += resized(study, size).points(system, methods, MINUTES, seeds=seeds)
     for size, seeds in SLOW_SIZES.items():
-        found += sized(study, size, **SLOW).points(
-            system, COMPARED, MINUTES, seeds=seeds
-        )
-    return found + tries(study, system)
+        slow = resized(study, size, **SLOW)
+        trials += slow.points(system, COMPARED, MINUTES, seeds=seeds)
+    return trials + tries(study, system)
 
 
-def sized(study: Study, size: tuple[int, ...], **changes: Any) -> Study:
-    """The study with networks of a size, and with other changes of its preset."""
+def resized(study: Study, size: tuple[int, ...], **changes: Any) -> Study:
+    """The study with networks of another size, and with other changes of its preset."""
     return study.changed(**dict(zip(SIZE, size, strict=True)), **changes)
 
 
 def tries(study: Study, system: str) -> list[Trial]:
-    """The paper's two methods with its LSTM at each of RATES, on motion and a seed that no figure has."""
-    chosen = sized(study.of(study.preset.for_tuning()), PAPER_LSTM, **LONG)
+    """The paper's two methods with its LSTM at each of RATES, to choose a rate.
+
+    Their motion and their seed are those of the tuning, which no figure has.
+    """
+    tuning = resized(study.with_preset(study.preset.for_tuning()), PAPER_LSTM, **LONG)
     return [
-        chosen.changed(learning_rate=rate).trial(
+        tuning.changed(learning_rate=rate).trial(
             system, method, MINUTES[0], TUNING_SEED
         )
         for rate in RATES
@@ -77,18 +86,18 @@ def tries(study: Study, system: str) -> list[Trial]:
 
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
-    """All methods beside training without SIDM: `pairs.beside`, below 1 where better, without the tries.
+    """Ratios of all methods' losses to those of training without SIDM.
 
-    Lines are told apart by the sizes of the networks and by the learning rate of
-    training from scratch.
+    The tries of learning rates are left out.
+
+    Returns:
+        A table of `pairs.paired_comparison`, one row per method, network size and
+        `learning_rate` of training from random weights; below 1 where the method is
+        better.
     """
     frame = frame[frame.seed < TUNING_SEED]
-    frame = frame.assign(
-        learning_rate=frame.pretraining_learning_rate.fillna(frame.learning_rate)
-    )
+    first_rate = frame.pretraining_learning_rate.fillna(frame.learning_rate)
+    frame = frame.assign(learning_rate=first_rate)
     alone = frame.method == COMPARED[1]
-    return beside(
-        frame[~alone],
-        frame[alone],
-        on=["system", "novice_minutes", *SIZE, "learning_rate"],
-    )
+    point = ["system", "novice_minutes", *SIZE, "learning_rate"]
+    return paired_comparison(frame[~alone], frame[alone], on=point)

@@ -1,12 +1,14 @@
-"""Pairs of robots that see or act differently: what an SIDM saves where weights cannot be copied.
+"""Pairs of robots that see or act differently: what SIDM saves for them.
 
-The expert is system 1's as the paper has it; the novice, the same robot in the same
-motion, has another body.
+The expert is the paper's expert of system 1. The novice is the same robot in the same
+motion as the paper's novice, but has another body: other observations or actions. So
+the expert's weights cannot all be copied.
 """
 
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,110 +16,89 @@ from matplotlib.figure import Figure
 
 from companion.figures.style import METHOD_STYLES, legend_below
 from companion.methods import ANY_BODIES
-from companion.statistics.pairs import beside
+from companion.statistics.pairs import paired_comparison
 from companion.study import Study
 from companion.trials import Trial
 from sidm.body import DRIVE, ROVER, TWIST, Body
 from sidm.plots import finish, side_by_side, styled
 
 TILT = (("up_x", "1"), ("up_y", "1"), ("up_z", "1"))
-
-#: What the novice is like -> its body.
-NOVICES: dict[str, Body] = {
-    body.name: body
-    for body in (
-        Body(name="no map", tilt=True, columns=TWIST, actions=DRIVE),
-        Body(
-            name="small map",
-            tilt=True,
-            columns=TWIST,
-            actions=DRIVE,
-            map_size=3.0,
-            map_pixels=16,
-        ),
-        Body(
-            name="no linear velocity",
-            tilt=True,
-            columns=TWIST[3:],
-            actions=DRIVE,
-            map_size=ROVER.map_size,
-        ),
-        Body(
-            name="left and right",
-            tilt=True,
-            columns=TWIST,
-            actions=(("left", "1"), ("right", "1")),
-            map_size=ROVER.map_size,
-        ),
-        Body(
-            name="planar",
-            pose="planar",
-            columns=(*TILT, *TWIST),
-            actions=DRIVE,
-            map_size=ROVER.map_size,
-        ),
-    )
+#: The body of the paper's robots, and what each novice's body has instead.
+_ROVER: dict[str, Any] = {
+    "tilt": True,
+    "columns": TWIST,
+    "actions": DRIVE,
+    "map_size": ROVER.map_size,
 }
+_BODIES: dict[str, dict[str, Any]] = {
+    "no map": {"map_size": 0.0},
+    "small map": {"map_size": 3.0, "map_pixels": 16},
+    "no linear velocity": {"columns": TWIST[3:]},
+    "left and right": {"actions": (("left", "1"), ("right", "1"))},
+    "planar": {"pose": "planar", "tilt": False, "columns": (*TILT, *TWIST)},
+}
+#: Name of the novice's body -> the body.
+NOVICES: dict[str, Body] = {
+    name: Body(name=name, **_ROVER | changes) for name, changes in _BODIES.items()
+}
+
+#: Methods whose losses the figure compares with those of SIDM.
+SHOWN = ("novice_only", "core_finetune")
 
 
 def trials(study: Study, system: str) -> list[Trial]:
-    """All methods that a pair of different bodies can be learnt by, on each novice."""
-    found = []
+    """The methods that can learn from a pair of different bodies, for each novice."""
+    preset, trials = study.preset, []
     for body in NOVICES.values():
-        network = dataclasses.replace(study.preset.network, novice_body=body)  # type: ignore[type-var]
-        own = study.of(dataclasses.replace(study.preset, network=network))  # type: ignore[type-var]
-        found += own.points(
-            system,
-            ANY_BODIES,
-            study.preset.other_body_minutes,
-            seeds=study.preset.seeds,
-        )
-    return found
+        network = dataclasses.replace(preset.network, novice_body=body)  # type: ignore[type-var]
+        novice = study.with_preset(dataclasses.replace(preset, network=network))  # type: ignore[type-var]
+        sizes = preset.other_body_minutes
+        trials += novice.points(system, ANY_BODIES, sizes, seeds=preset.seeds)
+    return trials
 
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
-    """SIDM beside training without it and beside the pretrained core: `pairs.beside`, below 1 where SIDM is better."""
+    """Ratios of SIDM's losses to those of the other methods.
+
+    Returns:
+        A table of `pairs.paired_comparison`, one row per novice, size and other method,
+        which is in the column `against`; below 1 where SIDM is better.
+    """
     point = ["system", "novice_body", "novice_minutes"]
-    sidm = frame[frame.method == "sidm"]
-    others = [name for name in ANY_BODIES if name != "sidm"]
-    found = [
-        beside(sidm, frame[frame.method == other], on=point).assign(against=other)
-        for other in others
-    ]
-    return pd.concat(found, ignore_index=True)
+    sidm, parts = frame[frame.method == "sidm"], []
+    for other in ANY_BODIES:
+        if other != "sidm":
+            compared = paired_comparison(sidm, frame[frame.method == other], on=point)
+            parts.append(compared.assign(against=other))
+    return pd.concat(parts, ignore_index=True)
 
 
 def by_novice(frame: pd.DataFrame) -> pd.DataFrame:
-    """Results of the novice as it is told apart by its body, a system each."""
+    """Results whose `system` is the novice's body: one system for each novice."""
     return frame.assign(system=frame.novice_body)
-
-
-SHOWN = ("novice_only", "core_finetune")  # that an SIDM is drawn against
 
 
 @styled
 def figure(table: pd.DataFrame) -> Figure:
-    """The loss with an SIDM by that of SHOWN, below 1 where the SIDM is better: a plot a size, a line a novice."""
+    """Ratio of the loss with SIDM to that of each method of SHOWN, by novice.
+
+    There is one plot per size; below 1 SIDM is better.
+    """
     sizes = sorted(table.novice_minutes.unique())
     figure, panels = side_by_side(max(len(sizes), 1))
     names = list(NOVICES)
     for axes, minutes in zip(panels, sizes, strict=False):
         for number, other in enumerate(SHOWN):
-            mine = table[(table.novice_minutes == minutes) & (table.against == other)]
-            height = mine.novice_body.map(names.index) + 0.2 * (number - 0.5)
-            off = np.clip([mine.ratio - mine.low, mine.high - mine.ratio], 0, None)
-            style = METHOD_STYLES[other] | {
-                "linestyle": "",
-                "label": f"other: {METHOD_STYLES[other]['label']}",
-            }
-            axes.errorbar(
-                mine.ratio, height, xerr=off, capsize=2, elinewidth=1, **style
-            )
+            rows = table[(table.novice_minutes == minutes) & (table.against == other)]
+            height = rows.novice_body.map(names.index) + 0.2 * (number - 0.5)
+            bars = np.clip([rows.ratio - rows.low, rows.high - rows.ratio], 0, None)
+            label = f"other: {METHOD_STYLES[other]['label']}"
+            style = METHOD_STYLES[other] | {"linestyle": "", "label": label}
+            style |= {"capsize": 2, "elinewidth": 1}
+            axes.errorbar(rows.ratio, height, xerr=bars, **style)
         axes.axvline(1, color="0.5", lw=1, linestyle="-", marker="", zorder=0)
-        axes.set(
-            xlabel="loss with SIDM / loss of the other (-)",
-            title=f"{minutes:g} min of novice data",
-        )
+        axes.set_xlabel("loss with SIDM / loss of the other (-)")
+        axes.set_title(f"{minutes:g} min of novice data")
         axes.set_yticks(range(len(names)), names)
         axes.set_ylim(len(names) - 0.5, -0.5)
         finish(axes, legend=False)

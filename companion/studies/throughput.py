@@ -1,8 +1,10 @@
-"""Seconds a sample: how long each method's training takes on one machine, in the same hour.
+"""Seconds per sample: how long each method's training takes on one machine.
 
-The seconds of a stored trial are also those of what ran beside it. Here the methods
-take turns, round after round, so that a slow minute is nobody's in particular. Run as a
-module it measures anew and writes `results/pace.json`.
+The seconds of a stored trial depend on what else ran at that time. Here all methods are
+timed in turns, several rounds in the same hour, so that a slow minute falls on no
+method in particular.
+
+`companion run --figure throughput` measures it and writes `results/pace.json`.
 """
 
 from __future__ import annotations
@@ -25,42 +27,44 @@ from sidm.drives import STEPS
 from sidm.storage import write_record
 
 NAME = "pace.json"
-SYSTEM = "system1"  # on the other one the same networks see batches of the same size
+SYSTEM = "system1"  # system2 has the same networks and batches of the same size
 ROUNDS = 3
 PRETRAINING = "novice_only"  # learns from one system alone, as a pretraining does
+#: Methods that train by gradients on samples of the novice.
 TRAINED = tuple(
     name
     for name in (*FIGURE3, *BASELINES)
     if name != "expert_only" and METHODS[name].fit == "gradients"
-)  # that see samples of the novice
+)
 
 
 class Pace(NamedTuple):
-    """Seconds of 1,000 samples in the rounds of a measurement."""
+    """Seconds per 1,000 samples in the rounds of a measurement."""
 
     median: float
     lowest: float
     highest: float
 
 
-def timed(trial: Trial, data: str | Path) -> float:
-    """Seconds of 1,000 samples of a trial's training, over one phase of each algorithm with its tests."""
-    # brings PyTorch, which reading does without
+def time_training(trial: Trial, data: str | Path) -> float:
+    """Seconds per 1,000 samples of a trial's training.
+
+    Timed are one phase of each algorithm and the tests of the loss between them.
+    """
+    # these import PyTorch, which `read` does not need
     from companion.engine.execute import perform
-    from sidm.learning.stopping import Tested
+    from sidm.learning.stopping import CurvePoint
 
     training, events = trial.training, list[tuple[int, float]]()
 
-    def note(tested: Tested) -> None:
-        events.append((tested.samples, time.perf_counter()))
+    def note(point: CurvePoint) -> None:
+        events.append((point.samples, time.perf_counter()))
 
+    # the clock starts at the first test
     iterations = training.test_interval + training.prediction_iterations
-    most = iterations * training.batch * STEPS  # the clock starts at the first test
-    perform(
-        trial.replace(training=replace(training, max_samples=most, patience=most)),
-        data,
-        progress=note,
-    )
+    most = iterations * training.batch * STEPS
+    short = replace(training, max_samples=most, patience=most)
+    perform(trial.replace(training=short), data, progress=note)
     (first, start), (last, end) = events[0], events[-1]
     return 1000 * (end - start) / (last - first)
 
@@ -72,33 +76,29 @@ def measure(
     rounds: int = ROUNDS,
     beside: str = "nothing else",
 ) -> None:
-    """Time the methods on the smallest dataset of the baselines, and store what is found.
+    """Time the methods on the smallest dataset of the baselines, and write NAME.
 
     Args:
-        study: whose methods and data.
+        study: gives the methods' settings and the data.
         results: the folder of the results.
         methods: names of `methods.METHODS`.
-        rounds: how often each is timed.
-        beside: what else the machine does meanwhile, in words.
+        rounds: how often each method is timed.
+        beside: what else the machine does at the same time, in words.
     """
     minutes = study.preset.baseline_minutes[:1]
     trials = {
         name: study.points(SYSTEM, [name], minutes, seeds=1)[0] for name in methods
     }
-    found: dict[str, list[float]] = {name: [] for name in methods}
+    times: dict[str, list[float]] = {name: [] for name in methods}
     start = time.perf_counter()
     for _ in range(rounds):
         for name, trial in trials.items():
-            found[name].append(float(f"{timed(trial, study.data):.6g}"))
+            times[name].append(float(f"{time_training(trial, study.data):.6g}"))
     made = here(time.perf_counter() - start, THREADS, resumed=False)
-    about = {
-        name: getattr(made, name)
-        for name in ("source", "python", "torch", "device", "threads", "date")
-    }
-    write_record(
-        results / NAME,
-        {"preset": study.preset.name, "seconds": found, "beside": beside, **about},
-    )
+    names = ("source", "python", "torch", "device", "threads", "date")
+    provenance = {name: getattr(made, name) for name in names}
+    record = {"preset": study.preset.name, "seconds": times, "beside": beside}
+    write_record(results / NAME, record | provenance)
 
 
 def _stored(results: Path | str, preset: str) -> dict[str, Any]:
@@ -108,38 +108,46 @@ def _stored(results: Path | str, preset: str) -> dict[str, Any]:
 
 
 def read(results: Path | str, preset: str) -> dict[str, Pace]:
-    """What is stored of a preset, by method; nothing where nothing is."""
-    found = _stored(results, preset).get("seconds", {})
+    """The stored paces of a preset by method; empty if none are stored."""
+    times = _stored(results, preset).get("seconds", {})
     return {
-        name: Pace(float(np.median(some)), min(some), max(some))
-        for name, some in found.items()
+        name: Pace(float(np.median(rounds)), min(rounds), max(rounds))
+        for name, rounds in times.items()
     }
 
 
 def pace_note(results: Path | str, preset: str) -> str:
-    """How a preset's paces were measured, or the command that does it."""
-    found, command = (
-        _stored(results, preset),
-        f"`companion run --figure throughput --preset {preset}`",
-    )
-    if not found:
+    """How a preset's paces were measured, or the command that measures them."""
+    stored = _stored(results, preset)
+    command = f"`companion run --figure throughput --preset {preset}`"
+    if not stored:
         return f"Seconds a sample are not measured for this preset; {command} does."
-    rounds = len(next(iter(found["seconds"].values())))
-    where = f"on one core ({found['device']}) beside {found['beside']}, {found['date'][:10]}"
-    return f"Seconds of 1,000 samples in {rounds} rounds, {where}; again: {command}."
+    rounds = len(next(iter(stored["seconds"].values())))
+    return (
+        f"Seconds of 1,000 samples in {rounds} rounds, on one core "
+        f"({stored['device']}) beside {stored['beside']}, {stored['date'][:10]}; "
+        f"again: {command}."
+    )
 
 
 def seconds(frame: pd.DataFrame, paces: Mapping[str, Pace]) -> pd.Series:
-    """What samples of trials and of their pretrainings take at the methods' median paces; NaN without a pace."""
-    pace = {method: one.median / 1000 for method, one in paces.items()}
-    own = frame.samples * frame.method.map(pace).astype(float)
-    first = frame.pretraining_samples * pace.get(PRETRAINING, float("nan"))
-    spent = own.where(frame.samples > 0, 0.0) + first.where(
-        frame.pretraining_samples > 0, 0.0
-    )
+    """Seconds for the samples of trials and their pretrainings at the median paces.
+
+    Args:
+        frame: stored results.
+        paces: made by `read`.
+
+    Returns:
+        One value per row; NaN where a method has no pace.
+    """
+    pace = {method: rounds.median / 1000 for method, rounds in paces.items()}
+    training = frame.samples * frame.method.map(pace).astype(float)
+    pretraining = frame.pretraining_samples * pace.get(PRETRAINING, float("nan"))
+    spent = training.where(frame.samples > 0, 0.0)
+    spent += pretraining.where(frame.pretraining_samples > 0, 0.0)
     return spent.where(frame.samples + frame.pretraining_samples > 0)
 
 
 def make(study: Study, workers: int) -> None:
-    """`companion run --figure throughput`, in one process."""
+    """Measure and store, for `companion run --figure throughput`, in one process."""
     measure(study, study.results, beside="what else it did, which was not said")

@@ -1,8 +1,9 @@
-"""How the methods were tuned: the same number of tries each, with a seed that no figure has, by test loss alone.
+"""How the methods were tuned: an equal number of tries each, judged by the test loss.
 
-The preset `laptop` has the try of the lowest test loss on system 1, at one middle size;
-those on system 2 are a check. A preset with motion of its own for it, as `study`, has
-other tries, at a small size; LITTLE names the best of them.
+All tries have a seed that no figure has. For each method, the preset `laptop` takes the
+try with the lowest test loss on system 1, at one middle size; its tries on system 2 are
+a check. A preset with separate motion for tuning, as `study`, has other tries, at a
+small size; LITTLE names the best of them.
 """
 
 from __future__ import annotations
@@ -19,11 +20,18 @@ from companion.study import Study
 from companion.trials import Trial
 from sidm.systems import SYSTEMS
 
-TUNING_SEED = MOST_SEEDS  # no figure's: theirs are below
+TUNING_SEED = MOST_SEEDS  # the seeds of figures are lower
+
+#: Changes of a preset: setting -> value.
+Changes = dict[str, Any]
 
 
-def rate_and_batch(batch: int, learning_rate: float) -> dict[str, Any]:
-    """A batch and a rate, tests as often in samples as the preset's, the phases of Algorithm 2 with the same batch."""
+def rate_and_batch(batch: int, learning_rate: float) -> Changes:
+    """Settings for a batch size and a learning rate.
+
+    The phases of Algorithm 2 have the same batch size; the test loss is taken after as
+    many samples as in the preset.
+    """
     return dict(
         batch=batch,
         discriminator_batch=batch,
@@ -33,7 +41,12 @@ def rate_and_batch(batch: int, learning_rate: float) -> dict[str, Any]:
     )
 
 
-_ALL: dict[str, dict[str, Any]] = {
+def _after_pretraining(method: str, **values: Any) -> Changes:
+    """Settings for the training of a method, but not for its pretraining."""
+    return {"tuned": tuple((method, name, value) for name, value in values.items())}
+
+
+_ALL: dict[str, Changes] = {
     "batch 8, rate 0.001 (the base)": rate_and_batch(8, 1e-3),
     "batch 8, rate 0.0005": rate_and_batch(8, 5e-4),
     "batch 4, rate 0.001": rate_and_batch(4, 1e-3),
@@ -41,9 +54,9 @@ _ALL: dict[str, dict[str, Any]] = {
     "patience 450,000": {"patience": 450_000},
 }
 
-#: Method -> its tries, in words and as changes of the untuned preset, for all trainings
-#: of the method.
-TRIES: dict[str, dict[str, dict[str, Any]]] = {
+#: Method -> name of each try -> changes of the untuned preset, for all trainings of the
+#: method.
+TRIES: dict[str, dict[str, Changes]] = {
     "novice_only": _ALL
     | {
         "batch 2, rate 0.0003": rate_and_batch(2, 3e-4),
@@ -56,24 +69,20 @@ TRIES: dict[str, dict[str, dict[str, Any]]] = {
     },
     "pretrain_finetune": _ALL
     | {
-        "rate 0.0003 of the fine-tuning alone": {
-            "tuned": (("pretrain_finetune", "learning_rate", 3e-4),)
-        },
-        "rate 0.0001 of the fine-tuning alone": {
-            "tuned": (("pretrain_finetune", "learning_rate", 1e-4),)
-        },
+        "rate 0.0003 of the fine-tuning alone": _after_pretraining(
+            "pretrain_finetune", learning_rate=3e-4
+        ),
+        "rate 0.0001 of the fine-tuning alone": _after_pretraining(
+            "pretrain_finetune", learning_rate=1e-4
+        ),
     },
 }
 
+_P_90 = {"p_expert_system1": 0.9, "p_expert_system2": 0.9}
 
-def _alone(method: str, **values: Any) -> dict[str, Any]:
-    """Settings of a method's own training, not of its pretraining."""
-    return {"tuned": tuple((method, name, value) for name, value in values.items())}
-
-
-#: The same of presets that have motion of their own for tuning; the base has a rate of
-#: 0.001, batches of 8, the paper's p_e and 20 matching iterations.
-LITTLE_TRIES: dict[str, dict[str, dict[str, Any]]] = {
+#: The tries of presets with separate motion for tuning, as TRIES. The base has a rate
+#: of 0.001, batches of 8, the paper's p_e and 20 matching iterations.
+LITTLE_TRIES: dict[str, dict[str, Changes]] = {
     "novice_only": {
         "the base": {},
         "rate 0.0003": {"learning_rate": 3e-4},
@@ -85,21 +94,23 @@ LITTLE_TRIES: dict[str, dict[str, dict[str, Any]]] = {
     "sidm": {
         "the base": {},
         "rate 0.0003": {"learning_rate": 3e-4},
-        "p_e 0.9": {"p_expert_system1": 0.9, "p_expert_system2": 0.9},
+        "p_e 0.9": _P_90,
         "5 matching iterations": {"matching_iterations": 5},
         "100 matching iterations": {"matching_iterations": 100},
-        "p_e 0.9, 100 matching iterations": {
-            "p_expert_system1": 0.9,
-            "p_expert_system2": 0.9,
-            "matching_iterations": 100,
-        },
+        "p_e 0.9, 100 matching iterations": _P_90 | {"matching_iterations": 100},
     },
     "pretrain_finetune": {
         "the base": {},
-        "fine-tuning at 0.0003": _alone("pretrain_finetune", learning_rate=3e-4),
-        "fine-tuning at 0.0001": _alone("pretrain_finetune", learning_rate=1e-4),
-        "fine-tuning at 0.00003": _alone("pretrain_finetune", learning_rate=3e-5),
-        "fine-tuning at 0.0001, weight decay 0.1": _alone(
+        "fine-tuning at 0.0003": _after_pretraining(
+            "pretrain_finetune", learning_rate=3e-4
+        ),
+        "fine-tuning at 0.0001": _after_pretraining(
+            "pretrain_finetune", learning_rate=1e-4
+        ),
+        "fine-tuning at 0.00003": _after_pretraining(
+            "pretrain_finetune", learning_rate=3e-5
+        ),
+        "fine-tuning at 0.0001, weight decay 0.1": _after_pretraining(
             "pretrain_finetune", learning_rate=1e-4, weight_decay=0.1
         ),
         "pretraining at 0.0003, fine-tuning at 0.0001": {
@@ -112,47 +123,45 @@ LITTLE_TRIES: dict[str, dict[str, dict[str, Any]]] = {
 }
 
 
-#: The try with a system's lowest test loss at 5 minutes, of methods that Figure 3 has
-#: more than LITTLE_WORTH above it.
+#: System -> method -> the try with the lowest test loss at 5 minutes. A method is
+#: listed where the loss of Figure 3's settings is more than LITTLE_WORTH above it.
 LITTLE = {
     "system1": {"sidm": "p_e 0.9, 100 matching iterations"},
     "system2": {"sidm": "p_e 0.9, 100 matching iterations", "novice_only": "batch 4"},
 }
 LITTLE_WORTH = 0.01  # share of the loss
-LITTLE_MINUTES = 5.0  # up to which Figure 3 is run with these settings
+LITTLE_MINUTES = 5.0  # the largest size at which Figure 3 is run with these settings
 
 
-def tries_of(preset: Preset) -> dict[str, dict[str, dict[str, Any]]]:
-    """The tries of a preset's methods."""
-    return (
-        LITTLE_TRIES
-        if preset.tuning_pool_minutes or preset.motion == "tuning"
-        else TRIES
-    )
+def tries_of(preset: Preset) -> dict[str, dict[str, Changes]]:
+    """The tries of a preset: TRIES, or LITTLE_TRIES with separate motion for tuning."""
+    separate = preset.tuning_pool_minutes or preset.motion == "tuning"
+    return LITTLE_TRIES if separate else TRIES
 
 
-def tried(preset: Preset, method: str, words: str) -> Preset:
-    """The preset of a try of a method: untuned but for the try's changes."""
-    return _untuned_but(preset, tries_of(preset)[method][words])
+def preset_of_try(preset: Preset, method: str, name: str) -> Preset:
+    """The untuned preset with the changes of one try of a method."""
+    return _untuned(preset, tries_of(preset)[method][name])
 
 
-def _untuned_but(preset: Preset, changes: dict[str, Any]) -> Preset:
+def _untuned(preset: Preset, changes: Changes) -> Preset:
+    """The preset without its tuned settings, but with some changes."""
     return preset.replace(**({"tuned": ()} | changes))
 
 
 def tries(study: Study, system: str) -> list[tuple[str, Trial]]:
-    """Every try of every method at each of the tuning's sizes: its words, and its trial."""
+    """Name and trial of every try of every method at each of the tuning's sizes."""
     base = study.preset.for_tuning()
     return [
         (
-            words,
-            study.of(tried(base, method, words)).trial(
+            name,
+            study.with_preset(preset_of_try(base, method, name)).trial(
                 system, method, minutes, TUNING_SEED
             ),
         )
         for minutes in base.tuning_minutes
-        for method, its in tries_of(base).items()
-        for words in its
+        for method, names in tries_of(base).items()
+        for name in names
     ]
 
 
@@ -162,75 +171,77 @@ def trials(study: Study, system: str) -> list[Trial]:
 
 
 def little_data(study: Study, system: str) -> list[Trial]:
-    """Figure 3 with little data again, with what its methods were tuned to at 5 minutes: those that LITTLE names."""
-    sizes, found = (
-        [one for one in study.preset.novice_minutes(system) if one <= LITTLE_MINUTES],
-        [],
-    )
-    for method, words in LITTLE[system].items():
-        own = study.of(_untuned_but(study.preset, LITTLE_TRIES[method][words]))
-        found += own.points(system, [method], sizes, seeds=study.preset.seeds)
-    return found
+    """Figure 3 with little data, with the settings tuned at 5 minutes (LITTLE)."""
+    preset, trials = study.preset, []
+    sizes = [size for size in preset.novice_minutes(system) if size <= LITTLE_MINUTES]
+    for method, name in LITTLE[system].items():
+        tuned = study.with_preset(_untuned(preset, LITTLE_TRIES[method][name]))
+        trials += tuned.points(system, [method], sizes, seeds=preset.seeds)
+    return trials
 
 
-def for_little(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
-    """The stored results of `little_data`, their methods under the names that figures have for them."""
-    found = store.frame(
+def little_data_results(
+    study: Study, store: Results, systems: Iterable[str]
+) -> pd.DataFrame:
+    """Stored results of `little_data`, with the methods' names in figures."""
+    frame = store.frame(
         [trial for system in systems for trial in little_data(study, system)]
     )
-    return found.assign(method=found.method + FOR_LITTLE)
+    return frame.assign(method=frame.method + FOR_LITTLE)
 
 
-def best_alone(frame: pd.DataFrame, little: pd.DataFrame) -> pd.DataFrame:
-    """Training without SIDM at its best: of `for_little` where that has it, else of Figure 3."""
-    at = ["system", "novice_minutes"]
-    own, usual = (
-        little[little.method == "novice_only" + FOR_LITTLE],
-        frame[frame.method == "novice_only"],
-    )
-    rest = usual[~usual.set_index(at).index.isin(own.set_index(at).index)]
-    return pd.concat([own.assign(method="novice_only"), rest])
+def best_novice_only(frame: pd.DataFrame, little: pd.DataFrame) -> pd.DataFrame:
+    """Results of training without SIDM with the better of two settings at each size.
+
+    Args:
+        frame: results of Figure 3, which serve where `little` has none.
+        little: made by `little_data_results`.
+    """
+    point = ["system", "novice_minutes"]
+    tuned = little[little.method == "novice_only" + FOR_LITTLE]
+    usual = frame[frame.method == "novice_only"]
+    replaced = usual.set_index(point).index.isin(tuned.set_index(point).index)
+    return pd.concat([tuned.assign(method="novice_only"), usual[~replaced]])
 
 
 def frame(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
-    """Stored tries, with their words as `try` and whether they are what the preset has as `used`."""
-    base, parts = study.of(study.preset.for_tuning()), []
+    """The stored tries.
+
+    Returns:
+        One row per try, with its name as `try`, and as `used` whether the preset has
+        its settings.
+    """
+    base, parts = study.with_preset(study.preset.for_tuning()), []
     for system in systems:
-        for words, trial in tries(study, system):
-            own = base.trial(system, trial.method, trial.novice_minutes, TUNING_SEED)
-            parts.append(
-                store.frame([trial]).assign(
-                    **{"try": words, "used": own.key == trial.key}
-                )
-            )
+        for name, trial in tries(study, system):
+            minutes = trial.novice_minutes
+            usual = base.trial(system, trial.method, minutes, TUNING_SEED)
+            columns = {"try": name, "used": usual.key == trial.key}
+            parts.append(store.frame([trial]).assign(**columns))
     return pd.concat(parts)
 
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
-    """A line a try, its losses and samples; `lowest` marks the first lowest test loss of a system, size and method.
+    """One row per try, with its losses and samples.
 
-    The test loss is the smoothed one of the weights that were kept, which the choice
-    goes by; samples are those of the prediction and of the pretraining.
+    The choice goes by `best_test_loss`, the smoothed test loss of the weights that were
+    kept; `lowest` marks its first minimum for each system, size and method. `samples`
+    are those of prediction and pretraining.
+
+    Args:
+        frame: made by `frame`.
     """
     groups = frame.groupby(["system", "novice_minutes", "method"]).best_test_loss
-    found = frame.assign(
+    rows = frame.assign(
         samples=frame.samples + frame.pretraining_samples,
         lowest=frame.index == groups.transform("idxmin"),
     )
-    names = [
-        "system",
-        "novice_minutes",
-        "method",
-        "try",
-        "best_test_loss",
-        "validation_loss",
-        "samples",
-        "lowest",
-    ]
-    return found[[*names, "used"]].reset_index(drop=True)
+    names = ["system", "novice_minutes", "method", "try", "best_test_loss"]
+    names += ["validation_loss", "samples", "lowest", "used"]
+    return rows[names].reset_index(drop=True)
 
 
-#: What was tuned, as a training names it.
+#: The tuned settings of a training; the phases of Algorithm 2 have the last two.
 TUNED = (
     "learning_rate",
     "batch",
@@ -243,42 +254,42 @@ TUNED = (
 
 
 def settings(preset: Preset) -> pd.DataFrame:
-    """What each method came to: a line a setting, a column a method of TRIES.
+    """The settings that each method was tuned to.
 
-    A pretraining's value stands before the fine-tuning's where they differ, p_e before
-    the systems.
+    Returns:
+        One row per setting, one column per method of TRIES. A pretraining's value
+        stands before the fine-tuning's where they differ; p_e has a value for each
+        system.
     """
-    found = {
+    columns = {
         method: [
-            _p_expert(preset, method),
-            *(_tuned(preset, method, one) for one in TUNED),
+            _p_expert_text(preset, method),
+            *(_setting_text(preset, method, name) for name in TUNED),
         ]
         for method in TRIES
     }
-    return pd.DataFrame(found, index=pd.Index(["p_expert", *TUNED], name="setting"))
+    return pd.DataFrame(columns, index=pd.Index(["p_expert", *TUNED], name="setting"))
 
 
-def _tuned(preset: Preset, method: str, name: str) -> str:
-    training, first = (
-        preset.training_of(METHODS[method], "system1"),
-        preset.pretraining_of(METHODS[method]),
-    )
-    both = [getattr(one, name) for one in (first, training) if one is not None]
-    silent = (
-        name in TUNED[-2:]
-        and not training.regularise
-        or name == TUNED[-3]
-        and not METHODS[method].expert
-    )
-    return (
-        "-"
-        if silent
-        else ", then ".join(dict.fromkeys(f"{value:,g}" for value in both))
-    )
+def _setting_text(preset: Preset, method: str, name: str) -> str:
+    """A setting of a method's trainings; '-' where the method does not use it."""
+    training = preset.training_of(METHODS[method], "system1")
+    pretraining = preset.pretraining_of(METHODS[method])
+    regularisation = ("discriminator_iterations", "matching_iterations")
+    if name in regularisation and not training.regularise:
+        return "-"
+    if name == "prediction_iterations" and not METHODS[method].expert:
+        return "-"
+    values = [
+        getattr(config, name)
+        for config in (pretraining, training)
+        if config is not None
+    ]
+    return ", then ".join(dict.fromkeys(f"{value:,g}" for value in values))
 
 
-def _p_expert(preset: Preset, method: str) -> str:
-    """The p_e of a method, a system after the other."""
+def _p_expert_text(preset: Preset, method: str) -> str:
+    """The p_e of a method for each system; '-' where it does not use the expert."""
     if not METHODS[method].expert:
         return "-"
     return ", ".join(

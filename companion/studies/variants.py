@@ -1,9 +1,8 @@
-"""What might need less novice data than the paper's method and its strongest neighbour, and whether it needs half.
+"""Variants of the methods: which need half the novice data of SIDM and fine-tuning?
 
 Where curves are flat, a ratio of data says little with few seeds: a small step of the
-loss is a long way along the curve. Losses at sizes that were run can be held against
-each other seed by seed: those of a method beside those of the others with twice its
-data and more.
+loss is a long way along the curve. Losses at sizes that were run can be compared seed
+by seed: the losses of one method with those of the others at twice its data or more.
 """
 
 from __future__ import annotations
@@ -14,31 +13,34 @@ import pandas as pd
 
 from companion.methods import MIRRORED, VARIANTS
 from companion.statistics.intervals import FEWEST_SEEDS
-from companion.statistics.pairs import beside
+from companion.statistics.pairs import paired_comparison
 from companion.study import Study
 from companion.trials import Trial
 
-#: the paper's method and its strongest neighbour
+#: The paper's method and its strongest rival.
 AGAINST = ("sidm", "pretrain_finetune")
-HALF, EQUAL = 2.0, 1.0  # times the data that the others have at least
+HALF, EQUAL = 2.0, 1.0  # least data of the others, as a multiple of the method's
 
 
 def trials(study: Study, system: str) -> list[Trial]:
-    """The variants on small datasets, beside the methods that they are to beat; those on Figure 3's too."""
-    found = study.points(
-        system,
-        (*AGAINST, *VARIANTS, "least_squares", *MIRRORED),
-        study.preset.variant_minutes,
-    )
-    found += study.points(system, AGAINST, study.preset.novice_minutes(system))
-    return list({trial.key: trial for trial in found}.values())
+    """The variants and the methods that they are compared with, on small datasets.
+
+    The methods of AGAINST have Figure 3's datasets too.
+    """
+    methods = (*AGAINST, *VARIANTS, "least_squares", *MIRRORED)
+    trials = study.points(system, methods, study.preset.variant_minutes)
+    trials += study.points(system, AGAINST, study.preset.novice_minutes(system))
+    return list({trial.key: trial for trial in trials}.values())
 
 
 def correction(study: Study, system: str) -> list[Trial]:
-    """Of these, least squares on the expert's model, what it is made of, and what it is to beat."""
+    """The trials about least squares on the expert's model.
+
+    They are those of the method, its components, and its rivals.
+    """
     parts = ("mirrored", "corrected", "corrected_mirrored", "corrected_averaged")
-    kept = (*AGAINST, "least_squares", "least_squares_mirrored", *parts)
-    return [trial for trial in trials(study, system) if trial.method in kept]
+    methods = (*AGAINST, "least_squares", "least_squares_mirrored", *parts)
+    return [trial for trial in trials(study, system) if trial.method in methods]
 
 
 def table(
@@ -48,63 +50,69 @@ def table(
     times: float = HALF,
     value: str = "validation_loss",
 ) -> pd.DataFrame:
-    """Methods beside others that have at least so many times their data: `pairs.beside`, of FEWEST_SEEDS or more.
+    """Ratios of methods' losses to those of others that have more data.
 
     Args:
-        frame: of stored results, at most one a system, method, size and seed.
-        methods: that have less data.
+        frame: stored results, at most one per system, method, size and seed.
+        methods: the methods that have less data.
         against: the others; each at the smallest of its sizes that is large enough,
-            `with_minutes`.
-        times: how many times a method's data they have, or more; EQUAL for the same.
+            which is in the column `with_minutes`.
+        times: how many times a method's data the others have, or more; EQUAL for the
+            same amount.
         value: the column that is compared.
+
+    Returns:
+        A table of `pairs.paired_comparison`, one row per system, method, size and other
+        method (`against`), where at least FEWEST_SEEDS seeds were run.
     """
-    parts = [beside(frame[:0], frame[:0]).assign(against="", with_minutes=0.0)]
-    for (system, _, minutes), own in frame[frame.method.isin(methods)].groupby(
+    empty = paired_comparison(frame[:0], frame[:0])
+    parts = [empty.assign(against="", with_minutes=0.0)]
+    points = frame[frame.method.isin(methods)].groupby(
         ["system", "method", "novice_minutes"]
-    ):
+    )
+    for (system, _, minutes), losses in points:
+        enough = frame[
+            (frame.system == system) & (frame.novice_minutes >= times * minutes)
+        ]
         for other in against:
-            its = frame[
-                (frame.system == system)
-                & (frame.method == other)
-                & (frame.novice_minutes >= times * minutes)
-            ]
-            nearest = its[its.novice_minutes == its.novice_minutes.min()].assign(
-                novice_minutes=minutes
-            )
-            found = beside(own, nearest, value=value)
-            parts.append(
-                found.assign(against=other, with_minutes=its.novice_minutes.min())
-            )
-    every = pd.concat(parts, ignore_index=True)
-    return every[every.seeds >= FEWEST_SEEDS].reset_index(drop=True)
+            rows = enough[enough.method == other]
+            size = rows.novice_minutes.min()
+            nearest = rows[rows.novice_minutes == size].assign(novice_minutes=minutes)
+            compared = paired_comparison(losses, nearest, value=value)
+            parts.append(compared.assign(against=other, with_minutes=size))
+    compared = pd.concat(parts, ignore_index=True)
+    return compared[compared.seeds >= FEWEST_SEEDS].reset_index(drop=True)
 
 
 def by_method(table: pd.DataFrame, points: int) -> pd.DataFrame:
-    """A line a method: in how many of its comparisons with each other it is better, and whether it always is.
+    """In how many comparisons each method is better, and whether it always is.
 
     Args:
-        table: of `table`, all systems.
-        points: systems and sizes at which a method has to have been held against each
-            other.
+        table: made by `table`, with all systems.
+        points: number of systems and sizes at which a method has to be compared with
+            each other method.
 
     Returns:
-        '8 of 8' for each of AGAINST, by the whole interval, and under `half` 'yes',
-        'no', or 'not all run'.
+        One row per method: '8 of 8' for each of AGAINST, counted by the whole interval,
+        and under `half` 'yes', 'no', or 'not all run'.
     """
-    sure = (
-        table.assign(sure=table.high < 1)
+    counts = (
+        table.assign(better=table.high < 1)
         .groupby(["method", "against"], sort=False)
-        .sure.agg(["sum", "size"])
+        .better.agg(["sum", "size"])
     )
-    words = sure["sum"].astype(str) + " of " + sure["size"].astype(str)
-    found = words.unstack().reindex(columns=list(AGAINST))
-    better, held = (
-        sure[name].unstack(fill_value=0).reindex(columns=list(AGAINST), fill_value=0)
-        for name in sure
+    texts = counts["sum"].astype(str) + " of " + counts["size"].astype(str)
+    rows = texts.unstack().reindex(columns=list(AGAINST))
+    better, compared = (
+        counts[name].unstack(fill_value=0).reindex(columns=list(AGAINST), fill_value=0)
+        for name in ("sum", "size")
     )
-    always, whole = (better == held).all(axis=1), (held == points).all(axis=1)
-    found["half"] = [
-        "no" if not a else "yes" if w else "not all run"
-        for a, w in zip(always, whole, strict=True)
+    always, complete = (
+        (better == compared).all(axis=1),
+        (compared == points).all(axis=1),
+    )
+    rows["half"] = [
+        ("yes" if run else "not all run") if won else "no"
+        for won, run in zip(always, complete, strict=True)
     ]
-    return found.reset_index()
+    return rows.reset_index()

@@ -1,8 +1,9 @@
-"""A model of a real robot in half a minute, from drives that come with the package: `sidm demo`.
+"""The demonstration `sidm demo`: a model of a real robot in half a minute.
 
-`warthog.csv.gz` is nine minutes of a Clearpath Warthog, from norlab-ulaval/DRIVE,
-`calib_data/test_warthog`, commit e158a19, BSD-3-Clause (`LICENSE-DRIVE.txt`); Baril et
-al. (2023), arXiv:2309.10718.
+It learns from drives that come with the package. `warthog.csv.gz` has nine minutes of
+motion of a Clearpath Warthog, from norlab-ulaval/DRIVE, `calib_data/test_warthog`,
+commit e158a19, BSD-3-Clause (`LICENSE-DRIVE.txt`); Baril et al. (2023),
+arXiv:2309.10718.
 """
 
 from __future__ import annotations
@@ -24,17 +25,25 @@ from sidm.replay.viewer import View
 if TYPE_CHECKING:
     import pandas as pd
 
-HELD_OUT = 0.25  # share of the steps that judge, in whole sessions
+HELD_OUT = 0.25  # share of the steps that evaluate the model, in whole sessions
 
 
 class Demo(NamedTuple):
-    """What `run` has made."""
+    """The results of `run`.
+
+    Attributes:
+        model: the fitted model
+        training_drives: how many drives the model was fitted to
+        held_out_drives: how many drives it was evaluated on
+        errors: its errors on the drives held out, as `Model.evaluate` returns them
+        page: the file of the replay
+    """
 
     model: Model
-    learnt: int  # drives that the model has learnt from
-    judged: int  # drives that it has not
-    errors: pd.DataFrame  # on those that judge, as of `Model.evaluate`
-    page: Path  # the replay
+    training_drives: int
+    held_out_drives: int
+    errors: pd.DataFrame
+    page: Path
 
 
 def bundled_drives() -> list[Drive]:
@@ -45,19 +54,24 @@ def bundled_drives() -> list[Drive]:
 
 
 def run(folder: str | Path) -> Demo:
-    """Fit a model by least squares, judge it by drives held out, and write model and replay into a folder.
+    """Fit a model by least squares and evaluate it on drives held out.
+
+    Args:
+        folder: where the model and a replay are written.
 
     Raises:
         OSError: the folder cannot be written.
     """
-    learning, judging = hold_out(bundled_drives(), HELD_OUT)
-    model = fit(learning, method="least_squares", out=Path(folder) / "model")
-    turning = max(
-        judging, key=lambda drive: float(abs(drive.states[-1, 2] - drive.states[0, 2]))
-    )
-    path = model.rollout(turning.states[0], turning.actions)
+    training, held_out = hold_out(bundled_drives(), HELD_OUT)
+    model = fit(training, method="least_squares", out=Path(folder) / "model")
+    drive = max(held_out, key=_turned)
+    path = model.rollout(drive.states[0], drive.actions)
     page = Path(folder) / "replay.html"
-    View(
-        predicted_scene(turning, path, BOXES["warthog"]), "A Warthog and its model"
-    ).write(page)
-    return Demo(model, len(learning), len(judging), model.evaluate(judging), page)
+    scene = predicted_scene(drive, path, BOXES["warthog"])
+    View(scene, "A Warthog and its model").write(page)
+    return Demo(model, len(training), len(held_out), model.evaluate(held_out), page)
+
+
+def _turned(drive: Drive) -> float:
+    """Angle, rad, between the headings at the start and at the end of a drive."""
+    return float(abs(drive.states[-1, 2] - drive.states[0, 2]))

@@ -1,4 +1,4 @@
-"""What users hand over as drives, brought to one type or refused in one line."""
+"""Drives that users pass in: checked, and brought into one type."""
 
 from __future__ import annotations
 
@@ -20,99 +20,127 @@ if TYPE_CHECKING:
 
 
 def drives_from(
-    given: Drives,
+    source: Drives,
     body: BodyLike | None,
-    what: str,
+    argument: str,
     topics: Sequence[str] = (),
-    held: bool = False,
-    otherwise: BodyLike | None = None,
+    allow_constant: bool = False,
+    default_body: BodyLike | None = None,
 ) -> list[Drive]:
-    """Drives from what stands for them.
+    """List of drives from any form in which a user can pass them.
 
     Args:
-        given: drives; a file, a ROS bag or a folder, or several; or a table in memory.
-        body: what they are made of; drives that are read already may do without, and
-            must be made of the same.
-        what: the name of the argument, for messages.
-        topics: of ROS bags that are read, where several could be meant.
-        held: as of `recordings.read_drives`.
-        otherwise: what drives in files are made of where no `body` is given.
+        source: drives; or a file, a ROS bag or a folder, or several of them; or a
+            pandas table.
+        body: body of the drives. Drives that have been read already need none; if one
+            is given, they must have the same pose, state, actions and rate.
+        argument: the name of the argument, for error messages.
+        topics: topics of ROS bags, needed where a bag has several that fit.
+        allow_constant: whether a column may never change, as in
+            `recordings.read_drives`.
+        default_body: body of drives in files where `body` is None.
+
+    Returns:
+        The drives, all of one body.
 
     Raises:
-        ConfigError: there are no drives, nothing says what they are made of, or they
-            are made of something else.
+        ConfigError: there are no drives, no body is given, or the drives have another
+            body.
         RecordingError: the first fault of a file or a table.
-        TypeError: something else than drives.
+        TypeError: `source` is nothing that holds drives.
     """
-    if isinstance(given, (str, Path)):
-        return read_drives(given, _wanted(body or otherwise, what), topics, held)
-    if isinstance(given, Drive):
-        given = [given]
-    if hasattr(given, "columns") and hasattr(given, "to_numpy"):
-        return drives_from_frame(given, _wanted(body or otherwise, what))
-    if not isinstance(given, Sequence) or not all(
-        isinstance(one, (Drive, str, Path)) for one in given
+    file_body = body or default_body
+    if isinstance(source, (str, Path)):
+        return read_drives(
+            source, _required(file_body, argument), topics, allow_constant
+        )
+    if isinstance(source, Drive):
+        source = [source]
+    if hasattr(source, "columns") and hasattr(source, "to_numpy"):
+        return drives_from_frame(source, _required(file_body, argument))
+    if not isinstance(source, Sequence) or not all(
+        isinstance(item, (Drive, str, Path)) for item in source
     ):
-        kinds = (
-            "drives, as sidm.simulate and sidm.read_drives give them, or paths of them"
+        raise TypeError(
+            f"{argument} must be drives, as sidm.simulate and sidm.read_drives return, "
+            f"or paths of drives, not {type(source).__name__}"
         )
-        raise TypeError(f"{what} must be {kinds}, not {type(given).__name__}")
-    if not given:
-        raise ConfigError(f"{what} has no drives")
-    own = None if body is None else as_body(body)
-    found: list[Drive] = []
-    for one in given:
-        if not isinstance(one, Drive):
-            found += read_drives(one, _wanted(own or otherwise, what), topics, held)
+    if not source:
+        raise ConfigError(f"{argument} has no drives")
+    expected = None if body is None else as_body(body)
+    drives: list[Drive] = []
+    for item in source:
+        if not isinstance(item, Drive):
+            file_body = _required(expected or default_body, argument)
+            drives += read_drives(item, file_body, topics, allow_constant)
         else:
-            found.append(one if own is None else _as_made_of(one, own, what))
-    if len({drive.body for drive in found}) > 1:
-        names = ", ".join(sorted({drive.body.name for drive in found}))
+            drives.append(
+                item if expected is None else _with_body(item, expected, argument)
+            )
+    if len({drive.body for drive in drives}) > 1:
+        names = ", ".join(sorted({drive.body.name for drive in drives}))
         raise ConfigError(
-            f"{what} has drives of several bodies ({names}); those of one robot have one"
+            f"{argument} has drives of several bodies ({names}); "
+            "all drives of a robot have the same body"
         )
-    return found
+    return drives
 
 
-def _wanted(body: BodyLike | None, what: str) -> Body:
+def _required(body: BodyLike | None, argument: str) -> Body:
     if body is None:
-        name = "body" if what != "expert" else "expert_body"
+        option = "body" if argument != "expert" else "expert_body"
         raise ConfigError(
-            f"say what the drives of {what} are made of, as {name}='robot.yaml'"
+            f"the drives of {argument} have no body: pass {option}='robot.yaml'"
         )
     return as_body(body)
 
 
-def _as_made_of(drive: Drive, body: Body, what: str) -> Drive:
-    """A drive with a body whose numbers are the same, such as one with other weights; ConfigError for another body."""
-    for name, own, wanted in (
-        ("pose", drive.body.pose, body.pose),
-        ("state", *([column for column, _ in one.state] for one in (drive.body, body))),
-        (
-            "actions",
-            *([column for column, _ in one.actions] for one in (drive.body, body)),
-        ),
-    ):
-        if own != wanted:
+def _with_body(drive: Drive, body: Body, argument: str) -> Drive:
+    """The drive with `body`, which must describe the same numbers.
+
+    The two bodies may differ in other things, such as the weights of the loss.
+
+    Raises:
+        ConfigError: pose, state, actions or rate of the two bodies differ.
+    """
+    expected = _layout(body)
+    for name, value in _layout(drive.body).items():
+        if value != expected[name]:
             raise ConfigError(
-                f"{what} has drives of '{drive.body.name}', whose {name} is not that of '{body.name}'"
+                f"{argument} has drives of body '{drive.body.name}', "
+                f"whose {name} differ from those of body '{body.name}'"
             )
     if not math.isclose(drive.body.rate, body.rate, rel_tol=1e-3):
         raise ConfigError(
-            f"{what} has drives at {drive.body.rate:g} Hz, body '{body.name}' is at {body.rate:g} Hz"
+            f"{argument} has drives at {drive.body.rate:g} Hz, "
+            f"but body '{body.name}' is at {body.rate:g} Hz"
         )
     return drive if drive.body == body else replace(drive, body=body)
 
 
+def _layout(body: Body) -> dict[str, Any]:
+    """What the numbers of a drive are: pose, and columns of states and actions."""
+    return {
+        "pose": body.pose,
+        "state": [column for column, _ in body.state],
+        "actions": [column for column, _ in body.actions],
+    }
+
+
 def refuse_swapped(novice: Sequence[Drive], expert: Sequence[Drive] | None) -> None:
-    """ConfigError where the novice's drives are a simulated expert's, or the expert's a simulated novice's."""
-    for what, role, drives in (
+    """Raise ConfigError when simulated drives of novice and expert are swapped.
+
+    Without an expert, a novice may have an expert's drives: any robot can be learnt
+    alone.
+    """
+    if expert is None:
+        return
+    for argument, other_role, drives in (
         ("novice", "expert", novice),
-        ("expert", "novice", expert or ()),
+        ("expert", "novice", expert),
     ):
-        if drives and drives[0].robot.endswith(f" {role}"):
-            if what == "novice" and expert is None:
-                continue  # any robot can be learnt alone
+        if drives and drives[0].robot.endswith(f" {other_role}"):
             raise ConfigError(
-                f"{what} has the drives of '{drives[0].robot}': are novice and expert swapped?"
+                f"{argument} has the drives of '{drives[0].robot}': "
+                "are novice and expert swapped?"
             )

@@ -1,4 +1,4 @@
-"""From drives to a model of the robot: `sidm.fit`, and several methods side by side: `sidm.compare`."""
+"""Fit a model to drives (`sidm.fit`), and compare several methods (`sidm.compare`)."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from sidm.fitting.windows import (
     common_length,
     cut,
     hold_out,
-    learn_and_test,
     session_order,
+    train_test_split,
 )
 from sidm.learning.arithmetic import one_thread
 from sidm.learning.losses import prediction_loss
-from sidm.learning.stopping import Tested
-from sidm.learning.units import loss_weights, units_for
+from sidm.learning.stopping import CurvePoint
+from sidm.learning.units import loss_weights, role_units
 from sidm.progress import progress_bar
 from sidm.rivals.methods import METHODS
 from sidm.settings import Network, Training
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
     from sidm.fitting.arguments import BodyLike, Drives
 
-UNFINISHED = "unfinished"  # a folder in the model's, of the state to go on from
+UNFINISHED = "unfinished"  # subfolder of the model's, for the state of a training
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
@@ -61,38 +61,42 @@ def fit(
     topics: Sequence[str] = (),
     progress: bool = False,
 ) -> Model:
-    """Learn a robot from its drives, with another robot's if there are any.
+    """Fit a model of a robot to its drives, and to an expert's drives if there are any.
 
     Args:
-        novice: drives of the robot, as `sidm.simulate` and `sidm.read_drives` give
-            them; or a file, a ROS bag or a folder of them, or several; or a pandas
+        novice: drives of the robot, as `sidm.simulate` and `sidm.read_drives` return
+            them; or a file, a ROS bag or a folder of drives, or several; or a pandas
             table.
-        expert: drives of another robot, whose motion is cheaper.
-        method: one of `sidm.rivals.methods.METHODS`; 'sidm' with an expert and
-            'novice_only' without one by default.
-        body: what the novice's drives are made of, where they come from files: a body,
-            its YAML file or a mapping.
-        expert_body: what the expert's drives are made of; as the novice's unless given.
+        expert: drives of another robot, whose motion is cheaper to record.
+        method: a name in `sidm.rivals.methods.METHODS`; by default 'sidm' with an
+            expert and 'novice_only' without one.
+        body: what the novice's drives are made of, needed where they come from files: a
+            body, its YAML file or a mapping.
+        expert_body: what the expert's drives are made of; by default `body`.
         network: sizes of the networks; the robots' bodies are put in.
-        training: settings of the training, in place of what each method was tuned to.
-        settings: single settings of both by name, as `{"hidden": 64, "p_expert": 0.5}`.
-        seed: of the choice of drives to stop by, the initial weights and the batches.
-        out: a folder for the model; it also keeps an unfinished training, which the
-            same call goes on with.
-        topics: of ROS bags that are read, where several could be meant.
-        progress: whether to show it, with the time left at most.
+        training: settings of the training; they replace the tuned values of the
+            methods.
+        settings: single settings of network and training by name, as
+            `{"hidden": 64, "p_expert": 0.5}`.
+        seed: seed of the choice of test drives, the initial weights and the batches.
+        out: a folder for the model. An unfinished training is kept there, too; the same
+            call resumes it.
+        topics: topics of ROS bags, needed where a bag has several that fit.
+        progress: whether to show a progress bar, with the longest time left.
 
     Returns:
-        The model, written to `out` if given.
+        The model. It is also written to `out` if a folder is given.
 
     Raises:
         RecordingError: the first fault of a file of drives.
-        ConfigError: a body, a method or a setting that these robots cannot be learnt
-            with.
-        TypeError: something else than drives.
+        ConfigError: these robots cannot be learnt with the body, the method or a
+            setting.
+        TypeError: `novice` or `expert` is nothing that holds drives.
 
     Examples:
-        >>> drives = sidm.read_drives("recordings/warthog.csv.gz", body="recordings/skid_steer.yaml")
+        >>> drives = sidm.read_drives(
+        ...     "recordings/warthog.csv.gz", body="recordings/skid_steer.yaml"
+        ... )
         >>> model = sidm.fit(drives[:200], method="least_squares")
         >>> model
         Model('least_squares' of body 'skid-steered', from 6.3 min)
@@ -103,93 +107,88 @@ def fit(
     if seed < 0:
         raise ConfigError(f"seed must be 0 or more, not {seed}")
     if expert is None and expert_body is not None:
-        raise ConfigError(
-            "expert_body says what an expert's drives are made of, but there is no expert"
+        raise ConfigError("expert_body is given, but there is no expert")
+    novice_drives = drives_from(novice, body, "novice", topics)
+    expert_drives = None
+    if expert is not None:
+        expert_drives = drives_from(
+            expert, expert_body, "expert", topics, default_body=body
         )
-    own = drives_from(novice, body, "novice", topics)
-    other = (
-        None
-        if expert is None
-        else drives_from(expert, expert_body, "expert", topics, otherwise=body)
-    )
-    method = method or ("novice_only" if other is None else "sidm")
-    refuse_method(method, own[0].body, None if other is None else other[0].body)
-    refuse_swapped(own, other)
-    model = _fit(own, other, method, chosen, seed, out, progress)
+    method = method or ("novice_only" if expert_drives is None else "sidm")
+    _refuse(method, novice_drives, expert_drives)
+    refuse_swapped(novice_drives, expert_drives)
+    model = _fit(novice_drives, expert_drives, method, chosen, seed, out, progress)
     if out is not None:
         model.save(out)
         shutil.rmtree(Path(out) / UNFINISHED, ignore_errors=True)
     return model
 
 
+def _refuse(
+    method: str, novice: Sequence[Drive], expert: Sequence[Drive] | None
+) -> None:
+    """Raise ConfigError for a method that cannot learn the robots of these drives."""
+    refuse_method(method, novice[0].body, None if expert is None else expert[0].body)
+
+
 def _fit(
-    own: Sequence[Drive],
-    other: Sequence[Drive] | None,
+    novice: Sequence[Drive],
+    expert: Sequence[Drive] | None,
     method: str,
-    chosen: Settings,
+    settings: Settings,
     seed: int,
     out: str | Path | None,
     progress: bool,
 ) -> Model:
-    """`fit` of drives that were read, by settings that were made."""
-    steps = common_length(own, *([other] if other else []))
-    windows = cut(own, steps)
-    parts = learn_and_test(windows, session_order(windows, seed))
-    body = own[0].body
-    network = network_for(chosen, body, other[0].body if other else None)
-    sets = datasets(
-        *parts, parts[1], cut(other, steps) if other else None, network.pixels
-    )
+    """Fit checked drives with checked settings."""
+    steps = common_length(novice, *([expert] if expert else []))
+    windows = cut(novice, steps)
+    train, test = train_test_split(windows, session_order(windows, seed))
+    body = novice[0].body
+    network = network_for(settings, body, expert[0].body if expert else None)
+    expert_windows = cut(expert, steps) if expert else None
+    # There is no validation here: `Model.evaluate` takes drives of its own.
+    sets = datasets(train, test, test, expert_windows, network.pixels)
     state = None if out is None else Path(out) / UNFINISHED
     folders = [state / name if state else None for name in ("pretraining", "training")]
-    most, chosen_method = chosen.training.max_samples, METHODS[method]
+    samples, config = settings.training.max_samples, METHODS[method]
+    arguments = (method, sets, network, seed, settings)
     with one_thread():
-        with _watched(
-            "pretraining, at most", most, progress and chosen_method.pretrained
-        ) as tell:
-            start = pretrain(
-                method, sets, network, seed, chosen, folder=folders[0], progress=tell
-            )
-        with _watched(
-            f"fitting {method}, at most",
-            most,
-            progress and chosen_method.fit == "gradients",
-        ) as tell:
-            trained = learn(
-                method,
-                sets,
-                network,
-                seed,
-                chosen,
-                start=start,
-                folder=folders[1],
-                progress=tell,
-            )
-    scale, targets = (
-        loss_weights(body, units_for(units_in(sets, network), "novice")),
-        sets.test.targets,
-    )
-    mean = prediction_loss(
-        sets.train.targets.mean((0, 1)).expand_as(targets), targets, scale
-    ).mean()
-    minutes, best = minutes_of(windows), float(trained.best_test_loss)
+        title, shown = "pretraining, at most", progress and config.pretrained
+        with _progress(title, samples, shown) as update:
+            start = pretrain(*arguments, folder=folders[0], progress=update)
+        title = f"fitting {method}, at most"
+        shown = progress and config.fit == "gradients"
+        with _progress(title, samples, shown) as update:
+            trained = learn(*arguments, start=start, folder=folders[1], progress=update)
+    scale = loss_weights(body, role_units(units_in(sets, network), "novice"))
+    targets = sets.test.targets
+    mean = sets.train.targets.mean((0, 1)).expand_as(targets)
     return Model(
-        trained.model.eval(),
-        body,
-        method,
-        steps,
-        minutes,
-        best,
-        network,
-        scale,
-        float(mean),
+        predictor=trained.model.eval(),
+        body=body,
+        method=method,
+        steps=steps,
+        minutes=minutes_of(windows),
+        test_loss=float(trained.best_test_loss),
+        network=network,
+        scale=scale,
+        mean_loss=float(prediction_loss(mean, targets, scale).mean()),
     )
 
 
 @contextlib.contextmanager
-def _watched(title: str, most: int, shown: bool) -> Iterator[Callable[[Tested], None]]:
-    """What a training of at most so many samples is to call after each test."""
-    with progress_bar(most, title, "sample", shown, scaled=True) as bar:
+def _progress(
+    title: str, samples: int, shown: bool
+) -> Iterator[Callable[[CurvePoint], None]]:
+    """A function to call after each test of a training, which moves a progress bar.
+
+    Args:
+        title: text beside the bar.
+        samples: the most that the training takes, the bar's end.
+        shown: whether there is a bar.
+    """
+    with progress_bar(samples, title, "sample", shown, scaled=True) as bar:
         yield lambda tested: bar.update(max(0, tested.samples - bar.n))
 
 
@@ -205,60 +204,64 @@ def compare(
     settings: Mapping[str, Any] = NOTHING,
     progress: bool = False,
 ) -> pd.DataFrame:
-    """Fit several methods to the same drives, and judge each by the same drives that none has learnt from.
+    """Fit several methods to the same drives and evaluate them on held-out drives.
 
     Args:
-        novice: as of `fit`.
-        expert: as of `fit`.
-        methods: names as of `fit`; by default least squares, the novice alone, and with
-            an expert an SIDM.
-        body: as of `fit`.
-        expert_body: as of `fit`.
-        share: of the novice's steps that judge, at most: the last sessions, and the
-            very last in any case.
-        seed: as of `fit`.
-        settings: as of `fit`.
-        progress: whether to show it.
+        novice: drives of the robot, as in `fit`.
+        expert: drives of another robot, as in `fit`.
+        methods: names of methods, as in `fit`; by default 'least_squares',
+            'novice_only' and, with an expert, 'sidm'.
+        body: what the novice's drives are made of, as in `fit`.
+        expert_body: what the expert's drives are made of, as in `fit`.
+        share: largest share of the novice's steps to hold out. The last sessions are
+            held out, and at least the very last one.
+        seed: seed of a training, as in `fit`.
+        settings: single settings by name, as in `fit`.
+        progress: whether to show progress bars.
 
     Returns:
-        A line a method, the best first: `loss` on the held-out drives, a step; and the
-        `position` error, m, and the `heading` error, rad, at the end of an open-loop
-        prediction, where the body has a pose.
+        A row for each method, the best first, with `loss`, the mean loss of a step of
+        the held-out drives. For a body with a pose, `position` (m) and `heading` (rad)
+        are the errors at the end of an open-loop prediction.
 
     Raises:
-        ConfigError: as of `fit`, or a single drive.
+        ConfigError: an argument has a fault, as in `fit`, or there is a single drive.
 
     Examples:
-        >>> drives = sidm.read_drives("recordings/warthog.csv.gz", body="recordings/skid_steer.yaml")
+        >>> drives = sidm.read_drives(
+        ...     "recordings/warthog.csv.gz", body="recordings/skid_steer.yaml"
+        ... )
         >>> table = sidm.compare(drives, methods=["least_squares"])
         >>> list(table.columns)
         ['method', 'loss', 'position', 'heading']
     """
     import pandas as pd
 
-    own = drives_from(novice, body, "novice")
-    other = (
-        None
-        if expert is None
-        else drives_from(expert, expert_body, "expert", otherwise=body)
-    )
+    novice_drives = drives_from(novice, body, "novice")
+    expert_drives = None
+    if expert is not None:
+        expert_drives = drives_from(expert, expert_body, "expert", default_body=body)
     methods = [methods] if isinstance(methods, str) else methods
-    methods = methods or ("least_squares", "novice_only", *(("sidm",) if other else ()))
+    if not methods:
+        methods = ["least_squares", "novice_only", *(["sidm"] if expert_drives else [])]
     for method in methods:
-        refuse_method(method, own[0].body, None if other is None else other[0].body)
-    learning, judging = hold_out(own, share)
-    lines = []
+        _refuse(method, novice_drives, expert_drives)
+    learning, held_out = hold_out(novice_drives, share)
+    rows = []
     for method in methods:
         model = fit(
-            learning, other, method, settings=settings, seed=seed, progress=progress
+            learning,
+            expert_drives,
+            method,
+            settings=settings,
+            seed=seed,
+            progress=progress,
         )
-        table = model.evaluate(judging)
-        last = {
-            name: table[table.quantity == name].error
-            for name in ("position", "heading")
-        }
-        lines.append(
-            {"method": method, "loss": model.loss(judging)}
-            | {name: errors.iloc[-1] for name, errors in last.items() if len(errors)}
-        )
-    return pd.DataFrame(lines).sort_values("loss", ignore_index=True)
+        row = {"method": method, "loss": model.loss(held_out)}
+        table = model.evaluate(held_out)
+        for name in ("position", "heading"):
+            errors = table[table.quantity == name].error
+            if len(errors):
+                row[name] = errors.iloc[-1]
+        rows.append(row)
+    return pd.DataFrame(rows).sort_values("loss", ignore_index=True)

@@ -1,4 +1,4 @@
-"""A method's training on drives of any body: what `sidm fit` runs, and the study of real robots."""
+"""Training of a method on drives of any body, for `sidm fit` and for real robots."""
 
 from __future__ import annotations
 
@@ -14,36 +14,44 @@ from sidm.learning.training import Progress, Trained, train
 from sidm.learning.units import (
     Standardisation,
     Units,
+    default_units,
     loss_weights,
-    units_for,
-    units_of,
+    role_units,
 )
-from sidm.rivals.fine_tuning import Start, expert_in_place, frozen, start_from
+from sidm.rivals.fine_tuning import (
+    Pretrained,
+    frozen_model,
+    pretrained_from,
+    pretraining_datasets,
+)
 from sidm.rivals.least_squares import fit as fit_least_squares
 from sidm.rivals.methods import METHODS
 from sidm.settings import Network
 
 
 def refuse_method(method: str, novice: Body, expert: Body | None) -> None:
-    """ConfigError for a method that is not known, or not for such robots."""
+    """Raise ConfigError for a method that is unknown or cannot learn these robots."""
     if method not in METHODS:
         raise unknown_name(method, METHODS, "the methods of 'sidm fit'")
-    one = METHODS[method]
-    if (one.expert or one.pretrained) and expert is None:
+    config = METHODS[method]
+    if (config.expert or config.pretrained) and expert is None:
         raise ConfigError(
-            f"{method} learns from an expert's drives too: name them, or take novice_only"
+            f"{method} learns from an expert's drives too: "
+            "pass them, or take novice_only"
         )
     network = Network(novice_body=novice, expert_body=expert)
-    if one.pretrained and one.carried == "all" and not network.alike:
+    if config.pretrained and config.carried == "all" and not network.same_body:
         raise ConfigError(
-            f"{method} copies the expert's encoder and decoder, which needs robots of one body; "
-            "take sidm or core_finetune"
+            f"{method} copies the expert's encoder and decoder, "
+            "which needs robots of one body; take sidm or core_finetune"
         )
 
 
-def network_for(chosen: Settings, novice: Body, expert: Body | None = None) -> Network:
-    """The networks around robots of these bodies."""
-    return replace(chosen.network, novice_body=novice, expert_body=expert or novice)
+def network_for(
+    settings: Settings, novice: Body, expert: Body | None = None
+) -> Network:
+    """Networks of the settings' sizes for robots with these bodies."""
+    return replace(settings.network, novice_body=novice, expert_body=expert or novice)
 
 
 def datasets(
@@ -53,22 +61,32 @@ def datasets(
     expert: Sequence[Drive] | None,
     pixels: int = 0,
 ) -> Datasets:
-    """What a method learns from and is judged by, with maps of `pixels` a side where a body does not say how many."""
-    own, stops, judges = (
-        windows_of(part, pixels) for part in (train_part, test_part, validation)
+    """Drives of equal length as tensors.
+
+    Args:
+        train_part: the novice's drives to learn from.
+        test_part: the novice's drives for the test that stops the training.
+        validation: the novice's drives to evaluate on.
+        expert: the expert's drives, if there is an expert.
+        pixels: side of the height maps where the body does not set it.
+    """
+    train_windows, test_windows, validation_windows = (
+        windows_of(drives, pixels) for drives in (train_part, test_part, validation)
     )
-    return Datasets(
-        own, stops, judges, None if expert is None else windows_of(expert, pixels)
-    )
+    expert_windows = None if expert is None else windows_of(expert, pixels)
+    return Datasets(train_windows, test_windows, validation_windows, expert_windows)
 
 
 def units_in(sets: Datasets, network: Network) -> Units:
-    """Units inside the networks: `units_of`, or the novice's own where it is alone."""
-    return (
-        {"novice": Standardisation.of(sets.train)}
-        if sets.expert is None
-        else units_of(sets, network)
-    )
+    """Units inside the networks; without an expert they come from the novice alone."""
+    if sets.expert is None:
+        return {"novice": Standardisation.fit(sets.train)}
+    return default_units(sets, network)
+
+
+def _refuse_method_of(method: str, sets: Datasets, network: Network) -> None:
+    expert = None if sets.expert is None else network.body("expert")
+    refuse_method(method, network.body("novice"), expert)
 
 
 def pretrain(
@@ -76,22 +94,24 @@ def pretrain(
     sets: Datasets,
     network: Network,
     seed: int = 0,
-    chosen: Settings = SETTINGS,
+    settings: Settings = SETTINGS,
     folder: Path | None = None,
     progress: Progress | None = None,
-) -> Start | None:
-    """The weights that a method starts from, of the expert alone; None for one that begins afresh. As of `learn`."""
-    refuse_method(
-        method,
-        network.body("novice"),
-        None if sets.expert is None else network.body("expert"),
-    )
-    training = METHODS[method].pretraining(chosen.training)
+) -> Pretrained | None:
+    """Weights learnt from the expert alone, which a method starts from.
+
+    The arguments are those of `learn`.
+
+    Returns:
+        The weights, or None for a method that starts from random weights.
+    """
+    _refuse_method_of(method, sets, network)
+    training = METHODS[method].pretraining(settings.training)
     if training is None:
         return None
     alone = replace(network, novice_body=network.expert_body)
-    expert = expert_in_place(sets, seed)
-    return start_from(
+    expert = pretraining_datasets(sets, seed)
+    return pretrained_from(
         train(expert, alone, training, seed, checkpoint=folder, progress=progress)
     )
 
@@ -101,49 +121,45 @@ def learn(
     sets: Datasets,
     network: Network,
     seed: int = 0,
-    chosen: Settings = SETTINGS,
-    start: Start | None = None,
+    settings: Settings = SETTINGS,
+    start: Pretrained | None = None,
     folder: Path | None = None,
     progress: Progress | None = None,
 ) -> Trained:
     """Train a method on recorded robots.
 
     Args:
-        method: one of METHODS.
-        sets: the novice's, and the expert's where the method wants it.
-        network: of the robots' bodies.
-        seed: of initial weights and batches.
-        chosen: the settings.
-        start: what `pretrain` gave.
-        folder: of the state of an unfinished training, to go on from.
+        method: a name in METHODS.
+        sets: the novice's drives, and the expert's where the method learns from them.
+        network: networks with the robots' bodies.
+        seed: seed of initial weights and batches.
+        settings: networks and training.
+        start: the weights that `pretrain` returned.
+        folder: folder for the state of an unfinished training, which is resumed.
         progress: called after each test.
 
+    Returns:
+        The trained model with its losses.
+
     Raises:
-        ConfigError: a method for other robots than these.
+        ConfigError: the method cannot learn these robots.
     """
-    refuse_method(
-        method,
-        network.body("novice"),
-        None if sets.expert is None else network.body("expert"),
-    )
-    one, units = METHODS[method], units_in(sets, network)
-    if start is not None and one.carried == "sidm":
+    _refuse_method_of(method, sets, network)
+    config, units = METHODS[method], units_in(sets, network)
+    if start is not None and config.carried == "sidm":
         start = start.core()
-    if one.fit == "least_squares":
-        own = units_for(units, "novice")
-        base = None if start is None else frozen(network, start, own)
-        return fit_least_squares(
-            sets, own, base, scale=loss_weights(network.body("novice"), own)
-        )
-    weights = None if start is None else start.weights
-    training = chosen.training_of(one)
+    if config.fit == "least_squares":
+        novice_units = role_units(units, "novice")
+        base = None if start is None else frozen_model(network, start, novice_units)
+        scale = loss_weights(network.body("novice"), novice_units)
+        return fit_least_squares(sets, novice_units, base, scale=scale)
     return train(
         sets,
         network,
-        training,
+        settings.training_of(config),
         seed,
         standardisation=units,
         checkpoint=folder,
         progress=progress,
-        start=weights,
+        start=None if start is None else start.weights,
     )

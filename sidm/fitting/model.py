@@ -1,4 +1,7 @@
-"""A fitted model: what it predicts, how well, and how it is kept in a folder, weights as safetensors and one JSON."""
+"""A fitted model: its predictions, its errors and its files.
+
+A model's folder has the weights (safetensors) and all else (one JSON file).
+"""
 
 from __future__ import annotations
 
@@ -13,13 +16,13 @@ import torch
 from torch import Tensor
 
 from sidm import __version__
-from sidm.body import SI, Body, body_from, body_lines
+from sidm.body import SI, Body, body_from_mapping, body_to_mapping
 from sidm.config import ConfigError, first_line, from_mapping, to_mapping
 from sidm.drives import AnyGround, Drive
 from sidm.fitting.arguments import drives_from
 from sidm.fitting.windows import common_length, cut, rollouts
 from sidm.learning.checkpoint import module_tensors
-from sidm.learning.dataset import stacked, windows_of
+from sidm.learning.dataset import states_and_actions, windows_of
 from sidm.learning.evaluation import mean_loss, rollout, rollout_errors
 from sidm.learning.losses import component_losses
 from sidm.learning.model import DynamicsModel, Predictor
@@ -35,12 +38,12 @@ if TYPE_CHECKING:
     from sidm.fitting.arguments import Drives
 
 WEIGHTS, ABOUT = "model.safetensors", "model.json"
-WARM_UP = 4  # steps that a model sees before it predicts open loop
+WARM_UP = 4  # recorded steps that a model sees before it predicts open loop
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Model:
-    """A model of one robot, ready to predict; `sidm.fit` makes it and `sidm.load` reads it.
+    """A fitted model of one robot; `sidm.fit` and `sidm.load` return it.
 
     Examples:
         >>> model = sidm.load("recordings/models/warthog")
@@ -49,37 +52,40 @@ class Model:
     """
 
     predictor: Predictor
-    body: Body  # what its robot's drives are made of
-    method: str  # of `rivals.methods.METHODS`
-    steps: int  # of the windows that it was learnt from
-    minutes: float  # of the robot's motion learnt from, train and test together
-    test_loss: float  # equation (1) on the drives that it was stopped by
+    body: Body  # what the robot's drives are made of
+    method: str  # a name in `rivals.methods.METHODS`
+    steps: int  # T, length of the windows that the model was fitted to
+    minutes: float  # of the robot's motion used, training and test together
+    test_loss: float  # equation (1) on the test drives, which stopped the training
     network: Network
     scale: Tensor | None  # (Y,) weights of the components in equation (1); None: all 1
-    #: what always predicting the mean costs where `test_loss` was taken; older: None
+    #: loss of always predicting the mean, on the test drives; None in older files
     mean_loss: float | None = None
 
     def __repr__(self) -> str:
-        return f"Model({self.method!r} of body {self.body.name!r}, from {self.minutes:.2g} min)"
+        data = f"body {self.body.name!r}, from {self.minutes:.2g} min"
+        return f"Model({self.method!r} of {data})"
 
     def loss(self, drives: Drives, topics: Sequence[str] = ()) -> float:
-        """Equation (1) on drives that the model has not learnt from, a step, in the units that it was trained in.
+        """Mean loss of a step, equation (1), on drives that the model has not seen.
 
         Args:
-            drives: as of `evaluate`.
-            topics: as of `evaluate`.
+            drives: as in `evaluate`.
+            topics: as in `evaluate`.
+
+        Returns:
+            The loss, with the weights of the components as in the training.
         """
-        return mean_loss(
-            self.predictor,
-            windows_of(self._windows(drives, topics), self.network.pixels),
-        )
+        windows = self._windows(drives, topics)
+        return mean_loss(self.predictor, windows_of(windows, self.network.pixels))
 
     def evaluate(self, drives: Drives, topics: Sequence[str] = ()) -> pd.DataFrame:
-        """How well the model predicts drives that it has not learnt from.
+        """Errors of the model's predictions on drives that it has not seen.
 
         Args:
-            drives: of the model's robot; or a file, a ROS bag or a folder of them.
-            topics: of ROS bags that are read, where several could be meant.
+            drives: drives of the model's robot; or a file, a ROS bag or a folder of
+                drives, or several; or a pandas table.
+            topics: topics of ROS bags, needed where a bag has several that fit.
 
         Returns:
             A row for each component of y, one step ahead, and a row for each horizon,
@@ -91,7 +97,7 @@ class Model:
 
         Raises:
             RecordingError: the first fault of a file.
-            ConfigError: drives that are too short.
+            ConfigError: the drives are too short.
         """
         import pandas as pd
 
@@ -99,109 +105,106 @@ class Model:
         tensors = windows_of(windows, self.network.pixels)
         with torch.inference_mode():
             predicted, _ = self.predictor("novice", tensors.inputs, tensors.maps)
-        wrong = (
-            component_losses(predicted, tensors.targets).double().mean((0, 1)).sqrt()
-        )
-        spread = tensors.targets.flatten(0, 1).double().std(0, correction=0)
-        # those of a pose are those of its change
+        losses = component_losses(predicted, tensors.targets).double()
+        errors = losses.mean((0, 1)).sqrt()
+        deviations = tensors.targets.flatten(0, 1).double().std(0, correction=0)
+        shares = errors / deviations.clamp_min(1e-12)
+        # A pose has the same units as its change, which is what the model predicts.
         units = [SI[unit] for _, unit in self.body.state]
-        lines = [
-            (name, 1, unit, float(error), float(error / own.clamp_min(1e-12)))
-            for name, unit, error, own in zip(
-                self.body.targets, units, wrong, spread, strict=True
+        rows = [
+            (name, 1, unit, float(error), float(share))
+            for name, unit, error, share in zip(
+                self.body.targets, units, errors, shares, strict=True
             )
         ]
         columns = ["quantity", "horizon", "unit", "error", "share"]
-        return pd.DataFrame([*lines, *self._horizons(windows)], columns=columns)
+        return pd.DataFrame([*rows, *self._horizons(windows)], columns=columns)
 
     def _windows(self, drives: Drives, topics: Sequence[str]) -> list[Drive]:
-        found = drives_from(drives, self.body, "drives", topics, held=True)
-        return cut(found, common_length(found))
+        checked = self._drives(drives, topics)
+        return cut(checked, common_length(checked))
+
+    def _drives(self, drives: Drives, topics: Sequence[str]) -> list[Drive]:
+        return drives_from(drives, self.body, "drives", topics, allow_constant=True)
 
     def _horizons(
         self, windows: list[Drive]
     ) -> list[tuple[str, int, str, float, float]]:
-        """Lines of `evaluate` for open loop."""
+        """Rows of `evaluate` for open loop."""
         body, ahead = self.body, len(windows[0]) - WARM_UP
         if body.pose == "none" or ahead < 1:
             return []
         path = rollouts(self.predictor, windows, WARM_UP, ahead, self.network.pixels)
-        actual = stacked(windows)[0][:, WARM_UP:]
-        stays = actual[:, :1].expand_as(actual)
-        both = [
-            [one.square().mean(0).sqrt() for one in rollout_errors(some, actual, body)]
-            for some in (path, stays)
-        ]
-        names = (("position", "m"), ("heading", "rad"))
-        return [
-            (
-                name,
-                step + 1,
-                unit,
-                float(error[step]),
-                float(error[step] / still[step].clamp_min(1e-12)),
-            )
-            for (name, unit), error, still in zip(names, *both, strict=True)
-            for step in range(ahead)
-        ]
+        actual = states_and_actions(windows)[0][:, WARM_UP:]
+        standing = actual[:, :1].expand_as(actual)
+        errors, trivial_errors = (
+            [error.square().mean(0).sqrt() for error in rollout_errors(x, actual, body)]
+            for x in (path, standing)
+        )
+        rows = []
+        for number, (name, unit) in enumerate((("position", "m"), ("heading", "rad"))):
+            shares = errors[number] / trivial_errors[number].clamp_min(1e-12)
+            for step in range(ahead):
+                error, share = float(errors[number][step]), float(shares[step])
+                rows.append((name, step + 1, unit, error, share))
+        return rows
 
     def predict(self, drives: Drives, topics: Sequence[str] = ()) -> pd.DataFrame:
-        """What the model predicts of drives, each step from the recorded state before it.
+        """Predictions one step ahead, each from the recorded state before it.
 
         Args:
-            drives: as of `evaluate`.
-            topics: as of `evaluate`.
+            drives: as in `evaluate`.
+            topics: as in `evaluate`.
 
         Returns:
-            A line a step: `drive`, `time` s, and each component of y as `predicted_...`
-            and `actual_...`.
+            A row for each step: `drive`, the drive's name; `time`, s; and each
+            component of y as `predicted_...` and `actual_...`.
 
         Raises:
             RecordingError: the first fault of a file.
         """
         import pandas as pd
 
-        lines = []
-        for drive in drives_from(drives, self.body, "drives", topics, held=True):
+        tables = []
+        for drive in self._drives(drives, topics):
             tensors = windows_of([drive], self.network.pixels)
             with torch.inference_mode():
                 predicted, _ = self.predictor("novice", tensors.inputs, tensors.maps)
-            values = {
-                f"{kind}_{name.replace(' ', '_')}": part[0, :, number].numpy()
-                for kind, part in (
-                    ("predicted", predicted),
-                    ("actual", tensors.targets),
-                )
-                for number, name in enumerate(self.body.targets)
+            columns = {
+                "drive": drive.name,
+                "time": np.arange(1, len(drive) + 1) / self.body.rate,
             }
-            time = np.arange(1, len(drive) + 1) / self.body.rate
-            lines.append(pd.DataFrame({"drive": drive.name, "time": time} | values))
-        return pd.concat(lines, ignore_index=True)
+            for kind, y in (("predicted", predicted), ("actual", tensors.targets)):
+                for number, name in enumerate(self.body.targets):
+                    column = f"{kind}_{name.replace(' ', '_')}"
+                    columns[column] = y[0, :, number].numpy()
+            tables.append(pd.DataFrame(columns))
+        return pd.concat(tables, ignore_index=True)
 
     def rollout(
         self, state: np.ndarray, actions: np.ndarray, ground: AnyGround | None = None
     ) -> np.ndarray:
-        """Predict many steps ahead, each from the prediction before it (Figure 4 of the paper).
+        """Predict many steps ahead, each from the prediction before it (Figure 4).
 
         Args:
-            state: (S,), where the robot starts.
-            actions: (K, A), what is done.
-            ground: under the robot, of a body with a height map.
+            state: (S,), state of the robot at the start.
+            actions: (K, A), the robot's actions.
+            ground: ground under the robot, for a body with a height map.
 
         Returns:
-            The states (K + 1, S), the given one first.
+            States (K + 1, S); the first is `state`.
 
         Raises:
-            ConfigError: the body sees a height map, and there is no ground.
-            ValueError: shapes that are not the body's.
+            ConfigError: the body sees a height map, and no ground is given.
+            ValueError: `state` or `actions` has another shape than the body asks for.
         """
         if self.body.map_size and ground is None:
             raise ConfigError(
                 f"body '{self.body.name}' sees a height map: pass the ground under it"
             )
-        heights, spacing = (
-            (None, 0.0) if ground is None else (ground.heights, ground.spacing)
-        )
+        heights, spacing = None, 0.0
+        if ground is not None:
+            heights, spacing = ground.heights, ground.spacing
         path = rollout(
             self.predictor,
             heights,
@@ -214,52 +217,52 @@ class Model:
         return path.numpy()
 
     def save(self, folder: str | Path) -> None:
-        """Write the model; the folder is made where it lacks, and nothing half-written stays.
+        """Write the model's files into a folder, which is created where it is missing.
+
+        Each file is written completely or not at all.
 
         Raises:
-            OSError: it cannot be written; one line.
+            OSError: a file cannot be written; one line.
         """
-        from safetensors.torch import save as packed
+        from safetensors.torch import save as to_bytes
 
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
-        every = module_tensors(self.predictor)
         tensors = {
-            name: one.contiguous()
-            for name, one in every.items()
+            name: tensor.contiguous()
+            for name, tensor in module_tensors(self.predictor).items()
             if ".expert." not in name
         }
         if isinstance(self.predictor, LeastSquares):
-            tensors |= {
-                f"units.{name}": one
-                for name, one in self.predictor.units._asdict().items()
-            }
+            units = self.predictor.units._asdict()
+            tensors |= {f"units.{name}": tensor for name, tensor in units.items()}
+        network = {
+            name: value
+            for name, value in to_mapping(self.network).items()
+            if not name.endswith("_body")
+        }
         about = {
             "version": __version__,
             "method": self.method,
-            "body": body_lines(self.body),
+            "body": body_to_mapping(self.body),
             "steps": self.steps,
             "minutes": self.minutes,
             "test_loss": self.test_loss,
             "mean_loss": self.mean_loss,
             "scale": None if self.scale is None else self.scale.tolist(),
-            "network": {
-                k: v
-                for k, v in to_mapping(self.network).items()
-                if not k.endswith("_body")
-            },
+            "network": network,
         }
-        content = packed({name: one.clone() for name, one in tensors.items()})
+        content = to_bytes({name: tensor.clone() for name, tensor in tensors.items()})
         write_atomically(folder / WEIGHTS, lambda file: file.write(content))
         text = json.dumps(about, indent=1) + "\n"
         write_atomically(folder / ABOUT, lambda file: file.write(text.encode()))
 
 
 def load(folder: str | Path) -> Model:
-    """A model that `Model.save`, `sidm.fit(out=...)` or `sidm fit` wrote.
+    """Read a model that `Model.save`, `sidm.fit(out=...)` or `sidm fit` wrote.
 
     Raises:
-        ConfigError: there is none, or it is damaged; one line.
+        ConfigError: the folder has no model, or the model is damaged; one line.
 
     Examples:
         >>> sidm.load("recordings/models/warthog")
@@ -274,16 +277,15 @@ def load(folder: str | Path) -> Model:
             raise ConfigError(f"{folder}: no model is there, {name} is missing")
     try:
         about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
-        body = body_from(about["body"], "")
+        body = body_from_mapping(about["body"], "")
         network = from_mapping(
             Network, about["network"] | {"novice_body": body, "expert_body": body}
         )
         scale = None if about["scale"] is None else torch.tensor(about["scale"])
         tensors = load_file(folder / WEIGHTS)
         predictor = _predictor(about["method"], network, tensors, scale)
-        values = {
-            name: about[name] for name in ("method", "steps", "minutes", "test_loss")
-        }
+        fields = ("method", "steps", "minutes", "test_loss")
+        values = {name: about[name] for name in fields}
         values["mean_loss"] = about.get("mean_loss")
     except (ValueError, KeyError, TypeError, RuntimeError, SafetensorError) as error:
         raise ConfigError(
@@ -295,15 +297,16 @@ def load(folder: str | Path) -> Model:
 def _predictor(
     method: str, network: Network, tensors: dict[str, Tensor], scale: Tensor | None
 ) -> Predictor:
-    chosen: Any = METHODS[method]
-    if chosen.fit != "least_squares":
+    """The module of a method with the weights of a file."""
+    config: Any = METHODS[method]
+    if config.fit != "least_squares":
         model = DynamicsModel(network, roles=["novice"])
         model.load_state_dict(tensors)
         return model
     units = Standardisation(
         *(tensors.pop(f"units.{name}") for name in Standardisation._fields)
     )
-    base = DynamicsModel(network, roles=["novice"]) if chosen.pretrained else None
-    found = LeastSquares(units, base, scale)
-    found.load_state_dict(tensors)
-    return found
+    base = DynamicsModel(network, roles=["novice"]) if config.pretrained else None
+    closed_form = LeastSquares(units, base, scale)
+    closed_form.load_state_dict(tensors)
+    return closed_form

@@ -1,4 +1,4 @@
-"""Figures of evaluations: errors by component, and by how far ahead."""
+"""Figure of an evaluation: errors by component, and by the number of steps ahead."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ if TYPE_CHECKING:
 
 @styled
 def figure(table: pd.DataFrame) -> Figure:
-    """Shares of what the mean leaves, a bar a component of y; errors open loop against the steps ahead.
+    """Figure of a model's errors, one step ahead and open loop.
+
+    The first panel has a bar for each component of y: the error one step ahead, divided
+    by the error of predicting the mean. For a body with a pose, two more panels have
+    the position error (m) and the heading error (rad) against the steps ahead.
 
     Args:
-        table: as `fit.evaluate` gives it.
+        table: as `Model.evaluate` returns.
     """
-    ahead = table[table.quantity.isin(("position", "heading"))]
-    figure, panels = side_by_side(3 if len(ahead) else 1)
-    parts = table[~table.index.isin(ahead.index)]
-    panels[0].barh(parts.quantity, parts.share)
+    open_loop = table[table.quantity.isin(("position", "heading"))]
+    components = table[~table.index.isin(open_loop.index)]
+    figure, panels = side_by_side(3 if len(open_loop) else 1)
+    panels[0].barh(components.quantity, components.share)
     panels[0].invert_yaxis()
     panels[0].set(xlabel="error / error of predicting the mean (-)", title="one step")
     finish(panels[0], legend=False)
-    for axes, (name, mine) in zip(
-        panels[1:], ahead.groupby("quantity", sort=False), strict=False
-    ):
-        axes.plot(mine.horizon, mine.error, marker="")
-        axes.set(
-            xlabel="steps ahead",
-            ylabel=f"{name} error ({mine.unit.iloc[0]})",
-            ylim=(0, None),
-        )
+    errors = open_loop.groupby("quantity", sort=False)
+    for axes, (name, rows) in zip(panels[1:], errors, strict=False):
+        axes.plot(rows.horizon, rows.error, marker="")
+        label = f"{name} error ({rows.unit.iloc[0]})"
+        axes.set(xlabel="steps ahead", ylabel=label, ylim=(0, None))
         axes.set_title(f"{name}, open loop")
         finish(axes, legend=False)
     return figure

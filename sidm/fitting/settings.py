@@ -1,4 +1,4 @@
-"""What recorded robots are learnt with: sizes of the networks, a training, and what methods were tuned to."""
+"""Settings to fit recorded robots with: network sizes, training, and tuned values."""
 
 from __future__ import annotations
 
@@ -18,54 +18,55 @@ class Settings:
 
     network: Network
     training: Training
-    #: method, setting of its training, value instead of `training`'s
+    #: (method, name of a training setting, value that replaces `training`'s)
     tuned: tuple[tuple[str, str, Any], ...] = ()
 
     def tuned_values(self, method: str) -> dict[str, Any]:
-        """The settings that a method was tuned to, by name."""
+        """Settings that a method was tuned to, name -> value."""
         return {setting: value for name, setting, value in self.tuned if name == method}
 
     def training_of(self, method: Method) -> Training:
-        """A method's training on the novice, with what the method was tuned to."""
+        """A method's training on the novice, with the method's tuned values."""
         return method.training(self.training, self.tuned_values(method.tuned_as))
 
     def with_values(self, values: Mapping[str, Any]) -> Settings:
-        """The settings with single values of network or training changed by name, for every method.
+        """The settings with new values of some fields of network or training.
+
+        The values hold for every method: they replace tuned values, too.
+
+        Args:
+            values: name of a field of `Network` or `Training` -> value. The method sets
+                `regularise` and the robots' drives set the bodies, so neither can be
+                given.
 
         Raises:
-            ConfigError: an unknown name, with the nearest right one, or a value of the
-                wrong type. `regularise` is the method's to set, and bodies are the
-                robots'; neither is known here.
+            ConfigError: a value of the wrong type, or an unknown name; the message has
+                the nearest right name.
         """
-        sizes = {
-            field.name
-            for field in dataclasses.fields(Network)
-            if not field.name.endswith("_body")
-        }  # type: ignore
-        choices = {field.name for field in dataclasses.fields(Training)} - {
-            "regularise"
-        }  # type: ignore[arg-type]
+        network = {name for name in _names(Network) if not name.endswith("_body")}
+        training = _names(Training) - {"regularise"}
+        known = network | training
         for name in values:
-            if name not in sizes | choices:
-                raise unknown_name(
-                    name, sorted(sizes | choices), "networks and training"
-                )
+            if name not in known:
+                raise unknown_name(name, sorted(known), "networks and training")
+        sizes, choices = (
+            {name: value for name, value in values.items() if name in names}
+            for names in (network, training)
+        )
         return Settings(
-            network=replace(
-                self.network,
-                **{name: value for name, value in values.items() if name in sizes},
-            ),
-            training=replace(
-                self.training,
-                **{name: value for name, value in values.items() if name in choices},
-            ),
-            tuned=tuple(one for one in self.tuned if one[1] not in values),
+            network=replace(self.network, **sizes),
+            training=replace(self.training, **choices),
+            tuned=tuple(entry for entry in self.tuned if entry[1] not in values),
         )
 
 
-#: Networks and patience for minutes of motion of robots that see no ground, the same
-#: for every method. The share of the expert is the paper's for robots that are alike,
-#: p_e = 0.75; what methods are tuned to was chosen on system 1.
+def _names(kind: Any) -> set[str]:
+    return {field.name for field in dataclasses.fields(kind)}
+
+
+#: For minutes of motion of robots that see no ground; the same networks and patience
+#: for every method. `p_expert` is the paper's p_e = 0.75 for similar robots (Training's
+#: default). The tuned values were chosen on system 1.
 SETTINGS = Settings(
     network=Network(pixels=32, layers=1, hidden=128),
     training=Training(
@@ -88,22 +89,22 @@ def settings_with(
     training: Training | None = None,
     values: Mapping[str, Any] = MappingProxyType({}),
 ) -> Settings:
-    """SETTINGS with networks and a training of your own.
+    """SETTINGS with other networks, another training or single other values.
 
     Args:
-        network: the sizes; the robots' bodies are put in.
-        training: of every method, in place of what each was tuned to; `regularise` is
-            the method's, and `p_expert` holds where the method learns from the expert's
+        network: the sizes; its bodies are replaced by the robots' bodies later.
+        training: training of every method; it replaces tuned values, too. The method
+            sets `regularise`; `p_expert` holds for methods that learn from the expert's
             drives.
         values: single settings of both by name, as `{"hidden": 64, "p_expert": 0.5}`;
             the others stay as they are.
 
     Raises:
-        ConfigError: a name or a value that is not known.
+        ConfigError: an unknown name or a value of the wrong type.
     """
-    chosen: Settings = SETTINGS
+    settings: Settings = SETTINGS
     if network is not None:
-        chosen = replace(chosen, network=network)
+        settings = replace(settings, network=network)
     if training is not None:
-        chosen = replace(chosen, training=training, tuned=())
-    return chosen.with_values(values)
+        settings = replace(settings, training=training, tuned=())
+    return settings.with_values(values)

@@ -1,4 +1,4 @@
-"""Drives cut into windows of equal length: which are learnt from, which judge, and rollouts from each."""
+"""Windows of equal length from drives: how they are split, and rollouts from them."""
 
 from __future__ import annotations
 
@@ -10,24 +10,26 @@ from torch import Tensor
 
 from sidm.config import ConfigError, replace
 from sidm.drives import STEPS, AnyGround, Drive, SimulatedGround
-from sidm.learning.dataset import TEST_EVERY, stacked, windows_of
+from sidm.learning.dataset import TEST_EVERY, states_and_actions, windows_of
 from sidm.learning.evaluation import rollout
 from sidm.learning.model import Predictor
 from sidm.storage import checksum
 
 
 def common_length(*robots: Sequence[Drive]) -> int:
-    """Steps T of a window, the same for all that learn together: those of the shortest drive, at most 64."""
+    """Steps T of a window for all robots: those of the shortest drive, at most 64."""
     return min(STEPS, *(len(drive) for drives in robots for drive in drives))
 
 
 def cut(drives: Sequence[Drive], steps: int = STEPS) -> list[Drive]:
-    """Windows of `steps` from the beginning of each drive on, less what is left over at its end.
+    """Consecutive windows of `steps` steps, cut from the start of each drive.
+
+    The rest of a drive, shorter than a window, is left out.
 
     Raises:
-        ConfigError: no drive is as long.
+        ConfigError: no drive has `steps` steps.
     """
-    found = [
+    windows = [
         replace(
             drive,
             states=drive.states[first : first + steps + 1],
@@ -36,15 +38,15 @@ def cut(drives: Sequence[Drive], steps: int = STEPS) -> list[Drive]:
         for drive in drives
         for first in range(0, len(drive) - steps + 1, steps)
     ]
-    if not found:
+    if not windows:
         raise ConfigError(
             f"no drive of {len(drives)} has {steps} steps; record longer ones"
         )
-    return found
+    return windows
 
 
-def begun(drives: Sequence[Drive], steps: int) -> list[Drive]:
-    """The first steps of drives."""
+def first_steps(drives: Sequence[Drive], steps: int) -> list[Drive]:
+    """The drives, shortened to their first `steps` steps."""
     return [
         replace(drive, states=drive.states[: steps + 1], actions=drive.actions[:steps])
         for drive in drives
@@ -52,14 +54,14 @@ def begun(drives: Sequence[Drive], steps: int) -> list[Drive]:
 
 
 def sessions_of(drives: Sequence[Drive]) -> np.ndarray:
-    """(N,) text: the session of each drive."""
+    """(N,) text, the session of each drive."""
     return np.array([drive.session for drive in drives])
 
 
-def of_sessions(
+def drives_of_sessions(
     drives: Sequence[Drive], sessions: Sequence[str] | np.ndarray
 ) -> list[Drive]:
-    """The drives of some sessions."""
+    """The drives that belong to one of the sessions."""
     return [drive for drive in drives if drive.session in set(sessions)]
 
 
@@ -68,61 +70,66 @@ def session_order(drives: Sequence[Drive], seed: int) -> np.ndarray:
     return np.random.default_rng(seed).permutation(np.unique(sessions_of(drives)))
 
 
-def learn_and_test(
+def train_test_split(
     drives: Sequence[Drive], sessions: np.ndarray
 ) -> tuple[list[Drive], list[Drive]]:
-    """Windows to learn from and windows to stop by: of four sessions one tests; of a single one every fourth window.
+    """Windows of the sessions for training, and windows for the test that stops it.
+
+    Every fourth session is for the test; of a single session, every fourth window.
 
     Raises:
         ConfigError: too few windows for both.
     """
-    mine = of_sessions(drives, sessions)
+    windows = drives_of_sessions(drives, sessions)
     order = {name: number for number, name in enumerate(sessions)}
-    number = (
-        np.array([order[one.session] for one in mine])
-        if len(sessions) > 1
-        else np.arange(len(mine))
-    )
-    testing = number % TEST_EVERY == 1
-    if not testing.any() or testing.all():
+    numbers = np.arange(len(windows))
+    if len(sessions) > 1:
+        numbers = np.array([order[window.session] for window in windows])
+    is_test = numbers % TEST_EVERY == 1
+    if not is_test.any() or is_test.all():
         raise ConfigError(
-            f"{len(mine)} windows of {len(sessions)} sessions are too few to learn and to test: record more, or "
-            "shorter drives"
+            f"{len(windows)} windows of {len(sessions)} sessions are too few to learn "
+            "and to test: record more, or shorter drives"
         )
-    learning = [drive for drive, tests in zip(mine, testing, strict=True) if not tests]
-    return learning, [
-        drive for drive, tests in zip(mine, testing, strict=True) if tests
-    ]
+    train, test = (
+        [window for window, flag in zip(windows, flags, strict=True) if flag]
+        for flags in (~is_test, is_test)
+    )
+    return train, test
 
 
 def hold_out(drives: Sequence[Drive], share: float) -> tuple[list[Drive], list[Drive]]:
-    """Drives to learn from and to judge by: whole sessions, or of a single one its drives, the last.
+    """Drives to learn from, and the last drives, held out for evaluation.
 
-    The drives to judge by have at most a `share` of all steps. The last session or
-    drive always judges, however long.
+    Whole sessions are held out; where there is a single session, drives of it. The
+    held-out drives have at most a `share` of all steps, but the last session or drive
+    is always held out, however long it is.
 
     Raises:
-        ConfigError: there is but one drive.
+        ConfigError: there is only one drive.
     """
     if len(drives) < 2:
         raise ConfigError(
-            "a single drive leaves none to judge by: record another, or cut it in two"
+            "a single drive leaves none to evaluate on: record another, or cut it"
         )
-    alone = len({drive.session for drive in drives}) == 1
-    units: dict[str, list[Drive]] = {}
+    single = len({drive.session for drive in drives}) == 1
+    groups: dict[str, list[Drive]] = {}
     for number, drive in enumerate(drives):
-        units.setdefault(str(number) if alone else drive.session, []).append(drive)
-    lengths = [sum(len(drive.actions) for drive in unit) for unit in units.values()]
-    left = np.cumsum(lengths[::-1])[::-1]  # steps from each unit to the end
-    first = next(
-        (n for n in range(1, len(left)) if left[n] <= share * left[0]), len(left) - 1
-    )
-    grouped = list(units.values())
-    return sum(grouped[:first], []), sum(grouped[first:], [])
+        groups.setdefault(str(number) if single else drive.session, []).append(drive)
+    lengths = [sum(len(drive.actions) for drive in group) for group in groups.values()]
+    remaining = np.cumsum(lengths[::-1])[::-1]  # steps from each group to the end
+    fits = np.flatnonzero(remaining[1:] <= share * remaining[0])
+    first = int(fits[0]) + 1 if len(fits) else len(groups) - 1
+    ordered = list(groups.values())
+    return sum(ordered[:first], []), sum(ordered[first:], [])
 
 
 def grounds_of(drives: Sequence[Drive]) -> np.ndarray:
-    """(N,) int: which ground each drive is on, by the order in which they first come; 0 where there is none."""
+    """(N,) int, the number of each drive's ground.
+
+    Grounds are numbered from 0 in the order in which they first occur. Drives without a
+    ground share one number.
+    """
     keys: dict[int, str] = {}
     numbers: dict[str, int] = {}
     found = []
@@ -135,7 +142,7 @@ def grounds_of(drives: Sequence[Drive]) -> np.ndarray:
 
 
 def _key(ground: AnyGround | None) -> str:
-    """What equal grounds have in common."""
+    """Text that is the same for equal grounds only."""
     if ground is None:
         return ""
     if isinstance(ground, SimulatedGround):
@@ -143,18 +150,20 @@ def _key(ground: AnyGround | None) -> str:
     return f"{checksum(ground.heights)} {ground.spacing}"
 
 
-def apart_by_ground(drives: Sequence[Drive], held_out: int) -> tuple[Tensor, Tensor]:
-    """Numbers (n,) of the windows to learn from and (m,) of those to judge by: those on the last `held_out` grounds.
+def split_by_ground(drives: Sequence[Drive], held_out: int) -> tuple[Tensor, Tensor]:
+    """Numbers of the windows to learn from, (n,), and to evaluate on, (m,).
+
+    The windows on the last `held_out` grounds are for evaluation.
 
     Raises:
-        ValueError: as many grounds or more are to be held out as there are.
+        ValueError: `held_out` is not between 1 and the number of grounds less 1.
     """
     grounds = torch.from_numpy(grounds_of(drives))
     count = int(grounds.max()) + 1
     if not 0 < held_out < count:
         raise ValueError(f"from 1 to {count - 1} of {count} grounds, not {held_out}")
-    judging = grounds >= count - held_out
-    return torch.nonzero(~judging).flatten(), torch.nonzero(judging).flatten()
+    is_held_out = grounds >= count - held_out
+    return torch.nonzero(~is_held_out).flatten(), torch.nonzero(is_held_out).flatten()
 
 
 def rollouts(
@@ -165,46 +174,42 @@ def rollouts(
     pixels: int = 0,
     seen: bool = True,
 ) -> Tensor:
-    """What a model predicts open loop for K steps from step `start` of each window on.
+    """Open-loop predictions of K steps, from step `start` of each window.
 
     Args:
-        model: of the drives' robot.
+        model: a model of the drives' robot.
         drives: N windows of equal length.
-        start: the step from which on the model sees its own predictions.
-        steps: K.
-        pixels: a side of the maps where the body does not say how many.
-        seen: whether the model has seen the steps before, or begins there from the same
-            state.
+        start: number of the step from which the model sees its own predictions.
+        steps: K, the number of predicted steps.
+        pixels: side of the height maps where the body does not set it.
+        seen: whether the model first sees the recorded steps before `start`; otherwise
+            its memory is empty at `start`.
 
     Returns:
-        States (N, K + 1, S), the given ones at `start` first.
+        States (N, K + 1, S); the first state is the recorded one at `start`.
     """
-    states, actions = stacked(drives)
-    path, grounds, body = (
-        states[:, start : start + steps + 1].clone(),
-        grounds_of(drives),
-        drives[0].body,
-    )
+    states, actions = states_and_actions(drives)
+    path = states[:, start : start + steps + 1].clone()
+    grounds, body = grounds_of(drives), drives[0].body
     for number in range(int(grounds.max()) + 1):
-        which = np.flatnonzero(grounds == number)
-        some, memory = [drives[one] for one in which.tolist()], None
+        rows = np.flatnonzero(grounds == number)
+        group = [drives[row] for row in rows.tolist()]
+        memory = None
         if seen and start:
-            before = windows_of(begun(some, start), pixels)
+            before = windows_of(first_steps(group, start), pixels)
             with torch.inference_mode():
                 _, memory = model("novice", before.inputs, before.maps)
         heights, spacing = None, 0.0
         if body.map_size:
-            ground = some[0].ground
+            ground = group[0].ground
             assert ground is not None
-            heights, spacing = (
-                torch.from_numpy(ground.heights).expand(len(some), -1, -1),
-                ground.spacing,
-            )
-        path[which] = rollout(
+            heights = torch.from_numpy(ground.heights).expand(len(group), -1, -1)
+            spacing = ground.spacing
+        path[rows] = rollout(
             model,
             heights,
-            states[which, start],
-            actions[which, start : start + steps],
+            states[rows, start],
+            actions[rows, start : start + steps],
             pixels,
             spacing=spacing,
             body=body,

@@ -1,4 +1,7 @@
-"""The paper's method: what the networks see, the networks, their losses, training and evaluation; without PyBullet."""
+"""The paper's method: observations, networks, losses, training and evaluation.
+
+It does without PyBullet.
+"""
 
 from sidm.learning.checkpoint import CheckpointError
 from sidm.learning.dataset import (
@@ -23,7 +26,7 @@ from sidm.learning.observation import (
     robot_centred_map,
     transition,
 )
-from sidm.learning.training import Tested, Trained, TrainingError, train
+from sidm.learning.training import CurvePoint, Trained, TrainingError, train
 from sidm.learning.units import Standardisation
 from sidm.settings import PAPER_NETWORK, RELEASED_NETWORK, Network, Training
 
@@ -32,6 +35,7 @@ __all__ = [
     "RELEASED_NETWORK",
     "SIDM",
     "CheckpointError",
+    "CurvePoint",
     "Datasets",
     "Decoder",
     "Discriminator",
@@ -39,7 +43,6 @@ __all__ = [
     "Encoder",
     "Network",
     "Standardisation",
-    "Tested",
     "Trained",
     "Training",
     "TrainingError",

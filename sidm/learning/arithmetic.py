@@ -1,4 +1,4 @@
-"""How PyTorch computes inside a block: on how many threads, with which rounding, with or without denormal numbers."""
+"""Settings of PyTorch inside a block: threads, rounding and denormal numbers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ import torch
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
-    """PyTorch on one thread inside the block: results are equal bit for bit only at the same number of threads."""
+    """PyTorch computes on one thread inside the block.
+
+    Results are equal bit for bit only at the same number of threads.
+    """
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -21,10 +24,13 @@ def one_thread() -> Iterator[None]:
 
 @contextlib.contextmanager
 def matmul_precision(precision: str) -> Iterator[None]:
-    """Inside the block a GPU rounds products to TensorFloat-32 where `precision` is 'tf32', and nowhere else.
+    """A GPU rounds products to TensorFloat-32 inside the block only with 'tf32'.
 
-    PyTorch rounds convolutions and LSTMs by default and matrix products not. A CPU
-    knows no such rounding.
+    Args:
+        precision: 'tf32'; with any other value products are not rounded.
+
+    PyTorch's default is to round convolutions and LSTMs but not matrix products. A CPU
+    never rounds to TensorFloat-32.
     """
     matrices, networks = torch.backends.cuda.matmul, torch.backends.cudnn
     before = matrices.allow_tf32, networks.allow_tf32
@@ -37,10 +43,10 @@ def matmul_precision(precision: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def flushed_denormals() -> Iterator[None]:
-    """Inside the block a CPU takes numbers below 1e-38 for 0.
+    """A CPU replaces numbers below 1e-38 by 0 inside the block.
 
-    Gradients that fade along a trajectory, and their squares in Adam, get there; a
-    processor computes with such numbers a hundred times as slowly.
+    Gradients that fade along a trajectory become so small, and so do their squares in
+    Adam; a processor is a hundred times slower with such denormal numbers.
     """
     before = not (torch.full((1,), 1e-40) * 1.0).item()
     torch.set_flush_denormal(True)

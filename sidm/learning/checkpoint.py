@@ -1,4 +1,4 @@
-"""A run's state on disk: arrays and one JSON text in a single sealed .npz file.
+"""A run's state on disk: arrays and one JSON text in an .npz file with a checksum.
 
 An array's name is its path in the state: 'model/sidm.lstm.weight_ih_l0',
 'optimisers/prediction/12/exp_avg'.
@@ -15,28 +15,41 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from sidm.config import Fault
+from sidm.config import DataError
 from sidm.storage import checksum, read_arrays, write_arrays
 
 FILE = "checkpoint.npz"
 TEXT = "json"  # the name of the array that holds the text
 
 
-class CheckpointError(Fault):
-    """A checkpoint that is damaged or of another run; the message is one line that names the file and the mend."""
+class CheckpointError(DataError):
+    """A checkpoint that is damaged or belongs to another run.
+
+    The message is one line that names the file and says what to do.
+    """
 
 
 def write(
     folder: Path, tensors: Mapping[str, Tensor], values: Mapping[str, Any]
 ) -> None:
-    """Write `tensors` of any shapes and `values` (plain JSON types) as `folder`'s checkpoint, in place of the last."""
+    """Write the checkpoint of `folder`; it replaces the one before.
+
+    Args:
+        folder: where the checkpoint lies.
+        tensors: of any shapes, by name.
+        values: of plain JSON types, by name.
+    """
     arrays = {name: tensor.detach().cpu().numpy() for name, tensor in tensors.items()}
     arrays[TEXT] = np.frombuffer(json.dumps(values).encode(), np.uint8)
     write_arrays(Path(folder) / FILE, arrays)
 
 
 def read(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
-    """What `write` wrote; None when there is nothing.
+    """Read the checkpoint of `folder`.
+
+    Returns:
+        The tensors and values that `write` was given; None where there is no
+        checkpoint.
 
     Raises:
         CheckpointError: the file is damaged.
@@ -54,8 +67,8 @@ def read(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
     return {name: torch.from_numpy(array) for name, array in arrays.items()}, values
 
 
-def under(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """The tensors whose names begin with `prefix` and a slash, by the rest of their names."""
+def strip_prefix(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """The tensors named 'prefix/name', by name; the others are left out."""
     return {
         name[len(prefix) + 1 :]: tensor
         for name, tensor in tensors.items()
@@ -63,23 +76,26 @@ def under(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
     }
 
 
-def prefixed(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """The same tensors with `prefix` and a slash before their names."""
+def add_prefix(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """All `tensors`, renamed to 'prefix/name'."""
     return {f"{prefix}/{name}": tensor for name, tensor in tensors.items()}
 
 
 def digest(tensors: Iterable[Tensor]) -> str:
-    """A checksum of tensors of one type, one after the other."""
+    """A checksum of tensors of one type, joined in their order."""
     return checksum(torch.cat([tensor.flatten() for tensor in tensors]).cpu().numpy())
 
 
 def module_tensors(module: nn.Module) -> dict[str, Tensor]:
-    """Weights and buffers by name, not copied."""
+    """A module's weights and buffers by name, not copied."""
     return {name: tensor.detach() for name, tensor in module.state_dict().items()}
 
 
 def optimiser_tensors(optimiser: torch.optim.Optimizer) -> dict[str, Tensor]:
-    """The optimiser's moments, in their parameters' shapes, and step counts (), by 'parameter number/name'."""
+    """An optimiser's moments and step counts by 'parameter number/name', not copied.
+
+    Moments have the shapes of their parameters; step counts are scalars ().
+    """
     state = optimiser.state_dict()["state"]
     return {
         f"{number}/{name}": tensor
@@ -91,18 +107,15 @@ def optimiser_tensors(optimiser: torch.optim.Optimizer) -> dict[str, Tensor]:
 def load_optimiser(
     optimiser: torch.optim.Optimizer, tensors: Mapping[str, Tensor]
 ) -> None:
-    """Put back what `optimiser_tensors` gave."""
-    parameters = [
-        parameter for group in optimiser.param_groups for parameter in group["params"]
-    ]
+    """Load the tensors that `optimiser_tensors` gave."""
+    groups = optimiser.param_groups
+    parameters = [parameter for group in groups for parameter in group["params"]]
     state: dict[int, dict[str, Tensor]] = {}
     for path, tensor in tensors.items():
         number, name = path.split("/")
-        # the fused kernels walk moments and weights in memory order: give them the
-        # weights' layout
+        # fused kernels read moments and weights in memory order: both need one layout
         if tensor.ndim:
             tensor = torch.empty_like(parameters[int(number)]).copy_(tensor)
         state.setdefault(int(number), {})[name] = tensor
-    optimiser.load_state_dict(
-        {"state": state, "param_groups": optimiser.state_dict()["param_groups"]}
-    )
+    settings = optimiser.state_dict()["param_groups"]
+    optimiser.load_state_dict({"state": state, "param_groups": settings})

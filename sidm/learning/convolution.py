@@ -1,7 +1,8 @@
-"""The encoder's two convolutions on one core: three times as fast as PyTorch's, with the same results but for rounding.
+"""The encoder's two convolutions on one core, three times as fast as PyTorch's.
 
-A library for networks pads channels to blocks of 16; with 1, 8 and 4 channels most of
-its work is on padding. The compiled kernels of `convolution_kernels` do without.
+Results differ from PyTorch's by rounding only. PyTorch pads channels to blocks of 16;
+with 1, 8 and 4 channels most of its work is on padding. The compiled kernels of
+`convolution_kernels` need no padding.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from torch.autograd.function import once_differentiable
 
 @functools.cache
 def kernels() -> ModuleType | None:
-    """The compiled kernels, imported when they are first needed; None where Numba is not installed."""
+    """The compiled kernels, imported at the first call; None without Numba."""
     try:
         return importlib.import_module("sidm.learning.convolution_kernels")
     except ImportError:
@@ -27,11 +28,12 @@ def kernels() -> ModuleType | None:
 
 
 def is_fast_for(layers: nn.Sequential, maps: Tensor, numbers: Tensor) -> bool:
-    """Whether `features` computes the encoder's convolutions of these maps.
+    """Whether `features` can compute the encoder's convolutions, and is the faster way.
 
-    PyTorch's own do it on GPUs, in low precision, on several threads (PyTorch shares
-    its work out among them), with other kernels than 4 x 4, with channels that are no
-    multiples of 4, for inputs with a gradient, and where Numba is not installed.
+    PyTorch's convolutions are used on GPUs, in low precision, on several threads
+    (PyTorch divides its work among them), with kernels other than 4 x 4, with numbers
+    of channels that are no multiples of 4, for inputs with a gradient, and where Numba
+    is not installed.
     """
     first, second = layers[0], layers[2]
     assert isinstance(first, nn.Conv2d) and isinstance(second, nn.Conv2d)
@@ -55,60 +57,57 @@ def features(
     mean: Tensor | float = 0.0,
     std: Tensor | float = 1.0,
 ) -> Tensor:
-    """What the convolutions and their leaky ReLUs make of maps, with numbers behind it.
+    """Features of maps, followed by the other numbers of the inputs.
 
     Args:
-        layers: the two convolutions, a leaky ReLU behind each.
-        maps: (N, P, P), without a gradient.
-        numbers: (N, X), the same.
-        mean: of the unit in which the convolutions see the maps.
-        std: of the same.
+        layers: the two convolutions, each followed by a leaky ReLU.
+        maps: (N, P, P), m, without a gradient.
+        numbers: (N, X), without a gradient.
+        mean: mean of the maps' standardisation, m.
+        std: standard deviation of the maps' standardisation, m.
 
     Returns:
-        (N, R R C + X), the C channels innermost, R = P - 6.
+        (N, R R C + X): features of R x R pixels, R = P - 6, with the C channels
+        innermost; then the numbers.
     """
     first, second, slope = layers[0], layers[2], layers[1].negative_slope
-    units = slope, float(mean), float(std)
+    constants = slope, float(mean), float(std)
     return _Convolutions.apply(
-        maps, numbers, first.weight, first.bias, second.weight, second.bias, units
+        maps, numbers, first.weight, first.bias, second.weight, second.bias, constants
     )
 
 
 class _Convolutions(torch.autograd.Function):
-    """Both layers, forward and backward; `units` are the slope and the maps' mean and standard deviation."""
+    """Both layers, forward and backward.
+
+    The constants are the ReLUs' slope and the maps' mean and standard deviation.
+    """
 
     @staticmethod
     def forward(ctx: Any, maps: Tensor, numbers: Tensor, *parameters: Any) -> Tensor:
-        *weights, units = parameters
+        *weights, constants = parameters
         arrays = [_array(tensor) for tensor in (maps, *weights)]
         count = (maps.shape[-1] - 6) ** 2 * len(weights[-1])
         result = maps.new_empty(len(maps), count + numbers.shape[-1])
         result[:, count:] = numbers
-        ctx.units = tuple(map(arrays[0].dtype.type, units))
-        kernels().forward(*arrays, *ctx.units, result.numpy())  # type: ignore[union-attr]
+        ctx.constants = tuple(map(arrays[0].dtype.type, constants))
+        kernels().forward(*arrays, *ctx.constants, result.numpy())  # type: ignore[union-attr]
         ctx.save_for_backward(maps, *weights, result)
         return result
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:
-        maps, first, first_bias, second, _, result = map(_array, ctx.saved_tensors)
-        given = [np.zeros_like(_array(one)) for one in ctx.saved_tensors[1:5]]
-        # from outputs to inputs
-        turned = np.ascontiguousarray(second.transpose(1, 0, 2, 3)[:, :, ::-1, ::-1])
-        kernels().backward(  # type: ignore[union-attr]
-            maps,
-            first,
-            first_bias,
-            turned,
-            *ctx.units,
-            result,
-            _array(gradient),
-            *given,
-        )
-        return None, None, *map(torch.from_numpy, given), None
+        maps, *weights, result = map(_array, ctx.saved_tensors)
+        first, first_bias, second, _ = weights
+        gradients = [np.zeros_like(array) for array in weights]
+        # a convolution from the second layer's outputs to its inputs
+        flipped = np.ascontiguousarray(second.transpose(1, 0, 2, 3)[:, :, ::-1, ::-1])
+        inputs = maps, first, first_bias, flipped, *ctx.constants, result
+        kernels().backward(*inputs, _array(gradient), *gradients)  # type: ignore[union-attr]
+        return None, None, *map(torch.from_numpy, gradients), None
 
 
 def _array(tensor: Tensor) -> np.ndarray:
-    """The tensor's numbers, in the order of its dimensions."""
+    """A tensor's numbers as an array, contiguous in the order of its dimensions."""
     return tensor.detach().contiguous().numpy()

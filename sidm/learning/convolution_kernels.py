@@ -1,12 +1,14 @@
-"""The encoder's convolutions in Numba: kernels of 4 x 4, no padding, the channels of each output a multiple of 4.
+"""The encoder's convolutions in Numba: 4 x 4 kernels without padding.
 
-The vectors of a processor run over maps: LANES of them lie side by side as the
-innermost dimension, so that a row of an output is one contiguous run of numbers, to
-which each kernel adds shifted rows of its input. A group of LANES maps stays in the
-cache from the pixels to the features. The backward pass computes the first layer again,
-which is faster than fetching it from memory.
+The number of output channels of each layer is a multiple of 4. The vectors of a
+processor run over maps: LANES maps lie side by side as the innermost dimension, so that
+a row of an output is contiguous in memory, and each kernel adds shifted rows of its
+input to it. A group of LANES maps stays in the cache from the pixels to the features.
+The backward pass computes the first layer again, which is faster than reading it from
+memory.
 
-N maps of P x P pixels; behind the layers a side is P - 3 and P - 6.
+There are N maps of P x P pixels; a side has P - 3 pixels after the first layer and
+P - 6 after the second.
 """
 
 from __future__ import annotations
@@ -17,49 +19,47 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-LANES = 16  # maps of a group: a multiple of every processor's vectors
-TAPS = 4  # a side of the kernels
+LANES = 16  # maps in a group: a multiple of every processor's vector length
+TAPS = 4  # side of the kernels, pixels
 BLOCK = 4  # output channels that share the loads of an input row
 
-#: Sums may run in any order and products be fused; what is not a number stays so.
+#: the compiler may reorder sums and fuse products; NaN and infinity stay as they are
 OPTIONS: dict[str, Any] = {"fastmath": {"reassoc", "contract", "nsz"}}
 
 
 def compiled(function: Callable) -> Any:
-    """`function` as machine code, made when it is first called and kept on disk where there is a place for it."""
+    """Compile `function` at its first call; its machine code is kept on disk."""
     try:
         return njit(**OPTIONS, cache=True)(function)
-    except RuntimeError:  # no folder to keep it in
+    except RuntimeError:  # no folder for the machine code: compile it every time
         return njit(**OPTIONS)(function)
 
 
 def inlined(function: Callable) -> Any:
-    """`function` as a part of the machine code of those that call it."""
+    """Compile `function` into the machine code of the functions that call it."""
     return njit(**OPTIONS, inline="always")(function)
 
 
 @compiled
-def forward(maps, w1, b1, w2, b2, slope, mean, std, found):
-    """Writes features of maps (N, P, P), with a mean and a standard deviation, into `found`.
+def forward(maps, w1, b1, w2, b2, slope, mean, std, features):
+    """Write the features of maps (N, P, P), standardised by `mean` and `std`.
 
-    Its rows begin with R R C features, R = P - 6, the channels innermost; what stands
-    behind them stays.
+    A row of `features` begins with R R C numbers, R = P - 6, with the channels
+    innermost; the rest of the row is left as it is.
     """
     side, channels = maps.shape[1], len(w2)
+    width = (side - 6) * channels  # numbers of a row of pixels
     x = np.empty((1, side, side * LANES), maps.dtype)
     inner = np.empty((len(w1), side - 3, (side - 3) * LANES), maps.dtype)
     outer = np.empty((channels, side - 6, (side - 6) * LANES), maps.dtype)
     for start in range(0, len(maps), LANES):
         count = min(LANES, len(maps) - start)
-        _put_maps(maps[start : start + count], mean, std, x)
+        _standardise(maps[start : start + count], mean, std, x)
         _convolve(x, w1, b1, inner, slope)
         _convolve(inner, w2, b2, outer, slope)
-        for i in range(side - 6):  # row by row, which the nearest cache holds
+        for i in range(side - 6):  # row by row: a row fits into the nearest cache
             for lane in range(count):
-                row = found[
-                    start + lane,
-                    i * (side - 6) * channels : (i + 1) * (side - 6) * channels,
-                ]
+                row = features[start + lane, i * width : (i + 1) * width]
                 for c in range(channels):
                     for j in range(side - 6):
                         row[j * channels + c] = outer[c, i, j * LANES + lane]
@@ -67,50 +67,50 @@ def forward(maps, w1, b1, w2, b2, slope, mean, std, found):
 
 @compiled
 def backward(
-    maps, w1, b1, turned, slope, mean, std, found, gradient, gw1, gb1, gw2, gb2
+    maps, w1, b1, flipped, slope, mean, std, features, gradient, gw1, gb1, gw2, gb2
 ):
-    """Adds to gw1, gb1, gw2 and gb2 what a gradient of what `forward` found gives.
+    """Add the gradients of weights and biases to gw1, gb1, gw2 and gb2.
 
-    `turned` are the second layer's weights (in, out, 4, 4), both sides reversed: a
-    convolution with them takes the gradient, in a margin of zeros, back to the first
-    layer's outputs.
+    `gradient` is that of the `features` which `forward` wrote. `flipped` are the second
+    layer's weights (in, out, 4, 4) with both sides reversed: a convolution with them
+    takes the gradient, in a margin of zeros, back to the first layer's outputs.
     """
     side, channels, dtype = maps.shape[1], len(gw2), maps.dtype
     rest = side - 6
+    width = rest * channels  # numbers of a row of pixels
     x = np.empty((1, side, side * LANES), dtype)
     inner = np.empty((len(w1), side - 3, (side - 3) * LANES), dtype)
     back = np.empty_like(inner)
     framed = np.zeros((channels, rest + 6, (rest + 6) * LANES), dtype)
-    nothing, one = np.zeros(len(w1), dtype), dtype.type(1)
+    no_bias, no_slope = np.zeros(len(w1), dtype), dtype.type(1)
     for start in range(0, len(maps), LANES):
         count = min(LANES, len(maps) - start)
-        _put_maps(maps[start : start + count], mean, std, x)
+        _standardise(maps[start : start + count], mean, std, x)
         _convolve(x, w1, b1, inner, slope)
         if count < LANES:
             framed[:] = 0
         for i in range(rest):
             for lane in range(count):
-                own = gradient[
-                    start + lane, i * rest * channels : (i + 1) * rest * channels
-                ]
-                signs = found[
-                    start + lane, i * rest * channels : (i + 1) * rest * channels
-                ]
+                row = gradient[start + lane, i * width : (i + 1) * width]
+                signs = features[start + lane, i * width : (i + 1) * width]
                 for c in range(channels):
                     for j in range(rest):
-                        value = own[j * channels + c]
+                        value = row[j * channels + c]
                         if not signs[j * channels + c] > 0:
                             value *= slope
                         framed[c, i + 3, (j + 3) * LANES + lane] = value
         _add_weight_gradient(framed, 3, inner, gw2, gb2)
-        _convolve(framed, turned, nothing, back, one)
-        _turn_back(back, inner, slope)
+        _convolve(framed, flipped, no_bias, back, no_slope)
+        _leaky_relu_gradient(back, inner, slope)
         _add_weight_gradient(back, 0, x, gw1, gb1)
 
 
 @compiled
-def _put_maps(maps, mean, std, x):
-    """Up to LANES maps (n, P, P), in units, side by side into x (1, P, P LANES); the other lanes become 0."""
+def _standardise(maps, mean, std, x):
+    """Write up to LANES standardised maps side by side.
+
+    Maps (n, P, P) go into x (1, P, P LANES); lanes without a map become 0.
+    """
     if len(maps) < LANES:
         x[:] = 0
     for i in range(maps.shape[1]):
@@ -120,8 +120,8 @@ def _put_maps(maps, mean, std, x):
 
 
 @compiled
-def _turn_back(gradient, outputs, slope):
-    """The gradient of a leaky ReLU's outputs becomes that of its inputs, in place."""
+def _leaky_relu_gradient(gradient, outputs, slope):
+    """Turn the gradient of a leaky ReLU's outputs into that of its inputs, in place."""
     flat, signs = gradient.reshape(-1), outputs.reshape(-1)
     for m in range(flat.size):
         flat[m] = flat[m] if signs[m] > 0 else slope * flat[m]
@@ -129,7 +129,7 @@ def _turn_back(gradient, outputs, slope):
 
 @compiled
 def _convolve(x, w, b, out, slope):
-    """A convolution and its leaky ReLU (with a slope of 1 none), for lanes side by side.
+    """Compute a convolution and its leaky ReLU; a slope of 1 means no ReLU.
 
     x is (Ci, P, P LANES), w (Co, Ci, 4, 4), b (Co,); out (Co, P - 3, (P - 3) LANES) is
     overwritten.
@@ -137,30 +137,17 @@ def _convolve(x, w, b, out, slope):
     n = out.shape[2]
     for i in range(out.shape[1]):
         for c in range(0, len(out), BLOCK):
-            first, second, third, fourth = (
-                out[c, i],
-                out[c + 1, i],
-                out[c + 2, i],
-                out[c + 3, i],
-            )
+            first, second = out[c, i], out[c + 1, i]
+            third, fourth = out[c + 2, i], out[c + 3, i]
             first[:] = b[c]
             second[:] = b[c + 1]
             third[:] = b[c + 2]
             fourth[:] = b[c + 3]
             for k in range(len(x)):
                 for j in range(TAPS):
-                    _add_taps(
-                        first,
-                        second,
-                        third,
-                        fourth,
-                        x[k, i + j],
-                        w[c, k, j],
-                        w[c + 1, k, j],
-                        w[c + 2, k, j],
-                        w[c + 3, k, j],
-                        n,
-                    )
+                    p, q = w[c, k, j], w[c + 1, k, j]
+                    r, s = w[c + 2, k, j], w[c + 3, k, j]
+                    _add_taps(first, second, third, fourth, x[k, i + j], p, q, r, s, n)
             for m in range(n):
                 first[m] = first[m] if first[m] > 0 else slope * first[m]
                 second[m] = second[m] if second[m] > 0 else slope * second[m]
@@ -170,8 +157,11 @@ def _convolve(x, w, b, out, slope):
 
 @inlined
 def _add_taps(first, second, third, fourth, row, p, q, r, s, n):
-    """Adds to four rows of n numbers a fifth, shifted by 0 to 3 pixels, with each row's weights p, q, r, s (4,)."""
-    # offsets inside the loop would not be vectors
+    """Add an input `row`, shifted by 0 to 3 pixels, to four output rows of n numbers.
+
+    p, q, r and s (4,) are the weights of the four output rows.
+    """
+    # the compiler does not make vectors where the loop computes offsets
     o0, o1, o2, o3 = first[0:n], second[0:n], third[0:n], fourth[0:n]
     a0, a1 = row[0:n], row[LANES : LANES + n]
     a2, a3 = row[2 * LANES : 2 * LANES + n], row[3 * LANES : 3 * LANES + n]
@@ -189,23 +179,20 @@ def _add_taps(first, second, third, fourth, row, p, q, r, s, n):
 
 @compiled
 def _add_weight_gradient(gradient, margin, x, gw, gb):
-    """Adds to gw (Co, Ci, 4, 4) and gb (Co,) what the gradient of a layer's outputs gives at its inputs x.
+    """Add a layer's gradients to those of its weights gw and its biases gb.
 
-    x is (Ci, P, P LANES); the gradient, (Co, P - 3, (P - 3) LANES), stands inside a
-    margin of so many pixels.
+    gw is (Co, Ci, 4, 4) and gb (Co,). The layer's inputs x are (Ci, P, P LANES); the
+    gradient of its outputs, (Co, P - 3, (P - 3) LANES), has a margin of `margin` pixels
+    around it.
     """
     begin, n = margin * LANES, (x.shape[1] - 3) * LANES
     end = begin + n
     for i in range(x.shape[1] - 3):
         for c in range(0, len(gradient), BLOCK):
-            first, second = (
-                gradient[c, i + margin][begin:end],
-                gradient[c + 1, i + margin][begin:end],
-            )
-            third, fourth = (
-                gradient[c + 2, i + margin][begin:end],
-                gradient[c + 3, i + margin][begin:end],
-            )
+            first = gradient[c, i + margin][begin:end]
+            second = gradient[c + 1, i + margin][begin:end]
+            third = gradient[c + 2, i + margin][begin:end]
+            fourth = gradient[c + 3, i + margin][begin:end]
             gb[c] += first.sum()
             gb[c + 1] += second.sum()
             gb[c + 2] += third.sum()
@@ -222,7 +209,10 @@ def _add_weight_gradient(gradient, margin, x, gw, gb):
 
 @inlined
 def _inner_products(first, second, third, fourth, row, n):
-    """Inner products of four rows of n numbers, one after the other, with a fifth shifted by 0 to 3 pixels: 16."""
+    """The 16 inner products of four rows with a fifth one, shifted by 0 to 3 pixels.
+
+    The four rows have n numbers each; the products of one row follow each other.
+    """
     o0, o1, o2, o3 = first[0:n], second[0:n], third[0:n], fourth[0:n]
     a0, a1 = row[0:n], row[LANES : LANES + n]
     a2, a3 = row[2 * LANES : 2 * LANES + n], row[3 * LANES : 3 * LANES + n]

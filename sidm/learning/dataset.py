@@ -1,10 +1,8 @@
-"""From drives to tensors: windows of equal length, their maps cached on disk, the nested novice split."""
+"""From drives to tensors: windows of equal length, and the novice's nested split."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -17,11 +15,10 @@ from sidm.body import ROVER, Body
 from sidm.config import ConfigError, replace
 from sidm.drives import Drive
 from sidm.learning import observation
-from sidm.shards import Collection, ShardError, digest, load, trajectories_for
-from sidm.storage import locked, write_atomically
+from sidm.learning.height_maps import as_body, cached_maps, drive_maps
+from sidm.shards import Collection, digest, load, trajectories_for
 from sidm.systems import Terrain
 
-AT_A_TIME = 64  # trajectories whose maps are in memory while they are made
 #: one trajectory of four is for testing: 75 % train, 25 % test (section 4)
 TEST_EVERY = 4
 Indices = Tensor | np.ndarray | Sequence[int]
@@ -31,14 +28,14 @@ Indices = Tensor | np.ndarray | Sequence[int]
 class Windows:
     """N windows of T steps of one robot, as the networks see them.
 
-    All windows that are stored, or some `rows`. Rows are copied when asked for, so that
-    maps can stay in a file.
+    They are all windows that are stored, or the chosen `rows`. Rows are copied when
+    they are asked for, so that maps can stay in a file.
 
     Attributes:
-        stored_inputs: (M, T, X) float32, raw units; X is 11 of the paper's body
-        stored_targets: (M, T, Y) float32, raw units; Y is 13 of the paper's body
-        stored_maps: (M, T, P, P) float16, m; P is 0 of a body without a map
-        rows: (N,) int64, which of the stored; None: all, in order
+        stored_inputs: (M, T, X) float32, raw units; X is 11 for the paper's body
+        stored_targets: (M, T, Y) float32, raw units; Y is 13 for the paper's body
+        stored_maps: (M, T, P, P) float16, m; P is 0 for a body without a map
+        rows: (N,) int64, the chosen rows of the stored tensors; None: all, in order
     """
 
     stored_inputs: Tensor
@@ -55,41 +52,34 @@ class Windows:
 
     @property
     def inputs(self) -> Tensor:
-        """(N, T, X) float32, raw units."""
-        return self._of(self.stored_inputs)
+        """Inputs (N, T, X), float32, in raw units."""
+        return self._chosen(self.stored_inputs)
 
     @property
     def targets(self) -> Tensor:
-        """(N, T, Y) float32, raw units."""
-        return self._of(self.stored_targets)
+        """Transitions (N, T, Y), float32, in raw units."""
+        return self._chosen(self.stored_targets)
 
     @property
     def maps(self) -> Tensor:
-        """(N, T, P, P) float16, m."""
-        return self._of(self.stored_maps)
-
-    def _of(self, stored: Tensor) -> Tensor:
-        return stored if self.rows is None else stored[self.rows]
+        """Height maps (N, T, P, P), float16, in m."""
+        return self._chosen(self.stored_maps)
 
     @property
-    def places(self) -> Tensor:
-        """(N,) int64, which of the stored windows these are."""
+    def row_indices(self) -> Tensor:
+        """The rows (N,), int64, of these windows in the stored tensors."""
         return torch.arange(len(self)) if self.rows is None else self.rows
 
     def take(self, indices: Indices) -> Windows:
-        """The windows of these indices, copied."""
-        chosen = torch.as_tensor(indices, dtype=torch.long)
-        chosen = chosen if self.rows is None else self.rows[chosen]
+        """The windows at `indices`, copied."""
+        rows = self._rows_at(indices)
         return Windows(
-            self.stored_inputs[chosen],
-            self.stored_targets[chosen],
-            self.stored_maps[chosen],
+            self.stored_inputs[rows], self.stored_targets[rows], self.stored_maps[rows]
         )
 
     def subset(self, indices: Indices) -> Windows:
-        """The windows of these indices, not copied."""
-        chosen = torch.as_tensor(indices, dtype=torch.long)
-        return replace(self, rows=chosen if self.rows is None else self.rows[chosen])
+        """The windows at `indices`, not copied."""
+        return replace(self, rows=self._rows_at(indices))
 
     def first(self, count: int) -> Windows:
         """The first `count` windows, or all where there are fewer, not copied."""
@@ -102,13 +92,14 @@ class Windows:
         )
 
     def split(self, size: int) -> Iterator[Windows]:
-        """All windows in order, at most `size` at a time; of some rows each part is copied when its turn comes."""
+        """All windows in order, in parts of at most `size` windows.
+
+        Each part of chosen `rows` is copied when it is reached.
+        """
         if self.rows is not None:
             return (self.take(part) for part in torch.arange(len(self)).split(size))
-        parts = zip(
-            *(one.split(size) for one in (self.inputs, self.targets, self.maps)),
-            strict=True,
-        )
+        tensors = self.stored_inputs, self.stored_targets, self.stored_maps
+        parts = zip(*(tensor.split(size) for tensor in tensors), strict=True)
         return (Windows(*part) for part in parts)
 
     def to(self, device: torch.device | str) -> Windows:
@@ -117,14 +108,23 @@ class Windows:
             self.inputs.to(device), self.targets.to(device), self.maps.to(device)
         )
 
+    def _chosen(self, stored: Tensor) -> Tensor:
+        """The chosen rows of a stored tensor."""
+        return stored if self.rows is None else stored[self.rows]
+
+    def _rows_at(self, indices: Indices) -> Tensor:
+        """The rows (n,), int64, of the windows at `indices` in the stored tensors."""
+        chosen = torch.as_tensor(indices, dtype=torch.long)
+        return chosen if self.rows is None else self.rows[chosen]
+
 
 class Datasets(NamedTuple):
-    """What a trial learns from and is judged by."""
+    """The data that a model learns from and is evaluated on."""
 
     train: Windows  # the novice's, to learn from
-    test: Windows  # the novice's, to stop by
-    validation: Windows  # the novice's, to judge by
-    expert: Windows | None = None
+    test: Windows  # the novice's, to stop training by
+    validation: Windows  # the novice's, to evaluate the trained model on
+    expert: Windows | None = None  # to learn from
 
 
 def windows_of(
@@ -134,8 +134,8 @@ def windows_of(
 
     Args:
         drives: of one robot.
-        pixels: P, a side of the maps where the body does not say how many.
-        body: what the networks are to see of a robot of the paper; by default the
+        pixels: P, pixels along a side of the maps, unless the body gives this number.
+        body: what the networks see of one of the paper's robots; by default the
             drives' own body.
 
     Raises:
@@ -148,12 +148,9 @@ def windows_of(
     body = body or drives[0].body
     pixels = body.pixels(pixels)
     if not pixels:
-        return _windows(drives, None, body)
-    return _windows(
-        drives,
-        torch.from_numpy(np.stack([_maps(drive, pixels, body) for drive in drives])),
-        body,
-    )
+        return _encode_drives(drives, body)
+    maps = np.stack([drive_maps(drive, pixels, body) for drive in drives])
+    return _encode_drives(drives, body, torch.from_numpy(maps))
 
 
 def load_windows(
@@ -164,11 +161,19 @@ def load_windows(
     pixels: int,
     body: Body = ROVER,
 ) -> Windows:
-    """The first `count` drives of a collection as tensors, as `body` has them.
+    """The first `count` drives of a collection as tensors, as `body` sees them.
 
-    Their maps are computed once, written beside the shards and read by memory map, so
+    The maps are computed once, written beside the shards and read by memory map, so
     that processes share them: a step takes 96 bytes of memory, and 2 P^2 bytes of a
     file.
+
+    Args:
+        root: folder of all collections.
+        collection: names the drives.
+        count: number of drives, N.
+        terrain: that the drives are on.
+        pixels: P, pixels along a side of the maps, unless the body gives this number.
+        body: what the networks see of the robot.
 
     Raises:
         ShardError: a shard is missing or damaged, or a terrain cannot be made again as
@@ -176,104 +181,44 @@ def load_windows(
     """
     drives = load(Path(root), collection, count, terrain)
     pixels = body.pixels(pixels)
-    shape = (len(drives), len(drives[0]), pixels, pixels)
     if not pixels:
-        return _windows(drives, None, body)
-    other = (
-        ""
-        if (body.map_size, body.pose) == (ROVER.map_size, ROVER.pose)
-        else f"-{body.map_size:g}m-{body.pose}"
-    )
-    path = collection.folder(Path(root)) / f"maps-{pixels}{other}-{digest(drives)}.npy"
-    with locked(path):
-        if not path.exists():
-            write_atomically(path, lambda file: _write_maps(file, shape, drives, body))
-    try:
-        maps = np.load(path, mmap_mode="c", allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise ShardError(
-            f"{path}: the maps are damaged ({error}); delete the file to make it anew"
-        ) from None
-    if maps.shape != shape or maps.dtype != np.float16:
-        raise ShardError(
-            f"{path}: maps {maps.shape} where {shape} were expected; delete the file to make it anew"
-        )
-    return _windows(drives, torch.from_numpy(maps), body)
+        return _encode_drives(drives, body)
+    kind = ""  # the paper's kind of map has no name
+    if (body.map_size, body.pose) != (ROVER.map_size, ROVER.pose):
+        kind = f"-{body.map_size:g}m-{body.pose}"
+    path = collection.folder(Path(root)) / f"maps-{pixels}{kind}-{digest(drives)}.npy"
+    return _encode_drives(drives, body, cached_maps(path, drives, pixels, body))
 
 
-def _write_maps(
-    file, shape: tuple[int, ...], drives: Sequence[Drive], body: Body
-) -> None:
-    """Write an array (N, T, P, P), one drive after the other; each core makes maps of its own drives."""
-    header = {
-        "descr": np.lib.format.dtype_to_descr(np.dtype(np.float16)),
-        "fortran_order": False,
-        "shape": shape,
-    }
-    np.lib.format.write_array_header_1_0(file, header)
-    cores = (
-        len(os.sched_getaffinity(0))
-        if hasattr(os, "sched_getaffinity")
-        else os.cpu_count() or 1
-    )
-    with ThreadPoolExecutor(cores) as pool:
-        for start in range(0, len(drives), AT_A_TIME):
-            for maps in pool.map(
-                lambda drive: _maps(drive, shape[-1], body),
-                drives[start : start + AT_A_TIME],
-            ):
-                file.write(maps.data)
+def _encode_drives(
+    drives: Sequence[Drive], body: Body, maps: Tensor | None = None
+) -> Windows:
+    """Drives as a body sees them, with maps (N, T, P, P) if it has any."""
+    states, actions = states_and_actions(drives)
+    # the last state has no action: repeat the last one, and drop it again below
+    actions = torch.cat([actions, actions[:, -1:]], 1)
+    states, actions = as_body(body, drives[0].body, states, actions)
+    return encode_windows(body, states, actions[:, :-1], maps)
 
 
-def _maps(drive: Drive, pixels: int, body: Body) -> np.ndarray:
-    """(T, P, P) float16: the maps at the start of each step."""
-    if drive.ground is None:
-        raise ConfigError(
-            f"{drive.name}: body '{body.name}' sees a height map, and the drive has no ground"
-        )
-    heights = drive.ground.heights
-    states = _seen(
-        drive.body,
-        body,
-        torch.from_numpy(drive.states[:-1]),
-        torch.from_numpy(drive.actions),
-    )[0]
-    maps = observation.robot_centred_map(
-        heights, states, pixels, body.map_size, drive.ground.spacing, body
-    )
-    return maps.numpy().astype(np.float16)
+def states_and_actions(drives: Sequence[Drive]) -> tuple[Tensor, Tensor]:
+    """States (N, T + 1, S) and actions (N, T, A) of drives of equal length, float64."""
+    states = np.stack([drive.states for drive in drives])
+    actions = np.stack([drive.actions for drive in drives])
+    return torch.from_numpy(states).double(), torch.from_numpy(actions).double()
 
 
-def _windows(drives: Sequence[Drive], maps: Tensor | None, body: Body) -> Windows:
-    states, actions = stacked(drives)
-    last = actions[:, -1:]  # stands behind the last step, where no action is
-    states, actions = _seen(drives[0].body, body, states, torch.cat([actions, last], 1))
-    return windows_from(body, states, actions[:, :-1], maps)
-
-
-def stacked(drives: Sequence[Drive]) -> tuple[Tensor, Tensor]:
-    """States (N, T + 1, S) and actions (N, T, A), float64, of drives of equal length."""
-    states, actions = (
-        [getattr(drive, name) for drive in drives] for name in ("states", "actions")
-    )
-    return torch.from_numpy(np.stack(states)).double(), torch.from_numpy(
-        np.stack(actions)
-    ).double()
-
-
-def _seen(
-    own: Body, body: Body, states: Tensor, actions: Tensor
-) -> tuple[Tensor, Tensor]:
-    """States and actions of a robot as another body has them; as they are where it is the robot's own."""
-    return (
-        (states, actions) if own == body else observation.seen_as(body, states, actions)
-    )
-
-
-def windows_from(
+def encode_windows(
     body: Body, states: Tensor, actions: Tensor, maps: Tensor | None = None
 ) -> Windows:
-    """States (N, T + 1, S) and actions (N, T, A) of a body as the networks see them, with maps (N, T, P, P) if any."""
+    """Motion of one body as the networks see it.
+
+    Args:
+        body: says what states and actions are made of.
+        states: (N, T + 1, S).
+        actions: (N, T, A).
+        maps: (N, T, P, P), m; None for a body without a map.
+    """
     inputs = observation.encode_inputs(states[:, :-1], actions, body)
     targets = observation.transition(states[:, :-1], states[:, 1:], body)
     if maps is None:
@@ -284,10 +229,10 @@ def windows_from(
 def novice_split(
     pool_size: int, minutes: float, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Which trajectories of the novice pool to learn from and which to test on.
+    """The trajectories of the novice's pool to train on and those to test on.
 
-    Of one seed, the trajectories of fewer minutes are among those of more, and in the
-    same part.
+    With one seed, the trajectories chosen for fewer minutes are among those chosen for
+    more minutes, and in the same part.
 
     Args:
         pool_size: trajectories in the pool.
@@ -296,7 +241,7 @@ def novice_split(
 
     Returns:
         Indices (n,) of the training trajectories, about 75 %, and (m,) of the test
-        ones; at least one each.
+        trajectories; at least one each.
 
     Raises:
         ConfigError: the pool is too small.
@@ -304,13 +249,20 @@ def novice_split(
     count = trajectories_for(minutes)
     if count > pool_size:
         raise ConfigError(
-            f"{minutes:g} novice minutes are {count} trajectories, but the pool has {pool_size}; collect a larger pool"
+            f"{minutes:g} novice minutes are {count} trajectories, "
+            f"but the pool has {pool_size}; collect a larger pool"
         )
-    return split(pool_size, count, seed)
+    return split_indices(pool_size, count, seed)
 
 
-def split(pool_size: int, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of `count` of `pool_size` trajectories in two parts (n,) and (m,), as `novice_split` gives them."""
+def split_indices(
+    pool_size: int, count: int, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of `count` of `pool_size` trajectories, split as by `novice_split`.
+
+    Returns:
+        Indices (n,) of the training trajectories and (m,) of the test trajectories.
+    """
     chosen = np.random.default_rng(seed).permutation(pool_size)[:count]
     testing = np.arange(count) % TEST_EVERY == 1
     return chosen[~testing], chosen[testing]

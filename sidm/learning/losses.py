@@ -1,7 +1,7 @@
 """The losses of the paper, equations (1) to (5).
 
-The discriminator's losses are computed from its logits s, A = sigmoid(s), because -log
-A(x) = softplus(-s) stays finite where A itself rounds to 0 or 1.
+The discriminator's losses are computed from its logits s, with A = sigmoid(s), because
+-log A(x) = softplus(-s) stays finite where A itself rounds to 0 or 1.
 """
 
 from __future__ import annotations
@@ -13,15 +13,16 @@ from torch import Tensor
 def prediction_loss(
     predicted: Tensor, target: Tensor, weights: Tensor | None = None
 ) -> Tensor:
-    """Equation (1): squared 2-norm of y' - y.
+    """Equation (1): the squared 2-norm of y' - y for each sample.
 
     Args:
-        predicted: (..., Y), raw units, the quaternion as the decoder gives it.
-        target: (..., Y), raw units, the quaternion with w >= 0.
-        weights: (Y,), of the components' squares; all 1 as in the paper by default.
+        predicted: y' (..., Y), raw units, with the quaternion as the decoder gives it.
+        target: y (..., Y), raw units, with a quaternion of w >= 0.
+        weights: (Y,), factors of the components' squares; 1 by default, as in the
+            paper.
 
     Returns:
-        (...), one loss a sample.
+        Losses (...), one for each sample.
 
     Raises:
         ValueError: the shapes differ.
@@ -32,11 +33,19 @@ def prediction_loss(
 def component_losses(
     predicted: Tensor, target: Tensor, weights: Tensor | None = None
 ) -> Tensor:
-    """The terms (..., Y) of the sum of equation (1); ValueError for shapes that differ."""
+    """The terms (..., Y) of the sum in equation (1).
+
+    Args:
+        predicted: y' (..., Y), raw units.
+        target: y (..., Y), raw units.
+        weights: (Y,), factors of the squares; 1 by default.
+
+    Raises:
+        ValueError: the shapes differ.
+    """
     if predicted.shape != target.shape:
-        raise ValueError(
-            f"predicted {tuple(predicted.shape)} and target {tuple(target.shape)} must have one shape"
-        )
+        shapes = f"predicted {tuple(predicted.shape)} and target {tuple(target.shape)}"
+        raise ValueError(f"{shapes} must have one shape")
     squares = (predicted - target).square()
     return squares if weights is None else squares * weights
 
@@ -59,10 +68,13 @@ def expected_discriminator_loss(expert_logits: Tensor, novice_logits: Tensor) ->
 def one_sided_loss(
     expert_logits: Tensor | None = None, novice_logits: Tensor | None = None
 ) -> Tensor:
-    """Equation (2) where a batch has one system's logits (...) alone: the mean of that system's term, a scalar."""
-    own = expert_logits if novice_logits is None else -novice_logits
-    assert own is not None
-    return F.softplus(-own).mean()
+    """The term of equation (2) for a batch of one system: its mean, a scalar.
+
+    Exactly one of the two logits (...) is given.
+    """
+    logits = expert_logits if novice_logits is None else -novice_logits
+    assert logits is not None
+    return F.softplus(-logits).mean()
 
 
 def expected_matching_loss(novice_logits: Tensor) -> Tensor:

@@ -1,4 +1,4 @@
-"""The whole of Figure 1: encoders, one system invariant dynamics model, decoders; and what the systems may share."""
+"""The model of Figure 1: encoders and decoders around one SIDM, and shared weights."""
 
 from __future__ import annotations
 
@@ -12,33 +12,35 @@ from sidm.config import ConfigError
 from sidm.learning.dataset import Windows
 from sidm.learning.losses import prediction_loss
 from sidm.learning.networks import SIDM, Decoder, Encoder, Memory, seeded
-from sidm.learning.units import Units, units_for
+from sidm.learning.units import Standardisation, Units, role_units
 from sidm.settings import Network
 from sidm.systems import ROLES
 
-#: whether each system has the parameter of that name for itself
-Own = Callable[[str], bool]
+#: says of a parameter's name whether each system has that parameter for itself
+IsOwn = Callable[[str], bool]
 
-OWN_OF_DECODER: dict[str, Own] = {
+#: for each `Network.own` but 'all', the parameters that are a system's own
+OWN_IN_DECODER: dict[str, IsOwn] = {
     "none": lambda name: False,
     "flag": lambda name: False,
     "biases": lambda name: name.endswith("bias"),
 }
-OWN_OF_ENCODER: dict[str, Own] = OWN_OF_DECODER | {
-    "flag": lambda name: name == "dense.0.bias"
-}
+OWN_IN_ENCODER = OWN_IN_DECODER | {"flag": lambda name: name == "dense.0.bias"}
 
 
 class Predictor(nn.Module):
-    """What predicts the transitions of one system or more: called as DynamicsModel is."""
+    """A model of the transitions of one or more systems, called like DynamicsModel."""
 
     @property
     def device(self) -> torch.device:
-        """Where the weights are."""
+        """The device that the weights are on."""
         return next(self.parameters()).device
 
     def loss_weights(self, role: str) -> Tensor | None:
-        """Weights (Y,) of a system's components in equation (1); None: all 1, as in the paper's body."""
+        """Weights (Y,) of a system's components in equation (1).
+
+        None means that all are 1, as for the paper's body.
+        """
         return None
 
 
@@ -46,15 +48,14 @@ class DynamicsModel(Predictor):
     """Figure 1: an encoder and a decoder for each system around one SIDM.
 
     Args:
-        network: the sizes.
-        standardisation: units of inputs and outputs, of all systems or of each; none by
-            default.
-        seed: of the initial weights; each part has its own, so that parts are equal
-            whatever else the model has.
+        network: sizes of all parts.
+        standardisation: units of inputs and outputs, one for all systems or one for
+            each; raw units by default.
+        seed: of the initial weights. Each part draws from its own stream, so that its
+            weights do not depend on the other parts.
         roles: the systems, 'novice' and 'expert' or one of them.
     """
 
-    # Encoder, SIDM and decoder.
     _parts: tuple[type[Encoder], type[SIDM], type[Decoder]] = (Encoder, SIDM, Decoder)
 
     def __init__(
@@ -67,104 +68,109 @@ class DynamicsModel(Predictor):
         super().__init__()
         roles = tuple(roles)
         encoder, sidm, decoder = self._parts
-        units = {
-            role: None if standardisation is None else units_for(standardisation, role)
-            for role in roles
-        }
+        units: dict[str, Standardisation | None] = dict.fromkeys(roles)
+        if standardisation is not None:
+            units = {role: role_units(standardisation, role) for role in roles}
 
-        def drawn(part: type[nn.Module], name: str, role: str) -> nn.Module:
-            make = functools.partial(part, network, units[role], network.body(role))
-            return seeded(seed, f"{role} {name}", make)
+        def build(part: type[nn.Module], name: str) -> nn.ModuleDict:
+            parts = nn.ModuleDict()
+            for role in roles:
+                make = functools.partial(part, network, units[role], network.body(role))
+                parts[role] = seeded(seed, f"{role} {name}", make)
+            return parts
 
-        self.encoders = nn.ModuleDict({r: drawn(encoder, "encoder", r) for r in roles})
+        self.encoders = build(encoder, "encoder")
         self.sidm = seeded(seed, "sidm", lambda: sidm(network))
-        self.decoders = nn.ModuleDict({r: drawn(decoder, "decoder", r) for r in roles})
+        self.decoders = build(decoder, "decoder")
         if len(roles) > 1 and network.own != "all":
-            for parts, own in (
-                (self.encoders, OWN_OF_ENCODER),
-                (self.decoders, OWN_OF_DECODER),
-            ):
-                share(parts["expert"], parts["novice"], own[network.own])
+            own = network.own
+            share(self.encoders["expert"], self.encoders["novice"], OWN_IN_ENCODER[own])
+            share(self.decoders["expert"], self.decoders["novice"], OWN_IN_DECODER[own])
 
     def forward(
         self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None
     ) -> tuple[Tensor, Memory]:
-        """Predictions of one system.
+        """Predict the transitions of one system.
 
         Args:
             role: 'novice' or 'expert'.
             inputs: (B, T, X), raw units.
             maps: (B, T, P, P), m.
-            memory: of the SIDM after the step before; None where the trajectories
+            memory: the SIDM's memory after the step before; None where the trajectories
                 begin.
 
         Returns:
-            State transitions y' (B, T, Y) in raw units, and the memory after the last
-            step.
+            State transitions y' (B, T, Y) in raw units, and the SIDM's memory after the
+            last step.
 
         Raises:
             ConfigError: a system that the model does not have.
             ValueError: wrong shapes.
         """
         if role not in self.encoders:
-            raise ConfigError(
-                f"this model has {', '.join(self.encoders)}, not {role!r}"
-            )
+            known = ", ".join(self.encoders)
+            raise ConfigError(f"this model has {known}, not {role!r}")
         transitions, memory = self.sidm(self.encoders[role](inputs, maps), memory)
         return self.decoders[role](transitions), memory
 
     def loss_weights(self, role: str) -> Tensor | None:
-        """Weights (Y,) of a system's components in equation (1); None: all 1, as in the paper's body."""
+        """Weights (Y,) of a system's components in equation (1); None: all are 1."""
         return self.decoders[role].weights  # type: ignore[return-value]
 
-    def encode(self, role: str, batch: Windows) -> Tensor:
-        """Latent state-actions (b, T, latent) of a system's windows."""
-        return self.encoders[role](batch.inputs, batch.maps)
+    def encode(self, role: str, windows: Windows) -> Tensor:
+        """Latent state-actions (B, T, latent) of a system's windows."""
+        return self.encoders[role](windows.inputs, windows.maps)
 
-    def loss(self, role: str, batch: Windows) -> Tensor:
-        """Equation (1) for each sample of a system's windows, (b, T)."""
-        return self.losses({role: batch}, {role: self.encode(role, batch)})[role]
+    def loss(self, role: str, windows: Windows) -> Tensor:
+        """Equation (1) for each sample of a system's windows, (B, T)."""
+        return self.losses({role: windows}, {role: self.encode(role, windows)})[role]
 
     def losses(
         self, batch: Mapping[str, Windows], latents: Mapping[str, Tensor]
     ) -> dict[str, Tensor]:
-        """Equation (1) for each sample of windows of several systems: `loss` of each, with the SIDM seeing all at once.
+        """Equation (1) for each sample of several systems' windows.
+
+        The SIDM sees the latents of all systems as one batch.
 
         Args:
             batch: windows by system.
-            latents: what `encode` makes of them.
+            latents: latent state-actions (B, T, latent) of these windows by system.
 
         Returns:
-            Losses (b, T) by system.
+            Losses (B, T) by system.
         """
         transitions, _ = self.sidm(torch.cat(list(latents.values())))
         parts = transitions.split([len(windows) for windows in batch.values()])
-        return {
-            role: prediction_loss(
-                self.decoders[role](part), windows.targets, self.loss_weights(role)
-            )
-            for (role, windows), part in zip(batch.items(), parts, strict=True)
-        }
+        losses = {}
+        for (role, windows), part in zip(batch.items(), parts, strict=True):
+            predicted, weights = self.decoders[role](part), self.loss_weights(role)
+            losses[role] = prediction_loss(predicted, windows.targets, weights)
+        return losses
 
-    def start(self, weights: Mapping[str, Tensor]) -> None:
-        """Take over weights; from those of a model that has the novice's parts alone, the expert's become copies.
+    def initialise_from(self, weights: Mapping[str, Tensor]) -> None:
+        """Take over weights by name.
 
-        Weights of the SIDM alone leave encoders and decoders as they are.
+        Where the expert's encoder and decoder are missing, they become copies of the
+        novice's. Where there is only the SIDM, encoders and decoders stay as they are.
         """
-        own = self.state_dict()
+        before = self.state_dict()
         if all(name.startswith("sidm.") for name in weights):
-            weights = own | dict(weights)
+            weights = before | dict(weights)
+        sources = {
+            name: name if name in weights else name.replace(".expert.", ".novice.")
+            for name in before
+        }
         self.load_state_dict(
-            {
-                n: weights[n if n in weights else n.replace(".expert.", ".novice.")]
-                for n in own
-            }
+            {name: weights[source] for name, source in sources.items()}
         )
 
 
-def share(part: nn.Module, other: nn.Module, own: Own) -> None:
-    """Let `part` learn with the parameters of its like, `other`, but for those that are its `own`."""
+def share(part: nn.Module, other: nn.Module, is_own: IsOwn) -> None:
+    """Give `part` the parameters of `other`, except those that are its own.
+
+    Both have the same structure; training then changes the shared parameters for both.
+    """
     for name, parameter in other.named_parameters():
-        if not own(name):
+        if not is_own(name):
             layer, _, leaf = name.rpartition(".")
             setattr(part.get_submodule(layer), leaf, parameter)

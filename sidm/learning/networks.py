@@ -1,6 +1,7 @@
-"""Encoders, system invariant dynamics model (SIDM), decoders and discriminator (section 4 of the paper).
+"""Encoder, system invariant dynamics model (SIDM), decoder and discriminator.
 
-B trajectories, T steps, P map pixels a side.
+They are described in section 4 of the paper. In shapes, B is the number of
+trajectories, T of steps, P of map pixels along a side.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ Memory = tuple[Tensor, Tensor]
 
 
 class Encoder(nn.Module):
-    """E_e or E_n: state-actions to latent state-actions."""
+    """E_e or E_n: from state-actions to latent state-actions."""
 
     input_mean: Tensor
     input_std: Tensor
@@ -46,16 +47,14 @@ class Encoder(nn.Module):
         super().__init__()
         first, second = network.channels
         self.size, self.pixels = len(body.inputs), body.pixels(network.pixels)
-        layers = (
-            [
+        layers: list[nn.Module] = []
+        if self.pixels:
+            layers = [
                 nn.Conv2d(1, first, network.kernel),
                 nn.LeakyReLU(network.slope, inplace=True),
                 nn.Conv2d(first, second, network.kernel),
                 nn.LeakyReLU(network.slope, inplace=True),
             ]
-            if self.pixels
-            else []
-        )
         self.convolutions = nn.Sequential(*layers).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         features = second * network.map_side(body) ** 2
         self.dense = nn.Sequential(
@@ -72,51 +71,55 @@ class Encoder(nn.Module):
             self.register_buffer(name, getattr(units, name).clone())
 
     def forward(self, inputs: Tensor, maps: Tensor) -> Tensor:
-        """Latent state-actions (B, T, latent) of inputs (B, T, X), raw units, and maps (B, T, P, P), m.
+        """Latent state-actions of inputs and maps.
 
-        Under `torch.autocast` the layers compute in its precision; the latents have the
-        inputs' all the same.
+        Args:
+            inputs: (B, T, X), raw units.
+            maps: (B, T, P, P), m.
+
+        Returns:
+            Latents (B, T, latent), in the inputs' precision even if the layers compute
+            in another one under `torch.autocast`.
+
+        Raises:
+            ValueError: wrong shapes.
         """
-        expect(inputs, ("B", "T", self.size), "inputs")
-        expect(maps, (*inputs.shape[:2], self.pixels, self.pixels), "maps")
-        # (B T, X)
-        numbers = ((inputs - self.input_mean) / self.input_std).flatten(0, 1)
+        _require_shape(inputs, ("B", "T", self.size), "inputs")
+        _require_shape(maps, (*inputs.shape[:2], self.pixels, self.pixels), "maps")
+        numbers = (inputs - self.input_mean) / self.input_std
+        features = numbers.flatten(0, 1)  # (B T, X)
         if self.pixels:
-            numbers = self._beside_features(
-                maps.flatten(0, 1).to(inputs.dtype), numbers
-            )
-        return self.dense(numbers).to(inputs.dtype).unflatten(0, inputs.shape[:2])
+            maps = maps.flatten(0, 1).to(inputs.dtype)  # (B T, P, P)
+            features = self._features(maps, features)
+        return self.dense(features).to(inputs.dtype).unflatten(0, inputs.shape[:2])
 
-    def _beside_features(self, maps: Tensor, numbers: Tensor) -> Tensor:
-        """Features of maps (N, P, P), m, with numbers (N, X) behind them: (N, 4 (P - 6)^2 + X)."""
-        if convolution.is_fast_for(self.convolutions, maps, numbers):
+    def _features(self, maps: Tensor, numbers: Tensor) -> Tensor:
+        """Features of maps (N, P, P), m, then numbers (N, X): (N, 4 (P - 6)^2 + X)."""
+        layers = self.convolutions
+        if convolution.is_fast_for(layers, maps, numbers):
             return convolution.features(
-                self.convolutions, maps, numbers, self.map_mean, self.map_std
+                layers, maps, numbers, self.map_mean, self.map_std
             )
         pixels = (maps - self.map_mean) / self.map_std
-        # The channel is made the last dimension in memory: twice as fast on a CPU as
-        # the default layout.
-        features = (
-            self.convolutions(pixels.unsqueeze(-1).movedim(-1, 1))
-            .movedim(1, -1)
-            .flatten(1)
-        )
+        # The channel becomes the last dimension in memory, which is twice as fast on a
+        # CPU as the default layout.
+        channels = layers(pixels.unsqueeze(-1).movedim(-1, 1))  # (N, 4, P - 6, P - 6)
+        features = channels.movedim(1, -1).flatten(1)
         return torch.cat([features, numbers.to(features.dtype)], dim=-1)
 
 
 class SIDM(nn.Module):
-    """The system invariant dynamics model: latent state-actions to latent state transitions, along a trajectory."""
+    """System invariant dynamics model: from latent state-actions to transitions.
+
+    The transitions are latent as well. An LSTM sees the steps of a trajectory in order.
+    """
 
     def __init__(self, network: Network):
         super().__init__()
-        self.latent = network.latent
-        self.lstm = nn.LSTM(
-            network.latent, network.hidden, network.layers, batch_first=True
-        )
-        self.output = nn.Sequential(
-            nn.Linear(network.hidden, network.latent_transition),
-            nn.LeakyReLU(network.slope),
-        )
+        self.latent, hidden = network.latent, network.hidden
+        self.lstm = nn.LSTM(network.latent, hidden, network.layers, batch_first=True)
+        dense = nn.Linear(hidden, network.latent_transition)
+        self.output = nn.Sequential(dense, nn.LeakyReLU(network.slope))
         if network.initialisation == "scaled":
             scale_recurrence(self.lstm)
             scale_layers(self.output, network.slope)
@@ -124,19 +127,24 @@ class SIDM(nn.Module):
     def forward(
         self, latents: Tensor, memory: Memory | None = None
     ) -> tuple[Tensor, Memory]:
-        """Latent state transitions (B, T, 64) of latents (B, T, 128), and the memory after the last step.
+        """Latent state transitions of latent state-actions.
 
-        Without `memory` the trajectories begin here.
+        Args:
+            latents: (B, T, 128).
+            memory: of the step before; None where the trajectories begin.
+
+        Returns:
+            Latent transitions (B, T, 64), and the memory after the last step.
         """
-        expect(latents, ("B", "T", self.latent), "latents")
+        _require_shape(latents, ("B", "T", self.latent), "latents")
         hidden, memory = self.lstm(latents, memory)
         return self.output(hidden), memory
 
 
 class Decoder(nn.Module):
-    """D_e or D_n: latent state transitions to state transitions in raw units."""
+    """D_e or D_n: from latent state transitions to state transitions in raw units."""
 
-    weights: Tensor | None  # (Y,), of the components in equation (1); None: all 1
+    weights: Tensor | None  # (Y,), of the components in equation (1); None: all are 1
 
     def __init__(
         self,
@@ -157,12 +165,13 @@ class Decoder(nn.Module):
         units = standardisation or Standardisation.none(body)
         self.register_buffer("target_mean", units.target_mean.clone())
         self.register_buffer("target_std", units.target_std.clone())
-        # its own, whatever it starts from
+        # not persistent: a decoder that starts from stored weights keeps its own
         self.register_buffer("weights", loss_weights(body, units), persistent=False)
 
     def forward(self, transitions: Tensor) -> Tensor:
         """State transitions y' (..., Y) of latent state transitions (..., 64)."""
-        expect(transitions, (*transitions.shape[:-1], self.size), "latent transitions")
+        shape = *transitions.shape[:-1], self.size
+        _require_shape(transitions, shape, "latent transitions")
         return self.target_mean + self.target_std * self.dense(transitions)
 
 
@@ -179,8 +188,8 @@ class Discriminator(nn.Module):
         )
 
     def logits(self, latents: Tensor) -> Tensor:
-        """Log odds (...) of latents (..., 128)."""
-        expect(latents, (*latents.shape[:-1], self.latent), "latents")
+        """Logits s (...) of latents (..., 128); A is sigmoid(s)."""
+        _require_shape(latents, (*latents.shape[:-1], self.latent), "latents")
         return self.dense(latents).squeeze(-1)
 
     def forward(self, latents: Tensor) -> Tensor:
@@ -189,24 +198,33 @@ class Discriminator(nn.Module):
 
 
 def seeded(seed: int, part: str, build: Callable[[], M]) -> M:
-    """What `build` makes, its initial weights given by `seed` and `part` alone; global randomness is left as it was."""
+    """Build a module whose initial weights depend on `seed` and `part` alone.
+
+    Args:
+        seed: of the model.
+        part: name of the module in the model.
+        build: makes the module.
+
+    Returns:
+        The module; the global random generator is left as it was.
+    """
     with torch.random.fork_rng(devices=[]):
         torch.default_generator.manual_seed(derive(seed, part))
         return build()
 
 
 def parameter_count(module: nn.Module) -> int:
-    """How many numbers the module learns."""
+    """Number of a module's parameters."""
     return sum(math.prod(parameter.shape) for parameter in module.parameters())
 
 
-def expect(tensor: Tensor, shape: tuple[int | str, ...], name: str) -> None:
-    """ValueError giving both shapes unless `tensor` has `shape`, in which names stand for any length."""
-    if tensor.ndim == len(shape):
-        if all(
-            isinstance(want, str) or have == want
-            for have, want in zip(tensor.shape, shape, strict=True)
-        ):
-            return
-    wanted = ", ".join(map(str, shape))
-    raise ValueError(f"{name} must have shape ({wanted}), not {tuple(tensor.shape)}")
+def _require_shape(tensor: Tensor, shape: tuple[int | str, ...], name: str) -> None:
+    """Raise a ValueError unless `tensor` has `shape`; letters are any lengths."""
+    lengths = zip(tensor.shape, shape, strict=False)
+    if tensor.ndim != len(shape) or any(
+        isinstance(wanted, int) and wanted != length for length, wanted in lengths
+    ):
+        expected = ", ".join(map(str, shape))
+        raise ValueError(
+            f"{name} must have shape ({expected}), not {tuple(tensor.shape)}"
+        )

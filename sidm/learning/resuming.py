@@ -1,4 +1,4 @@
-"""A training that goes on where it was stopped: what a checkpoint keeps of a trainer, and when it is written."""
+"""Checkpoints of a training, from which it continues where it was stopped."""
 
 from __future__ import annotations
 
@@ -14,83 +14,89 @@ from torch import Tensor
 
 from sidm.config import to_mapping
 from sidm.learning import checkpoint
-from sidm.learning.stopping import Components, EarlyStopping, Tested
+from sidm.learning.stopping import Components, CurvePoint, EarlyStopping
 from sidm.learning.trainer import Trainer
 from sidm.settings import Network
 
-#: share of the time that may go into writing; the first and the last phase are always
-#: written
-SAVING = 0.02
-LONGEST = 60.0  # s without a checkpoint, however long one takes
+#: share of the time that may go into writing checkpoints; one is always written after
+#: the first and after the last phase
+MAX_WRITING_SHARE = 0.02
+MAX_INTERVAL = 60.0  # s between two checkpoints, however long it takes to write one
 
 
 class Checkpoint:
     """The checkpoint of one training.
 
     Args:
-        folder: where it lies; None: the training keeps nothing.
+        folder: where the checkpoint lies; None: nothing is written.
     """
 
     def __init__(self, folder: str | Path | None) -> None:
         self.folder = None if folder is None else Path(folder)
-        self._saved, self._cost = -math.inf, 0.0
+        self._last_time, self._cost = -math.inf, 0.0  # s
 
     def restore(self, trainer: Trainer) -> bool:
-        """Let a trainer go on from the checkpoint, bit for bit on one thread; False when there is none.
+        """Put a trainer into the state of the checkpoint, if there is one.
+
+        On one thread the training continues bit for bit.
+
+        Returns:
+            Whether there was a checkpoint.
 
         Raises:
             CheckpointError: the checkpoint is damaged or of another run.
         """
-        found = None if self.folder is None else checkpoint.read(self.folder)
-        if found is None:
+        stored = None if self.folder is None else checkpoint.read(self.folder)
+        if stored is None:
             return False
-        tensors, values = found
+        tensors, values = stored
         if values.get("run") != identity(trainer):
             raise checkpoint.CheckpointError(
-                f"{self.folder}/{checkpoint.FILE}: the checkpoint is of another run; delete it or name another folder"
+                f"{self.folder}/{checkpoint.FILE}: the checkpoint is of another run; "
+                "delete it or name another folder"
             )
         load_state(trainer, tensors, values)
         return True
 
     def save(self, trainer: Trainer) -> None:
-        """Write a trainer's state, in place of the last."""
+        """Write a trainer's state; it replaces the one before."""
         if self.folder is not None:
             tensors, values = state(trainer)
             checkpoint.write(self.folder, tensors, {"run": identity(trainer)} | values)
 
     def save_when_due(self, trainer: Trainer) -> None:
-        """Write a trainer's state at the end, and now and then before."""
-        due = time.monotonic() - self._saved > min(self._cost / SAVING, LONGEST)
+        """Write a trainer's state at the end, and at intervals before the end."""
+        interval = min(self._cost / MAX_WRITING_SHARE, MAX_INTERVAL)
+        due = time.monotonic() - self._last_time > interval
         if self.folder is not None and (trainer.finished or due):
             start = time.monotonic()
             self.save(trainer)
-            self._saved = time.monotonic()
-            self._cost = self._saved - start
+            self._last_time = time.monotonic()
+            self._cost = self._last_time - start
 
 
 def state(trainer: Trainer) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    """All that changes: tensors by path, and values of plain JSON types."""
+    """All parts of a trainer that change during training.
+
+    Returns:
+        Tensors by path, and values of plain JSON types by name.
+    """
     groups = {
         "model": checkpoint.module_tensors(trainer.model),
         "discriminator": checkpoint.module_tensors(trainer.discriminator),
         "best": trainer.best,
     }
     groups |= trainer.sampler.state()
-    groups |= {
-        name: checkpoint.optimiser_tensors(one)
-        for name, one in trainer.optimisers().items()
-    }
-    groups |= {
-        f"hook {number}": hook.tensors() for number, hook in enumerate(trainer.hooks)
-    }
-    tensors = {
-        name: one
-        for group, part in groups.items()
-        for name, one in checkpoint.prefixed(group, part).items()
-    }
+    for name, optimiser in trainer.optimisers().items():
+        groups[name] = checkpoint.optimiser_tensors(optimiser)
+    for number, hook in enumerate(trainer.hooks):
+        groups[f"hook {number}"] = hook.tensors()
+    tensors: dict[str, Tensor] = {}
+    for group, members in groups.items():
+        tensors |= checkpoint.add_prefix(group, members)
     return tensors, {
         "stopping": dataclasses.asdict(trainer.stopping),
-        "history": [list(tested) for tested in trainer.history],
+        "history": [list(point) for point in trainer.history],
         "components": trainer.components,
         "iteration": trainer.iteration,
         "samples": trainer.samples,
@@ -102,28 +108,29 @@ def state(trainer: Trainer) -> tuple[dict[str, Tensor], dict[str, Any]]:
 def load_state(
     trainer: Trainer, tensors: dict[str, Tensor], values: dict[str, Any]
 ) -> None:
-    """Put back what `state` gave."""
-    trainer.model.load_state_dict(checkpoint.under("model", tensors))
-    trainer.discriminator.load_state_dict(checkpoint.under("discriminator", tensors))
+    """Put a trainer into the state that `state` gave."""
+
+    def group(name: str) -> dict[str, Tensor]:
+        return checkpoint.strip_prefix(name, tensors)
+
+    trainer.model.load_state_dict(group("model"))
+    trainer.discriminator.load_state_dict(group("discriminator"))
     trainer.best = {
-        name: tensor.to(trainer.device)
-        for name, tensor in checkpoint.under("best", tensors).items()
+        name: tensor.to(trainer.device) for name, tensor in group("best").items()
     }
     for name, optimiser in trainer.optimisers().items():
-        checkpoint.load_optimiser(optimiser, checkpoint.under(name, tensors))
+        checkpoint.load_optimiser(optimiser, group(name))
     if trainer.training.zero_gradients:
-        for parameter in trainer.prediction.state:  # which have had a gradient
+        for parameter in trainer.prediction.state:  # those that have had a gradient
             parameter.grad = torch.zeros_like(parameter)
     for number, hook in enumerate(trainer.hooks):
-        hook.restore(checkpoint.under(f"hook {number}", tensors), values["iteration"])
-    trainer.sampler.restore(
-        checkpoint.under("generators", tensors), checkpoint.under("waiting", tensors)
-    )
+        hook.restore(group(f"hook {number}"), values["iteration"])
+    trainer.sampler.restore(group("generators"), group("waiting"))
     trainer.stopping = EarlyStopping(**values["stopping"])
-    trainer.history = [Tested(*tested) for tested in values["history"]]
+    trainer.history = [CurvePoint(*point) for point in values["history"]]
     trainer.components = [
-        Components(samples, tuple(t), tuple(v))
-        for samples, t, v in values["components"]
+        Components(samples, tuple(test), tuple(validation))
+        for samples, test, validation in values["components"]
     ]
     trainer.iteration, trainer.samples = values["iteration"], values["samples"]
     trainer.accuracy = values["accuracy"]
@@ -133,7 +140,10 @@ def load_state(
 
 
 def identity(trainer: Trainer) -> dict[str, Any]:
-    """What makes this run another than the next: configuration, seed, units, initial weights, data."""
+    """All that distinguishes one run from another, as plain JSON values.
+
+    These are configuration, seed, units, initial weights and data.
+    """
     datasets = trainer.datasets
     sets = {"train": datasets.train, "test": datasets.test, "expert": datasets.expert}
     return {
@@ -143,15 +153,18 @@ def identity(trainer: Trainer) -> dict[str, Any]:
         "units": trainer.units,
         "start": trainer.start,
         "data": {
-            k: checkpoint.digest((one.inputs, one.targets))
-            for k, one in sets.items()
-            if one is not None
+            name: checkpoint.digest((windows.inputs, windows.targets))
+            for name, windows in sets.items()
+            if windows is not None
         },
     }
 
 
 def _plain(network: Network) -> dict[str, Any]:
-    """A network's sizes as JSON gives them back, without bodies that are the paper's."""
+    """A network's fields as JSON gives them back; those that are None are left out.
+
+    A body that is None is the paper's.
+    """
     values = {
         name: value for name, value in to_mapping(network).items() if value is not None
     }

@@ -9,11 +9,10 @@ import torch
 
 
 def derive(seed: int, purpose: str) -> int:
-    """A seed for `purpose`, independent of those for other purposes."""
-    words = np.frombuffer(hashlib.sha256(purpose.encode()).digest()[:16], np.uint32)
-    low, high = np.random.SeedSequence(
-        seed, spawn_key=tuple(int(word) for word in words)
-    ).generate_state(2)
+    """A seed for `purpose`, independent of the seeds for other purposes."""
+    digest = hashlib.sha256(purpose.encode()).digest()[:16]
+    spawn_key = tuple(np.frombuffer(digest, np.uint32).tolist())
+    low, high = np.random.SeedSequence(seed, spawn_key=spawn_key).generate_state(2)
     return int(high) >> 1 << 32 | int(low)
 
 

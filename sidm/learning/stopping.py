@@ -1,4 +1,7 @@
-"""The learning curve, and when to stop: the smoothed test loss no longer falls (section 4)."""
+"""The learning curve, and when training stops: when the smoothed test loss rises.
+
+This is early stopping (section 4).
+"""
 
 from __future__ import annotations
 
@@ -6,62 +9,67 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-RELEASED_SMOOTHING = 0.9  # of the test and the training loss, a test
+#: weight of the past in the smoothed test and training loss
+RELEASED_SMOOTHING = 0.9
 RELEASED_PATIENCE = 25_000  # prediction iterations
-#: of training loss to test loss, below which the model counts as overfit
+#: ratio of training loss to test loss below which the model counts as overfit
 RELEASED_RATIO = 0.8
 
 
 class TrainingError(RuntimeError):
-    """A run that came to nothing because a loss is not finite; the message is one line."""
+    """A training that failed because a loss is not finite; the message is one line."""
 
-    def __init__(self, what: str, loss: float, iteration: int):
-        super().__init__(what, loss, iteration)
-        self.what, self.loss, self.iteration = what, loss, iteration
+    def __init__(self, kind: str, loss: float, iteration: int):
+        super().__init__(kind, loss, iteration)
+        self.kind, self.loss, self.iteration = kind, loss, iteration
 
     def __str__(self) -> str:
         return (
-            f"the {self.what} loss is {self.loss} after {self.iteration} iterations; "
+            f"the {self.kind} loss is {self.loss} after {self.iteration} iterations; "
             "lower the learning rate or look at the data"
         )
 
 
-class Tested(NamedTuple):
-    """A point of the learning curve."""
+class CurvePoint(NamedTuple):
+    """A point of the learning curve: the results of one test."""
 
     samples: int  # control steps of the prediction phases so far
-    #: equation (1) on the novice's samples since the test before; on all samples if it
-    #: had none
+    #: equation (1), mean over the novice's samples since the test before; over all
+    #: samples where there were none of the novice
     training_loss: float
     test_loss: float  # equation (1) on the novice's test split, not smoothed
-    #: share of latents told apart in the last discriminator phase; None without
+    #: share of latents that the discriminator classified correctly in its last
+    #: iteration; None without a discriminator phase so far
     discriminator_accuracy: float | None
-    #: equation (1) on the validation set, which nothing goes by; None: without
+    #: equation (1) on the validation set, which decides nothing; None: not measured
     validation_loss: float | None = None
 
 
-#: Samples between two measurements by component: each has seen at least so many times
-#: those of the one before.
-SPACING = 1.12  # of a training of 6 million samples about 40 are kept
+#: least ratio of the samples seen at two measurements by component that follow each
+#: other; a training of 6 million samples has about 40
+COMPONENT_SPACING = 1.12
 
 
 class Components(NamedTuple):
-    """The loss by component at a point of the learning curve, on the first trajectories of each set."""
+    """The loss by component at a point of the learning curve.
+
+    It is measured on the first windows of each set.
+    """
 
     samples: int  # control steps of the prediction phases so far
-    #: (13,) summands of equation (1), on the novice's test split
-    test: tuple[float, ...]
-    #: (13,) the same on the validation set, which nothing goes by
+    test: tuple[float, ...]  # (Y,), terms of equation (1) on the novice's test split
+    #: (Y,), terms of equation (1) on the validation set, which decides nothing
     validation: tuple[float, ...]
 
 
 @dataclass
 class EarlyStopping:
-    """Follows the test loss and says when training has to end.
+    """Follows the test loss and says when training ends.
 
-    `rule` 'test_loss' ends it when the smoothed test loss has not had a new minimum for
-    `patience` samples; 'released' when that, smoothed by 0.9, has had none for 25,000
-    iterations and the training loss is below 0.8 of it. Both end at `max_samples`.
+    With the rule 'test_loss' training ends when the smoothed test loss has had no new
+    minimum for `patience` samples. With 'released' it ends when the test loss, smoothed
+    by 0.9, has had no new minimum for 25,000 iterations and the smoothed training loss
+    is below 0.8 of it. With both it ends at `max_samples`.
     """
 
     rule: Literal["test_loss", "released"]
@@ -71,27 +79,28 @@ class EarlyStopping:
     test_loss: float | None = None  # smoothed
     training_loss: float | None = None  # smoothed
     best: float | None = None  # lowest smoothed test loss
-    best_samples: int = 0  # seen when it was reached
-    best_iteration: int = 0
+    best_samples: int = 0  # samples seen when it was reached
+    best_iteration: int = 0  # iterations done when it was reached
 
     def update(
         self, samples: int, iteration: int, training_loss: float, test_loss: float
     ) -> bool:
-        """Take in a test; whether its smoothed loss is the lowest so far."""
+        """Add the losses of a test.
+
+        Returns:
+            Whether the smoothed test loss is the lowest so far.
+        """
         weight = RELEASED_SMOOTHING if self.rule == "released" else self.smoothing
         self.test_loss = _smooth(self.test_loss, test_loss, weight)
         self.training_loss = _smooth(self.training_loss, training_loss, weight)
         if self.best is not None and not self.test_loss < self.best:
             return False
-        self.best, self.best_samples, self.best_iteration = (
-            self.test_loss,
-            samples,
-            iteration,
-        )
+        self.best = self.test_loss
+        self.best_samples, self.best_iteration = samples, iteration
         return True
 
     def finished(self, samples: int, iteration: int) -> bool:
-        """Whether training ends here."""
+        """Whether training ends after so many samples and iterations."""
         if samples >= self.max_samples:
             return True
         if self.test_loss is None or self.training_loss is None:
@@ -103,71 +112,70 @@ class EarlyStopping:
 
 
 class Curve(NamedTuple):
-    """Every test of a training that was run to its end, E of them."""
+    """All E tests of a training that was run to its end."""
 
-    samples: Sequence[int]  # (E,) of the prediction phases so far
-    training_loss: Sequence[float]  # (E,) as `Tested` has them
-    test_loss: Sequence[float]  # (E,) not smoothed
+    samples: Sequence[int]  # (E,), seen in the prediction phases before each test
+    training_loss: Sequence[float]  # (E,), as in `CurvePoint`
+    test_loss: Sequence[float]  # (E,), not smoothed
     validation_loss: Sequence[float]  # (E,)
-    iteration: int  # samples of an iteration
+    iteration: int  # samples of one iteration
 
 
-class Rule(NamedTuple):
-    """When a training ends; it keeps the weights of the lowest smoothed test loss until then."""
+class StoppingRule(NamedTuple):
+    """When a training ends.
 
-    stopping: Literal["test_loss", "released"] = "test_loss"  # the rules of `Stopper`
+    Until then it keeps the weights of the lowest smoothed test loss.
+    """
+
+    stopping: Literal["test_loss", "released"] = "test_loss"  # as in `EarlyStopping`
     smoothing: float = 0.5  # weight of the past in the smoothed test loss
-    patience: int | None = None  # samples without a new minimum; None: without end
-    most: int | None = None  # samples; None: as many as there are
+    patience: int | None = None  # samples without a new minimum; None: no limit
+    max_samples: int | None = None  # None: no limit
     #: samples that count as an iteration of the released rule: 2 trajectories of 64
     #: steps
-    of_released: int = 128
+    samples_per_iteration: int = 128
 
-    def stopper(self) -> EarlyStopping:
-        """What follows the tests by this rule."""
-        without_end = 2**62
-        patience, most = (
-            without_end if one is None else one for one in (self.patience, self.most)
-        )
-        return EarlyStopping(self.stopping, self.smoothing, patience, most)
+    def early_stopping(self) -> EarlyStopping:
+        """A new `EarlyStopping` with this rule."""
+        limits = (self.patience, self.max_samples)
+        patience, max_samples = (2**62 if limit is None else limit for limit in limits)
+        return EarlyStopping(self.stopping, self.smoothing, patience, max_samples)
 
 
-class Kept(NamedTuple):
-    """What a rule keeps of a training."""
+class KeptWeights(NamedTuple):
+    """The weights that a stopping rule keeps of a training."""
 
     samples: int  # seen when the weights were reached
-    test_loss: float  # smoothed, which the rule goes by
+    test_loss: float  # smoothed, which the rule compares
     validation_loss: float  # of these weights
     seen: int  # samples at the last test before the end
-    ended: bool  # whether the rule ended it; otherwise the training ran no longer
+    ended: bool  # whether the rule ended the training; otherwise its curve ended first
 
 
-def keep(curve: Curve, rule: Rule) -> Kept:
-    """What a training would have kept, had this rule stopped it.
+def kept_weights(curve: Curve, rule: StoppingRule) -> KeptWeights:
+    """The weights that a training would have kept if `rule` had stopped it.
 
     Raises:
         ValueError: the training was never tested.
     """
-    stopper, best, last, ended = rule.stopper(), None, 0, False
+    stopper, best, last, ended = rule.early_stopping(), None, 0, False
     tests = zip(curve.samples, curve.training_loss, curve.test_loss, strict=True)
     for number, (samples, training_loss, test_loss) in enumerate(tests):
-        # a training that ends within the tests' interval takes no further test
+        # a training that ends between two tests is not tested again
         before = samples - curve.iteration
-        if stopper.finished(before, before // rule.of_released):
+        if stopper.finished(before, before // rule.samples_per_iteration):
             ended = True
             break
-        last = samples
-        if stopper.update(
-            samples, samples // rule.of_released, training_loss, test_loss
-        ):
+        last, iteration = samples, samples // rule.samples_per_iteration
+        if stopper.update(samples, iteration, training_loss, test_loss):
             best = number
     if best is None or stopper.best is None:
         raise ValueError("a training without a test keeps nothing")
-    ended = ended or stopper.finished(last, last // rule.of_released)
-    return Kept(
-        curve.samples[best], stopper.best, curve.validation_loss[best], last, ended
-    )
+    ended = ended or stopper.finished(last, last // rule.samples_per_iteration)
+    validation_loss = curve.validation_loss[best]
+    return KeptWeights(curve.samples[best], stopper.best, validation_loss, last, ended)
 
 
 def _smooth(past: float | None, now: float, weight: float) -> float:
+    """The smoothed loss after a loss of `now`, with the weight of the past."""
     return now if past is None else weight * past + (1 - weight) * now

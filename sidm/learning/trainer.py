@@ -1,4 +1,4 @@
-"""A model in training: everything that changes, and the single steps that Algorithms 1 and 2 are made of."""
+"""A model in training: its state, and the single steps of Algorithms 1 and 2."""
 
 from __future__ import annotations
 
@@ -13,85 +13,95 @@ from torch import Tensor
 from sidm.config import ConfigError
 from sidm.learning import checkpoint
 from sidm.learning.dataset import Datasets, Windows
-from sidm.learning.evaluation import mean_loss
-from sidm.learning.evaluation import validation_loss as component_means
+from sidm.learning.evaluation import mean_loss, validation_loss
 from sidm.learning.model import DynamicsModel
 from sidm.learning.networks import Discriminator, seeded
 from sidm.learning.sampler import Sampler
 from sidm.learning.stopping import (
-    SPACING,
+    COMPONENT_SPACING,
     Components,
+    CurvePoint,
     EarlyStopping,
-    Tested,
     TrainingError,
 )
-from sidm.learning.units import Standardisation, Units, units_of
+from sidm.learning.units import Standardisation, Units, default_units
 from sidm.learning.weights import make_optimiser
 from sidm.settings import Network, Training
 from sidm.systems import ROLES
 
-Progress = Callable[[Tested], None]  # called after each test
+Progress = Callable[[CurvePoint], None]  # called after each test
 
 
 class Hook:
-    """What a study adds to training; each method does nothing by default. `Training.hooks` gives a training's."""
+    """An addition of a study to training; its methods do nothing by default.
+
+    `Training.hooks` gives the hooks of a training.
+    """
 
     def sampler(
         self, datasets: Datasets, training: Training, seed: int, device: torch.device
     ) -> Sampler | None:
-        """Another sampler than `sampler.Sampler`."""
+        """A sampler in place of `sampler.Sampler`, or None."""
         return None
 
     def begin(self, trainer: Trainer) -> None:
-        """The trainer has its initial weights."""
+        """Called when the trainer has its initial weights."""
 
     def auxiliary_loss(
         self, trainer: Trainer, latents: Mapping[str, Tensor]
     ) -> Tensor | None:
-        """What is added to a batch's loss in Algorithm 1, from its latents (b, T, latent) by system: a scalar."""
+        """A loss that is added to a batch's loss in Algorithm 1.
+
+        Args:
+            trainer: the model in training.
+            latents: latent state-actions (B, T, latent) of the batch, by system.
+
+        Returns:
+            A scalar, or None.
+        """
         return None
 
     def after_step(self, trainer: Trainer) -> None:
-        """The weights have taken a step of Algorithm 1."""
+        """Called after each step of Algorithm 1."""
 
     def regularise(self, trainer: Trainer) -> bool:
-        """A phase in the place of Algorithm 2; whether there is one."""
+        """Run a phase in the place of Algorithm 2, and say whether there was one."""
         return False
 
     def testing(self) -> contextlib.AbstractContextManager[None]:
-        """Around each test."""
+        """A context around each test."""
         return contextlib.nullcontext()
 
     def tensors(self) -> dict[str, Tensor]:
-        """What a checkpoint has to keep, by name."""
+        """Tensors that a checkpoint keeps for the hook, by name."""
         return {}
 
     def restore(self, tensors: Mapping[str, Tensor], updates: int) -> None:
-        """Put back what `tensors` gave, after so many steps."""
+        """Continue from the tensors that `tensors` gave after so many updates."""
 
 
 class Trainer:
-    """A model in training: weights, optimisers, batches, counters, the best weights so far.
+    """A model in training: weights, optimisers, batches, counters and the best weights.
 
     Args:
-        datasets: what is learnt from and tested on.
+        datasets: the data to learn from and to test on.
         network: sizes of the networks.
-        training: the settings.
+        training: settings of the training.
         seed: of weights and batches.
-        standardisation: units inside the networks, of all systems or of each; by
-            default those of `units_of`.
-        device: where to compute.
-        start: initial weights; fresh ones by default.
+        standardisation: units inside the networks, one for all systems or one for each;
+            by default those of `default_units`.
+        device: the device to compute on.
+        start: initial weights by name; drawn at random by default.
         roles: the systems that the model has; by default the novice, and the expert
-            where it is learnt from.
-        model: the kind of model.
-        sampler: what draws the batches.
-        test_loss: the loss that training stops by, of a model on the test split; by
-            default equation (1).
-        measured: whether validation losses, and losses by component, are kept.
+            where its data are needed.
+        model: class of the model.
+        sampler: draws the batches; by default that of a hook, or a `Sampler`.
+        test_loss: computes the loss that training stops by, from a model and the test
+            split; by default the mean of equation (1).
+        with_validation: whether to measure validation losses, and losses by component.
 
     Raises:
-        ConfigError: the settings do not fit each other, or want data of the expert that
+        ConfigError: the settings do not fit each other, or need data of the expert that
             are not there.
     """
 
@@ -108,62 +118,48 @@ class Trainer:
         model: type[DynamicsModel] = DynamicsModel,
         sampler: Sampler | None = None,
         test_loss: Callable[[Any, Windows], float] = mean_loss,
-        measured: bool = True,
+        with_validation: bool = True,
     ):
         if training.regularise and network.own == "none":
             raise ConfigError(
-                "Network.own='none' leaves one encoder, with nothing to match: regularise=False"
+                "Network.own='none' leaves one encoder, with nothing to match: "
+                "regularise=False"
             )
         if training.needs_expert and datasets.expert is None:
             raise ConfigError(
-                "p_expert above 0 and regularise need the expert's data, but datasets.expert is None"
+                "p_expert above 0 and regularise need the expert's data, "
+                "but datasets.expert is None"
             )
         roles = tuple(roles) or (ROLES if training.needs_expert else ("novice",))
         for role in roles:
-            training.refuse_for(network.body(role))
+            training.check_body(network.body(role))
         if training.units == "raw":
             standardisation = {
                 role: Standardisation.none(network.body(role)) for role in roles
             }
         elif standardisation is None:
-            standardisation = units_of(datasets, network)
-        self.datasets, self.network, self.training, self.seed = (
-            datasets,
-            network,
-            training,
-            seed,
-        )
+            standardisation = default_units(datasets, network)
+        self.datasets, self.network = datasets, network
+        self.training, self.seed = training, seed
         self.device, self.hooks = torch.device(device), training.hooks()
-        self.units = checkpoint.digest(_tensors(standardisation))
-        self.start = start and checkpoint.digest(start.values())
+        self.units = checkpoint.digest(_unit_tensors(standardisation))
+        self.start = None if start is None else checkpoint.digest(start.values())
         self.test = datasets.test.first(training.test_trajectories)
-        self.validation = datasets.validation.first(
-            training.validation_trajectories if measured else 0
-        )
-        self.measured, self._test_loss = measured, test_loss
+        self._test_loss = test_loss
+        validation = training.validation_trajectories if with_validation else 0
+        self.validation = datasets.validation.first(validation)
         self.model = model(network, standardisation, seed, roles).to(self.device)
         if start is not None:
-            self.model.start(start)
+            self.model.initialise_from(start)
         self.model.sidm.requires_grad_(training.frozen != "sidm")
-        self.discriminator = seeded(
-            seed, "discriminator", lambda: Discriminator(network)
-        ).to(self.device)
+        discriminator = seeded(seed, "discriminator", lambda: Discriminator(network))
+        self.discriminator = discriminator.to(self.device)
         self.prediction = make_optimiser(self.model, training)
         self.discrimination = make_optimiser(self.discriminator, training)
-        own = training.matching_optimiser == "own" and "novice" in self.model.encoders
-        self.matching = (
-            make_optimiser(self.model.encoders["novice"], training)
-            if own
-            else self.prediction
-        )
-        made = (
-            hook.sampler(datasets, training, seed, self.device) for hook in self.hooks
-        )
-        self.sampler = (
-            sampler
-            or next(filter(None, made), None)
-            or Sampler(datasets, training, seed, self.device)
-        )
+        self.matching = self.prediction
+        if training.matching_optimiser == "own" and "novice" in self.model.encoders:
+            self.matching = make_optimiser(self.model.encoders["novice"], training)
+        self.sampler = sampler or self._make_sampler()
         self.stopping = EarlyStopping(
             training.stopping,
             training.smoothing,
@@ -171,7 +167,7 @@ class Trainer:
             training.max_samples,
         )
         self.best = self.weights()
-        self.history: list[Tested] = []
+        self.history: list[CurvePoint] = []
         self.components: list[Components] = []
         self.iteration = self.samples = 0  # of the prediction phases
         self.accuracy: float | None = None  # of the discriminator
@@ -180,26 +176,43 @@ class Trainer:
         for hook in self.hooks:
             hook.begin(self)
 
+    def _make_sampler(self) -> Sampler:
+        """The sampler of the first hook that has one, or a `Sampler`."""
+        settings = self.datasets, self.training, self.seed, self.device
+        for hook in self.hooks:
+            sampler = hook.sampler(*settings)
+            if sampler is not None:
+                return sampler
+        return Sampler(*settings)
+
     @property
     def finished(self) -> bool:
-        """Whether training ends here."""
+        """Whether training ends now."""
         return self.stopping.finished(self.samples, self.iteration)
 
     def weights(self) -> dict[str, Tensor]:
         """A copy of the model's weights and buffers by name, in their shapes."""
-        return {
-            name: tensor.clone()
-            for name, tensor in checkpoint.module_tensors(self.model).items()
-        }
+        tensors = checkpoint.module_tensors(self.model)
+        return {name: tensor.clone() for name, tensor in tensors.items()}
 
     def encode(self, role: str, windows: Windows) -> Tensor:
-        """Latent state-actions (b, T, latent), float32, computed in the training's precision."""
+        """Latent state-actions (B, T, latent), float32, of a system's windows.
+
+        They are computed in the training's precision.
+        """
         low = self.training.precision == "bfloat16"
         with torch.autocast(self.device.type, torch.bfloat16, enabled=low):
             return self.model.encode(role, windows)
 
     def step_prediction(self, loss: Tensor, latents: Mapping[str, Tensor]) -> None:
-        """One step of the parts that a batch touched, down the gradient of its `loss` (Algorithm 1)."""
+        """Take one step down the gradient of a batch's `loss` (Algorithm 1).
+
+        Hooks may add other losses to it.
+
+        Args:
+            loss: scalar.
+            latents: latent state-actions (B, T, latent) of the batch, by system.
+        """
         self._clear_gradients()
         for hook in self.hooks:
             added = hook.auxiliary_loss(self, latents)
@@ -210,129 +223,147 @@ class Trainer:
             hook.after_step(self)
 
     def step_discriminator(self, loss: Tensor) -> None:
-        """One step of A alone down the gradient of `loss` (Algorithm 2)."""
+        """Take one step of A alone down the gradient of `loss` (Algorithm 2)."""
         self.discrimination.zero_grad()
         loss.backward()
         self.discrimination.step()
 
     def step_encoder(self, loss: Tensor) -> None:
-        """One step of E_n alone down the gradient of `loss` (Algorithm 2)."""
-        # of all parts, since a shared optimiser steps those that have one
+        """Take one step of E_n alone down the gradient of `loss` (Algorithm 2)."""
+        # of all parts, because a shared optimiser steps every part that has a gradient
         self._clear_gradients()
         loss.backward(inputs=list(self.model.encoders["novice"].parameters()))
         self.matching.step()
 
     def _clear_gradients(self) -> None:
-        """Begin a step of prediction or matching: no part has a gradient, or each that had one has 0."""
+        """Remove the gradients of all parts, or set them to 0 with `zero_gradients`."""
         self.prediction.zero_grad(set_to_none=not self.training.zero_gradients)
 
     def discriminate(self, latents: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        """Logits (b, T) that A gives latents (b, T, latent), by '<system>_logits'; notes how many A tells apart."""
-        logits = {role: self.discriminator.logits(one) for role, one in latents.items()}
-        right = [
-            one.flatten() > 0 if role == "expert" else one.flatten() < 0
-            for role, one in logits.items()
-        ]
-        self.accuracy = float(torch.cat(right).float().mean())
-        return {f"{role}_logits": one for role, one in logits.items()}
+        """The logits of A for latents.
 
-    def note(self, losses: Mapping[str, Tensor]) -> None:
-        """Count an iteration of prediction with per-sample `losses` (b, T) by system."""
+        The share that A classifies correctly is kept as `accuracy`.
+
+        Args:
+            latents: latent state-actions (B, T, latent) by system.
+
+        Returns:
+            Logits (B, T) by '<system>_logits'.
+        """
+        logits, correct = {}, []
+        for role, latent in latents.items():
+            values = self.discriminator.logits(latent)
+            correct.append((values > 0 if role == "expert" else values < 0).flatten())
+            logits[f"{role}_logits"] = values
+        self.accuracy = float(torch.cat(correct).float().mean())
+        return logits
+
+    def record_losses(self, losses: Mapping[str, Tensor]) -> None:
+        """Count an iteration of prediction, with a loss (B, T) per sample by system."""
         if self.sampler.one_curve:
             losses = {"novice": torch.cat(list(losses.values()))}
-        self.count({role: loss.numel() for role, loss in losses.items()})
+        self.count_samples({role: loss.numel() for role, loss in losses.items()})
         for role, loss in losses.items():
             self.add_losses(role, float(loss.detach().double().sum()))
 
-    def count(self, samples: Mapping[str, int]) -> None:
-        """Count an iteration of prediction with so many samples by system."""
+    def count_samples(self, samples: Mapping[str, int]) -> None:
+        """Count an iteration of prediction with so many samples, by system."""
         self.iteration += 1
         for role, number in samples.items():
+            total, count = self.losses[role]
+            self.losses[role] = total, count + number
             self.samples += number
-            self.losses[role] = (self.losses[role][0], self.losses[role][1] + number)
 
-    def add_losses(self, role: str, total: float) -> None:
-        """Remember a sum of losses of counted samples until the next test."""
-        self.losses[role] = (self.losses[role][0] + total, self.losses[role][1])
+    def add_losses(self, role: str, losses: float) -> None:
+        """Add a sum of losses of counted samples to the mean until the next test."""
+        total, count = self.losses[role]
+        self.losses[role] = total + losses, count
 
     @property
     def test_is_due(self) -> bool:
         """Whether a test follows this iteration."""
         return self.iteration % self.training.test_interval == 0
 
-    def take_test(self, progress: Progress | None = None) -> Tested:
-        """Measure the test loss; keep the weights if its smoothed value is the lowest so far."""
+    def run_test(self, progress: Progress | None = None) -> CurvePoint:
+        """Measure the test loss, and keep the weights if it is the lowest so far.
+
+        The smoothed test losses are compared.
+
+        Args:
+            progress: called with the new point of the learning curve.
+
+        Returns:
+            The new point of the learning curve.
+        """
         with contextlib.ExitStack() as stack:
             for hook in self.hooks:
                 stack.enter_context(hook.testing())
-            validation = (
-                mean_loss(self.model, self.validation) if len(self.validation) else None
-            )
+            validation = None
+            if len(self.validation):
+                validation = mean_loss(self.model, self.validation)
             if self.add_test(self._test_loss(self.model, self.test), validation):
                 self.best = self.weights()
             if len(self.validation) and self.components_due:
-                self.components.append(self.measure())
+                self.components.append(self.measure_components())
         if progress is not None:
             progress(self.history[-1])
         return self.history[-1]
 
     @property
     def components_due(self) -> bool:
-        """Whether losses by component are to be kept of this test."""
-        return (
-            not self.components or self.samples >= SPACING * self.components[-1].samples
-        )
+        """Whether losses by component are measured at this test."""
+        if not self.components:
+            return True
+        return self.samples >= COMPONENT_SPACING * self.components[-1].samples
 
-    def measure(self) -> Components:
-        """The loss by component of the weights as they are now."""
-        test, validation = (
-            component_means(self.model, windows).tolist()
-            for windows in (self.test, self.validation)
-        )
+    def measure_components(self) -> Components:
+        """The loss by component with the present weights."""
+        test = validation_loss(self.model, self.test).tolist()
+        validation = validation_loss(self.model, self.validation).tolist()
         return Components(self.samples, tuple(test), tuple(validation))
 
-    def add_test(self, test_loss: float, validation_loss: float | None = None) -> bool:
-        """Add a test to the learning curve; whether its smoothed test loss is the lowest so far.
+    def add_test(self, test_loss: float, validation: float | None = None) -> bool:
+        """Add a point to the learning curve.
+
+        Args:
+            test_loss: not smoothed.
+            validation: the validation loss, if it was measured.
+
+        Returns:
+            Whether the smoothed test loss is the lowest so far.
 
         Raises:
-            TrainingError: the test or the training loss is not finite; the test is not
+            TrainingError: the test or the training loss is not finite; the point is not
                 added.
         """
-        novice, everything = (
-            self.losses["novice"],
-            tuple(map(sum, zip(*self.losses.values(), strict=True))),
-        )
-        total, count = novice if novice[1] else everything
+        total, count = self.losses["novice"]
+        if not count:
+            totals, counts = zip(*self.losses.values(), strict=True)
+            total, count = sum(totals), sum(counts)
         self.losses = dict.fromkeys(ROLES, (0.0, 0))
-        tested = Tested(
-            self.samples,
-            total / max(count, 1),
-            test_loss,
-            self.accuracy,
-            validation_loss,
-        )
-        for what, loss in (("training", tested.training_loss), ("test", test_loss)):
+        training_loss = total / max(count, 1)
+        for kind, loss in (("training", training_loss), ("test", test_loss)):
             if not math.isfinite(loss):
-                raise TrainingError(what, loss, self.iteration)
-        self.history.append(tested)
+                raise TrainingError(kind, loss, self.iteration)
+        losses = training_loss, test_loss, self.accuracy, validation
+        self.history.append(CurvePoint(self.samples, *losses))
         return self.stopping.update(
-            self.samples, self.iteration, tested.training_loss, test_loss
+            self.samples, self.iteration, training_loss, test_loss
         )
 
     def optimisers(self) -> dict[str, torch.optim.Optimizer]:
-        """The optimisers, by the phase that steps them."""
-        found = {"prediction": self.prediction, "discrimination": self.discrimination}
-        return (
-            found
-            if self.matching is self.prediction
-            else found | {"matching": self.matching}
-        )
+        """The optimisers by the phase that uses them; a shared one appears once."""
+        optimisers = {
+            "prediction": self.prediction,
+            "discrimination": self.discrimination,
+        }
+        if self.matching is not self.prediction:
+            optimisers["matching"] = self.matching
+        return optimisers
 
 
-def _tensors(units: Units) -> list[Tensor]:
-    """All numbers of the units, system by system."""
-    return (
-        [*units]
-        if isinstance(units, Standardisation)
-        else [one for role in sorted(units) for one in units[role]]
-    )
+def _unit_tensors(units: Units) -> list[Tensor]:
+    """All tensors of the units, system by system."""
+    if isinstance(units, Standardisation):
+        return [*units]
+    return [tensor for role in sorted(units) for tensor in units[role]]

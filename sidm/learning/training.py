@@ -1,4 +1,4 @@
-"""Algorithms 1 and 2 of the paper: prediction and regularisation in turn, until the novice's test loss rises.
+"""Algorithms 1 and 2 of the paper, in turn until the novice's test loss rises.
 
 The comparison without SIDM is the same loop with p_expert = 0 and regularise = False.
 """
@@ -22,14 +22,14 @@ from sidm.learning.losses import (
 from sidm.learning.model import Predictor
 from sidm.learning.observation import TARGET_SIZE
 from sidm.learning.resuming import Checkpoint
-from sidm.learning.stopping import Components, Tested, TrainingError
+from sidm.learning.stopping import Components, CurvePoint, TrainingError
 from sidm.learning.trainer import Progress, Trainer
 from sidm.learning.units import Units
 from sidm.settings import Network, Training
 
 __all__ = [
+    "CurvePoint",
     "Progress",
-    "Tested",
     "Trained",
     "Training",
     "TrainingError",
@@ -43,13 +43,13 @@ class Trained(NamedTuple):
     """The result of a training."""
 
     model: Predictor  # with the weights of the lowest smoothed test loss
-    history: list[Tested]  # the learning curve, one entry a test
+    history: list[CurvePoint]  # the learning curve, one point for each test
     samples: int  # control steps of the prediction phases
     iterations: int  # of the prediction phases
-    best_test_loss: float  # smoothed, of the weights returned
-    best_samples: int  # seen when they were reached
+    best_test_loss: float  # smoothed, of the model's weights
+    best_samples: int  # samples seen when these weights were reached
     stopped_early: bool  # by the stopping rule, not by max_samples
-    #: the loss by component at some tests; none of a closed form
+    #: the loss by component at some tests; empty for a closed-form solution
     components: Sequence[Components] = ()
 
 
@@ -65,27 +65,27 @@ def train(
     device: str | torch.device = "cpu",
     start: Mapping[str, Tensor] | None = None,
 ) -> Trained:
-    """Train a model from fresh weights or from `start`: Algorithms 1 and 2 in turn (section 3.2).
+    """Train a model with Algorithms 1 and 2 in turn (section 3.2).
 
     Args:
         datasets: the novice's train and test split, and the expert's data unless
             p_expert is 0 without regularisation.
         network: sizes of the networks; `pixels` are those of the datasets' maps.
         training: every choice of the algorithms.
-        seed: of the initial weights and all draws; what two methods share begins and is
-            drawn alike.
-        standardisation: units inside the networks, of all systems or of each; by
-            default those of `units_of`.
-        checkpoint: a folder to go on from, bit for bit on one thread, and to write the
-            state to after phases.
+        seed: of the initial weights and all draws; parts and draws that two methods
+            have in common are the same for one seed.
+        standardisation: units inside the networks, one for all systems or one for each;
+            by default those of `default_units`.
+        checkpoint: a folder that the state is written to after phases. If it has a
+            checkpoint, training continues from it, bit for bit on one thread.
         progress: called after each test.
-        device: where to compute.
-        start: initial weights, such as `rivals.fine_tuning.start_from(...).weights`;
-            fresh ones by default.
+        device: the device to compute on.
+        start: initial weights by name, such as those of
+            `rivals.fine_tuning.pretrained_from`; drawn at random by default.
 
     Returns:
-        The best model by test loss, and how it came about. A function of the arguments
-        up to `standardisation`, and of `start`.
+        The best model by test loss, with its learning curve. The result depends on
+        `start` and the arguments up to `standardisation` alone.
 
     Raises:
         ConfigError: data that the settings need are not there.
@@ -95,17 +95,18 @@ def train(
 
     Examples:
         >>> from sidm.learning import Datasets, windows_of
-        >>> windows = windows_of(sidm.simulate("system1", "novice", minutes=0.3), pixels=8)
-        >>> sets = Datasets(train=windows.subset([0]), test=windows.subset([1]), validation=windows, expert=windows)
+        >>> drives = sidm.simulate("system1", "novice", minutes=0.3)
+        >>> windows = windows_of(drives, pixels=8)
+        >>> train, test = windows.subset([0]), windows.subset([1])
+        >>> sets = Datasets(train, test, validation=windows, expert=windows)
         >>> network = sidm.Network(pixels=8, layers=1, hidden=8)
-        >>> trained = sidm.train(sets, network, sidm.Training(batch=2, max_samples=3_000), seed=0)
+        >>> training = sidm.Training(batch=2, max_samples=3_000)
+        >>> trained = sidm.train(sets, network, training, seed=0)
         >>> trained.samples
         3072
     """
-    trainer, state = (
-        Trainer(datasets, network, training, seed, standardisation, device, start),
-        Checkpoint(checkpoint),
-    )
+    trainer = Trainer(datasets, network, training, seed, standardisation, device, start)
+    state = Checkpoint(checkpoint)
     state.restore(trainer)
     with matmul_precision(training.precision), flushed_denormals():
         return learn(trainer, progress, state)
@@ -114,7 +115,7 @@ def train(
 def learn(
     trainer: Trainer, progress: Progress | None = None, state: Checkpoint | None = None
 ) -> Trained:
-    """Algorithms 1 and 2 in turn until a training is finished."""
+    """Run Algorithms 1 and 2 in turn until the training is finished."""
     state = state or Checkpoint(None)
     while not trainer.finished:
         predict(trainer, progress)
@@ -122,33 +123,33 @@ def learn(
             regularise(trainer)
         state.save_when_due(trainer)
     if not trainer.history:
-        trainer.take_test(progress)
+        trainer.run_test(progress)
     return result(trainer)
 
 
 def predict(trainer: Trainer, progress: Progress | None = None) -> None:
-    """Algorithm 1: the parts of the systems drawn, and the SIDM, learn to predict."""
+    """Algorithm 1: encoders, SIDM and decoders learn to predict."""
     training = trainer.training
     for _ in range(training.prediction_iterations):
         batch = trainer.sampler.batch()  # each window the expert's with probability p_e
-        latents = {
-            role: trainer.encode(role, windows) for role, windows in batch.items()
-        }
+        latents = {role: trainer.encode(role, part) for role, part in batch.items()}
         losses = trainer.model.losses(batch, latents)  # equation (1)
-        # over the whole batch, whatever the system
-        loss = torch.cat(list(losses.values())).mean()
-        trainer.step_prediction(
-            loss / TARGET_SIZE if training.reduction == "mean" else loss, latents
-        )
-        trainer.note(losses)
+        loss = torch.cat(list(losses.values())).mean()  # over the whole batch
+        if training.reduction == "mean":  # over components too, as in the released code
+            loss = loss / TARGET_SIZE
+        trainer.step_prediction(loss, latents)
+        trainer.record_losses(losses)
         if trainer.test_is_due:
-            trainer.take_test(progress)
+            trainer.run_test(progress)
         if trainer.finished:
             return
 
 
 def regularise(trainer: Trainer) -> None:
-    """Algorithm 2: the discriminator learns to tell the systems' latents apart, then E_n learns to deceive it."""
+    """Algorithm 2: A learns to tell the systems' latents apart, and E_n to deceive A.
+
+    A learns first, for `discriminator_iterations`, then the novice's encoder E_n.
+    """
     if any(hook.regularise(trainer) for hook in trainer.hooks):
         return
     for _ in range(trainer.training.discriminator_iterations):
@@ -158,31 +159,25 @@ def regularise(trainer: Trainer) -> None:
 
 
 def discriminator_iteration(trainer: Trainer) -> None:
-    """One step of A alone, equation (2)."""
+    """Take one step of the discriminator A alone, with equation (2)."""
     batch = trainer.sampler.discriminator_batch()
     with torch.no_grad():
-        latents = {
-            role: trainer.encode(role, windows) for role, windows in batch.items()
-        }
+        latents = {role: trainer.encode(role, part) for role, part in batch.items()}
     logits = trainer.discriminate(latents)
-    loss = (
-        expected_discriminator_loss(**logits)
-        if len(logits) > 1
-        else one_sided_loss(**logits)
-    )
-    trainer.step_discriminator(loss)
+    loss = expected_discriminator_loss if len(logits) == 2 else one_sided_loss
+    trainer.step_discriminator(loss(**logits))
 
 
 def matching_iteration(trainer: Trainer) -> None:
-    """One step of E_n alone, equation (4)."""
+    """Take one step of the novice's encoder E_n alone, with equation (4)."""
     latents = trainer.encode("novice", trainer.sampler.matching_batch())
     trainer.step_encoder(expected_matching_loss(trainer.discriminator.logits(latents)))
 
 
 def result(trainer: Trainer) -> Trained:
-    """The best model of a finished training, and how it came about."""
+    """The best model of a finished training, with its learning curve."""
     best = trainer.stopping.best
-    assert best is not None  # there was a test
+    assert best is not None  # every training has at least one test
     trainer.model.load_state_dict(trainer.best)
     return Trained(
         model=trainer.model.eval(),

@@ -13,7 +13,8 @@ from sidm.config import ConfigError
 from sidm.learning.dataset import Datasets, Windows
 from sidm.settings import Network
 
-SMALLEST_STD = 1e-6  # of a component that changes; one that does not keeps its raw unit
+#: standard deviation below which a component counts as constant and keeps its raw unit
+SMALLEST_STD = 1e-6
 
 
 class Standardisation(NamedTuple):
@@ -28,69 +29,76 @@ class Standardisation(NamedTuple):
 
     @classmethod
     def none(cls, body: Body = ROVER) -> Standardisation:
-        """Raw units."""
+        """Raw units: means of 0 and standard deviations of 1."""
         zeros, ones = torch.zeros, torch.ones
         x, y = len(body.inputs), len(body.targets)
         return cls(zeros(x), ones(x), zeros(()), ones(()), zeros(y), ones(y))
 
     @classmethod
-    def of(cls, motion: Windows, maps_from: int = 256) -> Standardisation:
-        """Mean and standard deviation over the steps of `motion`; maps: of its first `maps_from` trajectories."""
-        input_mean, input_std = _moments([motion.inputs.flatten(0, 1)])
-        maps = motion.first(maps_from).take(range(min(maps_from, len(motion)))).maps
-        map_mean, map_std = _moments(one.reshape(-1, 1) for one in maps)
-        target_mean, target_std = _moments([motion.targets.flatten(0, 1)])
-        return cls(
-            input_mean, input_std, map_mean[0], map_std[0], target_mean, target_std
-        )
+    def fit(cls, windows: Windows, maps_from: int = 256) -> Standardisation:
+        """Mean and standard deviation over the steps of `windows`.
+
+        Args:
+            windows: of one system.
+            maps_from: how many windows, the first ones, the maps' units come from.
+        """
+        count = min(maps_from, len(windows))
+        maps = windows.first(maps_from).take(range(count)).maps
+        map_mean, map_std = _moments(window.reshape(-1, 1) for window in maps)
+        inputs = _moments([windows.inputs.flatten(0, 1)])
+        targets = _moments([windows.targets.flatten(0, 1)])
+        return cls(*inputs, map_mean[0], map_std[0], *targets)
 
 
-#: of all systems, or of each by its role
+#: one standardisation for all systems, or one for each by its role
 Units = Standardisation | Mapping[str, Standardisation]
 
 
-def units_of(datasets: Datasets, network: Network) -> Units:
-    """The units inside the networks: the expert's for both of the paper's bodies, else those of each system.
+def default_units(datasets: Datasets, network: Network) -> Units:
+    """The units inside the networks.
+
+    Two robots with the paper's body share the units of the expert's data; otherwise
+    each system has the units of its own data.
 
     Raises:
-        ConfigError: there are no data of the expert to take them from.
+        ConfigError: the expert's data are needed and are not there.
     """
     if network.body("novice") == network.body("expert") == ROVER:
         if datasets.expert is None:
             raise ConfigError(
-                "without the expert's data pass `standardisation`, the same for all methods compared"
+                "without the expert's data pass `standardisation`, "
+                "the same for all methods compared"
             )
-        return Standardisation.of(datasets.expert)
-    own = {"novice": Standardisation.of(datasets.train)}
-    return (
-        own
-        if datasets.expert is None
-        else own | {"expert": Standardisation.of(datasets.expert)}
-    )
+        return Standardisation.fit(datasets.expert)
+    units = {"novice": Standardisation.fit(datasets.train)}
+    if datasets.expert is not None:
+        units["expert"] = Standardisation.fit(datasets.expert)
+    return units
 
 
 def loss_weights(body: Body, units: Standardisation) -> Tensor | None:
-    """Weights (Y,) of the components in equation (1): 1 over the variance, or None where all are 1."""
-    return (
-        units.target_std.square().reciprocal() if body.weights == "variance" else None
-    )
+    """Weights (Y,) of the components in equation (1).
+
+    They are 1 over the variance, or None where all are 1.
+    """
+    if body.weights != "variance":
+        return None
+    return units.target_std.square().reciprocal()
 
 
-def units_for(units: Units, role: str) -> Standardisation:
-    """Those of one system."""
+def role_units(units: Units, role: str) -> Standardisation:
+    """The units of one system."""
     return units if isinstance(units, Standardisation) else units[role]
 
 
 def _moments(parts: Iterable[Tensor]) -> tuple[Tensor, Tensor]:
-    """Mean and standard deviation (K,), float32, of the rows of all `parts`, each (., K)."""
+    """Mean and standard deviation (K,), float32, of the rows of all `parts` (., K)."""
     count, total, squares = 0, torch.zeros(()), torch.zeros(())
     for part in parts:
-        wide = part.double()
-        count, total, squares = (
-            count + len(wide),
-            total + wide.sum(0),
-            squares + wide.square().sum(0),
-        )
-    mean = total / max(count, 1)  # of no maps there are none
+        rows = part.double()
+        count += len(rows)
+        total = total + rows.sum(0)
+        squares = squares + rows.square().sum(0)
+    mean = total / max(count, 1)  # there may be no map at all
     std = (squares / max(count, 1) - mean.square()).clamp_min(0).sqrt()
     return mean.float(), torch.where(std > SMALLEST_STD, std, 1.0).float()

@@ -1,9 +1,9 @@
-"""A model's weights: how they begin, and the optimiser that moves them.
+"""A model's weights: how they are initialised, and the optimiser that changes them.
 
 The paper names no initial weights. The scaled ones carry the inputs through the layers
-at their own scale: with PyTorch's defaults a signal shrinks in every layer, most of all
-in an LSTM's, and an encoder's few numbers are lost beside its map's thousands. The loss
-then stands still until some hundreds of batches have made the weights grow.
+at their own scale. With PyTorch's defaults a signal shrinks in every layer, most of all
+in an LSTM's, and an encoder's few numbers are lost beside the thousands from its map;
+the loss then stands still until some hundreds of batches have made the weights grow.
 """
 
 from __future__ import annotations
@@ -17,7 +17,10 @@ from sidm.settings import Training
 
 
 def scale_layers(module: nn.Module, slope: float) -> None:
-    """He's normal weights for the layers before leaky ReLUs of a `slope`, biases of 0: signals keep their variance."""
+    """Set He's normal weights for layers before leaky ReLUs of a `slope`, biases of 0.
+
+    Signals keep their variance from layer to layer.
+    """
     for layer in module.modules():
         if isinstance(layer, (nn.Linear, nn.Conv2d)):
             nn.init.kaiming_normal_(layer.weight, a=slope)
@@ -25,20 +28,26 @@ def scale_layers(module: nn.Module, slope: float) -> None:
 
 
 def scale_last(layer: nn.Module) -> None:
-    """Glorot's uniform weights for a dense layer that nothing follows; its biases are left alone."""
+    """Set Glorot's uniform weights in a network's last dense layer, not its biases."""
     nn.init.xavier_uniform_(layer.get_parameter("weight"))
 
 
 @torch.no_grad()
 def scale_columns(layer: nn.Module, columns: slice, slope: float) -> None:
-    """He's weights in some columns, as if a dense layer had these inputs alone: the others do not drown them."""
+    """Set He's weights in the `columns` of a dense layer as if it had no other inputs.
+
+    The other inputs, which are many, then do not hide these.
+    """
     part = layer.get_parameter("weight")[:, columns]
     part.normal_(0.0, math.sqrt(2 / (1 + slope**2) / part.shape[1]))
 
 
 @torch.no_grad()
 def scale_recurrence(lstm: nn.LSTM) -> None:
-    """Glorot's weights from the inputs, orthogonal ones from the state, gate by gate; forget gates open (bias 1)."""
+    """Set an LSTM's weights gate by gate: Glorot's for inputs, orthogonal for states.
+
+    Biases are 0, but those of the forget gates are 1, which opens these gates.
+    """
     for name, parameter in lstm.named_parameters():
         gates = parameter.chunk(4)  # input, forget, cell, output
         for gate in gates:
@@ -52,16 +61,21 @@ def scale_recurrence(lstm: nn.LSTM) -> None:
             nn.init.ones_(gates[1])
 
 
-def learnt(module: nn.Module) -> list[nn.Parameter]:
+def trainable_parameters(module: nn.Module) -> list[nn.Parameter]:
     """The parameters of a module that are not frozen."""
     return [parameter for parameter in module.parameters() if parameter.requires_grad]
 
 
 def make_optimiser(module: nn.Module, training: Training) -> torch.optim.Optimizer:
-    """Adam with decoupled weight decay (section 4), or with the released code's L2 penalty."""
+    """Adam with decoupled weight decay (section 4) or the released code's L2 penalty.
+
+    Args:
+        module: the module whose trainable parameters the optimiser steps.
+        training: gives the kind of decay, its strength, and the learning rate.
+    """
     adam = torch.optim.AdamW if training.decay == "decoupled" else torch.optim.Adam
     return adam(
-        learnt(module),
+        trainable_parameters(module),
         lr=training.learning_rate,
         weight_decay=training.weight_decay,
         fused=True,

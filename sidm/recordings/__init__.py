@@ -1,24 +1,24 @@
-"""Recorded motion of a robot of any body: files and ROS bags, every fault named in one line.
+"""Recorded motion of a robot of any body, read from files and ROS bags.
 
-The paper's robots (`sidm.body.ROVER`) have these columns, in any order and in the units
-that a file's header names:
+Every fault of a recording is named in one line. The paper's robots (`sidm.body.ROVER`)
+have these columns, in any order and in the units that a file's header names:
 
-==========================  ===================
-====================================================== columns                     units                quantity
-==========================  ===================
-====================================================== x, y, z                     m, cm, mm            position of the chassis' centre of mass, world
-qx, qy, qz, qw              1                    attitude, a unit quaternion, body to world
-vx, vy, vz                  m/s, cm/s, km/h      velocity, in the body frame: x forward, y left, z up
-wx, wy, wz                  rad/s, deg/s         angular velocity, in the body frame
-throttle, steering          1                    the action from this row to the next, each in [-1, 1]; positive
-                                                 is forward, and to the right
-==========================  ===================
-======================================================
+==================  =================  ===============================================
+columns             units              quantity
+==================  =================  ===============================================
+x, y, z             m, cm, mm          position of the chassis' centre of mass, world
+qx, qy, qz, qw      1                  attitude, a unit quaternion, body to world
+vx, vy, vz          m/s, cm/s, km/h    velocity, in the body frame: x forward, y left,
+                                       z up
+wx, wy, wz          rad/s, deg/s       angular velocity, in the body frame
+throttle, steering  1                  action from this row to the next, each in
+                                       [-1, 1]; positive is forward, and to the right
+==================  =================  ===============================================
 
 Their ground is a grid of heights in the same world, index [y, x], both growing, with
 its spacing and the x and y of its middle. Any other robot has the columns of its own
-body. Files are those of `csv_file` and `npz_file`, and `bags`; what is refused stands
-in `checks`.
+body. `csv_file`, `npz_file` and `bags` describe the files; `checks` describes what is
+refused.
 """
 
 from __future__ import annotations

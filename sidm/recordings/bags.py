@@ -1,24 +1,26 @@
-"""ROS bags, 1 and 2, as tables of drives: poses, velocities and commands by the types of their messages.
+"""Read drives from ROS bags, version 1 or 2, as tables.
 
-=============================================
-====================================================================== message                                        columns
-=============================================
-====================================================================== nav_msgs/Odometry                              x, y, z, qx, qy, qz, qw, yaw; vx, vy, vz, wx, wy, wz and yaw_rate, of
-                                               the body
-geometry_msgs/PoseStamped                      x, y, z, qx, qy, qz, qw, yaw
-sensor_msgs/Imu                                wx, wy, wz, yaw_rate, ax, ay, az
-sensor_msgs/JointState                         velocities, by the joints' names
-geometry_msgs/Twist, TwistStamped              the command: linear, angular
-=============================================
-======================================================================
+The type of its messages says what a topic holds:
 
-All in SI units. The table has a row for each pose; other sensors are interpolated,
-commands hold until the next.
+==========================  ==========================================================
+message                     columns
+==========================  ==========================================================
+nav_msgs/Odometry           x, y, z, qx, qy, qz, qw, yaw; in the body frame vx, vy,
+                            vz, wx, wy, wz, yaw_rate
+geometry_msgs/PoseStamped   x, y, z, qx, qy, qz, qw, yaw
+sensor_msgs/Imu             wx, wy, wz, yaw_rate, ax, ay, az
+sensor_msgs/JointState      velocities, named after the joints
+geometry_msgs/Twist         the command: linear, angular
+geometry_msgs/TwistStamped  the command: linear, angular
+==========================  ==========================================================
+
+All numbers are in SI units. The table has a row for each pose; other sensors are
+interpolated, and a command holds until the next one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,22 +31,17 @@ from sidm.config import first_line, hint, unknown_name
 from sidm.drives import yaw_of
 from sidm.recordings.table import RecordingError, Table
 
-Read = Callable[[Any], dict[str, float]]
+#: Reads the columns of a row from one message.
+Reader = Callable[[Any], dict[str, float]]
+Series = tuple[np.ndarray, dict[str, np.ndarray]]  # times, s, and columns
 
 
 def _pose(message: Any) -> dict[str, float]:
     p, q = message.position, message.orientation
-    yaw = yaw_of(np.array([q.x, q.y, q.z, q.w]))
-    return {
-        "x": p.x,
-        "y": p.y,
-        "z": p.z,
-        "qx": q.x,
-        "qy": q.y,
-        "qz": q.z,
-        "qw": q.w,
-        "yaw": float(yaw),
-    }
+    position = {"x": p.x, "y": p.y, "z": p.z}
+    quaternion = {"qx": q.x, "qy": q.y, "qz": q.z, "qw": q.w}
+    yaw = yaw_of(np.array([*quaternion.values()]))
+    return position | quaternion | {"yaw": float(yaw)}
 
 
 def _rates(message: Any) -> dict[str, float]:
@@ -67,29 +64,34 @@ def _twist(message: Any) -> dict[str, float]:
     return {"linear": twist.linear.x, "angular": twist.angular.z}
 
 
-#: Kind of topic -> its types of messages and what is read from one.
-POSES: dict[str, Read] = {
+# Type of message -> what reads it, for each kind of topic.
+POSES: dict[str, Reader] = {
     "nav_msgs/msg/Odometry": _odometry,
     "geometry_msgs/msg/PoseStamped": lambda m: _pose(m.pose),
 }
-SENSORS: dict[str, Read] = {
+SENSORS: dict[str, Reader] = {
     "sensor_msgs/msg/Imu": _imu,
     "sensor_msgs/msg/JointState": lambda m: dict(
         zip(m.name, map(float, m.velocity), strict=False)
     ),
 }
-COMMANDS: dict[str, Read] = {
+COMMANDS: dict[str, Reader] = {
     "geometry_msgs/msg/Twist": _twist,
     "geometry_msgs/msg/TwistStamped": _twist,
 }
 
 
 def read_bag(path: Path, body: Body, topics: Sequence[str] = ()) -> Table:
-    """The table of a bag that a body names, of all its topics or of some by name.
+    """Read the columns of a body from a bag.
+
+    Args:
+        path: of the bag.
+        body: whose columns are read.
+        topics: names of the topics to read; all unless given.
 
     Raises:
-        RecordingError: a topic is missing or there are several of its kind, the bag is
-            cut off, or a column of the body is in none of them; one line.
+        RecordingError: a topic is missing, or a kind of topic occurs more than once, or
+            the bag is cut off, or no topic has a column of the body; one line.
         ImportError: the library `rosbags` is not installed.
     """
     try:
@@ -99,125 +101,104 @@ def read_bag(path: Path, body: Body, topics: Sequence[str] = ()) -> Table:
         raise ImportError(
             "ROS bags are read with the library rosbags: pip install rosbags"
         ) from None
+    unreadable = OSError, ValueError, KeyError, IndexError, RuntimeError, AnyReaderError
+    types = get_typestore(Stores.ROS2_HUMBLE)
     try:
-        with AnyReader(
-            [path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)
-        ) as reader:
+        with AnyReader([path], default_typestore=types) as reader:
             bag = _Bag(path, reader, topics)
             poses, commands = bag.series(POSES, "pose"), bag.series(COMMANDS, "command")
             sensors = [
-                found
-                for kind in SENSORS
-                for found in bag.optional({kind: SENSORS[kind]}, kind)
+                bag.optional({message: read}, message)
+                for message, read in SENSORS.items()
             ]
     except RecordingError:
         raise
-    except (
-        AnyReaderError,
-        OSError,
-        ValueError,
-        KeyError,
-        IndexError,
-        RuntimeError,
-    ) as error:
+    except unreadable as error:
         raise RecordingError(
             f"{path}: the bag cannot be read ({first_line(error)}); is it cut off?"
         ) from None
-    except Exception as error:  # the readers of the storages raise their own
+    except Exception as error:  # each storage format has errors of its own
         raise RecordingError(
             f"{path}: the bag is damaged ({first_line(error)})"
         ) from None
-    return _joined(path, body, poses, sensors, commands)
-
-
-Series = tuple[np.ndarray, dict[str, np.ndarray]]  # times, s, and columns
+    return _joined(path, body, poses, [s for s in sensors if s is not None], commands)
 
 
 class _Bag:
-    """An open bag, of which all topics are read or some by name."""
+    """An open bag, of which all topics are read or only those named."""
 
     def __init__(self, path: Path, reader: Any, topics: Sequence[str]):
         self.path, self.reader = path, reader
-        known = {one.topic for one in reader.connections}
+        known = {connection.topic for connection in reader.connections}
         for name in topics:
             if name not in known:
-                raise RecordingError(
-                    f"{path}: {unknown_name(name, sorted(known), 'the topics')}"
-                )
+                error = unknown_name(name, sorted(known), "the topics")
+                raise RecordingError(f"{path}: {error}")
         self.connections = [
-            one for one in reader.connections if not topics or one.topic in topics
+            connection
+            for connection in reader.connections
+            if not topics or connection.topic in topics
         ]
 
-    def series(self, kinds: dict[str, Read], what: str) -> Series:
-        """The only topic of some kinds."""
-        found = list(self.optional(kinds, what))
-        if not found:
-            there = (
-                ", ".join(
-                    sorted({f"{one.topic} ({one.msgtype})" for one in self.connections})
-                )
-                or "none"
-            )
+    def series(self, readers: dict[str, Reader], kind: str) -> Series:
+        """Read the one topic with messages of some types; `kind` names it in errors."""
+        series = self.optional(readers, kind)
+        if series is None:
+            present = {f"{c.topic} ({c.msgtype})" for c in self.connections}
             raise RecordingError(
-                f"{self.path}: no topic with a {what} ({', '.join(kinds)}); there are {there}"
+                f"{self.path}: no topic with a {kind} ({', '.join(readers)}); "
+                f"there are {', '.join(sorted(present)) or 'none'}"
             )
-        return found[0]
+        return series
 
-    def optional(self, kinds: dict[str, Read], what: str) -> Iterator[Series]:
-        """The topic of some kinds, if there is one."""
-        mine = [one for one in self.connections if one.msgtype in kinds]
-        names = sorted({one.topic for one in mine})
+    def optional(self, readers: dict[str, Reader], kind: str) -> Series | None:
+        """Read the topic with messages of some types; None if there is none."""
+        connections = [c for c in self.connections if c.msgtype in readers]
+        names = sorted({connection.topic for connection in connections})
         if len(names) > 1:
-            which = f"{len(names)} topics with a {what}, {', '.join(names)}"
             raise RecordingError(
-                f"{self.path}: {which}; name those that are meant with --topics"
+                f"{self.path}: {len(names)} topics with a {kind}, {', '.join(names)}; "
+                "name those that are meant with --topics"
             )
         if not names:
-            return
+            return None
         times, rows = [], []
-        for connection, time, raw in self.reader.messages(connections=mine):
-            rows.append(
-                kinds[connection.msgtype](
-                    self.reader.deserialize(raw, connection.msgtype)
-                )
-            )
+        for connection, time, raw in self.reader.messages(connections=connections):
+            message = self.reader.deserialize(raw, connection.msgtype)
+            rows.append(readers[connection.msgtype](message))
             times.append(time * 1e-9)
         if len(rows) < 2:
             raise RecordingError(
                 f"{self.path}: {len(rows)} messages on {names[0]}, too few for a drive"
             )
-        yield (
-            np.array(times),
-            {
-                name: np.array([row.get(name, np.nan) for row in rows])
-                for name in rows[0]
-            },
-        )
+        columns = {
+            name: np.array([row.get(name, np.nan) for row in rows]) for name in rows[0]
+        }
+        return np.array(times), columns
 
 
 def _joined(
     path: Path, body: Body, poses: Series, sensors: list[Series], commands: Series
 ) -> Table:
-    """One table at the times of the poses that lie within all other topics' times."""
+    """One table at the times of the poses that lie within the times of all topics."""
     others = [*sensors, commands]
-    first, last = max(one[0][0] for one in others), min(one[0][-1] for one in others)
+    first, last = max(t[0] for t, _ in others), min(t[-1] for t, _ in others)
     time = poses[0]
     inside = (time >= first) & (time <= last)
     if inside.sum() < 2:
         raise RecordingError(f"{path}: its topics have no time in common")
     time = time[inside]
     columns = {name: values[inside] for name, values in poses[1].items()}
-    for times, values in sensors:
-        columns |= {name: np.interp(time, times, one) for name, one in values.items()}
-    held = np.searchsorted(commands[0], time, side="right") - 1
-    columns |= {name: one[held] for name, one in commands[1].items()}
+    for times, series in sensors:
+        columns |= {n: np.interp(time, times, values) for n, values in series.items()}
+    held = np.searchsorted(commands[0], time, side="right") - 1  # the last command
+    columns |= {name: values[held] for name, values in commands[1].items()}
     wanted = [name for name, _ in (*body.state, *body.actions)]
     for name in wanted:
         if name not in columns:
-            what = f"column '{name}' of body '{body.name}'"
             raise RecordingError(
-                f"{path}: {what} is in no topic; {hint(name, columns)}"
+                f"{path}: column '{name}' of body '{body.name}' is in no topic; "
+                f"{hint(name, columns)}"
             )
-    return Table(
-        str(path), {name: columns[name] for name in wanted} | {"time": time}, {}, None
-    )
+    numbers = {name: columns[name] for name in wanted} | {"time": time}
+    return Table(str(path), numbers, {}, None)

@@ -1,7 +1,7 @@
-"""Motion to look at in three dimensions: in a notebook, in an app, and as a page that needs nothing else.
+"""Motion in three dimensions: in a notebook, in an app, or as one self-contained page.
 
-`scene` says what moves, a simulated ride or recorded drives; `skeleton` what a robot is
-made of; the scripts in `static` draw it in a browser.
+`scene` says what moves: simulated rides or recorded drives. `skeleton` says what a
+robot is made of. The scripts in `static` draw both in a browser.
 """
 
 from sidm.replay.rides import ROBOTS, Ride, find_robot, ride, tilt, weave

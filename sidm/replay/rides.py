@@ -1,8 +1,9 @@
-"""Rides: one robot over one ground, with all that moves of it: body, struts, axles, wheels, kingpins."""
+"""Rides: one robot over one ground, with the motion of all its parts."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from sidm.drives import CONTROL_STEP, QUATERNION, tilt_of
 from sidm.systems import FREE_PHYSICS, ROLES, SYSTEMS, Physics, Robot, Terrain
 from sidm.terrain import generate_terrain
 
-#: The robots of all systems, by the names the explorer's menus show.
+#: The robots of all systems, by the names in the explorer's menus.
 ROBOTS = {
     f"{system.name} {role}": system.robot(role)
     for system in SYSTEMS.values()
@@ -22,28 +23,32 @@ ROBOTS = {
 #: Order of `Ride.struts`.
 STRUTS = ("rear right", "rear left", "front right", "front left")
 
-SAMPLES = 2  # moments that are kept of a control step
-SAMPLE = CONTROL_STEP / SAMPLES  # s between them
-#: of full steering; s from one bend to the right to the next
-WEAVE, WEAVE_PERIOD = 0.6, 2.0
+SAMPLES_PER_STEP = 2  # moments recorded in a control step
+SAMPLE_TIME = CONTROL_STEP / SAMPLES_PER_STEP  # s between two moments
+WEAVE = 0.6  # amplitude of the steering, of full steering
+WEAVE_PERIOD = 2.0  # s from one bend to the right to the next
 
 
 def find_robot(name: str) -> Robot:
-    """The robot of that name, as 'system1 novice'; ConfigError naming the nearest otherwise."""
+    """The robot with this name in ROBOTS, such as 'system1 novice'.
+
+    Raises:
+        ConfigError: there is no such robot; the message has the nearest name.
+    """
     if name not in ROBOTS:
         raise unknown_name(name, ROBOTS, "the robots")
     return ROBOTS[name]
 
 
 class Ride(NamedTuple):
-    """One robot on one ground, every 0.05 s; T + 1 moments."""
+    """Motion of one robot on one ground at T + 1 moments, 0.05 s apart."""
 
     robot: Robot
     heights: np.ndarray  # (H, W), m, of the ground
     times: np.ndarray  # (T + 1,), s
     states: np.ndarray  # (T + 1, 13)
-    struts: np.ndarray  # (T + 1, 4), m, as in STRUTS, compression positive
-    joints: np.ndarray  # (T + 1, 10), rad, as `Simulator.joint_angles`
+    struts: np.ndarray  # (T + 1, 4), m, order of STRUTS, compression positive
+    joints: np.ndarray  # (T + 1, 10), rad, order of `Simulator.joint_angles`
     #: whether the struts were braked, which decides how the axles hang
     strut_motors: bool = True
 
@@ -57,37 +62,41 @@ def ride(
     steps: int = 40,
     strut_motors: bool = True,
 ) -> Ride:
-    """Drive a robot from the origin, heading along x.
+    """Simulate a robot that drives from the origin, first heading along x.
 
     Args:
-        robot: its parameters.
+        robot: the robot's parameters.
         terrain: the kind of ground.
-        terrain_seed: which ground.
-        throttle: in [-1, 1], held, or one a control step, (steps,).
-        steering: in [-1, 1], positive to the right, held, or one a control step,
-            (steps,).
-        steps: control steps of 0.1 s.
-        strut_motors: brake the struts as in the recorded robot; otherwise springs and
-            dampers act alone.
+        terrain_seed: seed of the ground.
+        throttle: in [-1, 1], one for all control steps or one for each, (steps,).
+        steering: in [-1, 1], positive to the right, one for all control steps or one
+            for each, (steps,).
+        steps: number of control steps of 0.1 s.
+        strut_motors: whether motors brake the struts, as in the recorded robot;
+            otherwise springs and dampers act alone.
+
+    Returns:
+        The ride, with T = 2 steps.
     """
     from sidm.simulation import Simulator
 
-    with Simulator(
-        robot, generate_terrain(terrain, terrain_seed), sampled_physics(strut_motors)
-    ) as simulator:
+    heights = generate_terrain(terrain, terrain_seed)
+    with Simulator(robot, heights, sampled_physics(strut_motors)) as simulator:
         return drive(simulator, throttle, steering, steps)
 
 
 def sampled_physics(strut_motors: bool) -> Physics:
-    """The robots' physics, to be looked at twice a control step; the motion is the same, bit for bit."""
-    whole = Physics() if strut_motors else FREE_PHYSICS
-    return dataclasses.replace(
-        whole, steps_per_control=whole.steps_per_control // SAMPLES
-    )
+    """Physics of the robots, with a `Simulator.step` of half a control step.
+
+    The motion is the same, bit for bit; it is only recorded twice as often.
+    """
+    physics = Physics() if strut_motors else FREE_PHYSICS
+    steps = physics.steps_per_control // SAMPLES_PER_STEP
+    return dataclasses.replace(physics, steps_per_control=steps)
 
 
 def weave(steps: int = 40) -> np.ndarray:
-    """Steering (steps,) to the right, then to the left, and again."""
+    """Steering (steps,) that swings to the right and to the left as a sine."""
     return WEAVE * np.sin(2 * np.pi * CONTROL_STEP * np.arange(steps) / WEAVE_PERIOD)
 
 
@@ -98,23 +107,30 @@ def drive(
     steps: int = 40,
     yaw: float = 0.0,
 ) -> Ride:
-    """A ride in a `Simulator` of `sampled_physics` that stands ready; it is reset first, heading `yaw`, rad."""
-    actions = np.stack(
-        np.broadcast_arrays(np.broadcast_to(throttle, (steps,)), steering), axis=1
-    )
+    """Reset a simulator and record a ride in it.
+
+    Args:
+        simulator: a `Simulator` with `sampled_physics`.
+        throttle: as in `ride`.
+        steering: as in `ride`.
+        steps: number of control steps of 0.1 s.
+        yaw: heading at the start, rad.
+    """
+    actions = np.broadcast_arrays(np.broadcast_to(throttle, (steps,)), steering)
+
+    def motion() -> Iterator[np.ndarray]:
+        yield simulator.reset(yaw=yaw)
+        for action in np.repeat(np.stack(actions, axis=1), SAMPLES_PER_STEP, axis=0):
+            yield simulator.step(action)
+
     moments = [
-        (simulator.reset(yaw=yaw), simulator.strut_positions, simulator.joint_angles)
+        (state, simulator.strut_positions, simulator.joint_angles) for state in motion()
     ]
-    for action in np.repeat(actions, SAMPLES, axis=0):
-        moments.append(
-            (simulator.step(action), simulator.strut_positions, simulator.joint_angles)
-        )
     states, struts, joints = map(np.array, zip(*moments, strict=True))
-    times = SAMPLE * np.arange(len(states))
     return Ride(
         simulator.robot,
         simulator.heights,
-        times,
+        SAMPLE_TIME * np.arange(len(states)),
         states,
         struts,
         joints,
@@ -123,6 +139,9 @@ def drive(
 
 
 def tilt(states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pitch (nose down positive) and roll (right side down positive), degrees, each (...,), of states (..., 13)."""
+    """Pitch and roll, degrees, each (...,), of states (..., 13).
+
+    Pitch is positive with the nose down, roll with the right side down.
+    """
     pitch, roll = tilt_of(states[..., QUATERNION])
     return np.degrees(pitch), np.degrees(roll)

@@ -1,1 +1,1 @@
-"""What the paper only names, or a reviewer asks for."""
+"""Methods beside the paper's: those that it only names, and common alternatives."""

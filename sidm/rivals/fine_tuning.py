@@ -1,7 +1,7 @@
-"""Pretraining: weights that learnt from the expert alone, for a novice to start from.
+"""Pretraining: weights that are trained on the expert alone, as a novice's start.
 
-The expert's trajectories stand in the novice's place of the same training loop: three
-of four to learn from, one of four to stop by.
+The same training loop gets the expert's trajectories in place of the novice's: three
+quarters as the training split, one quarter as the test split, which ends training.
 """
 
 from __future__ import annotations
@@ -15,34 +15,49 @@ from torch import Tensor
 
 from sidm.config import ConfigError
 from sidm.learning import checkpoint
-from sidm.learning.dataset import Datasets, split
+from sidm.learning.dataset import Datasets, split_indices
 from sidm.learning.model import DynamicsModel
 from sidm.learning.training import Trained
 from sidm.learning.units import Standardisation
 from sidm.settings import Network
 
-STATE = "state"  # of an unfinished pretraining, a folder in that of its weights
+#: Folder of an unfinished pretraining's state, inside the folder of its weights.
+STATE = "state"
 
 
-class Start(NamedTuple):
-    """What a pretraining leaves behind."""
+class Pretrained(NamedTuple):
+    """The result of a pretraining.
 
-    weights: Mapping[str, Tensor]  # of a model that has the novice's parts alone
-    samples: int  # of the expert's, seen by it
+    Attributes:
+        weights: name -> weights of a model that has the novice's parts alone
+        samples: how many samples of the expert the pretraining used
+    """
 
-    def core(self) -> Start:
-        """The shared SIDM alone, for a novice whose encoder and decoder begin afresh."""
-        return self._replace(
-            weights={
-                name: one
-                for name, one in self.weights.items()
-                if name.startswith("sidm.")
-            }
-        )
+    weights: Mapping[str, Tensor]
+    samples: int
+
+    def core(self) -> Pretrained:
+        """The weights of the shared SIDM alone.
+
+        A novice that starts from them has a new encoder and a new decoder.
+        """
+        items = self.weights.items()
+        core = {name: weight for name, weight in items if name.startswith("sidm.")}
+        return self._replace(weights=core)
 
 
-def expert_in_place(datasets: Datasets, seed: int) -> Datasets:
-    """The expert's data in the novice's place, where nothing of the novice is left; ConfigError for fewer than two."""
+def pretraining_datasets(datasets: Datasets, seed: int) -> Datasets:
+    """Datasets of a pretraining: the expert's in the novice's place.
+
+    The test split is the validation set too.
+
+    Args:
+        datasets: the expert's data are used, the novice's are not.
+        seed: seed of the random split.
+
+    Raises:
+        ConfigError: there are no data of the expert, or a single trajectory.
+    """
     expert = datasets.expert
     if expert is None:
         raise ConfigError(
@@ -50,32 +65,42 @@ def expert_in_place(datasets: Datasets, seed: int) -> Datasets:
         )
     if len(expert) < 2:
         raise ConfigError(
-            "the expert's motion is one piece; pretraining needs one to learn from and one to stop by"
+            "the expert's motion is one piece; pretraining needs one to learn from "
+            "and one to stop by"
         )
-    train_part, test_part = split(len(expert), len(expert), seed)
-    testing = expert.subset(test_part)
-    return Datasets(expert.subset(train_part), testing, testing, expert)
+    train_rows, test_rows = split_indices(len(expert), len(expert), seed)
+    test = expert.subset(test_rows)
+    return Datasets(expert.subset(train_rows), test, test, expert)
 
 
-def start_from(trained: Trained) -> Start:
-    """What a run on `expert_in_place` leaves to a novice."""
-    return Start(checkpoint.module_tensors(trained.model), trained.samples)
+def pretrained_from(trained: Trained) -> Pretrained:
+    """The pretrained weights from a training on `pretraining_datasets`."""
+    return Pretrained(checkpoint.module_tensors(trained.model), trained.samples)
 
 
-def keep(folder: Path, start: Start) -> None:
-    """Write it to a folder, and drop the state of the unfinished run there."""
+def write(folder: Path, start: Pretrained) -> None:
+    """Write pretrained weights to a folder, and delete the unfinished state there."""
     checkpoint.write(folder, start.weights, {"samples": start.samples})
     shutil.rmtree(folder / STATE, ignore_errors=True)
 
 
-def read(folder: Path) -> Start | None:
-    """What `keep` wrote, None where there is nothing; CheckpointError when it is damaged."""
-    found = checkpoint.read(folder)
-    return None if found is None else Start(found[0], found[1]["samples"])
+def read(folder: Path) -> Pretrained | None:
+    """The pretrained weights in a folder; None where there are none.
+
+    Raises:
+        CheckpointError: the file is damaged.
+    """
+    content = checkpoint.read(folder)
+    if content is None:
+        return None
+    weights, values = content
+    return Pretrained(weights, values["samples"])
 
 
-def frozen(network: Network, start: Start, units: Standardisation) -> DynamicsModel:
-    """The expert's model as pretrained, in the novice's place, frozen."""
+def frozen_model(
+    network: Network, start: Pretrained, units: Standardisation
+) -> DynamicsModel:
+    """The expert's pretrained model in the novice's place, with fixed weights."""
     base = DynamicsModel(network, units, roles=["novice"])
-    base.start(start.weights)
+    base.initialise_from(start.weights)
     return base.eval().requires_grad_(False)

@@ -1,9 +1,10 @@
-"""A novice by least squares: what the expert's model gets wrong, or the whole transition, as a sum of few functions.
+"""A novice's model by least squares: a weighted sum of a few functions of x.
 
-The functions are a constant, the 11 numbers of x, the 13 of the expert's prediction
-where there is one, and all products of two of these. Their weights have a closed form,
-so that a novice is learnt in seconds. How strongly weights are held back (ridge
-regression), those of products apart from the others, is chosen by cross-validation.
+The sum is the whole transition, or the error of the expert's model. The functions are a
+constant, the 11 numbers of x, the 13 of the expert's prediction if there is one, and
+all products of two of these. Their weights have a closed form, so a novice is learnt in
+seconds. Two penalties on the weights (ridge regression), one for the numbers and one
+for their products, are chosen by cross-validation.
 """
 
 from __future__ import annotations
@@ -21,34 +22,35 @@ from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.evaluation import EVALUATION_BATCH
 from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.networks import Memory
-from sidm.learning.stopping import Tested
+from sidm.learning.stopping import CurvePoint
 from sidm.learning.training import Trained
 from sidm.learning.units import Standardisation
 
-FOLDS = 5  # of the cross-validation, at most
-#: of weights of the numbers themselves
+FOLDS = 5  # folds of the cross-validation, at most
+#: Penalties on the weights of the numbers themselves.
 PENALTIES = tuple(10.0**power for power in range(-4, 1))
-#: of weights of their products
+#: Penalties on the weights of the numbers' products.
 PRODUCT_PENALTIES = tuple(10.0**power for power in range(-3, 4))
 
 
 class LeastSquares(Predictor):
-    """Predicts a weighted sum of functions of x, added to what the expert's model predicts where there is one.
+    """Predicts a weighted sum of functions, added to the expert's prediction if any.
 
-    The weights are zero until they are fitted. Numbers are held within the range that
-    the fit has seen: products that leave it would run away over the steps of a rollout.
+    The weights are zero until they are fitted. Every number is limited to the range of
+    the data that the model was fitted to: products of numbers outside of it would
+    diverge over the steps of a rollout.
 
     Args:
-        units: in which the functions are computed.
-        base: the expert's model, with the novice's parts alone, which stays as it is;
-            None to stand alone.
+        units: units in which the functions are computed.
+        base: the expert's model, with the novice's parts alone, which is not changed;
+            None if the sum is the whole transition.
         scale: weights (Y,) of the components in equation (1); all 1 by default.
     """
 
     loss_scale: Tensor | None
 
-    low: Tensor  # (N,), of what the fit has seen
-    high: Tensor
+    low: Tensor  # (N,), smallest numbers in the data
+    high: Tensor  # (N,), largest numbers in the data
 
     def __init__(
         self,
@@ -59,11 +61,10 @@ class LeastSquares(Predictor):
         super().__init__()
         self.base, self.units = base, units
         inputs, self.targets = len(units.input_mean), len(units.target_mean)
-        self.count = inputs + (self.targets if base is not None else 0)  # N, of numbers
+        self.count = inputs + (self.targets if base is not None else 0)  # N
         functions = 1 + self.count + self.count * (self.count + 1) // 2  # F
-        self.weights = nn.Parameter(
-            torch.zeros(functions, self.targets), requires_grad=False
-        )
+        zeros = torch.zeros(functions, self.targets)
+        self.weights = nn.Parameter(zeros, requires_grad=False)
         self.register_buffer("loss_scale", scale, persistent=False)
         self.register_buffer("low", torch.full((self.count,), -torch.inf))
         self.register_buffer("high", torch.full((self.count,), torch.inf))
@@ -75,14 +76,19 @@ class LeastSquares(Predictor):
     def forward(
         self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None
     ):
-        """Transitions (B, T, Y), raw units, as DynamicsModel; the memory is the base's, None without one."""
+        """Transitions (B, T, Y) in raw units, and the base's memory."""
         numbers, predicted, memory = self.numbers(role, inputs, maps, memory)
         return predicted + self.functions(numbers) @ self.weights, memory
 
     def numbers(
         self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None
     ) -> tuple[Tensor, Tensor, Memory | None]:
-        """What the functions are of, (B, T, N), what they are added to, (B, T, Y) in raw units, the base's memory."""
+        """Arguments of the functions, and the prediction that their sum is added to.
+
+        Returns:
+            Numbers (B, T, N), the base's transitions (B, T, Y) in raw units, which are
+            0 without a base, and the base's memory.
+        """
         numbers = (inputs - self.units.input_mean) / self.units.input_std
         if self.base is None:
             return numbers, inputs.new_zeros(*inputs.shape[:-1], self.targets), memory
@@ -91,59 +97,63 @@ class LeastSquares(Predictor):
         return torch.cat([numbers, standard], dim=-1), predicted, memory
 
     def functions(self, numbers: Tensor) -> Tensor:
-        """What is weighted, (..., F), of numbers (..., N): a constant, themselves, products of two."""
+        """Functions (..., F) of numbers (..., N): 1, the numbers, products of two."""
         held = numbers.clamp(self.low, self.high)
         first, second = torch.triu_indices(self.count, self.count)
-        return torch.cat(
-            [
-                torch.ones_like(held[..., :1]),
-                held,
-                held[..., first] * held[..., second],
-            ],
-            dim=-1,
-        )
+        products = held[..., first] * held[..., second]
+        return torch.cat([torch.ones_like(held[..., :1]), held, products], dim=-1)
 
     def penalties(self, of_numbers: float, of_products: float) -> Tensor:
-        """(F,) float64: how strongly each function's weights are held back; the constant's are not."""
-        found = torch.full((len(self.weights),), of_products, dtype=torch.float64)
-        found[0], found[1 : 1 + self.count] = 0.0, of_numbers
-        return found
+        """Penalties (F,), float64, on the weights; that of the constant is 0."""
+        penalties = torch.full((len(self.weights),), of_products, dtype=torch.float64)
+        penalties[0], penalties[1 : 1 + self.count] = 0.0, of_numbers
+        return penalties
 
 
-class Moments(NamedTuple):
-    """All that least squares have to know of some steps: sums over them, float64."""
+class NormalEquations(NamedTuple):
+    """Sums over some steps, float64, from which least squares are solved.
 
-    gram: Tensor  # (F, F), of products of functions
-    cross: Tensor  # (F, Y), of functions times what is to be explained
-    squares: float  # of what is to be explained
+    Attributes:
+        gram: (F, F), products of two functions
+        cross: (F, Y), products of a function and a target
+        squares: squares of the targets
+        steps: how many steps were added
+    """
+
+    gram: Tensor
+    cross: Tensor
+    squares: float
     steps: int
 
-    def plus(self, other: Moments) -> Moments:
-        """Of the steps of both."""
-        return Moments(*map(operator.add, self, other))
+    def plus(self, other: NormalEquations) -> NormalEquations:
+        """Sums over these steps and those of `other`."""
+        return NormalEquations(*map(operator.add, self, other))
 
-    def without(self, part: Moments) -> Moments:
-        """Of the steps that are not those of a part of them."""
-        return Moments(*map(operator.sub, self, part))
+    def without(self, part: NormalEquations) -> NormalEquations:
+        """Sums over these steps except those of `part`."""
+        return NormalEquations(*map(operator.sub, self, part))
 
     def solve(self, penalties: Tensor) -> Tensor:
-        """Weights (F, Y) of the lowest mean squared error with `penalties` (F,) on their squares."""
-        return torch.linalg.solve(
-            self.gram / self.steps + penalties.diag(), self.cross / self.steps
-        )
+        """Weights (F, Y) of the lowest mean squared error.
+
+        Args:
+            penalties: (F,), factors of the weights' squares, which add to the error.
+        """
+        gram = self.gram / self.steps + penalties.diag()
+        return torch.linalg.solve(gram, self.cross / self.steps)
 
     def loss(self, weights: Tensor) -> float:
         """Equation (1) with `weights` (F, Y), mean over the steps."""
-        explained = (
-            2 * (weights * self.cross).sum() - (weights * (self.gram @ weights)).sum()
-        )
+        quadratic = (weights * (self.gram @ weights)).sum()
+        explained = 2 * (weights * self.cross).sum() - quadratic
         return (self.squares - float(explained)) / self.steps
 
 
-def moments(functions: Tensor, left: Tensor) -> Moments:
-    """Those of functions (..., F) and of what they are to explain, (..., Y), both float64."""
-    rows, left = functions.flatten(0, -2), left.flatten(0, -2)
-    return Moments(rows.T @ rows, rows.T @ left, float(left.square().sum()), len(rows))
+def normal_equations(functions: Tensor, targets: Tensor) -> NormalEquations:
+    """Sums over the steps of functions (..., F) and targets (..., Y), both float64."""
+    rows, targets = functions.flatten(0, -2), targets.flatten(0, -2)
+    squares = float(targets.square().sum())
+    return NormalEquations(rows.T @ rows, rows.T @ targets, squares, len(rows))
 
 
 def fit(
@@ -153,69 +163,68 @@ def fit(
     image: Callable[[Windows], Windows] | None = None,
     scale: Tensor | None = None,
 ) -> Trained:
-    """The weights of the lowest cross-validated loss on the novice's data, train and test together.
+    """Fit the weights of a `LeastSquares` model to the novice's data.
+
+    Train and test split are used together; the penalties are those of the lowest
+    cross-validated loss.
 
     Args:
-        datasets: the novice's train and test split; nothing else of them is used.
-        units: in which the functions are computed, the same for every method.
-        base: what is corrected; none by default.
-        image: gives another motion for each, to learn from too, such as its mirror
-            image; none by default.
+        datasets: the novice's train and test split; the other data are not used.
+        units: units in which the functions are computed, the same for every method.
+        base: the model that is corrected; none by default.
+        image: turns windows into other motion of the robot, such as its mirror image,
+            which is learnt from too; none by default.
         scale: weights (Y,) of the components in equation (1); all 1 by default.
 
     Returns:
-        The model, and how it came about: the test loss is that of the cross-validation.
+        The model and its training; the test loss is the cross-validated one.
     """
     model = LeastSquares(units, base, scale).eval()
     root = torch.ones(model.targets) if scale is None else scale.sqrt()
-    numbers, left = _observed(model, datasets, image)
+    numbers, residuals = _numbers_and_residuals(model, datasets, image)
     model.low, model.high = numbers.amin((0, 1)), numbers.amax((0, 1))
-    # of whole trajectories
-    parts = [slice(fold, None, FOLDS) for fold in range(min(FOLDS, len(numbers)))]
-    folds = [
-        moments(model.functions(numbers[part].double()), (left[part] * root).double())
-        for part in parts
-    ]
-    total = functools.reduce(Moments.plus, folds)
+    folds = []
+    for fold in range(min(FOLDS, len(numbers))):  # each of whole trajectories
+        functions = model.functions(numbers[fold::FOLDS].double())
+        targets = (residuals[fold::FOLDS] * root).double()
+        folds.append(normal_equations(functions, targets))
+    total = functools.reduce(NormalEquations.plus, folds)
 
-    def validated(penalties: Tensor) -> float:
-        return (
-            sum(
-                fold.loss(total.without(fold).solve(penalties)) * fold.steps
-                for fold in folds
-            )
-            / total.steps
-        )
+    def validation_loss(penalties: Tensor) -> float:
+        losses = [fold.loss(total.without(fold).solve(penalties)) for fold in folds]
+        steps = [fold.steps for fold in folds]
+        return sum(map(operator.mul, losses, steps)) / total.steps
 
-    tried = [
-        model.penalties(*pair)
-        for pair in itertools.product(PENALTIES, PRODUCT_PENALTIES)
-    ]
-    losses = [validated(penalties) for penalties in tried]
+    grid = itertools.product(PENALTIES, PRODUCT_PENALTIES)
+    candidates = [model.penalties(*penalties) for penalties in grid]
+    losses = [validation_loss(penalties) for penalties in candidates]
     lowest = min(losses)
-    weights = total.solve(tried[losses.index(lowest)])
+    weights = total.solve(candidates[losses.index(lowest)])
     model.weights.copy_(weights / root)
-    curve = [Tested(total.steps, total.loss(weights), lowest, None)]
+    curve = [CurvePoint(total.steps, total.loss(weights), lowest, None)]
     return Trained(model, curve, total.steps, 0, lowest, total.steps, True)
 
 
-def _observed(
+def _numbers_and_residuals(
     model: LeastSquares, datasets: Datasets, image: Callable[[Windows], Windows] | None
 ) -> tuple[Tensor, Tensor]:
-    """Of the novice's windows: numbers (n, T, N), and what is left to explain, (n, T, Y); 2 T with an `image`."""
-    numbers, left = [], []
-    for part in (
-        *datasets.train.split(EVALUATION_BATCH),
-        *datasets.test.split(EVALUATION_BATCH),
-    ):
-        images = [part] if image is None else [part, image(part)]
+    """Numbers and residuals of all novice windows, train and test split together.
+
+    Returns:
+        Numbers (n, T, N) and what the base leaves of the transitions, (n, T, Y); 2 T in
+        place of T with an `image`.
+    """
+
+    def pair(part: Windows) -> tuple[Tensor, Tensor]:
         with torch.inference_mode():
-            found = [
-                (*model.numbers("novice", one.inputs, one.maps)[:2], one.targets)
-                for one in images
-            ]
-        numbers.append(torch.cat([seen for seen, _, _ in found], dim=1))
-        left.append(
-            torch.cat([targets - predicted for _, predicted, targets in found], dim=1)
-        )
-    return torch.cat(numbers).clone(), torch.cat(left).clone()
+            numbers, predicted, _ = model.numbers("novice", part.inputs, part.maps)
+        return numbers, part.targets - predicted
+
+    pairs = []  # numbers (B, T, N) and residuals (B, T, Y) of each part
+    for windows in (datasets.train, datasets.test):
+        for part in windows.split(EVALUATION_BATCH):
+            images = [part] if image is None else [part, image(part)]
+            both = zip(*map(pair, images), strict=True)
+            pairs.append([torch.cat(tensors, dim=1) for tensors in both])
+    numbers, residuals = (torch.cat(parts) for parts in zip(*pairs, strict=True))
+    return numbers.clone(), residuals.clone()

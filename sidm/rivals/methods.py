@@ -1,4 +1,4 @@
-"""The methods that a robot is learnt by: configurations of the one training loop, or a closed form."""
+"""The methods of learning a robot: settings of one training loop, or a closed form."""
 
 from __future__ import annotations
 
@@ -13,61 +13,74 @@ T = TypeVar("T", bound=Training)
 
 
 class Method(NamedTuple):
-    """A configuration of the one training loop."""
+    """A method of learning a robot.
 
-    label: str  # for figures and tables
-    #: whose tuned settings it has; '' where nothing of the training loop is used
+    Attributes:
+        label: name in figures and tables
+        tuned_as: the method whose tuned settings it has; '' if it does not use the
+            training loop
+        expert: whether it learns from the expert's data too, with the training's p_e
+        regularise: whether Algorithm 2 makes the systems' latents similar
+        pretrained: whether it starts from weights that were trained on the expert alone
+        carried: which of these weights it starts from; 'sidm': the shared part alone
+        residual: whether it learns a correction of the pretrained model instead
+        fit: how it learns
+        own: which parts of encoder and decoder each system has for itself, as
+            `Network.own`
+        changes: settings of its training that differ from all others'
+        all_changes: settings of its training and its pretraining that differ
+    """
+
+    label: str
     tuned_as: str
-    #: whether it learns from the expert's data too, with the training's p_e
     expert: bool = False
-    regularise: bool = False  # whether the latents are made alike
-    #: whether it starts from weights that learnt from the expert alone
+    regularise: bool = False
     pretrained: bool = False
-    #: what of those weights it starts from; 'sidm': the shared part alone
     carried: Literal["all", "sidm"] = "all"
-    residual: bool = False  # whether it learns to correct them instead
-    fit: Literal["gradients", "least_squares"] = "gradients"  # what it learns by
-    #: what each system has of encoder and decoder for itself
+    residual: bool = False
+    fit: Literal["gradients", "least_squares"] = "gradients"
     own: Literal["all", "biases", "flag", "none"] = "all"
-    changes: tuple[tuple[str, Any], ...] = ()  # of its training
-    #: of its training, and of its pretraining
+    changes: tuple[tuple[str, Any], ...] = ()
     all_changes: tuple[tuple[str, Any], ...] = ()
 
     def training(self, base: T, tuned: Mapping[str, Any] = MappingProxyType({})) -> T:
-        """The method's training on the novice.
+        """Settings of the method's training on the novice.
 
         Args:
-            base: the settings of every method; `p_expert` holds where the method learns
-                from the expert's data.
-            tuned: settings that the method was tuned to, in place of the base's.
+            base: settings that all methods share; its `p_expert` counts only if the
+                method learns from the expert's data.
+            tuned: settings that were tuned for the method; they replace the base's.
         """
         p_expert = base.p_expert if self.expert else 0.0
-        values = dict(tuned) | dict(self.all_changes) | dict(self.changes)
-        return replace(
-            base, **({"p_expert": p_expert, "regularise": self.regularise} | values)
-        )
+        values = {"p_expert": p_expert, "regularise": self.regularise} | dict(tuned)
+        return replace(base, **(values | dict(self.all_changes) | dict(self.changes)))
 
     def pretraining(
         self, base: T, tuned: Mapping[str, Any] = MappingProxyType({})
     ) -> T | None:
-        """The method's training on the expert alone; None for a method that begins afresh."""
+        """Settings of the method's training on the expert alone.
+
+        Args:
+            base: settings that all methods share.
+            tuned: settings that were tuned for the method; they replace the base's.
+
+        Returns:
+            The settings; None for a method that is not pretrained.
+        """
         if not self.pretrained:
             return None
-        return replace(
-            base,
-            **(dict(tuned) | dict(self.all_changes)),
-            p_expert=0.0,
-            regularise=False,
-        )
+        values = dict(tuned) | dict(self.all_changes)
+        return replace(base, **values, p_expert=0.0, regularise=False)
 
 
 #: The methods that the library offers, by name.
 METHODS: dict[str, Method] = {
-    # The paper's method, and its comparison on novice data alone (section 4).
+    # The paper's method, and its baseline on the novice's data alone (section 4).
     "sidm": Method("with SIDM", "sidm", expert=True, regularise=True),
     "novice_only": Method("without SIDM", "novice_only"),
     "no_regularisation": Method("SIDM, no adversary", "sidm", expert=True),
-    # Pretraining on the expert; section 4 says that the SIDM cannot be pretrained so.
+    # Pretraining on the expert; section 4 says that the SIDM cannot be pretrained on
+    # one expert alone.
     "pretrain_finetune": Method(
         "pretraining + fine-tuning", "pretrain_finetune", pretrained=True
     ),
@@ -77,7 +90,7 @@ METHODS: dict[str, Method] = {
         pretrained=True,
         changes=(("max_samples", 0),),
     ),
-    # What is left of pretraining where the two robots' bodies differ.
+    # Pretraining of the shared part alone, for robots whose bodies differ.
     "core_finetune": Method(
         "pretrained recurrent core, fine-tuned",
         "pretrain_finetune",
@@ -91,7 +104,7 @@ METHODS: dict[str, Method] = {
         carried="sidm",
         changes=(("frozen", "sidm"),),
     ),
-    # No network for the novice, or none but the expert's.
+    # No network for the novice, or only the expert's.
     "least_squares": Method("least squares", "", fit="least_squares"),
     "corrected": Method(
         "pretraining + least squares",

@@ -1,4 +1,4 @@
-"""A frozen model and a learned correction: the novice learns what the expert's model gets wrong."""
+"""A fixed model of the expert with a correction that is learnt from the novice."""
 
 from __future__ import annotations
 
@@ -13,43 +13,50 @@ from sidm.learning.units import Standardisation
 
 
 class Corrected(Predictor):
-    """Predicts the sum of what two models predict, both with the novice's parts alone."""
+    """Predicts the sum of two models' predictions.
+
+    Args:
+        base: the fixed model, with the novice's parts alone.
+        correction: predicts what is to be added, with the novice's parts alone.
+    """
 
     def __init__(self, base: DynamicsModel, correction: Predictor):
         super().__init__()
         self.base, self.correction = base, correction
 
     def forward(self, role: str, inputs: Tensor, maps: Tensor, memory=None):
-        """Transitions (B, T, 13), raw units, as DynamicsModel; the memory is that of both."""
-        first, second = memory or (None, None)
-        predicted, first = self.base(role, inputs, maps, first)
-        missing, second = self.correction(role, inputs, maps, second)
-        return predicted + missing, (first, second)
+        """Transitions (B, T, 13) in raw units, and the memories of both models."""
+        of_base, of_correction = memory or (None, None)
+        predicted, of_base = self.base(role, inputs, maps, of_base)
+        correction, of_correction = self.correction(role, inputs, maps, of_correction)
+        return predicted + correction, (of_base, of_correction)
 
 
-def left_over(datasets: Datasets, base: DynamicsModel) -> Datasets:
-    """The novice's data, with what `base` leaves unexplained of each transition for a target."""
-    sets = {
-        name: _unexplained(getattr(datasets, name), base)
-        for name in ("train", "test", "validation")
-    }
+def residual_datasets(datasets: Datasets, base: DynamicsModel) -> Datasets:
+    """The novice's data with residuals of `base` as targets.
+
+    A residual is a transition minus the transition that `base` predicts.
+    """
+    names = ("train", "test", "validation")
+    sets = {name: _residuals(getattr(datasets, name), base) for name in names}
     return datasets._replace(**sets)
 
 
-def _unexplained(motion: Windows, base: DynamicsModel) -> Windows:
-    whole = motion.take(range(len(motion)))
+def _residuals(windows: Windows, base: DynamicsModel) -> Windows:
+    """The windows with residuals of `base` as targets."""
+    copy, device = windows.take(range(len(windows))), base.device
+    predicted = []
     with torch.inference_mode():
-        predicted = [
-            base("novice", part.inputs.to(base.device), part.maps.to(base.device))[
-                0
-            ].cpu()
-            for part in whole.split(EVALUATION_BATCH)
-        ]
-    return Windows(whole.inputs, whole.targets - torch.cat(predicted), whole.maps)
+        for part in copy.split(EVALUATION_BATCH):
+            inputs, maps = part.inputs.to(device), part.maps.to(device)
+            predicted.append(base("novice", inputs, maps)[0].cpu())
+    return Windows(copy.inputs, copy.targets - torch.cat(predicted), copy.maps)
 
 
-def units(datasets: Datasets) -> Standardisation:
-    """Of a correction: the expert's as for every method, but about zero, where a correction begins.
+def correction_units(datasets: Datasets) -> Standardisation:
+    """Units of a correction: those of the expert's data, but with targets of mean 0.
+
+    A correction starts at zero.
 
     Raises:
         ConfigError: there are no data of the expert.
@@ -58,5 +65,5 @@ def units(datasets: Datasets) -> Standardisation:
         raise ConfigError(
             "a correction needs the expert's data, but datasets.expert is None"
         )
-    found = Standardisation.of(datasets.expert)
-    return found._replace(target_mean=torch.zeros_like(found.target_mean))
+    units = Standardisation.fit(datasets.expert)
+    return units._replace(target_mean=torch.zeros_like(units.target_mean))

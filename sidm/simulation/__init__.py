@@ -1,4 +1,8 @@
-"""The robots in simulation: the only part of the package that needs PyBullet, when it first simulates."""
+"""The paper's robots in simulation.
+
+No other part of the package needs PyBullet; it is imported when a robot is first
+simulated.
+"""
 
 from sidm.simulation.collecting import collect, discards, simulate_trajectory
 from sidm.simulation.exploration import POLICIES, draw_actions

@@ -10,48 +10,56 @@ from typing import Any
 
 @functools.cache
 def bullet() -> Any:
-    """PyBullet, without the line that it writes to standard error in every process and notebook.
+    """The module PyBullet, imported without the line that it prints.
+
+    PyBullet writes that line to standard error in every process and notebook.
 
     Raises:
-        ImportError: it is not installed; one line.
+        ImportError: PyBullet is not installed; one line.
     """
-    screen, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 2)
+    stderr, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, 2)
     try:
         return importlib.import_module("pybullet")
     except ImportError as error:
         raise ImportError(
-            "simulating needs PyBullet: pip install pybullet (all else works without it)"
+            "simulating needs PyBullet: pip install pybullet "
+            "(all else works without it)"
         ) from error
     finally:
-        os.dup2(screen, 2)
-        os.close(screen)
-        os.close(nowhere)
+        os.dup2(stderr, 2)
+        os.close(stderr)
+        os.close(null)
 
 
 class Client:
-    """A connection of its own to the simulation: PyBullet's functions with the connection's number filled in."""
+    """PyBullet's functions with the number of one connection filled in.
+
+    Each client has a connection, and so a simulation, to itself.
+    """
 
     _number: int = -1
     _pybullet: Any = None  # for `close`, where PyBullet is not installed
 
     def __init__(self) -> None:
-        """Start it, without a window."""
+        """Open a connection without a window."""
         self._pybullet = bullet()
         self._number = self._pybullet.connect(self._pybullet.DIRECT)
 
     def __getattr__(self, name: str) -> Any:
         """A function or constant of PyBullet."""
         value = getattr(self._pybullet, name)
-        return (
-            functools.partial(value, physicsClientId=self._number)
-            if callable(value)
-            else value
-        )
+        if not callable(value):
+            return value
+        return functools.partial(value, physicsClientId=self._number)
 
     def close(self) -> None:
-        """End it; further calls fail. One that nobody holds is ended too, for PyBullet has room for a thousand."""
-        # as the interpreter ends, names go
+        """Close the connection; further calls fail.
+
+        A client that nothing refers to is closed too, because PyBullet has room for
+        about a thousand connections.
+        """
+        # at the interpreter's end PyBullet's functions may be gone already
         if self._number >= 0 and self._pybullet.disconnect is not None:
             self._pybullet.disconnect(physicsClientId=self._number)
             self._number = -1

@@ -1,8 +1,8 @@
-"""Trajectories by the thousand: in parallel, resumable, and the same whatever the number of workers.
+"""Simulate thousands of trajectories in parallel, with the same result on any machine.
 
-Trajectory i of a collection is a pure function of the collection's values and of i. A
-worker simulates one shard and writes it in one piece, so a collection that was killed
-goes on with the shards it lacks.
+Trajectory i of a collection is a pure function of the collection's values and of i, so
+the number of workers changes nothing. A worker simulates one shard and writes it in one
+piece, so a collection that was killed continues with the shards that are missing.
 """
 
 from __future__ import annotations
@@ -32,26 +32,39 @@ from sidm.simulation.client import bullet
 from sidm.simulation.exploration import draw_actions
 from sidm.simulation.simulator import Simulator
 from sidm.storage import checksum, read_record, sweep, write_record
-from sidm.systems import ROLES, System, find_system, is_known
+from sidm.systems import ROLES, System, find_system, is_system
 from sidm.terrain import generate_terrain
 
-#: more control steps than this within this distance, m, are stuck
+#: a robot is stuck after more control steps than this within this distance, m
 STUCK_STEPS, STUCK_DISTANCE = 25, 0.1
-BORDER = 1.0  # m from the terrain's edge
-FASTEST = 15.0  # m/s: a body faster than this is a simulation gone wrong
-MOST_ATTEMPTS = 1000  # at one trajectory
+BORDER = 1.0  # m, a trajectory ends this near to the edge of the terrain
+MAX_SPEED = 15.0  # m/s, at a higher speed of the body the simulation has gone wrong
+MAX_ATTEMPTS = 1000  # at one trajectory
 
 
 class EpisodeRules:
-    """When a trajectory ends early: stuck, at the border, rolled over, or unstable (the causes in DISCARDS)."""
+    """The rules that end a trajectory early.
+
+    The causes are those of DISCARDS: the robot is stuck, at the border or rolled over,
+    or the simulation is unstable.
+    """
 
     def __init__(self, start: np.ndarray, half_width: float) -> None:
-        """Begin with the settled state (13,) on a terrain reaching `half_width` m from the origin."""
-        self._place, self._since, self._half_width = start[POSITION][:2], 0, half_width
+        """Begin an episode.
+
+        Args:
+            start: the settled state (13,).
+            half_width: distance from the origin to the terrain's edge, m.
+        """
+        self._half_width = half_width
+        self._place, self._steps_there = start[POSITION][:2], 0
 
     def ended(self, state: np.ndarray) -> str | None:
-        """The cause why the trajectory ends at `state` (13,), or None; call once a control step."""
-        if not np.isfinite(state).all() or np.linalg.norm(state[TWIST][:3]) > FASTEST:
+        """The cause that ends the trajectory at `state` (13,), or None.
+
+        Call it once after every control step.
+        """
+        if not np.isfinite(state).all() or np.linalg.norm(state[TWIST][:3]) > MAX_SPEED:
             return "unstable"
         if upright(state) < 0:
             return "rollover"
@@ -59,40 +72,45 @@ class EpisodeRules:
         if np.abs(position).max() > self._half_width - BORDER:
             return "border"
         if np.linalg.norm(position - self._place) > STUCK_DISTANCE:
-            self._place, self._since = position, 0
+            self._place, self._steps_there = position, 0
         else:
-            self._since += 1
-        return "stuck" if self._since > STUCK_STEPS else None
+            self._steps_there += 1
+        return "stuck" if self._steps_there > STUCK_STEPS else None
 
 
-def drawn(
+def draw_attempt(
     collection: Collection, index: int, number: int
 ) -> tuple[int, float, np.ndarray]:
-    """Of try number `number` at trajectory `index`: the terrain's seed, the yaw at the start, rad, actions (64, 2)."""
+    """Draw what is random in attempt `number` at trajectory `index` of a collection.
+
+    Returns:
+        The terrain's seed, the yaw at the start, rad, and the actions (64, 2).
+    """
     names = (collection.system, collection.role, collection.policy)
     key = [zlib.crc32(name.encode()) for name in names]
     rng = np.random.default_rng(
         np.random.SeedSequence(collection.seed, spawn_key=(*key, index, number))
     )
     terrain_seed, yaw = int(rng.integers(2**62)), rng.uniform(-np.pi, np.pi)
-    return (
-        terrain_seed,
-        yaw,
-        draw_actions(collection.policy, STEPS, rng).astype(np.float32),
-    )
+    actions = draw_actions(collection.policy, STEPS, rng).astype(np.float32)
+    return terrain_seed, yaw, actions
 
 
-def attempt(
+def simulate_attempt(
     simulator: Simulator,
     system: System,
     collection: Collection,
     index: int,
     number: int,
 ) -> tuple[Drive | None, str | None]:
-    """Try number `number` at trajectory `index`: the drive, or the cause why it is thrown away."""
-    terrain_seed, yaw, actions = drawn(collection, index, number)
+    """Simulate attempt `number` at trajectory `index` of a collection.
+
+    Returns:
+        The drive and None, or None and the cause for which the attempt is discarded.
+    """
+    terrain_seed, yaw, actions = draw_attempt(collection, index, number)
     heights = generate_terrain(system.terrain, terrain_seed)
-    simulator.put_on(heights)
+    simulator.set_terrain(heights)
     states = [simulator.reset(0.0, 0.0, yaw)]
     rules = EpisodeRules(states[0], system.terrain.half_width)
     for action in actions:
@@ -104,42 +122,38 @@ def attempt(
         system.terrain, terrain_seed, checksum(heights), probe(heights)
     )
     robot = f"{collection.system} {collection.role}"
-    return simulated_drive(
-        robot, index, np.array(states, np.float32), actions, ground
-    ), None
+    path = np.array(states, np.float32)
+    return simulated_drive(robot, index, path, actions, ground), None
 
 
-@functools.lru_cache(
-    maxsize=1
-)  # a worker keeps it from shard to shard: building one takes a quarter of a trajectory
+# A worker keeps the simulator from shard to shard: building one takes a quarter of the
+# time of a trajectory.
+@functools.lru_cache(maxsize=1)
 def _simulator(system: System, role: str) -> Simulator:
-    return Simulator(
-        system.robot(role),
-        np.zeros((system.terrain.size, system.terrain.size)),
-        system.physics,
-    )
+    flat = np.zeros((system.terrain.size, system.terrain.size))
+    return Simulator(system.robot(role), flat, system.physics)
 
 
-def robots_of(collection: Collection, system: System | None) -> System:
-    """The robots and the ground of a collection: those given, or those that are known by its name.
+def system_of(collection: Collection, system: System | None) -> System:
+    """The system of a collection: the given one, or the known one of that name.
 
     Raises:
-        ConfigError: no system of that name is known and none given, or another one than
-            is known by that name.
+        ConfigError: the given system has another name than the collection, or the name
+            belongs to a known system with other values, or no system is given and the
+            name is not known.
     """
     if system is None:
         return find_system(collection.system)
-    if system.name != collection.system:
+    name = system.name
+    if name != collection.system:
         raise ConfigError(
-            f"the collection is of '{collection.system}', the robots given are of '{system.name}'"
+            f"the collection is of '{collection.system}', "
+            f"the robots given are of '{name}'"
         )
-    if (
-        collection.role in ROLES
-        and is_known(system.name)
-        and system != find_system(system.name)
-    ):
+    if collection.role in ROLES and is_system(name) and system != find_system(name):
         raise ConfigError(
-            f"'{system.name}' is known with other robots, ground or physics; give yours another name"
+            f"'{name}' is known with other robots, ground or physics; "
+            "give yours another name"
         )
     return system
 
@@ -147,40 +161,48 @@ def robots_of(collection: Collection, system: System | None) -> System:
 def simulate_trajectory(
     collection: Collection, index: int, system: System | None = None
 ) -> Drive:
-    """Trajectory `index` of a collection: the first attempt to last 64 steps, with the count of those that did not.
+    """Simulate trajectory `index` of a collection.
+
+    The trajectory is the first attempt that lasts 64 control steps.
 
     Args:
-        collection: what the trajectory is one of.
-        index: its number.
-        system: robots and ground; by default those of the collection's name. Of a role
-            that is neither 'novice' nor 'expert' the robot is the one in the expert's
-            place.
+        collection: the collection that the trajectory belongs to.
+        index: number of the trajectory.
+        system: robots and ground; by default the known system of the collection's
+            name. For a role that is neither 'novice' nor 'expert', the system's expert
+            is the robot.
+
+    Returns:
+        The drive, with the number of discarded attempts for each cause.
 
     Raises:
-        ConfigError: as of `robots_of`.
-        RuntimeError: none of MOST_ATTEMPTS did.
+        ConfigError: see `system_of`.
+        RuntimeError: all of MAX_ATTEMPTS attempts ended early.
     """
-    system = robots_of(collection, system)
-    simulator = _simulator(
-        system, collection.role if collection.role in ROLES else "expert"
-    )
+    system = system_of(collection, system)
+    role = collection.role if collection.role in ROLES else "expert"
+    simulator = _simulator(system, role)
     causes: list[str | None] = []
-    for number in range(MOST_ATTEMPTS):
-        drive, cause = attempt(simulator, system, collection, index, number)
+    for number in range(MAX_ATTEMPTS):
+        drive, cause = simulate_attempt(simulator, system, collection, index, number)
         if drive is not None:
-            return replace(
-                drive, discarded=tuple(causes.count(name) for name in DISCARDS)
-            )
+            counts = tuple(causes.count(name) for name in DISCARDS)
+            return replace(drive, discarded=counts)
         causes.append(cause)
     raise RuntimeError(
-        f"{collection}: {MOST_ATTEMPTS} attempts at trajectory {index} ended early; last: {causes[-1]}"
+        f"{collection}: {MAX_ATTEMPTS} attempts at trajectory {index} ended early; "
+        f"last: {causes[-1]}"
     )
 
 
 def make_shard(
     root: Path, collection: Collection, number: int, system: System | None = None
 ) -> int:
-    """Simulate and write one shard, as `simulate_trajectory`; how many trajectories it holds."""
+    """Simulate and write shard `number` of a collection under the data folder `root`.
+
+    Returns:
+        How many trajectories the shard holds.
+    """
     indices = range(SHARD_SIZE * number, SHARD_SIZE * (number + 1))
     write_shard(
         collection.shard(root, number),
@@ -190,12 +212,9 @@ def make_shard(
 
 
 def missing_shards(root: Path, collection: Collection, count: int) -> list[int]:
-    """Numbers of the shards that the first `count` trajectories need and that are not on disk."""
-    return [
-        k
-        for k in range(-(-count // SHARD_SIZE))
-        if not collection.shard(root, k).exists()
-    ]
+    """Numbers of the shards of the first `count` trajectories that are not on disk."""
+    shards = range(-(-count // SHARD_SIZE))
+    return [k for k in shards if not collection.shard(root, k).exists()]
 
 
 def collect(
@@ -207,63 +226,65 @@ def collect(
     progress: bool = True,
     system: System | None = None,
 ) -> list[Drive]:
-    """The first `count` trajectories of a collection; what is on disk is read, the rest is simulated and written.
+    """Collect the first `count` trajectories of a collection.
+
+    Shards on disk are read; missing ones are simulated and written first.
 
     Args:
         root: the data folder.
         collection: what to collect.
-        count: trajectories.
-        workers: processes, one a core when None; ignored with an `executor`.
+        count: number of trajectories.
+        workers: number of processes; None: one for each core. Ignored with `executor`.
         executor: runs the shards elsewhere; its workers write into the same `root`.
-        progress: show a bar with the time left.
-        system: as of `simulate_trajectory`.
+        progress: whether to show a bar with the time left.
+        system: robots and ground, as in `simulate_trajectory`.
+
+    Returns:
+        The drives, in the order of their indices.
 
     Raises:
-        ConfigError: as of `robots_of`, or the folder has motion of other robots of that
-            name.
+        ConfigError: see `system_of`; or the folder holds motion of other robots of the
+            same name.
         ShardError: a shard on disk is damaged; the message names it.
     """
-    root = Path(root).absolute()  # the same for workers elsewhere
+    root = Path(root).absolute()  # workers may have another working directory
     if system is not None:
-        _refuse_other_robots(collection.folder(root), robots_of(collection, system))
+        _refuse_other_robots(collection.folder(root), system_of(collection, system))
     sweep(collection.folder(root))
     missing = missing_shards(root, collection, count)
     if missing:
-        bullet()  # which is known to lack before workers start
-        pool = (
-            nullcontext(executor)
-            if executor
-            else local_pool(min(workers or os.cpu_count() or 1, len(missing)))
-        )
+        bullet()  # a missing PyBullet is reported before workers start
+        processes = min(workers or os.cpu_count() or 1, len(missing))
+        pool = nullcontext(executor) if executor else local_pool(processes)
         title = f"{collection.system} {collection.role} {collection.policy}"
-        with (
-            pool as run,
-            progress_bar(
-                len(missing) * SHARD_SIZE, title, "trajectory", progress
-            ) as bar,
-        ):
+        total = len(missing) * SHARD_SIZE
+        with pool as run, progress_bar(total, title, "trajectory", progress) as bar:
             futures = [
                 run.submit(make_shard, root, collection, number, system)
                 for number in missing
             ]
             for future in as_completed(futures):
                 bar.update(future.result())
-    return load(root, collection, count, robots_of(collection, system).terrain)
+    return load(root, collection, count, system_of(collection, system).terrain)
 
 
 def _refuse_other_robots(folder: Path, system: System) -> None:
-    """Note beside the shards whose motion they are; ConfigError where they are another system's of the same name."""
+    """Raise ConfigError where a folder's shards are of another system of the same name.
+
+    The system's values are written beside the shards when the folder is first used.
+    """
     path, values = folder / "system.json", to_mapping(system)
-    if path.exists() and read_record(path) != values:
-        raise ConfigError(
-            f"{folder} has motion of other robots called '{system.name}'; delete it or choose a new name"
-        )
     if not path.exists():
         write_record(path, values)
+    elif read_record(path) != values:
+        raise ConfigError(
+            f"{folder} has motion of other robots called '{system.name}'; "
+            "delete it or choose a new name"
+        )
 
 
 def discards(drives: list[Drive]) -> dict[str, int]:
-    """How many attempts were thrown away on the way to these drives, by cause."""
+    """How many attempts were discarded before these drives, by cause."""
     return {
         cause: sum(drive.discarded[k] for drive in drives)
         for k, cause in enumerate(DISCARDS)

@@ -1,12 +1,13 @@
-"""The robot as a Gymnasium environment, for planning and reinforcement learning; needs gymnasium besides PyBullet.
+"""The robot as a Gymnasium environment, for planning and reinforcement learning.
 
-Importing this module registers ``sidm/Rover-v0``::
+It needs gymnasium besides PyBullet. Importing this module registers ``sidm/Rover-v0``::
 
-    env = gymnasium.make("sidm.simulation.env:sidm/Rover-v0", system="system2",
-    role="novice")
+    env = gymnasium.make(
+        "sidm.simulation.env:sidm/Rover-v0", system="system2", role="novice"
+    )
 
-The environment gives no reward: what is worth reaching is a wrapper's to say, and
-:class:`ReachPoint` is one.
+The environment gives no reward, because it has no goal. A wrapper adds a goal and a
+reward; :class:`ReachPoint` is such a wrapper.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ try:
     import gymnasium
 except ImportError as error:  # pragma: no cover
     raise ImportError(
-        "the environment needs Gymnasium: pip install gymnasium (all else works without it)"
+        "the environment needs Gymnasium: pip install gymnasium "
+        "(all else works without it)"
     ) from error
 from gymnasium import spaces
 
@@ -32,28 +34,31 @@ from sidm.simulation.simulator import Simulator
 from sidm.systems import System, find_system
 from sidm.terrain import generate_terrain, height_at
 
-#: up direction 3, twist 6, action 2: the paper's x
+#: numbers of the paper's x beside the map: up direction 3, twist 6, action 2
 INPUT_SIZE: Final = len(ROVER.inputs)
-MAP_SIZE: Final = ROVER.map_size  # side of the robot-centred map, m
+MAP_SIZE: Final = ROVER.map_size  # m, side of the robot-centred map
+
+Observation = dict[str, np.ndarray]
 
 
 class Rover(gymnasium.Env):
-    """A robot of the paper on random ground; an episode ends as a collected trajectory does.
+    """A robot of the paper on random ground.
 
-    Action: (throttle, steering), (2,), each in [-1, 1], held for a control step of 0.1
-    s. Observation: a dict of ``motion`` (11,), up direction in the body frame, twist
-    (m/s, rad/s) and the action that led here (zeros after reset), and ``map`` (P, P),
-    m, the ground around the robot, turned with its heading, less its height: together
-    the x of section 4. Reward: 0.
+    An action is (throttle, steering), (2,), each in [-1, 1], applied for a control step
+    of 0.1 s. The reward is 0. An observation is a dict with the x of section 4:
+    ``motion`` (11,) has the up direction in the body frame, the twist (m/s, rad/s) and
+    the last action (zeros after `reset`); ``map`` (P, P) has the heights of the ground
+    around the robot, m, relative to the robot's height and turned with its heading.
 
-    A step terminates the episode when the robot is stuck, rolled over or the simulation
-    failed, and truncates it at the terrain's border; ``info["ended"]`` names the cause.
-    ``info["state"]`` is the absolute state (13,). A simulation that failed has no place
-    on the map: its step repeats the observation before it.
+    An episode ends by the rules for collected trajectories. A step terminates the
+    episode when the robot is stuck or rolled over or the simulation failed, and
+    truncates it at the terrain's border; ``info["ended"]`` names the cause.
+    ``info["state"]`` is the absolute state (13,). A failed simulation has no
+    observation, so its step repeats the one before.
 
     `reset` takes ``options``: ``terrain_seed`` (int), ``heights`` (H, W), m, and
-    ``start`` (x, y, yaw), m and rad; ground and heading are drawn where they are not
-    given.
+    ``start`` (x, y, yaw), m and rad. Ground and heading that are not given are drawn at
+    random.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
@@ -65,10 +70,16 @@ class Rover(gymnasium.Env):
         pixels: int = 64,
         render_mode: str | None = None,
     ) -> None:
-        """Take `role` of `system`, a name or a pair of your own, maps of `pixels` a side, 'rgb_array' for pictures.
+        """Choose the robot.
+
+        Args:
+            system: a pair of robots and their ground, or the name of a known one.
+            role: which robot of the pair, 'novice' or 'expert'.
+            pixels: side of the observed map, pixels.
+            render_mode: 'rgb_array' for pictures, or None.
 
         Raises:
-            ValueError: no pixels, or another `render_mode`.
+            ValueError: `pixels` is below 1, or `render_mode` is not known.
         """
         if pixels < 1:
             raise ValueError(f"pixels must be 1 or more, not {pixels}")
@@ -78,102 +89,103 @@ class Rover(gymnasium.Env):
         self.pixels, self.render_mode = pixels, render_mode
         self.robot = self.system.robot(role)
         self.action_space = spaces.Box(-1.0, 1.0, (ACTION_SIZE,), np.float32)
-        self.observation_space = spaces.Dict(
-            {
-                "motion": spaces.Box(-np.inf, np.inf, (INPUT_SIZE,), np.float32),
-                "map": spaces.Box(-np.inf, np.inf, (pixels, pixels), np.float32),
-            }
-        )
+        motion = spaces.Box(-np.inf, np.inf, (INPUT_SIZE,), np.float32)
+        ground = spaces.Box(-np.inf, np.inf, (pixels, pixels), np.float32)
+        self.observation_space = spaces.Dict({"motion": motion, "map": ground})
         self._simulator: Simulator | None = None
 
     @property
     def simulator(self) -> Simulator:
-        """The simulator of the present episode; ResetNeeded before the first."""
+        """The simulator of the present episode; ResetNeeded before the first one."""
         if self._simulator is None:
             raise gymnasium.error.ResetNeeded("reset the environment before using it")
         return self._simulator
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        """Drop the robot on new ground: observation and info, its state (13,); ValueError for an unknown option."""
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Drop the robot on new ground.
+
+        Args:
+            seed: of the random numbers for ground and heading.
+            options: see the class.
+
+        Returns:
+            The observation, and the info with the state (13,).
+
+        Raises:
+            ValueError: an option is unknown.
+        """
         super().reset(seed=seed)
         options = dict(options or {})
         terrain_seed = int(options.pop("terrain_seed", self.np_random.integers(2**62)))
         heights = options.pop("heights", None)
-        x, y, yaw = options.pop(
-            "start", (0.0, 0.0, self.np_random.uniform(-np.pi, np.pi))
-        )
+        heading = self.np_random.uniform(-np.pi, np.pi)
+        x, y, yaw = options.pop("start", (0.0, 0.0, heading))
         if options:
             raise ValueError(
-                f"unknown option {sorted(options)[0]!r}; known: terrain_seed, heights, start"
+                f"unknown option {sorted(options)[0]!r}; "
+                "known: terrain_seed, heights, start"
             )
-        heights = (
-            generate_terrain(self.system.terrain, terrain_seed)
-            if heights is None
-            else heights
-        )
-        self._begin(np.asarray(heights, float))
+        if heights is None:
+            heights = generate_terrain(self.system.terrain, terrain_seed)
+        self._set_terrain(np.asarray(heights, float))
         state = self.simulator.reset(x, y, yaw)
-        half_width = (
-            (min(self.simulator.heights.shape) - 1) * self.system.terrain.spacing / 2
-        )
-        self._rules = EpisodeRules(state, half_width)
-        self._seen = self._observe(state, np.zeros(ACTION_SIZE))
-        return copy.deepcopy(self._seen), {"state": state, "ended": None}
+        size = min(self.simulator.heights.shape) - 1
+        self._rules = EpisodeRules(state, size * self.system.terrain.spacing / 2)
+        self._observation = self._observe(state, np.zeros(ACTION_SIZE))
+        return copy.deepcopy(self._observation), {"state": state, "ended": None}
 
-    def _begin(self, heights: np.ndarray) -> None:
-        """Put the robot on a terrain (H, W), m, in the simulator at hand if that can be."""
-        if (
-            self._simulator is not None
-            and not self.render_mode
-            and heights.shape == self._simulator.heights.shape
-        ):
-            self._simulator.put_on(heights)
+    def _set_terrain(self, heights: np.ndarray) -> None:
+        """Put the robot on a terrain (H, W), m, with a new simulator only if needed."""
+        simulator, visible = self._simulator, self.render_mode is not None
+        if simulator and not visible and heights.shape == simulator.heights.shape:
+            simulator.set_terrain(heights)
             return
         self.close()
-        self._simulator = Simulator(
-            self.robot,
-            heights,
-            self.system.physics,
-            visible=self.render_mode is not None,
-        )
+        physics = self.system.physics
+        self._simulator = Simulator(self.robot, heights, physics, visible=visible)
 
     def step(
         self, action: np.ndarray
-    ) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
-        """Drive for 0.1 s by (throttle, steering), (2,): observation, reward 0, terminated, truncated, info."""
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Drive for 0.1 s by an action (throttle, steering), (2,).
+
+        Returns:
+            Observation, reward 0, terminated, truncated, info.
+        """
         state = self.simulator.step(action)
         cause = self._rules.ended(state)
-        ended, outside = cause not in (None, "border"), cause == "border"
+        terminated, truncated = cause not in (None, "border"), cause == "border"
         if np.isfinite(state).all():
-            self._seen = self._observe(state, action)
-        return (
-            copy.deepcopy(self._seen),
-            0.0,
-            ended,
-            outside,
-            {"state": state, "ended": cause},
-        )
+            self._observation = self._observe(state, action)
+        observation = copy.deepcopy(self._observation)
+        return observation, 0.0, terminated, truncated, {"state": state, "ended": cause}
 
     def render(self) -> np.ndarray | None:
-        """The robot from a camera that follows it, (480, 640, 3) uint8; None without a render mode."""
+        """A picture (480, 640, 3), uint8, from a camera that follows the robot.
+
+        Without a render mode there is no picture: None.
+        """
         return self.simulator.picture() if self.render_mode else None
 
     def close(self) -> None:
-        """Free the simulation; `reset` begins another."""
+        """Free the simulation; `reset` begins a new one."""
         if self._simulator is not None:
             self._simulator.close()
             self._simulator = None
 
-    def _observe(self, state: np.ndarray, action: np.ndarray) -> dict[str, np.ndarray]:
-        motion = np.concatenate(
-            [_attitude(state)[2], state[TWIST], np.clip(action, -1, 1)]
-        )
+    def _observe(self, state: np.ndarray, action: np.ndarray) -> Observation:
+        up = _attitude(state)[2]
+        motion = np.concatenate([up, state[TWIST], np.clip(action, -1, 1)])
         return {"motion": motion.astype(np.float32), "map": self._map(state)}
 
     def _map(self, state: np.ndarray) -> np.ndarray:
-        """Axis 0 runs along the body's y, axis 1 along its x, as `robot_centred_map` of sidm.learning has it."""
+        """The robot-centred map (P, P), m.
+
+        Axis 0 runs along the body's y, axis 1 along its x, as in
+        `sidm.learning.robot_centred_map`.
+        """
         offsets = ((np.arange(self.pixels) + 0.5) / self.pixels - 0.5) * MAP_SIZE
         forward, left = offsets[None, :], offsets[:, None]
         cos, sin = _heading(state)
@@ -187,11 +199,11 @@ class Rover(gymnasium.Env):
 
 
 class ReachPoint(gymnasium.Wrapper):
-    """A goal for the rover: come within `radius` of a point drawn on a ring around the start.
+    """A goal for the rover: to reach a random point on a ring around the start.
 
-    Adds ``goal`` (2,), m, the point's place ahead and to the left of the robot, to the
-    observation. The reward is the metres by which a step came nearer to it, and 1 more
-    for reaching it, which ends the episode.
+    The observation gets an entry ``goal`` (2,): the point's distance ahead of the robot
+    and to its left, m. The reward of a step is by how much it brought the robot nearer
+    to the point, m, and 1 more when the robot reaches it, which ends the episode.
     """
 
     def __init__(
@@ -201,73 +213,84 @@ class ReachPoint(gymnasium.Wrapper):
         farthest: float = 8.0,
         radius: float = 0.5,
     ) -> None:
-        """Draw goals between `nearest` and `farthest` from the start, m; ValueError for distances in another order."""
+        """Wrap an environment.
+
+        Args:
+            env: a `Rover`, wrapped or not.
+            nearest: least distance of a goal from the start, m.
+            farthest: greatest distance of a goal from the start, m.
+            radius: a robot that is nearer to the goal than this has reached it, m.
+
+        Raises:
+            ValueError: not `radius < nearest <= farthest`.
+        """
         super().__init__(env)
         if not radius < nearest <= farthest:
             raise ValueError(
-                f"radius < nearest <= farthest must hold, not {radius}, {nearest}, {farthest}"
+                "radius < nearest <= farthest must hold, "
+                f"not {radius}, {nearest}, {farthest}"
             )
         self.nearest, self.farthest, self.radius = nearest, farthest, radius
         goal = spaces.Box(-np.inf, np.inf, (2,), np.float32)
         assert isinstance(env.observation_space, spaces.Dict)
-        self.observation_space = spaces.Dict(
-            {**env.observation_space.spaces, "goal": goal}
-        )
+        entries = env.observation_space.spaces
+        self.observation_space = spaces.Dict({**entries, "goal": goal})
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        """Begin an episode and draw its goal; ``info["goal"]`` is its place (2,) in the world, m."""
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode and draw its goal.
+
+        Args:
+            seed: see `Rover.reset`; the goal is random too.
+            options: see `Rover`.
+
+        Returns:
+            The observation, and the info with ``goal`` (2,), its place in the world, m.
+        """
         observation, info = self.env.reset(seed=seed, options=options)
         rng = self.env.unwrapped.np_random
-        distance, bearing = (
-            rng.uniform(self.nearest, self.farthest),
-            rng.uniform(-np.pi, np.pi),
-        )
+        self._distance = rng.uniform(self.nearest, self.farthest)
+        bearing = rng.uniform(-np.pi, np.pi)
+        direction = np.array([np.cos(bearing), np.sin(bearing)])
         self._state = info["state"]
-        self.goal = self._state[POSITION][:2] + distance * np.array(
-            [np.cos(bearing), np.sin(bearing)]
-        )
-        self._distance = distance
+        self.goal = self._state[POSITION][:2] + self._distance * direction
         return self._with_goal(observation), info | {"goal": self.goal.copy()}
 
     def step(
         self, action: np.ndarray
-    ) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
-        """Drive for 0.1 s by (throttle, steering), (2,), rewarded by the metres gained."""
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Drive for 0.1 s by an action (throttle, steering), (2,).
+
+        Returns:
+            Observation, reward, terminated, truncated, info.
+        """
         observation, reward, terminated, truncated, info = self.env.step(action)
-        # else the simulation failed, and the robot stays where it was
+        # where the simulation failed, the robot counts as still in its last place
         if np.isfinite(info["state"]).all():
             self._state = info["state"]
         distance = float(np.linalg.norm(self.goal - self._state[POSITION][:2]))
         gained, self._distance = self._distance - distance, distance
         reached = distance < self.radius
-        observation = self._with_goal(observation)
+        reward = float(reward) + gained + float(reached)
         info |= {"goal": self.goal.copy(), "reached": reached}
-        return (
-            observation,
-            float(reward) + gained + float(reached),
-            terminated or reached,
-            truncated,
-            info,
-        )
+        observation = self._with_goal(observation)
+        return observation, reward, terminated or reached, truncated, info
 
-    def _with_goal(self, observation: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def _with_goal(self, observation: Observation) -> Observation:
         cos, sin = _heading(self._state)
         east, north = self.goal - self._state[POSITION][:2]
-        goal = np.array(
-            [cos * east + sin * north, cos * north - sin * east], np.float32
-        )
-        return {**observation, "goal": goal}
+        ahead, left = cos * east + sin * north, cos * north - sin * east
+        return {**observation, "goal": np.array([ahead, left], np.float32)}
 
 
 def _attitude(state: np.ndarray) -> np.ndarray:
-    """The matrix (3, 3) that turns body vectors into the world."""
+    """The rotation matrix (3, 3) from the body frame to the world."""
     return Rotation.from_quat(state[QUATERNION]).as_matrix()
 
 
 def _heading(state: np.ndarray) -> np.ndarray:
-    """Cosine and sine of the yaw."""
+    """Cosine and sine (2,) of the yaw."""
     ahead = _attitude(state)[:2, 0]
     return ahead / np.linalg.norm(ahead)
 

@@ -1,6 +1,8 @@
-"""Random actions that explore: three policies of the authors' released code, and the held action of Figure 4.
+"""Exploration policies: random actions that a robot is driven with.
 
-None looks at the robot's state, so a whole trajectory's actions are drawn at once.
+Three policies are those of the authors' released code; `held` is the constant action of
+Figure 4. No policy looks at the robot's state, so the actions of a whole trajectory are
+drawn at once.
 """
 
 from __future__ import annotations
@@ -11,11 +13,14 @@ import numpy as np
 
 from sidm.config import unknown_name
 
-SUBSTEPS = 50  # of the Ornstein-Uhlenbeck process in a control step
+SUBSTEPS = 50  # steps of the Ornstein-Uhlenbeck process in one control step
 
 
 def ornstein_uhlenbeck(steps: int, rng: np.random.Generator) -> np.ndarray:
-    """Actions (T, 2) of a mean-reverting walk, low-pass filtered, 50 substeps a control step; the paper's data."""
+    """Actions (T, 2) of a mean-reverting random walk behind a low-pass filter.
+
+    The walk has 50 substeps in a control step. The paper's data use this policy.
+    """
     shocks = rng.normal(0.0, (0.025, 0.05), (steps * SUBSTEPS, 2))
     throttle = _filtered_walk(shocks[:, 0].tolist(), mean=0.2, pull=0.0125, keep=0.8)
     steering = _filtered_walk(shocks[:, 1].tolist(), mean=0.0, pull=0.001, keep=0.99)
@@ -25,23 +30,29 @@ def ornstein_uhlenbeck(steps: int, rng: np.random.Generator) -> np.ndarray:
 def _filtered_walk(
     shocks: list[float], mean: float, pull: float, keep: float
 ) -> list[float]:
-    """A walk pulled towards its mean, seen through a low-pass filter that keeps within [-1, 1], after each shock."""
+    """Values after each step of a random walk, low-pass filtered and within [-1, 1].
+
+    A step pulls the walk towards its mean and adds a shock.
+    """
     walk = smooth = 0.0
-    seen = []
+    outputs = []
     for shock in shocks:
         walk = walk + pull * (mean - walk) + shock
         smooth = min(max(keep * smooth + (1 - keep) * walk, -1.0), 1.0)
-        seen.append(smooth)
-    return seen
+        outputs.append(smooth)
+    return outputs
 
 
 def sinusoid(steps: int, rng: np.random.Generator) -> np.ndarray:
-    """Actions (T, 2): sines whose phases advance at random."""
+    """Actions (T, 2): sines whose phases advance by random amounts."""
     return np.sin(np.cumsum(rng.normal((0.1, 0.5), (0.01, 0.2), (steps, 2)), axis=0))
 
 
 def bounded_noise(steps: int, rng: np.random.Generator) -> np.ndarray:
-    """Actions (T, 2) of a quick mean-reverting walk, low-pass filtered and bounded by a hyperbolic tangent."""
+    """Actions (T, 2) of a fast mean-reverting random walk behind a low-pass filter.
+
+    A hyperbolic tangent bounds them.
+    """
     walk, smooth, actions = np.zeros(2), np.zeros(2), np.empty((steps, 2))
     for step, shock in enumerate(rng.normal(0.0, 0.5, (steps, 2))):
         walk = 0.9 * walk + shock
@@ -51,7 +62,7 @@ def bounded_noise(steps: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def held(steps: int, rng: np.random.Generator) -> np.ndarray:
-    """Actions (T, 2): one, uniform over the square, held throughout (Figure 4)."""
+    """Actions (T, 2): one action, uniform over the square, at all steps (Figure 4)."""
     return np.tile(rng.uniform(-1, 1, 2), (steps, 1))
 
 
@@ -62,7 +73,19 @@ POLICIES: dict[str, Callable[[int, np.random.Generator], np.ndarray]] = {
 
 
 def draw_actions(policy: str, steps: int, rng: np.random.Generator) -> np.ndarray:
-    """Actions (steps, 2), each (throttle, steering) in [-1, 1], of the named policy; ConfigError without one."""
+    """Draw the actions of one trajectory.
+
+    Args:
+        policy: name of an exploration policy, one of POLICIES.
+        steps: number of control steps.
+        rng: draws the actions.
+
+    Returns:
+        Actions (steps, 2), each (throttle, steering) in [-1, 1].
+
+    Raises:
+        ConfigError: no policy has that name.
+    """
     if policy not in POLICIES:
         raise unknown_name(policy, POLICIES, "the exploration policies")
     return POLICIES[policy](steps, rng)

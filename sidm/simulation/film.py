@@ -1,4 +1,4 @@
-"""Films of a drive, by Bullet's software renderer."""
+"""Films of a simulated drive, drawn by Bullet's software renderer."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ from sidm.simulation.simulator import Simulator
 
 
 def film(simulator: Simulator, actions: np.ndarray, **view: Any) -> np.ndarray:
-    """Drive on through actions (T, 2) and take a picture after each: (T, height, width, 3) uint8.
+    """Drive a robot through some actions and take a picture after each of them.
 
     Args:
-        simulator: made with `visible=True`.
-        actions: one a control step.
+        simulator: made with `visible=True`; the drive starts from its present state.
+        actions: (T, 2), one for each control step.
         view: arguments of `Simulator.picture`; the camera follows the robot.
+
+    Returns:
+        Pictures (T, height, width, 3), uint8.
     """
     frames = []
     for action in actions:
@@ -27,8 +30,16 @@ def film(simulator: Simulator, actions: np.ndarray, **view: Any) -> np.ndarray:
 
 
 def gif(frames: np.ndarray, seconds: float = 0.1) -> bytes:
-    """Frames (T, height, width, 3) uint8 as an animated GIF that shows each for `seconds` and repeats."""
-    # keep rare colours, and the file small
+    """Pack pictures into an animated GIF that repeats.
+
+    Args:
+        frames: (T, height, width, 3), uint8.
+        seconds: how long each picture is shown, s.
+
+    Returns:
+        The content of the GIF file.
+    """
+    # this method keeps rare colours, and dithering would enlarge the file
     octree, plain = Image.Quantize.FASTOCTREE, Image.Dither.NONE
     images = [
         Image.fromarray(frame).quantize(64, octree, dither=plain) for frame in frames

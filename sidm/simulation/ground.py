@@ -1,4 +1,4 @@
-"""The terrain in Bullet: a height field whose heights can be exchanged."""
+"""The terrain in Bullet: a height field whose heights can be replaced."""
 
 from __future__ import annotations
 
@@ -7,35 +7,42 @@ import numpy as np
 from sidm.simulation.client import Client
 from sidm.systems import GRID_SPACING, Physics
 
-HIGHEST = 100.0  # m: heights lie between this and its negative
-COLOUR = (0.78, 0.74, 0.68, 1.0)  # in pictures
+MAX_HEIGHT = 100.0  # m, bound of the heights' absolute values
+COLOUR = (0.78, 0.74, 0.68, 1.0)  # red, green, blue, opacity, in pictures
 
 
 class Ground:
-    """A body that the robot drives on.
+    """The body in Bullet that the robot drives on.
 
-    Building a height field takes Bullet twice as long as exchanging its heights, for it
-    prepares to draw them.
+    Its heights can be replaced: building a new height field takes Bullet twice as long,
+    because Bullet then prepares to draw it.
 
     Attributes:
         heights: (H, W), m, float64.
-        body: its number in Bullet.
+        body: number of the body in Bullet.
     """
 
     def __init__(
         self, client: Client, heights: np.ndarray, physics: Physics, visible: bool
     ) -> None:
-        """Build it from heights (H, W), m; pictures show it if `visible`."""
+        """Build the body.
+
+        Args:
+            client: the connection to Bullet.
+            heights: (H, W), m.
+            physics: constants of the contacts.
+            visible: whether pictures show the ground.
+        """
         self._client, self._visible = client, visible
         self.heights = _checked(heights)
-        # Bullet keeps the bounds of a shape's first heights: these leave room for any
-        # others, about the body's origin.
-        room = np.zeros(self.heights.shape)
-        room.flat[[0, -1]] = -HIGHEST, HIGHEST
-        self._shape = self._height_field(room)
+        # Bullet keeps the bounds of the heights that a shape is built with. These
+        # bounds hold for all heights and are symmetric about the body's origin.
+        bounds = np.zeros(self.heights.shape)
+        bounds.flat[[0, -1]] = -MAX_HEIGHT, MAX_HEIGHT
+        self._shape = self._height_field(bounds)
         self._height_field(self.heights, replaceHeightfieldIndex=self._shape)
-        # Without a shape of its own to show, PyBullet would draw all triangles, which
-        # takes as long as building them.
+        # Without a visual shape PyBullet would draw all triangles, which takes as long
+        # as building them.
         hidden = client.createVisualShape(client.GEOM_SPHERE, radius=1e-3)
         self.body = client.createMultiBody(0, self._shape, hidden)
         client.changeVisualShape(self.body, -1, rgbaColor=COLOUR)
@@ -52,21 +59,24 @@ class Ground:
             self._draw()
 
     def _height_field(self, heights: np.ndarray, **options: int) -> int:
-        """A shape of the given heights in Bullet, its number."""
+        """Build a shape of heights (H, W), m, in Bullet; returns its number."""
         rows, columns = heights.shape
         return self._client.createCollisionShape(
             self._client.GEOM_HEIGHTFIELD,
             meshScale=[GRID_SPACING, GRID_SPACING, 1.0],
             heightfieldData=heights.astype(np.float32).ravel().tolist(),
-            numHeightfieldRows=columns,  # Bullet's rows run along x
+            numHeightfieldRows=columns,  # what Bullet calls rows runs along x
             numHeightfieldColumns=rows,
             **options,
         )
 
     def _draw(self) -> None:
-        """A second body to be looked at, which nothing touches: of the first, Bullet would draw the first heights."""
+        """Add a second body that is drawn but touches nothing.
+
+        Bullet would draw the first body with the heights that it was built with.
+        """
         client = self._client
-        # Bullet puts the middle of the heights' range at the body's origin.
+        # Bullet puts the middle of the heights' range at the body's origin
         middle = (self.heights.max() + self.heights.min()) / 2
         picture = client.createMultiBody(
             0, self._height_field(self.heights), basePosition=[0, 0, middle]
@@ -74,43 +84,49 @@ class Ground:
         client.changeVisualShape(picture, -1, rgbaColor=COLOUR, textureUniqueId=-1)
         client.setCollisionFilterGroupMask(picture, -1, 0, 0)
 
-    def exchange(self, heights: np.ndarray) -> None:
-        """Take other heights (H, W), m, of the same shape.
+    def replace(self, heights: np.ndarray) -> None:
+        """Replace the heights by others (H, W), m, of the same shape.
 
         Raises:
-            ValueError: another shape, not finite or too high; or the ground is visible.
+            ValueError: the shape differs, a height is not finite or too large, or the
+                ground is visible.
         """
         heights = _checked(heights)
         if self._visible or heights.shape != self.heights.shape:
+            where = " where it is visible" if self._visible else ""
             raise ValueError(
-                f"a terrain of shape {self.heights.shape} cannot be exchanged for one of {heights.shape}"
-                f"{' where it is visible' if self._visible else ''}: build a new Simulator"
+                f"a terrain of shape {self.heights.shape} cannot be replaced by one "
+                f"of {heights.shape}{where}: build a new Simulator"
             )
         self.heights = heights
         self._height_field(heights, replaceHeightfieldIndex=self._shape)
 
     def ray_heights(self, points: np.ndarray) -> np.ndarray:
-        """Heights (N,), m, where vertical rays at `points` (N, 2), m, meet it; NaN where they miss or hit the robot."""
+        """Heights where vertical rays meet the ground.
+
+        Args:
+            points: (N, 2), m, x and y of the rays.
+
+        Returns:
+            Heights (N,), m; NaN where a ray misses the ground or hits the robot.
+        """
         top, bottom = self.heights.max() + 1, self.heights.min() - 1
-        hits: list[float] = []
-        for some in np.array_split(
-            points, -(-len(points) // self._client.MAX_RAY_INTERSECTION_BATCH_SIZE)
-        ):
-            rays = self._client.rayTestBatch(
-                [[*p, top] for p in some], [[*p, bottom] for p in some]
-            )
-            hits += [hit[3][2] if hit[0] == self.body else np.nan for hit in rays]
-        return np.array(hits)
+        batches = -(-len(points) // self._client.MAX_RAY_INTERSECTION_BATCH_SIZE)
+        heights: list[float] = []
+        for batch in np.array_split(points, batches):
+            starts, ends = ([[*point, z] for point in batch] for z in (top, bottom))
+            hits = self._client.rayTestBatch(starts, ends)
+            heights += [hit[3][2] if hit[0] == self.body else np.nan for hit in hits]
+        return np.array(heights)
 
 
 def _checked(heights: np.ndarray) -> np.ndarray:
+    """Heights (H, W), m, as float64; ValueError where they are no grid or too large."""
     heights = np.asarray(heights, float)
-    if (
-        heights.ndim != 2
-        or min(heights.shape) < 2
-        or not (np.abs(heights) < HIGHEST).all()
-    ):
+    grid = heights.ndim == 2 and min(heights.shape) >= 2
+    if not grid or not (np.abs(heights) < MAX_HEIGHT).all():
         raise ValueError(
-            f"heights must be finite, within {HIGHEST:.0f} m of 0, of shape (H, W), (2, 2) or more, not {heights.shape}"
+            f"heights must be finite, within {MAX_HEIGHT:.0f} m of 0, "
+            f"of shape (H, W), (2, 2) or more, not {heights.shape}"
         )
     return heights

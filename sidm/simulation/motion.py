@@ -31,47 +31,47 @@ def simulate(
 
     Args:
         system: a pair of robots and their ground, or the name of one of `sidm.SYSTEMS`.
-        role: which of the two drives, 'novice' or 'expert'.
-        minutes: of motion; at least two drives are made.
-        seed: of ground, heading and actions; training and evaluation want different
-            ones.
-        policy: of the random actions, one of `sidm.simulation.POLICIES`.
-        folder: keeps the drives on disk, and what is there is not simulated again;
-            none: they are kept in memory.
-        workers: processes; with more than one a script must begin under `if __name__ ==
-            "__main__":`.
-        progress: whether to show a bar, where there is a `folder`.
+        role: which robot of the pair, 'novice' or 'expert'.
+        minutes: how much motion, min; at least two drives are made.
+        seed: of ground, heading and actions; use different seeds for training and
+            evaluation.
+        policy: the policy that draws the actions, one of `sidm.simulation.POLICIES`.
+        folder: where drives are stored; stored ones are not simulated again. None:
+            drives are kept in memory only.
+        workers: number of processes, with a `folder`; a script that uses more than one
+            must begin under `if __name__ == "__main__":`.
+        progress: whether to show a progress bar, with a `folder`.
 
     Returns:
-        The drives: states (65, 13), actions (64, 2), and the ground under them.
+        The drives, each with states (65, 13), actions (64, 2) and the ground.
 
     Raises:
-        ConfigError: an unknown system, role or policy, or no positive number of
-            minutes.
+        ConfigError: the system, role or policy is unknown, or the minutes are not
+            positive.
         ImportError: PyBullet is not installed.
 
     Examples:
-        >>> drives = sidm.simulate(sidm.SYSTEMS["system1"], "novice", minutes=0.2, seed=3)
-        >>> drives
-        [Drive('system1 novice 0': 64 steps of 0.1 s, body 'rover'), Drive('system1
-        novice 1': 64 steps of 0.1 s, ...)]
-        >>> drives[0].states.shape, drives[0].actions.shape, drives[0].ground.heights.shape
-        ((65, 13), (64, 2), (300, 300))
+        >>> system = sidm.SYSTEMS["system1"]
+        >>> drives = sidm.simulate(system, "novice", minutes=0.2, seed=3)
+        >>> drives[0]
+        Drive('system1 novice 0': 64 steps of 0.1 s, body 'rover')
+        >>> len(drives), drives[0].states.shape, drives[0].actions.shape
+        (2, (65, 13), (64, 2))
+        >>> drives[0].ground.heights.shape
+        (300, 300)
     """
     system = find_system(system) if isinstance(system, str) else system
     if not isinstance(system, System):
         raise TypeError(
             f"a system is a sidm.System or the name of one, not {type(system).__name__}"
         )
-    for what, value, known in (("role", role, ROLES), ("policy", policy, POLICIES)):
+    for name, value, known in (("role", role, ROLES), ("policy", policy, POLICIES)):
         if value not in known:
-            raise ConfigError(f"{what} {value!r}; {hint(str(value), known)}")
+            raise ConfigError(f"{name} {value!r}; {hint(str(value), known)}")
     if not 0 < minutes < float("inf"):
         raise ConfigError(f"minutes must be positive, not {minutes}")
-    collection, count = (
-        Collection(system=system.name, role=role, policy=policy, seed=seed),
-        trajectories_for(minutes),
-    )
+    collection = Collection(system=system.name, role=role, policy=policy, seed=seed)
+    count = trajectories_for(minutes)
     if folder is not None:
         return collect(
             folder, collection, count, workers=workers, progress=progress, system=system

@@ -1,8 +1,8 @@
-"""The robot's rigid-body model, built from its figures: a chassis on two solid axles, written as URDF.
+"""The robot's rigid-body model as URDF: a chassis on two solid axles.
 
-Each axle hangs on two revolute joints in series, heave and roll (`linkage`); what its
-struts push with is a torque on those joints (`suspension`). Bullet solves the stops of
-the heave and the tyres' contacts together.
+Each axle hangs on two revolute joints in series, heave and roll (`linkage`). The struts
+act as torques on these joints (`suspension`). Bullet solves the stops of the heave and
+the contacts of the tyres together.
 """
 
 from __future__ import annotations
@@ -38,19 +38,17 @@ from sidm.simulation.linkage import AxleJoints
 from sidm.simulation.suspension import Suspension
 from sidm.systems import Robot
 
-#: in pictures
-CHASSIS_COLOUR, TYRE_COLOUR, AXLE_COLOUR = (
-    "0.84 0.37 0.0",
-    "0.25 0.25 0.27",
-    "0.55 0.55 0.58",
-)
+# Red, green and blue in pictures.
+CHASSIS_COLOUR = "0.84 0.37 0.0"
+TYRE_COLOUR = "0.25 0.25 0.27"
+AXLE_COLOUR = "0.55 0.55 0.58"
 
-LINKAGE_MASS = 2 * (LOWER_LINK_MASS + UPPER_LINK_MASS + STRUT_MASS)  # of an axle
+#: kg, links and struts of one axle
+LINKAGE_MASS = 2 * (LOWER_LINK_MASS + UPPER_LINK_MASS + STRUT_MASS)
 
-HEAVES, ROLLS = (
-    tuple(f"{axle}_heave" for axle in AXLES),
-    tuple(f"{axle}_roll" for axle in AXLES),
-)
+# Names of the robot's joints.
+HEAVES = tuple(f"{axle}_heave" for axle in AXLES)
+ROLLS = tuple(f"{axle}_roll" for axle in AXLES)
 WHEELS = tuple(f"{axle}_{side}_wheel" for axle in AXLES for side in SIDES)
 KINGPINS = tuple(f"front_{side}_kingpin" for side in SIDES)
 
@@ -60,8 +58,11 @@ def _numbers(values) -> str:
 
 
 def _cylinder(radius: float, length: float) -> str:
-    """The rest of a URDF shape after its origin's place: a cylinder along y."""
-    return f'rpy="{np.pi / 2:.9g} 0 0"/><geometry><cylinder radius="{radius}" length="{length}"/></geometry>'
+    """A cylinder along y, for the argument `shape` of `_link`; lengths in m."""
+    return (
+        f'rpy="{np.pi / 2:.9g} 0 0"/>'
+        f'<geometry><cylinder radius="{radius}" length="{length}"/></geometry>'
+    )
 
 
 def _link(
@@ -73,117 +74,115 @@ def _link(
     colour: str = TYRE_COLOUR,
     solid: bool = True,
 ) -> str:
-    """A URDF link whose frame is parallel to the body's; `centre` (3,) is its centre of mass in that frame.
+    """A URDF link whose frame is parallel to the body's.
 
-    Parts without inertia of their own have none in the released simulator either. A
-    `shape` that is not `solid` is for pictures alone.
+    Args:
+        name: of the link.
+        mass: kg.
+        centre: (3,), m, the link's centre of mass in its frame.
+        inertia: (3,), kg m^2, about the centre of mass; the parts without one have none
+            in the released simulator either.
+        shape: a URDF shape from its origin's rotation on; '': the link is not shown.
+        colour: red, green and blue.
+        solid: whether the shape touches others; else it is for pictures only.
     """
     ixx, iyy, izz = inertia
-    form = f'<origin xyz="{_numbers(centre)}" {shape}'
-    paint = f'<material name="{name}"><color rgba="{colour} 1"/></material>'
-    shapes = f"<visual>{form}{paint}</visual>" if shape else ""
-    shapes += f"<collision>{form}</collision>" if shape and solid else ""
+    origin = f'<origin xyz="{_numbers(centre)}"'
+    moments = f'ixx="{ixx:.9g}" iyy="{iyy:.9g}" izz="{izz:.9g}" ixy="0" ixz="0" iyz="0"'
+    material = f'<material name="{name}"><color rgba="{colour} 1"/></material>'
+    shapes = f"<visual>{origin} {shape}{material}</visual>" if shape else ""
+    shapes += f"<collision>{origin} {shape}</collision>" if shape and solid else ""
     return (
-        f'<link name="{name}"><inertial><origin xyz="{_numbers(centre)}"/><mass value="{mass:.9g}"/>'
-        f'<inertia ixx="{ixx:.9g}" iyy="{iyy:.9g}" izz="{izz:.9g}" ixy="0" ixz="0" iyz="0"/></inertial>{shapes}</link>'
+        f'<link name="{name}"><inertial>{origin}/><mass value="{mass:.9g}"/>'
+        f"<inertia {moments}/></inertial>{shapes}</link>"
     )
 
 
 def _joint(
     name: str, kind: str, parent: str, child: str, origin, axis, limits: str = ""
 ) -> str:
+    """A URDF joint at `origin` (3,), m, in the parent's frame."""
     return (
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{_numbers(origin)}"/><axis xyz="{_numbers(axis)}"/>{limits}</joint>'
+        f'<joint name="{name}" type="{kind}">'
+        f'<parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{_numbers(origin)}"/><axis xyz="{_numbers(axis)}"/>'
+        f"{limits}</joint>"
     )
 
 
 def _axle(robot: Robot, axle: str, suspension: Suspension) -> list[str]:
-    """Linkage, axle, hubs and tyres of one end of the robot."""
+    """Linkage, axle, hubs and tyres of the robot's 'rear' or 'front' axle."""
     scale, joints = robot.mass_scale, suspension.joints
     heave, roll, place = joints.heave_point, joints.roll_point, joints.pose.place
-    # Links and struts are one part, in their middle, that goes with the heave.
+    # links and struts are one part, at their mean point, that moves with the heave
     links = place(mirror(axle, "left") * REAR_LEFT_RODS.mean(axis=(0, 1)) * (1, 0, 1))
-    angles = [
-        joints.heave_angle(travel)
-        for travel in (robot.travel_lower, robot.travel_upper)
-    ]
-    limits = f'<limit lower="{min(angles):.9g}" upper="{max(angles):.9g}" effort="0" velocity="0"/>'
+    middle = place(mirror(axle, "left") * REAR_AXLE)
+    stops = [joints.heave_angle(x) for x in (robot.travel_lower, robot.travel_upper)]
+    limits = (
+        f'<limit lower="{min(stops):.9g}" upper="{max(stops):.9g}" '
+        'effort="0" velocity="0"/>'
+    )
     kind = "revolute" if suspension.heave_free else "fixed"
+    linkage, name = f"{axle}_linkage", f"{axle}_axle"
+    shape = _cylinder(0.012, 0.25)
     parts = [
         _joint(
-            f"{axle}_heave",
-            kind,
-            "chassis",
-            f"{axle}_linkage",
-            heave,
-            joints.heave_axis,
-            limits,
+            f"{axle}_heave", kind, "chassis", linkage, heave, joints.heave_axis, limits
         ),
-        _link(f"{axle}_linkage", scale * LINKAGE_MASS, links - heave),
+        _link(linkage, scale * LINKAGE_MASS, links - heave),
         _joint(
-            f"{axle}_roll",
-            "continuous",
-            f"{axle}_linkage",
-            f"{axle}_axle",
-            roll - heave,
-            joints.roll_axis,
+            f"{axle}_roll", "continuous", linkage, name, roll - heave, joints.roll_axis
         ),
         _link(
-            f"{axle}_axle",
+            name,
             scale * AXLE_MASS,
-            place(mirror(axle, "left") * REAR_AXLE) - roll,
-            shape=_cylinder(0.012, 0.25),
+            middle - roll,
+            shape=shape,
             colour=AXLE_COLOUR,
             solid=False,
         ),
     ]
     for side in SIDES:
-        parts += _wheel(robot, axle, side, joints, roll)
+        parts += _wheel(robot, axle, side, joints)
     return parts
 
 
-def _wheel(
-    robot: Robot, axle: str, side: str, joints: AxleJoints, frame: np.ndarray
-) -> list[str]:
-    """Hub and tyre of one wheel, `frame` (3,) being the axle's; the front hubs turn about their kingpins."""
+def _wheel(robot: Robot, axle: str, side: str, joints: AxleJoints) -> list[str]:
+    """Hub and tyre of one wheel; a front hub turns about its kingpin."""
     scale, signs, place = robot.mass_scale, mirror(axle, side), joints.pose.place
-    hub, tyre = place(signs * REAR_LEFT_HUB), place(signs * REAR_LEFT_TYRE)
-    name = f"{axle}_{side}"
-    pivot = place(FRONT_LEFT_KINGPIN * (1, signs[1], 1)) if axle == "front" else hub
-    kind = "continuous" if axle == "front" else "fixed"
+    centre, tyre = place(signs * REAR_LEFT_HUB), place(signs * REAR_LEFT_TYRE)
+    if axle == "front":
+        kind, pivot = "continuous", place(FRONT_LEFT_KINGPIN * (1, signs[1], 1))
+    else:
+        kind, pivot = "fixed", centre
+    origin = pivot - joints.roll_point
     axis = joints.pose.rotation @ KINGPIN_AXIS / np.linalg.norm(KINGPIN_AXIS)
+    name = f"{axle}_{side}"
+    hub, wheel, spin = f"{name}_hub", f"{name}_tyre", (0, 1, 0)
+    inertia = tuple(scale * moment for moment in TYRE_INERTIA)
+    shape = _cylinder(TYRE_RADIUS, TYRE_WIDTH)
     return [
-        _joint(
-            f"{name}_kingpin", kind, f"{axle}_axle", f"{name}_hub", pivot - frame, axis
-        ),
-        _link(f"{name}_hub", scale * HUB_MASS, hub - pivot),
-        _joint(
-            f"{name}_wheel",
-            "continuous",
-            f"{name}_hub",
-            f"{name}_tyre",
-            tyre - pivot,
-            (0, 1, 0),
-        ),
-        _link(
-            f"{name}_tyre",
-            scale * TYRE_MASS,
-            (0, 0, 0),
-            tuple(scale * i for i in TYRE_INERTIA),
-            _cylinder(TYRE_RADIUS, TYRE_WIDTH),
-        ),
+        _joint(f"{name}_kingpin", kind, f"{axle}_axle", hub, origin, axis),
+        _link(hub, scale * HUB_MASS, centre - pivot),
+        _joint(f"{name}_wheel", "continuous", hub, wheel, tyre - pivot, spin),
+        _link(wheel, scale * TYRE_MASS, (0, 0, 0), inertia, shape),
     ]
 
 
 def urdf(robot: Robot, suspensions: Mapping[str, Suspension]) -> str:
-    """The robot as URDF text, on the suspensions of its axles; HEAVES, ROLLS, WHEELS and KINGPINS name its joints."""
+    """The robot as URDF text.
+
+    HEAVES, ROLLS, WHEELS and KINGPINS are the names of its joints.
+
+    Args:
+        robot: the robot's parameters.
+        suspensions: of its 'rear' and its 'front' axle.
+    """
     box = f'rpy="0 0 0"/><geometry><box size="{_numbers(CHASSIS_SIZE)}"/></geometry>'
     parts = [
         _link("chassis", CHASSIS_MASS, (0, 0, 0), CHASSIS_INERTIA, box, CHASSIS_COLOUR)
     ]
     for axle in AXLES:
         parts += _axle(robot, axle, suspensions[axle])
-    return "\n".join(
-        ['<?xml version="1.0"?>', '<robot name="rover">', *parts, "</robot>", ""]
-    )
+    lines = ['<?xml version="1.0"?>', '<robot name="rover">', *parts, "</robot>", ""]
+    return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""One robot on one terrain in Bullet: reset, step, strut positions, save and restore."""
+"""The simulator of one robot on one terrain in Bullet."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sidm.systems import Physics, Robot
 from sidm.terrain import height_at
 
 RELEASED = Physics()  # the constants of the released simulator
-START_RADIUS = 1.0  # m: the start is dropped above the highest ground this near
+START_RADIUS = 1.0  # m, the robot is dropped above the highest ground within it
 
 
 class Simulator:
@@ -27,7 +27,7 @@ class Simulator:
         robot: the robot's parameters.
         heights: (H, W), m, index [y, x], 0.1 m apart, centred on the origin.
         physics: constants of the simulation.
-        visible: build the ground so that pictures show it, which takes longer.
+        visible: whether pictures show the ground, which takes longer to build then.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class Simulator:
         self._start(heights)
 
     def __enter__(self) -> Simulator:
-        """The simulator itself."""
+        """This simulator."""
         return self
 
     def __exit__(self, *_: Any) -> None:
@@ -65,7 +65,8 @@ class Simulator:
         self._pristine = self._client.saveState()
 
     def _restart(self) -> None:
-        """Back to the moment after building; not finite numbers would stay: then in a new Bullet."""
+        """Go back to the moment after building."""
+        # numbers that are not finite would outlast a restored state
         if np.isfinite(self.state).all():
             self._client.restoreState(self._pristine)
         else:
@@ -99,9 +100,8 @@ class Simulator:
             client.getJointInfo(self._body, j)[1].decode(): j
             for j in range(client.getNumJoints(self._body))
         }
-        self._axles = [
-            joints[name] for pair in zip(HEAVES, ROLLS, strict=True) for name in pair
-        ]
+        pairs = zip(HEAVES, ROLLS, strict=True)
+        self._axles = [joints[name] for pair in pairs for name in pair]
         self._wheels = [joints[name] for name in WHEELS]
         self._kingpins = [joints[name] for name in KINGPINS]
         for link in range(-1, len(joints)):
@@ -117,36 +117,46 @@ class Simulator:
             self._body, self._axles, client.VELOCITY_CONTROL, forces=[0.0] * 4
         )
         start = min(max(0.0, self.robot.travel_lower), self.robot.travel_upper)
-        for joint, suspension in zip(
-            self._axles[::2], self._suspensions.values(), strict=True
-        ):
+        heaves = zip(self._axles[::2], self._suspensions.values(), strict=True)
+        for joint, suspension in heaves:
             if suspension.heave_free:
-                client.resetJointState(
-                    self._body, joint, suspension.joints.heave_angle(start)
-                )
+                angle = suspension.joints.heave_angle(start)
+                client.resetJointState(self._body, joint, angle)
         if self._visible:
-            # a joint's number is that of the link it moves
+            # in Bullet a joint and the link that it moves have the same number
             axles = dict(zip(AXLES, self._axles[1::2], strict=True))
             self._rods = DrawnRods(client, self._body, axles, self._suspensions)
 
-    def put_on(self, heights: np.ndarray) -> None:
-        """Exchange the terrain for `heights` (H, W), m, of the same shape; it takes a third of the time of building.
+    def set_terrain(self, heights: np.ndarray) -> None:
+        """Replace the terrain; call `reset` next.
 
-        What follows is that of a new Simulator, bit for bit; `reset` comes first.
+        It takes a third of the time of building a new Simulator. The motion that
+        follows is that of a new Simulator, bit for bit.
+
+        Args:
+            heights: (H, W), m, of the same shape as before.
 
         Raises:
-            ValueError: another shape, not finite or too high; or the simulator is
-                visible.
+            ValueError: the shape differs, a height is not finite or too large, or the
+                simulator is visible.
         """
         self._restart()
-        self._ground.exchange(heights)
+        self._ground.replace(heights)
         self._client.removeState(self._pristine)
         self._pristine = self._client.saveState()
 
     def reset(self, x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> np.ndarray:
-        """Drop the robot at (x, y), m, heading `yaw`, rad; its state (13,) after it has settled.
+        """Drop the robot on the ground and let it settle.
 
         All history is erased: the result is that of a new Simulator, bit for bit.
+
+        Args:
+            x: where the robot is dropped, m.
+            y: where the robot is dropped, m.
+            yaw: heading of the robot, rad.
+
+        Returns:
+            The state (13,) after settling.
         """
         self._restart()
         client, physics = self._client, self.physics
@@ -165,7 +175,13 @@ class Simulator:
         return self.state
 
     def step(self, action: np.ndarray) -> np.ndarray:
-        """Apply an action (throttle, steering), clipped to [-1, 1], for one control step; the state (13,) after it.
+        """Apply an action for one control step.
+
+        Args:
+            action: (throttle, steering), each clipped to [-1, 1].
+
+        Returns:
+            The state (13,) after the step.
 
         Raises:
             ValueError: the action is not two finite numbers.
@@ -173,7 +189,8 @@ class Simulator:
         action = np.asarray(action, float)
         if action.shape != (2,) or not np.isfinite(action).all():
             raise ValueError(
-                f"an action is 2 finite numbers, shape (2,), not {action} of shape {action.shape}"
+                "an action is 2 finite numbers, shape (2,), "
+                f"not {action} of shape {action.shape}"
             )
         self._drive(np.clip(action, -1, 1))
         self._simulate(self.physics.steps_per_control)
@@ -183,11 +200,8 @@ class Simulator:
         """Set the targets of wheels and kingpins, which hold until the next call."""
         client, robot, physics = self._client, self.robot, self.physics
         throttle = action[0] * robot.throttle_scale
-        steering = np.clip(
-            action[1] * robot.steering_scale,
-            -physics.kingpin_stop,
-            physics.kingpin_stop,
-        )
+        stop = physics.kingpin_stop
+        steering = np.clip(action[1] * robot.steering_scale, -stop, stop)
         client.setJointMotorControlArray(
             self._body,
             self._wheels,
@@ -205,67 +219,61 @@ class Simulator:
             )
 
     def _simulate(self, steps: int) -> None:
-        """Advance by physics steps, with the suspension's torques in each."""
+        """Advance by physics steps, with the suspensions' torques in each of them."""
         client, body, joints = self._client, self._body, self._axles
-        get, push, advance, torque_control = (
-            client.getJointStates,
-            client.setJointMotorControlArray,
-            client.stepSimulation,
-            client.TORQUE_CONTROL,
-        )
+        # looked up once, because a client looks up and wraps a function each time
+        get_joints, apply = client.getJointStates, client.setJointMotorControlArray
+        advance, torque = client.stepSimulation, client.TORQUE_CONTROL
         rear, front = (self._suspensions[axle].torques for axle in AXLES)
         for _ in range(steps):
-            (h0, v0, *_), (r0, w0, *_), (h1, v1, *_), (r1, w1, *_) = get(body, joints)
-            push(
-                body,
-                joints,
-                torque_control,
-                forces=[*rear(h0, v0, r0, w0), *front(h1, v1, r1, w1)],
-            )
+            # angles and speeds of the rear heave and roll, then of the front ones
+            states = get_joints(body, joints)
+            (h0, v0, *_), (r0, w0, *_), (h1, v1, *_), (r1, w1, *_) = states
+            torques = [*rear(h0, v0, r0, w0), *front(h1, v1, r1, w1)]
+            apply(body, joints, torque, forces=torques)
             advance()
 
     @property
     def state(self) -> np.ndarray:
-        """The state (13,), float64, as `sidm.drives` tables it."""
-        position, quaternion = self._client.getBasePositionAndOrientation(self._body)
-        velocity = self._client.getBaseVelocity(self._body)
-        world_to_body = (
-            np.array(self._client.getMatrixFromQuaternion(quaternion)).reshape(3, 3).T
-        )
-        return np.concatenate(
-            [position, quaternion, *(world_to_body @ np.array(v) for v in velocity)]
-        )
+        """The state (13,), float64; the table in `sidm.drives` lists its entries."""
+        client = self._client
+        position, quaternion = client.getBasePositionAndOrientation(self._body)
+        matrix = np.array(client.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
+        velocities = client.getBaseVelocity(self._body)  # linear and angular, world
+        twist = [matrix.T @ np.array(velocity) for velocity in velocities]
+        return np.concatenate([position, quaternion, *twist])
 
     @property
     def strut_positions(self) -> np.ndarray:
-        """Travel of the rear right, rear left, front right and front left strut (4,), m, compression positive."""
-        angles = [
-            joint[0]
-            for joint in self._client.getJointStates(self._body, self._axles[::2])
-        ]
-        pairs = zip(self._suspensions.values(), angles, strict=True)
-        return np.array(
-            [
-                travel
-                for suspension, angle in pairs
-                for travel in suspension.travel(angle)
-            ]
-        )
+        """Travel of the struts (4,), m, compression positive.
+
+        The order is rear right, rear left, front right, front left.
+        """
+        heaves = self._client.getJointStates(self._body, self._axles[::2])
+        pairs = zip(self._suspensions.values(), heaves, strict=True)
+        travels = [suspension.travel(heave[0]) for suspension, heave in pairs]
+        return np.concatenate(travels)
 
     @property
     def joint_angles(self) -> np.ndarray:
-        """Angles (10,), rad, of heave and roll of the rear axle, of the front one, of the wheels and of the kingpins.
+        """Angles (10,), rad, of the joints in `sidm.simulation.robot.urdf`.
 
-        Wheels are in the order of the struts, kingpins right then left; each turns as
-        its joint in `robot.urdf` does.
+        The order is heave and roll of the rear axle, heave and roll of the front axle,
+        the four wheels in the order of the struts, right kingpin, left kingpin.
         """
         joints = [*self._axles, *self._wheels, *self._kingpins]
-        return np.array(
-            [joint[0] for joint in self._client.getJointStates(self._body, joints)]
-        )
+        states = self._client.getJointStates(self._body, joints)
+        return np.array([joint[0] for joint in states])
 
     def ray_heights(self, points: np.ndarray) -> np.ndarray:
-        """Heights (N,), m, where vertical rays at `points` (N, 2), m, meet the ground; NaN where they miss."""
+        """Heights where vertical rays meet the ground.
+
+        Args:
+            points: (N, 2), m, x and y of the rays.
+
+        Returns:
+            Heights (N,), m; NaN where a ray misses the ground or hits the robot.
+        """
         return self._ground.ray_heights(points)
 
     def picture(
@@ -276,16 +284,19 @@ class Simulator:
         yaw: float = 40.0,
         pitch: float = -25.0,
     ) -> np.ndarray:
-        """The robot where it stands, by Bullet's software renderer: (height, width, 3) uint8.
+        """A picture of the robot, drawn by Bullet's software renderer.
+
+        The ground appears only in a simulator made with `visible=True`.
 
         Args:
-            width: pixels.
-            height: pixels.
+            width: of the picture, pixels.
+            height: of the picture, pixels.
             distance: of the camera from the body, m.
             yaw: of the camera about the vertical, degrees.
             pitch: of the camera, degrees, negative from above.
 
-        The ground shows only in a simulator made with `visible=True`.
+        Returns:
+            The picture (height, width, 3), uint8.
         """
         client = self._client
         if self._visible:
@@ -306,13 +317,16 @@ class Simulator:
         return np.asarray(pixels, np.uint8).reshape(height, width, 4)[..., :3]
 
     def save(self) -> tuple[int, list[float]]:
-        """A token for the present moment, to `restore` it later in this simulator; it takes memory until `forget`."""
-        return self._client.saveState(), [
-            suspension.slip for suspension in self._suspensions.values()
-        ]
+        """Save the present moment of this simulator.
+
+        Returns:
+            A token for `restore`. It takes memory until `forget` is called with it.
+        """
+        slips = [suspension.slip for suspension in self._suspensions.values()]
+        return self._client.saveState(), slips
 
     def restore(self, token: tuple[int, list[float]]) -> np.ndarray:
-        """Go back to the moment of `save`; its state (13,)."""
+        """Go back to the moment of a token; returns its state (13,)."""
         state, slips = token
         self._client.restoreState(state)
         for suspension, slip in zip(self._suspensions.values(), slips, strict=True):
@@ -320,5 +334,5 @@ class Simulator:
         return self.state
 
     def forget(self, token: tuple[int, list[float]]) -> None:
-        """Free what `save` keeps; the token serves no more."""
+        """Free the memory of a token, which cannot be restored afterwards."""
         self._client.removeState(token[0])

@@ -1,5 +1,7 @@
-"""A copy of the stored results in which each was found by another trial: no claim of
-the book is borne out by it."""
+"""Stored results with their values exchanged between trials.
+
+No claim of the book holds for them.
+"""
 
 from __future__ import annotations
 
@@ -10,19 +12,17 @@ from typing import Any
 
 from sidm.storage import read_record, write_record
 
-ANY_LENGTH = (
-    "curve",
-    "component_samples",
-    "component_test",
-    "component_validation",
-    "rollouts",
-)
-KEPT = ("about", "trial", "provenance", "schema")  # what a result is about stays
+#: beginnings of the names of values whose lengths differ
+ANY_LENGTH = ("curve", "rollouts")
+ANY_LENGTH += ("component_samples", "component_test", "component_validation")
+KEPT = ("about", "trial", "provenance", "schema")  # these values stay
 
 
 def change(results: Path, copy: Path) -> None:
-    """Copy a folder of results and let those of one kind and shape change places;
-    latents are told apart by chance."""
+    """Copy a folder of results and exchange values of records of one kind and shape.
+
+    Accuracies of telling latents apart become 0.5, those of chance.
+    """
     shutil.copytree(results, copy)
     for folder in (path for path in copy.iterdir() if path.is_dir()):
         groups: dict[str, list[Path]] = {}
@@ -45,22 +45,20 @@ def change(results: Path, copy: Path) -> None:
 
 
 def found(path: Path) -> dict[str, Any]:
-    """What a record found."""
+    """Values that a record found, without what the record is about."""
     return {
         name: value for name, value in read_record(path).items() if name not in KEPT
     }
 
 
 def shape(value: Any) -> Any:
-    """Names and lengths of nested values, of curves none."""
+    """Names and lengths of nested values; lengths of curves are left out."""
     if isinstance(value, dict):
         return {
-            name: shape(one)
-            for name, one in value.items()
+            name: shape(inner)
+            for name, inner in value.items()
             if not name.startswith(ANY_LENGTH)
         }
-    return (
-        [len(value), shape(value[0]) if value else None]
-        if isinstance(value, list)
-        else None
-    )
+    if isinstance(value, list):
+        return [len(value), shape(value[0]) if value else None]
+    return None

@@ -1,5 +1,4 @@
-"""The book, built once for all tests of its pages, and a copy of the project for what
-runs."""
+"""Fixtures: the book, rendered once for all tests, and a copy of the project."""
 
 import contextlib
 import fcntl
@@ -26,14 +25,14 @@ from tests.companion.conftest import (  # noqa: F401
 
 
 def shared_by_workers(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder that all workers of this run see."""
+    """Folder that all workers of this test run share."""
     base = tmp_path_factory.getbasetemp()
     return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
 
 
 @contextlib.contextmanager
 def one_at_a_time(folder: Path) -> Iterator[None]:
-    """Inside the block no other worker makes this folder."""
+    """Let no other worker make the same folder inside the block."""
     with open(f"{folder}.lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         yield
@@ -41,8 +40,10 @@ def one_at_a_time(folder: Path) -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def book(tmp_path_factory) -> Path:
-    """The folder of pages rendered from the committed outputs, once for all workers,
-    warnings being errors."""
+    """Folder of the pages rendered from the committed outputs.
+
+    It is rendered once for all workers; warnings are errors.
+    """
     output = shared_by_workers(tmp_path_factory) / "book"
     with one_at_a_time(output):
         if not (output / "_build" / "html" / "index.html").is_file():
@@ -52,26 +53,23 @@ def book(tmp_path_factory) -> Path:
 
 def render(output: Path) -> None:
     """Build the book under `output`."""
-    words = [
-        "build",
-        "--warningiserror",
-        "--keep-going",
-        "--path-output",
-        str(output),
-        str(ROOT),
-    ]
+    arguments = (
+        f"build --warningiserror --keep-going --path-output {output} {ROOT}".split()
+    )
     program = "import sys; from jupyter_book.cli.main import main; sys.exit(main())"
-    done = subprocess.run(
-        [sys.executable, "-c", program, *words], capture_output=True, text=True
+    result = subprocess.run(
+        [sys.executable, "-c", program, *arguments], capture_output=True, text=True
     )
     problems = [
         line
-        for line in (done.stdout + done.stderr).splitlines()
+        for line in (result.stdout + result.stderr).splitlines()
         if "WARNING" in line or "ERROR" in line
     ]
-    if done.returncode != 0:
+    if result.returncode != 0:
         shutil.rmtree(output, ignore_errors=True)
-        pytest.fail("\n".join(problems) or done.stdout[-2000:] + done.stderr[-2000:])
+        pytest.fail(
+            "\n".join(problems) or result.stdout[-2000:] + result.stderr[-2000:]
+        )
 
 
 @pytest.fixture(scope="session")
@@ -108,7 +106,10 @@ def project(tmp_path_factory, motion) -> Path:
 def pytest_collection_modifyitems(
     config: pytest.Config, items: list[pytest.Item]
 ) -> None:
-    """Without a browser one test says so for all that need it."""
+    """Without a browser, leave out the tests that need one.
+
+    `test_a_browser_is_there` says so for all of them.
+    """
     if chromium() is None:
         paged = [
             item for item in items if "context" in getattr(item, "fixturenames", ())
@@ -117,11 +118,10 @@ def pytest_collection_modifyitems(
         items[:] = [item for item in items if item not in paged]
 
 
-@pytest.fixture(
-    scope="module"
-)  # its event loop holds the thread: closed before other tests want one
+# for one module: its event loop holds the thread and must close before others start
+@pytest.fixture(scope="module")
 def context():
-    """A browser without a network."""
+    """A browser window without a network."""
     with sync_playwright() as play:
         nowhere = "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"
         browser = play.chromium.launch(executable_path=chromium(), args=[nowhere])

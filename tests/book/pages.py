@@ -1,4 +1,4 @@
-"""What the tests need to know of a rendered page, read without a browser."""
+"""Read rendered pages without a browser."""
 
 import re
 import sys
@@ -9,8 +9,8 @@ from typing import Any
 import yaml
 
 ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "book"))  # pdf.py
-DESK = {"width": 1280, "height": 900}  # a window's size
+sys.path.insert(0, str(ROOT / "book"))  # for `import pdf`
+DESK = {"width": 1280, "height": 900}  # size of a window, px
 
 LOADED = {  # tag -> attributes whose addresses a browser fetches by itself
     "script": ("src",),
@@ -25,7 +25,7 @@ LOADED = {  # tag -> attributes whose addresses a browser fetches by itself
     "embed": ("src",),
     "object": ("data",),
 }
-#: rel of <link>
+#: values of `rel` of <link> whose addresses a browser does not fetch
 NOT_FETCHED = {"next", "prev", "canonical", "search", "index", "author"}
 ABROAD = re.compile(r"^\s*(https?:)?//", re.IGNORECASE)
 STYLE_ADDRESS = re.compile(
@@ -34,7 +34,7 @@ STYLE_ADDRESS = re.compile(
 
 
 def contents() -> list[str]:
-    """The pages of the table of contents, without suffix, in reading order."""
+    """Names of the pages of the table of contents, without suffix, in reading order."""
     toc = yaml.safe_load((ROOT / "_toc.yml").read_text())
     return [
         toc["root"],
@@ -43,31 +43,33 @@ def contents() -> list[str]:
 
 
 def watched(page: Any) -> list[str]:
-    """What goes wrong with a page of a browser from now on: requests that fail or go
-    abroad, and errors."""
+    """List that collects the problems of a browser's page from now on.
+
+    Problems are errors, requests that fail and requests to another host.
+    """
     problems: list[str] = []
     page.on("requestfailed", lambda request: problems.append(f"failed: {request.url}"))
-    page.on(
-        "request",
-        lambda r: (
-            None
-            if r.url.startswith(("file:", "data:", "blob:"))
-            else problems.append(r.url)
-        ),
-    )
-    page.on(
-        "console",
-        lambda message: (
-            problems.append(message.text) if message.type == "error" else None
-        ),
-    )
+
+    def on_request(request: Any) -> None:
+        if not request.url.startswith(("file:", "data:", "blob:")):
+            problems.append(request.url)
+
+    def on_console(message: Any) -> None:
+        if message.type == "error":
+            problems.append(message.text)
+
+    page.on("request", on_request)
+    page.on("console", on_console)
     page.on("pageerror", lambda error: problems.append(str(error)))
     return problems
 
 
 class Page(HTMLParser):
-    """One page: what it `loads` and `links` (tag, address), its `names` (ids), `images`
-    and `unlinked` references."""
+    """What one page contains.
+
+    `loads` and `links` have pairs (tag, address), `names` has ids, `images` and
+    `unlinked` have pictures and references without a link.
+    """
 
     def __init__(self, path: Path) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""The explorer as an app, as `make explore` serves it."""
+"""The explorer as an app, served as by `make explore`."""
 
 import socket
 import subprocess
@@ -15,20 +15,15 @@ APP = "notebooks/23-explorer.ipynb"
 
 @pytest.fixture(scope="module")
 def address(project):
-    """Where the app is served."""
+    """Address at which the app is served."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    words = [
-        "-m",
-        "voila",
-        APP,
-        "--no-browser",
-        f"--port={port}",
-        "--Voila.ip=127.0.0.1",
-    ]
+    arguments = (
+        f"-m voila {APP} --no-browser --port={port} --Voila.ip=127.0.0.1".split()
+    )
     with subprocess.Popen(
-        [sys.executable, *words], cwd=project, stderr=subprocess.PIPE, text=True
+        [sys.executable, *arguments], cwd=project, stderr=subprocess.PIPE, text=True
     ) as server:
         yield f"http://127.0.0.1:{port}/"
         server.terminate()
@@ -36,7 +31,7 @@ def address(project):
 
 
 def wait_for(address: str) -> None:
-    """Until the server answers at all."""
+    """Wait until the server answers."""
     for _ in range(600):
         try:
             urllib.request.urlopen(f"{address}voila/static/voila.js").close()
@@ -54,13 +49,12 @@ def test_make_explore_serves_this_notebook():
 
 def test_a_slider_of_the_app_simulates_anew(address, context):
     wait_for(address)
-    page = context.browser.new_page()  # with a network, of this machine alone
+    page = context.browser.new_page()  # may connect to this machine alone
     page.route(lambda url: not url.startswith(address), lambda route: route.abort())
     page.goto(address, wait_until="domcontentloaded")
     picture = page.wait_for_selector("img.widget-image", timeout=120_000)
-    assert "spring (N/m)" in page.inner_text(
-        "body"
-    ) and "Traceback" not in page.inner_text("body")
+    assert "spring (N/m)" in page.inner_text("body")
+    assert "Traceback" not in page.inner_text("body")
     before = picture.get_attribute("src")
     handle = page.locator(".noUi-handle").first
     handle.focus()

@@ -1,5 +1,7 @@
-"""The rendered pages in a browser with the network cut: light and dark, on a desk and
-on a phone."""
+"""The rendered pages in a browser without a network.
+
+They are tested in light and dark, in a window of a desk and of a phone.
+"""
 
 import functools
 import gzip
@@ -13,15 +15,20 @@ from pdf import chromium
 
 PHONE = {"width": 375, "height": 800}
 EXPLORER = "book/explorer"
-#: nothing is fetched, and what passes is not described
+#: options of axe-core: fetch nothing, and describe only violations
 AXE = {"preload": False, "resultTypes": ["violations"]}
-COLOURS = "color-contrast"  # the rule that takes most of the time
-#: what narrow windows make of tables and pictures
+COLOURS = "color-contrast"  # this rule takes most of the time
+#: rule for tables and pictures that scroll in narrow windows
 SCROLLING = "scrollable-region-focusable"
-MARKED = "() => [...document.querySelectorAll('pre')].every(p => p.scrollWidth <= p.clientWidth || p.tabIndex === 0)"
-#: two are drawn
-FRAMES = "() => new Promise(requestAnimationFrame).then(() => new Promise(requestAnimationFrame))"
-#: others look as these
+#: blocks of code that scroll can be reached with the keyboard
+MARKED = """() => [...document.querySelectorAll("pre")].every(
+    block => block.scrollWidth <= block.clientWidth || block.tabIndex === 0
+)"""
+#: waits until the browser has drawn two frames
+FRAMES = """() => new Promise(requestAnimationFrame).then(
+    () => new Promise(requestAnimationFrame)
+)"""
+#: pages of modules; the pages of all other modules look like these
 MODULES = [
     f"book/api/sidm.{name}" for name in ("learning", "systems", "learning.losses")
 ]
@@ -29,19 +36,19 @@ PLAIN = """spans => {
     const seen = new Set();
     for (const span of spans) {
         const block = span.closest(".highlight").parentElement;
-        const look = [span, span.parentElement, block, block.parentElement].map(one => one.className).join();
+        const look = [span, span.parentElement, block, block.parentElement]
+            .map(element => element.className).join();
         if (seen.has(look)) span.replaceWith(span.textContent);
         seen.add(look);
     }
-}"""  # of the tokens of code that look alike leaves the first
+}"""  # keeps only the first of the code tokens that look alike
 
 
 @pytest.fixture
 def visit(book, context):
-    """Opens a page of the book; nothing may go wrong with it until the end of the
-    test."""
+    """Function that opens a page of the book; problems of the page fail the test."""
     page = context.new_page()
-    page.loaded = set()  # addresses
+    page.loaded = set()  # addresses that were requested
     page.on(
         "request",
         lambda request: page.loaded.add(
@@ -63,10 +70,11 @@ def visit(book, context):
 
 
 def test_a_browser_is_there():
-    """For all tests that need one, which are left out without."""
+    """Skip once for all tests that need a browser."""
     if chromium() is None:
         pytest.skip(
-            "the pages are not tested: no Chromium found; install it (Debian's package 'chromium')"
+            "the pages are not tested: no Chromium found; "
+            "install it (Debian's package 'chromium')"
         )
 
 
@@ -90,7 +98,9 @@ def test_a_page_is_whole_without_a_network(visit, name):
         )
     for size in (DESK, PHONE):
         page.set_viewport_size(size)
-        missing = "() => [...document.images].filter(i => !i.complete || !i.naturalWidth).map(i => i.src)"
+        missing = """() => [...document.images]
+            .filter(image => !image.complete || !image.naturalWidth)
+            .map(image => image.src)"""
         assert page.evaluate(missing) == []
         width = page.evaluate("() => document.scrollingElement.scrollWidth")
         assert width <= size["width"], f"wider than a window of {size['width']} pixels"
@@ -99,56 +109,54 @@ def test_a_page_is_whole_without_a_network(visit, name):
         for address in page.loaded
         if address.scheme == "file"
     }
-    assert sum(map(weight, files)) <= 2e6, sorted(
-        (weight(file), file.name) for file in files
-    )[-5:]
+    weights = sorted((weight(file), file.name) for file in files)
+    assert sum(map(weight, files)) <= 2e6, weights[-5:]
 
 
 @functools.cache
 def weight(file: Path) -> int:
-    """Bytes of a file on their way to a reader: hosts send text compressed."""
+    """Bytes of a file as a reader receives it: hosts compress text."""
     content = file.read_bytes()
-    return len(
-        gzip.compress(content)
-        if file.suffix in {".html", ".css", ".js", ".svg"}
-        else content
-    )
+    compressed = file.suffix in {".html", ".css", ".js", ".svg"}
+    return len(gzip.compress(content) if compressed else content)
 
 
 @pytest.mark.parametrize("name", [*contents(), *MODULES])
 def test_a_page_has_no_serious_barriers(visit, name):
-    """By axe-core's rules; colours in light and in dark, of tokens that look alike the
-    first."""
-    # opened there, for the theme takes a while to follow a window
+    """A page passes axe-core's rules, with its colours in light and in dark.
+
+    Of tokens of code that look alike, only the first is tested for colours.
+    """
+    # opened in a small window: the theme follows a change of size only later
     page = visit(name, PHONE)
     page.evaluate(FRAMES)
-    found = [
+    problems = [
         f"on a phone: {words}" for words in barriers(page, {"runOnly": [SCROLLING]})
     ]
     page.set_viewport_size(DESK)
-    # the theme marks what scrolls a while after the window's change
+    # the theme marks scrolling blocks some time after the window has changed
     page.wait_for_function(MARKED)
     page.add_style_tag(content="* { transition: none !important }")
-    own = barriers(page, {"rules": {COLOURS: {"enabled": False}}})
-    # marked for a width on the way to this one: it is done anew
-    if any("crollable region" in words for words in own):
+    on_desk = barriers(page, {"rules": {COLOURS: {"enabled": False}}})
+    # blocks were marked for a width before the final one: test again
+    if any("crollable region" in words for words in on_desk):
         page.wait_for_function(MARKED)
-        own = barriers(page, {"rules": {COLOURS: {"enabled": False}}})
-    found += own
+        on_desk = barriers(page, {"rules": {COLOURS: {"enabled": False}}})
+    problems += on_desk
     page.eval_on_selector_all(".highlight span", PLAIN)
     for scheme in ("light", "dark"):
         page.emulate_media(color_scheme=scheme)
         page.wait_for_function(
             f"() => document.documentElement.dataset.theme === '{scheme}'"
         )
-        found += [
+        problems += [
             f"{scheme}: {words}" for words in barriers(page, {"runOnly": [COLOURS]})
         ]
-    assert found == []
+    assert problems == []
 
 
 def barriers(page, rules) -> list[str]:
-    """What axe-core finds by some rules, a line an element."""
+    """Violations of some rules that axe-core finds, a line for each element."""
     violations = Axe().run(page, options=AXE | rules).response["violations"]
     grave = [rule for rule in violations if rule["impact"] in ("serious", "critical")]
     return [
@@ -167,20 +175,21 @@ def barriers(page, rules) -> list[str]:
     ],
 )
 def test_a_search_finds_the_chapter_first(book, context, words, chapter):
-    # a browser refuses a file's scripts the texts below the titles, in its console
+    # not `visit`: for files the browser blocks texts of results, with console errors
     page = context.new_page()
     page.goto(f"{(book / 'search.html').as_uri()}?q={words}")
     page.wait_for_function(
-        "() => document.querySelector('.search-summary')?.textContent.includes('finished')"
+        "() => document.querySelector('.search-summary')"
+        "?.textContent.includes('finished')"
     )
     links = "all => all.map(a => a.getAttribute('href'))"
-    found = page.eval_on_selector_all("#search-results ul.search > li > a", links)
+    links_found = page.eval_on_selector_all("#search-results ul.search > li > a", links)
     page.close()
-    assert found and f"-{chapter}.html" in found[0], found
+    assert links_found and f"-{chapter}.html" in links_found[0], links_found
 
 
 def pictures(page) -> list[str]:
-    """What the explorer's charts show now."""
+    """Pictures that the explorer's charts show now."""
     return page.eval_on_selector_all(
         "#explorer canvas", "all => all.map(canvas => canvas.toDataURL())"
     )
@@ -188,10 +197,10 @@ def pictures(page) -> list[str]:
 
 @pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
 def test_every_slider_changes_the_pictures(visit, size):
-    """By the keyboard alone."""
+    """The keyboard alone moves every slider."""
     page = visit(EXPLORER)
     page.set_viewport_size(size)
-    # free struts: damping, too, is seen
+    # with free struts, damping shows, too
     page.locator("#explorer-brakes").press("Space")
     sliders = page.locator("#explorer input[type=range]")
     assert sliders.count() >= 4
@@ -205,12 +214,12 @@ def test_every_slider_changes_the_pictures(visit, size):
         )
         assert slider.get_attribute("aria-valuetext") != words
         assert all(
-            one != other for one, other in zip(before, pictures(page), strict=True)
+            now != other for now, other in zip(before, pictures(page), strict=True)
         ), slider.get_attribute("id")
 
 
 def test_charts_keep_to_their_panels(visit):
-    """From a narrow window to a wide one and back."""
+    """Charts fit from a narrow window to a wide one and back."""
     page = visit(EXPLORER)
     fits = """() => [...document.querySelectorAll(".explorer-chart")].every(
         panel => panel.querySelector("canvas").clientWidth === panel.clientWidth)"""
@@ -234,8 +243,7 @@ def test_choosing_a_robot_sets_the_sliders_and_draws_both(visit):
 
 
 def test_figure_3_can_be_touched(visit):
-    """Another pair of robots is another picture; the first page has the chart, drawn in
-    place of its picture."""
+    """The chart replaces its picture, and another pair of robots is another picture."""
     page = visit("book/intro")
     page.wait_for_selector(".vega-chart[data-drawn] canvas")
     assert page.locator(".vega-chart > img").count() == 0

@@ -1,4 +1,4 @@
-"""Results for other pages are kept as MyST-NB keeps them."""
+"""Results for other pages are kept in the format of MyST-NB."""
 
 import myst_nb
 import pytest
@@ -15,6 +15,6 @@ def test_it_is_what_the_book_takes_over(thing):
     with capture_output() as kept:
         glue("saving", thing)
         myst_nb.glue("saving", thing, display=False)
-    own, other = kept.outputs
-    assert own.data == other.data and own.metadata == other.metadata
-    assert own.metadata["scrapbook"]["name"] == "saving"
+    output, expected = kept.outputs
+    assert output.data == expected.data and output.metadata == expected.metadata
+    assert output.metadata["scrapbook"]["name"] == "saving"

@@ -1,4 +1,4 @@
-"""Words are held against results."""
+"""Sentences of the book are checked against the results."""
 
 import shutil
 from pathlib import Path
@@ -8,23 +8,24 @@ from changed import change
 from conftest import one_at_a_time, shared_by_workers
 from pages import ROOT
 
-from companion.pages.guard import Outdated, hold
+from companion.pages.guard import Outdated, check_claims
 from companion.pages.notebook import notebooks
 from companion.pages.notebook_runs import NotebookError, Run, execute
 
-#: Chapters with words about stored results; others simulate what theirs are about.
+#: chapters with sentences about stored results; others simulate their results
 GUARDED = [
     pytest.param(path, id=path.stem)
     for path in notebooks(ROOT)
     if all(
-        words in path.read_text(encoding="utf-8") for words in ("hold(", "preset: str")
+        words in path.read_text(encoding="utf-8")
+        for words in ("check_claims(", "preset: str")
     )
 ]
 
 
 @pytest.fixture(scope="session")
 def other_results(tmp_path_factory) -> Path:
-    """The stored results, each found by another trial."""
+    """Stored results whose values were exchanged between trials."""
     folder = shared_by_workers(tmp_path_factory) / "changed"
     with one_at_a_time(folder):
         if not (folder / "done").exists():
@@ -45,29 +46,30 @@ def test_a_chapter_stops_where_the_results_say_otherwise(path, other_results, tm
 
 
 def test_words_that_hold_need_no_word():
-    assert hold({"more is less": lambda: True}, "laptop") is None
+    assert check_claims({"more is less": lambda: True}, "laptop") is None
 
 
 def test_a_sentence_that_no_longer_holds_is_named():
     with pytest.raises(
         Outdated, match="no longer bear out 'more is less': write the page anew"
     ):
-        hold({"less is more": lambda: True, "more is less": lambda: False}, "laptop")
+        check_claims(
+            {"less is more": lambda: True, "more is less": lambda: False}, "laptop"
+        )
 
 
 def test_words_are_about_the_results_that_they_were_written_for():
     assert (
         "about results of the preset `laptop`"
-        in hold({"more is less": lambda: False}, "smoke").data
+        in check_claims({"more is less": lambda: False}, "smoke").data
     )
 
 
 def test_words_may_be_about_other_things_than_a_preset():
-    found = hold(
-        {"less is more": lambda: False}, "seed 4", "seed 3", of="the parameters"
+    note = check_claims(
+        {"less is more": lambda: False}, "seed 4", "seed 3", subject="the parameters"
     )
+    assert note is not None
     assert (
-        found is not None
-        and "about results of the parameters `seed 3`; these are of `seed 4`"
-        in found.data
+        "about results of the parameters `seed 3`; these are of `seed 4`" in note.data
     )

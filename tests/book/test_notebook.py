@@ -1,4 +1,4 @@
-"""Strict parameters: what a person types is checked before anything runs."""
+"""Parameters that a person types are checked before anything runs."""
 
 import os
 from pathlib import Path
@@ -83,12 +83,15 @@ def test_a_notebook_is_found_by_path_and_by_name(project, first):
 
 
 def test_parameters_are_read_with_their_types_and_help(first):
-    found = notebook.inspect(first)
-    assert list(found) == ["preset", "minutes", "run_missing", "seeds", "system"]
-    assert found["minutes"] == notebook.Parameter(
+    parameters = notebook.inspect(first)
+    assert list(parameters) == ["preset", "minutes", "run_missing", "seeds", "system"]
+    assert parameters["minutes"] == notebook.Parameter(
         "minutes", float, "5.0", "of novice data, min"
     )
-    assert found["seeds"].kind == list[int] and found["system"].kind == Optional[str]
+    assert (
+        parameters["seeds"].kind == list[int]
+        and parameters["system"].kind == Optional[str]
+    )
 
 
 def test_a_parameter_without_a_readable_type_is_an_error(project):
@@ -129,8 +132,8 @@ def test_a_file_that_is_no_notebook_is_an_error(project):
     ],
 )
 def test_text_is_read_as_the_type_asks(text: str, kind: Any, value: Any):
-    found = notebook.read_value(text, kind, "x")
-    assert found == value and type(found) is type(value)
+    read = notebook.read_value(text, kind, "x")
+    assert read == value and type(read) is type(value)
 
 
 @pytest.mark.parametrize(
@@ -158,7 +161,9 @@ def test_a_name_given_by_hand_must_be_this_notebooks(first):
         ConfigError, match="'minuts' of 01-first.ipynb; did you mean 'minutes'"
     ):
         notebook.merge_parameters(first, {"minuts": 1.0})
-    with pytest.raises(ConfigError, match="'spring'"):  # another notebook's
+    with pytest.raises(
+        ConfigError, match="'spring'"
+    ):  # a parameter of another notebook
         notebook.merge_parameters(first, {"spring": 1.0})
 
 
@@ -194,20 +199,10 @@ def test_a_file_that_cannot_be_used_is_one_line(project, first, text):
 
 
 def test_a_run_gets_its_values_and_the_projects_folder(project):
-    words = [
-        "first",
-        "out/mine.ipynb",
-        "-p",
-        "run_missing",
-        "true",
-        "-p",
-        "system",
-        "system2",
-        "-p",
-        "minutes",
-        "2",
-    ]
-    assert main(["notebook", *words]) == 0
+    arguments = (
+        "first out/mine.ipynb -p run_missing true -p system system2 -p minutes 2"
+    ).split()
+    assert main(["notebook", *arguments]) == 0
     assert (
         printed(project / "out" / "mine.ipynb")
         == f"laptop 2.0 True [0, 1] system2 {project.name}\n"

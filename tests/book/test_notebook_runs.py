@@ -1,5 +1,4 @@
-"""Notebooks side by side on real kernels: what runs together, what in turn, and what a
-failure leaves behind."""
+"""Notebooks run on real kernels: side by side, in turn, and after a failure."""
 
 import os
 import signal
@@ -17,7 +16,7 @@ from companion.pages.notebook_runs import SECONDS
 from sidm import progress
 
 ROOT = Path(__file__).parents[2]
-PATIENCE = 3000  # tenths of a second until a cell gives up what would never come
+PATIENCE = 3000  # tenths of a second until a cell stops waiting
 AWAIT = f"""
 import os
 import time
@@ -50,7 +49,7 @@ def add(
 
 
 def kernels(project: Path) -> list[int]:
-    """Those of ENDLESS that were started."""
+    """Process numbers of the kernels that run ENDLESS."""
     return [int(path.stem) for path in project.glob("*.kernel")]
 
 
@@ -68,9 +67,9 @@ def test_they_run_side_by_side_on_one_thread_each(project, monkeypatch, capsys):
     for own, other in (("one", "two"), ("two", "one")):
         add(project, own, f"Path('{own}').touch()", f"wait('{other}')", THREADS)
     assert main(["notebook", "all", "out", "--jobs", "2"]) == 0
-    told = capsys.readouterr()
-    assert sorted(told.out.splitlines()) == ["out/one.ipynb", "out/two.ipynb"]
-    bar = [line for line in told.err.splitlines() if line.startswith("notebooks: ")]
+    captured = capsys.readouterr()
+    assert sorted(captured.out.splitlines()) == ["out/one.ipynb", "out/two.ipynb"]
+    bar = [line for line in captured.err.splitlines() if line.startswith("notebooks: ")]
     assert " left" in bar[0] and bar[-1].startswith("notebooks: 100/100 %")
     assert [printed(project / "out" / f"{name}.ipynb") for name in ("one", "two")] == [
         "1\n",
@@ -89,9 +88,9 @@ def test_a_failure_stops_the_others_and_no_kernel_is_left(project, capsys):
     add(project, "2-endless", ENDLESS)
     add(project, "3-waits", "Path('begun').touch()")
     assert main(["notebook", "all", "out", "--jobs", "2"]) == 1
-    told = capsys.readouterr()
-    assert told.out == ""
-    [line] = told.err.splitlines()
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    [line] = captured.err.splitlines()
     assert line.endswith(
         "1-fails.ipynb: cell 6 failed, ZeroDivisionError: division by zero; "
         "the run up to there is out/1-fails.ipynb"
@@ -116,10 +115,12 @@ def test_a_kernel_that_dies_is_a_failure(project, capsys):
 def test_ctrl_c_leaves_no_kernel(project):
     add(project, "1", ENDLESS)
     add(project, "2", ENDLESS)
-    program = (
-        "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-    )
-    program += "from companion.__main__ import main; sys.exit(main(['notebook', 'all', '--jobs', '2']))"
+    program = """
+import signal, sys
+from companion.__main__ import main
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.exit(main(["notebook", "all", "--jobs", "2"]))
+"""
     with subprocess.Popen(
         [sys.executable, "-P", "-c", program], stderr=subprocess.PIPE, text=True
     ) as process:
@@ -132,8 +133,7 @@ def test_ctrl_c_leaves_no_kernel(project):
 
 
 def test_notebooks_that_run_trials_do_it_in_turn(project):
-    """They take trials from one another; the same one must not be trained twice at a
-    time."""
+    """Notebooks share trials; no trial must be trained twice at the same time."""
     note = "with open('log', 'a') as file: print('{}', file=file, flush=True)"
     for name in ("1", "2", "3"):
         cells = [note.format(f"{name} {what}") for what in ("begins", "ends")]
@@ -163,13 +163,13 @@ def test_what_stands_in_the_environment_stays(project, monkeypatch):
 def test_a_kernel_that_does_not_answer_is_started_again(
     project, monkeypatch, capsys, failures, status
 ):
-    """Kernels choose ports that are free before they take them; one of two that chose
-    the same dies."""
-    path, real, left = (
-        add(project, "01-one", "print('here')"),
-        NotebookClient.async_start_new_kernel_client,
-        [failures],
-    )
+    """A kernel dies if another kernel chose the same port.
+
+    Kernels choose free ports before they take them.
+    """
+    path = add(project, "01-one", "print('here')")
+    real = NotebookClient.async_start_new_kernel_client
+    left = [failures]
 
     async def start(client):
         if left[0]:

@@ -1,5 +1,4 @@
-"""Every notebook from beginning to end with the smoke preset, in a scratch copy of the
-project."""
+"""Every notebook runs to its end with the smoke preset, in a copy of the project."""
 
 import re
 
@@ -11,7 +10,7 @@ from companion.__main__ import main
 from companion.pages.notebook import inspect, notebooks
 
 NOTEBOOKS = [pytest.param(path, id=path.stem) for path in notebooks(ROOT)]
-#: name, notebook
+#: groups: name of the output, notebook
 GLUED = re.compile(r"^```\{glue\} (\S+)\n:doc: \.\./(\S+)$", re.MULTILINE)
 TAKING = [
     name
@@ -21,7 +20,7 @@ TAKING = [
 
 
 def glued(output) -> bool:
-    """Whether an output is not shown where it is made, but kept for other pages."""
+    """Whether an output is kept for other pages and not shown in its notebook."""
     return bool(output.get("metadata", {}).get("scrapbook", {}).get("mime_prefix"))
 
 
@@ -84,20 +83,20 @@ def test_its_pictures_have_words(path):
     assert wordless == []
 
 
-#: Tables of settings, which are no results.
+#: cells with tables of settings, which are not results
 SETTINGS = {"05-04", "05-70", "14-05", "22-10"}
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS)
 def test_its_results_say_where_they_come_from(path):
-    """A line of provenance behind tables and pictures: in their section, or at the end
-    of a page that makes its own."""
+    """A line of provenance follows tables and pictures.
+
+    It stands in their section, or at the end of a page that makes its own results.
+    """
     cells = nbformat.read(path, as_version=4).cells
-    makes_its_own, open_results, lacking = (
-        any("made_here(" in cell.source for cell in cells),
-        [],
-        [],
-    )
+    makes_its_own = any("made_here(" in cell.source for cell in cells)
+    open_results = []
+    lacking = []
     for cell in cells:
         if (
             cell.cell_type == "markdown"
@@ -120,7 +119,7 @@ def test_its_results_say_where_they_come_from(path):
 
 @pytest.mark.parametrize("name", TAKING)
 def test_results_that_a_page_takes_over_say_where_they_come_from(name):
-    """A line of provenance among what a section shows of notebooks."""
+    """A section that shows results of notebooks also shows a line of provenance."""
     lacking = []
     for section in re.split(
         r"^(?=#+ )",
@@ -134,7 +133,7 @@ def test_results_that_a_page_takes_over_say_where_they_come_from(name):
 
 
 def kept(path: str, key: str) -> str:
-    """What a notebook keeps under a name for other pages."""
+    """Output that a notebook keeps under a name for other pages."""
     cells = nbformat.read(ROOT / path, as_version=4).cells
     outputs = [
         output for cell in cells for output in cell.get("outputs", []) if glued(output)

@@ -1,4 +1,4 @@
-"""What pages show of results: tables, and where results come from."""
+"""Tables of results on pages, and lines on where results come from."""
 
 import pandas as pd
 import pytest
@@ -6,16 +6,16 @@ import pytest
 from companion import Results
 from companion.engine.frame import frame_of
 from companion.pages.markdown import (
-    in_html,
     markdown_table,
-    on_page,
     provenance_block,
     provenance_html,
     provenance_line,
     stored_count,
     stored_line,
+    table_html,
+    table_markdown,
 )
-from companion.statistics.claims import figure3_claims, written
+from companion.statistics.claims import figure3_claims, page_table
 
 
 @pytest.fixture
@@ -52,11 +52,9 @@ def test_what_a_study_lacks_is_counted_with_the_command_that_makes_it():
 
 def test_a_provenance_line_counts_trials_and_names_the_command(figure3_frame):
     line = provenance_line(figure3_frame, "companion run")
-    assert (
-        line.startswith("108 trials; ")
-        and "older code" not in line
-        and line.endswith("; again: `companion run`.")
-    )
+    assert line.startswith("108 trials; ")
+    assert "older code" not in line
+    assert line.endswith("; again: `companion run`.")
     older = figure3_frame.assign(stale=True, other_data=[("novice 1",)] * 108)
     assert (
         "108 of them made by older code, 108 from data reproduced on another machine"
@@ -89,16 +87,19 @@ def test_a_table_rounds_floats_and_keeps_all_else():
     table = pd.DataFrame(
         {"name": ["a < b", "b"], "loss": [1.23456, float("nan")], "seeds": [3, 4]}
     )
-    assert on_page(table).splitlines()[2:] == ["| a < b | 1.23 | 3 |", "| b | - | 4 |"]
-    assert "<td>a &lt; b</td><td>1.23</td><td>3</td>" in in_html(table)
-    assert (
-        markdown_table(["name"], []) == "No trials stored."
-        and in_html(table[:0]) == "<p>No trials stored.</p>"
-    )
+    assert table_markdown(table).splitlines()[2:] == [
+        "| a < b | 1.23 | 3 |",
+        "| b | - | 4 |",
+    ]
+    assert "<td>a &lt; b</td><td>1.23</td><td>3</td>" in table_html(table)
+    assert markdown_table(["name"], []) == "No trials stored."
+    assert table_html(table[:0]) == "<p>No trials stored.</p>"
 
 
 def test_the_claims_in_html_are_those_of_the_table(figure3_frame):
-    shown = written(figure3_claims(figure3_frame))
+    shown = page_table(figure3_claims(figure3_frame))
     assert (
-        in_html(shown).count("<tr>") == 1 + len(shown) == on_page(shown).count("\n") - 1
+        table_html(shown).count("<tr>")
+        == 1 + len(shown)
+        == table_markdown(shown).count("\n") - 1
     )

@@ -1,4 +1,4 @@
-"""The rendered pages as files: all there, self-contained, linked right."""
+"""The rendered pages are complete, need no other host, and have correct links."""
 
 import ast
 import functools
@@ -76,11 +76,13 @@ def test_pages_and_notebooks_are_found_by_their_old_names(book):
 
 
 def test_no_style_sheet_fetches_from_another_host(book):
-    found = {
+    addresses_found = {
         str(path): STYLE_ADDRESS.findall(path.read_text(encoding="utf-8"))
         for path in book.rglob("*.css")
     }
-    assert {path: addresses for path, addresses in found.items() if addresses} == {}
+    assert {
+        path: addresses for path, addresses in addresses_found.items() if addresses
+    } == {}
 
 
 def test_links_inside_the_book_resolve(book, pages):
@@ -95,11 +97,8 @@ def test_links_inside_the_book_resolve(book, pages):
                 or tag == "style"
             ):
                 continue
-            target = (
-                (page.path.parent / unquote(place.split("?")[0])).resolve()
-                if place
-                else page.path
-            )
+            relative = unquote(place.split("?")[0])
+            target = (page.path.parent / relative).resolve() if place else page.path
             if not target.is_file():
                 broken.append(f"{page.path.name}: {address}")
             elif (
@@ -150,8 +149,7 @@ def test_equations_link_to_what_computes_them(book):
 
 
 def public_names(module: str, path: Path) -> set[str]:
-    """Functions, classes, their methods and fields of a module, by the names that the
-    reference links to."""
+    """Names of a module's functions, classes, methods and fields in the reference."""
     names = set()
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
@@ -172,19 +170,16 @@ def public_names(module: str, path: Path) -> set[str]:
 
 
 def modules() -> dict[str, Path]:
-    """Every module of both packages but their commands, by its name."""
+    """File of every module of both packages but their commands, by its name."""
     files = [
         path
         for name in ("sidm", "companion")
         for path in (ROOT / name).rglob("*.py")
         if path.name != "__main__.py"
     ]
-    return {
-        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(
-            ".__init__"
-        ): path
-        for path in files
-    }
+    names = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in files]
+    names = [name.removesuffix(".__init__") for name in names]
+    return dict(zip(names, files, strict=True))
 
 
 def test_every_module_has_its_page_in_the_reference(book):
@@ -199,10 +194,8 @@ def test_the_page_of_the_package_leads_to_every_room(book):
     }
     design = (ROOT / "book" / "design.md").read_text().partition("## ")[0]
     rooms = re.findall(r"`((?:sidm|companion)\.[a-z][\w.]*)`", design)
-    assert (
-        len(rooms) > 15
-        and {room for room in rooms if f"api/{room}.html" not in links} == set()
-    )
+    assert len(rooms) > 15
+    assert {room for room in rooms if f"api/{room}.html" not in links} == set()
 
 
 def test_modules_fill_the_sidebar_of_the_reference_alone(book):
@@ -212,13 +205,12 @@ def test_modules_fill_the_sidebar_of_the_reference_alone(book):
             for _, a in read(book / f"{name}.html").links
         )
 
-    assert listed("book/references") == 0 and listed("book/api/sidm.systems") >= len(
-        modules()
-    )
+    assert listed("book/references") == 0
+    assert listed("book/api/sidm.systems") >= len(modules())
 
 
 def test_every_public_name_is_in_the_reference(book):
-    """Fields too, with what the comment beside them says."""
+    """Fields are in the reference, too, with the texts beside them."""
     pages = [read(path) for path in (book / "book" / "api").glob("*.html")]
     for name, path in modules().items():
         known = read(book / "book" / "api" / f"{name}.html").names

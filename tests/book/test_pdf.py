@@ -1,4 +1,4 @@
-"""The book as a PDF: what is bound, and where its links go."""
+"""The book as a PDF: its pages, outline and links."""
 
 import unicodedata
 
@@ -10,7 +10,7 @@ from pypdf import PdfReader
 
 @pytest.fixture(scope="module")
 def bound(book, context, tmp_path_factory) -> PdfReader:
-    """The core of the book."""
+    """The core of the book as a PDF."""
     path = tmp_path_factory.mktemp("pdf") / "book.pdf"
     assert pdf.make_pdf(context.browser, book, pdf.chapters(), path) == len(
         PdfReader(path).pages
@@ -19,7 +19,7 @@ def bound(book, context, tmp_path_factory) -> PdfReader:
 
 
 def plain(text: str) -> str:
-    """Without ligatures and line breaks."""
+    """Text without ligatures and line breaks."""
     return " ".join(unicodedata.normalize("NFKC", text).split())
 
 

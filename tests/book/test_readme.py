@@ -1,5 +1,4 @@
-"""The README's commands are carried out, at a test's sizes: a preset of seconds in
-place of one of hours."""
+"""The README's commands run, with a preset of seconds in place of one of hours."""
 
 import os
 import re
@@ -16,7 +15,7 @@ BLOCKS = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 SMOKE = "--preset smoke --system system1 --data _build/smoke/data"
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
-#: What is exchanged in commands, in all that have it: the sizes, and nothing else.
+#: parts of commands and their replacements, which change sizes and nothing else
 SMALLER = {
     "--preset study --figure 3": f"{SMOKE} --figure 3",
     "--preset study --figure all": f"{SMOKE} --figure 3",
@@ -26,8 +25,7 @@ SMALLER = {
 
 
 def commands(kind: str) -> list[str]:
-    """The README's lines of one language, those of `make` left out: they are tests
-    themselves."""
+    """Lines of one language in the README, without `make`, which other tests cover."""
     blocks = [text for language, text in BLOCKS.findall(README) if language == kind]
     lines = [
         line.partition("  #")[0].strip()
@@ -39,7 +37,7 @@ def commands(kind: str) -> list[str]:
 
 @pytest.fixture(scope="module")
 def place(project, tmp_path_factory):
-    """A copy of the project with a user's files in it, as the README calls them."""
+    """A copy of the project with a user's files under the README's names."""
     folder = tmp_path_factory.mktemp("readme") / "project"
     shutil.copytree(project, folder)
     shutil.copy(folder / "recordings" / "skid_steer.yaml", folder / "robot.yaml")
@@ -53,26 +51,23 @@ def place(project, tmp_path_factory):
 
 def test_every_command_is_one_of_these_packages():
     assert len(commands("bash")) >= 9
-    assert {line.split()[0] for line in commands("bash")} == {
-        ".venv/bin/companion",
-        ".venv/bin/sidm",
-        ".venv/bin/papermill",
-    }
+    expected = {".venv/bin/companion", ".venv/bin/sidm", ".venv/bin/papermill"}
+    assert {line.split()[0] for line in commands("bash")} == expected
 
 
 def test_the_commands_do_what_they_say(place):
-    """In the README's order: later ones use what earlier ones have made."""
+    """Commands run in the README's order: later ones use results of earlier ones."""
     for command in commands("bash"):
         for words, smaller in SMALLER.items():
             command = command.replace(words, smaller)
         program, *words = command.split()
-        done = subprocess.run(
+        result = subprocess.run(
             [sys.executable, "-m", os.path.basename(program), *words],
             cwd=place,
             capture_output=True,
             text=True,
         )
-        assert done.returncode == 0, f"{command}\n{done.stderr[-2000:]}"
+        assert result.returncode == 0, f"{command}\n{result.stderr[-2000:]}"
     for made in (
         "mine.ipynb",
         "_build/mine/trials",

@@ -1,5 +1,7 @@
-"""The replay in a browser with WebGL by software and the network cut: what moves, and
-that it is what was stored."""
+"""The replay in a browser with WebGL in software and without a network.
+
+The robots move, and they move as stored.
+"""
 
 import numpy as np
 import pytest
@@ -10,25 +12,31 @@ from test_browser import PHONE
 
 from companion.explorer import grid
 from sidm.replay import ROBOTS, replay, ride
-from sidm.replay.rides import SAMPLE
+from sidm.replay.rides import SAMPLE_TIME
 from sidm.systems import Terrain
 
 WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 VIEW = "document.querySelector('.replay').replay"
-PICTURE = f"""() => {{ const view = {VIEW}; view.draw(); return view.renderer.domElement.toDataURL(); }}"""
+PICTURE = f"""() => {{
+    const view = {VIEW};
+    view.draw();
+    return view.renderer.domElement.toDataURL();
+}}"""
 SHOWN = "() => document.getElementById('explorer').dataset.shown"
 PLACES = f"""time => {{
     const view = {VIEW};
     view.seek(time);
     view.draw();
-    return view.robots.map(({{ body }}) => [...body.getWorldPosition(new THREE.Vector3()),
-        ...body.getWorldQuaternion(new THREE.Quaternion())]);
+    return view.robots.map(({{ body }}) => [
+        ...body.getWorldPosition(new THREE.Vector3()),
+        ...body.getWorldQuaternion(new THREE.Quaternion()),
+    ]);
 }}"""
 
 
 @pytest.fixture(scope="module")
 def browser():
-    """With WebGL, on the processor, and without a network."""
+    """A browser without a network, with WebGL on the processor."""
     with sync_playwright() as play:
         nowhere = "--host-resolver-rules=MAP * ~NOTFOUND"
         made = play.chromium.launch(executable_path=chromium(), args=[nowhere, *WEBGL])
@@ -38,8 +46,10 @@ def browser():
 
 @pytest.fixture
 def context(browser):
-    """Named as that of the other tests that need a browser, which are left out where
-    there is none."""
+    """A browser window.
+
+    The fixture has the name by which tests that need a browser are left out.
+    """
     made = browser.new_context(offline=True, viewport=DESK)
     yield made
     made.close()
@@ -47,7 +57,7 @@ def context(browser):
 
 @pytest.fixture
 def visit(book, context):
-    """Opens a page; nothing may go wrong with it until the end of the test."""
+    """Function that opens a page; problems of the page fail the test."""
     problems = []
 
     def open_page(address=None, wait="#explorer[data-shown]", **options):
@@ -63,7 +73,7 @@ def visit(book, context):
 
 
 def change(page, act) -> None:
-    """Do something to the controls, and wait until it is shown."""
+    """Do something to the controls, and wait until the page shows the change."""
     before = page.evaluate(SHOWN)
     act()
     page.wait_for_function(f"() => ({SHOWN})() !== {before!r}")
@@ -85,24 +95,24 @@ def test_frames_differ_while_it_plays_and_not_while_it_is_paused(visit):
     page.get_by_role("button", name="Pause").click()
     still = page.evaluate(PICTURE)
     page.wait_for_timeout(400)
-    assert (
-        page.evaluate(PICTURE) == still
-        and page.get_by_role("button", name="Play").is_visible()
-    )
+    assert page.evaluate(PICTURE) == still
+    assert page.get_by_role("button", name="Play").is_visible()
 
 
 def test_the_robots_stand_where_the_stored_rides_say(visit):
-    """At three times, of both, read from the scene."""
+    """At three times, both robots of the scene are at their stored places."""
     page, stored = visit(), grid.read(ROOT / grid.FOLDER)
     pause(page)
     at = [knob.values.index(knob.start) for knob in grid.KNOBS]
-    own, other = stored.rides[(*at[:3], 0, *at[3:])], stored.robots[(1, 0, *at[3:])]
+    novice, expert = stored.rides[(*at[:3], 0, *at[3:])], stored.robots[(1, 0, *at[3:])]
     for moment in (0, 31, 80):
-        found = page.evaluate(PLACES, SAMPLE * moment)
-        for place, numbers in zip(found, (own[moment], other[moment]), strict=True):
+        values = page.evaluate(PLACES, SAMPLE_TIME * moment)
+        for place, numbers in zip(
+            values, (novice[moment], expert[moment]), strict=True
+        ):
             assert place[:3] == pytest.approx(numbers[:3] / 500, abs=1e-5)
             assert place[3:6] == pytest.approx(numbers[3:6] / 2000, abs=1e-3)
-    assert np.hypot(*(np.array(found[0]) - found[1])[:2]) > 0.3, (
+    assert np.hypot(*(np.array(values[0]) - values[1])[:2]) > 0.3, (
         "novice and expert go apart"
     )
 
@@ -115,7 +125,9 @@ def test_wheels_turn_and_kingpins_steer(visit):
         const view = {VIEW};
         view.seek(time);
         view.draw();
-        return view.robots[0].moving.map(([part]) => 2 * Math.acos(Math.min(1, Math.abs(part.quaternion.w))));
+        return view.robots[0].moving.map(
+            ([part]) => 2 * Math.acos(Math.min(1, Math.abs(part.quaternion.w)))
+        );
     }}"""
     first, later = page.evaluate(angles, 0.5), page.evaluate(angles, 0.6)
     parts = page.evaluate(f"() => {VIEW}.robots[0].track.skeleton.parts")
@@ -124,7 +136,7 @@ def test_wheels_turn_and_kingpins_steer(visit):
         joint: abs(a - b) for joint, a, b in zip(joints, first, later, strict=True)
     }
     assert all(moved[wheel] > 0.1 for wheel in range(4, 8))
-    # a quarter of the way through its bend to the right
+    # at a quarter of the bend to the right
     assert first[joints.index(8)] == pytest.approx(0.3, abs=0.03)
 
 
@@ -147,11 +159,8 @@ def test_throttle_and_weaving_exclude_each_other(visit):
     page = visit()
     change(page, lambda: page.locator("#explorer-throttle").press("ArrowRight"))
     change(page, lambda: page.locator("#explorer-weaves").check())
-    assert (
-        page.locator("#explorer-throttle")
-        .get_attribute("aria-valuetext")
-        .startswith("0.5 ")
-    )
+    throttle = page.locator("#explorer-throttle").get_attribute("aria-valuetext")
+    assert throttle.startswith("0.5 ")
     change(page, lambda: page.locator("#explorer-throttle").press("ArrowRight"))
     assert not page.locator("#explorer-weaves").is_checked()
 
@@ -168,11 +177,8 @@ def test_the_ghost_appears_and_stands_beside(visit):
     opacity = f"() => {VIEW}.robots.map(({{ materials }}) => materials.body.opacity)"
     first, second = page.evaluate(opacity)
     assert first == 1 and 0.2 < second < 0.7
-    assert (
-        page.locator(".replay-names li")
-        .all_inner_texts()[1]
-        .startswith("system1 expert")
-    )
+    names = page.locator(".replay-names li").all_inner_texts()
+    assert names[1].startswith("system1 expert")
     assert "m from the first" in page.locator(".replay-names li").nth(1).inner_text()
 
 
@@ -181,9 +187,12 @@ def test_it_goes_by_the_keyboard(visit):
     screen = page.locator(".replay-screen")
     screen.press("Space")
     assert page.get_attribute("#replay", "data-playing") == "false"
-    # Space may have come before the first frame, and Home would change nothing
+    # Space may have stopped the replay before its first frame: Home would do nothing
     page.evaluate(f"() => {VIEW}.seek(1)")
-    camera = f"() => ({{ ...{VIEW}.camera, time: {VIEW}.time, follow: {VIEW}.follow, speed: {VIEW}.speed }})"
+    camera = f"""() => {{
+        const {{ camera, time, follow, speed }} = {VIEW};
+        return {{ ...camera, time, follow, speed }};
+    }}"""
     for key, name in {
         "Home": "time",
         "ArrowLeft": "azimuth",
@@ -211,20 +220,24 @@ def test_the_charts_and_the_replay_have_one_time(visit):
     page.mouse.click(box["x"] + 0.8 * box["width"], box["y"] + 90)
     time = page.evaluate(f"() => {VIEW}.time")
     now = line.bounding_box()["x"]
-    assert (
-        time > 2
-        and now > early + 50
-        and now == pytest.approx(box["x"] + 0.8 * box["width"], abs=2)
-    )
+    assert time > 2
+    assert now > early + 50
+    assert now == pytest.approx(box["x"] + 0.8 * box["width"], abs=2)
 
 
 def test_memory_does_not_grow_over_many_rides(visit):
-    """Of the graphics card by three.js' own count, of scripts after collecting what is
-    lost."""
+    """Memory of graphics and of scripts stays the same.
+
+    three.js counts the objects in graphics memory; scripts are measured after garbage
+    collection.
+    """
     page = visit()
     pause(page)
     session = page.context.new_cdp_session(page)
-    held = f"() => ({{ ...{VIEW}.renderer.info.memory, programs: {VIEW}.renderer.info.programs.length }})"
+    held = f"""() => {{
+        const {{ memory, programs }} = {VIEW}.renderer.info;
+        return {{ ...memory, programs: programs.length }};
+    }}"""
 
     def heap():
         session.send("HeapProfiler.collectGarbage")
@@ -255,17 +268,17 @@ def test_it_follows_the_theme_and_the_window(visit, size):
     page = visit(color_scheme="light")
     page.set_viewport_size(size)
     pause(page)
-    colours = f"() => [{VIEW}.scene.background.getHex(), {VIEW}.renderer.domElement.clientWidth]"
+    colours = f"""() => {{
+        const {{ scene, renderer }} = {VIEW};
+        return [scene.background.getHex(), renderer.domElement.clientWidth];
+    }}"""
     light, width = page.evaluate(colours)
     page.emulate_media(color_scheme="dark")
     page.wait_for_function(
         f"light => {VIEW}.scene.background.getHex() !== light", arg=light
     )
-    assert (
-        width
-        == page.locator(".replay-screen").evaluate("one => one.clientWidth")
-        <= size["width"]
-    )
+    screen = page.locator(".replay-screen").evaluate("screen => screen.clientWidth")
+    assert width == screen <= size["width"]
 
 
 def test_without_webgl_the_film_stands_there(browser, book):
@@ -278,13 +291,10 @@ def test_without_webgl_the_film_stands_there(browser, book):
     page.goto((book / "book" / "explorer.html").as_uri())
     page.wait_for_selector("#explorer[data-shown]")
     assert "WebGL" in page.locator("#replay").inner_text()
-    assert (
-        page.locator("#replay img").evaluate(
-            "async one => (await one.decode(), one.naturalWidth)"
-        )
-        > 300
-    )
-    # the charts work on
+    film = page.locator("#replay img")
+    decoded = "async film => (await film.decode(), film.naturalWidth)"
+    assert film.evaluate(decoded) > 300
+    # the charts still work
     change(page, lambda: page.locator("#explorer-spring").press("ArrowLeft"))
     page.context.close()
 
@@ -300,16 +310,16 @@ def test_predictions_are_ghosts(visit, book):
 
 
 def test_a_page_of_its_own_plays(visit, tmp_path):
-    """What `sidm replay` writes, and a notebook shows in a frame."""
-    one = ride(
+    """The page that `sidm replay` writes plays, also in a frame of a notebook."""
+    simulated = ride(
         ROBOTS["system1 novice"], Terrain(cell_height_scale=0.35), 3, 0.5, steps=5
     )
-    view = replay(one)
+    view = replay(simulated)
     view.write(tmp_path / "page.html")
     page = visit((tmp_path / "page.html").as_uri(), "body[data-shown]")
     pause(page)
     assert page.evaluate(PLACES, 0.5)[0][:3] == pytest.approx(
-        one.states[-1, :3].tolist(), abs=1e-3
+        simulated.states[-1, :3].tolist(), abs=1e-3
     )
     (tmp_path / "notebook.html").write_text(view._repr_html_())
     page = visit((tmp_path / "notebook.html").as_uri(), "iframe")

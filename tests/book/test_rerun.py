@@ -1,5 +1,4 @@
-"""The page 'run it again', word by word: what its commands print is what stands
-there."""
+"""Commands of the page 'run it again' print exactly what the page shows."""
 
 import re
 import shlex
@@ -13,14 +12,14 @@ BLOCK = re.compile(r"^```console\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
 def sessions() -> list[tuple[str, str]]:
-    """Command and output, of every command of the page that shows what it prints."""
+    """Command and output of every command of the page that shows its output."""
     text = (ROOT / "book" / "rerun.md").read_text(encoding="utf-8")
-    found = []
+    shown = []
     for block in BLOCK.findall(text):
         for part in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
             command, _, output = part.partition("\n")
-            found.append((command, output))
-    return found
+            shown.append((command, output))
+    return shown
 
 
 def test_the_page_shows_what_commands_print():
@@ -31,23 +30,20 @@ def test_the_page_shows_what_commands_print():
 def test_a_command_prints_what_the_page_says(project, command, output):
     program, *words = shlex.split(command)
     assert program == ".venv/bin/companion"
-    done = subprocess.run(
+    result = subprocess.run(
         [sys.executable, "-m", "companion", *words],
         cwd=project,
         capture_output=True,
         text=True,
     )
-    assert (done.stdout + done.stderr).splitlines() == output.splitlines()
-    assert done.returncode == (2 if output.startswith("companion: ") else 0)
+    assert (result.stdout + result.stderr).splitlines() == output.splitlines()
+    assert result.returncode == (2 if output.startswith("companion: ") else 0)
 
 
 def test_what_a_bundle_gains_on_a_gpu_is_what_was_measured():
     page = " ".join((ROOT / "book" / "rerun.md").read_text(encoding="utf-8").split())
-    measured = (
-        (ROOT / "benchmarks" / "bundle.txt")
-        .read_text(encoding="utf-8")
-        .split("\n\n")[0]
-    )
+    text = (ROOT / "benchmarks" / "bundle.txt").read_text(encoding="utf-8")
+    measured = text.split("\n\n")[0]
     assert "H200" in measured.splitlines()[0]
     gains = {}
     for name, precision, trials, numbers in re.findall(
@@ -59,7 +55,5 @@ def test_what_a_bundle_gains_on_a_gpu_is_what_was_measured():
     apart = float(re.search(r"differ by at most (\S+),", measured)[1])
     assert f"differ there by up to {apart:.1%}".replace("%", " %") in page
     together = int(re.search(r"(\d+) samples/s; when", measured)[1])
-    assert (
-        f"made {together:,} samples a second together" in page
-        and "128 trainings" in page
-    )
+    assert f"made {together:,} samples a second together" in page
+    assert "128 trainings" in page

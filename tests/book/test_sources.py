@@ -1,5 +1,4 @@
-"""The book's sources: what they name exists, and what is said in two places is the
-same."""
+"""Names in the book's sources exist, and repeated facts agree."""
 
 import argparse
 import json
@@ -16,12 +15,12 @@ from pages import ROOT, contents
 import companion.__main__
 import sidm.__main__
 from companion.pages.notebook import (
-    add_arguments,
     find_notebook,
     inspect,
     merge_parameters,
     read_value,
 )
+from companion.pages.notebook_command import add_arguments
 
 ROLE = re.compile(r"\{py:\w+\}`~?(?:[^`<]*<)?([\w.]+)>?`")
 BASH = re.compile(r"^```bash\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -34,7 +33,7 @@ PIN = re.compile(r"^([A-Za-z0-9_.-]+)==([^\s#]+)(?:\s+# (.+))?$")
 
 
 def source(name: str) -> str:
-    """The prose of a page of the table of contents."""
+    """Prose of a page of the table of contents."""
     path = ROOT / f"{name}.md"
     if path.is_file():
         return path.read_text(encoding="utf-8")
@@ -46,7 +45,7 @@ def source(name: str) -> str:
 
 @pytest.mark.parametrize("name", contents())
 def test_what_a_page_includes_is_in_the_copy_that_is_rendered(name):
-    """`make book` renders a copy of what the Makefile's lines `cp` name."""
+    """`make book` renders a copy of the paths in the Makefile's `cp` lines."""
     copied = [
         word
         for line in re.findall(
@@ -68,9 +67,8 @@ def pins(name: str) -> dict[str, tuple[str, str | None]]:
         if line and line[0] not in "#-"
     ]
     matches = [PIN.match(line) for line in lines]
-    assert all(matches), (
-        f"{name}: not exact: {[line for line, m in zip(lines, matches, strict=True) if not m]}"
-    )
+    loose = [line for line, m in zip(lines, matches, strict=True) if not m]
+    assert not loose, f"{name}: not exact: {loose}"
     return {m[1].lower(): (m[2], m[3]) for m in matches if m}
 
 
@@ -87,8 +85,10 @@ def test_what_a_page_refers_to_in_the_package_can_be_imported(name):
 
 
 def commands() -> list[str]:
-    """What pages and README tell the reader to run of the package; what stands with its
-    output is run itself."""
+    """Commands of the packages that the pages and the README show without output.
+
+    Other tests run the commands that are shown with their output.
+    """
     texts = [*map(source, contents()), (ROOT / "README.md").read_text(encoding="utf-8")]
     blocks = (
         block.replace("\\\n", " ") for text in texts for block in BASH.findall(text)
@@ -99,29 +99,24 @@ def commands() -> list[str]:
 
 
 def words_of(command: str) -> list[str]:
-    found = COMMAND.match(command)
-    assert found is not None
-    return shlex.split(found[2], comments=True)
+    match = COMMAND.match(command)
+    assert match is not None
+    return shlex.split(match[2], comments=True)
 
 
 @pytest.mark.parametrize(
     "command", [one for one in commands() if words_of(one)[0] != "notebook"]
 )
 def test_a_command_could_be_run(command, monkeypatch):
-    """Those for a GPU and a method that the reader has written excepted: their machine
-    knows what they mean."""
+    """Every command parses, but for two kinds that need another machine.
+
+    These are commands for a GPU and with a method that the reader has written.
+    """
     monkeypatch.chdir(ROOT)
     words = words_of(command)
     if {"cuda", "half_frozen"} & set(words):
-        assert set(words[1::2]) <= {
-            "--preset",
-            "--figure",
-            "--device",
-            "--bundle",
-            "--method",
-            "--system",
-            "--minutes",
-        }
+        known = "preset figure device bundle method system minutes".split()
+        assert set(words[1::2]) <= {f"--{name}" for name in known}
         return
     if words[-1] == "--help":
         words = words[:-1]
@@ -176,12 +171,8 @@ def test_constraints_name_no_place():
 
 
 def test_nothing_runs_while_the_book_is_rendered():
-    assert (
-        yaml.safe_load((ROOT / "_config.yml").read_text())["execute"][
-            "execute_notebooks"
-        ]
-        == "off"
-    )
+    config = yaml.safe_load((ROOT / "_config.yml").read_text())
+    assert config["execute"]["execute_notebooks"] == "off"
 
 
 def test_presets_name_parameters_that_some_notebook_has():

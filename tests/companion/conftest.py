@@ -1,5 +1,7 @@
-"""Tiny studies: synthetic motion on real terrain, so that nothing here needs the
-simulator, and made-up rows."""
+"""Tiny studies on synthetic motion over real terrain, and made-up rows.
+
+Nothing here needs the simulator.
+"""
 
 from pathlib import Path
 from typing import get_type_hints
@@ -17,7 +19,7 @@ from sidm.storage import checksum
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain, height_at
 
-RESULTS = Path(__file__).parents[2] / "results"  # those that are committed
+RESULTS = Path(__file__).parents[2] / "results"  # the committed results
 TINY = dict(
     expert_minutes=1.0,
     novice_minutes_system1=[0.25, 0.75],
@@ -40,8 +42,7 @@ TINY = dict(
 def glide(
     heights: np.ndarray, actions: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
-    """States (T + 1, 13) of a body that slides over the ground as throttle and steering
-    say."""
+    """States (T + 1, 13) of a body that slides as throttle and steering command."""
     x = y = 0.0
     yaw, states = rng.uniform(-np.pi, np.pi), []
     for throttle, steering in (*actions, (0.0, 0.0)):
@@ -58,7 +59,7 @@ def glide(
 
 
 def write_motion(data: Path, dataset) -> None:
-    """Write gliding bodies as the start of a collection and note its digest."""
+    """Write sliding bodies as the start of a collection and note its digest."""
     collection = dataset.collection
     rng = np.random.default_rng([collection.seed, collection.role == "expert"])
     terrain, made = find_system(collection.system).terrain, []
@@ -83,7 +84,7 @@ def tiny():
 
 @pytest.fixture(scope="session")
 def data(tiny, tmp_path_factory) -> Path:
-    """Its data on disk, for system 1."""
+    """Folder with the tiny preset's data for system 1."""
     folder = tmp_path_factory.mktemp("data")
     for dataset in tiny.datasets("system1").values():
         write_motion(folder, dataset)
@@ -92,13 +93,13 @@ def data(tiny, tmp_path_factory) -> Path:
 
 @pytest.fixture
 def study(tiny, data, tmp_path) -> Study:
-    """The tiny study, with results of its own."""
+    """The tiny study with an empty folder of results."""
     return Study(tiny, data, tmp_path)
 
 
 @pytest.fixture(scope="session")
 def make_row():
-    """Makes a row for a trial without running it: make_row(trial, loss)."""
+    """Function that makes a row without running its trial: make_row(trial, loss)."""
 
     def make(trial, loss: float = 2.0) -> Row:
         path = tuple((0.1 * k, 0.05 * k) for k in range(26))
@@ -126,7 +127,7 @@ def make_row():
 
 
 def made(kind, about, **values):
-    """A record of some kind made up: values that are not given are nothing."""
+    """A made-up record of some kind; values that are not given are 0."""
     nothing = {
         name: {float: 0.0, int: 0}.get(hint, ())
         for name, hint in get_type_hints(kind).items()
@@ -137,22 +138,24 @@ def made(kind, about, **values):
 
 
 def kept(store, found) -> bool:
-    """Whether a record is of today's versions, and the same when it is read again."""
+    """Whether a record has today's versions and stays the same when read again."""
     store.put(found)
     return not found.provenance.stale and store.get(found.about).about == found.about
 
 
 @pytest.fixture(scope="session")
 def laptop(tmp_path_factory) -> Study:
-    """The laptop's study without data."""
+    """The study of the preset `laptop`, without data."""
     nowhere = tmp_path_factory.mktemp("empty")
     return Study("laptop", nowhere, nowhere)
 
 
 @pytest.fixture(scope="session")
 def power_law():
-    """Loss of a trial: without SIDM that of 4 times less data, in every seed a little
-    different."""
+    """Loss of a trial by a power law of its data, with a factor for its seed.
+
+    Data count four times with SIDM.
+    """
 
     def law(trial: Trial) -> float:
         data = trial.novice_minutes * (4 if trial.method == "sidm" else 1)
@@ -163,7 +166,7 @@ def power_law():
 
 @pytest.fixture(scope="session")
 def figure3_rows(laptop, make_row, power_law) -> list[Row]:
-    """All of Figure 3, by the power law."""
+    """Made-up rows of all trials of Figure 3, by the power law."""
     return [
         make_row(t, power_law(t))
         for system in ("system1", "system2")
@@ -173,5 +176,5 @@ def figure3_rows(laptop, make_row, power_law) -> list[Row]:
 
 @pytest.fixture(scope="session")
 def figure3_frame(figure3_rows):
-    """The same as a table."""
+    """The rows of Figure 3 as a table."""
     return frame_of(figure3_rows)

@@ -1,5 +1,7 @@
-"""A real Dask cluster on this machine: a scheduler and workers, of which one is killed
-and one comes later."""
+"""A real Dask cluster on this machine.
+
+One of its workers is killed, and one is added later.
+"""
 
 import contextlib
 import importlib
@@ -28,21 +30,18 @@ def start(*words: str) -> subprocess.Popen:
 
 
 def worker(address: str, folder: Path) -> subprocess.Popen:
-    local = [
-        "--local-directory",
-        str(folder / "dask"),
-        "--no-dashboard",
-        "--nthreads",
-        "1",
-        "--no-nanny",
-    ]
+    local = (
+        f"--local-directory {folder / 'dask'} --no-dashboard --nthreads 1 --no-nanny"
+    ).split()
     return start("distributed.cli.dask_worker", address, *local)
 
 
 @pytest.fixture
 def cluster(tmp_path):
-    """The scheduler's address, and its process and those of two workers, to which
-    others may be added."""
+    """Address of the scheduler, and processes of the scheduler and two workers.
+
+    More workers may be added.
+    """
     file = tmp_path / "scheduler.json"
     scheduler = start(
         "distributed.cli.dask_scheduler",
@@ -69,8 +68,10 @@ def cluster(tmp_path):
 
 
 def test_a_cluster_gives_what_this_machine_gives(cluster, tmp_path, capsys):
-    """Collected and trained there, with one worker killed at work and another added:
-    the same to the last bit."""
+    """Collection and training give the same to the last bit.
+
+    One worker is killed at work, and another is added.
+    """
     address, processes = cluster
     changes = [
         word
@@ -78,12 +79,7 @@ def test_a_cluster_gives_what_this_machine_gives(cluster, tmp_path, capsys):
         for word in ("--set", f"{name}={value}")
     ]
     common = [
-        "--preset",
-        "smoke",
-        "--system",
-        "system1",
-        "--data",
-        str(tmp_path / "data"),
+        *f"--preset smoke --system system1 --data {tmp_path / 'data'}".split(),
         *changes,
     ]
     there, here = (["--results", str(tmp_path / name)] for name in ("there", "here"))
@@ -123,7 +119,7 @@ def test_a_cluster_gives_what_this_machine_gives(cluster, tmp_path, capsys):
 
 
 def test_no_scheduler_is_one_line(monkeypatch):
-    monkeypatch.setattr("companion.cluster.WAIT", "300ms")
+    monkeypatch.setattr("companion.cluster.TIMEOUT", "300ms")
     with pytest.raises(
         OSError, match="tcp://127.0.0.1:1: no Dask scheduler answers there"
     ) as caught:

@@ -1,4 +1,4 @@
-"""The command line: what it prints and its exit status."""
+"""The command line: its output and its exit status."""
 
 import importlib
 import pkgutil
@@ -40,68 +40,54 @@ def python(code: str, *words: str) -> subprocess.CompletedProcess:
 
 
 def test_importing_either_package_is_light():
-    """Neither PyTorch nor PyBullet nor an array comes with a package or with the
-    command line's help."""
+    """A package and its command's help import neither PyTorch, PyBullet nor NumPy."""
     code = "import sys, sidm.__main__, companion.__main__; "
     code += "print({'torch', 'pybullet', 'scipy', 'numpy'} & set(sys.modules))"
     assert python(code).stdout.strip() == "set()"
 
 
 def test_the_command_is_the_module():
-    """`companion` is what `python -m companion` is, and both say `companion`."""
+    """`companion` and `python -m companion` are the same, also by their name."""
     scripts = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
     assert {name: pkgutil.resolve_name(target) for name, target in scripts.items()} == {
         "sidm": library,
         "companion": main,
     }
-    done = subprocess.run(
+    result = subprocess.run(
         [sys.executable, "-m", "companion", "show", "--help"],
         capture_output=True,
         text=True,
     )
-    assert done.stdout.startswith("usage: companion show ") and done.returncode == 0
-    done = subprocess.run(
+    assert result.stdout.startswith("usage: companion show ") and result.returncode == 0
+    result = subprocess.run(
         [sys.executable, "-m", "companion", "shwo"], capture_output=True, text=True
     )
-    assert done.stderr.endswith("; see companion --help\n") and done.returncode == 2
+    assert result.stderr.endswith("; see companion --help\n") and result.returncode == 2
 
 
 def test_showing_what_is_stored_is_light():
-    """All of it is listed without PyTorch, which takes longer to import than all the
-    rows to read."""
+    """Results are listed without PyTorch, whose import takes longer than reading."""
     code = "import sys; from companion.__main__ import main; "
     code += "main(['show', '--figure', 'all', '--results', sys.argv[1]]); "
     code += "print({'torch', 'pybullet', 'scipy'} & set(sys.modules))"
-    said = python(code, str(ROOT / "results")).stdout.splitlines()
-    assert said[-1] == "set()" and "stored 3 of 3" in said[1]
+    lines = python(code, str(ROOT / "results")).stdout.splitlines()
+    assert lines[-1] == "set()" and "stored 3 of 3" in lines[1]
 
 
 def test_without_pybullet(tmp_path):
-    """Experiments work where PyBullet is not installed; collecting says so in one
-    line."""
-    hide = "import sys; sys.modules['pybullet'] = None; import companion; from companion.__main__ import main; "
-    done = python(
-        hide + "sys.exit(main(sys.argv[1:]))",
-        "show",
-        "--preset",
-        "smoke",
-        "--results",
-        str(tmp_path),
+    """Experiments run without PyBullet; collecting is then an error of one line."""
+    hide = (
+        "import sys; sys.modules['pybullet'] = None; "
+        "import companion; from companion.__main__ import main; "
     )
-    assert done.returncode == 0 and done.stdout.splitlines()[-1] == "missing: 12"
-    done = python(
-        hide + "sys.exit(main(sys.argv[1:]))",
-        "collect",
-        "--preset",
-        "smoke",
-        "--data",
-        str(tmp_path),
-    )
-    assert (
-        done.returncode == 1
-        and done.stderr.count("\n") == 1
-        and "PyBullet" in done.stderr
-    )
+    arguments = ["show", "--preset", "smoke", "--results", str(tmp_path)]
+    result = python(hide + "sys.exit(main(sys.argv[1:]))", *arguments)
+    assert result.returncode == 0 and result.stdout.splitlines()[-1] == "missing: 12"
+    arguments = ["collect", "--preset", "smoke", "--data", str(tmp_path)]
+    result = python(hide + "sys.exit(main(sys.argv[1:]))", *arguments)
+    assert result.returncode == 1
+    assert result.stderr.count("\n") == 1
+    assert "PyBullet" in result.stderr
 
 
 def test_help_shows_defaults_and_units(capsys):
@@ -111,15 +97,15 @@ def test_help_shows_defaults_and_units(capsys):
         assert stop.value.code == 0
     with pytest.raises(SystemExit):
         main(["train", "--help"])
-    said = capsys.readouterr().out
-    assert "minutes of motion" in said and "(laptop)" in said and "(data)" in said
+    output = capsys.readouterr().out
+    assert "minutes of motion" in output and "(laptop)" in output and "(data)" in output
 
 
 def test_help_names_every_figure(capsys):
     with pytest.raises(SystemExit):
         main(["run", "--help"])
-    said = "".join(capsys.readouterr().out.split())  # lines break at hyphens, too
-    assert f"{','.join(NAMES)}orall" in said
+    message = "".join(capsys.readouterr().out.split())  # lines break at hyphens, too
+    assert f"{','.join(NAMES)}orall" in message
 
 
 @pytest.mark.parametrize(
@@ -153,10 +139,14 @@ def test_help_names_every_figure(capsys):
     ],
 )
 def test_arguments_that_cannot_be_used(words, message, capsys, tmp_path):
-    """Exit status 2 and one line on stderr."""
+    """Bad arguments give exit status 2 and one line on stderr."""
     assert main([*words, "--data", str(tmp_path), "--results", str(tmp_path)]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("companion: ") and message in said and said.count("\n") == 1
+    errors = capsys.readouterr().err
+    assert (
+        errors.startswith("companion: ")
+        and message in errors
+        and errors.count("\n") == 1
+    )
 
 
 @pytest.mark.parametrize(
@@ -169,25 +159,14 @@ def test_argparse_errors(words):
 
 
 def test_show_counts(tmp_path, capsys):
-    """The last line is 'missing: N', over the figure or the part of it that is asked
-    for."""
+    """The last line is 'missing: N', for the figure or the chosen part of it."""
     common = ["--data", str(tmp_path), "--results", str(tmp_path)]
     for words, count in (
         (["--preset", "laptop"], 108),
         (["--preset", "paper"], 480),
         (["--preset", "laptop", "--figure", "4"], 60),
         (
-            [
-                "--preset",
-                "laptop",
-                "--system",
-                "system2",
-                "--minutes",
-                "5",
-                "20",
-                "--seeds",
-                "0",
-            ],
+            "--preset laptop --system system2 --minutes 5 20 --seeds 0".split(),
             6,
         ),
         (["--preset", "laptop", "--set", "seeds=1"], 36),
@@ -203,60 +182,27 @@ def test_damaged_store_is_one_line(tmp_path, capsys):
     path = Results(tmp_path).path(trial)
     path.parent.mkdir()
     path.write_text("{")
-    assert (
-        main(
-            [
-                "show",
-                "--preset",
-                "smoke",
-                "--data",
-                str(tmp_path),
-                "--results",
-                str(tmp_path),
-            ]
-        )
-        == 1
-    )
-    said = capsys.readouterr().err
-    assert str(path) in said and said.count("\n") == 1
+    places = ["--data", str(tmp_path), "--results", str(tmp_path)]
+    assert main(["show", "--preset", "smoke", *places]) == 1
+    errors = capsys.readouterr().err
+    assert str(path) in errors and errors.count("\n") == 1
 
 
 def test_missing_data_is_one_line(tmp_path, capsys):
-    """Nothing is run on data that do not exist; the message names the command that
-    makes them."""
-    assert (
-        main(
-            [
-                "run",
-                "--preset",
-                "smoke",
-                "--data",
-                str(tmp_path),
-                "--results",
-                str(tmp_path),
-            ]
-        )
-        == 2
-    )
+    """Nothing runs on missing data; the message names the command that makes them."""
+    places = ["--data", str(tmp_path), "--results", str(tmp_path)]
+    assert main(["run", "--preset", "smoke", *places]) == 2
     assert "companion collect --preset" in capsys.readouterr().err
 
 
 def test_collect_train_run_show(tmp_path, capsys):
-    """The whole way with the real simulator: collect, one trial, the rest, nothing
-    missing."""
+    """Collect, run one trial and then the rest, with the real simulator."""
     pytest.importorskip("pybullet")
     settings = [
         word for name, value in CHANGES.items() for word in ("--set", f"{name}={value}")
     ]
-    common = [
-        "--preset",
-        "smoke",
-        "--data",
-        str(tmp_path / "data"),
-        "--results",
-        str(tmp_path / "results"),
-        *settings,
-    ]
+    data, results = str(tmp_path / "data"), str(tmp_path / "results")
+    common = ["--preset", "smoke", "--data", data, "--results", results, *settings]
     part = ["--system", "system1"]
     assert main(["collect", *common, *part, "--workers", "2"]) == 0
     assert len(capsys.readouterr().out.splitlines()) == 4
@@ -278,8 +224,7 @@ def test_collect_train_run_show(tmp_path, capsys):
 
 
 def test_damaged_checkpoint_is_one_line(tmp_path, capsys, monkeypatch):
-    """What training reports of itself reaches the command line as one line, with exit
-    status 1."""
+    """An error of training reaches the command line as one line, with exit status 1."""
     from sidm.learning import CheckpointError
 
     def damaged(*_, **__):
@@ -290,52 +235,37 @@ def test_damaged_checkpoint_is_one_line(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(
         importlib.import_module("companion.engine.run"), "run_here", damaged
     )
-    words = [
-        "train",
-        "--preset",
-        "smoke",
-        "--system",
-        "system1",
-        "--minutes",
-        "0.5",
-        "--results",
-        str(tmp_path),
-    ]
-    assert main(words) == 1
-    said = "companion: checkpoint.npz: the checkpoint is damaged (x); delete it to start afresh\n"
-    assert capsys.readouterr().err == said
+    arguments = (
+        f"train --preset smoke --system system1 --minutes 0.5 --results {tmp_path}"
+    ).split()
+    assert main(arguments) == 1
+    message = (
+        "companion: checkpoint.npz: the checkpoint is damaged (x); "
+        "delete it to start afresh\n"
+    )
+    assert capsys.readouterr().err == message
 
 
 def test_ctrl_c_leaves_a_state_to_go_on_from(tmp_path):
-    """Stopped while it collects, a command says how to go on, and its workers end with
-    it."""
+    """A stopped collection says how to go on, and its workers end with it."""
     pytest.importorskip("pybullet")
-    words = [
-        "collect",
-        "--preset",
-        "smoke",
-        "--system",
-        "system1",
-        "--data",
-        str(tmp_path),
-        "--workers",
-        "2",
-    ]
+    arguments = (
+        f"collect --preset smoke --system system1 --data {tmp_path} --workers 2"
+    ).split()
     process = subprocess.Popen(
-        [sys.executable, "-m", "companion", *words],
+        [sys.executable, "-m", "companion", *arguments],
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=lambda: signal.signal(
-            signal.SIGINT, signal.SIG_DFL
-        ),  # ignored by what runs in the background
+        # a process in the background ignores the signal by default
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     while process.poll() is None and not list(tmp_path.rglob("shard-*.npz")):
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=600)
-    assert process.returncode == 1 and "Traceback" not in said
+    _, errors = process.communicate(timeout=600)
+    assert process.returncode == 1 and "Traceback" not in errors
     assert (
-        said.splitlines()[-1]
+        errors.splitlines()[-1]
         == "companion: stopped; the same command goes on where this one was"
     )
     terrain = SYSTEMS["system1"].terrain

@@ -1,5 +1,4 @@
-"""Killed at random moments, nothing is lost: `make crash` does the same with more
-kills."""
+"""Killing at random moments loses nothing; `make crash` kills more often."""
 
 import pytest
 from crash import crash, reader

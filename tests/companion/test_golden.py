@@ -1,4 +1,4 @@
-"""Golden figures are held, and rewritten only where a version was raised."""
+"""Golden figures are compared, and rewritten only where a version was raised."""
 
 import json
 
@@ -10,10 +10,8 @@ from tests.golden import FILE, Golden
 
 @pytest.fixture
 def file(tmp_path):
-    path, figures = (
-        tmp_path / "golden.json",
-        {"loss": 0.123456789123, "curve": [[1.0, 2.0], [3.0, 4.0]]},
-    )
+    path = tmp_path / "golden.json"
+    figures = {"loss": 0.123456789123, "curve": [[1.0, 2.0], [3.0, 4.0]]}
     Golden(path, write=True).hold("one", "training", figures, rel=1e-8)
     return path
 
@@ -57,7 +55,7 @@ def test_a_raised_version_asks_for_new_figures(file, monkeypatch):
 def test_every_kind_of_work_has_golden_figures():
     kinds = {
         kind
-        for one in Golden(FILE, write=False).stored.values()
-        for kind in one["numerics"]
+        for record in Golden(FILE, write=False).stored.values()
+        for kind in record["numerics"]
     }
     assert kinds == set(numerics.NUMERICS)

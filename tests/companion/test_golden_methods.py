@@ -1,8 +1,7 @@
-"""Every method and every choice of a training, six iterations long, comes to the
-figures of today's versions.
+"""Six iterations of every method and choice give the figures of today's versions.
 
 The weights decay a hundred thousand times faster than in a study, so that a change of
-it shows in so few iterations.
+the decay shows in so few iterations.
 """
 
 import math
@@ -13,15 +12,15 @@ from companion import METHODS, Study, load_preset, run, run_trial
 from companion.methods import FIGURE3
 from tests.companion.conftest import TINY
 
-#: Adam divides by the size of a gradient, so that rounding turns steps where that is
-#: nearly nothing: on smaller instruction sets losses of six iterations differ by up to
-#: 0.0007 of themselves, rollouts by 0.003.
+#: Adam divides by the size of a gradient, so that rounding changes whole steps where a
+#: gradient is nearly zero: on smaller instruction sets losses after six iterations
+#: differ by up to 0.0007 of their value, rollouts by 0.003.
 TOLERANCE = dict(rel=0.005, abs=0.002)
 SHORT = dict(
     max_samples=3072, prediction_iterations=2, test_interval=2, weight_decay=1.0
 )
 
-#: What no method has; 'sidm' with that changed.
+#: settings that no method has; each changes the method 'sidm'
 CHOICES = {
     "weights as PyTorch draws them": dict(initialisation="pytorch"),
     "loss averaged over components": dict(reduction="mean"),
@@ -38,11 +37,9 @@ CHOICES = {
 
 @pytest.fixture(scope="module")
 def trial(data, tmp_path_factory):
-    """Makes a trial of system 1: trial(method), with changes of the preset by name."""
-    preset, results = (
-        load_preset("smoke", **(TINY | SHORT)),
-        tmp_path_factory.mktemp("results"),
-    )
+    """Function that makes a trial of system 1, with changes of the preset by name."""
+    preset = load_preset("smoke", **(TINY | SHORT))
+    results = tmp_path_factory.mktemp("results")
     return lambda method, **changes: Study(
         preset.replace(**changes), data, results
     ).trial("system1", method, 0.75)
@@ -53,17 +50,15 @@ def figures(outcome) -> dict:
         "validation_loss": outcome.validation_loss,
         "component_losses": outcome.component_losses,
         "best_test_loss": outcome.best_test_loss,
-        "rollouts": (
-            outcome.position_error[4],
-            outcome.heading_error[4],
-        ),  # the fifth step: later ones amplify
+        # the fifth step: later steps amplify rounding
+        "rollouts": (outcome.position_error[4], outcome.heading_error[4]),
         "samples": (outcome.samples, outcome.pretraining_samples),
     }
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_comes_to_its_figures(trial, data, golden, method):
-    """From its data to its outcome, rollouts included."""
+    """The trial runs from its data to its outcome, with rollouts."""
     one = trial(method)
     outcome = run_trial(one, data).outcome
     assert math.isfinite(outcome.validation_loss) and len(outcome.position_error) == 25
@@ -86,8 +81,7 @@ def test_every_choice_comes_to_its_figures(trial, data, golden, choice):
 
 
 def test_half_precision_comes_to_its_figures(trial, data, golden):
-    """bfloat16 has 8 bits: where a product is rounded differs from processor to
-    processor."""
+    """bfloat16 has 8 bits, and processors round products at different places."""
     outcome = run_trial(trial("sidm", precision="bfloat16"), data).outcome
     golden.hold(
         "bfloat16", "training", {"validation_loss": outcome.validation_loss}, rel=0.02

@@ -1,4 +1,4 @@
-"""What figures cost, from made-up rows."""
+"""The cost of figures, from made-up rows."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from sidm.systems import FREE_SYSTEMS, SYSTEMS
 
 
 def test_a_figure_costs_what_its_stored_trials_took(tmp_path, make_row):
-    """Every figure has a line; a trial counts in each that it serves."""
+    """Every figure has a line; a trial counts in each figure that uses it."""
     store, study = Results(tmp_path), Study("smoke", tmp_path, tmp_path)
     rows = [
         make_row(trial, 1.0)
@@ -30,7 +30,7 @@ def test_a_figure_costs_what_its_stored_trials_took(tmp_path, make_row):
 
 
 def test_robots_with_free_struts_are_in_no_other_preset(tmp_path):
-    """They have the p_e of the robots that they are, and motion of their own."""
+    """These robots have the p_e of the braked robots, and motion of their own."""
     free = grid("study", "free-struts", data=tmp_path, results=tmp_path)
     assert {trial.system for trial in free} == set(FREE_SYSTEMS)
     own = {trial.datasets["expert"].collection for trial in free}

@@ -1,5 +1,7 @@
-"""Clumsy and hostile input: whatever is typed or lies in the files ends in one line,
-and nothing of it is executed."""
+"""Clumsy and hostile input ends in one line of error.
+
+Nothing that is typed or lies in a file is executed.
+"""
 
 import dataclasses
 import json
@@ -87,7 +89,7 @@ IN_FOLDER = dict(
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """An empty working folder inside a folder that must stay as it is."""
+    """An empty working folder inside a folder that must not change."""
     (tmp_path / "inside").mkdir()
     monkeypatch.chdir(tmp_path / "inside")
     return tmp_path
@@ -103,7 +105,7 @@ def tree(folder: Path) -> set[Path]:
 
 
 def run(words, capsys) -> int:
-    """A command line's exit status, its error one line."""
+    """Exit status of a command line, whose error must be one line."""
     try:
         status = main(words)
     except SystemExit as end:  # argparse
@@ -137,7 +139,7 @@ def test_any_words(folder, capsys, words):
     "value", [float("nan"), float("inf"), -1, 10**30, "x", None, [], {}]
 )
 def test_no_size_is_nonsense(value):
-    """Whatever a preset takes in is a number that a study can have."""
+    """A preset accepts only numbers that a study can have."""
     for name in NAMES:
         if name in ("name", "network", "training"):
             continue
@@ -156,10 +158,8 @@ def test_no_size_is_nonsense(value):
 @given(document=st.one_of(documents.map(yaml.safe_dump), values, st.text(max_size=60)))
 @settings(max_examples=150, **IN_FOLDER)
 def test_any_parameter_file(folder, document):
-    path, chapter = (
-        folder / "inside" / "any.yaml",
-        ROOT / "notebooks" / "05-figure3.ipynb",
-    )
+    path = folder / "inside" / "any.yaml"
+    chapter = ROOT / "notebooks" / "05-figure3.ipynb"
     path.write_text(document, encoding="utf-8", errors="replace")
     try:
         notebook.merge_parameters(chapter, {}, [path])
@@ -214,7 +214,7 @@ def test_an_annotation_is_not_executed(folder, annotation):
 @settings(max_examples=60, **IN_FOLDER)
 @pytest.mark.parametrize("what", ["row", "digest"])
 def test_any_file_in_the_store(folder, capsys, content, what):
-    """`show` names it; with a right checksum too."""
+    """`show` names a bad file, also one with a correct checksum."""
     from companion import Results, Study
 
     trial = Study("smoke", "data", "results").figure3("system1")[0]

@@ -1,4 +1,4 @@
-"""Every method is a configuration of the one loop and begins as its neighbours do."""
+"""Every method is a configuration of one loop; related methods begin alike."""
 
 import pytest
 
@@ -14,7 +14,7 @@ from sidm.rivals.residual import Corrected
 
 @pytest.fixture
 def trial(study):
-    """Makes a trial of system 1: trial(method)."""
+    """Function that makes a trial of system 1: trial(method)."""
     return lambda method: study.trial("system1", method, 0.75)
 
 
@@ -24,7 +24,7 @@ def test_no_two_methods_are_the_same_trial(trial):
 
 
 def test_the_experts_model_is_judged_as_it_is(trial, data):
-    """The novice's data do not touch it."""
+    """The novice's data do not change it."""
     trained, other = (
         perform(one, data)[0]
         for one in (trial("expert_only"), trial("pretrain_finetune"))
@@ -56,7 +56,7 @@ def test_the_experts_model_is_corrected_and_kept(trial, data, method, kind):
 
 
 def test_what_is_solved_depends_on_how_it_is_solved(trial, data):
-    """And what is trained does not."""
+    """A solved method also names its solver's version; a trained method does not."""
     solved, trained = (
         run_trial(trial(method), data).provenance
         for method in ("least_squares", "expert_only")
@@ -87,7 +87,7 @@ def test_bundles_take_the_methods_of_figure_3_and_of_any_bodies_and_refuse_other
 
 
 def test_what_no_bundle_can_train_is_run_alone(trial, data, tmp_path):
-    """Beside the others, so that a whole grid can be asked for."""
+    """Such a trial runs beside the bundles, so that a whole grid can be requested."""
     store = run(
         [trial("sidm"), trial("pooled")],
         data=data,

@@ -49,7 +49,7 @@ OTHER = {
 def changed(value, kind):
     """Another value of the same type."""
     if value is None:
-        return ROVER  # of a body
+        return ROVER  # another body
     if isinstance(value, bool):
         return not value
     if isinstance(value, str):
@@ -60,18 +60,18 @@ def changed(value, kind):
 
 
 def test_key_survives_json():
-    """Through JSON a trial comes back equal, with the same key, ints given for floats
-    or not."""
+    """A trial read from JSON is equal and has the same key.
+
+    Ints may stand for floats.
+    """
     back = from_mapping(Trial, json.loads(json.dumps(TRIAL.to_json())))
-    assert (
-        back == TRIAL and back.key == TRIAL.key == TRIAL.replace(novice_minutes=1.0).key
-    )
+    assert back == TRIAL
+    assert back.key == TRIAL.key == TRIAL.replace(novice_minutes=1.0).key
     assert len(TRIAL.key) == 20
 
 
 def test_key_feels_every_field():
-    """No two trials that differ in one value share a key, in their network and training
-    neither."""
+    """Trials that differ in one value, also of network or training, have other keys."""
     variants = [TRIAL] + [
         TRIAL.replace(**{name: value}) for name, value in OTHER.items()
     ]
@@ -130,17 +130,15 @@ def test_key_feels_every_field():
     ],
 )
 def test_trials_refuse_what_cannot_be_run(changes, words):
-    """One line that says which value is wrong."""
+    """The error says in one line which value is wrong."""
     with pytest.raises(ConfigError, match=words):
         from_mapping(Trial, TRIAL.to_json() | changes)
 
 
 def test_what_came_later_is_not_named_by_default():
-    """So that the keys of results stored before there was another value still hold."""
-    assert (
-        TRIAL.replace(motion="tuning").to_json()["motion"] == "tuning"
-        and "motion" not in TRIAL.to_json()
-    )
+    """Keys of results that were stored before a field existed still hold."""
+    assert TRIAL.replace(motion="tuning").to_json()["motion"] == "tuning"
+    assert "motion" not in TRIAL.to_json()
     alone = replace(TRIAL.training, p_expert=0.0, regularise=False)
     solved = TRIAL.replace(training=alone, fit="least_squares")
     assert "fit" not in TRIAL.to_json() and solved.to_json()["fit"] == "least_squares"
@@ -150,18 +148,18 @@ def test_what_came_later_is_not_named_by_default():
 def test_datasets_are_disjoint():
     """Pool, validation, expert and rollouts come from four collections."""
     sets = TRIAL.datasets
-    assert len({one.collection for one in sets.values()}) == 4
+    assert len({dataset.collection for dataset in sets.values()}) == 4
     assert sets["novice"].name == "system1/novice/ornstein_uhlenbeck/seed-0/19"
     assert sets["rollout"].collection.policy == "held" and sets["rollout"].count == 4
-    assert (
-        sets["expert"].collection.role == "expert"
-        and sets["expert"].collection.seed == 2
-    )
+    assert sets["expert"].collection.role == "expert"
+    assert sets["expert"].collection.seed == 2
 
 
 def test_presets_are_the_papers():
-    """The paper's Figure 3 is 320 trials; the laptop's sizes are those of the table of
-    presets."""
+    """The paper's Figure 3 has 320 trials.
+
+    The sizes of `laptop` are those of the table of presets.
+    """
     for name in ("paper", "released"):
         assert sum(trial.method in COMPARED for trial in grid(name)) == 320
     assert len(grid("laptop")) == 2 * 6 * 3 * 3  # systems, sizes, methods, seeds
@@ -193,7 +191,7 @@ def test_presets_are_the_papers():
     ],
 )
 def test_presets_refuse_what_no_preset_can_have(changes, words):
-    """In one line; the nearest right name is given."""
+    """The error is one line and suggests the nearest right name."""
     with pytest.raises(ConfigError, match=words):
         load_preset("laptop", **changes)
 
@@ -204,7 +202,7 @@ def test_presets_are_known_by_name():
 
 
 def test_preset_changes_reach_network_and_training():
-    """A preset's flat names lead to its parts, which have no name in common."""
+    """Names of a preset lead to its parts, which have no name in common."""
     changed = load_preset(
         "laptop", pixels=64, max_samples=1000, seeds=5, p_expert_system2=0.25
     )
@@ -223,8 +221,7 @@ def test_preset_changes_reach_network_and_training():
 
 
 def test_methods_differ_only_in_their_training():
-    """The comparison is the same loop without expert data and without the adversary
-    (section 4)."""
+    """Training alone is the same loop without expert data and adversary (section 4)."""
     for system, p in (("system1", 0.75), ("system2", 0.5)):
         with_sidm, without = (
             Study("laptop").trial(system, m, 5) for m in ("sidm", "novice_only")
@@ -235,8 +232,10 @@ def test_methods_differ_only_in_their_training():
 
 
 def test_grids():
-    """Seeds pair the methods; ablations share their base trials with Figure 3; filters
-    name what the grid has."""
+    """Seeds pair the methods, and ablations share trials with Figure 3.
+
+    Filters name what the grid has.
+    """
     study = Study("laptop")
     points = {
         (t.novice_minutes, t.seed)
@@ -249,10 +248,8 @@ def test_grids():
         if t.method == "novice_only"
     }
     figure3 = {t.key for t in study.figure3("system1")}
-    assert (
-        len(study.figure4()) == 2 * 3 * 10
-        and len({t.key for t in study.figure4()} & figure3) == 2 * 3 * 3
-    )
+    assert len(study.figure4()) == 2 * 3 * 10
+    assert len({t.key for t in study.figure4()} & figure3) == 2 * 3 * 3
     # p_e of 0.75, three seeds
     assert len({t.key for t in ablations.p_expert(study, "system1")} & figure3) == 3
     # 100, 20 and 5 iterations
@@ -269,11 +266,11 @@ def test_grids():
         *CORES,
         RIVAL,
     }
-    found = variants.trials(study, "system1")
+    listed = variants.trials(study, "system1")
     # two at 20, 60, 120, too
-    assert len(found) == len({t.key for t in found}) == 15 * 4 * 3 + 2 * 3 * 3
+    assert len(listed) == len({t.key for t in listed}) == 15 * 4 * 3 + 2 * 3 * 3
     assert {t.key for t in variants.correction(study, "system1")} < {
-        t.key for t in found
+        t.key for t in listed
     }
     assert len(grid("laptop", "3", "system2", minutes=[5, 20], seeds=[1])) == 2 * 3
     assert {t.key for t in grid("laptop", "all")} >= figure3
@@ -294,8 +291,10 @@ def test_grids():
 
 
 def test_the_study_has_grids_of_its_own():
-    """More seeds on little data; settings are chosen by motion that no figure is drawn
-    from."""
+    """Little data have more seeds.
+
+    Settings are chosen on motion that no figure uses.
+    """
     study = Study("study")
     seeds = Counter(
         t.novice_minutes for t in study.figure3("system2") if t.method == "sidm"
@@ -320,7 +319,7 @@ def test_the_study_has_grids_of_its_own():
     ]
     assert len(novices[0]) == 3 and not novices[0] & (novices[1] | novices[2])
     every = {d for t in [*figures.values(), *tried] for d in t.datasets.values()}
-    assert set(study.preset.every_dataset("system1")) == every
+    assert set(study.preset.all_datasets("system1")) == every
     assert Counter(t.training.batch for t in long) == {8: 9, 2: 14}
     assert all(t.training.patience == 2_500_000 for t in long)
     chosen_by = [*tried, *long]
@@ -331,8 +330,10 @@ def test_the_study_has_grids_of_its_own():
 
 
 def test_digests_come_from_disk_before_the_results(data, tiny, tmp_path):
-    """What lies on this disk makes the trial; without data the committed digests do;
-    without either it is UNKNOWN."""
+    """Data on this disk define the trial; without data the committed digests do.
+
+    Without either, the digest is UNKNOWN.
+    """
     local = Study(tiny, data, tmp_path).digests("system1")
     assert UNKNOWN not in local.values() and len(set(local.values())) == 4
     bare = Study(tiny, tmp_path / "none", tmp_path)
@@ -369,8 +370,10 @@ def test_damaged_digests_are_named(tiny, tmp_path, digest, changed, words):
 
 
 def test_parameter_files_name_their_preset():
-    """params/NAME.yaml asks the notebooks for the preset NAME; only the smoke preset
-    runs what is missing by itself."""
+    """params/NAME.yaml requests the preset NAME for the notebooks.
+
+    Only the smoke preset runs missing trials by itself.
+    """
     folder = Path(__file__).parents[2] / "params"
     found = {
         path.stem: yaml.safe_load(path.read_text()) for path in folder.glob("*.yaml")
@@ -382,8 +385,8 @@ def test_parameter_files_name_their_preset():
 
 def test_a_system_of_your_own_has_system_1s_sizes(monkeypatch):
     """A third system can be listed, run and shown beside the paper's two."""
-    own = dataclasses.replace(SYSTEMS["system1"], name="soft")
-    monkeypatch.setitem(SYSTEMS, "soft", own)
+    system = dataclasses.replace(SYSTEMS["system1"], name="soft")
+    monkeypatch.setitem(SYSTEMS, "soft", system)
     preset = load_preset("smoke")
     assert preset.pool_minutes("soft") == preset.pool_minutes_system1
     assert {trial.system for trial in Study(preset).figure3("soft")} == {"soft"}

@@ -1,11 +1,10 @@
-"""What robots' data are made of: what follows from a body, its file, and every fault of
-one."""
+"""Bodies: data that follow from a body, its file, and each fault of a file."""
 
 import dataclasses
 
 import pytest
 
-from sidm.body import ROVER, Body, body_from, body_lines, read_body
+from sidm.body import ROVER, Body, body_from_mapping, body_to_mapping, read_body
 from sidm.config import ConfigError
 
 WARTHOG = """
@@ -18,10 +17,8 @@ rate: 10 Hz
 
 def test_the_papers_body_has_11_inputs_and_13_targets():
     assert (len(ROVER.inputs), len(ROVER.targets), len(ROVER.state)) == (11, 13, 13)
-    assert ROVER.inputs[:3] == ("up x", "up y", "up z") and ROVER.inputs[-2:] == (
-        "throttle",
-        "steering",
-    )
+    assert ROVER.inputs[:3] == ("up x", "up y", "up z")
+    assert ROVER.inputs[-2:] == ("throttle", "steering")
     assert ROVER.pixels(32) == 32 and ROVER.map_size == 5.0
 
 
@@ -36,14 +33,8 @@ def test_a_file_says_what_a_planar_robot_sees_and_does(tmp_path):
         "command_left",
         "command_right",
     )
-    assert body.targets == (
-        "forward",
-        "left",
-        "turn",
-        "yaw_rate",
-        "wheel_left",
-        "wheel_right",
-    )
+    expected = ("forward", "left", "turn", "yaw_rate", "wheel_left", "wheel_right")
+    assert body.targets == expected
     assert body.pixels(32) == 0 and body.weights == "variance"
 
 
@@ -55,7 +46,7 @@ def test_a_file_says_what_a_planar_robot_sees_and_does(tmp_path):
     ],
 )
 def test_lines_of_a_body_read_back_as_the_same(body):
-    assert body_from(body_lines(body), "") == body
+    assert body_from_mapping(body_to_mapping(body), "") == body
 
 
 @pytest.mark.parametrize(
@@ -95,11 +86,9 @@ def test_a_fault_is_one_line_that_names_file_and_fault(tmp_path, text, words):
     path.write_text(text)
     with pytest.raises(ConfigError) as error:
         read_body(path)
-    assert (
-        words in str(error.value)
-        and str(error.value).startswith(str(path))
-        and "\n" not in str(error.value)
-    )
+    assert words in str(error.value)
+    assert str(error.value).startswith(str(path))
+    assert "\n" not in str(error.value)
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):

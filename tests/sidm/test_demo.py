@@ -1,4 +1,4 @@
-"""`sidm demo`: what comes with the package, and what it makes of it."""
+"""`sidm demo`: the packaged data and the results."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ def test_what_is_bundled_is_what_was_recorded():
 def test_the_demo_makes_a_model_its_errors_and_a_replay(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["demo"]) == 0
-    said = capsys.readouterr().out
-    assert "least_squares" in said and "yaw_rate" in said and "position" in said
+    output = capsys.readouterr().out
+    assert "least_squares" in output and "yaw_rate" in output and "position" in output
     assert sidm.load("sidm-demo/model").method == "least_squares"
     assert Path("sidm-demo/replay.html").stat().st_size > 100_000

@@ -1,4 +1,4 @@
-"""The public face: its names, their examples, and what users hand over."""
+"""The public face: its names, their examples, and values that users pass."""
 
 import doctest
 import re
@@ -16,10 +16,8 @@ from sidm.fitting.arguments import drives_from
 from sidm.recordings import RecordingError, write_drives
 
 ROOT = Path(__file__).parents[2]
-WARTHOG, SKID = (
-    ROOT / "recordings" / "warthog.csv.gz",
-    ROOT / "recordings" / "skid_steer.yaml",
-)
+WARTHOG = ROOT / "recordings" / "warthog.csv.gz"
+SKID = ROOT / "recordings" / "skid_steer.yaml"
 QUICK = {"method": "least_squares"}
 
 
@@ -69,7 +67,7 @@ def test_paths_may_stand_for_drives(form):
 
 
 def test_a_table_may_stand_for_drives(tmp_path):
-    """As a file with the same columns does."""
+    """A table is read as a file with the same columns."""
     body = sidm.Body(
         name="cart",
         pose="planar",
@@ -88,17 +86,15 @@ def test_a_table_may_stand_for_drives(tmp_path):
             "drive": number,
         }
         parts.append(pd.DataFrame(table | {"speed": speed, "throttle": speed / 2}))
-    found = drives_from(pd.concat(parts), body, "novice")
-    write_drives(tmp_path / "same.csv", found, "a test")
-    for own, same in zip(
-        found, sidm.read_drives(tmp_path / "same.csv", body), strict=True
+    recorded = drives_from(pd.concat(parts), body, "novice")
+    write_drives(tmp_path / "same.csv", recorded, "a test")
+    for drive, same in zip(
+        recorded, sidm.read_drives(tmp_path / "same.csv", body), strict=True
     ):
-        assert np.allclose(own.states, same.states, atol=1e-4) and np.allclose(
-            own.actions, same.actions, atol=1e-4
-        )
-    assert len(found) == 3 and np.allclose(
-        found[1].states[:, 3], 1 + 0.1 * np.sin(time + 1)
-    )
+        assert np.allclose(drive.states, same.states, atol=1e-4)
+        assert np.allclose(drive.actions, same.actions, atol=1e-4)
+    assert len(recorded) == 3
+    assert np.allclose(recorded[1].states[:, 3], 1 + 0.1 * np.sin(time + 1))
 
 
 def test_a_body_may_be_a_mapping(drives):
@@ -107,8 +103,8 @@ def test_a_body_may_be_a_mapping(drives):
         "columns": {"yaw_rate": "rad/s", "wheel_left": "rad/s", "wheel_right": "rad/s"},
         "actions": {"command_left": "rad/s", "command_right": "rad/s"},
     }
-    found = sidm.read_drives(WARTHOG, body)
-    assert np.allclose(found[0].states, drives[0].states)
+    recorded = sidm.read_drives(WARTHOG, body)
+    assert np.allclose(recorded[0].states, drives[0].states)
 
 
 @pytest.mark.parametrize(
@@ -155,7 +151,8 @@ def test_swapped_robots_are_seen():
     pair = {role: sidm.simulate("system1", role, 0.2) for role in ("novice", "expert")}
     with pytest.raises(
         ConfigError,
-        match="novice has the drives of 'system1 expert': are novice and expert swapped",
+        match="novice has the drives of 'system1 expert': "
+        "are novice and expert swapped",
     ):
         sidm.fit(pair["expert"], pair["novice"])
     for wrong, error in (("system3", ConfigError), (3, TypeError)):
@@ -215,11 +212,11 @@ def test_a_drive_has_its_bodys_shape():
     ],
 )
 def test_an_example_runs_in_an_empty_folder(script, words, said, tmp_path):
-    done = subprocess.run(
+    result = subprocess.run(
         [sys.executable, str(ROOT / "examples" / script), *words],
         cwd=tmp_path,
         capture_output=True,
         text=True,
     )
-    assert done.returncode == 0 and said in done.stdout, done.stderr
+    assert result.returncode == 0 and said in result.stdout, result.stderr
     assert list(tmp_path.rglob("model.safetensors"))

@@ -127,4 +127,4 @@ def test_yaw_of_from_yaw(angle):
     angle = torch.tensor(angle, dtype=torch.float64)
     difference = R.wrap(R.yaw(R.from_yaw(angle)) - angle)
     assert abs(float(difference)) < 1e-9
-    assert abs(float(R.wrap(angle))) <= math.pi + 1e-12  # as near as atan2 is rounded
+    assert abs(float(R.wrap(angle))) <= math.pi + 1e-12  # rounding of atan2

@@ -22,10 +22,8 @@ from sidm.storage import checksum, read_arrays, write_arrays
 from sidm.systems import SYSTEMS
 from sidm.terrain import generate_terrain
 
-COLLECTION, TERRAIN = (
-    Collection(system="system1", role="novice"),
-    SYSTEMS["system1"].terrain,
-)
+COLLECTION = Collection(system="system1", role="novice")
+TERRAIN = SYSTEMS["system1"].terrain
 
 
 def some_trajectories(first, count):
@@ -57,9 +55,8 @@ def test_what_is_written_is_read(tmp_path):
     read = load(tmp_path, COLLECTION, SHARD_SIZE + 1)
     assert len(read) == SHARD_SIZE + 1
     for before, after in zip(made, read, strict=False):
-        assert np.array_equal(before.states, after.states) and np.array_equal(
-            before.actions, after.actions
-        )
+        assert np.array_equal(before.states, after.states)
+        assert np.array_equal(before.actions, after.actions)
         assert np.array_equal(before.ground.probe, after.ground.probe)
         assert before.ground._replace(probe=0) == after.ground._replace(probe=0)
         assert (before.index, before.discarded) == (after.index, after.discarded)
@@ -88,11 +85,9 @@ def test_every_flipped_bit_is_seen_and_the_file_named(tmp_path, where, bit):
     path.write_bytes(data)
     with pytest.raises(ShardError, match="damaged") as caught:
         read_shard(path, TERRAIN)
-    assert (
-        str(path) in str(caught.value)
-        and "\n" not in str(caught.value)
-        and "delete it" in str(caught.value)
-    )
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert "delete it" in str(caught.value)
 
 
 def test_a_collection_does_not_lead_out_of_its_folder():

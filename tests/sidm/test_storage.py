@@ -1,5 +1,4 @@
-"""Files whole or not at all, damage seen, disks full, and files made by those who mean
-harm."""
+"""Files are written whole or not at all; damage and hostile files are refused."""
 
 import errno
 import io
@@ -33,7 +32,7 @@ SHARED_FOLDER = [HealthCheck.function_scoped_fixture]
 
 
 class Trap:
-    """Unpickling it would make a file."""
+    """Object whose unpickling would make a file."""
 
     def __init__(self, path):
         self.path = str(path)
@@ -43,7 +42,7 @@ class Trap:
 
 
 def sealed(archive: bytes) -> bytes:
-    """An archive with the comment that ours have."""
+    """An archive with the comment of this package's archives."""
     body = archive[:-2] + (64).to_bytes(2, "little")
     return body + sha256(body).hexdigest().encode()
 
@@ -66,9 +65,8 @@ def test_records_come_back_a_line_a_value(tmp_path):
     assert len((tmp_path / "a.json").read_text().splitlines()) == 6
     with pytest.raises(ValueError, match="not JSON compliant"):
         write_record(tmp_path / "a.json", {"a": float("nan")})
-    assert read_record(tmp_path / "a.json") == values and os.listdir(tmp_path) == [
-        "a.json"
-    ]
+    assert read_record(tmp_path / "a.json") == values
+    assert os.listdir(tmp_path) == ["a.json"]
 
 
 @given(
@@ -122,17 +120,15 @@ def test_a_full_disk_is_one_line_and_leaves_what_was(tmp_path, monkeypatch, fail
 
 
 def test_writing_follows_no_link_and_takes_no_name_of_others(tmp_path):
-    """A link in the file's place is replaced; what it points to stays as it is."""
+    """A link in the file's place is replaced; its target stays as it is."""
     (tmp_path / "inside").mkdir()
     outside, path = tmp_path / "outside", tmp_path / "inside" / "a.json"
     outside.write_text("mine")
     path.symlink_to(outside)
     write_record(path, {"x": 1})
-    assert (
-        outside.read_text() == "mine"
-        and not path.is_symlink()
-        and read_record(path) == {"x": 1}
-    )
+    assert outside.read_text() == "mine"
+    assert not path.is_symlink()
+    assert read_record(path) == {"x": 1}
 
 
 def test_a_pickle_disguised_as_arrays_is_not_opened(tmp_path):
@@ -154,8 +150,7 @@ def test_a_pickle_disguised_as_arrays_is_not_opened(tmp_path):
 
 
 def test_an_archive_that_would_grow_is_not_unpacked(tmp_path):
-    """Neither a compressed one nor one whose header promises a million million
-    numbers."""
+    """Such archives are compressed, or their header promises 10**12 numbers."""
     bomb = io.BytesIO()
     np.savez_compressed(bomb, x=np.zeros(1000))
     header, promised = io.BytesIO(), io.BytesIO()

@@ -1,4 +1,4 @@
-"""The terrain's recipe and the surface between its grid points."""
+"""The recipe of the terrain, and the surface between its grid points."""
 
 import json
 from pathlib import Path
@@ -16,11 +16,9 @@ from sidm.terrain import generate_terrain, height_at, perlin
 def test_heights_have_the_stated_shape_floor_and_level_start(name):
     terrain = SYSTEMS[name].terrain
     heights = generate_terrain(terrain, 3)
-    assert (
-        heights.shape == (300, 300)
-        and heights.dtype == np.float64
-        and heights.min() == 0
-    )
+    assert heights.shape == (300, 300)
+    assert heights.dtype == np.float64
+    assert heights.min() == 0
     angle = np.linspace(0, 2 * np.pi, 50)
     disc = height_at(heights, 0.85 * np.cos(angle), 0.85 * np.sin(angle))
     assert np.ptp(disc) < 1e-9
@@ -81,15 +79,15 @@ RECORDED = json.loads(
 def test_heights_slopes_and_differences_are_distributed_as_the_recorded_terrains_are(
     name,
 ):
-    # 29 recorded terrains a system pin a quantile to about 0.5 %. Between the quartile
-    # and the 99 % quantile ours are within 4 %; of small slopes and differences, rarer
-    # in the recordings by 15 %, only their size is held.
+    # 29 recorded terrains a system determine a quantile to about 0.5 %. Between the
+    # quartile and the 99 % quantile, generated terrains are within 4 %. Small slopes
+    # and differences are rarer in the recordings by 15 %: only their size is compared.
     assert list(QUANTILES) == RECORDED["quantiles"]
-    ours = statistics(
+    generated = statistics(
         np.stack([generate_terrain(SYSTEMS[name].terrain, seed) for seed in range(12)])
     )
-    assert ours.keys() == RECORDED[name].keys()
-    for figure, values in ours.items():
+    assert generated.keys() == RECORDED[name].keys()
+    for figure, values in generated.items():
         recorded = np.array(RECORDED[name][figure])
         held = slice(None) if figure == "height" else slice(2, None)
         assert values[held] == pytest.approx(recorded[held], rel=0.05), figure

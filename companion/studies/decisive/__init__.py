@@ -1,1 +1,4 @@
-"""The decisive experiment: the paper's recipe and the best that we know, trained to the end, judged by every rule."""
+"""The decisive experiment: two recipes, trained to the end, under every stopping rule.
+
+Recipe R is the released code's, recipe T the best settings known for each method.
+"""

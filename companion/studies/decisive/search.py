@@ -1,8 +1,8 @@
-"""Step 0 of the decisive experiment: a random search of each method's settings, after DomainBed.
+"""Step 0 of the decisive experiment: a random search of each method's settings.
 
-Draws follow the number of knobs: 10 for training alone and for fine-tuning, 20 for the
-SIDM. Draw 0 is what the book used before, draw 1 the recipe R. Each draw has a seed,
-and so a split, initial weights and batches, of its own.
+The search follows DomainBed. Draws follow the number of knobs: 10 for training alone
+and for fine-tuning, 20 for the SIDM. Draw 0 is what the book used before, draw 1 the
+recipe R. Each draw has its own seed, and so its own split, initial weights and batches.
 """
 
 from __future__ import annotations
@@ -16,7 +16,11 @@ import pandas as pd
 
 from companion.methods import COMPARED
 from companion.presets import MOST_SEEDS
-from companion.studies.decisive.recipes import R, on_tuning_motion, to_the_cap
+from companion.studies.decisive.recipes import (
+    R,
+    on_tuning_motion,
+    without_early_stopping,
+)
 from companion.studies.tuning import rate_and_batch
 from companion.study import Study
 from companion.trials import Trial
@@ -24,17 +28,19 @@ from companion.trials import Trial
 MINUTES = 5.0
 CAP = 3_000_000  # samples of a draw, and of a pretraining
 DRAWS = {"sidm": 20, "novice_only": 10, "pretrain_finetune": 10}
-FRESH_DRAWS = 4  # of each method on system 2
-FIRST_SEED = MOST_SEEDS  # of draw 0; no figure's
-#: of the best draws again, and of the comparison of units
-AGAIN_SEEDS = (FIRST_SEED + 100, FIRST_SEED + 101)
+FRESH_DRAWS = 4  # additional draws of each method on system 2
+FIRST_SEED = MOST_SEEDS  # seed of draw 0; no figure has it
+#: seeds of the repeated best draws, and of the comparison of units
+REPEAT_SEEDS = (FIRST_SEED + 100, FIRST_SEED + 101)
 
-#: Numbers of each method's two best draws on system 1 by `scores`, and of the one
-#: chosen for recipe T on each system; empty until the search has been run.
+#: Numbers of each method's two best draws on system 1 by `scores`; empty until the
+#: search has been run.
 BEST: dict[str, tuple[int, ...]] = {}
+#: System -> method -> number of the draw chosen for recipe T; empty until the search
+#: has been run.
 CHOSEN: dict[str, dict[str, int]] = {}
 
-#: What tells settings apart, of `frame.frame_of`.
+#: Columns of `frame.frame_of` in which two settings of a method can differ.
 KNOBS = (
     "learning_rate",
     "weight_decay",
@@ -46,7 +52,7 @@ KNOBS = (
     "decay",
 )
 
-#: What each method had in the book before: changes of an untuned preset.
+#: Each method's settings in the book before: changes of an untuned preset.
 BEFORE: dict[str, dict[str, Any]] = {
     "novice_only": {"weight_decay": 0.1},
     "sidm": {"matching_iterations": 5},
@@ -55,154 +61,149 @@ BEFORE: dict[str, dict[str, Any]] = {
 
 
 class Draw(NamedTuple):
-    """Settings of a method, by a number."""
+    """Settings of a method in the random search."""
 
     method: str
-    number: int  # 0: as the book before, 1: the recipe R, else at random
+    number: int  # 0: as in the book before, 1: recipe R, above: drawn at random
     changes: dict[str, Any]  # of an untuned preset
 
 
 def draw(method: str, number: int) -> Draw:
-    """A method's settings of that number.
+    """A method's draw of that number.
 
-    At random are: rate, log-uniform from 1e-4 to 2e-3 (of fine-tuning from 1e-5 to
-    1e-3); weight decay, log-uniform from 1e-6 to 0.3; batches of 2, 4 or 8; initial
-    weights scaled or PyTorch's; for the SIDM also p_e from 0.5 to 0.95 and 5 to 100
-    matching iterations, log-uniform. The pretraining has the rate, decay and batch of
-    draw 0.
+    Drawn at random are: learning rate, log-uniform from 1e-4 to 2e-3 (of fine-tuning
+    from 1e-5 to 1e-3); weight decay, log-uniform from 1e-6 to 0.3; batches of 2, 4 or
+    8; initial weights scaled or PyTorch's; for the SIDM also p_e from 0.5 to 0.95 and 5
+    to 100 matching iterations, log-uniform. The pretraining has the rate, decay and
+    batch of draw 0.
     """
     if number < 2:
         return Draw(method, number, (BEFORE[method], R)[number])
     rng = np.random.default_rng([zlib.crc32(method.encode()), number])
-    tuning = method == "pretrain_finetune"
-    values = rate_and_batch(
-        int(rng.choice([2, 4, 8])),
-        _log_uniform(rng, *((1e-5, 1e-3) if tuning else (1e-4, 2e-3))),
-    ) | {"weight_decay": _log_uniform(rng, 1e-6, 0.3)}
+    finetuning = method == "pretrain_finetune"
+    batch = int(rng.choice([2, 4, 8]))
+    rate = _log_uniform(rng, *((1e-5, 1e-3) if finetuning else (1e-4, 2e-3)))
+    decay = _log_uniform(rng, 1e-6, 0.3)
+    changes = rate_and_batch(batch, rate) | {"weight_decay": decay}
     initialisation = {"initialisation": str(rng.choice(["scaled", "pytorch"]))}
-    if tuning:
-        own = tuple((method, name, value) for name, value in values.items())
-        return Draw(method, number, initialisation | {"tuned": own})
+    if finetuning:
+        tuned = tuple((method, name, value) for name, value in changes.items())
+        return Draw(method, number, initialisation | {"tuned": tuned})
     if method == "sidm":
-        share = round(float(rng.uniform(0.5, 0.95)), 2)
-        values |= {"p_expert_system1": share, "p_expert_system2": share}
-        values |= {"matching_iterations": round(_log_uniform(rng, 5, 100))}
-    return Draw(method, number, initialisation | values)
+        p_expert = round(float(rng.uniform(0.5, 0.95)), 2)
+        changes |= {"p_expert_system1": p_expert, "p_expert_system2": p_expert}
+        changes |= {"matching_iterations": round(_log_uniform(rng, 5, 100))}
+    return Draw(method, number, initialisation | changes)
 
 
 def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    """A number between two, uniform in its logarithm, with three significant digits: the same on every machine."""
+    """A random number from `low` to `high`, uniform in its logarithm.
+
+    It is rounded to three significant digits, so that it is the same on every machine.
+    """
     return float(f"{np.exp(rng.uniform(np.log(low), np.log(high))):.3g}")
 
 
 def first_draws() -> Iterator[Draw]:
-    """All draws of all methods, those of a number side by side."""
+    """All draws of all methods; those of the same number follow each other."""
     for number in range(max(DRAWS.values())):
         yield from (
             draw(method, number) for method, count in DRAWS.items() if number < count
         )
 
 
-def trial_of(study: Study, system: str, chosen: Draw, seed: int) -> Trial:
-    """A draw's training on tuning motion, to CAP."""
-    base = on_tuning_motion(study)
-    return base.changed(**chosen.changes | to_the_cap(CAP)).trial(
-        system, chosen.method, MINUTES, seed
-    )
+def trial_of(study: Study, system: str, settings: Draw, seed: int) -> Trial:
+    """The training of a draw on tuning motion, to CAP samples."""
+    changes = settings.changes | without_early_stopping(CAP)
+    changed = on_tuning_motion(study).changed(**changes)
+    return changed.trial(system, settings.method, MINUTES, seed)
 
 
-def yardstick(study: Study, system: str, seed: int) -> Trial:
-    """Least squares on a seed's split, whose test loss says how hard its few test trajectories are."""
-    return (
-        on_tuning_motion(study)
-        .changed(**to_the_cap(CAP))
-        .trial(system, "least_squares", MINUTES, seed)
-    )
+def reference(study: Study, system: str, seed: int) -> Trial:
+    """Least squares on the same split as the draw of a seed.
+
+    Its test loss says how hard the few test trajectories of the split are.
+    """
+    changed = on_tuning_motion(study).changed(**without_early_stopping(CAP))
+    return changed.trial(system, "least_squares", MINUTES, seed)
 
 
-def with_yardsticks(study: Study, trials: list[Trial]) -> list[Trial]:
-    """Trainings, and behind them the yardstick of each seed."""
-    seeds = dict.fromkeys((trial.system, trial.seed) for trial in trials)
-    return trials + [yardstick(study, *one) for one in seeds]
+def with_references(study: Study, trials: list[Trial]) -> list[Trial]:
+    """Trials, followed by the reference of each system and seed."""
+    points = dict.fromkeys((trial.system, trial.seed) for trial in trials)
+    return trials + [reference(study, system, seed) for system, seed in points]
+
+
+def _one_seed_each(study: Study, system: str, draws: Iterator[Draw]) -> list[Trial]:
+    """Trials of draws, each with the seed of its number, and their references."""
+    trials = [trial_of(study, system, d, FIRST_SEED + d.number) for d in draws]
+    return with_references(study, trials)
 
 
 def first_search(study: Study, system: str = "system1") -> list[Trial]:
     """Step 0: all draws on system 1, each with its own seed."""
-    return with_yardsticks(
-        study,
-        [
-            trial_of(study, system, one, FIRST_SEED + one.number)
-            for one in first_draws()
-        ],
-    )
+    return _one_seed_each(study, system, first_draws())
 
 
-def best_again(study: Study, system: str = "system1") -> list[Trial]:
+def best_repeated(study: Study, system: str = "system1") -> list[Trial]:
     """The two best draws of each method with two more seeds."""
     draws = [
         draw(method, number) for method, numbers in BEST.items() for number in numbers
     ]
-    return with_yardsticks(
-        study,
-        [trial_of(study, system, one, seed) for seed in AGAIN_SEEDS for one in draws],
-    )
+    trials = [trial_of(study, system, d, seed) for seed in REPEAT_SEEDS for d in draws]
+    return with_references(study, trials)
 
 
-def units(study: Study, system: str = "system1") -> list[Trial]:
-    """R with raw and with standardised units, of both of the paper's methods."""
-    base, found = on_tuning_motion(study), []
-    for seed in AGAIN_SEEDS:
-        for kind in ("raw", "standardised"):
-            changed = base.changed(**R | {"units": kind} | to_the_cap(CAP))
-            found += [
+def compare_units(study: Study, system: str = "system1") -> list[Trial]:
+    """Recipe R with raw and standardised units, for both of the paper's methods."""
+    base, trials = on_tuning_motion(study), []
+    for seed in REPEAT_SEEDS:
+        for units in ("raw", "standardised"):
+            changes = R | {"units": units} | without_early_stopping(CAP)
+            changed = base.changed(**changes)
+            trials += [
                 changed.trial(system, method, MINUTES, seed) for method in COMPARED
             ]
-    return found
+    return trials
 
 
 def second_search(study: Study, system: str = "system2") -> list[Trial]:
     """Step 0': the two best draws of each method, and four fresh ones, on system 2."""
-    draws = [
+    draws = (
         draw(method, number)
         for method, count in DRAWS.items()
         for number in (*BEST.get(method, ()), *range(count, count + FRESH_DRAWS))
-    ]
-    return with_yardsticks(
-        study, [trial_of(study, system, one, FIRST_SEED + one.number) for one in draws]
     )
+    return _one_seed_each(study, system, draws)
 
 
 def scores(frame: pd.DataFrame) -> pd.DataFrame:
-    """Stored draws from the best to the worst: a line a system, method and setting.
+    """Stored draws from the best to the worst: a row per system, method and setting.
 
     Args:
-        frame: trials of a search, with their yardsticks.
+        frame: rows of a search, with those of its references.
 
     Returns:
-        `score`, the lowest smoothed test loss by that of least squares on the same
-        split, the geometric mean over the `seeds`; and the mean validation loss, which
-        nothing goes by.
+        `score`, the lowest smoothed test loss divided by that of least squares on the
+        same split, as a geometric mean over the `seeds`; and the mean
+        `validation_loss`, by which nothing is chosen.
     """
-    yardsticks = (
-        frame[frame.method == "least_squares"]
-        .set_index(["system", "seed"])
-        .best_test_loss
-    )
-    trained = frame[frame.method != "least_squares"]
-    by = [
-        yardsticks.get(key, np.nan)
+    solved = frame.method == "least_squares"
+    reference_losses = frame[solved].set_index(["system", "seed"]).best_test_loss
+    trained = frame[~solved]
+    references = [
+        reference_losses.get(key, np.nan)
         for key in zip(trained.system, trained.seed, strict=True)
     ]
-    scored = trained.assign(score=np.log(trained.best_test_loss / by)).dropna(
-        subset="score"
+    scored = trained.assign(score=np.log(trained.best_test_loss / references))
+    means = (
+        scored.dropna(subset="score")
+        .groupby(["system", "method", *KNOBS], dropna=False)
+        .agg(
+            score=("score", "mean"),
+            validation_loss=("validation_loss", "mean"),
+            seeds=("seed", "nunique"),
+        )
     )
-    found = scored.groupby(["system", "method", *KNOBS], dropna=False).agg(
-        score=("score", "mean"),
-        validation_loss=("validation_loss", "mean"),
-        seeds=("seed", "nunique"),
-    )
-    return (
-        found.assign(score=np.exp(found.score))
-        .reset_index()
-        .sort_values(["system", "method", "score"])
-    )
+    table = means.assign(score=np.exp(means.score)).reset_index()
+    return table.sort_values(["system", "method", "score"])

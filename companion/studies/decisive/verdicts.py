@@ -1,11 +1,12 @@
-"""The verdicts of the decisive experiment, by rules that were written before its trainings.
+"""The verdicts of the decisive experiment, by rules written before its trainings.
 
-The page on claims has the rules. Seeds pair the methods; data ratios are those of
-`statistics.data_ratio`.
+The page on claims has the rules. Methods are compared seed by seed; data ratios are
+those of `statistics.data_ratio`.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -19,9 +20,9 @@ from companion.statistics.claims import (
     NOT_SEEN,
     REPRODUCED,
 )
-from companion.statistics.data_ratio import Saving, data_ratio
+from companion.statistics.data_ratio import data_ratio
 from companion.statistics.intervals import FEWEST_SEEDS, Interval, mean_ratio
-from companion.statistics.stopping_rules import RULES, kept_by
+from companion.statistics.stopping_rules import RULES, apply_rule
 from companion.studies.decisive.design import ALL_SEEDS, FINETUNING, RECIPES, arm
 from companion.study import Study
 from sidm.systems import SYSTEMS
@@ -30,7 +31,7 @@ AT = 5.0  # min of novice data at which data ratios are judged
 SMALL = (1.0, 5.0)  # min at which losses are compared
 ALONE_SIZES = (1.0, 5.0, 20.0, 60.0, 120.0)  # min of training alone
 PAPER = {"system1": 20.0, "system2": 5.0}  # times less data
-RELEASED, END = "the released code's", "the end"
+RELEASED, END = "the released code's", "the end"  # stopping rules
 
 #: Verdict on data ratios -> recipe, stopping rule, methods.
 RATIOS: dict[str, tuple[str, str, tuple[str, ...]]] = {
@@ -41,7 +42,8 @@ RATIOS: dict[str, tuple[str, str, tuple[str, ...]]] = {
 }
 #: Recipe -> the rule by which verdict S compares its losses.
 LOSSES = {"R": RELEASED, "T": END}
-#: Losses hold claims that they are smaller; data ratios, that they are larger.
+#: Columns of a table of verdicts. A claim about a loss says that the value is below 1,
+#: a claim about a data ratio that it is above 1.
 COLUMNS = (
     "verdict",
     "system",
@@ -58,7 +60,10 @@ COLUMNS = (
 
 
 def results(study: Study, store: Results) -> pd.DataFrame:
-    """The stored trainings of both recipes on both systems, of up to ten seeds, with their `recipe`."""
+    """The stored trainings of both recipes on both systems, with their `recipe`.
+
+    They have up to ten seeds.
+    """
     parts = [
         store.frame(arm(study, recipe, system, caps, ALL_SEEDS)).assign(recipe=recipe)
         for recipe, caps in RECIPES.items()
@@ -68,90 +73,107 @@ def results(study: Study, store: Results) -> pd.DataFrame:
 
 
 def losses_by(frame: pd.DataFrame, rule: str) -> pd.DataFrame:
-    """`results` with the `loss` that a rule keeps: on all validation motion at the end, else on what every test has."""
-    found = kept_by(frame, RULES[rule])
-    return found.assign(
-        loss=found.validation_loss if rule == END else found.kept_validation
+    """Results with the validation `loss` of the weights that a stopping rule keeps.
+
+    The rule END is judged on all validation motion, other rules on the part of it that
+    every test during training has.
+    """
+    kept = apply_rule(frame, RULES[rule])
+    return kept.assign(
+        loss=kept.validation_loss if rule == END else kept.kept_validation
     )
 
 
-def judge(
-    found: Saving | Interval, paper: float | None = None, above: bool = True
-) -> str:
-    """What an interval says of a claim that a ratio lies above 1, or below, and at the paper's number."""
-    if np.isnan([found.low, found.high]).any():
+def verdict_of(ratio: Interval, paper: float | None = None, above: bool = True) -> str:
+    """What the interval of a ratio says of the claim that the ratio differs from 1.
+
+    Args:
+        ratio: a ratio with its interval.
+        paper: the paper's number, which the interval may hold, too.
+        above: whether the claim is that the ratio lies above 1; else below.
+    """
+    if np.isnan([ratio.low, ratio.high]).any():
         return NO_VERDICT
-    side = (1 if found.low > 1 else -1 if found.high < 1 else 0) * (1 if above else -1)
-    if side == 1 and paper is not None and found.low <= paper <= found.high:
+    side = (1 if ratio.low > 1 else -1 if ratio.high < 1 else 0) * (1 if above else -1)
+    if side == 1 and paper is not None and ratio.low <= paper <= ratio.high:
         return REPRODUCED
     return {1: DIRECTION, 0: NOT_SEEN, -1: CONTRARY}[side]
 
 
 def wide(frame: pd.DataFrame, method: str, sizes: Sequence[float]) -> pd.DataFrame:
-    """Losses of a method, a line a seed that has all sizes, a column a size."""
-    own = frame[frame.method == method].pivot(
+    """Losses of a method: a row per seed that has all sizes, a column per size."""
+    losses = frame[frame.method == method].pivot(
         index="seed", columns="novice_minutes", values="loss"
     )
-    return own.reindex(columns=list(sizes)).dropna()
+    return losses.reindex(columns=list(sizes)).dropna()
 
 
 def ratio_of_data(frame: pd.DataFrame, method: str) -> tuple[int, float, float, float]:
-    """Seeds, and the data ratio of a method at AT with its ends, from one recipe's losses on one system."""
-    alone, mine = wide(frame, "novice_only", ALONE_SIZES), wide(frame, method, [AT])
-    seeds = alone.index.intersection(mine.index)
-    found = data_ratio(
-        ALONE_SIZES, alone.loc[seeds].to_numpy(), mine.loc[seeds, AT].to_numpy(), AT
+    """The data ratio of a method at AT minutes: number of seeds, value, low and high.
+
+    `frame` has the losses of one recipe on one system.
+    """
+    alone, other = wide(frame, "novice_only", ALONE_SIZES), wide(frame, method, [AT])
+    seeds = alone.index.intersection(other.index)
+    ratio = data_ratio(
+        ALONE_SIZES, alone.loc[seeds].to_numpy(), other.loc[seeds, AT].to_numpy(), AT
     )
-    return len(seeds), *found
+    return len(seeds), *ratio
 
 
 def loss_ratio(frame: pd.DataFrame, minutes: float) -> tuple[int, float, float, float]:
-    """Seeds, and the SIDM's loss by that of training alone with its ends, from one recipe's losses on one system."""
+    """The SIDM's loss / that of training alone: number of seeds, value, low and high.
+
+    `frame` has the losses of one recipe on one system.
+    """
     sidm, alone = (wide(frame, method, [minutes]) for method in ("sidm", "novice_only"))
     seeds = sidm.index.intersection(alone.index)
     if len(seeds) < FEWEST_SEEDS:
         return len(seeds), np.nan, np.nan, np.nan
-    return len(seeds), *mean_ratio(
-        sidm.loc[seeds].to_numpy(), alone.loc[seeds].to_numpy()
-    )
+    ratio = mean_ratio(sidm.loc[seeds].to_numpy(), alone.loc[seeds].to_numpy())
+    return len(seeds), *ratio
+
+
+def _losses_of(
+    frame: pd.DataFrame, recipe: str, system: str, rule: str
+) -> pd.DataFrame:
+    """The losses of one recipe on one system that a stopping rule keeps."""
+    chosen = frame[(frame.recipe == recipe) & (frame.system == system)]
+    return losses_by(chosen, rule)
 
 
 def data_ratios(frame: pd.DataFrame) -> pd.DataFrame:
-    """Verdicts R1, R2, T1 and T2 of stored `results`: a line a verdict, system and method."""
-    lines = []
-    for name, (recipe, rule, methods) in RATIOS.items():
-        for system in SYSTEMS:
-            own = losses_by(
-                frame[(frame.recipe == recipe) & (frame.system == system)], rule
-            )
-            for method in methods:
-                seeds, *found = ratio_of_data(own, method)
-                says = judge(
-                    Saving(*found), PAPER[system] if method == "sidm" else None
-                )
-                lines.append(
-                    (name, system, recipe, rule, method, AT, seeds, *found, says)
-                )
-    return pd.DataFrame(lines, columns=list(COLUMNS))
+    """Verdicts R1, R2, T1 and T2 of `results`: a row per verdict, system and method."""
+    rows = []
+    for (name, (recipe, rule, methods)), system in itertools.product(
+        RATIOS.items(), SYSTEMS
+    ):
+        losses = _losses_of(frame, recipe, system, rule)
+        for method in methods:
+            seeds, *ratio = ratio_of_data(losses, method)
+            paper = PAPER[system] if method == "sidm" else None
+            says = verdict_of(Interval(*ratio), paper)
+            rows.append((name, system, recipe, rule, method, AT, seeds, *ratio, says))
+    return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
 def small_data(frame: pd.DataFrame) -> pd.DataFrame:
-    """Verdict S of stored `results`: the SIDM's loss by that of training alone, paired by seed, with little data."""
-    lines = []
-    for recipe, rule in LOSSES.items():
-        for system in SYSTEMS:
-            own = losses_by(
-                frame[(frame.recipe == recipe) & (frame.system == system)], rule
+    """Verdict S of `results`: a row per recipe, system and size of little data.
+
+    The value is the SIDM's loss divided by that of training alone, paired by seed.
+    """
+    rows = []
+    for (recipe, rule), system in itertools.product(LOSSES.items(), SYSTEMS):
+        losses = _losses_of(frame, recipe, system, rule)
+        for minutes in SMALL:
+            seeds, *ratio = loss_ratio(losses, minutes)
+            says = verdict_of(Interval(*ratio), above=False)
+            rows.append(
+                ("S", system, recipe, rule, "sidm", minutes, seeds, *ratio, says)
             )
-            for minutes in SMALL:
-                seeds, *found = loss_ratio(own, minutes)
-                says = judge(Interval(*found), above=False)
-                lines.append(
-                    ("S", system, recipe, rule, "sidm", minutes, seeds, *found, says)
-                )
-    return pd.DataFrame(lines, columns=list(COLUMNS))
+    return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
 def verdicts(frame: pd.DataFrame) -> pd.DataFrame:
-    """All verdicts of stored `results`."""
+    """All verdicts of `results`."""
     return pd.concat([data_ratios(frame), small_data(frame)], ignore_index=True)

@@ -1,1 +1,1 @@
-"""Driving to goals with a learnt model."""
+"""Driving to goals with a learned model."""

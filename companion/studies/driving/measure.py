@@ -1,6 +1,9 @@
-"""Driving to a goal over unseen ground: planned on a learned model, on the simulator itself, or straight ahead.
+"""Driving to a goal over unseen ground, with plans or straight ahead.
 
-`companion run --figure driving` makes what is not stored of it in results/driving.
+Plans are made with a learned model or with the simulator itself.
+
+`companion run --figure driving` makes the results that are not stored in
+results/driving yet.
 """
 
 from __future__ import annotations
@@ -11,10 +14,11 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from companion.beyond.drivers import Driver, Ride, ride
-from companion.beyond.planning import Dreamer, Planner, Planning
-from companion.engine.execute import Library, judge
+from companion.beyond.drivers import DrivenEpisode, Driver, drive_episode
+from companion.beyond.planning import ModelImagination, Planner, Planning
+from companion.engine.library import Library
 from companion.engine.models import predictor_of
+from companion.engine.outcomes import evaluate
 from companion.engine.provenance import Provenance
 from companion.engine.records import Making, by_field, records_of
 from companion.methods import COMPARED
@@ -26,14 +30,14 @@ from sidm.learning.model import Predictor
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain
 
-#: whose models; the last is what needs least data here
+#: methods whose models drive; the last one needs the least data here
 DRIVEN = (*COMPARED, "corrected_averaged")
-SIZES = (1.0, 5.0, 60.0)  # of the novice's data that the models have learnt from, min
+SIZES = (1.0, 5.0, 60.0)  # min of novice data that the models have learned from
 EPISODES, EPISODES_SIMULATED = 50, 10
-GOAL_SEED = 4  # apart from the seeds of all data
-NEAREST, FARTHEST = 5.0, 8.0  # of a goal from the start, m
-LONGEST = 20.0  # s of an episode
-KEPT = 10  # the first episodes, whose paths are stored
+GOAL_SEED = 4  # differs from the seeds of all data
+NEAREST, FARTHEST = 5.0, 8.0  # m, from the start to the goal
+LONGEST = 20.0  # s, length of an episode at most
+KEPT = 10  # number of first episodes whose paths are stored
 
 Kind = Literal["model", "simulator", "straight"]
 
@@ -44,13 +48,13 @@ class DriverTest:
 
     system: str
     driver: Kind
-    trial: Trial | None  # that the model is of; None for the other drivers
-    planning: Planning | None  # None for the driver who does not plan
-    episodes: tuple[int, ...]  # by their numbers
-    longest: float  # s of an episode
+    trial: Trial | None  # the model's trial; None for the other drivers
+    planning: Planning | None  # None for the driver that does not plan
+    episodes: tuple[int, ...]  # numbers of the episodes
+    longest: float  # s, length of an episode at most
 
     def __post_init__(self) -> None:
-        """Refuse a drive without an episode."""
+        """Refuse a test without an episode."""
         if not self.episodes or min(self.episodes) < 0:
             raise ConfigError(
                 f"DriverTest.episodes must be numbers from 0 on, not {self.episodes}"
@@ -58,44 +62,45 @@ class DriverTest:
 
 
 @config
-class Driven:
-    """What came of it; E episodes."""
+class DrivingResult:
+    """Results of a DriverTest with E episodes."""
 
     about: DriverTest
     #: (E,) 'arrived', a cause of `trajectory.DISCARDS`, or 'time'
     ended: tuple[str, ...]
-    seconds: tuple[float, ...]  # (E,) of driving until then
+    seconds: tuple[float, ...]  # (E,) s, of driving until the end
     length: tuple[float, ...]  # (E,) m, of the path
-    away: tuple[float, ...]  # (E,) m, from the goal at the start
-    left: tuple[float, ...]  # (E,) m, from the goal at the end
-    throttle: tuple[float, ...]  # (E,) mean of its size
+    away: tuple[float, ...]  # (E,) m, distance from the goal at the start
+    left: tuple[float, ...]  # (E,) m, distance from the goal at the end
+    throttle: tuple[float, ...]  # (E,) mean magnitude
     top_speed: tuple[float, ...]  # (E,) m/s
-    steepest: tuple[float, ...]  # (E,) degrees, of tilt
-    #: (E,) m, from where a plan led to where the robot was at the next, mean; 0 of no
-    #: plan
+    steepest: tuple[float, ...]  # (E,) degrees, largest tilt
+    #: (E,) m, mean distance between where a plan led and where the robot was at the
+    #: next plan; 0 without plans
     surprise: tuple[float, ...]
-    validation_loss: float  # equation (1) of the model; 0 of drivers without
-    #: m, of the model after 2.5 s, mean over the rollouts of the trial; 0 of drivers
-    #: without
+    validation_loss: float  # of the model, equation (1); 0 without a model
+    #: m, of the model after 2.5 s, mean over the rollouts of the trial; 0 without a
+    #: model
     position_error: float
-    plans: int
-    #: median, of a plan, what was done since the one before taken in, on one thread
+    plans: int  # number of plans
+    #: s on one thread, median per plan; includes updating the model by the steps since
+    #: the last plan
     plan_seconds: float
-    slowest_plan_seconds: float  # which 95 % of the plans do not take
-    #: of the episodes below KEPT: x and y, m, at each control step
+    slowest_plan_seconds: float  # s, 95 % quantile of the same times
+    #: (K + 1, 2) m, x and y at each control step, of each episode below KEPT
     paths: tuple[tuple[tuple[float, float], ...], ...]
     provenance: Provenance
 
 
-#: where they are kept, under a folder of results
-records = records_of(Driven, "driving")
+#: the stored results, under a folder of results
+records = records_of(DrivingResult, "driving")
 
 
 class Episode(NamedTuple):
     """A start and a goal on a ground that no data have."""
 
     heights: np.ndarray  # (H, W), m
-    yaw: float  # at the start, which is the origin, rad
+    yaw: float  # rad, at the start, which is the origin
     goal: np.ndarray  # (2,) x and y, m
 
 
@@ -116,19 +121,20 @@ def jobs(
     simulated: int = EPISODES_SIMULATED,
     longest: float = LONGEST,
 ) -> list[DriverTest]:
-    """All that are compared on a system.
+    """The tests of all drivers on a system.
 
     Args:
-        study: whose models; those of a method and size, one a seed, share the episodes
-            out among them.
-        system: whose novice and ground.
+        study: preset, data and results of the models. The models of a method and size,
+            one per seed, share the episodes out among them.
+        system: name of the pair of robots; its novice drives on its ground.
         sizes: of the models' data, min.
-        episodes: of a method and size, and of the straight driver.
-        simulated: of the planner in the simulator, the first of the same.
-        longest: s of an episode.
+        episodes: number of episodes of a method and size, and of the straight driver.
+        simulated: number of episodes, the first of the same, that are planned in the
+            simulator.
+        longest: s, length of an episode at most.
     """
 
-    def one(
+    def test(
         driver: Kind,
         planning: Planning | None,
         numbers: Iterable[int],
@@ -144,47 +150,51 @@ def jobs(
         )
 
     seeds = study.preset.seeds
-    trials = study.points(system, DRIVEN, study.preset.held(system, sizes), seeds=seeds)
+    available = study.preset.sizes_in_pool(system, sizes)
+    trials = study.points(system, DRIVEN, available, seeds=seeds)
     models = [
-        one("model", Planning(), range(t.seed, episodes, seeds), t)
-        for t in trials
-        if t.seed < episodes
+        test("model", Planning(), range(trial.seed, episodes, seeds), trial)
+        for trial in trials
+        if trial.seed < episodes
     ]
     return [
-        one("simulator", Planning(), range(simulated)),
+        test("simulator", Planning(), range(simulated)),
         *models,
-        one("straight", None, range(episodes)),
+        test("straight", None, range(episodes)),
     ]
 
 
-def measure(about: DriverTest, data: str | Path = "data") -> Driven:
-    """Drive all episodes of one driver; ImportError without PyBullet, in one line."""
+def measure(about: DriverTest, data: str | Path = "data") -> DrivingResult:
+    """Drive all episodes of a test.
+
+    Raises:
+        ImportError: PyBullet is not installed; one line.
+    """
     from sidm.simulation import Simulator
     from sidm.simulation.collecting import EpisodeRules
 
     making, system = Making("driving", about.trial, data), find_system(about.system)
     pace: list[float] = []
-    driven, paths = [], []
+    episodes, paths = [], []
     with one_thread():
         model = predictor_of(about.trial, data) if about.trial else None
         for number in about.episodes:
-            one = episode(about.system, number)
-            with Simulator(system.novice, one.heights, system.physics) as simulator:
-                driver = _driver(about, model, simulator, one, number)
-                rules = EpisodeRules(
-                    simulator.reset(yaw=one.yaw), system.terrain.half_width
-                )
-                found = ride(simulator, driver, rules, about.longest)
+            task = episode(about.system, number)
+            with Simulator(system.novice, task.heights, system.physics) as simulator:
+                driver = _driver(about, model, simulator, task, number)
+                start = simulator.reset(yaw=task.yaw)
+                rules = EpisodeRules(start, system.terrain.half_width)
+                driven = drive_episode(simulator, driver, rules, about.longest)
             pace += driver.pace
-            driven.append(_of_ride(found, one.goal))
+            episodes.append(_episode_fields(driven, task.goal))
             if number < KEPT:
-                paths.append(found.path.tolist())
-        loss, error = (
-            _quality(model, about.trial, data) if model and about.trial else (0.0, 0.0)
-        )
-    return Driven(
+                paths.append(driven.path.tolist())
+        loss, error = 0.0, 0.0
+        if model and about.trial:
+            loss, error = _model_errors(model, about.trial, data)
+    return DrivingResult(
         about=about,
-        **by_field(driven),
+        **by_field(episodes),
         validation_loss=loss,
         position_error=error,
         plans=len(pace),
@@ -195,35 +205,39 @@ def measure(about: DriverTest, data: str | Path = "data") -> Driven:
     )
 
 
-def _of_ride(found: Ride, goal: np.ndarray) -> dict[str, Any]:
-    """The fields on an episode."""
+def _episode_fields(driven: DrivenEpisode, goal: np.ndarray) -> dict[str, Any]:
+    """The fields of DrivingResult for one episode."""
     names = ("ended", "seconds", "length", "top_speed", "steepest", "surprise")
-    return {name: getattr(found, name) for name in names} | {
+    return {name: getattr(driven, name) for name in names} | {
         "away": float(np.linalg.norm(goal)),
-        "left": float(np.linalg.norm(found.path[-1] - goal)),
-        "throttle": float(np.abs(found.actions[:, 0]).mean()),
+        "left": float(np.linalg.norm(driven.path[-1] - goal)),
+        "throttle": float(np.abs(driven.actions[:, 0]).mean()),
     }
 
 
-def _quality(model: Predictor, trial: Trial, data: str | Path) -> tuple[float, float]:
-    """Validation loss of a model and its mean position error after 2.5 s, m, as the trial's row has them."""
-    found = judge(model, trial, Library(data))
-    return float(found.losses.sum()), float(found.position[-1])
+def _model_errors(
+    model: Predictor, trial: Trial, data: str | Path
+) -> tuple[float, float]:
+    """Validation loss of a model and its mean position error after 2.5 s, m.
+
+    Both are computed as in the trial's row.
+    """
+    errors = evaluate(model, trial, Library(data))
+    return float(errors.losses.sum()), float(errors.position[-1])
 
 
 def _driver(
     about: DriverTest,
     model: Predictor | None,
     simulator: Any,
-    one: Episode,
+    task: Episode,
     number: int,
 ) -> Driver:
-    """The driver of an episode."""
+    """The driver of episode `number`, whose start and goal are `task`."""
     if about.planning is None:
-        return Driver(one.goal)
+        return Driver(task.goal)
     imagination = simulator
     if model and about.trial:
-        imagination = Dreamer(
-            model, one.heights, about.trial.network.pixels, about.planning.horizon
-        )
-    return Driver(one.goal, Planner(about.planning, one.goal, number), imagination)
+        pixels, horizon = about.trial.network.pixels, about.planning.horizon
+        imagination = ModelImagination(model, task.heights, pixels, horizon)
+    return Driver(task.goal, Planner(about.planning, task.goal, number), imagination)

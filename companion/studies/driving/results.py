@@ -1,7 +1,8 @@
-"""Who arrives, how fast and on which ways: tables and claims from the records of `measure`."""
+"""Tables and claims of driving: who arrives, how fast and on which paths."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,208 +13,220 @@ from companion.beyond.drivers import ARRIVED
 from companion.engine.frame import of_trials
 from companion.figures.style import METHOD_STYLES
 from companion.methods import COMPARED
-from companion.statistics.claims import COLUMNS, judged
+from companion.statistics.claims import COLUMNS, claim_rows
 from companion.statistics.intervals import Interval, interval
-from companion.statistics.pairs import beside
+from companion.statistics.pairs import paired_comparison
 
 PAPER = "not measured"
-#: of labels that would fill a picture
+#: Short labels for methods whose label would fill a figure.
 SHORT = {"corrected_averaged": "expert corrected"}
+#: Labels of the drivers that have no learned model.
 OTHERS = {"simulator": "planned in the simulator", "straight": "straight to the goal"}
-#: what tells the drivers apart; of a model's data, min
+#: Columns that identify a driver; `novice_minutes` are those of a model's data.
 DRIVER = ["system", "driver", "method", "novice_minutes"]
-#: values of a record that have one an episode
+#: Values of a record that have an entry per episode.
 OF_EPISODE = ("ended", "length", "away", "top_speed", "surprise")
+#: Columns of the table of `scores` after DRIVER.
+SCORES = (
+    "models",
+    "episodes",
+    "arrived",
+    "low",
+    "high",
+    "seconds",
+    "length",
+    "detour",
+    "ends",
+    "surprise",
+    "top_speed",
+    "often",
+    "seldom",
+)
+#: Columns of the table of `rivals` after DRIVER.
+RIVALS = (
+    "other",
+    "episodes",
+    "more",
+    "fewer",
+    "chance",
+    "both",
+    "sooner",
+    "low",
+    "high",
+)
 
 
 def name(driver: str, method: str) -> str:
-    """Of a driver, for figures and tables."""
+    """The name of a driver in figures and tables."""
     if driver != "model":
         return OTHERS[driver]
     return str(SHORT.get(method) or METHOD_STYLES[method]["label"])
 
 
 def label(driver: str, method: str, minutes: float) -> str:
-    """The same with the size of the model's data."""
+    """The name of a driver with the size of its model's data."""
     return name(driver, method) + (f", {minutes:g} min" if method else "")
 
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
-    """A line an episode of a driver.
+    """A row per driver and episode.
 
-    DRIVER, with '' and 0 where there is no model, the model's `seed`, the `episode`,
-    whether the goal was `missed`, the cause that `ended` it, `seconds` until then,
-    `length` of the path, m, `away`, how far the goal was, m, `top_speed`, m/s,
-    `surprise`, m, from where a plan led to where the robot was at the next, NaN of no
-    plan; and the `path` (K + 1, 2), m, where it is stored.
+    Returns:
+        DRIVER, with '' and 0 where there is no model; the model's `seed`; the
+        `episode`; whether the goal was `missed`; the cause that `ended` the episode and
+        the `seconds` until then; the `length` of the path, m; `away`, the distance from
+        start to goal, m; `top_speed`, m/s; `surprise`, the mean distance between where
+        a plan led and where the robot was at the next plan, m, NaN without plans; and
+        the `path` (K + 1, 2), m, where it is stored.
     """
-    mine = _drivers(frame)
-    # those of the first episodes alone are kept
-    paths = zip(mine.paths, mine.episodes, strict=True)
-    mine["path"] = [
-        [*map(np.array, some), *[None] * (len(episodes) - len(some))]
-        for some, episodes in paths
+    rows = _drivers(frame)
+    # only the paths of the first episodes are stored
+    rows["path"] = [
+        [*map(np.array, paths), *[None] * (len(episodes) - len(paths))]
+        for paths, episodes in zip(rows.paths, rows.episodes, strict=True)
     ]
     values = ["episodes", "path", *OF_EPISODE, "found_seconds"]
-    found = mine[[*DRIVER, "seed", "plans", *values]].explode(values, ignore_index=True)
-    found = found.rename(columns={"episodes": "episode", "found_seconds": "seconds"})
-    found = found.astype(
-        dict.fromkeys(["novice_minutes", "seconds", *OF_EPISODE[1:]], float)
-        | {"episode": int}
-    )
-    found["surprise"] = found.surprise.where(found.pop("plans") > 0)
-    return found.assign(missed=(found.ended != "arrived").astype(float))
+    columns = [*DRIVER, "seed", "plans", *values]
+    long = rows[columns].explode(values, ignore_index=True)
+    long = long.rename(columns={"episodes": "episode", "found_seconds": "seconds"})
+    numbers = dict.fromkeys(["novice_minutes", "seconds", *OF_EPISODE[1:]], float)
+    long = long.astype(numbers | {"episode": int})
+    long["surprise"] = long.surprise.where(long.pop("plans") > 0)
+    return long.assign(missed=(long.ended != "arrived").astype(float))
 
 
 def _drivers(frame: pd.DataFrame) -> pd.DataFrame:
-    """Records with '' and 0 where a driver has no model."""
-    mine = of_trials(frame)
-    model = mine.driver == "model"
-    values = {"method": "", "novice_minutes": 0.0, "seed": 0}
-    return mine.assign(
-        **{name: mine[name].where(model, none) for name, none in values.items()}
+    """Records with '' and 0 in the columns of a trial where a driver has no model."""
+    rows = of_trials(frame)
+    model = rows.driver == "model"
+    blanks = {"method": "", "novice_minutes": 0.0, "seed": 0}
+    return rows.assign(
+        **{column: rows[column].where(model, blank) for column, blank in blanks.items()}
     )
 
 
 def scores(frame: pd.DataFrame) -> pd.DataFrame:
-    """A line a driver, in the order in which they are first met.
+    """A row per driver, in the order of the first record of each.
 
-    `models` that share the `episodes`, one a seed; the share that `arrived` with `low`
-    and `high`, Wilson's 95 % interval, of these models over episodes; medians over
-    those in which it arrived of `seconds`, `length`, m, and `detour`, path by straight
-    distance; the other `ends` by cause; means of `surprise` and `top_speed`; and plans
-    a second, `often` by the median plan and `seldom` by the slowest 5 %.
+    Returns:
+        DRIVER; the number of `models`, one per seed, that share the `episodes`; the
+        share of episodes in which the driver `arrived` with `low` and `high`, Wilson's
+        95 % interval over episodes for these models; medians over the episodes in which
+        it arrived of `seconds`, `length`, m, and `detour`, the path divided by the
+        straight distance; the other `ends` by cause; means of `surprise`, m, and
+        `top_speed`, m/s; and plans a second, `often` by the median plan and `seldom` by
+        the slowest 5 %.
     """
     pace = _drivers(frame[frame.plans > 0]).astype({"novice_minutes": float})
     often = 1 / pace.groupby(DRIVER)[["plan_seconds", "slowest_plan_seconds"]].median()
-    lines = []
-    for key, some in table(frame).groupby(DRIVER, sort=False):
-        here = some[some.missed == 0]
-        share = binomtest(len(here), len(some)).proportion_ci(method="wilson")
-        ends = some.ended[some.missed == 1].value_counts(sort=False)
+    rows = []
+    for key, group in table(frame).groupby(DRIVER, sort=False):
+        reached = group[group.missed == 0]
+        share = binomtest(len(reached), len(group)).proportion_ci(method="wilson")
+        ends = group.ended[group.missed == 1].value_counts(sort=False)
         plans = often.loc[key].tolist() if key in often.index else [0.0, 0.0]
-        lines.append(
-            (
-                *key,
-                some.seed.nunique() if key[2] else 0,
-                len(some),
-                len(here) / len(some),
-                share.low,
-                share.high,
-                here.seconds.median(),
-                here.length.median(),
-                (here.length / (here.away - ARRIVED)).median(),
-                ", ".join(f"{cause} {count}" for cause, count in ends.items()),
-                some.surprise.mean(),
-                some.top_speed.mean(),
-                *plans,
-            )
+        rows.append(
+            {
+                **dict(zip(DRIVER, key, strict=True)),
+                "models": group.seed.nunique() if key[2] else 0,
+                "episodes": len(group),
+                "arrived": len(reached) / len(group),
+                "low": share.low,
+                "high": share.high,
+                "seconds": reached.seconds.median(),
+                "length": reached.length.median(),
+                "detour": (reached.length / (reached.away - ARRIVED)).median(),
+                "ends": ", ".join(f"{cause} {count}" for cause, count in ends.items()),
+                "surprise": group.surprise.mean(),
+                "top_speed": group.top_speed.mean(),
+                "often": plans[0],
+                "seldom": plans[1],
+            }
         )
-    names = [
-        "models",
-        "episodes",
-        "arrived",
-        "low",
-        "high",
-        "seconds",
-        "length",
-        "detour",
-        "ends",
-        "surprise",
-        "top_speed",
-        "often",
-        "seldom",
-    ]
-    return pd.DataFrame(lines, columns=[*DRIVER, *names])
+    return pd.DataFrame(rows, columns=[*DRIVER, *SCORES])
 
 
 def rivals(table: pd.DataFrame) -> pd.DataFrame:
-    """Every model beside the drivers without, and with SIDM beside without of the same data, on the same episodes.
+    """Pairs of drivers on the same episodes, a row per pair.
 
-    DRIVER and the `other`'s label; `episodes` that both drove; `more` goals, which the
-    other missed, and `fewer`; `chance` of such a difference or a greater one between
-    equals, by McNemar's exact test; goals that `both` reached, and how much `sooner`
-    there, s, with `low` and `high`, over episodes.
+    Every model is compared with the drivers that have no model, and every model with
+    SIDM with the model without SIDM that has the same data.
+
+    Returns:
+        DRIVER and the `other` driver's label; `episodes` that both drove; `more` goals
+        that only the first reached and `fewer` that only the other reached; `chance` of
+        such a difference or a greater one between equals, by McNemar's exact test; the
+        number of goals that `both` reached, and how much `sooner` the first reached
+        them, s, with `low` and `high`, a 95 % interval over episodes.
     """
-    lines = []
-    for system, every in table.groupby("system", sort=False):
-        groups = list(every.groupby(DRIVER[1:], sort=False))
-        for mine, own in groups:
-            for theirs, other in groups:
-                same_data = (mine[1], theirs[1]) == COMPARED and mine[2] == theirs[2]
-                if mine[1] and (same_data or not theirs[1]):
-                    lines.append((system, *mine, label(*theirs), *_paired(own, other)))
-    names = [
-        "other",
-        "episodes",
-        "more",
-        "fewer",
-        "chance",
-        "both",
-        "sooner",
-        "low",
-        "high",
-    ]
-    found = pd.DataFrame(lines, columns=[*DRIVER, *names])
-    return found[found.episodes > 0].reset_index(drop=True)
+    rows = []
+    for system, rows_of_system in table.groupby("system", sort=False):
+        groups = list(rows_of_system.groupby(DRIVER[1:], sort=False))
+        for (key, group), (other_key, other) in itertools.product(groups, groups):
+            (_, method, minutes), (_, other_method, other_minutes) = key, other_key
+            same_data = minutes == other_minutes
+            sidm_and_without = (method, other_method) == COMPARED and same_data
+            if method and (sidm_and_without or not other_method):
+                columns = _compared(group, other)
+                rows.append((system, *key, label(*other_key), *columns))
+    pairs = pd.DataFrame(rows, columns=[*DRIVER, *RIVALS])
+    return pairs[pairs.episodes > 0].reset_index(drop=True)
 
 
-def _paired(own: pd.DataFrame, other: pd.DataFrame) -> tuple:
-    """Two drivers in the episodes that both drove."""
-    both = own.merge(other, on="episode").sort_values("episode")
-    more, fewer = (
-        int((both.missed_x < both.missed_y).sum()),
-        int((both.missed_x > both.missed_y).sum()),
-    )
+def _compared(driver: pd.DataFrame, other: pd.DataFrame) -> tuple:
+    """The columns of `rivals` from `episodes` on for a pair of drivers."""
+    both = driver.merge(other, on="episode").sort_values("episode")
+    more = int((both.missed_x < both.missed_y).sum())
+    fewer = int((both.missed_x > both.missed_y).sum())
     chance = float(binomtest(more, more + fewer).pvalue) if more + fewer else 1.0
     reached = both[(both.missed_x == 0) & (both.missed_y == 0)]
     times = (reached.seconds_y - reached.seconds_x).to_numpy(float)
-    early = (
-        interval(lambda some: float(some.mean()), times)
-        if len(times)
-        else Interval(np.nan, np.nan, np.nan)
-    )
-    return len(both), more, fewer, chance, len(times), *early
+    sooner = Interval(np.nan, np.nan, np.nan)
+    if len(times):
+        sooner = interval(lambda sample: float(sample.mean()), times)
+    return len(both), more, fewer, chance, len(times), *sooner
 
 
 def claims(table: pd.DataFrame) -> pd.DataFrame:
-    """Whether models with SIDM miss fewer goals than those without, and get sooner to those that both reach.
+    """Claims that models with SIDM miss fewer goals and reach goals sooner.
 
-    A seed is a pair: the means over its episodes, of all sizes that both sides have
-    driven.
+    Times are compared at the goals that models with and without SIDM both reach. A seed
+    is a pair: the means over its episodes, of all sizes that both sides have driven.
     """
     point = ["system", "novice_minutes", "episode"]
-    own, other = (table[table.method == method] for method in COMPARED)
-    both = own.merge(
-        other[[*point, "missed", "seconds"]], on=point, suffixes=("", "_other")
+    with_sidm, without = (table[table.method == method] for method in COMPARED)
+    both = with_sidm.merge(
+        without[[*point, "missed", "seconds"]], on=point, suffixes=("", "_other")
     )
     reached = both[(both.missed == 0) & (both.missed_other == 0)]
-    parts = []
-    for words, some, value, unit in (
-        ("goals missed (share)", both, "missed", ""),
-        ("time to the goals that both reach", reached, "seconds", "s"),
-    ):
-        means = (
-            some.groupby(["system", "seed"])[[value, f"{value}_other"]]
-            .mean()
-            .reset_index()
-        )
-        without = means.drop(columns=value).rename(columns={f"{value}_other": value})
-        found = beside(
-            means, without, on=["system"], by=[], value=value, difference=True
-        )
-        sizes = [
-            _sizes(both[both.system == system].novice_minutes.unique())
-            for system in found.system
-        ]
-        names = [
-            f"{words}, with SIDM's models minus without, {some} min" for some in sizes
-        ]
-        parts.append(judged(found, names, PAPER, unit=unit))
-    return pd.concat(parts).sort_values("system", kind="stable", ignore_index=True)[
-        list(COLUMNS)
+    parts = [
+        _claim(both, "goals missed (share)", "missed", "", both),
+        _claim(reached, "time to the goals that both reach", "seconds", "s", both),
     ]
+    claims = pd.concat(parts).sort_values("system", kind="stable", ignore_index=True)
+    return claims[list(COLUMNS)]
+
+
+def _claim(
+    pairs: pd.DataFrame, quantity: str, column: str, unit: str, driven: pd.DataFrame
+) -> pd.DataFrame:
+    """A claim per system about a `column` of pairs of episodes.
+
+    The claim names the sizes of all pairs that were `driven`.
+    """
+    other = f"{column}_other"
+    groups = pairs.groupby(["system", "seed"])
+    means = groups[[column, other]].mean().reset_index()
+    without = means.drop(columns=column).rename(columns={other: column})
+    compared = paired_comparison(
+        means, without, on=["system"], by=[], value=column, difference=True
+    )
+    names = []
+    for system in compared.system:
+        sizes = _sizes(driven[driven.system == system].novice_minutes.unique())
+        names.append(f"{quantity}, with SIDM's models minus without, {sizes} min")
+    return claim_rows(compared, names, PAPER, unit=unit)
 
 
 def _sizes(minutes: Sequence[float]) -> str:
-    return ", ".join(f"{one:g}" for one in sorted(minutes))
+    return ", ".join(f"{size:g}" for size in sorted(minutes))

@@ -1,1 +1,1 @@
-"""How alike the two systems' latents are."""
+"""How alike the latents of the two systems are."""

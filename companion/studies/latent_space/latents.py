@@ -1,4 +1,8 @@
-"""Measures of how alike two systems' latent state-actions are, and of what each system's parts do for the other."""
+"""Measures of how alike the latent state-actions of two systems are.
+
+`crossed_loss` also measures what an encoder or decoder of one system does for the
+other system.
+"""
 
 from __future__ import annotations
 
@@ -19,39 +23,42 @@ from sidm.learning.evaluation import EVALUATION_BATCH
 from sidm.learning.losses import prediction_loss
 from sidm.learning.model import DynamicsModel
 
-EVERY = 4  # steps; those between are much like their neighbours
-PICTURED = 150  # latents of each system
-MMD_SAMPLES = 1000  # of each system, at most
+STRIDE = 4  # steps from one latent to the next; neighbours are much alike
+PICTURED = 150  # latents of each system in a picture
+MMD_SAMPLES = 1000  # latents of each system in the discrepancy, at most
 
 
 def latents_of(model: DynamicsModel, role: str, motion: Windows) -> np.ndarray:
-    """Latent state-actions (N, T / EVERY, 128) of trajectories."""
-    found: list[Tensor] = []
+    """Latent state-actions (N, T / STRIDE, 128) of N trajectories."""
+    latents: list[Tensor] = []
     with torch.inference_mode():
         for part in motion.split(EVALUATION_BATCH):
-            found.append(
-                model.encoders[role](part.inputs[:, ::EVERY], part.maps[:, ::EVERY])
-            )
-    return torch.cat(found).double().numpy()
+            inputs, maps = part.inputs[:, ::STRIDE], part.maps[:, ::STRIDE]
+            latents.append(model.encoders[role](inputs, maps))
+    return torch.cat(latents).double().numpy()
 
 
 def crossed_loss(
     model: DynamicsModel, motion: Windows, encoder: str, decoder: str
 ) -> float:
-    """Equation (1) averaged over the steps of `motion`, through one system's encoder and one system's decoder.
+    """Equation (1) with the encoder and decoder of any role, averaged over all steps.
 
-    Only robots whose states, actions and transitions mean the same can be asked so, as
-    the paper's can.
+    This needs robots whose states, actions and transitions mean the same, as those of
+    the paper do.
+
+    Args:
+        model: a trained model.
+        motion: of one system.
+        encoder: role whose encoder is used.
+        decoder: role whose decoder is used.
     """
     total = 0.0
     with torch.inference_mode():
         for part in motion.split(EVALUATION_BATCH):
-            transitions, _ = model.sidm(model.encoders[encoder](part.inputs, part.maps))
-            total += float(
-                prediction_loss(model.decoders[decoder](transitions), part.targets)
-                .double()
-                .sum()
-            )
+            latents = model.encoders[encoder](part.inputs, part.maps)
+            transitions, _ = model.sidm(latents)
+            predicted = model.decoders[decoder](transitions)
+            total += float(prediction_loss(predicted, part.targets).double().sum())
     return total / motion.targets[..., 0].numel()
 
 
@@ -60,29 +67,39 @@ def small_network() -> MLPClassifier:
     return MLPClassifier((64,), early_stopping=True, max_iter=300, random_state=0)
 
 
-def told_apart(features: Sequence[np.ndarray], classifier: ClassifierMixin) -> float:
-    """Share of steps, both systems weighing the same, that a classifier fitted on half of the trajectories tells apart.
+def classifier_accuracy(
+    features: Sequence[np.ndarray], classifier: ClassifierMixin
+) -> float:
+    """Accuracy with which a classifier tells the systems of unseen steps apart.
+
+    The classifier is fitted on half of the trajectories and tested on the other half.
+    Both systems weigh the same.
 
     Args:
         features: (N, T, K) of the novice's trajectories and (M, T, K) of the expert's.
         classifier: unfitted.
+
+    Returns:
+        The share of steps whose system is right, 0.5 by chance.
     """
     halves = [[motion[0::2], motion[1::2]] for motion in features]
     fitted = make_pipeline(StandardScaler(), classifier)
     fitted.fit(*_labelled(halves[0][0], halves[1][0]))
-    right = [
+    accuracies = [
         np.mean(fitted.predict(half[1].reshape(-1, half[1].shape[-1])) == label)
         for label, half in enumerate(halves)
     ]
-    return float(np.mean(right))
+    return float(np.mean(accuracies))
 
 
 def squared_mmd(novice: np.ndarray, expert: np.ndarray) -> float:
-    """Unbiased squared maximum mean discrepancy of two sets of features (., ., K), in units of their common spread."""
-    x, y = _spread(novice, expert, MMD_SAMPLES)
-    distances = [
-        cdist(one, other, "sqeuclidean") for one, other in ((x, x), (y, y), (x, y))
-    ]
+    """Unbiased squared maximum mean discrepancy of two sets of features (., ., K).
+
+    Features are standardised over both systems; the kernel is Gaussian, as wide as the
+    median distance.
+    """
+    x, y = _sampled(novice, expert, MMD_SAMPLES)
+    distances = [cdist(a, b, "sqeuclidean") for a, b in ((x, x), (y, y), (x, y))]
     width = np.median(distances[2])
     within_x, within_y, across = (np.exp(-distance / width) for distance in distances)
     n, m = len(x), len(y)
@@ -93,21 +110,26 @@ def squared_mmd(novice: np.ndarray, expert: np.ndarray) -> float:
 def picture(
     novice: np.ndarray, expert: np.ndarray
 ) -> list[tuple[tuple[float, float], ...]]:
-    """PICTURED of each system's latents (., ., K), (x, y) each, along the first two principal components of both."""
-    parts = _spread(novice, expert, PICTURED)
-    flat = PCA(2, svd_solver="full").fit(np.concatenate(parts))
+    """The first two principal components of the latents (., ., K) of both systems.
+
+    Returns:
+        (PICTURED, 2) of the novice and of the expert, on the same axes.
+    """
+    parts = _sampled(novice, expert, PICTURED)
+    pca = PCA(2, svd_solver="full").fit(np.concatenate(parts))
     return [
-        tuple((float(x), float(y)) for x, y in flat.transform(part)) for part in parts
+        tuple((float(x), float(y)) for x, y in pca.transform(part)) for part in parts
     ]
 
 
 def _labelled(novice: np.ndarray, expert: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The features (., K) of both systems and their labels: novice 0, expert 1."""
     flat = [motion.reshape(-1, motion.shape[-1]) for motion in (novice, expert)]
     return np.concatenate(flat), np.repeat([0, 1], [len(part) for part in flat])
 
 
-def _spread(novice: np.ndarray, expert: np.ndarray, most: int) -> list[np.ndarray]:
-    """At most `most` features (., K) of each system, standardised together."""
+def _sampled(novice: np.ndarray, expert: np.ndarray, most: int) -> list[np.ndarray]:
+    """At most `most` random features (., K) of each system, standardised together."""
     both, labels = _labelled(novice, expert)
-    both, draw = StandardScaler().fit_transform(both), np.random.default_rng(0)
-    return [draw.permutation(both[labels == label])[:most] for label in (0, 1)]
+    both, rng = StandardScaler().fit_transform(both), np.random.default_rng(0)
+    return [rng.permutation(both[labels == label])[:most] for label in (0, 1)]

@@ -1,7 +1,7 @@
-"""How alike two systems' latent state-actions are: fresh domain classifiers, MMD, a picture.
+"""How alike two systems' latent state-actions are: classifiers, MMD, a picture.
 
 `companion run --figure latent-space` trains the models again, at the two sizes of the
-baselines with and without regularisation, and keeps what it finds in
+baselines with and without regularisation, and stores the diagnoses in
 results/latent_space.
 """
 
@@ -15,17 +15,18 @@ import numpy as np
 from sklearn.linear_model import LogisticRegression
 
 from companion.engine.datasets import collect_dataset
-from companion.engine.execute import Library, perform
+from companion.engine.execute import perform
+from companion.engine.library import Library
 from companion.engine.provenance import Provenance
 from companion.engine.records import Making, records_of
 from companion.studies.latent_space.latents import (
-    EVERY,
+    STRIDE,
+    classifier_accuracy,
     crossed_loss,
     latents_of,
     picture,
     small_network,
     squared_mmd,
-    told_apart,
 )
 from companion.study import Study
 from companion.trials import Dataset, Trial
@@ -40,60 +41,68 @@ METHODS_COMPARED = ("sidm", "no_regularisation")
 
 @config
 class Diagnosis:
-    """What the latents of a trained model are like; accuracies are shares of held-out steps, 0.5 by chance."""
+    """Measures of a trained model's latents.
 
-    about: Trial  # whose model
-    validation_loss: float  # of the model that was trained for it
-    #: of the novice's validation set through the expert's encoder and the novice's
-    #: decoder
+    Accuracies are shares of held-out steps, 0.5 by chance.
+    """
+
+    about: Trial  # the trial whose model is measured
+    validation_loss: float  # of the model that was trained for these measures
+    #: equation (1) on the novice's validation set, with the expert's encoder and the
+    #: novice's decoder
     expert_encoder_loss: float
-    expert_decoder_loss: float  # through the novice's encoder and the expert's decoder
-    expert_path_loss: float  # through both of the expert's
+    expert_decoder_loss: float  # with the novice's encoder and the expert's decoder
+    expert_path_loss: float  # with the expert's encoder and decoder
     linear_accuracy: float  # of a logistic regression on the latents
-    network_accuracy: float  # of a small network on them
+    network_accuracy: float  # of a small network on the latents
     #: of a small network on the raw states and actions, before any encoder
     raw_accuracy: float
     #: proxy A-distance 2 (1 - 2 e), e the small network's error: 0 alike, 2 wholly
     #: apart
     a_distance: float
-    #: of the training's own, mean over the tests' last quarter; None without one
+    #: of the discriminator of the training, mean over the last quarter of the tests;
+    #: None without a discriminator
     discriminator_accuracy: float | None
     mmd: float  # squared, unbiased, Gaussian kernel of the median distance; 0 alike
-    #: (PICTURED, 2) principal components of both's latents
+    #: (PICTURED, 2) principal components of the novice's latents
     novice_picture: tuple[tuple[float, float], ...]
+    #: (PICTURED, 2) principal components of the expert's latents
     expert_picture: tuple[tuple[float, float], ...]
-    scikit_learn: str  # its version
+    scikit_learn: str  # version of scikit-learn
     provenance: Provenance
 
 
-#: where they are kept, under a folder of results
+#: the stored results, under a folder of results
 records = records_of(Diagnosis, "latent-space")
 
 
 def jobs(study: Study, system: str) -> list[Trial]:
-    """The trials whose latents are looked at: with and without regularisation, a small and a middle size."""
+    """The trials whose latents are measured.
+
+    They are those with and without regularisation, of a small and a middle size.
+    """
     return study.points(system, METHODS_COMPARED, study.preset.baseline_minutes)
 
 
 def held_out_expert(trial: Trial) -> Dataset:
-    """The expert's trajectories up to the last that is held out: as many more as validate the novice."""
-    sets = trial.datasets
-    return Dataset(
-        collection=sets["expert"].collection,
-        count=sets["expert"].count + sets["validation"].count,
-    )
+    """The expert's training motion followed by held-out trajectories.
+
+    As many trajectories are held out as validate the novice.
+    """
+    expert, validation = (trial.datasets[kind] for kind in ("expert", "validation"))
+    return Dataset(collection=expert.collection, count=expert.count + validation.count)
 
 
 def collect_held_out(
     study: Study, system: str, executor: Executor | None = None
 ) -> None:
-    """Simulate what is missing of the expert's that are held out."""
+    """Simulate the held-out motion of the expert that is missing."""
     for dataset in {held_out_expert(trial) for trial in jobs(study, system)}:
         collect_dataset(dataset, study.data, executor)
 
 
 def measure(trial: Trial, data: str | Path = "data") -> Diagnosis:
-    """Train a trial's model and look at its latents on data that it has not seen.
+    """Train a trial's model and measure its latents on unseen motion.
 
     Raises:
         ConfigError: the trial's method has no expert.
@@ -105,31 +114,32 @@ def measure(trial: Trial, data: str | Path = "data") -> Diagnosis:
         )
     making = Making("diagnosis", trial, data)
     outcome, trained = perform(trial, data)
-    # it has an expert, so it corrects none
-    assert isinstance(trained.model, DynamicsModel)
-    more = held_out_expert(trial)
+    model = trained.model
+    # a model with an expert is no correction of the expert's model
+    assert isinstance(model, DynamicsModel)
+    dataset = held_out_expert(trial)
     terrain, pixels = find_system(trial.system).terrain, trial.network.pixels
-    expert = load_windows(data, more.collection, more.count, terrain, pixels)
-    held_out = expert.subset(range(trial.datasets["expert"].count, more.count))
+    expert = load_windows(data, dataset.collection, dataset.count, terrain, pixels)
+    held_out = expert.subset(range(trial.datasets["expert"].count, dataset.count))
     novice = Library(data).motion(trial, "validation")
     motions = novice, held_out.take(range(len(held_out)))
     latents = [
-        latents_of(trained.model, role, m)
-        for role, m in zip(ROLES, motions, strict=True)
+        latents_of(model, role, motion)
+        for role, motion in zip(ROLES, motions, strict=True)
     ]
-    raw = [motion.inputs[:, ::EVERY].double().numpy() for motion in motions]
+    raw = [motion.inputs[:, ::STRIDE].double().numpy() for motion in motions]
     pictures = picture(*latents)
-    network = told_apart(latents, small_network())
+    network_accuracy = classifier_accuracy(latents, small_network())
     return Diagnosis(
         about=trial,
         validation_loss=outcome.validation_loss,
-        expert_encoder_loss=crossed_loss(trained.model, novice, "expert", "novice"),
-        expert_decoder_loss=crossed_loss(trained.model, novice, "novice", "expert"),
-        expert_path_loss=crossed_loss(trained.model, novice, "expert", "expert"),
-        linear_accuracy=told_apart(latents, LogisticRegression(max_iter=1000)),
-        network_accuracy=network,
-        raw_accuracy=told_apart(raw, small_network()),
-        a_distance=max(0.0, 2 * (2 * network - 1)),
+        expert_encoder_loss=crossed_loss(model, novice, "expert", "novice"),
+        expert_decoder_loss=crossed_loss(model, novice, "novice", "expert"),
+        expert_path_loss=crossed_loss(model, novice, "expert", "expert"),
+        linear_accuracy=classifier_accuracy(latents, LogisticRegression(max_iter=1000)),
+        network_accuracy=network_accuracy,
+        raw_accuracy=classifier_accuracy(raw, small_network()),
+        a_distance=max(0.0, 2 * (2 * network_accuracy - 1)),
         discriminator_accuracy=_last_accuracy(trained),
         mmd=squared_mmd(*latents),
         novice_picture=pictures[0],
@@ -140,11 +150,8 @@ def measure(trial: Trial, data: str | Path = "data") -> Diagnosis:
 
 
 def _last_accuracy(trained: Trained) -> float | None:
-    """What share of latents the training's discriminator told apart towards the end."""
+    """Mean accuracy of the discriminator over the last quarter of the tests."""
     late = trained.history[3 * len(trained.history) // 4 :]
-    known = [
-        test.discriminator_accuracy
-        for test in late
-        if test.discriminator_accuracy is not None
-    ]
+    accuracies = [test.discriminator_accuracy for test in late]
+    known = [accuracy for accuracy in accuracies if accuracy is not None]
     return float(np.mean(known)) if known else None

@@ -1,4 +1,4 @@
-"""What was found of latents: means by method and size, and a picture of each model's."""
+"""Tables and figures of latents: means by method and size, and a picture per model."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from companion.figures.style import (
     LOSS_LABEL,
     METHOD_STYLES,
     SIZE_STYLES,
-    by_system,
     legend_below,
+    system_panels,
 )
 from sidm.plots import finish, side_by_side, styled
 from sidm.systems import ROLES, SYSTEMS
 
+#: Measures of how alike the latents are.
 ALIKE = (
     "linear_accuracy",
     "network_accuracy",
@@ -28,7 +29,7 @@ ALIKE = (
     "mmd",
     "discriminator_accuracy",
 )
-#: Losses on the novice's motion, and the parts that it is sent through.
+#: Losses on the novice's motion -> the parts of the model that they are computed with.
 CROSSED = {
     "validation_loss": "novice's\nown parts",
     "expert_encoder_loss": "expert's\nencoder",
@@ -38,35 +39,37 @@ CROSSED = {
 
 
 def table(frame: pd.DataFrame, measures: Sequence[str] = ALIKE) -> pd.DataFrame:
-    """Number of models and means of some measures by system, size and method."""
+    """Number of models and means of measures: a row per system, size and method."""
     groups = frame.astype({name: float for name in measures}).groupby(
         ["system", "novice_minutes", "method"]
     )
-    found = groups[list(measures)].mean()
-    found.insert(0, "trials", groups.size())
-    return found.reset_index()
+    means = groups[list(measures)].mean()
+    means.insert(0, "trials", groups.size())
+    return means.reset_index()
 
 
 @styled
 def figure(frame: pd.DataFrame) -> Figure:
-    """Latents of both systems in the plane of their first two principal components, a plot a model, two in a row."""
-    ordered = list(
-        frame.sort_values(["system", "novice_minutes", "method"]).itertuples()
-    )
-    figure, panels = side_by_side(max(len(ordered), 1), min(max(len(ordered), 1), 2))
-    if not ordered:
+    """Latents of both systems in the plane of their first two principal components.
+
+    A panel per model, two in a row.
+    """
+    order = ["system", "novice_minutes", "method"]
+    rows = list(frame.sort_values(order).itertuples())
+    count = max(len(rows), 1)
+    figure, panels = side_by_side(count, min(count, 2))
+    if not rows:
         finish(panels[0])
         return figure
-    for axes, one in itertools.zip_longest(panels, ordered):
-        if one is None:
+    for axes, row in itertools.zip_longest(panels, rows):
+        if row is None:
             axes.set_axis_off()
             continue
         axes.set(xlabel="first component (-)", ylabel="second component (-)")
-        axes.set_title(
-            f"{one.system}, {one.novice_minutes:g} min, {METHOD_STYLES[one.method]['label']}"
-        )
+        label = METHOD_STYLES[row.method]["label"]
+        axes.set_title(f"{row.system}, {row.novice_minutes:g} min, {label}")
         for role, style in zip(ROLES, SIZE_STYLES, strict=False):
-            points = np.array(getattr(one, f"{role}_picture")).T
+            points = np.array(getattr(row, f"{role}_picture")).T
             axes.plot(
                 *points,
                 style["marker"],
@@ -83,26 +86,25 @@ def figure(frame: pd.DataFrame) -> Figure:
 def crossed_figure(
     frame: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)
 ) -> Figure:
-    """The loss on the novice's motion through each system's encoder and decoder: means over seeds, a line a model."""
-    figure, plots = by_system(
+    """The loss on the novice's motion with each system's encoder and decoder.
+
+    A curve per method and size: means over seeds.
+    """
+    figure, plots = system_panels(
         table(frame, tuple(CROSSED)), systems, yscale="log", ylabel=LOSS_LABEL
     )
-    for axes, mine in plots:
-        sizes = sorted(mine.novice_minutes.unique())
-        for one in mine.sort_values(["method", "novice_minutes"]).itertuples():
-            line, style = (
-                size_style(one.method, sizes.index(one.novice_minutes)),
-                METHOD_STYLES[one.method],
-            )
-            look = line | {
+    for axes, means in plots:
+        sizes = sorted(means.novice_minutes.unique())
+        for row in means.sort_values(["method", "novice_minutes"]).itertuples():
+            style = METHOD_STYLES[row.method]
+            line = size_style(row.method, sizes.index(row.novice_minutes)) | {
                 "marker": style["marker"],
-                "label": f"{style['label']}, {one.novice_minutes:g} min",
+                "label": f"{style['label']}, {row.novice_minutes:g} min",
             }
-            axes.plot(
-                range(len(CROSSED)), [getattr(one, name) for name in CROSSED], **look
-            )
+            losses = [getattr(row, name) for name in CROSSED]
+            axes.plot(range(len(CROSSED)), losses, **line)
         finish(axes, legend=False)
-        if len(mine):
+        if len(means):
             axes.set_xticks(range(len(CROSSED)), list(CROSSED.values()))
     legend_below(figure, figure.axes)
     return figure

@@ -1,1 +1,1 @@
-"""Real robots: a Clearpath Warthog and a Husky, and a Hunter of someone else's simulator."""
+"""Real robots: a Clearpath Warthog and a Husky, and a Hunter of another simulator."""

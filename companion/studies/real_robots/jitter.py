@@ -1,8 +1,8 @@
-"""What the sensors allow: the jitter of recorded poses, and what it alone costs a model that knows the motion.
+"""The jitter of recorded poses, and the least loss that a model can have with it.
 
-A robot's path is smooth over a few steps; noise of the pose, drawn anew at each, is
-not. Differences of fourth order take away what is smooth, and of white noise of
-variance s^2 leave 70 s^2.
+A robot's path is smooth over a few steps; noise of the pose, drawn anew at each step,
+is not. Differences of fourth order remove what is smooth, and turn white noise of
+variance s^2 into variance 70 s^2.
 """
 
 from __future__ import annotations
@@ -14,56 +14,67 @@ import numpy as np
 
 from companion.studies.real_robots.measure import HORIZON, WARM_UP
 from sidm.drives import Drive
-from sidm.learning.dataset import stacked, windows_of
+from sidm.learning.dataset import states_and_actions, windows_of
 from sidm.learning.units import Standardisation, loss_weights
 from sidm.rotations import turn
 
-ORDER, NOISE = 4, 70.0  # of the differences, and what they make of a variance
-DRAWS, SEED = 20, 0  # of the noise, for each piece
+ORDER = 4  # of the differences
+VARIANCE_FACTOR = 70.0  # variance of these differences of white noise of variance 1
+DRAWS, SEED = 20, 0  # draws of the noise for each window, and their seed
 
 
 class Floor(NamedTuple):
-    """What jitter costs at least, and what it costs a model that does not see how far off the last pose was."""
+    """The errors of a model that knows the motion, due to jitter alone.
 
-    loss: tuple[float, float]  # of equation (1), each component by its variance
+    The first value of each pair is the least error possible. The second is the error of
+    a model that does not know the noise of the last pose.
+    """
+
+    loss: tuple[float, float]  # equation (1), each component by its variance
     displacement: tuple[float, float]  # m, mean, after HORIZON steps open loop
-    heading: tuple[float, float]  # rad
+    heading: tuple[float, float]  # rad, mean, after HORIZON steps open loop
 
 
 def jitter(windows: Sequence[Drive]) -> np.ndarray:
-    """Standard deviations (3,) of a planar pose's noise: forward, m, to the left, m, and heading, rad."""
-    x, y, yaw = stacked(windows)[0][..., :3].numpy().transpose(2, 0, 1)
+    """Standard deviations (3,) of a planar pose's noise: forward, left and heading.
+
+    They are in m, m and rad.
+    """
+    x, y, yaw = states_and_actions(windows)[0][..., :3].numpy().transpose(2, 0, 1)
     yaw = np.unwrap(yaw, axis=1)
-    across, along, turned = (np.diff(one, n=ORDER, axis=1) for one in (x, y, yaw))
+    dx, dy, dyaw = (np.diff(values, n=ORDER, axis=1) for values in (x, y, yaw))
     heading = yaw[:, ORDER // 2 : -ORDER // 2]
-    forward = np.cos(heading) * across + np.sin(heading) * along
-    left = np.cos(heading) * along - np.sin(heading) * across
-    return np.sqrt([np.square(one).mean() / NOISE for one in (forward, left, turned)])
+    forward = np.cos(heading) * dx + np.sin(heading) * dy
+    left = np.cos(heading) * dy - np.sin(heading) * dx
+    variances = [
+        np.square(values).mean() / VARIANCE_FACTOR for values in (forward, left, dyaw)
+    ]
+    return np.sqrt(variances)
 
 
 def floor(windows: Sequence[Drive]) -> Floor:
-    """What the jitter of a robot's planar poses costs.
+    """The errors due to the jitter of a robot's planar poses.
 
-    A step's change is off by the noise of the pose after it, which nothing before can
-    tell, and by that of the pose before it, which the steps until then could. So it is
-    open loop, where noise of the first heading turns the path.
+    A step's change has the noise of the pose after it, which nothing before can tell,
+    and that of the pose before it, which the earlier steps could tell. The same holds
+    open loop, where noise of the first heading turns the whole path.
     """
-    noise, states = jitter(windows), stacked(windows)[0]
-    weights = loss_weights(windows[0].body, Standardisation.of(windows_of(windows, 0)))
+    noise, states = jitter(windows), states_and_actions(windows)[0]
+    units = Standardisation.fit(windows_of(windows, 0))
+    weights = loss_weights(windows[0].body, units)
     assert weights is not None
     least = float((weights[:3].numpy() * noise**2).sum())
     rng = np.random.default_rng(SEED)
+    # (DRAWS, N, 3) noise of the first and of the last pose
     first, last = rng.normal(size=(2, DRAWS, len(states), 3)) * noise
     start, end = states[:, WARM_UP], states[:, WARM_UP + HORIZON]
-    # (N, 2) m, in the first one's frame
+    # (N, 2) m, in the frame of the first pose
     way = turn((end - start)[:, :2], -start[:, 2]).numpy()
     turned = np.stack([-way[:, 1] * first[..., 2], way[:, 0] * first[..., 2]], -1)
-    ends = (
-        last,
-        last - first - np.concatenate([turned, np.zeros_like(turned[..., :1])], -1),
-    )
-    displacement = tuple(
-        float(np.linalg.norm(one[..., :2], axis=-1).mean()) for one in ends
-    )
-    heading = tuple(float(np.abs(one[..., 2]).mean()) for one in ends)
-    return Floor((least, 2 * least), displacement, heading)  # type: ignore[arg-type]
+    no_heading = np.zeros_like(turned[..., :1])
+    both = last - first - np.concatenate([turned, no_heading], -1)
+    displacements, headings = [], []
+    for errors in (last, both):
+        displacements.append(float(np.linalg.norm(errors[..., :2], axis=-1).mean()))
+        headings.append(float(np.abs(errors[..., 2]).mean()))
+    return Floor((least, 2 * least), tuple(displacements), tuple(headings))  # type: ignore[arg-type]

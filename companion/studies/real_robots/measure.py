@@ -1,8 +1,8 @@
-"""Real robots as novice and expert: what is learnt from seconds to minutes of motion, with and without another robot.
+"""Real robots as novice and expert: models from seconds to minutes of motion.
 
-`companion run --figure real-robots` makes what is not stored of it in
-results/real_robots. Sessions, contiguous in time, are never parted between learning and
-judging; each seed judges by others.
+`companion run --figure real-robots` makes the results that are not stored in
+results/real_robots yet. Sessions are contiguous in time; none is divided between
+training and evaluation. Each seed evaluates on other sessions.
 """
 
 from __future__ import annotations
@@ -29,91 +29,99 @@ from sidm.fitting.settings import SETTINGS, Settings
 from sidm.fitting.windows import (
     common_length,
     cut,
-    learn_and_test,
-    of_sessions,
+    drives_of_sessions,
     rollouts,
     session_order,
+    train_test_split,
 )
 from sidm.learning.arithmetic import one_thread
-from sidm.learning.dataset import Datasets, stacked, windows_of
+from sidm.learning.dataset import Datasets, states_and_actions, windows_of
 from sidm.learning.evaluation import rollout_errors
 from sidm.learning.losses import component_losses
 from sidm.learning.model import Predictor
 from sidm.learning.networks import Network
 from sidm.learning.training import Trained
-from sidm.learning.units import Standardisation, loss_weights, units_for, units_of
+from sidm.learning.units import Standardisation, default_units, loss_weights, role_units
 from sidm.recordings import read_drives
-from sidm.rivals.fine_tuning import Start
+from sidm.rivals.fine_tuning import Pretrained
 from sidm.rivals.kinematics import identify
 from sidm.storage import checksum
 
-#: Robot -> its body's file.
 RECORDINGS = Path("recordings")
+#: Robot -> its body's file.
 ROBOTS = {
     "warthog": "skid_steer.yaml",
     "husky": "skid_steer.yaml",
     "hunter": "hunter.yaml",
 }
+#: Name of a pair -> expert and novice.
 PAIRS = {
     "husky to warthog": ("husky", "warthog"),
     "warthog to husky": ("warthog", "husky"),
     "hunter to warthog": ("hunter", "warthog"),
 }
 SEEDS = 10
-#: of the novice, of some 6 s each; all but those that judge, of a Warthog
+#: numbers of sessions of the novice, some 6 s each; the last is all training sessions
+#: of a Warthog
 SESSIONS = (2, 4, 8, 16, 32, 72)
-HELD_OUT = 0.25  # of the novice's sessions, that judge
-WARM_UP, HORIZON = 4, 15  # steps seen before a rollout, and predicted: 0.4 s and 1.5 s
+HELD_OUT = 0.25  # share of the novice's sessions that serve evaluation
+#: steps seen before a rollout (0.4 s), and steps predicted (1.5 s)
+WARM_UP, HORIZON = 4, 15
 
 KINEMATICS = ("differential_drive", "rotation_centres")
-ALONE = ("novice_only", "least_squares", *KINEMATICS)  # that need no expert
+ALONE = ("novice_only", "least_squares", *KINEMATICS)  # methods without an expert
 WITH_EXPERT = ("sidm", "no_regularisation", "core_finetune", "core_frozen")
 PRETRAINED = "pretrain_finetune"
-ONE_BODY = (PRETRAINED, "expert_only", "corrected")  # that need robots of one body
+#: methods that need robots of the same body
+ONE_BODY = (PRETRAINED, "expert_only", "corrected")
 
 
 @config
 class Transfer:
-    """All sizes of one robot's motion, learnt by one method from one seed's sessions."""
+    """Trainings on all sizes of one robot's motion, with one method and one seed."""
 
-    novice: str  # of ROBOTS
-    expert: str  # '' without one
-    method: str  # of METHODS, or of KINEMATICS
+    novice: str  # a key of ROBOTS
+    expert: str  # a key of ROBOTS; '' without an expert
+    method: str  # a name of METHODS or of KINEMATICS
     seed: int
-    sessions: tuple[int, ...]  # sizes
-    steps: int  # of a piece
-    data: tuple[str, ...]  # checksums of the robots' pieces
+    sessions: tuple[int, ...]  # sizes: numbers of sessions
+    steps: int  # length of a window
+    data: tuple[str, ...]  # checksums of the robots' windows
     network: Network
-    training: StudyTraining  # that the methods' own settings are changes of
+    training: StudyTraining  # before the changes of the method
 
 
 @config
-class Transferred:
-    """What came out, an entry a size; errors are means over the pieces that judge."""
+class TransferResult:
+    """Results of a Transfer, an entry per size; errors are means over test windows."""
 
     about: Transfer
-    #: of the novice's motion learnt from, train and test together
+    #: of the novice's motion, train and test split together
     minutes: tuple[float, ...]
     #: equation (1), each component by its variance in the training motion of all
     #: sessions
     loss: tuple[float, ...]
-    components: tuple[tuple[float, ...], ...]  # (6,) of it
+    components: tuple[tuple[float, ...], ...]  # (6,) components of the loss
     displacement: tuple[tuple[float, ...], ...]  # (15,) m, open loop, after the warm-up
-    heading: tuple[tuple[float, ...], ...]  # (15,) rad
+    heading: tuple[tuple[float, ...], ...]  # (15,) rad, open loop, after the warm-up
     #: (15,) m, from the same state without a warm-up
     cold_displacement: tuple[tuple[float, ...], ...]
-    cold_heading: tuple[tuple[float, ...], ...]  # (15,) rad
+    #: (15,) rad, from the same state without a warm-up
+    cold_heading: tuple[tuple[float, ...], ...]
     samples: tuple[int, ...]  # seen by the training
     provenance: Provenance
 
 
-#: where they are kept, under a folder of results
-records = records_of(Transferred, "real-robots")
+#: the stored results, under a folder of results
+records = records_of(TransferResult, "real-robots")
 
 
 @functools.lru_cache
 def robot(name: str, steps: int | None = None) -> list[Drive]:
-    """A robot's recorded motion in windows of `steps`, those of its own shortest drive unless given."""
+    """A robot's recorded motion in windows of `steps`.
+
+    By default a window is as long as the robot's shortest drive.
+    """
     body = read_body(RECORDINGS / ROBOTS[name])
     drives = read_drives(RECORDINGS / f"{name}.csv.gz", body)
     return cut(drives, steps or common_length(drives))
@@ -122,16 +130,18 @@ def robot(name: str, steps: int | None = None) -> list[Drive]:
 def jobs(
     study: Study, pair: str, sessions: tuple[int, ...] = SESSIONS, seeds: int = SEEDS
 ) -> list[Transfer]:
-    """All trainings of a pair; what needs no expert is that of the novice alone, the same for every pair."""
+    """All trainings of a pair.
+
+    A training without an expert depends on the novice and the length of the windows
+    alone, so pairs share it.
+    """
     expert, novice = PAIRS[pair]
     steps = min(len(robot(name)[0]) for name in (novice, expert))
-    chosen = settings(study.preset)
+    fit_settings = settings(study.preset)
     bodies = {name: robot(name)[0].body for name in (novice, expert)}
-    one_body = bodies[novice] == bodies[expert]
-    methods = [(name, "") for name in ALONE]
-    methods += [
-        (name, expert) for name in (*WITH_EXPERT, *(ONE_BODY if one_body else ()))
-    ]
+    one_body = ONE_BODY if bodies[novice] == bodies[expert] else ()
+    methods = [(method, "") for method in ALONE]
+    methods += [(method, expert) for method in (*WITH_EXPERT, *one_body)]
     return [
         Transfer(
             novice=novice,
@@ -141,12 +151,12 @@ def jobs(
             sessions=sessions,
             steps=steps,
             data=tuple(
-                checksum(stacked(robot(name, steps))[0].numpy())
+                checksum(states_and_actions(robot(name, steps))[0].numpy())
                 for name in (novice, other)
                 if name
             ),
-            network=network_for(chosen, bodies[novice], bodies[other or novice]),
-            training=StudyTraining(**vars(chosen.training)),
+            network=network_for(fit_settings, bodies[novice], bodies[other or novice]),
+            training=StudyTraining(**vars(fit_settings.training)),
         )
         for seed in range(seeds)
         for method, other in methods
@@ -154,111 +164,100 @@ def jobs(
 
 
 def settings(preset: Preset) -> Settings:
-    """Those of `sidm fit`, with at most the preset's samples."""
-    samples = (
-        min(SETTINGS.training.max_samples, preset.training.max_samples)
-        if preset.name == "smoke"
-        else None
-    )
-    return SETTINGS.with_values({"max_samples": samples}) if samples else SETTINGS
+    """The settings of `sidm fit`; the preset 'smoke' may train with fewer samples."""
+    if preset.name != "smoke":
+        return SETTINGS
+    samples = min(SETTINGS.training.max_samples, preset.training.max_samples)
+    return SETTINGS.with_values({"max_samples": samples})
 
 
-def measure(about: Transfer, data: str | Path = "data") -> Transferred:
-    """Train and judge all sizes; needs the recordings alone, no `data`."""
+def measure(about: Transfer, data: str | Path = "data") -> TransferResult:
+    """Train and evaluate the models of all sizes.
+
+    This needs the recordings alone; `data` serves the provenance only.
+    """
     making = Making("fitting", None, data)
     novice = robot(about.novice, about.steps)
     expert = robot(about.expert, about.steps) if about.expert else None
     order = session_order(novice, about.seed)
-    judging = round(HELD_OUT * len(order))
-    judge, pool = of_sessions(novice, order[:judging]), order[judging:]
-    scale = loss_weights(
-        novice[0].body, Standardisation.of(windows_of(of_sessions(novice, pool), 0))
-    )
+    count = round(HELD_OUT * len(order))
+    validation, pool = drives_of_sessions(novice, order[:count]), order[count:]
+    units = Standardisation.fit(windows_of(drives_of_sessions(novice, pool), 0))
+    weights = loss_weights(novice[0].body, units)
     with one_thread():
-        found = [
-            _one(about, pool[:count], novice, judge, expert, scale)
-            for count in about.sessions
+        sizes = [
+            _one_size(about, pool[:size], novice, validation, expert, weights)
+            for size in about.sessions
         ]
-    return Transferred(
-        about=about,
-        **by_field(found),
-        provenance=making.done(),
-    )
+    return TransferResult(about=about, **by_field(sizes), provenance=making.done())
 
 
-def _one(
+def _one_size(
     about: Transfer,
     sessions: np.ndarray,
     novice: list[Drive],
-    judge: list[Drive],
+    validation: list[Drive],
     expert: list[Drive] | None,
-    scale: Tensor | None,
+    weights: Tensor | None,
 ) -> dict[str, Any]:
-    """The fields on one size."""
-    train_part, test_part = learn_and_test(novice, sessions)
-    sets = datasets(train_part, test_part, judge, expert)
+    """The fields of TransferResult for one size."""
+    train_part, test_part = train_test_split(novice, sessions)
+    sets = datasets(train_part, test_part, validation, expert)
     trained = _learn(about, sets, novice[0].body)
     with torch.inference_mode():
-        motion = windows_of(judge, 0)
+        motion = windows_of(validation, 0)
         predicted, _ = trained.model("novice", motion.inputs, motion.maps)
-        components = (
-            component_losses(predicted, motion.targets, scale)
-            .double()
-            .mean((0, 1))
-            .tolist()
-        )
-    (displacement, heading), (cold, cold_heading) = (
-        _errors(trained.model, judge, seen) for seen in (True, False)
-    )
+        losses = component_losses(predicted, motion.targets, weights)
+        components = losses.double().mean((0, 1)).tolist()
+    displacement, heading = _errors(trained.model, validation, seen=True)
+    cold_displacement, cold_heading = _errors(trained.model, validation, seen=False)
     return {
         "minutes": minutes_of(train_part) + minutes_of(test_part),
         "loss": sum(components),
         "components": components,
         "displacement": displacement,
         "heading": heading,
-        "cold_displacement": cold,
+        "cold_displacement": cold_displacement,
         "cold_heading": cold_heading,
         "samples": trained.samples,
     }
 
 
 def _learn(about: Transfer, sets: Datasets, body: Body) -> Trained:
+    """The model of a method, trained on the given datasets."""
     if about.method in KINEMATICS:
-        own = units_for(units_of(sets, about.network), "novice")
-        return identify(sets, body, about.method, loss_weights(body, own))  # type: ignore[arg-type]
-    chosen, start = (
-        SETTINGS.with_values({"max_samples": about.training.max_samples}),
-        None,
-    )
+        units = role_units(default_units(sets, about.network), "novice")
+        return identify(sets, body, about.method, loss_weights(body, units))  # type: ignore[arg-type]
+    fit_settings = SETTINGS.with_values({"max_samples": about.training.max_samples})
+    start = None
     if METHODS[about.method].pretrained:
+        expert_body = about.network.body("expert")
         start = _pretrained(
-            about.expert, about.steps, about.network.body("expert"), about.seed, chosen
+            about.expert, about.steps, expert_body, about.seed, fit_settings
         )
-    return learn(about.method, sets, about.network, about.seed, chosen, start)
+    return learn(about.method, sets, about.network, about.seed, fit_settings, start)
 
 
 @functools.lru_cache(maxsize=4)
 def _pretrained(
-    name: str, steps: int, body: Body, seed: int, chosen: Settings
-) -> Start | None:
-    """Weights that learnt from an expert alone, for all sizes and methods of a seed."""
+    name: str, steps: int, body: Body, seed: int, fit_settings: Settings
+) -> Pretrained | None:
+    """Weights trained on an expert alone, shared by all sizes and methods of a seed."""
     expert = windows_of(robot(name, steps), 0)
-    return pretrain(
-        PRETRAINED,
-        Datasets(expert, expert, expert, expert),
-        network_for(chosen, body),
-        seed,
-        chosen,
-    )
+    sets = Datasets(expert, expert, expert, expert)
+    network = network_for(fit_settings, body)
+    return pretrain(PRETRAINED, sets, network, seed, fit_settings)
 
 
 def _errors(
-    model: Predictor, judge: list[Drive], seen: bool
+    model: Predictor, drives: list[Drive], seen: bool
 ) -> tuple[list[float], list[float]]:
-    """Mean displacement, m, and heading error, rad, (15,) each, after the WARM_UP, which the model has seen or not."""
-    path = rollouts(model, judge, WARM_UP, HORIZON, seen=seen)
-    errors = rollout_errors(
-        path, stacked(judge)[0][:, WARM_UP : WARM_UP + HORIZON + 1], judge[0].body
-    )
+    """Mean displacement, m, and heading error, rad, (15,) each, open loop.
+
+    Rollouts start after WARM_UP steps, which the model has `seen` or not.
+    """
+    path = rollouts(model, drives, WARM_UP, HORIZON, seen=seen)
+    states = states_and_actions(drives)[0][:, WARM_UP : WARM_UP + HORIZON + 1]
+    errors = rollout_errors(path, states, drives[0].body)
     displacement, heading = (error.mean(0).tolist() for error in errors)
     return displacement, heading

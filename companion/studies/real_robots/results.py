@@ -1,4 +1,4 @@
-"""What was found of real robots: losses and open-loop errors by size of data, beside each other seed by seed."""
+"""Losses and open-loop errors of real robots by size of data: a table and a figure."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from companion.figures.style import METHOD_STYLES
-from companion.statistics.pairs import beside
+from companion.statistics.pairs import paired_comparison
 from companion.studies.real_robots.measure import ALONE, HELD_OUT, PAIRS
 from sidm.plots import finish, side_by_side, styled
 
+#: Fields of a record that have an entry per size.
 SIZED = (
     "minutes",
     "loss",
@@ -33,7 +34,8 @@ SHOWN = (
     "least_squares",
     "differential_drive",
 )
-KINEMATIC = {"color": "#000000", "linestyle": (0, (1, 1)), "marker": ""}
+KINEMATIC_STYLE = {"color": "#000000", "linestyle": (0, (1, 1)), "marker": ""}
+#: Labels of kinematic models.
 NAMES = {
     "differential_drive": "ideal differential drive",
     "rotation_centres": "instantaneous centres of rotation",
@@ -41,46 +43,48 @@ NAMES = {
 
 
 def long(frame: pd.DataFrame) -> pd.DataFrame:
-    """Records as a line a pair, method, seed and size; errors open loop are those after 1.5 s.
+    """Records in long form: a row per pair, method, seed and size.
 
-    What needs no expert stands in every pair of its novice.
+    Open-loop errors are those after 1.5 s. Methods without an expert have rows in every
+    pair of their novice.
     """
-    found = frame.explode(["sessions", *SIZED]).assign(
-        novice_minutes=lambda one: one.sessions.astype(float)
-    )
+    rows = frame.explode(["sessions", *SIZED])
+    rows["novice_minutes"] = rows.sessions.astype(float)
     for name in SIZED[2:]:
-        found[name] = found[name].str[-1]
-    found = found.astype(dict.fromkeys(SIZED, float))
+        rows[name] = rows[name].str[-1]
+    rows = rows.astype(dict.fromkeys(SIZED, float))
+    alone = rows.method.isin(ALONE) & (rows.expert == "")
     pairs = []
     for pair, (expert, novice) in PAIRS.items():
-        alone = (
-            (found.novice == novice) & found.method.isin(ALONE) & (found.expert == "")
-        )
-        mine = found[alone | ((found.novice == novice) & (found.expert == expert))]
-        pairs.append(mine.assign(system=pair))
+        of_pair = (rows.novice == novice) & (alone | (rows.expert == expert))
+        pairs.append(rows[of_pair].assign(system=pair))
     return pd.concat(pairs, ignore_index=True)
 
 
 def table(
     frame: pd.DataFrame, value: str = "loss", against: str = "novice_only"
 ) -> pd.DataFrame:
-    """Every method beside another, seed by seed: `pairs.beside`, below 1 where it predicts better.
+    """Every method compared with another, seed by seed.
 
-    The intervals know that the seeds split the same sessions.
+    The intervals take into account that the seeds split the same sessions.
 
     Args:
         frame: of records.
-        value: 'loss', or an error open loop after 1.5 s.
-        against: the method that the others are held against.
+        value: 'loss', or an open-loop error after 1.5 s.
+        against: the method that the others are compared with.
+
+    Returns:
+        As `pairs.paired_comparison`, with `sessions` as the size; a ratio below 1 says
+        that the method predicts better.
     """
-    every = long(frame)
-    found = beside(
-        every[every.method != against],
-        every[every.method == against],
+    rows = long(frame)
+    compared = paired_comparison(
+        rows[rows.method != against],
+        rows[rows.method == against],
         value=value,
         held_out=HELD_OUT,
     )
-    return found.rename(columns={"novice_minutes": "sessions"})
+    return compared.rename(columns={"novice_minutes": "sessions"})
 
 
 @styled
@@ -89,35 +93,29 @@ def figure(
     value: str = "loss",
     floors: Mapping[str, tuple[float, float]] | None = None,
 ) -> Figure:
-    """Means over seeds against minutes of the novice's motion: a plot a pair, a line a method.
+    """Means over seeds against minutes of the novice's motion.
+
+    A panel per pair, a curve per method.
 
     Args:
         frame: of records.
         value: a key of LABELS.
-        floors: by the novice, what the jitter of its pose alone costs, at least and at
-            most.
+        floors: novice -> error due to the jitter of its pose alone, least and greatest.
     """
-    every = long(frame)
-    figure, (*panels, beside) = side_by_side(len(PAIRS) + 1, 2)
+    rows = long(frame)
+    figure, (*panels, legend_panel) = side_by_side(len(PAIRS) + 1, 2)
     for axes, (pair, (_, novice)) in zip(panels, PAIRS.items(), strict=True):
-        mine = every[every.system == pair]
-        for method in SHOWN if len(mine) else ():
-            means = (
-                mine[mine.method == method]
-                .groupby("sessions")[["minutes", value]]
-                .mean()
-            )
-            style = METHOD_STYLES.get(
-                method, KINEMATIC | {"label": NAMES.get(method, method)}
-            )
+        shown = rows[rows.system == pair]
+        for method in SHOWN if len(shown) else ():
+            groups = shown[shown.method == method].groupby("sessions")
+            means = groups[["minutes", value]].mean()
+            kinematic_style = KINEMATIC_STYLE | {"label": NAMES.get(method, method)}
+            style = METHOD_STYLES.get(method, kinematic_style)
             axes.plot(means.minutes, means[value], **style)
-        if floors and len(mine):
+        if floors and len(shown):
+            low, high = floors[novice]
             axes.axhspan(
-                *floors[novice],
-                color="0.5",
-                alpha=0.3,
-                lw=0,
-                label="jitter of the pose",
+                low, high, color="0.5", alpha=0.3, lw=0, label="jitter of the pose"
             )
         axes.set(
             xscale="log",
@@ -127,6 +125,7 @@ def figure(
             title=pair,
         )
         finish(axes, (0.2, 0.5, 1, 2, 5), legend=False)
-    beside.axis("off")
-    beside.legend(*panels[0].get_legend_handles_labels(), loc="center", frameon=False)
+    legend_panel.axis("off")
+    handles, labels = panels[0].get_legend_handles_labels()
+    legend_panel.legend(handles, labels, loc="center", frameon=False)
     return figure

@@ -1,13 +1,14 @@
-"""A target from another simulator: recorded motion is the novice, this package's simulator the cheap expert.
+"""Recorded motion of another simulator as novice, this package's simulator as expert.
 
-`companion run --figure recorded-targets` makes what is not stored of it in
-results/recorded_targets.
+`companion run --figure recorded-targets` makes the results that are not stored in
+results/recorded_targets yet.
 """
 
 from __future__ import annotations
 
 import functools
 import hashlib
+import itertools
 import json
 import time
 from collections.abc import Sequence
@@ -18,20 +19,21 @@ from typing import Any, Literal
 from companion.beyond.mirror import mirror_image
 from companion.digests import find_digest
 from companion.engine.datasets import collect_dataset, note_collected
-from companion.engine.execute import curve, load_checked, plain
+from companion.engine.library import load_checked
+from companion.engine.outcomes import as_lists, curve
 from companion.engine.pretrained import kept
 from companion.engine.provenance import Provenance
 from companion.engine.records import Making, by_field, records_of
 from companion.methods import FINER_TESTS, METHODS
-from companion.numerics import numbered
+from companion.numerics import version_label
 from companion.presets import Preset
 from companion.studies.recorded_targets.recorded import (
     Recorded,
     checksum_of,
     load_recorded,
     path_errors,
-    piece_losses,
     recordings_of,
+    window_losses,
 )
 from companion.studies.recorded_targets.recorded import subsets as recorded_subsets
 from companion.study import Study
@@ -46,21 +48,22 @@ from sidm.learning.networks import Network
 from sidm.learning.training import Trained, train
 from sidm.learning.units import Standardisation
 from sidm.recordings import read_drives
-from sidm.rivals.fine_tuning import Start, expert_in_place, frozen
+from sidm.rivals.fine_tuning import Pretrained, frozen_model, pretraining_datasets
 from sidm.rivals.least_squares import fit
 
-SIZES = (1.0, 2.0, 5.0)  # of the recorded novice, train and test together, min
-HELD_OUT = 8  # of the 25 grounds, whose recordings judge and nothing else
-#: section 4's for similar robots: for the simulated novice, which is nearly the
-#: recorded one
+SIZES = (1.0, 2.0, 5.0)  # min of the recorded novice, train and test split together
+HELD_OUT = 8  # of the 25 grounds; their recordings serve validation alone
+#: section 4's value for similar robots, used with the simulated novice, which is nearly
+#: the recorded one
 P_EXPERT = 0.75
-#: by which the recorded robots were driven; the simulated ones are as well
+#: exploration policy of the recorded robots, and of the simulated ones here
 POLICY = "bounded_noise"
 
-#: the simulated robot that is the expert here
+#: the simulated robot that is the expert
 Proxy = Literal["none", "expert", "novice"]
-#: Neighbours in this list wait for no pretraining of one another.
-METHODS_HERE: tuple[tuple[str, Proxy], ...] = (
+#: Methods and proxies that are compared. Neighbours in this list wait for no
+#: pretraining of one another.
+METHODS_AND_PROXIES: tuple[tuple[str, Proxy], ...] = (
     ("novice_only", "none"),
     ("sidm", "expert"),
     ("pretrain_finetune", "expert"),
@@ -77,78 +80,82 @@ METHODS_HERE: tuple[tuple[str, Proxy], ...] = (
 
 @config
 class Transfer:
-    """Trainings on all sizes of recorded data with one method, one proxy and one seed."""
+    """Trainings on all sizes of recorded data, with one method, proxy and seed."""
 
     system: str
     method: str  # a name of `methods.METHODS`
     proxy: Proxy
-    seed: int  # of the recordings chosen, the initial weights and the batches
-    sizes: tuple[float, ...]  # of the recorded novice, min
-    held_out: int  # grounds that judge
+    seed: int  # of the chosen recordings, the initial weights and the batches
+    sizes: tuple[float, ...]  # min of the recorded novice
+    held_out: int  # number of grounds for validation
     recorded_data: str  # checksum of the recordings
-    #: simulated; gives the units inside the networks, and the proxy's data if it is the
-    #: proxy
+    #: simulated expert; gives the units inside the networks, and is the proxy's data if
+    #: `proxy` is 'expert'
     expert: Dataset
-    expert_data: str  # its digest
-    proxy_novice: Dataset  # simulated, the proxy's data if it is the proxy
-    proxy_novice_data: str
+    expert_data: str  # digest of `expert`
+    #: simulated novice; is the proxy's data if `proxy` is 'novice'
+    proxy_novice: Dataset
+    proxy_novice_data: str  # digest of `proxy_novice`
     network: Network
     training: StudyTraining
     pretraining: StudyTraining | None
-    fit: Literal["gradients", "least_squares"] = "gradients"  # as that of a Trial
+    fit: Literal["gradients", "least_squares"] = "gradients"  # as of a Trial
 
     @property
     def datasets(self) -> dict[str, Dataset]:
-        """The simulated ones, by their kind."""
+        """The simulated datasets, by their kind."""
         return {"expert": self.expert, "novice": self.proxy_novice}
 
     @property
     def digests(self) -> dict[str, str]:
-        """Theirs, by the same names."""
+        """The digests of the `datasets`, by their kind."""
         return {"expert": self.expert_data, "novice": self.proxy_novice_data}
 
 
 @config
-class Transferred:
-    """What came out.
+class TransferResult:
+    """Results of a Transfer, on the N held-out windows.
 
-    Of a model there is an entry a size, before them one for no recorded data where the
-    method has that; of a training there is an entry a size. Losses are on the N
-    held-out pieces.
+    Fields on models have an entry per size, after one for no recorded data where the
+    method has such a model. Fields on trainings have an entry per size.
     """
 
     about: Transfer
-    minutes: tuple[float, ...]  # of a model; 0: the proxy's model as it is
-    validation_loss: tuple[float, ...]  # of a model, equation (1), a sample, raw units
-    component_losses: tuple[tuple[float, ...], ...]  # of a model, (13,) each
-    piece_losses: tuple[tuple[float, ...], ...]  # of a model, (N,) each, equation (1)
-    #: of a model, (25,) m each, mean over the pieces
+    minutes: tuple[float, ...]  # of models; 0: the proxy's model as it is
+    validation_loss: tuple[float, ...]  # of models, equation (1), a step, raw units
+    component_losses: tuple[tuple[float, ...], ...]  # of models, (13,) each
+    #: of models, (N,) each, equation (1) on each window
+    piece_losses: tuple[tuple[float, ...], ...]
+    #: of models, (25,) m each, mean over the windows
     position_error: tuple[tuple[float, ...], ...]
-    heading_error: tuple[tuple[float, ...], ...]  # of a model, (25,) rad each
-    #: of a training, seen by its prediction phases, without the pretraining's
+    heading_error: tuple[tuple[float, ...], ...]  # of models, (25,) rad each
+    #: of trainings, seen by the prediction phases, without the pretraining
     samples: tuple[int, ...]
-    best_samples: tuple[int, ...]  # of a training, until the weights that were kept
-    best_test_loss: tuple[float, ...]  # of a training, smoothed
-    #: of a training, of at most 40 of its tests
+    best_samples: tuple[int, ...]  # of trainings, seen until the kept weights
+    best_test_loss: tuple[float, ...]  # of trainings, smoothed
+    #: of trainings, of at most 40 of the tests
     curve_samples: tuple[tuple[int, ...], ...]
     curve_test_loss: tuple[tuple[float, ...], ...]
     curve_training_loss: tuple[tuple[float, ...], ...]
-    #: of a training, of a processor, without the pretraining's
+    #: of trainings, s of processor time without the pretraining
     seconds: tuple[float, ...]
     pretraining_samples: int
     provenance: Provenance
 
 
-#: where they are kept, under a folder of results
-records = records_of(Transferred, "recorded-targets")
+#: the stored results, under a folder of results
+records = records_of(TransferResult, "recorded-targets")
 
 
 def proxies(preset: Preset, system: str) -> dict[str, Dataset]:
-    """The motion of the two simulated robots, 'expert' and 'novice', each as long as the preset's of the expert."""
-    found = preset.replace(policy=POLICY).datasets(system)
-    count = found["expert"].count
+    """The datasets of the two simulated robots, 'expert' and 'novice'.
+
+    Each has as many trajectories as the preset's expert.
+    """
+    sets = preset.replace(policy=POLICY).datasets(system)
+    count = sets["expert"].count
     return {
-        role: Dataset(collection=found[role].collection, count=count)
+        role: Dataset(collection=sets[role].collection, count=count)
         for role in ("expert", "novice")
     }
 
@@ -156,7 +163,11 @@ def proxies(preset: Preset, system: str) -> dict[str, Dataset]:
 def collect_proxies(
     study: Study, system: str, executor: Executor | None = None
 ) -> None:
-    """Simulate what is missing of them and note their digests; ImportError without PyBullet, in one line."""
+    """Simulate the missing motion of the proxies and note the datasets' digests.
+
+    Raises:
+        ImportError: PyBullet is not installed; one line.
+    """
     for dataset in proxies(study.preset, system).values():
         collect_dataset(dataset, study.data, executor)
         note_collected(dataset, study.data, study.results)
@@ -168,79 +179,88 @@ def jobs(
     recordings: str | Path = "recordings",
     sizes: Sequence[float] = SIZES,
 ) -> list[Transfer]:
-    """All trainings of a system, those of a seed side by side; `sizes` are minutes of recorded data."""
+    """All trainings of a system; those of a seed follow each other.
+
+    Args:
+        study: preset, data and results.
+        system: name of the pair of robots.
+        recordings: folder of the recordings.
+        sizes: min of recorded data.
+    """
     preset, sets = study.preset, proxies(study.preset, system)
     expert, novice = (
-        find_digest(one, study.data, study.results) for one in sets.values()
+        find_digest(dataset, study.data, study.results) for dataset in sets.values()
     )
     recorded = checksum_of(read_drives(recordings_of(system, recordings), ROVER))
-    found = []
-    for seed in range(preset.seeds):
-        for method, proxy in METHODS_HERE:
-            training = preset.training_of(METHODS[method], system)
-            if METHODS[method].fit == "gradients":
-                training = replace(training, **FINER_TESTS)
-            if proxy == "novice" and training.p_expert > 0:
-                training = replace(training, p_expert=P_EXPERT)
-            found.append(
-                Transfer(
-                    system=system,
-                    method=method,
-                    proxy=proxy,
-                    seed=seed,
-                    sizes=tuple(sizes),
-                    held_out=HELD_OUT,
-                    recorded_data=recorded,
-                    expert=sets["expert"],
-                    expert_data=expert,
-                    proxy_novice=sets["novice"],
-                    proxy_novice_data=novice,
-                    network=preset.network,
-                    training=training,
-                    pretraining=preset.pretraining_of(METHODS[method]),
-                    fit=METHODS[method].fit,
-                )
+    transfers = []
+    for seed, (method, proxy) in itertools.product(
+        range(preset.seeds), METHODS_AND_PROXIES
+    ):
+        training = preset.training_of(METHODS[method], system)
+        if METHODS[method].fit == "gradients":
+            training = replace(training, **FINER_TESTS)
+        if proxy == "novice" and training.p_expert > 0:
+            training = replace(training, p_expert=P_EXPERT)
+        transfers.append(
+            Transfer(
+                system=system,
+                method=method,
+                proxy=proxy,
+                seed=seed,
+                sizes=tuple(sizes),
+                held_out=HELD_OUT,
+                recorded_data=recorded,
+                expert=sets["expert"],
+                expert_data=expert,
+                proxy_novice=sets["novice"],
+                proxy_novice_data=novice,
+                network=preset.network,
+                training=training,
+                pretraining=preset.pretraining_of(METHODS[method]),
+                fit=METHODS[method].fit,
             )
-    return found
+        )
+    return transfers
 
 
-#: The recordings are read once for all trainings of a process; their checksum is among
-#: what they are known by.
+#: `load_recorded`, which reads the recordings once for all trainings of a process; the
+#: checksum among its arguments identifies them.
 _recorded = functools.lru_cache(maxsize=1)(load_recorded)
 
 
 def measure(
     about: Transfer, data: str | Path = "data", recordings: str | Path = "recordings"
-) -> Transferred:
-    """Train and judge one; RecordingError or ShardError where data are missing or others than they should be."""
-    making = Making("elsewhere", about, data)
+) -> TransferResult:
+    """Train and evaluate the models of all sizes.
+
+    Raises:
+        RecordingError: recordings are missing, or others than those of the job.
+        ShardError: data are missing, or others than those of the job.
+    """
+    making, pixels = Making("elsewhere", about, data), about.network.pixels
     with one_thread():
         recorded = _recorded(
-            about.system,
-            about.held_out,
-            about.network.pixels,
-            recordings,
-            about.recorded_data,
+            about.system, about.held_out, pixels, recordings, about.recorded_data
         )
-        expert = load_checked(
-            about.expert, about.expert_data, data, about.network.pixels
-        )
+        expert = load_checked(about.expert, about.expert_data, data, pixels)
         proxy = expert
         if about.proxy == "novice":
             proxy = load_checked(
-                about.proxy_novice, about.proxy_novice_data, data, about.network.pixels
+                about.proxy_novice, about.proxy_novice_data, data, pixels
             )
-        units = Standardisation.of(expert)
+        units = Standardisation.fit(expert)
         start = _start(about, recorded, proxy, units, data)
-        alone = None if start is None else frozen(about.network, start, units)
-        models = [] if alone is None else [_judged(0.0, alone, about, recorded)]
-        trainings = []
+        models, trainings = [], []
+        proxy_model = None
+        if start is not None:
+            proxy_model = frozen_model(about.network, start, units)
+            models.append(_model_fields(0.0, proxy_model, recorded, pixels))
         for minutes in about.sizes:
             begun = time.process_time()
-            trained = _learn(about, minutes, recorded, proxy, units, start, alone)
-            trainings.append(_training(trained, time.process_time() - begun))
-            models.append(_judged(minutes, trained.model, about, recorded))
-    return Transferred(
+            trained = _learn(about, minutes, recorded, proxy, units, start, proxy_model)
+            trainings.append(_training_fields(trained, time.process_time() - begun))
+            models.append(_model_fields(minutes, trained.model, recorded, pixels))
+    return TransferResult(
         about=about,
         **by_field(models),
         **by_field(trainings),
@@ -249,30 +269,31 @@ def measure(
     )
 
 
-def _judged(
-    minutes: float, model: Predictor, about: Transfer, recorded: Recorded
+def _model_fields(
+    minutes: float, model: Predictor, recorded: Recorded, pixels: int
 ) -> dict[str, Any]:
-    """The fields on a model."""
-    losses = piece_losses(model, recorded)
-    position, heading = path_errors(model, recorded, about.network.pixels)
+    """The fields of TransferResult on a model."""
+    losses = window_losses(model, recorded)
+    position, heading = path_errors(model, recorded, pixels)
     return {
         "minutes": minutes,
         "validation_loss": float(losses.mean(0).sum()),
-        "component_losses": plain(losses.mean(0)),
-        "piece_losses": plain(losses.sum(1)),
-        "position_error": plain(position),
-        "heading_error": plain(heading),
+        "component_losses": as_lists(losses.mean(0)),
+        "piece_losses": as_lists(losses.sum(1)),
+        "position_error": as_lists(position),
+        "heading_error": as_lists(heading),
     }
 
 
-def _training(trained: Trained, seconds: float) -> dict[str, Any]:
-    """The fields on a training that took so many seconds of a processor."""
-    own = {
+def _training_fields(trained: Trained, seconds: float) -> dict[str, Any]:
+    """The fields of TransferResult on a training and its seconds of processor time."""
+    return {
         "samples": trained.samples,
         "best_samples": trained.best_samples,
         "seconds": seconds,
+        "best_test_loss": float(trained.best_test_loss),
+        **curve(trained),
     }
-    return own | {"best_test_loss": float(trained.best_test_loss)} | curve(trained)
 
 
 def _learn(
@@ -281,25 +302,28 @@ def _learn(
     recorded: Recorded,
     proxy: Windows,
     units: Standardisation,
-    start: Start | None,
-    alone: DynamicsModel | None,
+    start: Pretrained | None,
+    proxy_model: DynamicsModel | None,
 ) -> Trained:
-    """From fresh weights or the proxy's; or by least squares, which leave the proxy's model as it is."""
+    """Train on so many minutes of the recordings, from fresh weights or the proxy's.
+
+    Least squares leave the proxy's model as it is and add a correction.
+    """
     training, testing = (
         recorded.motion.subset(part)
         for part in recorded_subsets(recorded, minutes, about.seed)
     )
-    sets = Datasets(training, testing, recorded.judges, proxy)
+    sets = Datasets(training, testing, recorded.validation, proxy)
     if about.fit == "least_squares":
-        return fit(sets, units, alone, mirror_image if about.training.mirror else None)
-    weights = start and start.weights
+        mirror = mirror_image if about.training.mirror else None
+        return fit(sets, units, proxy_model, mirror)
     return train(
         sets,
         about.network,
         about.training,
         about.seed,
         standardisation=units,
-        start=weights,
+        start=start and start.weights,
     )
 
 
@@ -309,23 +333,30 @@ def _start(
     proxy: Windows,
     units: Standardisation,
     data: str | Path,
-) -> Start | None:
-    """Weights that learnt from the proxy alone, kept for all methods that begin with them; None where none does."""
+) -> Pretrained | None:
+    """Weights trained on the proxy alone; None for a method that starts afresh.
+
+    They are kept under `data` for all methods that start from them.
+    """
     if about.pretraining is None:
         return None
-    whose = about.proxy_novice_data if about.proxy == "novice" else about.expert_data
+    digest = about.proxy_novice_data if about.proxy == "novice" else about.expert_data
     made_from = [
-        whose,
+        digest,
         about.expert_data,
-        *map(repr, (about.network, about.pretraining)),
+        repr(about.network),
+        repr(about.pretraining),
         about.seed,
     ]
     key = hashlib.sha256(json.dumps(made_from).encode()).hexdigest()[:20]
-    where = Path(data) / "pretrained" / f"elsewhere-{key}-{numbered('training')}"
-    sets = expert_in_place(
-        Datasets(recorded.judges, recorded.judges, recorded.judges, proxy), about.seed
+    folder = Path(data) / "pretrained" / f"elsewhere-{key}-{version_label('training')}"
+    held_out = recorded.validation
+    sets = pretraining_datasets(
+        Datasets(held_out, held_out, held_out, proxy), about.seed
     )
-    how = (about.network, about.pretraining, about.seed)
-    return kept(
-        where, lambda state: train(sets, *how, standardisation=units, checkpoint=state)
-    )
+    settings = (about.network, about.pretraining, about.seed)
+
+    def pretrain(state: Path) -> Trained:
+        return train(sets, *settings, standardisation=units, checkpoint=state)
+
+    return kept(folder, pretrain)

@@ -1,4 +1,4 @@
-"""Recorded robots as novices: their files, the grounds that judge, and subsets to learn from."""
+"""Recorded robots as novices: their files, held-out grounds, and training subsets."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from companion.engine.execute import ROLLOUT_STEPS
+from companion.engine.outcomes import ROLLOUT_STEPS
 from sidm.body import ROVER
 from sidm.config import ConfigError
 from sidm.drives import Drive
-from sidm.fitting.windows import apart_by_ground, cut, grounds_of, rollouts
-from sidm.learning.dataset import TEST_EVERY, Windows, stacked, windows_of
+from sidm.fitting.windows import cut, grounds_of, rollouts, split_by_ground
+from sidm.learning.dataset import TEST_EVERY, Windows, states_and_actions, windows_of
 from sidm.learning.evaluation import rollout_errors, validation_loss
 from sidm.learning.model import Predictor
 from sidm.recordings import RecordingError, read_drives
@@ -29,33 +29,29 @@ def recordings_of(system: str, folder: str | Path = "recordings") -> Path:
 
 
 def checksum_of(drives: Sequence[Drive]) -> str:
-    """16 hexadecimal digits for what was read: states, actions and grounds, to the sixth decimal."""
+    """16 hexadecimal digits for states, actions and grounds, to the sixth decimal."""
     digest = hashlib.sha256()
-    for one in drives:
-        assert one.ground is not None
-        for values in (
-            one.states,
-            one.actions,
-            one.ground.heights,
-            np.array(one.ground.spacing),
-        ):
-            # + 0.0: no -0.0
-            digest.update((np.round(values, 6) + 0.0).astype("<f8").tobytes())
+    for drive in drives:
+        assert drive.ground is not None
+        heights, spacing = drive.ground.heights, np.array(drive.ground.spacing)
+        for values in (drive.states, drive.actions, heights, spacing):
+            rounded = np.round(values, 6) + 0.0  # turns -0.0 into 0.0
+            digest.update(rounded.astype("<f8").tobytes())
     return digest.hexdigest()[:16]
 
 
 class Recorded(NamedTuple):
-    """The recordings of a system, apart by ground."""
+    """The recordings of a system in windows, split by ground."""
 
     drives: list[Drive]  # windows of 64 steps
-    motion: Windows  # the same as tensors
-    learning: Tensor  # numbers of the windows to learn from
-    judging: Tensor  # and of those to judge by
+    motion: Windows  # the same windows as tensors
+    training_numbers: Tensor  # numbers of the windows for training
+    validation_numbers: Tensor  # numbers of the windows for validation
 
     @property
-    def judges(self) -> Windows:
-        """The motion to judge by."""
-        return self.motion.take(self.judging)
+    def validation(self) -> Windows:
+        """The windows for validation."""
+        return self.motion.take(self.validation_numbers)
 
 
 def load_recorded(
@@ -65,70 +61,75 @@ def load_recorded(
     folder: str | Path = "recordings",
     wanted: str | None = None,
 ) -> Recorded:
-    """A system's recordings, the last `held_out` grounds to judge by.
+    """The recordings of a system.
+
+    Args:
+        system: name of the pair of robots.
+        held_out: number of grounds for validation, the last ones.
+        pixels: of the maps.
+        folder: of the recordings.
+        wanted: checksum that the recordings must have; any by default.
 
     Raises:
-        RecordingError: they have a fault, or another checksum than is `wanted`.
+        RecordingError: the recordings have a fault, or another checksum than `wanted`.
     """
     path = recordings_of(system, folder)
     drives = read_drives(path, ROVER)
-    if wanted not in (None, found := checksum_of(drives)):
+    checksum = checksum_of(drives)
+    if wanted not in (None, checksum):
         raise RecordingError(
-            f"{path}: has checksum {found}, the training wants {wanted}"
+            f"{path}: has checksum {checksum}, the training wants {wanted}"
         )
     windows = cut(drives)
-    return Recorded(
-        windows, windows_of(windows, pixels), *apart_by_ground(windows, held_out)
-    )
+    numbers = split_by_ground(windows, held_out)
+    return Recorded(windows, windows_of(windows, pixels), *numbers)
 
 
 def subsets(recorded: Recorded, minutes: float, seed: int) -> tuple[Tensor, Tensor]:
-    """Numbers (n,) of the pieces to train on, about 75 %, and (m,) of those to stop by, which lie on other grounds.
+    """Numbers of the windows to train on, (n,), and to test on for stopping, (m,).
 
-    Of one seed, the pieces of fewer minutes are among those of more, and in the same
-    part.
+    About 75 % are to train on; the others lie on other grounds. With the same seed, the
+    windows of fewer minutes are among those of more minutes, in the same split.
 
     Raises:
-        ConfigError: so much is not there.
+        ConfigError: there are not so many minutes.
     """
-    rng, ground = (
-        np.random.default_rng(seed),
-        grounds_of(recorded.drives)[recorded.learning.numpy()],
-    )
+    rng = np.random.default_rng(seed)
+    ground = grounds_of(recorded.drives)[recorded.training_numbers.numpy()]
     grounds = rng.permutation(np.unique(ground))
     shuffled = rng.permutation(len(ground))
-    testing = np.isin(
-        ground[shuffled], grounds[: max(1, round(len(grounds) / TEST_EVERY))]
-    )
+    test_grounds = grounds[: max(1, round(len(grounds) / TEST_EVERY))]
+    is_test = np.isin(ground[shuffled], test_grounds)
     count = trajectories_for(minutes)
     tests = int((np.arange(count) % TEST_EVERY == 1).sum())
-    if testing.sum() < tests or (~testing).sum() < count - tests:
-        there = f"{(~testing).sum()} + {testing.sum()}"
+    if is_test.sum() < tests or (~is_test).sum() < count - tests:
         raise ConfigError(
-            f"{minutes:g} recorded minutes are {count - tests} + {tests} pieces, but {there} are there"
+            f"{minutes:g} recorded minutes are {count - tests} + {tests} windows, "
+            f"but {(~is_test).sum()} + {is_test.sum()} are there"
         )
-    parts = shuffled[~testing][: count - tests], shuffled[testing][:tests]
-    train, test = (recorded.learning[torch.from_numpy(part)] for part in parts)
+    parts = shuffled[~is_test][: count - tests], shuffled[is_test][:tests]
+    train, test = (recorded.training_numbers[torch.from_numpy(part)] for part in parts)
     return train, test
 
 
-def piece_losses(model: Predictor, recorded: Recorded) -> Tensor:
-    """(N, 13): the components of equation (1) on each piece that judges."""
-    judges = recorded.judges
-    numbers = torch.arange(len(recorded.judging))
+def window_losses(model: Predictor, recorded: Recorded) -> Tensor:
+    """Components of equation (1) on each validation window, (N, 13)."""
+    validation = recorded.validation
+    numbers = torch.arange(len(recorded.validation_numbers))
     return torch.stack(
-        [validation_loss(model, judges.take(one[None])) for one in numbers]
+        [validation_loss(model, validation.take(number[None])) for number in numbers]
     )
 
 
 def path_errors(
     model: Predictor, recorded: Recorded, pixels: int
 ) -> tuple[Tensor, Tensor]:
-    """(K,) m and (K,) rad, K = ROLLOUT_STEPS: position and heading from the start of each piece that judges, mean."""
-    judges = [recorded.drives[number] for number in recorded.judging.tolist()]
-    path, states = (
-        rollouts(model, judges, 0, ROLLOUT_STEPS, pixels),
-        stacked(judges)[0][:, : ROLLOUT_STEPS + 1],
-    )
+    """Position error (K,), m, and heading error (K,), rad, with K = ROLLOUT_STEPS.
+
+    They are means over rollouts from the start of each validation window.
+    """
+    drives = [recorded.drives[n] for n in recorded.validation_numbers.tolist()]
+    path = rollouts(model, drives, 0, ROLLOUT_STEPS, pixels)
+    states = states_and_actions(drives)[0][:, : ROLLOUT_STEPS + 1]
     position, heading = rollout_errors(path, states)
     return position.mean(0), heading.mean(0)

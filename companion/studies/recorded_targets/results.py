@@ -1,4 +1,4 @@
-"""What recorded targets needed: losses, comparisons and a figure from the records of `measure`."""
+"""Recorded targets: losses, comparisons, claims and a figure from stored records."""
 
 from __future__ import annotations
 
@@ -13,43 +13,46 @@ from matplotlib.figure import Figure
 from companion.figures.style import (
     LOSS_BY_SIZE,
     METHOD_STYLES,
-    by_system,
     legend_below,
     mean_and_range,
+    system_panels,
 )
 from companion.statistics import savings
-from companion.statistics.claims import beside_one, judged
+from companion.statistics.claims import claim_rows, ratio_verdicts
 from companion.statistics.intervals import Interval
-from companion.statistics.pairs import complete, together
-from companion.studies.recorded_targets.measure import METHODS_HERE, Proxy
+from companion.statistics.pairs import complete, pooled_comparison
+from companion.studies.recorded_targets.measure import METHODS_AND_PROXIES, Proxy
 from sidm.plots import finish, styled
 from sidm.systems import SYSTEMS
 
-Way = tuple[str, Proxy]  # a method and whose simulation it learns from
+Way = tuple[str, Proxy]  # a method and the simulated robot that is its expert
 
-#: What the figure draws; the table has the others, too.
+#: Ways that the figure draws; the tables have the others, too.
 SHOWN = tuple(
-    one for one in METHODS_HERE if one[0] not in ("corrected", "least_squares")
+    way for way in METHODS_AND_PROXIES if way[0] not in ("corrected", "least_squares")
 )
 PROXY_WORDS = {
     "none": "",
     "expert": " (simulated expert)",
     "novice": " (simulated novice)",
 }
-WITHOUT: Way = ("novice_only", "none")  # what the SIDM is held against
+WITHOUT: Way = ("novice_only", "none")  # the way that the SIDM is compared with
+#: Columns that identify a way.
 BY = ["method", "proxy"]
 
 
 def label(method: str, proxy: Proxy) -> str:
-    """For figures and tables."""
+    """The name of a way in figures and tables."""
     return METHOD_STYLES[method]["label"] + PROXY_WORDS[proxy]
 
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
-    """A line a system, method, proxy, seed and size of the recorded data, min, 0 where a model has none.
+    """A row per model.
 
-    Its validation `loss`, the mean position `error` after 2.5 s, m, and the losses (N,)
-    of the `pieces` that judge.
+    Returns:
+        `system`, `method`, `proxy`, `seed`, `novice_minutes` of recorded data, 0 where
+        a model has none, the validation `loss`, the mean position `error` after 2.5 s,
+        m, and the losses (N,) of the validation windows, `pieces`.
     """
     values = ["minutes", "validation_loss", "position_error", "piece_losses"]
     long = frame[["system", *BY, "seed", *values]].explode(values)
@@ -62,168 +65,183 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     return long.drop(columns=values).reset_index(drop=True)
 
 
-def _of(table: pd.DataFrame, way: Way) -> pd.DataFrame:
-    """A way's lines with recorded data."""
-    return table[
-        (table.method == way[0]) & (table.proxy == way[1]) & (table.novice_minutes > 0)
-    ]
+def _is(table: pd.DataFrame, way: Way) -> pd.Series:
+    """Whether each row is of a way."""
+    return (table.method == way[0]) & (table.proxy == way[1])
+
+
+def _recorded(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows with recorded data."""
+    return table[table.novice_minutes > 0]
 
 
 def best_alone(table: pd.DataFrame, system: str) -> Way | None:
-    """Which method does best on the recordings alone, by the mean of the loss's logarithm over sizes and seeds.
+    """The way with the least loss on a system's recordings alone.
 
-    Of those that have the most seeds; None where nothing is stored.
+    It has the least mean of the loss's logarithm over sizes and seeds, among the ways
+    with the most seeds. None where nothing is stored.
     """
     alone = table[(table.system == system) & (table.proxy == "none")]
     groups = alone.assign(log=np.log(alone.loss)).groupby(BY)
-    found = groups.agg(seeds=("seed", "nunique"), log=("log", "mean"))
-    found = found[found.seeds == found.seeds.max()]
-    return found.log.idxmin() if len(found) else None
+    means = groups.agg(seeds=("seed", "nunique"), log=("log", "mean"))
+    means = means[means.seeds == means.seeds.max()]
+    return means.log.idxmin() if len(means) else None
 
 
 def compare(table: pd.DataFrame, other: Way) -> pd.DataFrame:
-    """All other ways with recorded data beside one, the sizes together: `pairs.together` with a `verdict`."""
-    rest = table[
-        ((table.method != other[0]) | (table.proxy != other[1]))
-        & (table.novice_minutes > 0)
-    ]
-    found = together(rest, _of(table, other), by=BY, value="loss")
-    return found.assign(verdict=beside_one(found))
+    """All ways with recorded data compared with one of them, all sizes together.
+
+    Returns:
+        As `pairs.pooled_comparison`, with a `verdict`.
+    """
+    recorded = _recorded(table)
+    is_other = _is(recorded, other)
+    compared = pooled_comparison(
+        recorded[~is_other], recorded[is_other], by=BY, value="loss"
+    )
+    return compared.assign(verdict=ratio_verdicts(compared))
 
 
 def by_size(table: pd.DataFrame, other: Way) -> pd.DataFrame:
-    """A line a system, way and size: means, and how the way stands beside another.
+    """Means over seeds, compared with another way.
 
-    `seeds`, mean `loss` and `error`; the `ratio` of the losses with `low` and `high`,
-    paired by seed, NaN of that other itself; `saved`, `saved_low`, `saved_high` and
-    `bound`: how many times the recorded data the other would need; and `worth`, of a
-    model without recorded data, the minutes with which the other does as well.
+    Returns:
+        A row per system, way and size: `seeds`, mean `loss` and `error`; the `ratio` of
+        the losses with `low` and `high`, paired by seed, NaN for the other way itself;
+        `saved`, `saved_low`, `saved_high` and `bound`: how many times the recorded data
+        the other way needs; and `worth`, for a model without recorded data, the minutes
+        with which the other way does as well.
     """
     point = ["system", *BY, "novice_minutes"]
-    found = (
+    means = (
         table.groupby(point, sort=False)
         .agg(seeds=("seed", "size"), loss=("loss", "mean"), error=("error", "mean"))
         .reset_index()
     )
-    rest = table[(table.method != other[0]) | (table.proxy != other[1])]
-    found = savings.with_savings(
-        found, rest[rest.novice_minutes > 0], _of(table, other), ["system"], BY
-    )
+    is_other = _is(table, other)
+    others, rest = _recorded(table[is_other]), table[~is_other]
+    means = savings.with_savings(means, _recorded(rest), others, ["system"], BY)
     worth = {}
-    for key, bare in rest[rest.novice_minutes == 0].groupby(point, sort=False):
-        alone = complete(_of(table, other), str(key[0]), [other[0]], "loss")
-        if alone.values.size:
-            worth[key] = savings.minutes_words(
-                alone.minutes, alone.values[:, 0].mean(0), bare.loss.mean()
+    without_data = rest[rest.novice_minutes == 0]
+    for key, group in without_data.groupby(point, sort=False):
+        losses = complete(others, str(key[0]), [other[0]], "loss")
+        if losses.values.size:
+            worth[key] = savings.minutes_text(
+                losses.minutes, losses.values[:, 0].mean(0), group.loss.mean()
             )
-    return found.assign(
-        worth=[
-            worth.get(key, "")
-            for key in found[point].itertuples(index=False, name=None)
-        ]
-    )
+    keys = means[point].itertuples(index=False, name=None)
+    return means.assign(worth=[worth.get(key, "") for key in keys])
 
 
-def written(lines: pd.DataFrame) -> pd.DataFrame:
-    """The table of `by_size` for a page, ratios and savings with their intervals as texts."""
-    labels = [label(*way) for way in lines[BY].itertuples(index=False)]
-    ratios = [
-        Interval(*ends).words(3)
-        for ends in lines[["ratio", "low", "high"]].itertuples(index=False)
-    ]
-    known = {"saved": "ratio", "saved_low": "low", "saved_high": "high"}
-    saved = savings.written(
-        lines[["bound", *known]].rename(columns=known).fillna({"bound": "="})
+def page_table(rows: pd.DataFrame) -> pd.DataFrame:
+    """The table of `by_size` for a page: ratios and savings with intervals, as text."""
+    labels = [label(*way) for way in rows[BY].itertuples(index=False)]
+    intervals = rows[["ratio", "low", "high"]].itertuples(index=False)
+    ratios = [Interval(*ends).text(3).replace("nan", "-") for ends in intervals]
+    names = {"saved": "ratio", "saved_low": "low", "saved_high": "high"}
+    saved = savings.ratio_texts(
+        rows[["bound", *names]].rename(columns=names).fillna({"bound": "="})
     )
     times = [
-        one if isinstance(bound, str) else worth or "-"
-        for one, bound, worth in zip(saved, lines.bound, lines.worth, strict=True)
+        text if isinstance(bound, str) else worth or "-"
+        for text, bound, worth in zip(saved, rows.bound, rows.worth, strict=True)
     ]
     return pd.DataFrame(
         {
-            "system": lines.system,
+            "system": rows.system,
             "method": labels,
-            "recorded (min)": lines.novice_minutes,
-            "seeds": lines.seeds,
-            "loss": lines.loss.map("{:.3f}".format),
-            "after 2.5 s (m)": lines.error.map("{:.3f}".format),
-            "ratio [95 % interval]": [words.replace("nan", "-") for words in ratios],
+            "recorded (min)": rows.novice_minutes,
+            "seeds": rows.seeds,
+            "loss": rows.loss.map("{:.3f}".format),
+            "after 2.5 s (m)": rows.error.map("{:.3f}".format),
+            "ratio [95 % interval]": ratios,
             "times the data": times,
         }
     )
 
 
 def grounds_agree(
-    table: pd.DataFrame, one: Way, other: Way, grounds: np.ndarray
+    table: pd.DataFrame, way: Way, other: Way, grounds: np.ndarray
 ) -> tuple[int, int] | None:
-    """On how many of the grounds that judge a method has the smaller loss, and of how many; None where it is not run.
+    """On how many validation grounds a way has a smaller loss than another.
 
     Args:
         table: of one system.
-        one: the method.
-        other: its comparison; seeds that one of them lacks are left out.
-        grounds: (N,) number of the ground of each piece that judges.
+        way: a method and its proxy.
+        other: the way to compare with; seeds that one of the two lacks are left out.
+        grounds: (N,) number of the ground of each validation window.
+
+    Returns:
+        The number of these grounds and the number of all; None where one of the ways
+        has no results.
     """
     point = ["seed", "novice_minutes"]
-    both = _of(table, one)[[*point, "pieces"]].merge(
-        _of(table, other)[[*point, "pieces"]], on=point
-    )
+    recorded = _recorded(table)
+    sides = [recorded[_is(recorded, side)][[*point, "pieces"]] for side in (way, other)]
+    both = sides[0].merge(sides[1], on=point)
     if not len(both):
         return None
-    # (S M, N)
-    own, theirs = (np.array(both[f"pieces_{side}"].tolist()) for side in "xy")
-    ratios = [
-        np.log(
-            own[:, grounds == ground].mean(-1) / theirs[:, grounds == ground].mean(-1)
-        ).mean()
-        for ground in np.unique(grounds)
-    ]
+    # (S M, N) each: S seeds, M sizes, N windows
+    losses, other_losses = (np.array(both[f"pieces_{side}"].tolist()) for side in "xy")
+    ratios = []  # mean logarithm of the loss ratio, by ground
+    for ground in np.unique(grounds):
+        here = grounds == ground
+        ratio = losses[:, here].mean(-1) / other_losses[:, here].mean(-1)
+        ratios.append(np.log(ratio).mean())
     return sum(ratio < 0 for ratio in ratios), len(ratios)
 
 
 def claims(table: pd.DataFrame) -> pd.DataFrame:
-    """The paper's hope (section 6): a smaller loss with an SIDM than without, on the same recordings."""
-    found = compare(table[table.method.isin(["sidm", WITHOUT[0]])], WITHOUT)
-    found = found[found.method == "sidm"].sort_values(
-        ["system", "proxy"], kind="stable"
-    )
-    sizes = [", ".join(f"{minutes:g}" for minutes in some) for some in found.sizes]
-    words = [
-        f"loss with SIDM / without, recorded novice, simulated {proxy}, {some} min"
-        for proxy, some in zip(found.proxy, sizes, strict=True)
-    ]
-    return judged(found, words, "less data needed (section 6)")
+    """The paper's hope (section 6): a smaller loss with an SIDM on the same recordings.
+
+    There is a claim per system and proxy, compared with the same network without SIDM.
+    """
+    compared = compare(table[table.method.isin(["sidm", WITHOUT[0]])], WITHOUT)
+    sidm = compared[compared.method == "sidm"]
+    sidm = sidm.sort_values(["system", "proxy"], kind="stable")
+    names = []
+    for proxy, sizes in zip(sidm.proxy, sidm.sizes, strict=True):
+        minutes = ", ".join(f"{size:g}" for size in sizes)
+        names.append(
+            "loss with SIDM / without, recorded novice, "
+            f"simulated {proxy}, {minutes} min"
+        )
+    return claim_rows(sidm, names, "less data needed (section 6)")
 
 
 @styled
 def figure(table: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
-    """Loss against minutes of recorded data, by method and proxy; level lines are of models that saw none."""
+    """Loss against minutes of recorded data, a curve per method and proxy.
+
+    Level lines are models without recorded data.
+    """
     axis = LOSS_BY_SIZE | {"xlabel": "recorded data (min)"}
-    figure, plots = by_system(table, systems, "recorded novice of {}", **axis)
-    for axes, mine in plots:
+    figure, plots = system_panels(table, systems, "recorded novice of {}", **axis)
+    for axes, shown in plots:
         for way in SHOWN:
-            _draw(axes, mine, way)
-        finish(axes, mine.novice_minutes[mine.novice_minutes > 0], legend=False)
+            _draw(axes, shown, way)
+        finish(axes, _recorded(shown).novice_minutes, legend=False)
     legend_below(figure, figure.axes)
     return figure
 
 
-def _draw(axes: Axes, mine: pd.DataFrame, way: Way) -> None:
-    """A curve, its shade from minimum to maximum, and for fine-tuning the level where it begins without data."""
+def _draw(axes: Axes, table: pd.DataFrame, way: Way) -> None:
+    """Draw a way's curve of means and its range from minimum to maximum.
+
+    For fine-tuning, also a level line at the loss without recorded data.
+    """
     method, proxy = way
+    rows = table[_is(table, way)]
     style: dict[str, Any] = METHOD_STYLES[method] | {"label": label(method, proxy)}
     if proxy == "novice":
         style |= {"mfc": "white", "linewidth": 1}
-    losses = _of(mine, way).groupby("novice_minutes").loss.agg(["mean", "min", "max"])
-    if not len(losses):
+    recorded = _recorded(rows)
+    if not len(recorded):
         return
+    losses = recorded.groupby("novice_minutes").loss.agg(["mean", "min", "max"])
     mean_and_range(axes, losses, **style)
-    bare = mine[
-        (mine.method == method) & (mine.proxy == proxy) & (mine.novice_minutes == 0)
-    ].loss
-    if len(bare) and method == "pretrain_finetune":
-        plain = style | {
-            "label": f"the same, no recorded data{PROXY_WORDS[proxy]}",
-            "marker": "",
-        }
-        axes.axhline(bare.mean(), **plain, alpha=0.5)
+    without_data = rows[rows.novice_minutes == 0].loss
+    if len(without_data) and method == "pretrain_finetune":
+        text = f"the same, no recorded data{PROXY_WORDS[proxy]}"
+        level_style = style | {"label": text, "marker": ""}
+        axes.axhline(without_data.mean(), **level_style, alpha=0.5)

@@ -1,1 +1,1 @@
-"""An SIDM of several experts before the novice is met."""
+"""An SIDM that is trained on several experts before it is given to a novice."""

@@ -9,35 +9,29 @@ from pathlib import Path
 
 from companion.engine.datasets import note_collected, note_digest
 from companion.trials import EXPERT_SEED, Dataset
+from sidm.config import replace
 from sidm.shards import Collection
-from sidm.systems import System, find_system, member
+from sidm.systems import System, family_robot, find_system
 
 
-def own_system(system: str, number: int) -> System:
-    """A paper's system with a member of the family in the expert's place."""
+def family_system(system: str, number: int) -> System:
+    """A system of the paper with a member of the family as the expert."""
     paper = find_system(system)
-    return System(
-        name=system,
-        novice=paper.novice,
-        expert=member(number),
-        terrain=paper.terrain,
-        physics=paper.physics,
-    )
+    return replace(paper, name=system, expert=family_robot(number))
 
 
 def dataset(system: str, number: int, policy: str, count: int) -> Dataset:
-    """The first `count` trajectories of a member on a system's ground; another robot, ground or physics is another."""
-    own = own_system(system, number)
-    mark = hashlib.sha256(
-        repr((own.expert, own.terrain, own.physics)).encode()
-    ).hexdigest()[:8]
-    role = f"member{number}_{mark}"
-    return Dataset(
-        collection=Collection(
-            system=system, role=role, policy=policy, seed=EXPERT_SEED
-        ),
-        count=count,
+    """The first `count` trajectories of a family member on a system's ground.
+
+    Another robot, ground or physics makes another dataset.
+    """
+    pair = family_system(system, number)
+    description = repr((pair.expert, pair.terrain, pair.physics))
+    mark = hashlib.sha256(description.encode()).hexdigest()[:8]
+    collection = Collection(
+        system=system, role=f"member{number}_{mark}", policy=policy, seed=EXPERT_SEED
     )
+    return Dataset(collection=collection, count=count)
 
 
 def collect_members(
@@ -48,16 +42,24 @@ def collect_members(
     results: str | Path,
     executor: Executor,
 ) -> None:
-    """Simulate what is missing of the members, by number, and note the digests of so many trajectories of each."""
+    """Simulate the missing motion of family members and note the datasets' digests.
+
+    Args:
+        system: name of the pair of robots whose ground it is.
+        policy: exploration policy.
+        counts: number of a member -> numbers of trajectories of its datasets.
+        data: folder of motion.
+        results: folder of results, which notes the digests, too.
+        executor: runs the simulations.
+    """
     from sidm.simulation import collect
 
-    for number, some in counts.items():
-        for count in some:
-            one = dataset(system, number, policy, count)
-            own = own_system(system, number)
-            note_digest(
-                one,
-                collect(data, one.collection, count, executor=executor, system=own),
-                data,
+    for number, member_counts in counts.items():
+        pair = family_system(system, number)
+        for count in member_counts:
+            wanted = dataset(system, number, policy, count)
+            digest = collect(
+                data, wanted.collection, count, executor=executor, system=pair
             )
-            note_collected(one, data, results)
+            note_digest(wanted, digest, data)
+            note_collected(wanted, data, results)

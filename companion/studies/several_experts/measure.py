@@ -1,7 +1,9 @@
-"""Several experts: an SIDM that learnt from 1, 2, 4 and 8 robots, and what a novice needs of its own then (section 6).
+"""Several experts: an SIDM of 1, 2, 4 or 8 robots, and novices trained with it.
 
-`companion run --figure several-experts` makes what is not stored of it in
-results/several_experts.
+The question is how much data of its own a novice then needs (section 6).
+
+`companion run --figure several-experts` makes the results that are not stored in
+results/several_experts yet.
 """
 
 from __future__ import annotations
@@ -18,18 +20,18 @@ from typing import Any
 from torch import Tensor
 
 from companion.beyond.several import (
-    Parts,
-    as_novice,
-    fresh_around,
-    nearest,
+    expert_as_novice,
+    fresh_novice,
+    nearest_expert,
     train_several,
 )
 from companion.digests import find_digest
-from companion.engine.execute import Library, curve, judge, load_checked, plain
+from companion.engine.library import Library, load_checked
+from companion.engine.outcomes import as_lists, curve, evaluate
 from companion.engine.provenance import Provenance
 from companion.engine.records import Making, by_field, records_of
 from companion.methods import FINER_TESTS, METHODS
-from companion.numerics import numbered
+from companion.numerics import version_label
 from companion.studies.several_experts.family import collect_members, dataset
 from companion.study import Study
 from companion.training import StudyTraining
@@ -37,20 +39,21 @@ from companion.trials import Dataset, Trial
 from sidm.config import config, replace
 from sidm.learning import checkpoint
 from sidm.learning.arithmetic import one_thread
-from sidm.learning.dataset import Datasets, Windows, split
+from sidm.learning.dataset import Datasets, Windows, split_indices
 from sidm.learning.evaluation import mean_loss, validation_loss
 from sidm.learning.model import DynamicsModel
 from sidm.learning.training import Trained, train
 from sidm.learning.units import Standardisation
 
-#: of experts; all together have the minutes that the paper's has alone
+#: numbers of experts; together they have as many minutes as the paper's expert alone
 COUNTS = (1, 2, 4, 8)
-SIZES = (1.0, 5.0, 20.0)  # of the novice's data, min
-#: of the single expert's novice besides, so that what others save can be told
-BEYOND = (60.0,)
+SIZES = (1.0, 5.0, 20.0)  # min of the novice's data
+#: further sizes, min, with the paper's expert alone, from which savings of the others
+#: are read
+FURTHER_SIZES = (60.0,)
 
-#: How the novice goes on: from the nearest expert's encoder and decoder or fresh ones,
-#: the SIDM learning on or frozen.
+#: Ways to train the novice: which parts are trained, and where encoder and decoder
+#: start. The SIDM is trained on or frozen.
 WAYS = {
     "all": "all parts, from the nearest expert's",
     "parts": "encoder and decoder, from the nearest expert's",
@@ -60,73 +63,76 @@ WAYS = {
 
 @config
 class Pretraining:
-    """One SIDM of several experts, and the novices that are learnt with it."""
+    """One SIDM of several experts, and the novices that are trained with it."""
 
-    #: of the novice's data and of training 'all' and 'parts'; its size is the largest
+    #: gives the novice's data and the training of 'all' and 'parts'; its size is the
+    #: largest one
     trial: Trial
-    fresh: StudyTraining  # of 'fresh_parts'
-    sizes: tuple[float, ...]  # of the novice's data, min
-    experts: int  # the paper's, if it is one of them, and members of the family
-    paper: bool  # whether it is
-    roles: tuple[str, ...]  # of the members' collections
-    members_data: tuple[str, ...]  # digests of their datasets
+    fresh: StudyTraining  # the training of 'fresh_parts'
+    sizes: tuple[float, ...]  # min of the novice's data
+    experts: int  # number of experts: the paper's expert or not, and family members
+    paper: bool  # whether the paper's expert is one of the experts
+    roles: tuple[str, ...]  # roles of the members' collections
+    members_data: tuple[str, ...]  # digests of the members' datasets
 
     @property
     def members(self) -> tuple[Dataset, ...]:
-        """The members' datasets, each as large a share."""
+        """The members' datasets, all of the same number of trajectories."""
         paper = self.trial.datasets["expert"]
-        return tuple(
-            Dataset(
-                collection=dataclasses.replace(paper.collection, role=role),  # type: ignore[type-var]
-                count=paper.count // self.experts,
-            )
+        count = paper.count // self.experts
+        collections = (
+            dataclasses.replace(paper.collection, role=role)  # type: ignore[type-var]
             for role in self.roles
         )
+        return tuple(Dataset(collection=c, count=count) for c in collections)
 
     @property
     def datasets(self) -> dict[str, Dataset]:
-        """Those of the trial and the members', by their kind."""
+        """The datasets of the trial and of the members, by kind or role."""
         return self.trial.datasets | dict(zip(self.roles, self.members, strict=True))
 
     @property
     def digests(self) -> dict[str, str]:
-        """Theirs, by the same names."""
-        return self.trial.digests | dict(
-            zip(self.roles, self.members_data, strict=True)
-        )
+        """The digests of the `datasets`, by kind or role."""
+        members = dict(zip(self.roles, self.members_data, strict=True))
+        return self.trial.digests | members
 
 
 @config
-class Pretrained:
-    """What came out; W ways of WAYS by M sizes; of each novice's training unless said."""
+class PretrainingResult:
+    """Results of a Pretraining with E experts, W ways of WAYS and M sizes.
+
+    Values are those of each novice's training unless said otherwise.
+    """
 
     about: Pretraining
-    nearest: tuple[str, ...]  # (M,) the expert that the novice went on from
-    #: (M, E) validation loss with each expert's parts as they are
+    nearest: tuple[str, ...]  # (M,) the expert whose parts the novice starts from
+    #: (M, E) validation loss with each expert's parts before the novice is trained
     before: tuple[tuple[float, ...], ...]
     validation_loss: tuple[tuple[float, ...], ...]  # (W, M)
     component_losses: tuple[tuple[tuple[float, ...], ...], ...]  # (W, M, 13)
     #: (W, M) m, after 2.5 s, mean over the rollouts of the trial
     position_error: tuple[tuple[float, ...], ...]
-    heading_error: tuple[tuple[float, ...], ...]  # (W, M) rad
+    #: (W, M) rad, after 2.5 s, mean over the rollouts of the trial
+    heading_error: tuple[tuple[float, ...], ...]
     samples: tuple[tuple[int, ...], ...]  # (W, M) seen in all
     #: (W, M) seen until the weights that were kept
     best_samples: tuple[tuple[int, ...], ...]
-    #: (W, M) of a processor in all, stopping's patience included
+    #: (W, M) s of processor time in all, with the patience of early stopping
     seconds: tuple[tuple[float, ...], ...]
-    #: (W, M, at most 40) of its tests
+    #: (W, M, at most 40) of the tests
     curve_samples: tuple[tuple[tuple[int, ...], ...], ...]
     curve_test_loss: tuple[tuple[tuple[float, ...], ...], ...]
-    experts_samples: int  # seen by the SIDM before
+    experts_samples: int  # seen by the training of the SIDM on the experts
     #: (E,) test loss of each expert, the paper's first if it is one of them
     experts_loss: tuple[float, ...]
-    experts_curve_samples: tuple[int, ...]  # of the SIDM's own training
+    experts_curve_samples: tuple[int, ...]  # of the tests of the experts' training
     experts_curve_test_loss: tuple[float, ...]  # mean over the experts
     provenance: Provenance
 
 
-#: where they are kept, under a folder of results
-records = records_of(Pretrained, "several-experts")
+#: the stored results, under a folder of results
+records = records_of(PretrainingResult, "several-experts")
 
 
 def jobs(
@@ -135,40 +141,53 @@ def jobs(
     counts: Iterable[int] = COUNTS,
     sizes: Iterable[float] = SIZES,
 ) -> list[Pretraining]:
-    """Every number of experts with every seed; beside several, also a single one of the family."""
-    preset, sizes, counts, found = (
-        study.preset,
-        study.preset.held(system, sizes),
-        tuple(counts),
-        [],
+    """The pretrainings with every number of experts and every seed.
+
+    Where several experts are asked for, there is also a single one of the family.
+
+    Args:
+        study: preset, data and results.
+        system: name of the pair of robots.
+        counts: numbers of experts.
+        sizes: min of the novice's data.
+    """
+    preset, counts = study.preset, tuple(counts)
+    sizes = preset.sizes_in_pool(system, sizes)
+    further = tuple(
+        size
+        for size in preset.sizes_in_pool(system, FURTHER_SIZES)
+        if size > max(sizes)
     )
-    fresh = replace(preset.training_of(METHODS["novice_only"], system), **FINER_TESTS)
-    trained = replace(
-        preset.training_of(METHODS["pretrain_finetune"], system), **FINER_TESTS
+    fresh, trained = (
+        replace(preset.training_of(METHODS[method], system), **FINER_TESTS)
+        for method in ("novice_only", "pretrain_finetune")
     )
-    further = tuple(size for size in preset.held(system, BEYOND) if size > max(sizes))
     whole = preset.datasets(system)["expert"].count
     groups = [(count, True) for count in counts] + [(1, False)] * (max(counts) > 1)
+    pretrainings = []
     for count, paper in groups:
-        members = tuple(
+        members = [
             dataset(system, number, preset.policy, whole // count)
             for number in range(count - paper)
-        )
-        digests = tuple(find_digest(one, study.data, study.results) for one in members)
-        own = sizes + (further if count == 1 and paper else ())
-        found += [
-            Pretraining(
-                trial=study.trial(system, "pretrain_finetune", max(own), seed, trained),
-                fresh=replace(fresh, frozen="sidm"),
-                sizes=own,
-                experts=count,
-                paper=paper,
-                roles=tuple(one.collection.role for one in members),
-                members_data=digests,
-            )
-            for seed in range(preset.seeds)
         ]
-    return found
+        digests = [find_digest(member, study.data, study.results) for member in members]
+        novice_sizes = sizes + (further if count == 1 and paper else ())
+        for seed in range(preset.seeds):
+            trial = study.trial(
+                system, "pretrain_finetune", max(novice_sizes), seed, trained
+            )
+            pretrainings.append(
+                Pretraining(
+                    trial=trial,
+                    fresh=replace(fresh, frozen="sidm"),
+                    sizes=novice_sizes,
+                    experts=count,
+                    paper=paper,
+                    roles=tuple(member.collection.role for member in members),
+                    members_data=tuple(digests),
+                )
+            )
+    return pretrainings
 
 
 def collect_family(
@@ -177,154 +196,167 @@ def collect_family(
     executor: Executor,
     wanted: Iterable[Pretraining] | None = None,
 ) -> None:
-    """Simulate what is missing of the experts of the family, for some jobs or for all."""
-    needed = members_needed(jobs(study, system) if wanted is None else wanted)
+    """Simulate the missing motion of family members for some jobs, or for all."""
+    counts = members_needed(jobs(study, system) if wanted is None else wanted)
     collect_members(
-        system, study.preset.policy, needed, study.data, study.results, executor
+        system, study.preset.policy, counts, study.data, study.results, executor
     )
 
 
 def members_needed(wanted: Iterable[Pretraining]) -> dict[int, set[int]]:
-    """Numbers of trajectories that are wanted of each member of the family."""
-    needed: dict[int, set[int]] = {}
+    """Number of a family member -> numbers of its trajectories that jobs need."""
+    counts: dict[int, set[int]] = {}
     for job in wanted:
-        for number, one in enumerate(job.members):
-            needed.setdefault(number, set()).add(one.count)
-    return needed
+        for number, member in enumerate(job.members):
+            counts.setdefault(number, set()).add(member.count)
+    return counts
 
 
 def load_experts(
     about: Pretraining, data: str | Path
 ) -> tuple[dict[str, Windows], Standardisation]:
-    """The experts' motion by name, and the units inside the networks, which are those of the paper's expert's data."""
+    """The experts' motion by name, and the units inside the networks.
+
+    The units are those of all data of the paper's expert.
+    """
     trial = about.trial
     paper, pixels = trial.datasets["expert"], trial.network.pixels
     whole = load_checked(paper, trial.digests["expert"], data, pixels)
-    experts = (
-        {"expert": whole.first(paper.count // about.experts)} if about.paper else {}
-    )
-    for number, own in enumerate(zip(about.members, about.members_data, strict=True)):
-        experts[f"member{number}"] = load_checked(*own, data, pixels)
-    return experts, Standardisation.of(whole)
+    experts = {}
+    if about.paper:
+        experts["expert"] = whole.first(paper.count // about.experts)
+    members = zip(about.members, about.members_data, strict=True)
+    for number, (member, digest) in enumerate(members):
+        experts[f"member{number}"] = load_checked(member, digest, data, pixels)
+    return experts, Standardisation.fit(whole)
 
 
-def measure(about: Pretraining, data: str | Path = "data") -> Pretrained:
-    """Train the SIDM and all novices of one job; ShardError where data are missing."""
+def measure(about: Pretraining, data: str | Path = "data") -> PretrainingResult:
+    """Train the SIDM on the experts, then all novices of a job.
+
+    Raises:
+        ShardError: data are missing.
+    """
     making, trial, library = Making("experts", about, data), about.trial, Library(data)
     with one_thread():
         experts, units = load_experts(about, data)
-        weights, history = _sidm_of(about, experts, units, data)
+        weights, history = _train_experts(about, experts, units, data)
         model = DynamicsModel(trial.network, units, trial.seed, tuple(experts))
         model.load_state_dict(weights)
         model.eval()
-        found: list[list[dict[str, Any]]] = []  # (M, W)
+        novices: list[list[dict[str, Any]]] = []  # (M, W)
         chosen, before = [], []
         for minutes in about.sizes:
             sets = library.datasets(trial.replace(novice_minutes=minutes))
-            role = nearest(model, sets.train)  # type: ignore[arg-type]
+            role = nearest_expert(model, sets.train)  # type: ignore[arg-type]
             chosen.append(role)
-            before.append(
-                tuple(
-                    float(validation_loss(model, sets.validation, one).sum())
-                    for one in experts
-                )
-            )
-            starts = {way: as_novice(model, role) for way in ("all", "parts")}
-            starts["fresh_parts"] = fresh_around(
+            losses = (validation_loss(model, sets.validation, name) for name in experts)
+            before.append(tuple(float(loss.sum()) for loss in losses))
+            starts = {way: expert_as_novice(model, role) for way in ("all", "parts")}
+            starts["fresh_parts"] = fresh_novice(
                 model, trial.network, units, trial.seed
             )
-            found.append(
-                [_novice(about, way, sets, starts[way], units, library) for way in WAYS]
+            novices.append(
+                [
+                    _train_novice(about, way, sets, starts[way], units, library)
+                    for way in WAYS
+                ]
             )
-        testing = {
-            role: one.subset(split(len(one), len(one), trial.seed)[1])
-            for role, one in experts.items()
+        # the test split, by which the training on the experts was stopped
+        tests = {
+            role: motion.subset(split_indices(len(motion), len(motion), trial.seed)[1])
+            for role, motion in experts.items()
         }
-        # its training was stopped by it
-        own = tuple(mean_loss(model, part, role) for role, part in testing.items())
-
-    return Pretrained(
+        experts_loss = tuple(
+            mean_loss(model, test, role) for role, test in tests.items()
+        )
+    by_way = [by_field(sizes) for sizes in zip(*novices, strict=True)]
+    return PretrainingResult(
         about=about,
         nearest=tuple(chosen),
         before=tuple(before),
-        **by_field([by_field(some) for some in zip(*found, strict=True)]),
+        **by_field(by_way),
         experts_samples=history["samples"],
-        experts_loss=own,
+        experts_loss=experts_loss,
         experts_curve_samples=history["curve_samples"],
         experts_curve_test_loss=history["curve_test_loss"],
         provenance=making.done(),
     )
 
 
-def _sidm_of(
+def _train_experts(
     about: Pretraining,
     experts: dict[str, Windows],
     units: Standardisation,
     data: str | Path,
 ) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    """The weights of the SIDM and all experts' parts, and how they came about; trained once and kept under `data`."""
+    """Weights of the SIDM and of all experts' parts, and how the training went.
+
+    They are trained once and kept under `data`.
+    """
     trial = about.trial
     assert trial.pretraining is not None
-    settings = map(repr, (trial.network, trial.pretraining))
     made_from = [
         *about.digests.values(),
         about.experts,
         about.paper,
-        *settings,
+        repr(trial.network),
+        repr(trial.pretraining),
         trial.seed,
     ]
     key = hashlib.sha256(json.dumps(made_from).encode()).hexdigest()[:20]
-    where = Path(data) / "pretrained" / f"experts-{key}-{numbered('experts')}"
-    kept = checkpoint.read(where)
+    folder = Path(data) / "pretrained" / f"experts-{key}-{version_label('experts')}"
+    kept = checkpoint.read(folder)
     if kept is None:
-        several = train_several(
+        trained = train_several(
             experts, trial.network, trial.pretraining, trial.seed, units
         )
-        history = {"samples": several.samples, **_curve(several)}
-        checkpoint.write(where, checkpoint.module_tensors(several.model), history)
-        kept = checkpoint.read(where)
+        history = {"samples": trained.samples, **_test_curve(trained)}
+        checkpoint.write(folder, checkpoint.module_tensors(trained.model), history)
+        kept = checkpoint.read(folder)
         assert kept is not None
     return kept
 
 
-def _curve(trained: Trained) -> dict[str, tuple]:
-    """The fields on its test loss along the training."""
-    found = curve(trained)
-    return {name: found[name] for name in ("curve_samples", "curve_test_loss")}
+def _test_curve(trained: Trained) -> dict[str, tuple]:
+    """The test loss along a training, as fields of a record."""
+    fields = curve(trained)
+    return {name: fields[name] for name in ("curve_samples", "curve_test_loss")}
 
 
-def _novice(
+def _train_novice(
     about: Pretraining,
     way: str,
     sets: Datasets,
-    start: Parts,
+    start: Mapping[str, Tensor],
     units: Standardisation,
     library: Library,
 ) -> dict[str, Any]:
-    """Train and judge one: the fields of `Pretrained` on it."""
-    trial, begun = about.trial, time.process_time()
-    trainings: Mapping[str, StudyTraining] = {
+    """Train and evaluate a novice: the fields of PretrainingResult for it."""
+    trial = about.trial
+    training = {
         "all": trial.training,
         "parts": replace(trial.training, frozen="sidm"),
         "fresh_parts": about.fresh,
-    }
+    }[way]
+    begun = time.process_time()
     trained = train(
         sets,
         trial.network,
-        trainings[way],
+        training,
         trial.seed,
         standardisation=units,
         start=start,
     )
     seconds = time.process_time() - begun
-    found = judge(trained.model, trial, library)
+    evaluation = evaluate(trained.model, trial, library)
     return {
-        "validation_loss": float(found.losses.sum()),
-        "component_losses": plain(found.losses),
-        "position_error": float(found.position[-1]),
-        "heading_error": float(found.heading[-1]),
+        "validation_loss": float(evaluation.losses.sum()),
+        "component_losses": as_lists(evaluation.losses),
+        "position_error": float(evaluation.position[-1]),
+        "heading_error": float(evaluation.heading[-1]),
         "samples": trained.samples,
         "best_samples": trained.best_samples,
         "seconds": seconds,
-        **_curve(trained),
+        **_test_curve(trained),
     }

@@ -1,1 +1,1 @@
-"""Encoders, SIDM and decoders that estimate distributions."""
+"""How certain models are of their predictions, and whether rightly so."""

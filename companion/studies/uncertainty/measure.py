@@ -1,7 +1,7 @@
-"""How sure the models are: training by likelihood beside its deterministic twin (section 3.2, last paragraph).
+"""Training by likelihood beside its deterministic twin (section 3.2, last paragraph).
 
-`companion run --figure uncertainty` makes what is not stored of it in
-results/uncertainty.
+`companion run --figure uncertainty` makes the results that are not stored in
+results/uncertainty yet.
 """
 
 from __future__ import annotations
@@ -17,22 +17,23 @@ import torch
 from torch import Tensor
 
 from companion.beyond.distributions import (
-    QUIETEST,
+    MIN_LOG_STD,
     ConstantSpread,
     DistributionModel,
-    Stochastic,
+    StochasticPredictor,
 )
 from companion.beyond.likelihood import train_distributions
 from companion.beyond.particles import (
     DRAWS,
     LEVELS,
-    Along,
-    covered,
+    PathCoverage,
     one_step,
     particle_rollout,
+    path_coverage,
 )
-from companion.engine.execute import ROLLOUT_STEPS, Library, curve, judge, plain
+from companion.engine.library import Library
 from companion.engine.models import model_of
+from companion.engine.outcomes import ROLLOUT_STEPS, as_lists, curve, evaluate
 from companion.engine.provenance import Provenance
 from companion.engine.records import Making, records_of
 from companion.methods import COMPARED
@@ -50,7 +51,7 @@ from sidm.shards import simulated_ground
 
 SIZES = (1.0, 5.0, 60.0)  # novice data, min
 PARTICLES = 64  # of a rollout
-#: The fields on the training of a twin, of which its trial tells.
+#: The fields on the training of a twin; its trial has them instead.
 UNTRAINED: dict[str, Any] = dict.fromkeys(
     ("samples", "best_samples", "best_test_loss", "training_seconds"), 0
 ) | (dict.fromkeys(("curve_samples", "curve_test_loss", "curve_training_loss"), ()))
@@ -58,51 +59,55 @@ UNTRAINED: dict[str, Any] = dict.fromkeys(
 
 @config
 class Fit:
-    """A model whose certainty is looked at."""
+    """A model whose certainty is measured."""
 
-    #: of the deterministic twin; the likelihood's model has all but its loss
+    #: of the deterministic twin; the model by likelihood differs from it in its loss
+    #: alone
     trial: Trial
-    #: whether it is trained by likelihood; otherwise it is the twin, with a constant
-    #: spread
+    #: whether the model is trained by likelihood; otherwise it is the twin, with a
+    #: constant spread
     likelihood: bool
     particles: int
 
 
 @config
-class Fitted:
-    """What came out; L levels of intervals, K steps, three ways: forward, sideways, m, and heading, rad.
+class FitResult:
+    """Results of a Fit, with L levels of intervals, K steps and three directions.
 
-    On the validation set unless said. Of a twin's training its trial tells: here it is
-    0 and empty.
+    The directions are forward, m, sideways, m, and heading, rad. Values are on the
+    validation set unless said otherwise. The fields on the training are 0 and empty for
+    a twin, whose trial has them.
     """
 
     about: Fit
-    validation_loss: float  # equation (1) of the means that the latents' means lead to
-    component_losses: tuple[float, ...]  # (13,) of it
-    nll: float  # nats a sample, of the mixture over draws of the latents
-    nll_at_means: float  # with the latents at their means
+    #: equation (1) of the mean transitions that follow from the means of the latents
+    validation_loss: float
+    component_losses: tuple[float, ...]  # (13,) components of the validation loss
+    nll: float  # nats a step, of the mixture over samples of the latents
+    nll_at_means: float  # nats a step, with the latents at their means
     #: QUANTILES of `companion.beyond.particles`, of single steps' mixtures
     nll_quantiles: tuple[float, ...]
     component_nll: tuple[float, ...]  # (13,) of each component alone
     #: (13,) mean standard deviation given the latents, raw units
     spread: tuple[float, ...]
-    #: of encoder and SIDM: mean standard deviation by that of the means; 0 of a twin
+    #: of encoder and SIDM: mean predicted standard deviation divided by the standard
+    #: deviation of the predicted means; 0 of a twin
     latent_spread: tuple[float, ...]
-    #: of encoder, SIDM and decoder: share of deviations at their lower bound; 0 of a
-    #: twin
+    #: of encoder, SIDM and decoder: share of standard deviations at their lower bound;
+    #: 0 of a twin
     quietest: tuple[float, ...]
     coverage: tuple[tuple[float, ...], ...]  # (L, 13) of one step
     #: (L, K, 3) along rollouts
     steps_coverage: tuple[tuple[tuple[float, ...], ...], ...]
-    #: (L, K, 3) of the intervals, mean over the rollouts
+    #: (L, K, 3) width of the intervals, mean over the rollouts
     steps_width: tuple[tuple[tuple[float, ...], ...], ...]
-    #: (K, 3) of the particles' mean, mean over the rollouts
+    #: (K, 3) error of the particles' mean, mean over the rollouts
     steps_error: tuple[tuple[float, ...], ...]
     position_error: tuple[float, ...]  # (K,) m, of rollouts of the means
-    heading_error: tuple[float, ...]  # (K,) rad
+    heading_error: tuple[float, ...]  # (K,) rad, of rollouts of the means
     samples: int  # seen by prediction training
-    best_samples: int  # until the weights that were kept
-    best_test_loss: float  # smoothed: a negative log-likelihood
+    best_samples: int  # seen until the weights that were kept
+    best_test_loss: float  # smoothed negative log-likelihood
     curve_samples: tuple[int, ...]  # of at most 40 of the tests
     curve_test_loss: tuple[float, ...]
     curve_training_loss: tuple[float, ...]
@@ -110,8 +115,8 @@ class Fitted:
     provenance: Provenance
 
 
-#: where they are kept, under a folder of results
-records = records_of(Fitted, "uncertainty")
+#: the stored results, under a folder of results
+records = records_of(FitResult, "uncertainty")
 
 
 def jobs(
@@ -120,106 +125,108 @@ def jobs(
     sizes: Iterable[float] = SIZES,
     particles: int = PARTICLES,
 ) -> list[Fit]:
-    """With and without SIDM, each by likelihood and as the twin, at every size and seed."""
-    trials = study.points(system, COMPARED, study.preset.held(system, sizes))
+    """Models with and without SIDM, by likelihood and as twins, of all sizes and seeds.
+
+    `sizes` are in minutes of novice data.
+    """
+    available = study.preset.sizes_in_pool(system, sizes)
+    trials = study.points(system, COMPARED, available)
     return [
-        Fit(trial=trial, likelihood=by, particles=particles)
+        Fit(trial=trial, likelihood=likelihood, particles=particles)
         for trial in trials
-        for by in (True, False)
+        for likelihood in (True, False)
     ]
 
 
-def measure(about: Fit, data: str | Path = "data") -> Fitted:
-    """Train and judge one; ShardError where data are missing."""
+def measure(about: Fit, data: str | Path = "data") -> FitResult:
+    """Train and evaluate a model.
+
+    Raises:
+        ShardError: data are missing.
+    """
     making, trial = Making("uncertainty", about.trial, data), about.trial
     with one_thread():
         library = Library(data)
         sets = library.datasets(trial)
         if about.likelihood:
-            begun = time.perf_counter()
+            start = time.perf_counter()
             assert sets.expert is not None
-            units = Standardisation.of(sets.expert)
+            units = Standardisation.fit(sets.expert)
             trained = train_distributions(
                 sets, trial.network, trial.training, trial.seed, units
             )
-            training = _training(trained, time.perf_counter() - begun)
-            assert isinstance(trained.model, DistributionModel)
-            predictor: Predictor = trained.model
-            found = _judged(trained.model, about, library, DRAWS)
-            latents = latents_of(trained.model, sets.validation)
+            training = _training_fields(trained, time.perf_counter() - start)
+            model = trained.model
+            assert isinstance(model, DistributionModel)
+            predictor: Predictor = model
+            calibration = _calibration_fields(model, about, library, DRAWS)
+            latents = latent_fields(model, sets.validation)
         else:
             predictor = twin = model_of(trial, data)
-            found = _judged(
-                ConstantSpread(twin, residual_spread(twin, sets)), about, library, 1
-            )
-            latents, training = (
-                {"latent_spread": (0.0, 0.0), "quietest": (0.0, 0.0, 0.0)},
-                UNTRAINED,
-            )
-        means = judge(predictor, trial, library)
-    return Fitted(
+            spread = ConstantSpread(twin, residual_spread(twin, sets))
+            calibration = _calibration_fields(spread, about, library, 1)
+            latents = {"latent_spread": (0.0, 0.0), "quietest": (0.0, 0.0, 0.0)}
+            training = UNTRAINED
+        means = evaluate(predictor, trial, library)
+    return FitResult(
         about=about,
         validation_loss=float(means.losses.sum()),
-        component_losses=plain(means.losses),
-        position_error=plain(means.position),
-        heading_error=plain(means.heading),
-        **found,
+        component_losses=as_lists(means.losses),
+        position_error=as_lists(means.position),
+        heading_error=as_lists(means.heading),
+        **calibration,
         **latents,
         **training,
         provenance=making.done(),
     )
 
 
-def _training(trained: Trained, seconds: float) -> dict[str, Any]:
-    """The fields on the training."""
-    own = {
+def _training_fields(trained: Trained, seconds: float) -> dict[str, Any]:
+    """The fields of FitResult on a training."""
+    return {
         "samples": trained.samples,
         "best_samples": trained.best_samples,
         "training_seconds": seconds,
+        "best_test_loss": float(trained.best_test_loss),
+        **curve(trained),
     }
-    return own | {"best_test_loss": float(trained.best_test_loss)} | curve(trained)
 
 
-def _judged(
-    model: Stochastic, about: Fit, library: Library, draws: int
+def _calibration_fields(
+    model: StochasticPredictor, about: Fit, library: Library, draws: int
 ) -> dict[str, Any]:
-    """The fields on likelihood and coverage."""
+    """The fields of FitResult on likelihood and coverage."""
     trial, validation = about.trial, library.motion(about.trial, "validation")
-    found = one_step(model, validation, generator(trial.seed, "validation"), draws)
-    along = rollout_coverage(model, trial, library, about.particles)
+    rng = generator(trial.seed, "validation")
+    step = one_step(model, validation, rng, draws)
+    paths = rollout_coverage(model, trial, library, about.particles)
     return {
-        **found._asdict(),
+        **step._asdict(),
         "nll_at_means": one_step(model, validation, None, 1).nll,
-        "steps_coverage": plain(along.inside),
-        "steps_width": plain(along.width),
-        "steps_error": plain(along.error),
+        "steps_coverage": as_lists(paths.inside),
+        "steps_width": as_lists(paths.width),
+        "steps_error": as_lists(paths.error),
     }
 
 
-def latents_of(model: DistributionModel, motion: Windows) -> dict[str, Any]:
-    """How the spreads of encoder and SIDM compare with what their means vary by, and how many are at the bound."""
-    lowest = math.exp(QUIETEST) * (1 + 1e-5)
-    encoded, moved, quiet = [], [], []
+def latent_fields(model: DistributionModel, motion: Windows) -> dict[str, Any]:
+    """The fields `latent_spread` and `quietest` of FitResult on the novice's motion."""
+    bound = math.exp(MIN_LOG_STD) * (1 + 1e-5)
+    encoder, decoder = model.encoders["novice"], model.decoders["novice"]
+    latents, transitions, quiet = [], [], []
     with torch.inference_mode():
         for part in motion.split(EVALUATION_BATCH):
-            one = model.encoders["novice"].distribution(part.inputs, part.maps)  # type: ignore[operator]
-            two, _ = model.sidm.distribution(one.mean)  # type: ignore[operator]
-            decoder = model.decoders["novice"]
-            three = decoder.distribution(two.mean).std / decoder.target_std  # type: ignore[operator]
-            encoded.append(one)
-            moved.append(two)
-            quiet.append(
-                [
-                    float((std <= lowest).double().mean())
-                    for std in (one.std, two.std, three)
-                ]
-            )
+            latent = encoder.distribution(part.inputs, part.maps)  # type: ignore[operator]
+            transition, _ = model.sidm.distribution(latent.mean)  # type: ignore[operator]
+            output = decoder.distribution(transition.mean)  # type: ignore[operator]
+            latents.append(latent)
+            transitions.append(transition)
+            all_stds = latent.std, transition.std, output.std / decoder.target_std
+            quiet.append([float((std <= bound).double().mean()) for std in all_stds])
     spreads = []
-    for some in (encoded, moved):
-        means, stds = (
-            torch.cat([getattr(one, name).flatten(0, 1) for one in some])
-            for name in ("mean", "std")
-        )
+    for parts in (latents, transitions):
+        means = torch.cat([part.mean.flatten(0, 1) for part in parts])
+        stds = torch.cat([part.std.flatten(0, 1) for part in parts])
         spreads.append(float(stds.mean() / means.std(0).mean()))
     return {
         "latent_spread": tuple(spreads),
@@ -228,28 +235,34 @@ def latents_of(model: DistributionModel, motion: Windows) -> dict[str, Any]:
 
 
 def residual_spread(model: DynamicsModel, sets: Datasets) -> Tensor:
-    """(13,) root mean squared errors on the test split, which no weights have learnt from; never wholly 0."""
+    """Root mean squared errors (13,) of a model on the test split.
+
+    No weights have learned from the test split. The errors are at least 1e-6.
+    """
     return validation_loss(model, sets.test).float().sqrt().clamp_min(1e-6)
 
 
 def rollout_coverage(
-    model: Stochastic, trial: Trial, library: Library, particles: int
-) -> Along:
-    """How the particles' intervals fit what happened, mean over the rollouts of the trial."""
+    model: StochasticPredictor, trial: Trial, library: Library, particles: int
+) -> PathCoverage:
+    """How the particles' intervals fit the actual paths, mean over the rollouts."""
     noise = generator(trial.seed, "particles")
-    found = []
-    for trajectory in library.rollouts(trial):
-        heights = torch.from_numpy(simulated_ground(trajectory).heights)
-        states = torch.from_numpy(
-            np.asarray(trajectory.states[: ROLLOUT_STEPS + 1], float)
-        )
-        actions = torch.from_numpy(
-            np.asarray(trajectory.actions[:ROLLOUT_STEPS], float)
-        )
+    coverages = []
+    for drive in library.rollouts(trial):
+        heights = torch.from_numpy(simulated_ground(drive).heights)
+        states = np.asarray(drive.states[: ROLLOUT_STEPS + 1], float)
+        actions = np.asarray(drive.actions[:ROLLOUT_STEPS], float)
+        actual = torch.from_numpy(states)
         paths = particle_rollout(
-            model, heights, states[0], actions, trial.network.pixels, particles, noise
+            model,
+            heights,
+            actual[0],
+            torch.from_numpy(actions),
+            trial.network.pixels,
+            particles,
+            noise,
         )
-        found.append(covered(paths, states, LEVELS))
-    return Along(
-        *(torch.stack(parts).double().mean(0) for parts in zip(*found, strict=True))
+        coverages.append(path_coverage(paths, actual, LEVELS))
+    return PathCoverage(
+        *(torch.stack(parts).double().mean(0) for parts in zip(*coverages, strict=True))
     )

@@ -1,5 +1,4 @@
-"""Distributions in place of values: against SciPy, against what they were drawn from,
-and in training."""
+"""Predicted distributions against SciPy, against their samples, and in training."""
 
 import dataclasses
 import math
@@ -10,16 +9,21 @@ import torch
 from scipy import stats
 
 from companion.beyond.distributions import (
-    LOUDEST,
-    QUIET,
-    QUIETEST,
+    INITIAL_LOG_STD,
+    MAX_LOG_STD,
+    MIN_LOG_STD,
     ConstantSpread,
     DistributionModel,
     Gaussian,
-    Spread,
+    StdHead,
 )
 from companion.beyond.likelihood import mean_nll, train_distributions
-from companion.beyond.particles import central, covered, one_step, particle_rollout
+from companion.beyond.particles import (
+    central_interval,
+    one_step,
+    particle_rollout,
+    path_coverage,
+)
 from sidm import rotations
 from sidm.config import ConfigError
 from sidm.learning import DynamicsModel, Standardisation
@@ -40,43 +44,39 @@ def test_likelihood_is_scipys(generator):
 
 
 def test_draws_have_the_mean_and_spread_and_pass_gradients_on(generator):
-    mean, std = (
-        torch.full((20000,), 2.0, requires_grad=True),
-        torch.full((20000,), 0.5, requires_grad=True),
-    )
+    mean = torch.full((20000,), 2.0, requires_grad=True)
+    std = torch.full((20000,), 0.5, requires_grad=True)
     drawn = Gaussian(mean, std).sample(generator)
-    assert drawn.mean().item() == pytest.approx(
-        2, abs=0.02
-    ) and drawn.std().item() == pytest.approx(0.5, abs=0.02)
+    assert drawn.mean().item() == pytest.approx(2, abs=0.02)
+    assert drawn.std().item() == pytest.approx(0.5, abs=0.02)
     drawn.sum().backward()
-    assert torch.equal(mean.grad, torch.ones(20000)) and float(
-        std.grad.mean()
-    ) == pytest.approx(0, abs=0.03)
+    assert torch.equal(mean.grad, torch.ones(20000))
+    assert float(std.grad.mean()) == pytest.approx(0, abs=0.03)
     assert Gaussian(mean, std).sample(None) is mean
 
 
 def test_latents_begin_quiet_and_stay_within_bounds():
-    spread, mean = Spread(2), torch.tensor([1.0, -2.0])
-    found = spread(mean)
-    assert found.mean is mean and found.std.tolist() == pytest.approx(
-        [math.exp(QUIET)] * 2
-    )
+    spread, mean = StdHead(2), torch.tensor([1.0, -2.0])
+    predicted = spread(mean)
+    assert predicted.mean is mean
+    assert predicted.std.tolist() == pytest.approx([math.exp(INITIAL_LOG_STD)] * 2)
     torch.nn.init.constant_(spread.dense.bias, 1e9)
-    assert spread(mean).std.tolist() == pytest.approx([math.exp(LOUDEST)] * 2)
+    assert spread(mean).std.tolist() == pytest.approx([math.exp(MAX_LOG_STD)] * 2)
     torch.nn.init.constant_(spread.dense.bias, -1e9)
-    assert spread(mean).std.tolist() == pytest.approx([math.exp(QUIETEST)] * 2)
+    assert spread(mean).std.tolist() == pytest.approx([math.exp(MIN_LOG_STD)] * 2)
 
 
 def test_means_begin_as_the_deterministic_twins(small_network, make_motion):
-    """Without draws the two predict alike."""
+    """Without random draws the two models predict the same."""
     motion, units = make_motion(2), Standardisation.none()
-    ours, twin = (
+    probabilistic, twin = (
         build(small_network, units, 3).eval()
         for build in (DistributionModel, DynamicsModel)
     )
     for role in ("novice", "expert"):
         means, values = (
-            model(role, motion.inputs, motion.maps)[0] for model in (ours, twin)
+            model(role, motion.inputs, motion.maps)[0]
+            for model in (probabilistic, twin)
         )
         assert torch.allclose(means, values, atol=1e-6)
 
@@ -84,14 +84,12 @@ def test_means_begin_as_the_deterministic_twins(small_network, make_motion):
 def test_without_a_generator_a_prediction_is_repeated(model, make_motion, generator):
     motion = make_motion(2)
     first, memory = model("novice", motion.inputs, motion.maps)
-    found, _ = model.predict("novice", motion.inputs, motion.maps)
-    assert (
-        torch.equal(first, found.mean)
-        and first.shape == (2, 6, 13)
-        and memory[0].shape[1] == 2
-    )
+    predicted, _ = model.predict("novice", motion.inputs, motion.maps)
+    assert torch.equal(first, predicted.mean)
+    assert first.shape == (2, 6, 13)
+    assert memory[0].shape[1] == 2
     drawn, _ = model.predict("novice", motion.inputs, motion.maps, None, generator)
-    assert not torch.equal(drawn.mean, found.mean) and (drawn.std > 0).all()
+    assert not torch.equal(drawn.mean, predicted.mean) and (drawn.std > 0).all()
 
 
 def test_units_are_those_of_the_data(small_network, make_motion):
@@ -108,8 +106,7 @@ def test_units_are_those_of_the_data(small_network, make_motion):
 
 
 def test_training_finds_how_noisy_the_data_are(small_network, make_motion, datasets):
-    """Targets with noise of 0.3 in one component and 0.03 in another; the same run
-    twice is the same."""
+    """Learnt deviations match noise of 0.3 and 0.03, and a second run is the same."""
     noisy = []
     for number, motion in enumerate((datasets.train, datasets.test)):
         noise = torch.randn(
@@ -134,15 +131,14 @@ def test_training_finds_how_noisy_the_data_are(small_network, make_motion, datas
     ]
     tests = [test.test_loss for test in runs[0].history]
     assert min(tests) < tests[0] - 1 and runs[0].history == runs[1].history
-    found, _ = runs[0].model.predict("novice", noisy[1].inputs, noisy[1].maps)
-    first, second = found.std.mean((0, 1))[:2].tolist()
+    predicted, _ = runs[0].model.predict("novice", noisy[1].inputs, noisy[1].maps)
+    first, second = predicted.std.mean((0, 1))[:2].tolist()
     assert 0.15 < first < 0.5 and second < 0.5 * first
     assert mean_nll(runs[0].model, noisy[1]) == pytest.approx(min(tests), abs=1.0)
 
 
 def test_the_whole_method_trains(datasets, small_network, small_training):
-    """Both algorithms, with data of both systems; what is returned is the best by test
-    likelihood."""
+    """Both algorithms run on data of both systems; the best test likelihood is kept."""
     trained = train_distributions(
         datasets, small_network, small_training, 0, Standardisation.none()
     )
@@ -153,7 +149,7 @@ def test_the_whole_method_trains(datasets, small_network, small_training):
 def test_the_weights_of_the_lowest_test_likelihood_are_kept(
     datasets, small_network, small_training
 ):
-    """Not the last ones, which a rate as large as this has spoilt."""
+    """The last weights are not kept: a large learning rate has spoilt them."""
     training = dataclasses.replace(
         small_training,
         smoothing=0.0,
@@ -166,9 +162,8 @@ def test_the_weights_of_the_lowest_test_likelihood_are_kept(
         datasets, small_network, training, 0, Standardisation.none()
     )
     tests = [tested.test_loss for tested in trained.history]
-    assert min(tests) < tests[-1] and mean_nll(
-        trained.model, datasets.test
-    ) == pytest.approx(min(tests), rel=1e-4)
+    assert min(tests) < tests[-1]
+    assert mean_nll(trained.model, datasets.test) == pytest.approx(min(tests), rel=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -187,7 +182,7 @@ def test_settings_that_a_likelihood_does_not_know_are_refused(
 
 
 class Known:
-    """Predicts a normal distribution about 0."""
+    """A model that predicts a normal distribution about 0."""
 
     def __init__(self, std: float) -> None:
         self.std = std
@@ -204,51 +199,50 @@ class Known:
 def test_coverage_is_that_of_the_normal_distribution(
     make_motion, generator, said, half, most
 ):
-    """Standard normal targets, and a model that says so, twice as much, and half."""
+    """Models predict the deviation of standard normal targets, its double and half."""
     motion = make_motion(40)
     motion = type(motion)(
         motion.inputs, torch.randn(40, 6, 13, generator=generator), motion.maps
     )
-    found = one_step(Known(said), motion, generator)
-    assert [np.mean(level) for level in found.coverage] == pytest.approx(
+    scores = one_step(Known(said), motion, generator)
+    assert [np.mean(level) for level in scores.coverage] == pytest.approx(
         [half, most], abs=0.03
     )
-    assert [len(level) for level in found.coverage] == [13, 13]
+    assert [len(level) for level in scores.coverage] == [13, 13]
     expected = -stats.norm.logpdf(motion.targets.numpy(), 0, said).sum(-1)
     assert (
-        found.nll
+        scores.nll
         == pytest.approx(expected.mean(), rel=1e-4)
-        == sum(found.component_nll)
+        == sum(scores.component_nll)
     )
-    assert found.nll_quantiles == pytest.approx(
+    assert scores.nll_quantiles == pytest.approx(
         np.quantile(expected, [0.5, 0.9, 0.99, 1]), rel=1e-4
     )
-    assert found.spread == pytest.approx((said,) * 13)
+    assert scores.spread == pytest.approx((said,) * 13)
 
 
 def test_the_twin_is_as_unsure_everywhere(small_network, make_motion, generator):
     twin, motion = DynamicsModel(small_network).eval(), make_motion(2)
     spread = ConstantSpread(twin, torch.full((13,), 0.2))
-    found, _ = spread.predict("novice", motion.inputs, motion.maps, None, generator)
-    assert (
-        torch.equal(found.mean, twin("novice", motion.inputs, motion.maps)[0])
-        and (found.std == 0.2).all()
-    )
+    predicted, _ = spread.predict("novice", motion.inputs, motion.maps, None, generator)
+    assert torch.equal(predicted.mean, twin("novice", motion.inputs, motion.maps)[0])
+    assert (predicted.std == 0.2).all()
 
 
 def test_particles_spread_and_cover_one_of_theirs(model, small_network, generator):
-    """They start together and part; a path of the same model lies within their
-    intervals as often as it should."""
+    """Particles start together and part.
+
+    A path of the same model lies within their intervals as often as it should.
+    """
     heights, actions = torch.zeros(61, 61, dtype=torch.float64), torch.zeros(4, 2)
     inside = []
     for _ in range(150):
         paths = particle_rollout(
             model, heights, HERE, actions, small_network.pixels, 20, generator
         )
-        assert paths.shape == (20, 5, 13) and torch.equal(
-            paths[:, 0], HERE.expand(20, -1)
-        )
-        inside.append(covered(paths[1:], paths[0]).inside)
+        assert paths.shape == (20, 5, 13)
+        assert torch.equal(paths[:, 0], HERE.expand(20, -1))
+        inside.append(path_coverage(paths[1:], paths[0]).inside)
     spread = paths[:, :, 0].std(0)
     assert spread[0] == 0 and spread[1] > 0
     half, most = torch.stack(inside).double().mean((0, 2, 3)).tolist()
@@ -257,21 +251,18 @@ def test_particles_spread_and_cover_one_of_theirs(model, small_network, generato
 
 @pytest.mark.parametrize("count", [19, 64])
 def test_intervals_of_few_particles_are_as_wide_as_they_say(count, generator):
-    """Of independent numbers of one distribution, for any number of them."""
+    """Intervals of independent samples of one distribution, for any number of them."""
     draws = torch.randn(4000, count + 1, generator=generator, dtype=torch.float64)
     for level in (0.5, 0.9):
-        low, high = central(draws[:, 1:].T, level)
+        low, high = central_interval(draws[:, 1:].T, level)
         inside = (low <= draws[:, 0]) & (draws[:, 0] <= high)
         assert inside.double().mean().item() == pytest.approx(level, abs=0.025)
 
 
 def test_a_turn_past_half_a_circle_is_covered():
-    """Particles about 180 degrees, some given as just below, some as just above minus
-    180."""
-    start, turns = (
-        HERE.clone(),
-        math.pi + torch.linspace(-0.2, 0.2, 21, dtype=torch.float64),
-    )
+    """Particles are about 180 degrees; some are stored as just above -180 degrees."""
+    start = HERE.clone()
+    turns = math.pi + torch.linspace(-0.2, 0.2, 21, dtype=torch.float64)
     paths = start.repeat(21, 2, 1)
     paths[:, 1, 3:7] = rotations.from_yaw(rotations.wrap(turns))
     for turn, expected in (
@@ -281,12 +272,15 @@ def test_a_turn_past_half_a_circle_is_covered():
     ):
         actual = start.repeat(2, 1)
         actual[1, 3:7] = rotations.from_yaw(torch.tensor(turn, dtype=torch.float64))
-        assert covered(paths, actual).inside[1, 0, 2].item() == expected
+        assert path_coverage(paths, actual).inside[1, 0, 2].item() == expected
 
 
 def test_intervals_are_seen_from_the_start():
-    """Ten particles that drove 0 to 0.9 m towards y, from a start that heads there:
-    forward; nobody moved sideways."""
+    """Errors are in the frame of the start.
+
+    Ten particles drive 0 to 0.9 m along y from a start that heads along y: that is
+    forward, and no particle moves sideways.
+    """
     start = HERE.clone()
     start[3:7] = torch.tensor([0, 0, math.sin(math.pi / 4), math.cos(math.pi / 4)])
     paths = start.repeat(10, 2, 1)
@@ -298,13 +292,12 @@ def test_intervals_are_seen_from_the_start():
     ):
         actual = start.repeat(2, 1)
         actual[1, 1] = y
-        found = covered(paths, actual)
-        forward, _, _ = found.inside[:, 0].T.tolist()
-        assert forward == expected and found.error[0].tolist() == pytest.approx(
+        covered = path_coverage(paths, actual)
+        forward, _, _ = covered.inside[:, 0].T.tolist()
+        assert forward == expected
+        assert covered.error[0].tolist() == pytest.approx(
             [abs(y - 0.45), 0, 0], abs=1e-6
         )
-        assert (
-            0 < found.width[0, 0, 0] < found.width[1, 0, 0] <= 0.9
-            and found.width[:, 0, 1:].abs().max() < 1e-6
-        )
+        assert 0 < covered.width[0, 0, 0] < covered.width[1, 0, 0] <= 0.9
+        assert covered.width[:, 0, 1:].abs().max() < 1e-6
     assert np.isfinite(paths.numpy()).all()

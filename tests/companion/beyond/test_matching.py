@@ -1,5 +1,4 @@
-"""What stands in for the paper's adversary: distances between distributions, gradient
-reversal."""
+"""Substitutes of the paper's adversary: distribution distances, gradient reversal."""
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from sidm.learning.training import predict, regularise
 
 
 def encoded(trainer):
-    """Latents of a batch by system."""
+    """Latents of a batch, by system."""
     return {
         role: trainer.encode(role, windows)
         for role, windows in trainer.sampler.batch().items()
@@ -26,8 +25,10 @@ def encoded(trainer):
 def test_distances_grow_with_the_shift(generator):
     first, second = torch.randn(2, 300, 5, generator=generator)
     for distance in DISTANCES.values():
-        found = [float(distance(first, second + shift)) for shift in (0.0, 0.5, 2.0)]
-        assert found == sorted(found) and found[2] > 5 * found[0]
+        distances = [
+            float(distance(first, second + shift)) for shift in (0.0, 0.5, 2.0)
+        ]
+        assert distances == sorted(distances) and distances[2] > 5 * distances[0]
         assert float(distance(first, first)) == pytest.approx(0.0, abs=1e-6)
         assert float(distance(first, second)) == pytest.approx(
             float(distance(second, first)), rel=1e-4
@@ -35,10 +36,8 @@ def test_distances_grow_with_the_shift(generator):
 
 
 def test_mmd_is_its_double_sum(generator):
-    first, second = (
-        torch.randn(4, 3, generator=generator),
-        torch.randn(5, 3, generator=generator) + 1,
-    )
+    first = torch.randn(4, 3, generator=generator)
+    second = torch.randn(5, 3, generator=generator) + 1
     both = torch.cat([first, second]).double().numpy()
     squares = ((both[:, None] - both[None]) ** 2).sum(-1)
     unit = np.sort(squares.ravel())[(squares.size - 1) // 2]
@@ -103,7 +102,8 @@ def test_the_encoders_feel_the_discriminators_gradient_reversed(make_trainer):
     )
     latents = encoded(trainer)
     plain = {
-        role: one.detach().clone().requires_grad_() for role, one in latents.items()
+        role: latent.detach().clone().requires_grad_()
+        for role, latent in latents.items()
     }
     turned = {
         role: one.detach().clone().requires_grad_() for role, one in latents.items()

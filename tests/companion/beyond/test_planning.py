@@ -1,4 +1,4 @@
-"""Planning on motion whose law is known, and dreams that are the model's rollouts."""
+"""Planning with a known law of motion, and imagined paths that equal rollouts."""
 
 import math
 
@@ -8,12 +8,12 @@ import torch
 
 from companion.beyond.planning import (
     ROLLED_OVER,
-    Dreamer,
+    ModelImagination,
     Planner,
     Planning,
     cost,
-    heading_to,
-    straight,
+    relative_bearing,
+    steer_to_goal,
 )
 from sidm import rotations
 from sidm.config import ConfigError
@@ -25,8 +25,10 @@ HERE = np.array([0, 0, 0.2, 0, 0, 0, 1, *[0] * 6], float)
 
 
 def slide(state: np.ndarray, actions: torch.Tensor) -> torch.Tensor:
-    """States (N, H + 1, 13) of a body that drives at 2 m/s by throttle and turns right
-    at 1.5 rad/s by steering."""
+    """States (N, H + 1, 13) of a body that throttle drives and steering turns.
+
+    Full throttle drives at 2 m/s, full steering turns right at 1.5 rad/s.
+    """
     states = torch.as_tensor(state, dtype=torch.float64).expand(len(actions), -1)
     path, yaw = [states], rotations.yaw(states[:, 3:7])
     for throttle, steering in actions.double().permute(1, 2, 0):  # (H, 2, N)
@@ -40,7 +42,7 @@ def slide(state: np.ndarray, actions: torch.Tensor) -> torch.Tensor:
 
 
 def drive(goal: np.ndarray, act, most: int = 80) -> int:
-    """Control steps to within 0.3 m of the goal, or `most`."""
+    """Number of control steps until the goal is within 0.3 m, or `most`."""
     state = HERE
     for step in range(most):
         if np.hypot(*(state[:2] - goal)) < 0.3:
@@ -51,7 +53,7 @@ def drive(goal: np.ndarray, act, most: int = 80) -> int:
 
 @pytest.mark.parametrize("goal", [(4.0, 3.0), (-3.0, 4.0), (0.0, -5.0)])
 def test_a_planner_reaches_its_goal_about_as_fast_as_can_be(goal):
-    """Five metres at 2 m/s are 25 steps, and turning takes some."""
+    """Five metres at 2 m/s take 25 steps, and turning takes some more."""
     goal = np.array(goal)
     planner = Planner(FREE, goal, seed=0)
     steps = drive(
@@ -62,24 +64,25 @@ def test_a_planner_reaches_its_goal_about_as_fast_as_can_be(goal):
 
 
 def test_a_plan_goes_on_where_the_one_before_led():
-    """The mean moves on by the steps that are done."""
+    """The mean is shifted by the steps that were carried out."""
     planner = Planner(
         Planning(samples=4, elites=1, horizon=6, hold=3, replan=2),
         np.array([3.0, 1.0]),
         0,
     )
     best = planner.plan(lambda actions: slide(HERE, actions))
-    assert torch.equal(planner.mean[:4], best[2:]) and torch.equal(
-        planner.mean[4:], best[-1:].expand(2, -1)
-    )
+    assert torch.equal(planner.mean[:4], best[2:])
+    assert torch.equal(planner.mean[4:], best[-1:].expand(2, -1))
     drawn = []
     planner.plan(lambda actions: drawn.append(actions.clone()) or slide(HERE, actions))
     assert torch.equal(drawn[0][0], torch.cat([best[2:], best[-1:], best[-1:]]))
 
 
 def test_the_spread_shrinks_to_the_least_where_the_plan_has_looked():
-    """And is the first one where it has not; what a plan foresees is where its actions
-    lead."""
+    """The spread is the initial one beyond the plan.
+
+    The path that a plan foresees is where its actions lead.
+    """
     settings = Planning(elites=4)
     planner = Planner(settings, np.array([3.0, 1.0]), 0)
     for _ in range(20):
@@ -87,10 +90,8 @@ def test_the_spread_shrinks_to_the_least_where_the_plan_has_looked():
     assert torch.equal(
         planner.spread[-3:], torch.full((3, 2), settings.spread, dtype=torch.float64)
     )
-    assert (
-        planner.spread[:3].min() >= settings.least
-        and planner.spread[:3, 0].max() < settings.spread
-    )
+    assert planner.spread[:3].min() >= settings.least
+    assert planner.spread[:3, 0].max() < settings.spread
     assert torch.allclose(planner.foreseen, slide(HERE, best[None])[0])
 
 
@@ -105,20 +106,17 @@ def test_plans_are_functions_of_their_seed():
 
 
 def test_plans_keep_to_the_throttles_that_data_have():
-    """Whatever the noise; steering has its whole range."""
-    planner, drawn = (
-        Planner(Planning(samples=64, spread=5.0), np.array([3.0, 1.0]), 0),
-        [],
-    )
+    """Throttle stays within its limits for any noise; steering has its whole range."""
+    planner = Planner(Planning(samples=64, spread=5.0), np.array([3.0, 1.0]), 0)
+    drawn = []
     planner.plan(lambda actions: drawn.append(actions.clone()) or slide(HERE, actions))
     low, high = drawn[0].flatten(0, 1).amin(0), drawn[0].flatten(0, 1).amax(0)
-    assert low.tolist() == pytest.approx([-0.2, -1]) and high.tolist() == pytest.approx(
-        [0.6, 1]
-    )
+    assert low.tolist() == pytest.approx([-0.2, -1])
+    assert high.tolist() == pytest.approx([0.6, 1])
 
 
 def test_more_iterations_plan_better():
-    """On the way to a goal at the side, by the cost itself."""
+    """More iterations lower the cost of a plan to a goal at the side."""
     goal = np.array([1.0, 2.0])
 
     def reached(iterations: int) -> float:
@@ -136,7 +134,7 @@ def test_more_iterations_plan_better():
 
 
 def test_cost_is_distance_and_a_rollover_costs_more_than_any():
-    """By hand: 3 m then 1 m from the goal, and a tilt of 60 degrees once."""
+    """By hand: 3 m and then 1 m from the goal, and one step tilted by 60 degrees."""
     states = torch.from_numpy(HERE).repeat(1, 3, 1)
     states[0, 1, 0], states[0, 2, 0] = 1.0, 3.0
     assert float(cost(states, torch.tensor([4.0, 0.0]), 50.0)) == pytest.approx(
@@ -152,14 +150,11 @@ def test_cost_is_distance_and_a_rollover_costs_more_than_any():
 
 
 def test_dreams_are_the_models_rollouts(small_network, rng):
-    """From the start; and after some steps observed, as if the rollout had gone through
-    them."""
-    model, heights = (
-        DynamicsModel(small_network, roles=["novice"]).eval(),
-        0.1 * rng.normal(size=(61, 61)),
-    )
+    """Imagined paths equal rollouts, from the start and after observed steps."""
+    model = DynamicsModel(small_network, roles=["novice"]).eval()
+    heights = 0.1 * rng.normal(size=(61, 61))
     actions = torch.from_numpy(rng.uniform(-1, 1, (3, 7, 2)))
-    dreamer = Dreamer(model, heights, small_network.pixels)
+    dreamer = ModelImagination(model, heights, small_network.pixels)
     dreamt = dreamer.imagine(HERE, actions)
     for path, some in zip(dreamt, actions, strict=True):
         assert torch.allclose(
@@ -173,13 +168,11 @@ def test_dreams_are_the_models_rollouts(small_network, rng):
 
 
 def test_a_memory_is_never_longer_than_training_has_seen(small_network, rng):
-    """With the horizon; after more steps it is that of the last half."""
-    model, heights = (
-        DynamicsModel(small_network, roles=["novice"]).eval(),
-        np.zeros((61, 61)),
-    )
+    """Memory and horizon fit into the trained length; later the last half is kept."""
+    model = DynamicsModel(small_network, roles=["novice"]).eval()
+    heights = np.zeros((61, 61))
     actions = rng.uniform(-1, 1, (STEPS - 12 + 1, 2))
-    long, short = (Dreamer(model, heights, 8, horizon=12) for _ in range(2))
+    long, short = (ModelImagination(model, heights, 8, horizon=12) for _ in range(2))
     for action in actions:
         long.observe(HERE, action)
     for action in actions[-(STEPS - 12) // 2 :]:
@@ -212,18 +205,9 @@ def test_settings_without_a_plan_are_refused(changes, fault):
 
 
 def test_the_straight_driver_turns_towards_its_goal():
-    """Left is steered left, which is negative."""
-    assert heading_to(HERE, np.array([1.0, 1.0])) == pytest.approx(math.pi / 4)
-    assert (
-        straight(HERE, np.array([5.0, 1.0]))[1]
-        < 0
-        < straight(HERE, np.array([5.0, -1.0]))[1]
-    )
-    assert (
-        drive(
-            np.array([4.0, 3.0]),
-            lambda state: straight(state, np.array([4.0, 3.0])),
-            200,
-        )
-        < 200
-    )
+    """Steering to the left is negative."""
+    assert relative_bearing(HERE, np.array([1.0, 1.0])) == pytest.approx(math.pi / 4)
+    assert steer_to_goal(HERE, np.array([5.0, 1.0]))[1] < 0
+    assert steer_to_goal(HERE, np.array([5.0, -1.0]))[1] > 0
+    goal = np.array([4.0, 3.0])
+    assert drive(goal, lambda state: steer_to_goal(state, goal), 200) < 200

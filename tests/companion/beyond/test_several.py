@@ -6,9 +6,9 @@ import pytest
 import torch
 
 from companion.beyond.several import (
-    as_novice,
-    fresh_around,
-    nearest,
+    expert_as_novice,
+    fresh_novice,
+    nearest_expert,
     several_trainer,
     train_several,
 )
@@ -22,7 +22,7 @@ UNITS = Standardisation.none()
 
 @pytest.fixture
 def experts(make_motion):
-    """Three robots of the same law with other gains."""
+    """Three robots of the same law with different gains."""
     return {
         name: make_motion(8, number, gain=gain)
         for number, (name, gain) in enumerate(
@@ -39,8 +39,10 @@ def alone(small_training):
 
 
 def test_a_batch_is_drawn_from_all_and_all_learn(experts, small_network, alone):
-    """Every expert about as often; after a phase every part has changed, and one curve
-    holds all losses."""
+    """Every expert is drawn about as often.
+
+    After a phase every part has changed, and one curve holds all losses.
+    """
     trainer = several_trainer(experts, small_network, alone, 0, UNITS)
     before = {name: part.clone() for name, part in trainer.model.state_dict().items()}
     counts = dict.fromkeys(experts, 0)
@@ -64,10 +66,10 @@ def test_trajectories_to_stop_by_are_not_learnt_from(experts, small_network, alo
     losses = []
     for role, windows in experts.items():
         learning = trainer.sampler.windows[role]
-        left = sorted(set(range(len(windows))) - set(learning.places.tolist()))
+        left = sorted(set(range(len(windows))) - set(learning.row_indices.tolist()))
         assert len(learning) == 6 and len(left) == 2
         losses.append(mean_loss(trainer.model, windows.subset(left), role))
-    assert trainer.take_test().test_loss == pytest.approx(sum(losses) / 3)
+    assert trainer.run_test().test_loss == pytest.approx(sum(losses) / 3)
 
 
 def test_one_expert_alone_is_learnt_and_the_run_repeats(
@@ -78,17 +80,14 @@ def test_one_expert_alone_is_learnt_and_the_run_repeats(
         train_several({"expert": motion}, small_network, alone, 0, UNITS)
         for _ in range(2)
     ]
-    assert (
-        runs[0].history == runs[1].history
-        and runs[0].best_test_loss < runs[0].history[0].test_loss
-    )
+    assert runs[0].history == runs[1].history
+    assert runs[0].best_test_loss < runs[0].history[0].test_loss
 
 
 def test_a_novice_goes_on_from_the_nearest_expert(
     experts, small_network, alone, make_motion, datasets
 ):
-    """The one whose law is the novice's; its parts stand in the novice's place, and
-    train on."""
+    """The novice starts from the expert with its own law, and trains its parts."""
     model = train_several(
         experts,
         small_network,
@@ -97,11 +96,11 @@ def test_a_novice_goes_on_from_the_nearest_expert(
         UNITS,
     ).model
     novice = make_motion(4, 9, gain=-1.0)
-    role = nearest(model, novice)
+    role = nearest_expert(model, novice)
     assert role == "member1"
-    start = as_novice(model, role)
+    start = expert_as_novice(model, role)
     own = DynamicsModel(small_network, UNITS, roles=["novice"])
-    own.start(start)
+    own.initialise_from(start)
     assert mean_loss(own.eval(), novice) == pytest.approx(
         mean_loss(model, novice, role)
     )
@@ -118,10 +117,8 @@ def test_a_novice_goes_on_from_the_nearest_expert(
 
 def test_fresh_parts_stand_around_the_same_sidm(experts, small_network, alone):
     model = train_several(experts, small_network, alone, 0, UNITS).model
-    start, plain = (
-        fresh_around(model, small_network, UNITS, 3),
-        DynamicsModel(small_network, UNITS, 3, ["novice"]),
-    )
+    start = fresh_novice(model, small_network, UNITS, 3)
+    plain = DynamicsModel(small_network, UNITS, 3, ["novice"])
     assert start.keys() == plain.state_dict().keys()
     for name, part in start.items():
         source = model if name.startswith("sidm.") else plain

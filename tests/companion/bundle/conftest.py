@@ -14,8 +14,10 @@ from tests.sidm.learning.test_other_bodies import motion
 
 @pytest.fixture
 def make_run(small_training) -> Callable[..., Run]:
-    """A trial with made-up data of its own: `make_run(seed, pair of bodies, sizes,
-    settings)`."""
+    """Function that makes a run with its own random data.
+
+    Call `make_run(seed, pair of bodies, sizes, settings)`.
+    """
 
     def make(
         seed=0,

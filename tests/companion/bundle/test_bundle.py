@@ -1,4 +1,4 @@
-"""A bundle of trials gives what each gives alone, whatever the others do."""
+"""A bundle gives each of its trials the result of the trial alone."""
 
 import dataclasses
 
@@ -8,9 +8,9 @@ import torch
 from companion.bundle import Run, train_bundle
 from companion.bundle.adam import StackedAdam
 from companion.bundle.bundle import Bundle
+from companion.bundle.device_data import DeviceData
+from companion.bundle.models import StackedModels
 from companion.bundle.recurrence import Recurrence, lstm
-from companion.bundle.shelf import Shelf
-from companion.bundle.stack import Stack
 from sidm.config import ConfigError
 from sidm.learning import Datasets, TrainingError, train
 from sidm.learning.arithmetic import matmul_precision
@@ -29,14 +29,14 @@ RECIPE = dict(
     discriminator_draw="one",
     **SHARED_L2,
 )
-#: relative, of losses: sums run in another order; two tests of a run here are never as
-#: near
+#: relative tolerance of losses, whose sums run in another order; two tests of a run
+#: always differ by more
 ROUNDING = 1e-4
 
 
 @pytest.fixture
 def five(make_run):
-    """Unlike sizes, seeds, systems and methods, of unlike length."""
+    """Runs that differ in size, seed, system, method and length."""
     alone = dict(p_expert=0.0, regularise=False)
     return [
         make_run(0),
@@ -52,28 +52,28 @@ def alone(run: Run, network, **more):
 
 
 def results(ended) -> dict:
-    return {one.number: one.result for one in ended}
+    return {outcome.number: outcome.result for outcome in ended}
 
 
 def assert_same(bundled, single, rel=ROUNDING):
-    """The learning curve, the counters and the weights that were kept."""
+    """Compare the learning curve, the counters and the kept weights."""
     for name in ("samples", "iterations", "best_samples", "stopped_early"):
         assert getattr(bundled, name) == getattr(single, name)
     assert bundled.best_test_loss == pytest.approx(single.best_test_loss, rel=rel)
     assert len(bundled.history) == len(single.history) > 0
-    for mine, theirs in zip(bundled.history, single.history, strict=True):
-        assert mine[:3] == pytest.approx(theirs[:3], rel=rel)
-        assert mine.validation_loss == pytest.approx(theirs.validation_loss, rel=rel)
+    for entry, expected in zip(bundled.history, single.history, strict=True):
+        assert entry[:3] == pytest.approx(expected[:3], rel=rel)
+        assert entry.validation_loss == pytest.approx(expected.validation_loss, rel=rel)
         # a sample or two
-        assert mine.discriminator_accuracy == pytest.approx(
-            theirs.discriminator_accuracy, abs=0.06
+        assert entry.discriminator_accuracy == pytest.approx(
+            expected.discriminator_accuracy, abs=0.06
         )
     assert len(bundled.components) == len(single.components) > 0
-    for mine, theirs in zip(bundled.components, single.components, strict=True):
-        assert mine.samples == theirs.samples
+    for entry, expected in zip(bundled.components, single.components, strict=True):
+        assert entry.samples == expected.samples
         for kind in ("test", "validation"):
-            losses = getattr(theirs, kind)
-            assert getattr(mine, kind) == pytest.approx(
+            losses = getattr(expected, kind)
+            assert getattr(entry, kind) == pytest.approx(
                 losses, rel=10 * rel, abs=rel * sum(losses)
             )
     for name, weights in single.model.state_dict().items():
@@ -109,46 +109,46 @@ def assert_same(bundled, single, rel=ROUNDING):
 )
 def test_a_bundle_of_one_is_the_trial(make_run, small_network, changes):
     run = make_run(**changes)
-    ((number, bundled, seconds),) = train_bundle([run], small_network, seats=1)
+    ((number, bundled, seconds),) = train_bundle([run], small_network, slots=1)
     assert number == 0 and seconds > 0
     assert_same(bundled, alone(run, small_network))
 
 
-@pytest.mark.parametrize("seats", [1, 2, 5])
-def test_a_bundle_of_unlike_trials_is_each_of_them(five, small_network, seats):
-    """Those that end make room for those that wait, and then the bundle shrinks."""
+@pytest.mark.parametrize("slots", [1, 2, 5])
+def test_a_bundle_of_unlike_trials_is_each_of_them(five, small_network, slots):
+    """Finished trials make room for waiting ones; then the bundle shrinks."""
     reported = []
-    ended = results(
-        train_bundle(
-            five, small_network, seats, progress=lambda *what: reported.append(what)
-        )
-    )
-    assert list(ended) != sorted(ended) or seats == 1
+
+    def report(*progress):
+        reported.append(progress)
+
+    ended = results(train_bundle(five, small_network, slots, progress=report))
+    assert list(ended) != sorted(ended) or slots == 1
     assert set(ended) == set(range(5))
     for number, run in enumerate(five):
         assert_same(ended[number], alone(run, small_network))
-        assert [tested for who, tested in reported if who == number] == ended[
-            number
-        ].history
+        tests = [test for reporter, test in reported if reporter == number]
+        assert tests == ended[number].history
 
 
 def test_low_precision(make_run, small_network):
-    """In bfloat16 too a bundle goes the way of the trial alone, as near as that
-    rounds."""
+    """In bfloat16, too, a bundle agrees with the trial alone, within rounding."""
     runs = [
         make_run(0, precision="bfloat16"),
         make_run(1, novice=9, precision="bfloat16"),
     ]
-    for number, bundled, _ in train_bundle(runs, small_network, seats=2):
+    for number, bundled, _ in train_bundle(runs, small_network, slots=2):
         assert_same(bundled, alone(runs[number], small_network), rel=1e-3)
 
 
 def test_encoders_alone_are_low(make_run, small_network):
-    """The latents are rounded as those of a trial alone are; tests are exact."""
+    """Latents are rounded as those of a trial alone; tests are exact."""
     trainer = Trainer(
         make_run().datasets, small_network, make_run(precision="bfloat16").training, 0
     )
-    stack = Stack(small_network, ("novice", "expert"), 1, torch.device("cpu"), low=True)
+    stack = StackedModels(
+        small_network, ("novice", "expert"), 1, torch.device("cpu"), low=True
+    )
     stack.put(
         0,
         {
@@ -164,7 +164,7 @@ def test_encoders_alone_are_low(make_run, small_network):
     assert torch.allclose(
         exact, trainer.model.encoders["novice"](motion.inputs, motion.maps), atol=1e-5
     )
-    # of four layers, each to the 8 bits of bfloat16
+    # rounding of four layers, each to the 8 bits of bfloat16
     rounding = 4 * exact.abs().max().item() / 2**8
     assert torch.allclose(low, trainer.encode("novice", motion), atol=rounding)
     assert 1e-3 < (low - exact).abs().max() < rounding
@@ -175,7 +175,7 @@ def test_a_loss_that_is_not_finite_ends_that_trial_alone(five, small_network):
     five[4] = five[4]._replace(
         training=dataclasses.replace(five[4].training, learning_rate=1e11)
     )
-    ended = results(train_bundle(five, small_network, seats=3))
+    ended = results(train_bundle(five, small_network, slots=3))
     for number, what in ((2, "training"), (4, "test|training")):
         assert isinstance(ended[number], TrainingError) and ended[number].iteration == 4
         with pytest.raises(
@@ -187,28 +187,29 @@ def test_a_loss_that_is_not_finite_ends_that_trial_alone(five, small_network):
 
 
 def test_a_trial_that_ends_within_a_phase(make_run, small_network):
-    """It stands still until the phase of the others is over, also where its first test
-    comes last."""
+    """A finished trial waits until the phase of the others ends.
+
+    This holds also where its first test comes last.
+    """
     runs = [make_run(0), make_run(1, max_samples=24 * 2)]
-    for number, bundled, _ in train_bundle(runs, small_network, seats=2):
+    for number, bundled, _ in train_bundle(runs, small_network, slots=2):
         assert_same(bundled, alone(runs[number], small_network))
 
 
 def test_a_finished_checkpoint(make_run, small_network, tmp_path):
-    """Nothing is left to do but to give the result."""
+    """Nothing remains but to return the result."""
     run = make_run(checkpoint=tmp_path)
     first = train(
         run.datasets, small_network, run.training, run.seed, checkpoint=tmp_path
     )
-    ((_, again, _),) = train_bundle([run], small_network, seats=3)
+    ((_, again, _),) = train_bundle([run], small_network, slots=3)
     assert_same(again, first, rel=1e-7)
 
 
 def test_the_released_recipe_side_by_side_and_from_checkpoints(
     make_run, small_network, tmp_path
 ):
-    """Of unlike seeds, which draw systems unlike, stopped on the way and gone on
-    with."""
+    """Runs have different seeds, which draw different systems; they stop and resume."""
     runs = [
         make_run(seed, max_samples=24 * 30, checkpoint=tmp_path / str(seed), **RECIPE)
         for seed in range(3)
@@ -219,14 +220,14 @@ def test_the_released_recipe_side_by_side_and_from_checkpoints(
         predict(trainer)
         regularise(trainer)
         Checkpoint(run.checkpoint).save(trainer)
-    for number, bundled, _ in train_bundle(runs, small_network, seats=2):
+    for number, bundled, _ in train_bundle(runs, small_network, slots=2):
         assert_same(bundled, expected[number])
 
 
 def test_large_convolutions_are_done_in_pieces(make_run, small_network, monkeypatch):
     run = make_run()
-    monkeypatch.setattr("companion.bundle.stack.LARGEST", 5000)
-    ((_, bundled, _),) = train_bundle([run], small_network, seats=1)
+    monkeypatch.setattr("companion.bundle.models.MOST_ELEMENTS", 5000)
+    ((_, bundled, _),) = train_bundle([run], small_network, slots=1)
     assert_same(bundled, alone(run, small_network))
 
 
@@ -239,25 +240,26 @@ def test_a_bundle_that_the_memory_does_not_hold_is_refused_in_one_line(
     monkeypatch.setattr(Bundle, "timed_phase", full)
     with pytest.raises(
         ConfigError,
-        match=r"^the memory of cpu does not hold 2 trials side by side; choose a smaller",
+        match="^the memory of cpu does not hold 2 trials side by side; "
+        "choose a smaller",
     ):
-        list(train_bundle([make_run(0), make_run(1)], small_network, seats=3))
+        list(train_bundle([make_run(0), make_run(1)], small_network, slots=3))
     with pytest.raises(
         ConfigError,
         match=r"^the memory of cpu does not hold the trial; choose smaller networks",
     ):
-        list(train_bundle([make_run(0)], small_network, seats=3))
+        list(train_bundle([make_run(0)], small_network, slots=3))
 
 
 def test_what_trials_of_a_bundle_share(make_run, small_network, make_motion):
     with pytest.raises(ConfigError, match="one Training.batch, not 4 and 5"):
-        next(train_bundle([make_run(), make_run(1, batch=5)], small_network, seats=2))
+        next(train_bundle([make_run(), make_run(1, batch=5)], small_network, slots=2))
     strange = make_run()._replace(datasets=Datasets(*[make_motion(3, steps=7)] * 4))
     with pytest.raises(
         ConfigError, match=r"must have one shape, not \[\(6, 8, 8\), \(7, 8, 8\)\]"
     ):
-        next(train_bundle([make_run(), strange], small_network, seats=2))
-    assert list(train_bundle([], small_network, seats=2)) == []
+        next(train_bundle([make_run(), strange], small_network, slots=2))
+    assert list(train_bundle([], small_network, slots=2)) == []
 
 
 def test_rounding_of_products_is_set_and_put_back():
@@ -269,14 +271,14 @@ def test_rounding_of_products_is_set_and_put_back():
         assert (matrices.allow_tf32, networks.allow_tf32) == before
 
 
-def test_the_shelf_holds_shared_data_once(make_motion):
+def test_shared_data_are_on_the_device_once(make_motion):
     pool, expert = make_motion(10), make_motion(4, seed=1)
     parts = pool.subset([7, 2, 5]), pool.subset([1])
-    shelf = Shelf([parts[0], expert, parts[1], expert], torch.device("cpu"))
-    assert len(shelf.motion) == 15 and shelf.steps == 6
+    data = DeviceData([parts[0], expert, parts[1], expert], torch.device("cpu"))
+    assert len(data.windows) == 15 and data.steps == 6
     for motion in (*parts, pool, expert):
         assert torch.equal(
-            shelf.motion.take(shelf.places(motion)).maps,
+            data.windows.take(data.rows(motion)).maps,
             motion.take(range(len(motion))).maps,
         )
 
@@ -287,7 +289,7 @@ def test_the_recurrence_is_an_lstm():
         torch.nn.LSTM(5, 4, 3, batch_first=True, dtype=torch.double) for _ in range(2)
     ]
     stacked = {
-        name: torch.stack([one.state_dict()[name] for one in single])
+        name: torch.stack([model.state_dict()[name] for model in single])
         for name in single[0].state_dict()
     }
     inputs = torch.randn(2, 3, 7, 5, dtype=torch.double)  # M, B, T, K
@@ -308,8 +310,10 @@ def test_the_gradient_of_the_recurrence():
 
 @pytest.mark.parametrize("decoupled", [True, False])
 def test_stacked_adam_is_adam_of_each(decoupled):
-    """With unlike settings; a trial that does not move stays as it is, moments and step
-    count too."""
+    """Settings differ.
+
+    The weights, moments and step count of a trial that does not move stay the same.
+    """
     torch.manual_seed(0)
     rates, decays = (1e-2, 3e-3, 1e-1), (0.1, 0.0, 0.5)
     start = torch.randn(3, 4, 2)
@@ -320,18 +324,18 @@ def test_stacked_adam_is_adam_of_each(decoupled):
         for one, r, d in zip(single, rates, decays, strict=True)
     ]
     stacked = start.clone()
-    ours = StackedAdam({"w": stacked}, decoupled)
+    stacked_adam = StackedAdam({"w": stacked}, decoupled)
     for trial, (rate, decay) in enumerate(zip(rates, decays, strict=True)):
-        ours.put(trial, rate, decay, {})
+        stacked_adam.put(trial, rate, decay, {})
     for _ in range(8):
         gradient, moving = torch.randn(3, 4, 2), torch.rand(3) < 0.7
-        ours.step({"w": gradient}, moving)
+        stacked_adam.step({"w": gradient}, moving)
         for trial, adam in enumerate(adams):
             if moving[trial]:
                 single[trial].grad = gradient[trial]
                 adam.step()
     assert torch.allclose(stacked, torch.stack(single).detach(), rtol=1e-5)
-    taken = ours.get(0)
+    taken = stacked_adam.get(0)
     assert taken["w/step"] == adams[0].state[single[0]]["step"]
     assert torch.allclose(
         taken["w/exp_avg_sq"], adams[0].state[single[0]]["exp_avg_sq"], rtol=1e-5

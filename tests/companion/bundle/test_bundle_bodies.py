@@ -1,5 +1,4 @@
-"""Bundles of robots that are not the paper's, or of two bodies, give what trials alone
-give."""
+"""Bundles of other robots, or of two bodies, agree with trials alone."""
 
 import dataclasses
 
@@ -11,7 +10,7 @@ from sidm.body import DRIVE, ROVER, TWIST, Body
 from sidm.learning import TrainingError
 from sidm.learning.resuming import Checkpoint
 from sidm.learning.trainer import Trainer
-from sidm.rivals.fine_tuning import expert_in_place, start_from
+from sidm.rivals.fine_tuning import pretrained_from, pretraining_datasets
 from tests.companion.bundle.test_bundle import alone, assert_same, results
 from tests.sidm.learning.test_other_bodies import ARM, BLIND, TRACKED
 
@@ -41,32 +40,31 @@ def network_of(small_network):
     )
 
 
-@pytest.mark.parametrize("seats", [1, 3])
+@pytest.mark.parametrize("slots", [1, 3])
 @pytest.mark.parametrize(
     "pair", PAIRS, ids=lambda pair: f"{pair[0].name} of {pair[1].name}"
 )
 def test_a_bundle_of_any_bodies_is_each_of_its_trials(
-    make_run, network_of, pair, seats
+    make_run, network_of, pair, slots
 ):
-    """With an SIDM, without its adversary, and on the novice alone."""
+    """The methods are SIDM, SIDM without the adversary, and the novice alone."""
     runs = [
         make_run(0, pair),
         make_run(1, pair, regularise=False, max_samples=24 * 8),
         make_run(2, pair, **ALONE),
     ]
-    for number, bundled, _ in train_bundle(runs, network_of(pair), seats):
+    for number, bundled, _ in train_bundle(runs, network_of(pair), slots):
         assert_same(bundled, alone(runs[number], network_of(pair)))
 
 
 def test_a_pretrained_core_is_fine_tuned_or_frozen(make_run, network_of):
-    """Side by side, each from what a bundle learnt from the expert alone, in the
-    novice's place."""
+    """Bundles start from weights that another bundle learnt from the expert alone."""
     pair, first = (TRACKED, ROVER), network_of((ROVER, ROVER))
     made = make_run(0, pair, **ALONE)
-    expert = made._replace(datasets=expert_in_place(made.datasets, 0))
+    expert = made._replace(datasets=pretraining_datasets(made.datasets, 0))
     ((_, pretrained, _),) = train_bundle([expert], first, 1)
     assert_same(pretrained, alone(expert, first))
-    core = start_from(pretrained).core().weights
+    core = pretrained_from(pretrained).core().weights
     runs = [
         make_run(3, pair, start=core, frozen=frozen, weight_decay=0.1, **ALONE)
         for frozen in ("nothing", "sidm")
@@ -83,11 +81,11 @@ def test_a_pretrained_core_is_fine_tuned_or_frozen(make_run, network_of):
 def test_weights_of_the_loss_are_the_novices_whatever_it_starts_from(
     make_run, network_of
 ):
-    """Units come with the weights of one's like; what components count does not."""
+    """Start weights bring their units, but not the weights of the loss's components."""
     network = network_of((TRACKED, TRACKED))
     made = make_run(0, (TRACKED, TRACKED), **ALONE)
-    start = start_from(
-        alone(made._replace(datasets=expert_in_place(made.datasets, 0)), network)
+    start = pretrained_from(
+        alone(made._replace(datasets=pretraining_datasets(made.datasets, 0)), network)
     ).weights
     ((_, bundled, _),) = train_bundle([run := made._replace(start=start)], network, 1)
     assert_same(bundled, alone(run, network))
@@ -96,7 +94,7 @@ def test_weights_of_the_loss_are_the_novices_whatever_it_starts_from(
 @pytest.mark.parametrize("pair", [(TRACKED, ROVER), (ROVER, ROVER)])
 @pytest.mark.parametrize("bad", ["train", "expert"])
 def test_data_of_one_trial_do_not_reach_another(make_run, network_of, bad, pair):
-    """Nor what a trial computes where none of a system's trajectories was drawn."""
+    """This holds also where none of a system's trajectories was drawn."""
     network = network_of(pair)
     runs = [make_run(0, pair), make_run(1, pair, **ALONE), make_run(2, pair)]
     getattr(runs[0].datasets, bad).inputs[:] = float("nan")
@@ -107,11 +105,15 @@ def test_data_of_one_trial_do_not_reach_another(make_run, network_of, bad, pair)
 
 
 def test_a_killed_bundle_goes_on(make_run, network_of, tmp_path, monkeypatch):
-    """From its trials' checkpoints, which are those of trials alone, also where a part
-    is frozen."""
+    """A bundle resumes from its trials' checkpoints, also with a frozen part.
+
+    They are the checkpoints of trials alone.
+    """
     pair, network = (TRACKED, ROVER), network_of((TRACKED, ROVER))
     core = (
-        start_from(alone(make_run(**ALONE), network_of((ROVER, ROVER)))).core().weights
+        pretrained_from(alone(make_run(**ALONE), network_of((ROVER, ROVER))))
+        .core()
+        .weights
     )
     frozen = dict(start=core, frozen="sidm", **ALONE)
     runs = [

@@ -19,17 +19,19 @@ from sidm.learning import TrainingError
 
 
 def diverging(trial):
-    """The same trial with steps that no loss survives."""
+    """The same trial with learning rates that make the loss infinite."""
     return trial.replace(
         training=dataclasses.replace(trial.training, learning_rate=1e11)
     )
 
 
 def of_two_bodies(study, novice):
-    """Every method that learns such pairs; what pretrains the core is the expert alone,
-    of its own body."""
+    """Trials of every method that learns from two bodies.
+
+    The core is pretrained on the expert alone, with the expert's body.
+    """
     network = dataclasses.replace(study.preset.network, novice_body=NOVICES[novice])
-    other = study.of(dataclasses.replace(study.preset, network=network))
+    other = study.with_preset(dataclasses.replace(study.preset, network=network))
     return other.points("system1", ANY_BODIES, [0.25], seeds=1)
 
 
@@ -42,17 +44,18 @@ def of_two_bodies(study, novice):
     ],
 )
 def test_a_bundle_stores_what_trials_alone_give(study, data, tmp_path, made, groups):
-    """All methods and sizes side by side, in two seats; rounding apart."""
+    """All methods and sizes train side by side in two slots.
+
+    Results agree but for rounding.
+    """
     trials = made(study)
     assert all(map(fits, trials)) and sorted(map(len, bundles(trials))) == groups
     store = run(trials, data=data, results=tmp_path, progress=False, bundle=2)
     for trial, row in zip(trials, store.rows(trials), strict=True):
         alone = run_trial(trial, data).outcome
-        assert (
-            row.provenance.bundle == 2
-            and "bundle" in row.provenance.numerics
-            and not row.provenance.stale
-        )
+        assert row.provenance.bundle == 2
+        assert "bundle" in row.provenance.numerics
+        assert not row.provenance.stale
         assert row.outcome.validation_loss == pytest.approx(
             alone.validation_loss, rel=1e-3
         )
@@ -71,24 +74,21 @@ def test_a_bundle_stores_what_trials_alone_give(study, data, tmp_path, made, gro
 
 
 def test_what_goes_into_one_bundle(study):
-    """One system, one network, one kind of loop, one kind of pretraining; longest
-    first."""
+    """A bundle has one system, network, loop and pretraining; the longest go first."""
     trials = study.figure3("system1") + study.figure3("system2")
     other = trials[0].replace(training=dataclasses.replace(trials[0].training, batch=5))
     groups = bundles([*trials, other])
     assert sorted(map(len, groups)) == [1, 1, 2, 2, 4] and [other] in groups
-    assert [trial.novice_minutes for trial in max(groups, key=len)] == [
-        0.75,
-        0.75,
-        0.25,
-        0.25,
-    ]
+    expected = [0.75, 0.75, 0.25, 0.25]
+    assert [trial.novice_minutes for trial in max(groups, key=len)] == expected
 
 
 @pytest.mark.parametrize("bundle", [0, 2])
 def test_a_failure_is_kept_and_not_repeated(study, data, tmp_path, capsys, bundle):
-    """With its iteration; the others go on, and other code or a deleted file tries
-    again."""
+    """A failure is stored with its iteration, and the other trials go on.
+
+    The trial is tried again with other code or after its file was deleted.
+    """
     good, bad = study.figure3("system1")[1], diverging(study.figure3("system1")[0])
     with ThreadPoolExecutor(1) as pool:
         options = dict(
@@ -101,13 +101,14 @@ def test_a_failure_is_kept_and_not_repeated(study, data, tmp_path, capsys, bundl
         store = run([bad, good], **options)
         assert store.missing([bad, good]) == [bad]
         (failure,) = store.failures([bad, good])
-        assert (
-            failure.trial == bad
-            and failure.loss in ("nan", "inf")
-            and failure.iteration == 5
+        assert failure.trial == bad
+        assert failure.loss in ("nan", "inf")
+        assert failure.iteration == 5
+        message = (
+            f"companion: {bad}: failed, the {failure.what} loss was {failure.loss} "
+            "after 5 iterations"
         )
-        said = f"companion: {bad}: failed, the {failure.what} loss was {failure.loss} after 5 iterations"
-        assert capsys.readouterr().err.strip() == said
+        assert capsys.readouterr().err.strip() == message
         written = store.failed.path(bad).stat().st_mtime_ns
         run([bad], **options)
         assert "not run again unless" in capsys.readouterr().err
@@ -117,33 +118,35 @@ def test_a_failure_is_kept_and_not_repeated(study, data, tmp_path, capsys, bundl
 def test_one_fault_in_a_bundle_loses_no_other(
     study, data, tmp_path, capsys, monkeypatch
 ):
-    """Data that are not a trial's, a damaged checkpoint, an outcome that cannot be
-    stored: one line each."""
+    """Each fault is reported in one line.
+
+    Faults are other data, a damaged checkpoint, an outcome that cannot be stored.
+    """
     damaged, infinite, good = study.figure3("system1")[:3]
     strange = damaged.replace(rollout_data="0" * 16)
     folder = checkpoint_folder(data, damaged, "bundle")
     folder.mkdir(parents=True)
     (folder / "checkpoint.npz").write_bytes(b"no archive")
-    true = bundled.evaluate
+    true = bundled.outcome_of
 
     def evaluate(trial, *rest):
         return dataclasses.replace(
             true(trial, *rest), best_test_loss=float("nan" if trial == infinite else 1)
         )
 
-    monkeypatch.setattr(bundled, "evaluate", evaluate)
+    monkeypatch.setattr(bundled, "outcome_of", evaluate)
     trials = [strange, damaged, infinite, good]
     store = run(trials, data=data, results=tmp_path, progress=False, bundle=4)
     shutil.rmtree(folder)
     assert store.missing(trials) == [strange, damaged, infinite]
-    said = capsys.readouterr().err.strip().splitlines()
-    assert len(said) == 3
+    errors = capsys.readouterr().err.strip().splitlines()
+    assert len(errors) == 3
     for words in ("digest", "the checkpoint is damaged", "a number is not finite"):
-        assert sum(words in line for line in said) == 1
+        assert sum(words in line for line in errors) == 1
 
 
 def test_a_later_success_replaces_a_failure(study, data, tmp_path, make_row):
-    """And a failure of other code does not count."""
+    """A failure of other code does not count."""
     trial, store = diverging(study.figure3("system1")[0]), Results(tmp_path)
     with pytest.raises(TrainingError, match="after 5 iterations"):
         run_here(trial, data, store, progress=False)
@@ -160,7 +163,7 @@ def test_a_later_success_replaces_a_failure(study, data, tmp_path, make_row):
 
 
 def test_event_files_hold_the_curve(study, data, tmp_path):
-    """One run a trial, in TensorBoard's own reading."""
+    """TensorBoard's own reader finds one run for each trial."""
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
     trial = study.figure3("system1")[0]
@@ -168,12 +171,12 @@ def test_event_files_hold_the_curve(study, data, tmp_path):
     (folder,) = (tmp_path / "log").iterdir()
     assert folder.name == f"system1-{trial.method}-0.25-min-seed-0-{trial.key}"
     events = EventAccumulator(str(folder)).Reload()
-    found = {event.step: event.value for event in events.Scalars("loss/test")}
+    losses = {event.step: event.value for event in events.Scalars("loss/test")}
     for samples, loss in zip(
         row.outcome.curve_samples, row.outcome.curve_test_loss, strict=True
     ):
-        assert found[samples] == pytest.approx(loss, rel=1e-5)
-    assert len(events.Scalars("loss/training")) == len(found)
+        assert losses[samples] == pytest.approx(loss, rel=1e-5)
+    assert len(events.Scalars("loss/training")) == len(losses)
 
 
 def test_without_tensorboard(study, data, tmp_path, monkeypatch):
@@ -183,18 +186,11 @@ def test_without_tensorboard(study, data, tmp_path, monkeypatch):
 
 
 def test_the_command_line(tiny, study, data, tmp_path, capsys, monkeypatch):
-    """`run --bundle --log` stores; `show` names failures."""
+    """`run --bundle --log` stores results; `show` names failures."""
     monkeypatch.setattr("companion.commands._preset", lambda _: tiny)
-    common = [
-        "--preset",
-        "smoke",
-        "--data",
-        str(data),
-        "--results",
-        str(tmp_path),
-        "--system",
-        "system1",
-    ]
+    common = (
+        f"--preset smoke --data {data} --results {tmp_path} --system system1".split()
+    )
     trials = study.figure3("system1")
     store, log = Results(tmp_path), tmp_path / "log"
     with pytest.raises(TrainingError):
@@ -206,9 +202,7 @@ def test_the_command_line(tiny, study, data, tmp_path, capsys, monkeypatch):
     assert f"note: {trials[0]}: failed" in capsys.readouterr().out
     store.failed.path(trials[0]).unlink()
     assert main(["run", *common, "--bundle", "4", "--log", str(log)]) == 0
-    assert (
-        "6 of 6 trials stored" in capsys.readouterr().out
-        and len(list(log.iterdir())) == 6
-    )
+    assert "6 of 6 trials stored" in capsys.readouterr().out
+    assert len(list(log.iterdir())) == 6
     with pytest.raises(ConfigError, match="bundle must not be negative"):
         run([], bundle=-1, results=tmp_path)

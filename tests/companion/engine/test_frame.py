@@ -12,7 +12,7 @@ from tests.companion.conftest import RESULTS
 
 @pytest.fixture
 def store(study, make_row):
-    """Three seeds of three methods, one of them pretrained."""
+    """Results of three seeds of three methods, one of them pretrained."""
     store = Results(study.results)
     methods = ["sidm", "novice_only", "pretrain_finetune"]
     for number, trial in enumerate(study.points("system1", methods, [0.25], seeds=3)):
@@ -22,37 +22,27 @@ def store(study, make_row):
 
 def test_every_value_of_a_row_is_a_column(store):
     frame = store.frame()
-    assert (
-        list(frame.columns) == [name for name, _, _ in columns()]
-        and frame.index.is_unique
-    )
+    assert list(frame.columns) == [name for name, _, _ in columns()]
+    assert frame.index.is_unique
     for row in store.all():
         line = frame.loc[row.trial.key]
-        assert (
-            line.validation_loss == row.outcome.validation_loss
-            and line.seed == row.trial.seed
-        )
-        assert (
-            line.learning_rate == row.trial.training.learning_rate
-            and line.pixels == row.trial.network.pixels
-        )
-        assert (
-            line.component_losses == row.outcome.component_losses
-            and line.date == row.provenance.date
-        )
+        assert line.validation_loss == row.outcome.validation_loss
+        assert line.seed == row.trial.seed
+        assert line.learning_rate == row.trial.training.learning_rate
+        assert line.pixels == row.trial.network.pixels
+        assert line.component_losses == row.outcome.component_losses
+        assert line.date == row.provenance.date
         assert pd.isna(line.pretraining_batch) == (row.trial.pretraining is None)
         assert not line.stale
 
 
 def test_every_column_says_what_it_is():
     names = [name for name, _, _ in columns()]
-    assert len(set(names)) == len(names) and all(
-        kind and words for _, kind, words in columns()
-    )
-    told = {name: words for name, _, words in columns()}
-    assert "min" in told["novice_minutes"] and told["own"].endswith(
-        "as if the system were an input"
-    )
+    assert len(set(names)) == len(names)
+    assert all(kind and words for _, kind, words in columns())
+    meanings = {name: words for name, _, words in columns()}
+    assert "min" in meanings["novice_minutes"]
+    assert meanings["own"].endswith("as if the system were an input")
 
 
 def test_trials_that_are_not_stored_have_no_line(store, study, tmp_path):
@@ -64,25 +54,25 @@ def test_trials_that_are_not_stored_have_no_line(store, study, tmp_path):
 
 def test_show_writes_a_table(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    words = ["--preset", "smoke", "--results", str(tmp_path), "--csv", "mine.csv"]
-    assert main(["show", *words]) == 0
-    said = capsys.readouterr().out.splitlines()
-    assert said[-2] == "table: mine.csv" and said[-1] == "missing: 12"
+    arguments = ["--preset", "smoke", "--results", str(tmp_path), "--csv", "mine.csv"]
+    assert main(["show", *arguments]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[-2] == "table: mine.csv" and lines[-1] == "missing: 12"
     assert "validation_loss" in pd.read_csv("mine.csv").columns
 
 
 def test_a_file_has_what_fits_in_a_cell(store, tmp_path):
     numbers_and_words(store.frame()).to_csv(tmp_path / "a.csv")
     back = pd.read_csv(tmp_path / "a.csv", index_col="key")
-    assert (
-        "curve_samples" not in back
-        and back.validation_loss.sum() == store.frame().validation_loss.sum()
-    )
+    assert "curve_samples" not in back
+    assert back.validation_loss.sum() == store.frame().validation_loss.sum()
 
 
 def test_records_are_a_table_too():
     records = STUDIES["uncertainty"].module.records(RESULTS)
-    frame, found = records.frame(), records.all()
-    assert list(frame.trial_seed) == [one.about.trial.seed for one in found] != []
-    assert list(frame.date) == [one.provenance.date for one in found]
-    assert len(records.frame([found[0].about])) == 1
+    frame, stored = records.frame(), records.all()
+    assert (
+        list(frame.trial_seed) == [record.about.trial.seed for record in stored] != []
+    )
+    assert list(frame.date) == [record.provenance.date for record in stored]
+    assert len(records.frame([stored[0].about])) == 1

@@ -1,5 +1,7 @@
-"""Motion made again by a processor that rounds otherwise stands for that of the
-results; other motion does not."""
+"""Motion simulated again on another processor stands for the motion of the results.
+
+It may differ by rounding; other motion is refused.
+"""
 
 import dataclasses
 import os
@@ -23,8 +25,8 @@ from sidm.systems import SYSTEMS
 DATASET = Dataset(
     collection=Collection(system="system1", role="novice", seed=78), count=8
 )
-#: NumPy's and OpenBLAS' oldest ways to compute on x86; elsewhere nothing is reduced,
-#: and the bits may be the same.
+#: variables that select the oldest x86 instructions of NumPy and OpenBLAS; on other
+#: processors they change nothing, and the bits may be the same
 REDUCED = {
     "OPENBLAS_CORETYPE": "Nehalem",
     "NPY_DISABLE_CPU_FEATURES": " ".join(
@@ -37,14 +39,14 @@ REDUCED = {
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
-    """Those of another machine, whose data are not here."""
+    """Results of another machine, whose data are not on this one."""
     data, results = tmp_path_factory.mktemp("data"), tmp_path_factory.mktemp("results")
-    found = note_digest(
+    digest = note_digest(
         DATASET,
         collect(data, DATASET.collection, DATASET.count, workers=2, progress=False),
         data,
     )
-    note_committed(DATASET, found, data, results)
+    note_committed(DATASET, digest, data, results)
     return results
 
 
@@ -68,13 +70,13 @@ def reduced(tmp_path_factory):
 
 def test_what_differs_by_rounding_alone_serves_under_the_same_digest(results, reduced):
     known = read_record(next(results.rglob("*.json")))["digest"]
-    found = note_digest(
+    digest = note_digest(
         DATASET, load(reduced, DATASET.collection, DATASET.count), reduced
     )
-    assert (found != known) == bool(REDUCED["NPY_DISABLE_CPU_FEATURES"]), (
+    assert (digest != known) == bool(REDUCED["NPY_DISABLE_CPU_FEATURES"]), (
         "rounded alike"
     )
-    assert find_digest(DATASET, reduced, results) == found, (
+    assert find_digest(DATASET, reduced, results) == digest, (
         "not held against the results' yet"
     )
     assert verify(DATASET, reduced, results) == []
@@ -83,8 +85,7 @@ def test_what_differs_by_rounding_alone_serves_under_the_same_digest(results, re
 
 
 def test_another_robots_motion_is_refused(results, tmp_path, monkeypatch):
-    """Tyres with a tenth less friction; the digest stays that of the data
-    themselves."""
+    """Tyres have a tenth less friction; the digest stays that of the new data."""
     from sidm.simulation.collecting import make_shard
 
     own = SYSTEMS["system1"]
@@ -106,11 +107,10 @@ def test_other_actions_and_other_attempts_are_seen(make_trajectories):
     assert (
         "standard errors apart" in Likeness.of(one).differences(Likeness.of(other))[0]
     )
+    seeds = [t.ground.seed + 100 * (t.index % 5 == 0) for t in one]
     others = [
-        replace(
-            t, ground=t.ground._replace(seed=t.ground.seed + 100 * (t.index % 5 == 0))
-        )
-        for t in one
+        replace(t, ground=t.ground._replace(seed=seed))
+        for t, seed in zip(one, seeds, strict=True)
     ]
     assert "are other attempts" in Likeness.of(one).differences(Likeness.of(others))[0]
     assert Likeness.of(one).differences(Likeness.of(one[:8])) == [

@@ -1,4 +1,4 @@
-"""Trials and their data in one file, run elsewhere for as long as there is time."""
+"""Trials and their data in one file, run on another machine in limited time."""
 
 import dataclasses
 import itertools
@@ -20,14 +20,9 @@ from sidm.shards import ShardError
 @pytest.fixture
 def trials(study):
     """Both methods and fine-tuning, each long enough to be stopped on its way."""
-    return [
-        t.replace(
-            training=dataclasses.replace(
-                t.training, max_samples=20_000, patience=20_000
-            )
-        )
-        for t in study.figure3("system1")[:3]
-    ]
+    trials = study.figure3("system1")[:3]
+    caps = dict(max_samples=20_000, patience=20_000)
+    return [t.replace(training=dataclasses.replace(t.training, **caps)) for t in trials]
 
 
 def test_a_pack_holds_what_trials_need_and_no_more(trials, data, tmp_path):
@@ -36,14 +31,13 @@ def test_a_pack_holds_what_trials_need_and_no_more(trials, data, tmp_path):
     elsewhere = tmp_path / "elsewhere"
     assert unpack(file, elsewhere) == trials == unpack(file, elsewhere)
     for dataset in trials[0].datasets.values():
-        for one in dataset.collection.folder(elsewhere).glob("shard-*"):
+        for path in dataset.collection.folder(elsewhere).glob("shard-*"):
             assert (
-                one.read_bytes()
-                == (dataset.collection.folder(data) / one.name).read_bytes()
+                path.read_bytes()
+                == (dataset.collection.folder(data) / path.name).read_bytes()
             )
-    assert (
-        not list(elsewhere.rglob("maps-*")) and not (elsewhere / "trials.json").exists()
-    )
+    assert not list(elsewhere.rglob("maps-*"))
+    assert not (elsewhere / "trials.json").exists()
 
 
 def test_the_limit_leaves_out_what_has_no_room(trials, data, tmp_path):
@@ -69,14 +63,16 @@ def test_what_is_no_pack_is_refused_in_one_line(tmp_path):
 
 
 def test_stopped_by_the_clock_and_gone_on_with(trials, data, tmp_path, monkeypatch):
-    """In several calls, none of which is given the time for all, as in one; pretraining
-    is stopped too."""
+    """Several calls with too little time give what one call gives.
+
+    Pretraining is stopped, too.
+    """
     pack(trials, tmp_path / "pack.tar", data)
     whole = run(trials, data=data, results=tmp_path / "whole", progress=False, bundle=3)
     elsewhere, store, calls = tmp_path / "data", Results(tmp_path / "parts"), 0
     packed = unpack(tmp_path / "pack.tar", elsewhere)
     ticks = itertools.count()
-    # no test waits for a real one
+    # a fake clock, so that no test has to wait
     clock = SimpleNamespace(monotonic=lambda: float(next(ticks)))
     for module in (running, bundle_training, bundled):
         monkeypatch.setattr(module, "time", clock)
@@ -125,13 +121,13 @@ def test_killed_in_the_middle_it_goes_on_from_its_states(
         with pytest.raises(Killed):
             run([trial], data=data, results=tmp_path / "a", progress=False, bundle=1)
     assert checkpoint_folder(data, trial, "bundle").exists()
-    again = run(
+    repeated = run(
         [trial], data=data, results=tmp_path / "a", progress=False, bundle=1
     ).rows([trial])[0]
     whole = run(
         [trial], data=data, results=tmp_path / "b", progress=False, bundle=1
     ).rows([trial])[0]
-    assert again.provenance.resumed and again.outcome == whole.outcome
+    assert repeated.provenance.resumed and repeated.outcome == whole.outcome
 
 
 def test_seconds_are_a_bundles(trials, data, tmp_path):
@@ -141,8 +137,11 @@ def test_seconds_are_a_bundles(trials, data, tmp_path):
 
 def test_the_commands(study, trials, data, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("companion.commands._trials", lambda *_: trials)
-    file, own = tmp_path / "pack.tar", ["--data", str(data), "--results", str(tmp_path)]
-    assert main(["pack", str(file), "--preset", "smoke", *own]) == 0
+    file, places = (
+        tmp_path / "pack.tar",
+        ["--data", str(data), "--results", str(tmp_path)],
+    )
+    assert main(["pack", str(file), "--preset", "smoke", *places]) == 0
     assert "3 of 3 missing trials" in capsys.readouterr().out
     there = ["--data", str(tmp_path / "data"), "--results", str(tmp_path / "found")]
     assert (
@@ -151,5 +150,5 @@ def test_the_commands(study, trials, data, tmp_path, capsys, monkeypatch):
     )
     assert "3 of 3 trials stored" in capsys.readouterr().out
     assert main(["merge", str(tmp_path / "found"), "--results", str(tmp_path)]) == 0
-    assert main(["pack", str(file), "--preset", "smoke", *own]) == 2
+    assert main(["pack", str(file), "--preset", "smoke", *places]) == 2
     assert "no trial's data fit" in capsys.readouterr().err

@@ -1,5 +1,4 @@
-"""Pretrained weights: made once for all sizes, alone and in bundles, and named where
-they are damaged."""
+"""Pretrained weights are made once for all sizes; damaged ones are named."""
 
 from concurrent.futures import ThreadPoolExecutor
 
@@ -20,7 +19,7 @@ def trials(study):
 
 
 def test_the_weights_are_made_once(trials, data):
-    """For both sizes; the outcome says what the expert's samples were."""
+    """Both sizes share the weights; the outcome counts the expert's samples."""
     first = run_trial(trials[0], data).outcome
     (made,) = {pretrained.folder(trial, data) / "checkpoint.npz" for trial in trials}
     written = made.stat().st_mtime_ns
@@ -51,8 +50,10 @@ def test_damaged_weights_are_named(trials, data, tmp_path, bundle, capsys):
 
 
 def test_a_pretraining_has_the_expert_alone(trials):
-    """It stands in the novice's place; and what corrects a frozen model sees no expert
-    beside."""
+    """The expert takes the novice's place.
+
+    The correction of a frozen model has no expert beside it.
+    """
     both = replace(trials[0].training, p_expert=0.5)
     with pytest.raises(
         ConfigError, match="pretraining has the expert in the novice's place"
@@ -65,7 +66,7 @@ def test_a_pretraining_has_the_expert_alone(trials):
 
 
 def test_what_was_tuned_yields_to_what_is_asked_for(tiny, tmp_path):
-    """A method takes its tuned value; one given by hand holds for all."""
+    """A method takes its tuned value; a value given by hand holds for all methods."""
 
     def rates(preset):
         study = Study(preset, tmp_path, tmp_path)
@@ -85,7 +86,7 @@ def test_what_was_tuned_yields_to_what_is_asked_for(tiny, tmp_path):
 
 @pytest.mark.parametrize("bundle", [0, 1])
 def test_a_pretraining_that_fails_is_kept(trials, data, tmp_path, bundle):
-    """With its iteration, as any training; the trials of other weights go on."""
+    """Its failure is stored with the iteration; trials of other weights go on."""
     bad = trials[0].replace(
         seed=5, pretraining=replace(trials[0].pretraining, learning_rate=1e11)
     )

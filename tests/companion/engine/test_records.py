@@ -1,4 +1,4 @@
-"""Records: what is kept, what is refused, and what goes on when one fails."""
+"""Records: which are stored, which are refused, and what one failure changes."""
 
 from concurrent.futures import ThreadPoolExecutor
 
@@ -8,7 +8,7 @@ from companion import Study, load_preset
 from companion.engine.provenance import Provenance, here
 from companion.engine.records import Making, Records, key_of
 from companion.numerics import versions
-from companion.registry import MEASUREMENTS, NAMES, STUDIES, is_of_trials, overview, run
+from companion.registry import MEASUREMENTS, NAMES, STUDIES, is_grid, overview, run
 from sidm.config import ConfigError, config
 from sidm.storage import write_record
 from tests.companion.conftest import RESULTS
@@ -31,8 +31,7 @@ class Answer:
 
 
 def answer(question: Question) -> Answer:
-    """A third of it; none for more than a hundred, and none at all for less than
-    nothing."""
+    """A third of the question; an error above a hundred or below zero."""
     if question.minutes < 0:
         raise ValueError("less than nothing")
     value = float("nan") if question.minutes > 100 else question.minutes / 3
@@ -45,30 +44,25 @@ def store(tmp_path):
 
 
 def test_figures_are_rounded_and_what_they_are_about_is_not(store):
-    """A third of a minute is found again under its own key."""
+    """A question of a third of a minute is found under its own key."""
     third = Question(minutes=1 / 3)
     store.put(answer(third))
-    assert store.get(third).about == third and store.get(third).value == pytest.approx(
-        1 / 9, rel=1e-5
-    )
-    assert (
-        store.get(third).value != 1 / 9
-        and store.get(Question(minutes=0.333333)) is None
-    )
+    assert store.get(third).about == third
+    assert store.get(third).value == pytest.approx(1 / 9, rel=1e-5)
+    assert store.get(third).value != 1 / 9
+    assert store.get(Question(minutes=0.333333)) is None
     assert key_of(third) != key_of(Question(minutes=0.333333))
 
 
 def test_one_failure_does_not_lose_the_others(store, capsys):
-    """Each is a line; what is stored is not made again."""
+    """Each failure is a line; stored records are not made again."""
     questions = [Question(minutes=minutes) for minutes in (1.0, -1.0, 200.0, 2.0)]
     with ThreadPoolExecutor(1) as executor:
         assert store.run(questions, answer, executor, "answer", progress=False) == 2
-        said = capsys.readouterr().err
-        assert (
-            "answer failed: less than nothing" in said
-            and "a number is not finite" in said
-        )
-        assert [one.value for one in store.stored(questions)] == pytest.approx(
+        errors = capsys.readouterr().err
+        assert "answer failed: less than nothing" in errors
+        assert "a number is not finite" in errors
+        assert [record.value for record in store.stored(questions)] == pytest.approx(
             [1 / 3, 2 / 3], rel=1e-5
         )
         assert store.run(questions[:1], None, executor, "answer", progress=False) == 0
@@ -76,55 +70,50 @@ def test_one_failure_does_not_lose_the_others(store, capsys):
 
 def test_a_record_says_what_it_depends_on():
     made = Making("driving", None, "data").done()
-    assert (
-        made.numerics == versions("driving")
-        and {"simulation", "training", "driving"} < made.numerics.keys()
-    )
-    assert (
-        made.seconds >= 0
-        and made.threads == 1
-        and not made.other_data
-        and not made.stale
-    )
+    assert made.numerics == versions("driving")
+    assert {"simulation", "training", "driving"} < made.numerics.keys()
+    assert made.seconds >= 0
+    assert made.threads == 1
+    assert not made.other_data
+    assert not made.stale
 
 
 def test_what_is_run_goes_by_its_name():
-    assert (
-        is_of_trials("3")
-        and is_of_trials("all")
-        and not is_of_trials("driving")
-        and not is_of_trials("gap")
-    )
+    assert is_grid("3")
+    assert is_grid("all")
+    assert not is_grid("driving")
+    assert not is_grid("gap")
     with pytest.raises(
         ConfigError, match="figure 'elsewhere' is called 'recorded-targets' now"
     ):
-        is_of_trials("elsewhere")
+        is_grid("elsewhere")
     with pytest.raises(ConfigError, match="did you mean 'driving'?"):
-        is_of_trials("drivng")
+        is_grid("drivng")
     assert len(set(NAMES)) == len(NAMES)
 
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_stored_records_are_found_under_their_keys(name):
-    """What they are about may gain values: those that older records do not have must
-    leave keys as they are."""
+    """Questions may gain fields.
+
+    A field that older records lack must leave their keys as they are.
+    """
     records = STUDIES[name].module.records(RESULTS)
-    paths = {records.path(one.about) for one in records.all()}
+    paths = {records.path(record.about) for record in records.all()}
     assert paths == set(records.folder.glob("*.json")) != set()
 
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_every_study_has_work_at_the_smallest_sizes(name, tmp_path):
-    """Sizes that a preset's pool does not hold are left out."""
+    """Sizes above a preset's pool are left out."""
     study = Study("smoke", tmp_path, tmp_path)
     jobs = [
         job
         for pair in STUDIES[name].pairs
         for job in STUDIES[name].module.jobs(study, pair)
     ]
-    assert jobs and overview(name, study.preset, None, tmp_path, tmp_path)[1] == len(
-        set(jobs)
-    )
+    assert jobs
+    assert overview(name, study.preset, None, tmp_path, tmp_path)[1] == len(set(jobs))
 
 
 @pytest.mark.parametrize("name", [*STUDIES, *MEASUREMENTS])
@@ -141,10 +130,8 @@ def test_a_measurement_is_made_where_it_lacks_or_is_stale(tmp_path, monkeypatch)
         "companion.studies.gap.make", lambda study, workers: made.append(study.results)
     )
     asked = "gap", load_preset("smoke"), None, 1, tmp_path, tmp_path
-    assert (
-        overview("gap", asked[1], None, tmp_path, tmp_path)[1] == 1
-        and run(*asked) == []
-    )
+    assert overview("gap", asked[1], None, tmp_path, tmp_path)[1] == 1
+    assert run(*asked) == []
     for made_by, count in (({"simulation": -1}, 2), (versions("free_struts"), 2)):
         write_record(tmp_path / "gap.json", {"numerics": made_by})
         assert run(*asked) == [] and len(made) == count

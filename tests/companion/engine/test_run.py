@@ -1,4 +1,4 @@
-"""Real trials on tiny synthetic data, and what the runner does with them."""
+"""Real trials on tiny synthetic data, and the function that runs and stores them."""
 
 import dataclasses
 import shutil
@@ -17,7 +17,8 @@ from companion.engine.datasets import (
     note_collected,
     note_committed,
 )
-from companion.engine.execute import Library, stored_as
+from companion.engine.execute import stored_as
+from companion.engine.library import Library
 from companion.engine.records import Making, one_line, rounded
 from companion.engine.run import checkpoint_folder, run_here
 from companion.numerics import versions
@@ -34,25 +35,20 @@ def trials(study):
 
 
 def outcomes(store, trials):
-    """What came out, without how long it took."""
+    """Outcomes without their times."""
     return [row.outcome for row in store.rows(trials)]
 
 
 @pytest.mark.parametrize("method", ["sidm", "novice_only"])
 def test_a_trial_end_to_end(study, data, method):
-    """Trains, validates and rolls out; the parts of the outcome agree with each
-    other."""
+    """A trial trains, validates and rolls out; parts of the outcome agree."""
     trial = study.trial("system1", method, 0.75)
     row = run_trial(trial, data)
     out = row.outcome
-    assert (
-        out.validation_loss == pytest.approx(sum(out.component_losses))
-        and out.validation_loss > 0
-    )
-    assert (
-        len(out.component_losses) == 13
-        and len(out.position_error) == len(out.heading_error) == 25
-    )
+    assert out.validation_loss == pytest.approx(sum(out.component_losses))
+    assert out.validation_loss > 0
+    assert len(out.component_losses) == 13
+    assert len(out.position_error) == len(out.heading_error) == 25
     assert len(out.example_predicted) == len(out.example_actual) == 26
     assert out.example_predicted[0] == pytest.approx(out.example_actual[0])
     # whole batches
@@ -63,10 +59,8 @@ def test_a_trial_end_to_end(study, data, method):
         == len(out.curve_training_loss)
         <= 40
     )
-    assert (
-        list(out.curve_samples) == sorted(set(out.curve_samples))
-        and out.curve_samples[-1] <= out.samples
-    )
+    assert list(out.curve_samples) == sorted(set(out.curve_samples))
+    assert out.curve_samples[-1] <= out.samples
     assert min(out.curve_test_loss) <= out.best_test_loss  # smoothed
     assert (
         len(out.component_samples)
@@ -75,39 +69,39 @@ def test_a_trial_end_to_end(study, data, method):
         > 1
     )
     assert sum(out.component_test[0]) == pytest.approx(out.curve_test_loss[0], rel=1e-5)
-    # all that there are
+    # all that exist
     assert (
         np.shape(out.rollouts_predicted) == np.shape(out.rollouts_actual) == (2, 26, 13)
     )
     assert out.example_predicted == tuple(
         (state[0], state[1]) for state in out.rollouts_predicted[0]
     )
-    assert (
-        row.provenance.threads == 1
-        and not row.provenance.resumed
-        and not row.provenance.stale
-    )
+    assert row.provenance.threads == 1
+    assert not row.provenance.resumed
+    assert not row.provenance.stale
 
 
 def test_another_bodys_losses_are_in_the_same_unit_for_every_seed(study, data):
-    """Over the variance of what judges, not of the few trajectories that the model
-    learnt from."""
+    """Losses are divided by the variance of the validation data.
+
+    The variance of the few trajectories that the model learnt from differs by seed.
+    """
     network = dataclasses.replace(study.preset.network, novice_body=NOVICES["planar"])
-    own = study.of(dataclasses.replace(study.preset, network=network))
+    other_study = study.with_preset(dataclasses.replace(study.preset, network=network))
     for seed in (0, 1):
-        trial = own.trial("system1", "novice_only", 0.75, seed)
-        found, trained = perform(trial, data)
+        trial = other_study.trial("system1", "novice_only", 0.75, seed)
+        outcome, trained = perform(trial, data)
         motion = Library(data).motion(trial, "validation")
         with torch.inference_mode():
             off = (
                 trained.model("novice", motion.inputs, motion.maps)[0] - motion.targets
             )
         spread = motion.targets.flatten(0, 1).std(0, correction=0)
-        # what stands still in the made-up motion has no variance to speak of
+        # components that stand still in the made-up motion have almost no variance
         moves = spread > 1e-3
         expected = off.square().mean((0, 1)) / spread.square()
         assert moves.sum() >= 4
-        assert np.array(found.component_losses)[moves] == pytest.approx(
+        assert np.array(outcome.component_losses)[moves] == pytest.approx(
             expected[moves].numpy(), rel=1e-3
         )
 
@@ -125,8 +119,10 @@ def test_what_free_struts_did_depends_on_the_version_of_their_motion(study, make
 
 
 def test_a_trial_is_a_pure_function(trials, data):
-    """The same trial gives the same outcome to the last bit, on one thread whatever the
-    caller has."""
+    """A trial gives the same outcome to the last bit.
+
+    It trains on one thread, whatever the caller uses.
+    """
     threads = torch.get_num_threads()
     torch.manual_seed(1)
     first = perform(trials[0], data)[0]
@@ -136,17 +132,15 @@ def test_a_trial_is_a_pure_function(trials, data):
 
 
 def test_run_skips_what_is_stored(trials, data, tmp_path, make_row):
-    """A stored row is left alone, the others are run and stored; twice is once."""
+    """Stored rows are left alone and others are run; a second run changes nothing."""
     store = Results(tmp_path)
     store.put(make_row(trials[0], loss=42.0))
     with ThreadPoolExecutor(1) as executor:
         assert (
             run(trials * 2, executor, data=data, results=store, progress=False) is store
         )
-        assert (
-            store.missing(trials) == []
-            and store.get(trials[0]).outcome.validation_loss == 42.0
-        )
+        assert store.missing(trials) == []
+        assert store.get(trials[0]).outcome.validation_loss == 42.0
         files = {
             path: path.stat().st_mtime_ns for path in (tmp_path / "trials").iterdir()
         }
@@ -156,15 +150,12 @@ def test_run_skips_what_is_stored(trials, data, tmp_path, make_row):
     }
     assert not checkpoint_folder(data, trials[1]).exists()
     noted = tmp_path / "datasets" / "system1/novice/ornstein_uhlenbeck/seed-0/9.json"
-    assert (
-        read_record(noted).keys() == {"digest", "likeness"}
-        and read_record(noted)["digest"] == trials[0].novice_data
-    )
+    assert read_record(noted).keys() == {"digest", "likeness"}
+    assert read_record(noted)["digest"] == trials[0].novice_data
 
 
 def test_local_processes_agree_with_this_one(trials, data, tmp_path):
-    """Spawned workers store what a run in this process gives, of one trial after the
-    other or of one alone."""
+    """Worker processes store what this process gives, for one trial and for several."""
     store = run(trials[:2], workers=2, data=data, results=tmp_path, progress=False)
     in_turn = run(
         trials[:2], workers=1, data=data, results=tmp_path / "in turn", progress=False
@@ -181,8 +172,7 @@ def test_local_processes_agree_with_this_one(trials, data, tmp_path):
 
 
 def test_a_killed_trial_goes_on(trials, data, tmp_path):
-    """Stopped in the middle of training, a trial goes on from its checkpoint to the
-    same outcome."""
+    """A trial stopped in training resumes from its checkpoint to the same outcome."""
     trial, folder = trials[0], tmp_path / "checkpoint"
     whole = perform(trial, data)[0]
 
@@ -200,24 +190,23 @@ def test_a_killed_trial_goes_on(trials, data, tmp_path):
 
 
 def test_one_failure_loses_no_other(trials, data, tmp_path, capsys):
-    """A trial whose data are not those it names is reported in one line; the other is
-    stored."""
+    """A trial with other data than it names is reported in one line.
+
+    The other trial is stored.
+    """
     strange = trials[0].replace(validation_data="0" * 16)
     store = run(
         [strange, trials[1]], workers=1, data=data, results=tmp_path, progress=False
     )
     assert store.missing([strange, trials[1]]) == [strange]
-    said = capsys.readouterr().err.strip()
-    assert (
-        said.count("\n") == 0
-        and said.startswith("companion: system1 sidm 0.25 min seed 0: ")
-        and "digest" in said
-    )
+    errors = capsys.readouterr().err.strip()
+    assert errors.count("\n") == 0
+    assert errors.startswith("companion: system1 sidm 0.25 min seed 0: ")
+    assert "digest" in errors
 
 
 def test_unknown_data_name_the_command(tiny, tmp_path):
-    """Without data and digests nothing is run, and the message says how to make
-    them."""
+    """Without data and digests nothing runs; the message says how to make the data."""
     trials = Study(tiny, tmp_path, tmp_path).figure3("system1")
     with pytest.raises(
         ConfigError, match=r"companion collect --preset NAME --system system1"
@@ -239,55 +228,44 @@ def test_data_are_held_against_their_digest(tiny, data, tmp_path):
 
 
 def test_errors_in_one_line():
-    """A type is named where the message alone does not say enough."""
+    """The type of an error is named where its message alone says too little."""
     assert one_line(ValueError("what\nwhere")) == "what"
-    assert (
-        one_line(KeyError("a")) == "KeyError: 'a'"
-        and one_line(RuntimeError()) == "RuntimeError"
-    )
+    assert one_line(KeyError("a")) == "KeyError: 'a'"
+    assert one_line(RuntimeError()) == "RuntimeError"
 
 
 def test_data_made_again_elsewhere_stand_for_those_of_the_results(
     tiny, data, tmp_path, capsys, monkeypatch
 ):
-    """Once they are verified trials keep their keys and rows say so; before, they are
-    others."""
+    """Verified data give trials their stored keys, and rows say so.
+
+    Before verification the trials have other keys.
+    """
     results, own = tmp_path / "results", tmp_path / "data"
     shutil.copytree(data, own)
     sets = tiny.datasets("system1")
-    here = {kind: find_digest(one, own, results) for kind, one in sets.items()}
+    here = {kind: find_digest(dataset, own, results) for kind, dataset in sets.items()}
     for kind, one in sets.items():
         note_committed(one, here[kind], own, results)
     path = results / "datasets" / f"{sets['novice'].name}.json"
     write_record(path, read_record(path) | {"digest": "0123456789abcdef"})
     monkeypatch.setattr("companion.commands._preset", lambda _: tiny)
-    words = [
-        "collect",
-        "--system",
-        "system1",
-        "--data",
-        str(own),
-        "--results",
-        str(results),
-        "--workers",
-        "1",
-    ]
+    arguments = (
+        f"collect --system system1 --data {own} --results {results} --workers 1"
+    ).split()
+    assert main(arguments) == 0
     assert (
-        main(words) == 0
-        and "novice/ornstein_uhlenbeck/seed-0/9 has other bits"
-        in capsys.readouterr().out
+        "novice/ornstein_uhlenbeck/seed-0/9 has other bits" in capsys.readouterr().out
     )
     assert find_digest(sets["novice"], own, results) == here["novice"]
-    assert main([*words, "--verify"]) == 0
+    assert main([*arguments, "--verify"]) == 0
     assert capsys.readouterr().out.count("stands for the data of the results") == 4
     (trial,) = Study(tiny, own, results).points("system1", ["novice_only"], [0.25])
-    assert (
-        trial.novice_data == "0123456789abcdef" and trial.expert_data == here["expert"]
-    )
+    assert trial.novice_data == "0123456789abcdef"
+    assert trial.expert_data == here["expert"]
     row = run_here(trial, own, results, progress=False)
-    assert row.trial == trial and row.provenance.other_data == (
-        f"novice {here['novice']}",
-    )
+    assert row.trial == trial
+    assert row.provenance.other_data == (f"novice {here['novice']}",)
     assert Making("driving", trial, own).done().other_data == row.provenance.other_data
     note_collected(sets["novice"], own, results)
     assert read_record(path)["digest"] == "0123456789abcdef"
@@ -296,9 +274,8 @@ def test_data_made_again_elsewhere_stand_for_those_of_the_results(
 
 
 def test_only_what_has_its_data_here(study, trials, data, tmp_path):
-    """By what was collected, not by what the results know of."""
+    """Only collected data count, not the digests of the results."""
     assert all(is_here(trial, data) for trial in trials)
-    assert not is_here(trials[0].replace(novice_data="0" * 16), data) and not is_here(
-        trials[0], tmp_path
-    )
+    assert not is_here(trials[0].replace(novice_data="0" * 16), data)
+    assert not is_here(trials[0], tmp_path)
     assert not is_here(study.trial("system2", "sidm", 0.25), data)

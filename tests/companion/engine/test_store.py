@@ -1,4 +1,4 @@
-"""The store: rows come back as they were put, and nothing damaged is read."""
+"""The store returns rows as they were stored and reads nothing damaged."""
 
 import dataclasses
 
@@ -21,30 +21,28 @@ def trials(tiny, tmp_path):
 
 
 def test_rows_come_back(trials, make_row, tmp_path):
-    """A row put is the row got, to 6 significant digits; rewriting it changes no
-    byte."""
+    """A row is read as stored, to 6 significant digits.
+
+    Writing it again changes no byte.
+    """
     store, row = Results(tmp_path), make_row(trials[0], loss=2.123456789)
     path = store.put(row)
     assert path == tmp_path / "trials" / f"{trials[0].key}.json"
     back = store.get(trials[0])
-    assert (
-        back.outcome.validation_loss == 2.12346
-        and back.trial == row.trial
-        and back.provenance == row.provenance
-    )
+    assert back.outcome.validation_loss == 2.12346
+    assert back.trial == row.trial
+    assert back.provenance == row.provenance
     before = path.read_bytes()
     assert store.put(back).read_bytes() == before and len(before) < 5000
     assert not list(path.parent.glob(".*"))
 
 
 def test_missing_and_rows(trials, make_row, tmp_path):
-    """What is stored and what is not partition the trials, in their order."""
+    """Stored and missing trials partition the trials, in their order."""
     store = Results(tmp_path)
-    assert (
-        store.missing(trials) == trials
-        and store.rows(trials) == []
-        and store.get(trials[0]) is None
-    )
+    assert store.missing(trials) == trials
+    assert store.rows(trials) == []
+    assert store.get(trials[0]) is None
     for trial in trials[1:3]:
         store.put(make_row(trial))
     assert [row.trial for row in store.rows(trials)] == trials[1:3]
@@ -59,7 +57,7 @@ def test_missing_and_rows(trials, make_row, tmp_path):
     [{"training": 0}, {"simulation": NUMERICS["simulation"], "a kind that was": 1}],
 )
 def test_rows_of_other_versions_are_stale(trials, make_row, tmp_path, numerics):
-    """A row of today's is not; nor does it matter which files made it."""
+    """A row of today's versions is fresh, whatever files made it."""
     store, row = Results(tmp_path), make_row(trials[0])
     store.put(
         dataclasses.replace(
@@ -72,8 +70,7 @@ def test_rows_of_other_versions_are_stale(trials, make_row, tmp_path, numerics):
 
 
 def test_no_stored_row_is_stale():
-    """Whoever raised a version has made its rows again, or confirmed them by a
-    sample."""
+    """After a version was raised, its rows were made again or confirmed by a sample."""
     rows = Results(RESULTS).all()
     assert len(rows) > 600 and not any(row.provenance.stale for row in rows)
     free = [row.provenance.numerics for row in rows if row.trial.system in FREE_SYSTEMS]
@@ -100,7 +97,7 @@ def test_no_stored_row_is_stale():
 def test_what_is_not_the_row_is_named_in_one_line(
     trials, make_row, tmp_path, spoil, words
 ):
-    """Whatever was written into the file by others, the error names it and the mend."""
+    """Whatever the file contains, the error names it and what to do."""
     store = Results(tmp_path)
     path = store.put(make_row(trials[0]))
     values = read_record(path)
@@ -108,16 +105,15 @@ def test_what_is_not_the_row_is_named_in_one_line(
     write_record(path, values)
     with pytest.raises(StoreError, match=words) as caught:
         store.get(trials[0])
-    said = str(caught.value)
-    assert str(path) in said and "\n" not in said and "delete it" in said
+    message = str(caught.value)
+    assert str(path) in message and "\n" not in message and "delete it" in message
 
 
 def test_a_store_takes_in_what_it_lacks(tmp_path, tiny, make_row, capsys):
-    """Rows of trials that are here stay as they are; digests and failures come
-    along."""
+    """Existing rows stay as they are; digests and failures are taken over, too."""
     trials = Study(tiny, tmp_path, tmp_path).figure3("system1")[:3]
-    mine, other = Results(tmp_path / "mine"), Results(tmp_path / "other")
-    mine.put(make_row(trials[0], 1.0))
+    store, other = Results(tmp_path / "mine"), Results(tmp_path / "other")
+    store.put(make_row(trials[0], 1.0))
     for trial in trials[:2]:
         other.put(make_row(trial, 2.0))
     other.put(
@@ -130,14 +126,14 @@ def test_a_store_takes_in_what_it_lacks(tmp_path, tiny, make_row, capsys):
         )
     )
     note_committed(trials[0].datasets["expert"], "0123", tmp_path, other.folder)
-    assert main(["merge", str(other.folder), "--results", str(mine.folder)]) == 0
+    assert main(["merge", str(other.folder), "--results", str(store.folder)]) == 0
     assert capsys.readouterr().out == "1 results taken in\n"
-    assert [row.outcome.validation_loss for row in mine.rows(trials)] == [1.0, 2.0]
-    assert mine.failed.get(trials[2]).loss == "nan"
+    assert [row.outcome.validation_loss for row in store.rows(trials)] == [1.0, 2.0]
+    assert store.failed.get(trials[2]).loss == "nan"
     assert (
-        find_digest(trials[0].datasets["expert"], tmp_path / "none", mine.folder)
+        find_digest(trials[0].datasets["expert"], tmp_path / "none", store.folder)
         == "0123"
     )
     assert (
-        main(["merge", str(tmp_path / "nowhere"), "--results", str(mine.folder)]) == 2
+        main(["merge", str(tmp_path / "nowhere"), "--results", str(store.folder)]) == 2
     )

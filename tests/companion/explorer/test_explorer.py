@@ -10,7 +10,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from companion.explorer import grid, page
-from companion.explorer.live import SIZE, both_rides, explorer, helper, with_picture
+from companion.explorer.live import (
+    SIZE,
+    both_rides,
+    explorer,
+    helper_process,
+    with_picture,
+)
 from companion.explorer.views import rides_figure
 from companion.numerics import versions
 from sidm.config import ConfigError
@@ -24,38 +30,35 @@ GROUND = Terrain(cell_height_scale=0.35)
 
 
 def test_a_ride_has_its_steps_and_repeats(rides):
-    one = rides["system1 novice"]
-    assert (
-        one.states.shape == (11, 13)
-        and one.struts.shape == (11, 4)
-        and one.joints.shape == (11, 10)
-    )
-    assert one.times == pytest.approx(0.05 * np.arange(11))
-    again = ride(ROBOTS["system1 novice"], GROUND, 3, 0.5, steps=5)
+    first_ride = rides["system1 novice"]
+    assert first_ride.states.shape == (11, 13)
+    assert first_ride.struts.shape == (11, 4)
+    assert first_ride.joints.shape == (11, 10)
+    assert first_ride.times == pytest.approx(0.05 * np.arange(11))
+    repeated = ride(ROBOTS["system1 novice"], GROUND, 3, 0.5, steps=5)
     assert all(
-        np.array_equal(getattr(one, name), getattr(again, name))
+        np.array_equal(getattr(first_ride, name), getattr(repeated, name))
         for name in ("states", "struts", "joints")
     )
 
 
 def test_looking_twice_a_step_changes_nothing(rides):
-    """The same motion as a simulator's that is looked at at 10 Hz, bit for bit."""
-    one = rides["system1 novice"]
-    with Simulator(one.robot, one.heights) as simulator:
+    """Motion sampled at 20 Hz equals motion sampled at 10 Hz, bit for bit."""
+    first_ride = rides["system1 novice"]
+    with Simulator(first_ride.robot, first_ride.heights) as simulator:
         states = [
             simulator.reset(),
             *(simulator.step(np.array([0.5, 0.0])) for _ in range(5)),
         ]
-    assert np.array_equal(one.states[::2], states)
+    assert np.array_equal(first_ride.states[::2], states)
 
 
 def test_weaving_turns_the_kingpins_to_both_sides():
-    one = ride(ROBOTS["system1 novice"], GROUND, 3, 0.5, weave(16), steps=16)
-    kingpins = one.joints[:, 8:]
-    assert kingpins.max() == pytest.approx(
-        0.3, abs=0.02
-    ) and kingpins.min() == pytest.approx(-0.3, abs=0.02)
-    assert one.joints[-1, 4:8].min() > 5  # the wheels have turned
+    simulated = ride(ROBOTS["system1 novice"], GROUND, 3, 0.5, weave(16), steps=16)
+    kingpins = simulated.joints[:, 8:]
+    assert kingpins.max() == pytest.approx(0.3, abs=0.02)
+    assert kingpins.min() == pytest.approx(-0.3, abs=0.02)
+    assert simulated.joints[-1, 4:8].min() > 5  # the wheels have turned
 
 
 def test_the_rear_struts_move_only_when_they_are_free():
@@ -88,16 +91,15 @@ def test_the_figure_draws_what_was_ridden(rides):
     )
     assert [text.get_text() for text in figure.legends[0].get_texts()][:2] == list(
         rides
-    ) and len(path.lines) == 2
+    )
+    assert len(path.lines) == 2
 
 
 def test_two_rides_at_once_are_those_one_after_the_other():
-    """The helper's ride is the one that this process makes."""
-    robots, same = (
-        (ROBOTS["system1 novice"], ROBOTS["system2 expert"]),
-        (0.35, 0, 0.5, 3, True),
-    )
-    helper()[1].result()
+    """The helper process makes the same ride as this process."""
+    robots = (ROBOTS["system1 novice"], ROBOTS["system2 expert"])
+    same = (0.35, 0, 0.5, 3, True)
+    helper_process()[1].result()
     for one, robot in zip(both_rides(*robots, *same), robots, strict=True):
         alone = ride(robot, Terrain(cell_height_scale=0.35, size=SIZE), steps=3)
         assert one.robot == robot and np.array_equal(one.states, alone.states)
@@ -108,11 +110,9 @@ def test_sliders_and_choices_draw_anew_and_a_button_shows_them_driving():
     controls, screen, film = box.children
     knobs = {knob.description.split()[0]: knob for knob in controls.children}
     first = screen.value
-    assert (
-        base64.b64decode(with_picture(box)["image/png"]) == first
-        and first[:4] == b"\x89PNG"
-        and film.value == ""
-    )
+    assert base64.b64decode(with_picture(box)["image/png"]) == first
+    assert first[:4] == b"\x89PNG"
+    assert film.value == ""
     knobs["see"].value = True
     shown = film.value
     assert "<iframe" in shown and "system1 expert" in shown
@@ -140,25 +140,25 @@ def test_the_stored_rides_are_of_todays_physics(stored):
 
 
 def test_a_stored_ride_is_what_is_simulated(stored):
-    """Its first second: later, what a processor rounds otherwise may have grown."""
+    """The first second agrees; later, different rounding may have grown."""
     at = (1, 2, 3)
     robot = grid.BODY.replace(
         **{knob.name: knob.values[i] for knob, i in zip(grid.SET_UP, at, strict=True)}
     )
     roughness, throttle = (list(knob.values) for knob in grid.DRIVE)
     drives = [throttle.index(0.5), len(throttle)]  # straight ahead, and weaving
-    again = grid.simulate((robot, True), drives)
+    repeated = grid.simulate((robot, True), drives)
     kept = stored.rides[at][0][:, drives]
-    assert again.shape == (len(roughness), 2, grid.MOMENTS, len(grid.CHANNELS))
-    assert np.abs(again[:, :, :21].astype(int) - kept[:, :, :21]).max() <= 20
-    # only the weaving one steers on level ground
+    assert repeated.shape == (len(roughness), 2, grid.SAMPLES, len(grid.CHANNELS))
+    assert np.abs(repeated[:, :, :21].astype(int) - kept[:, :, :21]).max() <= 20
+    # on level ground, only the weaving ride steers
     assert kept[0, 0, :, -1].any() != kept[0, 1, :, -1].any()
 
 
 def test_stored_numbers_end_where_the_ground_does():
-    """Whole numbers of each channel, none after a robot has left."""
+    """Channels have whole numbers, and none after a robot has left the ground."""
     states = np.zeros((5, 13))
-    states[:, 6] = -1  # upright, written the other way round
+    states[:, 6] = -1  # upright: -q is the same attitude as q
     states[:, 0] = [0.0, 1.2344, 14.6, 3.0, 2.0]
     joints = np.zeros((5, 10))
     joints[:, [1, 3, 4, 8]] = [0.01, 0.02, 1.0, 0.3]
@@ -200,16 +200,18 @@ def test_a_system_that_is_added_rides_anew_and_is_not_among_the_stored():
 import dataclasses
 from sidm.systems import SYSTEMS
 old = SYSTEMS["system1"]
-SYSTEMS["soft"] = dataclasses.replace(old, name="soft", novice=old.novice.replace(spring=500.0))
+novice = old.novice.replace(spring=500.0)
+SYSTEMS["soft"] = dataclasses.replace(old, name="soft", novice=novice)
 from companion.explorer import grid, page
 from sidm.replay import find_robot
 assert find_robot("soft novice").spring == 500
-assert [one["name"] for one in page.contents()["robots"]] == list(grid.PAPERS) and len(grid.PAPERS) == 4
+robots = [robot["name"] for robot in page.contents()["robots"]]
+assert robots == list(grid.PAPER_ROBOTS) and len(robots) == 4
 """
-    done = subprocess.run(
+    result = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True
     )
-    assert done.returncode == 0, done.stderr
+    assert result.returncode == 0, result.stderr
 
 
 def test_the_page_keeps_within_its_size(stored, tmp_path):
@@ -218,8 +220,10 @@ def test_the_page_keeps_within_its_size(stored, tmp_path):
 
 
 def test_the_page_says_what_the_rides_show(stored):
-    """The figures under 'What to look for', of braked set-ups; soft springs let a strut
-    go nearly all of its way."""
+    """The page's figures under 'What to look for' follow from the braked set-ups.
+
+    Soft springs let a strut use nearly all of its travel.
+    """
     rough, half = 2, 1
     assert [
         knob.values[at] for knob, at in zip(grid.DRIVE, (rough, half), strict=True)

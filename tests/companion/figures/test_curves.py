@@ -16,13 +16,14 @@ from companion.studies import choices
 
 
 def test_figure3_draws_the_means(figure3_frame):
-    """Both systems on log axes; each line is the mean over seeds; methods are told
-    apart by more than colour."""
+    """Both systems have log axes; each line is the mean over seeds.
+
+    More than colour tells methods apart.
+    """
     figure = figure3(figure3_frame)
     left, right = figure.axes
-    assert (
-        left.get_xscale() == left.get_yscale() == "log" and "(min)" in left.get_xlabel()
-    )
+    assert left.get_xscale() == left.get_yscale() == "log"
+    assert "(min)" in left.get_xlabel()
     sidm, novice, finetuned = left.get_lines()
     assert sidm.get_ydata() == pytest.approx(1.01 * (4 * sidm.get_xdata()) ** -0.5)
     for look in (Line2D.get_linestyle, Line2D.get_marker):
@@ -32,11 +33,9 @@ def test_figure3_draws_the_means(figure3_frame):
 
 
 def test_many_names_stand_below_the_plots(figure3_frame):
-    """Each once, and none over a curve."""
-    few, many = (
-        figure3(figure3_frame),
-        figure3(figure3_frame, methods=[*FIGURE3, "mirrored", "averaged"]),
-    )
+    """Each name stands once, and none covers a curve."""
+    few = figure3(figure3_frame)
+    many = figure3(figure3_frame, methods=[*FIGURE3, "mirrored", "averaged"])
     assert all(axes.get_legend() for axes in few.axes) and not few.legends
     assert not any(axes.get_legend() for axes in many.axes)
     assert [text.get_text() for text in many.legends[0].get_texts()] == [
@@ -51,15 +50,13 @@ def test_the_experts_model_alone_is_a_level(figure3_rows, laptop, make_row):
         make_row(trial, loss) for trial, loss in zip(trials, (1, 2, 6), strict=True)
     ]
     left, right = figure3(frame_of([*figure3_rows, *alone])).axes
-    assert (
-        left.get_lines()[-1].get_ydata() == pytest.approx([3, 3])
-        and len(left.get_lines()) == 4
-    )
+    assert left.get_lines()[-1].get_ydata() == pytest.approx([3, 3])
+    assert len(left.get_lines()) == 4
     assert len(right.get_lines()) == 3
 
 
 def test_changed_choices_stand_beside_ours(figure3_frame, power_law, laptop, make_row):
-    """Each of the paper's methods twice, told apart by hollow marks and by words."""
+    """Each of the paper's methods stands twice, with hollow marks and other words."""
     trials = [
         t
         for system in ("system1", "system2")
@@ -71,12 +68,12 @@ def test_changed_choices_stand_beside_ours(figure3_frame, power_law, laptop, mak
         assert labels[2:] == [f"{label}, as released" for label in labels[:2]]
         hollow = [line.get_markerfacecolor() == "white" for line in axes.get_lines()]
         assert hollow == [False, False, True, True]
-        ours, theirs = axes.get_lines()[0], axes.get_lines()[2]
-        assert theirs.get_ydata() == pytest.approx(2 * ours.get_ydata())
+        book_line, authors_line = axes.get_lines()[0], axes.get_lines()[2]
+        assert authors_line.get_ydata() == pytest.approx(2 * book_line.get_ydata())
 
 
 def test_figures_of_nothing_say_so():
-    """Where nothing is stored a figure is drawn all the same."""
+    """A figure is drawn even where nothing is stored."""
     for draw in (figure3, efficiency_curves, learning_curves):
         assert all(
             axes.texts[0].get_text() == "no trials stored"

@@ -12,12 +12,11 @@ from companion.figures.paths import example, figure4
 
 
 def test_figure4_draws_means_and_paths(figure3_frame, laptop):
-    """Six lines of deviation from zero at the start, six predicted paths and the actual
-    one."""
-    mine = figure3_frame[
+    """Six lines start at zero; six predicted paths stand beside the actual one."""
+    rows = figure3_frame[
         figure3_frame.index.isin([trial.key for trial in laptop.figure4()])
     ]
-    left, right = figure4(mine).axes
+    left, right = figure4(rows).axes
     assert len(left.get_lines()) == 6 and len(right.get_lines()) == 7
     assert all(
         line.get_ydata()[0] == 0 and line.get_xdata()[-1] == pytest.approx(2.5)
@@ -45,7 +44,7 @@ def test_an_example_is_held_against_all(laptop, make_row):
 
 
 def test_the_film_shows_every_step_in_real_time(figure3_frame):
-    """26 pictures of 0.1 s, the last one held; they differ."""
+    """The film has 26 different pictures of 0.1 s; the last one is held."""
     film = Image.open(io.BytesIO(rollout_film(figure3_frame, np.zeros((300, 300)))))
     assert film.n_frames == 26
     times, frames = [], []

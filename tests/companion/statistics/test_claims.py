@@ -16,21 +16,19 @@ from companion.statistics.claims import (
     REPRODUCED,
     UNCLEAR,
     WORSE,
-    beside_one,
+    convergence_claim,
     figure3_claims,
     figure4_claims,
-    met,
+    page_table,
+    ratio_verdicts,
     verdict,
-    written,
 )
 from companion.statistics.intervals import Interval
 
 
 def test_verdicts_follow_the_rule_whatever_comes_out():
-    assert (
-        verdict(Interval(18, 12, 25), 1, 20) == REPRODUCED
-        and verdict(Interval(5, 0.1, 99), 1, 20) == NOT_SEEN
-    )
+    assert verdict(Interval(18, 12, 25), 1, 20) == REPRODUCED
+    assert verdict(Interval(5, 0.1, 99), 1, 20) == NOT_SEEN
     assert verdict(Interval(8, 4, 12), 1, 20) == DIRECTION
     assert verdict(Interval(1.2, 0.8, 3), 1, 20) == NOT_SEEN
     assert verdict(Interval(0.5, 0.3, 0.8), 1, 20) == CONTRARY
@@ -43,43 +41,35 @@ def test_verdicts_follow_the_rule_whatever_comes_out():
 def test_ratios_are_better_or_worse_by_their_whole_interval():
     nan = float("nan")
     table = pd.DataFrame({"low": [0.7, 1.1, 0.9, nan], "high": [0.9, 1.2, 1.1, nan]})
-    assert beside_one(table).tolist() == [BETTER, WORSE, NO_DIFFERENCE, NO_VERDICT]
+    assert ratio_verdicts(table).tolist() == [BETTER, WORSE, NO_DIFFERENCE, NO_VERDICT]
 
 
 def test_a_saving_of_four_is_in_the_papers_direction(figure3_frame):
-    """The paper's 20 x is not in the interval, nor is its 5 x."""
-    found = figure3_claims(figure3_frame)
-    assert (
-        found.value[:2].tolist() == pytest.approx([4, 4])
-        and found.ours[0] == "4 [4, 4] x"
-    )
-    assert found.verdict.tolist() == [DIRECTION] * 2 + [UNCLEAR] * 2 + [DIRECTION] * 2
-    assert found.ours[2] == "with SIDM better from 1 min on"
+    """Neither the paper's 20 x nor its 5 x is in the interval."""
+    rows = figure3_claims(figure3_frame)
+    assert rows.value[:2].tolist() == pytest.approx([4, 4])
+    assert rows.ours[0] == "4 [4, 4] x"
+    assert rows.verdict.tolist() == [DIRECTION] * 2 + [UNCLEAR] * 2 + [DIRECTION] * 2
+    assert rows.ours[2] == "with SIDM better from 1 min on"
     expected = 5**-0.5 * (1 - 0.5) * 1.01
-    # fine-tuning's is that without SIDM here
-    assert found.value[4] == pytest.approx(expected)
+    # fine-tuning has the loss without SIDM here
+    assert rows.value[4] == pytest.approx(expected)
     deviations = figure4_claims(figure3_frame)
-    assert (
-        deviations.verdict.tolist() == [DIRECTION] * 4 and (deviations.value < 0).all()
-    )
-    assert (
-        "nan" not in written(found).to_string()
-        and list(written(found))[-1] == "Verdict"
-    )
+    assert deviations.verdict.tolist() == [DIRECTION] * 4
+    assert (deviations.value < 0).all()
+    assert "nan" not in page_table(rows).to_string()
+    assert list(page_table(rows))[-1] == "Verdict"
 
 
 def test_nothing_run_or_one_seed_gives_no_verdict(figure3_frame):
     nothing = figure3_frame[:0]
-    assert not len(figure3_claims(nothing)) and list(figure3_claims(nothing)) == list(
-        COLUMNS
-    )
+    assert not len(figure3_claims(nothing))
+    assert list(figure3_claims(nothing)) == list(COLUMNS)
     assert not len(figure4_claims(nothing))
     single = figure3_claims(figure3_frame[figure3_frame.seed == 0])
-    assert (
-        single.ours[0] == "4 x"
-        and set(single.verdict) == {NO_VERDICT, UNCLEAR}
-        and set(single.seeds) == {1}
-    )
+    assert single.ours[0] == "4 x"
+    assert set(single.verdict) == {NO_VERDICT, UNCLEAR}
+    assert set(single.seeds) == {1}
     assert single.ours[2] == "-"
 
 
@@ -91,7 +81,7 @@ def test_curves_that_meet_do_so_from_the_size_on_at_which_they_are_the_same(
             make_row(t, power_law(t) if t.novice_minutes < 20 else late(t))
             for t in laptop.figure3("system1")
         ]
-        return met(frame_of(rows), "system1").ours[0]
+        return convergence_claim(frame_of(rows), "system1").ours[0]
 
     assert words(lambda t: 0.1) == "with SIDM alike from 20 min on"
     crossed = words(
@@ -101,4 +91,6 @@ def test_curves_that_meet_do_so_from_the_size_on_at_which_they_are_the_same(
     worse = frame_of(
         make_row(t, 1.0 + (t.method == "sidm")) for t in laptop.figure3("system1")
     )
-    assert met(worse, "system1").ours[0] == "with SIDM worse from 1 min on"
+    assert (
+        convergence_claim(worse, "system1").ours[0] == "with SIDM worse from 1 min on"
+    )

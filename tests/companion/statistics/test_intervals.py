@@ -1,4 +1,4 @@
-"""Statistics against closed forms and scipy."""
+"""Statistics against closed forms and SciPy."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from companion.statistics import coverage
 from companion.statistics.efficiency import (
     efficiency,
     efficiency_at_sizes,
-    falling,
+    isotonic_fit,
     minutes_needed,
 )
 from companion.statistics.intervals import (
@@ -25,31 +25,29 @@ MINUTES = np.array([1.0, 2, 5, 20, 60, 120])
 
 
 def test_bootstrap_agrees_with_scipy():
-    """The percentile interval of a mean is scipy's, but for the draws."""
+    """The percentile interval of a mean is SciPy's, but for the random draws."""
     samples = np.random.default_rng(1).lognormal(size=12)
-    ours = bootstrap(np.mean, samples, resamples=20_000)
-    theirs = scipy.stats.bootstrap(
+    interval = bootstrap(np.mean, samples, resamples=20_000)
+    expected = scipy.stats.bootstrap(
         (samples,),
         np.mean,
         n_resamples=20_000,
         method="percentile",
         rng=np.random.default_rng(2),
     ).confidence_interval
-    assert ours.value == samples.mean()
-    assert ours.low == pytest.approx(
-        theirs.low, rel=0.02
-    ) and ours.high == pytest.approx(theirs.high, rel=0.02)
+    assert interval.value == samples.mean()
+    assert interval.low == pytest.approx(expected.low, rel=0.02)
+    assert interval.high == pytest.approx(expected.high, rel=0.02)
 
 
 def test_bootstrap_keeps_pairs():
-    """A difference that is the same in every seed has no width, however much the seeds
-    differ."""
+    """A difference that is the same in every seed has an interval of no width."""
     base = np.random.default_rng(1).normal(size=5)
-    found = bootstrap(
+    interval = bootstrap(
         lambda pairs: (pairs[:, 1] - pairs[:, 0]).mean(),
         np.stack([base, base + 0.3], 1),
     )
-    assert found == pytest.approx((0.3, 0.3, 0.3))
+    assert interval == pytest.approx((0.3, 0.3, 0.3))
     assert bootstrap(np.mean, np.array([2.0])) == (2, 2, 2)
 
 
@@ -59,15 +57,17 @@ def test_a_statistic_without_a_value_leaves_no_interval():
 
 def test_leaving_one_out_of_a_mean_is_students_interval():
     samples = np.random.default_rng(1).normal(size=7)
-    theirs = scipy.stats.ttest_1samp(samples, 0).confidence_interval()
+    expected = scipy.stats.ttest_1samp(samples, 0).confidence_interval()
     assert leave_one_out(np.mean, samples) == pytest.approx(
-        (samples.mean(), theirs.low, theirs.high)
+        (samples.mean(), expected.low, expected.high)
     )
 
 
 def test_splits_of_the_same_data_count_for_less(rng):
-    """By hand: ten splits that judge on a quarter have 2.08 times the reach of ten
-    seeds with data of their own."""
+    """By hand: intervals of ten splits that test on a quarter are 2.08 times as wide.
+
+    They are compared with ten seeds that have data of their own.
+    """
     values = rng.normal(size=10)
     plain, split = interval(np.mean, values), interval(np.mean, values, held_out=0.25)
     assert split.value == plain.value
@@ -80,8 +80,10 @@ def test_splits_of_the_same_data_count_for_less(rng):
 
 
 def test_intervals_of_repeated_splits_hold_the_truth():
-    """A mean judged on a quarter of 40 sessions, ten times anew: plain intervals hold
-    it in far fewer than 95 %."""
+    """A mean is measured on a quarter of 40 sessions, split anew ten times.
+
+    Plain intervals contain the truth far less often than in 95 %.
+    """
     rng, held = np.random.default_rng(0), np.zeros(2)
     for _ in range(200):
         sessions = rng.normal(size=40)
@@ -93,13 +95,11 @@ def test_intervals_of_repeated_splits_hold_the_truth():
 
 
 def test_intervals_of_degenerate_samples():
-    """Too few seeds, ties, and a curve that never gets there: no interval, one of no
-    width, none."""
+    """Few seeds give no interval, ties one of no width, unreached levels none."""
     for few in ([2.0], [1.5, 2.5]):
-        assert interval(np.mean, np.array(few)).words(3) == "2"
-    assert interval(np.mean, np.full(4, 2.0)) == (2, 2, 2) and interval(
-        np.mean, np.full(40, 2.0)
-    ) == (2, 2, 2)
+        assert interval(np.mean, np.array(few)).text(3) == "2"
+    assert interval(np.mean, np.full(4, 2.0)) == (2, 2, 2)
+    assert interval(np.mean, np.full(40, 2.0)) == (2, 2, 2)
     assert np.isnan(interval(lambda some: float("nan"), np.ones((5, 2)))).all()
 
 
@@ -110,48 +110,48 @@ def test_many_seeds_are_resampled():
 
 
 def test_coverage_is_as_stored():
-    """95 % intervals hold the true ratio in 92 to 98 % of 500 studies of 30 seeds;
-    percentiles of few seeds do not."""
+    """95 % intervals contain the true ratio in 92 to 98 % of 500 studies of 30 seeds.
+
+    Percentiles of few seeds do not.
+    """
     stored = read_record(FILE)
     for name, method in coverage.METHODS.items():
-        # of more seeds in a minute
+        # more seeds would take a minute
         assert stored[name]["3"] == pytest.approx(
             coverage.coverage(method, 3), abs=0.004
         )
     assert all(0.92 <= share <= 0.98 for share, _ in stored["leave_one_out"].values())
-    assert (
-        0.92 <= stored["percentile"]["30"][0] <= 0.98
-        and stored["percentile"]["3"][0] < 0.85
-    )
+    assert 0.92 <= stored["percentile"]["30"][0] <= 0.98
+    assert stored["percentile"]["3"][0] < 0.85
     shares = coverage.table(FILE).set_index(["interval", "seeds"]).share
     assert shares["percentile", 3] == stored["percentile"]["3"][0] and len(shares) == 8
 
 
 @pytest.mark.parametrize("name", coverage.ESTIMATORS)
 def test_estimators_keep_what_they_promise(name):
-    """As stored; measured again with 5 seeds where nothing is saved."""
+    """Stored figures hold; 5 seeds without a saving are measured again and agree."""
     stored = (
         coverage.estimators(FILE).set_index(["estimator", "ratio", "seeds"]).loc[name]
     )
-    assert (
-        len(stored) == 6
-        and stored.share.between(0.92, 0.98).all()
-        and (stored.above < 0.05).all()
-    )
-    assert coverage.estimated(name, 1.0, 5) == pytest.approx(
+    assert len(stored) == 6
+    assert stored.share.between(0.92, 0.98).all()
+    assert (stored.above < 0.05).all()
+    assert coverage.estimator_coverage(name, 1.0, 5) == pytest.approx(
         stored.loc[1.0, 5].tolist(), abs=0.011
     )
 
 
 def test_falling_pools_what_rises():
     """A falling curve is its own fit; a rise is levelled at the geometric mean."""
-    assert falling([4, 2, 1]) == pytest.approx([4, 2, 1])
-    assert falling([4, 1, 2]) == pytest.approx([4, np.sqrt(2), np.sqrt(2)])
+    assert isotonic_fit([4, 2, 1]) == pytest.approx([4, 2, 1])
+    assert isotonic_fit([4, 1, 2]) == pytest.approx([4, np.sqrt(2), np.sqrt(2)])
 
 
 def test_minutes_needed_reads_a_power_law():
-    """On loss = minutes ** -1/2 the answer is known; outside the sizes it is a
-    bound."""
+    """The answer for loss = minutes ** -1/2 is known.
+
+    Beyond the sizes it is a bound.
+    """
     curve = MINUTES**-0.5
     assert minutes_needed(MINUTES, curve, 10**-0.5) == (pytest.approx(10), "=")
     assert minutes_needed(MINUTES, curve, 2.0) == (1, "<=")
@@ -160,20 +160,20 @@ def test_minutes_needed_reads_a_power_law():
 
 
 def test_efficiency_of_shifted_curves():
-    """A method that needs a fourth of the data has ratio 4 where both curves reach, and
-    bounds where one does not."""
+    """A method that needs a fourth of the data has ratio 4 where both curves reach.
+
+    Where one curve does not reach, the ratio is a bound.
+    """
     sidm, novice = (4 * MINUTES) ** -0.5, MINUTES**-0.5
-    found = efficiency(MINUTES, sidm, novice, [0.3, sidm[-1], 0.7, 2.0, 0.01])
-    assert found.ratio[0] == pytest.approx(4) and found.bound[0] == "="
-    # novice-only never gets there
-    assert found.ratio[1] == pytest.approx(1) and found.bound[1] == ">="
-    # SIDM is there with the least
-    assert found.bound[2] == ">=" and found.ratio[2] == pytest.approx(0.7**-2)
-    assert (
-        found.bound[3] == "?"
-        and found.bound[4] == "?"
-        and np.isnan(found.ratio[3:]).all()
-    )
+    ratios = efficiency(MINUTES, sidm, novice, [0.3, sidm[-1], 0.7, 2.0, 0.01])
+    assert ratios.ratio[0] == pytest.approx(4) and ratios.bound[0] == "="
+    # training alone never reaches this loss
+    assert ratios.ratio[1] == pytest.approx(1) and ratios.bound[1] == ">="
+    # SIDM reaches this loss with the smallest size
+    assert ratios.bound[2] == ">=" and ratios.ratio[2] == pytest.approx(0.7**-2)
+    assert ratios.bound[3] == "?"
+    assert ratios.bound[4] == "?"
+    assert np.isnan(ratios.ratio[3:]).all()
 
 
 def test_losses_of_falling_curves_are_their_own_fit():

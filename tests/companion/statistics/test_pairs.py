@@ -5,13 +5,18 @@ import pytest
 
 from companion import Study
 from companion.engine.frame import frame_of
-from companion.statistics.pairs import beside, complete, together, written
+from companion.statistics.pairs import (
+    complete,
+    page_table,
+    paired_comparison,
+    pooled_comparison,
+)
 from sidm.config import replace
 
 
 @pytest.fixture
 def frame(tiny, tmp_path, make_row):
-    """Half the loss with SIDM, but for a seed that it does badly with."""
+    """Results in which SIDM halves the loss, but for one seed where it is worse."""
     study = Study(tiny, tmp_path, tmp_path)
     losses = {
         "novice_only": [1.0, 2.0, 3.0],
@@ -25,45 +30,41 @@ def frame(tiny, tmp_path, make_row):
 
 
 def test_ratios_are_of_means_paired_by_seed(frame):
-    found = beside(
+    rows = paired_comparison(
         frame[frame.method != "novice_only"], frame[frame.method == "novice_only"]
     )
-    assert list(found.method) == ["sidm", "mmd"] * 2 and list(found.novice_minutes) == [
-        0.25,
-        0.25,
-        0.75,
-        0.75,
-    ]
-    line = found.iloc[0]
+    assert list(rows.method) == ["sidm", "mmd"] * 2
+    assert list(rows.novice_minutes) == [0.25, 0.25, 0.75, 0.75]
+    line = rows.iloc[0]
     assert (line.seeds, line.reference, line["mean"], line.lower) == (3, 2.0, 1.0, 3)
     assert (line.ratio, line.low, line.high) == pytest.approx((0.5, 0.5, 0.5))
-    assert found.iloc[1].lower == 1 and found.iloc[1].low < 1 < found.iloc[1].high
+    assert rows.iloc[1].lower == 1 and rows.iloc[1].low < 1 < rows.iloc[1].high
 
 
 def test_seeds_that_one_side_lacks_are_left_out(frame):
     reference = frame[(frame.method == "novice_only") & (frame.seed == 1)]
-    found = beside(frame[frame.method == "sidm"], reference)
-    assert (
-        set(found.seeds) == {1}
-        and set(found.reference) == {2.0}
-        and np.isnan(found.low).all()
-    )
-    assert len(beside(frame[frame.method == "sidm"], reference[:0])) == 0
+    rows = paired_comparison(frame[frame.method == "sidm"], reference)
+    assert set(rows.seeds) == {1}
+    assert set(rows.reference) == {2.0}
+    assert np.isnan(rows.low).all()
+    assert len(paired_comparison(frame[frame.method == "sidm"], reference[:0])) == 0
 
 
 def test_two_results_for_one_point_are_refused(frame):
     with pytest.raises(
         ValueError, match="two rows of the same system, novice_minutes and seed"
     ):
-        beside(frame[frame.method == "sidm"], frame)
+        paired_comparison(frame[frame.method == "sidm"], frame)
     with pytest.raises(ValueError, match="method and seed; take the rows of one grid"):
         twice = frame.loc[[*frame.index, frame.index[0]]]
-        beside(twice, frame[frame.method == "novice_only"])
+        paired_comparison(twice, frame[frame.method == "novice_only"])
 
 
 def test_a_table_for_a_page_has_intervals_as_text(frame):
-    found = beside(frame[frame.method == "sidm"], frame[frame.method == "novice_only"])
-    page = written(found, reference="without", mean="with")
+    rows = paired_comparison(
+        frame[frame.method == "sidm"], frame[frame.method == "novice_only"]
+    )
+    page = page_table(rows, reference="without", mean="with")
     assert list(page.columns) == [
         "system",
         "novice data (min)",
@@ -77,40 +78,39 @@ def test_a_table_for_a_page_has_intervals_as_text(frame):
 
 
 def test_differences_are_of_pairs(frame):
-    """1, 2, 3 less 0.5, 1, 1.5."""
+    """Losses 1, 2, 3 less 0.5, 1, 1.5."""
     sides = frame[frame.method == "sidm"], frame[frame.method == "novice_only"]
-    found = beside(*sides, difference=True).iloc[0]
-    assert found.difference == pytest.approx(-1) and found.low < -1 < found.high
-    assert "difference [95 % interval]" in written(beside(*sides, difference=True))
+    row = paired_comparison(*sides, difference=True).iloc[0]
+    assert row.difference == pytest.approx(-1) and row.low < -1 < row.high
+    assert "difference [95 % interval]" in page_table(
+        paired_comparison(*sides, difference=True)
+    )
 
 
 def test_sizes_are_taken_together_by_the_geometric_mean(frame):
-    """A half at one size and two at the other are one; a seed that lacks a size is left
-    out."""
+    """Half at one size and twice at another give 1.
+
+    A seed that lacks a size is left out.
+    """
     sidm = frame[frame.method == "sidm"]
     sidm = sidm.assign(
         validation_loss=sidm.validation_loss * np.where(sidm.novice_minutes > 0.5, 4, 1)
     )
-    found = together(sidm, frame[frame.method == "novice_only"]).iloc[0]
-    assert (
-        found.ratio == pytest.approx(1)
-        and found.seeds == 3
-        and found.sizes == (0.25, 0.75)
-    )
+    row = pooled_comparison(sidm, frame[frame.method == "novice_only"]).iloc[0]
+    assert row.ratio == pytest.approx(1)
+    assert row.seeds == 3
+    assert row.sizes == (0.25, 0.75)
     less = sidm[(sidm.seed != 2) | (sidm.novice_minutes < 0.5)]
-    assert together(less, frame[frame.method == "novice_only"]).seeds[0] == 2
-    assert not len(together(sidm[:0], sidm))
+    assert pooled_comparison(less, frame[frame.method == "novice_only"]).seeds[0] == 2
+    assert not len(pooled_comparison(sidm[:0], sidm))
 
 
 def test_what_is_complete_is_kept(figure3_frame, figure3_rows, make_row):
-    """Sizes that a method lacks go first, then seeds that lack one of the others."""
-    found = complete(figure3_frame, "system1")
-    assert found.minutes.tolist() == [1, 2, 5, 20, 60, 120] and found.values.shape == (
-        3,
-        2,
-        6,
-    )
-    assert found.values[0, 0] == pytest.approx((4 * found.minutes) ** -0.5)
+    """Sizes that a method lacks are removed first, then seeds that lack any size."""
+    rows = complete(figure3_frame, "system1")
+    assert rows.minutes.tolist() == [1, 2, 5, 20, 60, 120]
+    assert rows.values.shape == (3, 2, 6)
+    assert rows.values[0, 0] == pytest.approx((4 * rows.minutes) ** -0.5)
     part = figure3_frame[
         (figure3_frame.method != "sidm") | (figure3_frame.novice_minutes != 60)
     ]

@@ -8,12 +8,17 @@ from companion import Study
 from companion.engine.frame import frame_of
 from companion.statistics.intervals import Interval
 from companion.statistics.pairs import complete
-from companion.statistics.savings import efficiency_band, rivals, savings, written
+from companion.statistics.savings import (
+    efficiency_band,
+    ratio_texts,
+    savings,
+    savings_table,
+)
 from companion.studies import variants
 
-#: of each method's data, in effect
+#: number of times that a method's data count
 RATIO = {"sidm": 4.0, "novice_only": 1.0, "pretrain_finetune": 8.0}
-NOISE = {("sidm", 1): 1.05, ("novice_only", 2): 1.05}  # of single seeds, not paired
+NOISE = {("sidm", 1): 1.05, ("novice_only", 2): 1.05}  # factors of seeds, not paired
 
 
 @pytest.fixture
@@ -33,40 +38,41 @@ def frame(make_row, trials):
 
 
 def test_a_known_ratio_comes_out_at_each_size(frame):
-    found = savings(frame)
-    assert found.novice_minutes.tolist() == [1, 2, 5, 20, 60, 120] and set(
-        found.seeds
-    ) == {3}
-    assert found.loss.tolist() == pytest.approx(
-        (1 + 0.05 / 3) * (4 * found.novice_minutes) ** -0.5
+    rows = savings(frame)
+    assert rows.novice_minutes.tolist() == [1, 2, 5, 20, 60, 120]
+    assert set(rows.seeds) == {3}
+    assert rows.loss.tolist() == pytest.approx(
+        (1 + 0.05 / 3) * (4 * rows.novice_minutes) ** -0.5
     )
-    # there are no 240 min
-    assert found.bound.tolist() == ["=", "=", "=", "=", ">=", ">="]
-    assert found.ratio.tolist() == pytest.approx([4, 4, 4, 4, 2, 1], rel=0.05)
-    assert (
-        found.low[:4].between(2.5, 3.9).all() and found.high[:4].between(4.1, 6.5).all()
-    )
-    assert not np.isfinite(found.low[4])  # a bound has no interval
+    # 240 min would be needed, more than there are
+    assert rows.bound.tolist() == ["=", "=", "=", "=", ">=", ">="]
+    assert rows.ratio.tolist() == pytest.approx([4, 4, 4, 4, 2, 1], rel=0.05)
+    assert rows.low[:4].between(2.5, 3.9).all()
+    assert rows.high[:4].between(4.1, 6.5).all()
+    assert not np.isfinite(rows.low[4])  # a bound has no interval
     assert savings(frame, ["pretrain_finetune"], ["sidm"]).ratio[0] == pytest.approx(
         2, rel=0.1
     )
-    assert not len(savings(frame[:0])) and set(found.system) == {"system1"}
+    assert not len(savings(frame[:0])) and set(rows.system) == {"system1"}
 
 
 def test_the_comparison_may_have_other_sizes(frame):
-    """A method of small sizes is held against the whole curve of another."""
+    """A method of small sizes is compared with the whole curve of another."""
     small = frame[(frame.method != "sidm") | (frame.novice_minutes < 10)]
-    found, whole = savings(small), savings(frame)
-    assert found.novice_minutes.tolist() == [1, 2, 5]
-    assert found.ratio.tolist() == pytest.approx(whole.ratio[:3].tolist())
+    rows, whole = savings(small), savings(frame)
+    assert rows.novice_minutes.tolist() == [1, 2, 5]
+    assert rows.ratio.tolist() == pytest.approx(whole.ratio[:3].tolist())
     few = small[(small.method != "novice_only") | (small.seed != 2)]
-    # of seeds 0 and 1
+    # the ratio is of seeds 0 and 1
     assert savings(few).ratio[0] == pytest.approx(4 * 1.025**-2, rel=0.01)
 
 
 def test_a_level_curve_saves_nothing_at_its_right_end(make_row, trials):
-    """20 minutes that do no better than 5 are compared with what the other needs for
-    that, not with 5 minutes."""
+    """A level end of a curve counts as its larger size.
+
+    20 minutes that do no better than 5 are compared with the other method's need, not
+    with 5 minutes.
+    """
     sidm = dict(
         zip((1, 2, 5, 20, 60, 120), (0.5, 0.4, 0.3, 0.3, 0.2, 0.19), strict=True)
     )
@@ -74,19 +80,17 @@ def test_a_level_curve_saves_nothing_at_its_right_end(make_row, trials):
         zip((1, 2, 5, 20, 60, 120), (0.6, 0.5, 0.4, 0.3, 0.25, 0.2), strict=True)
     )
     losses = {"sidm": sidm, "novice_only": novice, "pretrain_finetune": sidm}
-    found = savings(
+    rows = savings(
         frame_of(make_row(t, losses[t.method][t.novice_minutes]) for t in trials)
     )
-    assert found.ratio[2] == pytest.approx(4) and found.ratio[3] == pytest.approx(1)
+    assert rows.ratio[2] == pytest.approx(4) and rows.ratio[3] == pytest.approx(1)
 
 
 def test_ratios_are_written_with_their_bounds(frame):
-    found = savings(frame)[:1]
-    exact, bound = (
-        found.assign(ratio=4.0, low=3.0, high=5.04),
-        found.assign(ratio=4.0, low=np.nan, bound=">="),
-    )
-    assert written(exact) == ["4 [3, 5]"] and written(bound) == ["at least 4"]
+    rows = savings(frame)[:1]
+    exact = rows.assign(ratio=4.0, low=3.0, high=5.04)
+    bound = rows.assign(ratio=4.0, low=np.nan, bound=">=")
+    assert ratio_texts(exact) == ["4 [3, 5]"] and ratio_texts(bound) == ["at least 4"]
     assert str(Interval(53.2, 0.0951, 372.0)) == "53 [0.095, 370]"
 
 
@@ -99,8 +103,10 @@ def test_the_band_holds_the_curve(frame):
 
 
 def test_rivals_stand_side_by_side(frame, make_row, tmp_path):
-    """A method of 16 times the data in effect needs a quarter of SIDM's, half of the
-    pretrained one's."""
+    """A method whose data count 16 times needs a quarter of SIDM's data.
+
+    It needs half of the pretrained one's.
+    """
     study = Study("laptop", tmp_path, tmp_path)
     mine = [
         t
@@ -112,7 +118,7 @@ def test_rivals_stand_side_by_side(frame, make_row, tmp_path):
         make_row(t, (power[t.method] * t.novice_minutes) ** -0.5) for t in mine
     )
     both = pd.concat([frame[frame.method != "novice_only"], own])
-    found = rivals(
+    rows = savings_table(
         both, ["mirrored", "tethered", "adapters"], ["sidm", "pretrain_finetune"]
     )
     points = [
@@ -120,12 +126,11 @@ def test_rivals_stand_side_by_side(frame, make_row, tmp_path):
         for method in ("mirrored", "tethered")
         for minutes in (1, 2, 5, 10)
     ]
-    assert list(zip(found.method, found.novice_minutes, strict=True)) == points
-    assert found.pretrain_finetune[:4].str.startswith("2 [").all() and found.sidm[
-        0
-    ].startswith("4.")
-    # which was not run
-    assert not len(rivals(both, ["mirrored"], ["sidm", "novice_only"]))
+    assert list(zip(rows.method, rows.novice_minutes, strict=True)) == points
+    assert rows.pretrain_finetune[:4].str.startswith("2 [").all()
+    assert rows.sidm[0].startswith("4.")
+    # the trial that was not run
+    assert not len(savings_table(both, ["mirrored"], ["sidm", "novice_only"]))
     # the seeds that both sides have differ by comparison
     fewer = both[(both.method != "sidm") | (both.seed < 2)]
-    assert len(rivals(fewer, ["mirrored"], ["sidm", "pretrain_finetune"])) == 4
+    assert len(savings_table(fewer, ["mirrored"], ["sidm", "pretrain_finetune"])) == 4

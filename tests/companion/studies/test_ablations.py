@@ -18,9 +18,8 @@ def test_a_table_has_a_line_a_value(study, make_row):
         for t in ablations.p_expert(study, "system1")
     ]
     table = ablations.table(frame_of(rows), "p_expert")
-    assert list(table.value) == pytest.approx(
-        [0, 0.25, 0.5, 0.75, 0.9, 0.959898]
-    ) and set(table.trials) == {3}
+    assert list(table.value) == pytest.approx([0, 0.25, 0.5, 0.75, 0.9, 0.959898])
+    assert set(table.trials) == {3}
     assert list(table["mean"]) == pytest.approx(list(2 + table.value))
     assert list(table.minimum) == pytest.approx(list(1 + table.value))
 
@@ -57,22 +56,18 @@ def test_a_probability_has_an_axis_of_its_own(study, make_row):
         make_row(t, 1 + t.training.p_expert)
         for t in ablations.p_expert(study, "system1")
     ]
-    line = (
-        ablations.figure(
-            ablations.table(frame_of(rows), "p_expert"), "p_expert", ["system1"]
-        )
-        .axes[0]
-        .get_lines()[0]
-    )
-    assert (
-        line.get_ydata() == pytest.approx(1 + line.get_xdata())
-        and len(line.get_xdata()) == 6
-    )
+    table = ablations.table(frame_of(rows), "p_expert")
+    figure = ablations.figure(table, "p_expert", ["system1"])
+    line = figure.axes[0].get_lines()[0]
+    assert line.get_ydata() == pytest.approx(1 + line.get_xdata())
+    assert len(line.get_xdata()) == 6
 
 
 def test_the_figure_marks_the_usual_value(study, make_row):
-    """Values but probabilities have a place each, at equal distances, with the value of
-    Figure 3 marked."""
+    """Values stand at equal distances, probabilities at their own.
+
+    The value of Figure 3 is marked.
+    """
     name = "prediction_iterations"
     some = [
         make_row(t, 1) for t in ablations.iterations(study, "system1", name, [20, 500])
@@ -84,14 +79,12 @@ def test_the_figure_marks_the_usual_value(study, make_row):
     marked = next(
         line for line in axes.get_lines() if line.get_label() == "as in Figure 3"
     )
-    assert set(marked.get_xdata()) == {1.0} and axes.get_lines()[
-        0
-    ].get_xdata().tolist() == [0.0, 2.0]
+    assert set(marked.get_xdata()) == {1.0}
+    assert axes.get_lines()[0].get_xdata().tolist() == [0.0, 2.0]
 
 
 def test_ablations_stand_side_by_side_on_one_axis_of_losses(study, make_row):
-    """A column a value and a row a system; the loss of each row has the same ends
-    everywhere."""
+    """A column has a value and a row a system; each row has one range of losses."""
     names = list(ablations.ITERATIONS)
     trials = {name: ablations.iterations(study, "system1", name) for name in names}
     rows = {
@@ -101,7 +94,7 @@ def test_ablations_stand_side_by_side_on_one_axis_of_losses(study, make_row):
     tables = {
         name: ablations.table(frame_of(some), name) for name, some in rows.items()
     }
-    panels = ablations.compared(
+    panels = ablations.comparison_figure(
         tables, ["system1"], {names[0]: {"system1": 100.0}}
     ).axes
     assert [axes.get_lines()[0].get_ydata()[0] for axes in panels] == [2, 3, 4]
@@ -119,10 +112,5 @@ def test_nothing_stored_is_an_empty_figure():
         ablations.figure(empty, "pixels").axes[0].texts[0].get_text()
         == "no trials stored"
     )
-    assert (
-        ablations.compared({"pixels": empty, "patience": empty})
-        .axes[3]
-        .texts[0]
-        .get_text()
-        == "no trials stored"
-    )
+    figure = ablations.comparison_figure({"pixels": empty, "patience": empty})
+    assert figure.axes[3].texts[0].get_text() == "no trials stored"

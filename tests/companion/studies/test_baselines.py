@@ -1,4 +1,4 @@
-"""The method among its neighbours: means, paired ratios, costs, and the figure."""
+"""Methods side by side: means, paired ratios, costs, and the figure."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ STUDY = Study(load_preset("laptop"))
 
 
 def loss(trial) -> float:
-    """Each method has its own, and a seed makes all as many times as large."""
+    """Made-up loss: each method has its own, and a seed multiplies all losses."""
     return 0.1 * (1 + list(METHODS).index(trial.method)) * (1 + 0.1 * trial.seed)
 
 
@@ -30,30 +30,32 @@ def line(table, method, minutes):
 
 
 def test_a_line_a_method_and_size(rows):
-    """Ratios are of the same seeds, so that what a seed makes of all is no noise."""
+    """Ratios are of the same seeds, so that a seed's common factor adds no noise."""
     table = baselines.table(frame_of(rows))
     # the expert alone once, and all data
     assert len(table) == (3 + len(BASELINES) - 1) * 2 + 1 + 1
     order = list(METHODS)
-    for one in table.itertuples():
-        number = 1 + order.index(one.method)
-        assert one.loss == pytest.approx(0.11 * number)
-        assert (one.lowest, one.highest) == pytest.approx((0.1 * number, 0.12 * number))
+    for row in table.itertuples():
+        number = 1 + order.index(row.method)
+        assert row.loss == pytest.approx(0.11 * number)
+        assert (row.lowest, row.highest) == pytest.approx((0.1 * number, 0.12 * number))
         for place, other in enumerate(("sidm", "novice_only")):
-            found = [getattr(one, f"to_{other}{end}") for end in ("", "_low", "_high")]
-            if one.method == other or one.novice_minutes == 120:
-                assert np.isnan(found).all()
+            interval = [
+                getattr(row, f"to_{other}{end}") for end in ("", "_low", "_high")
+            ]
+            if row.method == other or row.novice_minutes == 120:
+                assert np.isnan(interval).all()
             else:
-                assert found == pytest.approx([number / (1 + place)] * 3)
+                assert interval == pytest.approx([number / (1 + place)] * 3)
     for _, some in table.groupby("novice_minutes"):
         assert list(some.method) == sorted(some.method, key=order.index)
 
 
 def test_only_common_seeds_are_compared(rows):
-    some = [row for row in rows if row.trial.method != "pooled" or row.trial.seed == 2]
-    one = line(baselines.table(frame_of(some)), "pooled", 5)
-    assert one.seeds == 1 and np.isnan(one.to_sidm_low)
-    assert one.to_sidm == pytest.approx(1 + list(METHODS).index("pooled"))
+    fewer = [row for row in rows if row.trial.method != "pooled" or row.trial.seed == 2]
+    pooled = line(baselines.table(frame_of(fewer)), "pooled", 5)
+    assert pooled.seeds == 1 and np.isnan(pooled.to_sidm_low)
+    assert pooled.to_sidm == pytest.approx(1 + list(METHODS).index("pooled"))
 
 
 def test_costs_are_means_over_trials(rows):

@@ -1,4 +1,4 @@
-"""What a choice is worth, on made-up losses."""
+"""The effect of a single choice, on made-up losses."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from companion.methods import (
     BOTH_OF_SIDM,
     CHOICES,
     COMPARED,
-    PATIENCE,
+    LONG_PATIENCE,
     PYTORCH_WEIGHTS,
     RELEASED,
 )
@@ -18,8 +18,10 @@ from sidm.systems import SYSTEMS
 
 
 def test_a_choice_is_compared_seed_by_seed(tmp_path, make_row):
-    """Twice the loss with PyTorch's weights; what is not stored on both sides has no
-    line."""
+    """The loss doubles with PyTorch's weights.
+
+    Choices that are not stored on both sides have no line.
+    """
     study, store = Study("laptop", tmp_path, tmp_path), Results(tmp_path)
     changed = study.changed(initialisation="pytorch")
     for one, factor in ((study, 1.0), (changed, 2.0)):
@@ -28,32 +30,24 @@ def test_a_choice_is_compared_seed_by_seed(tmp_path, make_row):
     (line,) = choices.table(
         choices.frame(study, store, ["system1", "system2"])
     ).itertuples()
-    assert (line.choice, line.method, line.novice_minutes, line.seeds) == (
-        PYTORCH_WEIGHTS,
-        "sidm",
-        5,
-        3,
-    )
-    assert (line.reference, line.mean) == (2, 4) and (
-        line.ratio,
-        line.low,
-        line.high,
-    ) == pytest.approx((2, 2, 2))
+    expected = (PYTORCH_WEIGHTS, "sidm", 5, 3)
+    assert (line.choice, line.method, line.novice_minutes, line.seeds) == expected
+    assert (line.reference, line.mean) == (2, 4)
+    assert (line.ratio, line.low, line.high) == pytest.approx((2, 2, 2))
 
 
 def test_every_choice_changes_the_trials_it_names():
-    """One thing at a time, from the trials of Figure 3."""
+    """Each choice changes one setting of the trials of Figure 3."""
     study = Study("laptop")
     base = {trial.key for trial in study.figure3("system1")}
     trials = choices.trials(study, "system1")
     assert len(trials) == 3 * sum(len(methods) for _, methods in CHOICES.values())
-    assert not base & {trial.key for trial in trials} and len(
-        {trial.key for trial in trials}
-    ) == len(trials)
+    assert not base & {trial.key for trial in trials}
+    assert len({trial.key for trial in trials}) == len(trials)
 
 
 def test_choices_made_together_are_compared_at_every_size(tmp_path, make_row):
-    """A line a size that both sides have."""
+    """The table has a line for each size that both sides have."""
     study, store = Study("laptop", tmp_path, tmp_path), Results(tmp_path)
     changes, _ = RELEASED[BOTH_OF_SIDM]
     for minutes in (1.0, 20.0):
@@ -62,7 +56,7 @@ def test_choices_made_together_are_compared_at_every_size(tmp_path, make_row):
                 store.put(make_row(trial, factor * (1 + trial.seed)))
     lines = choices.table(choices.frame(study, store, SYSTEMS, RELEASED)).itertuples()
     assert [
-        (one.system, one.choice, one.novice_minutes, one.ratio) for one in lines
+        (line.system, line.choice, line.novice_minutes, line.ratio) for line in lines
     ] == [
         ("system2", BOTH_OF_SIDM, 1, pytest.approx(1)),
         ("system2", BOTH_OF_SIDM, 20, pytest.approx(20)),
@@ -70,20 +64,22 @@ def test_choices_made_together_are_compared_at_every_size(tmp_path, make_row):
 
 
 def test_released_choices_are_made_together_at_every_size():
-    """All but the patience, for both of the paper's methods; two of them for SIDM
-    alone; nothing else changes."""
+    """All choices but the patience change both of the paper's methods.
+
+    Two of the choices concern SIDM alone; nothing else changes.
+    """
     study = Study("laptop")
     settings = {
         setting
         for words, (changes, _) in CHOICES.items()
-        if words != PATIENCE
+        if words != LONG_PATIENCE
         for setting in changes
     }
     assert RELEASED[ALL_RELEASED][0].keys() == settings
     for system in SYSTEMS:
         sizes = study.preset.novice_minutes(system)
-        found = choices.changed(study, system, RELEASED)
-        every, two = (found[words] for words in (ALL_RELEASED, BOTH_OF_SIDM))
+        trials = choices.changed(study, system, RELEASED)
+        every, two = (trials[words] for words in (ALL_RELEASED, BOTH_OF_SIDM))
         assert choices.released(study, system) == [*two, *every]
         assert {(t.method, t.novice_minutes) for t in every} == {
             (method, m) for method in COMPARED for m in sizes

@@ -11,7 +11,7 @@ from companion.studies import components
 
 @pytest.fixture
 def frame(tiny, tmp_path, make_row):
-    """With SIDM the first component's loss is half, the others are the same."""
+    """Losses in which SIDM halves the first component and leaves the others."""
     rows = []
     for trial in components.trials(
         Study(tiny.replace(seeds=3), tmp_path, tmp_path), "system1"
@@ -32,11 +32,9 @@ def frame(tiny, tmp_path, make_row):
 
 def test_a_line_a_component_and_size(frame):
     table = components.table(frame)
-    assert (
-        len(table) == 2 * 13
-        and set(table.component) == set(components.NAMES)
-        and set(table.seeds) == {3}
-    )
+    assert len(table) == 2 * 13
+    assert set(table.component) == set(components.NAMES)
+    assert set(table.seeds) == {3}
     first = table[table.component == "translation x"]
     assert list(first.ratio) == pytest.approx([0.5, 0.5])
     assert list(table.ratio[table.component != "translation x"]) == pytest.approx(

@@ -1,5 +1,4 @@
-"""The decisive experiment: its table, and its verdicts on made-up results, both
-ways."""
+"""The decisive experiment: its table, and both verdicts on made-up results."""
 
 import dataclasses
 
@@ -18,7 +17,7 @@ from companion.statistics.claims import (
 from companion.statistics.data_ratio import data_ratio
 from companion.studies.decisive import design, figures, search, verdicts
 from companion.studies.decisive.design import FINETUNING, RECIPES, SEEDS, STEPS, arm
-from companion.studies.decisive.verdicts import judge
+from companion.studies.decisive.verdicts import verdict_of
 
 SPACING = 12_800  # samples between two tests
 EARLY = 40  # tests until the released rule has seen the first minimum
@@ -31,7 +30,7 @@ def study(tmp_path):
 
 @pytest.fixture
 def chosen(monkeypatch):
-    """A search whose draws 2 and 3 were the best."""
+    """A search whose best draws are 2 and 3."""
     for name in ("sidm", "novice_only", FINETUNING):
         monkeypatch.setitem(search.BEST, name, (2, 3))
     for system in ("system1", "system2"):
@@ -40,11 +39,10 @@ def chosen(monkeypatch):
 
 @pytest.fixture
 def make_results(study, chosen, make_row):
-    """Rows of both recipes by losses: `make_results(early, late)`, each a function of a
-    trial.
+    """Function that makes rows of both recipes: `make_results(early, late)`.
 
-    The test loss falls to the early minimum, stays above it for longer than the
-    released rule waits, and falls again.
+    `early` and `late` give the loss of a trial. The test loss falls to the early
+    minimum, stays above it for longer than the released rule waits, and falls again.
     """
 
     def row(trial, early, late):
@@ -52,7 +50,7 @@ def make_results(study, chosen, make_row):
         middle, end = 1.5 * early, late
         loss = np.full(count, middle)
         loss[:EARLY] = np.linspace(2 * middle, early, EARLY)
-        loss[-20:] = end  # long enough for what is smoothed to come down
+        loss[-20:] = end  # long enough for the smoothed loss to fall
         made = make_row(trial, late)
         every = {f"every_{name}_loss": tuple(loss) for name in ("test", "validation")}
         every["every_training_loss"] = tuple(0.1 * loss)
@@ -81,8 +79,10 @@ def make_results(study, chosen, make_row):
 
 
 def power(worth, level=1.0):
-    """Losses with which a method's data count so many times; seeds differ in what they
-    share and otherwise."""
+    """Losses with which a method's data count several times.
+
+    Seeds differ in a part that all methods share and in a part of their own.
+    """
 
     def loss(trial, recipe):
         rng = np.random.default_rng(
@@ -136,9 +136,9 @@ def test_nothing_stops_a_training_and_both_recipes_have_the_same_motion(study, c
     assert len({tuple(t.datasets.values()) for t in trials}) == 1
     assert {t.training.validation_trajectories for t in trials} == {128}
     assert all(128 <= trial.datasets["validation"].count for trial in trials)
-    own = {(t.novice_minutes, t.seed) for t in trials if t.method == "sidm"}
+    sizes_and_seeds = {(t.novice_minutes, t.seed) for t in trials if t.method == "sidm"}
     # paired
-    assert own <= {
+    assert sizes_and_seeds <= {
         (t.novice_minutes, t.seed) for t in trials if t.method == "novice_only"
     }
 
@@ -172,14 +172,13 @@ def test_r_is_the_released_recipe(study):
 
 def test_what_decides_most_is_run_first(study):
     trials = arm(study, "R", "system1", RECIPES["R"], SEEDS)
-    assert [t.novice_minutes for t in trials[:10]] == [5.0] * 10 and [
-        t.seed for t in trials[:4]
-    ] == [0, 0, 1, 1]
+    assert [t.novice_minutes for t in trials[:10]] == [5.0] * 10
+    assert [t.seed for t in trials[:4]] == [0, 0, 1, 1]
     assert {t.novice_minutes for t in trials[10:30]} == {1.0, 20.0}
 
 
 def test_draws_are_the_same_everywhere():
-    """What the stored search was run with, number by number."""
+    """The draws are those of the stored search, number by number."""
     assert search.draw("sidm", 7).changes == {
         "initialisation": "pytorch",
         "batch": 4,
@@ -195,16 +194,13 @@ def test_draws_are_the_same_everywhere():
     tuned = dict(
         (name, value) for _, name, value in search.draw(FINETUNING, 9).changes["tuned"]
     )
-    assert (tuned["learning_rate"], tuned["weight_decay"], tuned["batch"]) == (
-        0.000237,
-        0.0126,
-        2,
-    )
+    expected = (0.000237, 0.0126, 2)
+    assert (tuned["learning_rate"], tuned["weight_decay"], tuned["batch"]) == expected
 
 
 def test_scores_are_by_least_squares_on_the_same_split(study, make_row):
     trials = search.first_search(study)
-    hard = {trial.seed: 1 + trial.seed % 7 for trial in trials}  # how hard a split is
+    hard = {trial.seed: 1 + trial.seed % 7 for trial in trials}  # factor of a split
     good = {("sidm", 1004): 0.5, ("novice_only", 1003): 0.7}
     rows = [
         make_row(
@@ -212,51 +208,47 @@ def test_scores_are_by_least_squares_on_the_same_split(study, make_row):
         )
         for t in trials
     ]
-    found = search.scores(frame_of(rows)).groupby("method").first()
-    assert found.score.to_dict() == pytest.approx(
+    scores = search.scores(frame_of(rows)).groupby("method").first()
+    assert scores.score.to_dict() == pytest.approx(
         {"sidm": 0.5, "novice_only": 0.7, FINETUNING: 0.9}
     )
     assert (
-        found.learning_rate["sidm"] == search.draw("sidm", 4).changes["learning_rate"]
+        scores.learning_rate["sidm"] == search.draw("sidm", 4).changes["learning_rate"]
     )
 
 
 def test_a_saving_that_a_longer_training_takes_away(make_results):
-    """Under the released rule an SIDM saves what the paper says, at the end nothing: R
-    and T alike."""
+    """Under the released rule an SIDM saves what the paper says, at the end nothing.
+
+    R and T agree.
+    """
     worth = {("R", "sidm"): 20.0, ("T", "sidm"): 20.0, ("T", FINETUNING): 20.0}
     table = verdicts.verdicts(
         make_results(power(worth), power({("T", FINETUNING): 10.0}, level=0.5))
     )
     early, late = line(table, "R1", "system1"), line(table, "R2", "system1")
-    assert (
-        early.says == REPRODUCED
-        and early.low < 20 < early.high
-        and early.value == pytest.approx(20, rel=0.2)
-    )
+    assert early.says == REPRODUCED
+    assert early.low < 20 < early.high
+    assert early.value == pytest.approx(20, rel=0.2)
     assert line(table, "R1", "system2").says == DIRECTION  # 5 is not in it
     assert late.says == NOT_SEEN and late.low < 1 < late.high
-    assert (
-        line(table, "T1", "system1").says == REPRODUCED
-        and line(table, "T2", "system1").says == NOT_SEEN
-    )
+    assert line(table, "T1", "system1").says == REPRODUCED
+    assert line(table, "T2", "system1").says == NOT_SEEN
     tuning = line(table, "T2", "system2", FINETUNING)
     assert tuning.says == DIRECTION and tuning.value == pytest.approx(10, rel=0.2)
     small = table[table.verdict == "S"]
-    assert set(small[small.recipe == "R"].says) == {DIRECTION} and set(
-        small[small.recipe == "T"].says
-    ) == {NOT_SEEN}
+    assert set(small[small.recipe == "R"].says) == {DIRECTION}
+    assert set(small[small.recipe == "T"].says) == {NOT_SEEN}
     assert small[small.recipe == "R"].value.tolist() == pytest.approx(
         [20**-0.25] * 4, rel=0.03
     )
 
 
 def test_the_saving_shrinks_along_the_training(make_results, tmp_path):
-    """Early there is one, at the end none: the line ends where the point of the end
-    lies."""
+    """An early saving is gone at the end: the line ends at the point of the end."""
     worth = {(recipe, "sidm"): 4.0 for recipe in RECIPES}
     results = make_results(power(worth), power({}, level=0.5))
-    table = figures.along(results)
+    table = figures.along_training(results)
     line = table[
         (table.recipe == "R") & (table.system == "system1") & (table.quantity == "data")
     ]
@@ -279,10 +271,9 @@ def test_the_saving_shrinks_along_the_training(make_results, tmp_path):
     )
     figures.by_length(table).savefig(tmp_path / "length.png")
     drawn = figures.by_rule(results, "T", "system2")
-    assert [len(axes.lines) for axes in drawn.axes] == [3] * 4 and len(
-        figures.by_length(table).axes
-    ) == 4
-    assert not len(figures.along(results[:0]))
+    assert [len(axes.lines) for axes in drawn.axes] == [3] * 4
+    assert len(figures.by_length(table).axes) == 4
+    assert not len(figures.along_training(results[:0]))
 
 
 def test_harm_is_contrary(make_results):
@@ -305,44 +296,37 @@ CURVE = np.array([0.5, 0.4, 0.3, 0.25, 0.2])
 
 
 def test_a_data_ratio_by_hand():
-    """A loss that training alone has between 5 and 20 min, in the middle of the
-    logarithms: 10 min."""
+    """Training alone has the loss at 10 min, the geometric mean of 5 and 20 min."""
     seeds = np.array([1, 1.1, 0.9])
-    found = data_ratio(SIZES, seeds[:, None] * CURVE, seeds * np.sqrt(0.4 * 0.3), 5.0)
-    assert found == pytest.approx((2.0, 2.0, 2.0))
+    ratio = data_ratio(SIZES, seeds[:, None] * CURVE, seeds * np.sqrt(0.4 * 0.3), 5.0)
+    assert ratio == pytest.approx((2.0, 2.0, 2.0))
 
 
 def test_a_curve_that_does_not_get_there_is_a_bound_without_a_value():
     three = np.stack([CURVE] * 3)
     above = data_ratio(SIZES, three, np.array([0.19, 0.21, 0.22]), 5.0)
     assert np.isnan(above.value) and 10 < above.low < 24 and above.high == np.inf
-    assert (
-        judge(above) == DIRECTION
-        and judge(above, 20.0) == REPRODUCED
-        and judge(above, 5.0) == DIRECTION
-    )
+    assert verdict_of(above) == DIRECTION
+    assert verdict_of(above, 20.0) == REPRODUCED
+    assert verdict_of(above, 5.0) == DIRECTION
     below = data_ratio(SIZES, three, np.array([0.6, 0.55, 0.49]), 5.0)
-    assert (
-        np.isnan(below.value)
-        and below.low == 0
-        and below.high < 1
-        and judge(below) == CONTRARY
-    )
+    assert np.isnan(below.value)
+    assert below.low == 0
+    assert below.high < 1
+    assert verdict_of(below) == CONTRARY
     both = data_ratio(SIZES, three, np.array([0.6, 0.1, 0.3]), 5.0)
-    assert judge(both) == NO_VERDICT
+    assert verdict_of(both) == NO_VERDICT
 
 
 def test_progress_counts_trainings_and_their_hours(study, make_row, tmp_path):
     store, trials = Results(tmp_path), search.first_search(study)
     for trial in (*trials[:3], trials[-1]):
         store.put(make_row(trial))
-    found = design.progress(study, store).set_index("step")
-    assert (
-        found.stored["0"] == 3
-        and found.planned.sum() == 358
-        and found.core_hours["0"] == pytest.approx(36 / 3600)
-    )
-    lines, unknown = design.listed(study, store, trials)
+    progress = design.progress(study, store).set_index("step")
+    assert progress.stored["0"] == 3
+    assert progress.planned.sum() == 358
+    assert progress.core_hours["0"] == pytest.approx(36 / 3600)
+    lines, unknown = design.overview_by_step(study, store, trials)
     assert lines[0].startswith(
         "step 0: search, system 1: 3 of 40 trainings stored, 0.0 core-hours"
     )

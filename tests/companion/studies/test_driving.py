@@ -1,4 +1,4 @@
-"""Driving to goals: episodes, drivers, and what tables and figures make of them."""
+"""Driving to goals: episodes, drivers, tables and figures."""
 
 import dataclasses
 
@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from companion import Study
-from companion.beyond.drivers import Driver, ride, try_out
+from companion.beyond.drivers import Driver, drive_episode, simulate_sequences
 from companion.beyond.planning import Planning
 from companion.engine import models
 from companion.engine.frame import records_frame
@@ -22,7 +22,7 @@ from tests.companion.conftest import kept, made
 
 @pytest.fixture(scope="module")
 def jobs(tiny, data, tmp_path_factory):
-    """By driver; the model's is one of system 1 from the largest tiny dataset."""
+    """A job of each driver; the model is of system 1 and the largest tiny dataset."""
     study = Study(tiny, data, tmp_path_factory.mktemp("results"))
     trial, corrected = (
         study.trial("system1", method, 0.75) for method in ("sidm", "corrected")
@@ -66,25 +66,24 @@ def test_every_size_and_method_is_driven_beside_a_floor_and_a_ceiling(tmp_path):
     assert sorted(number for episodes in of_one for number in episodes) == list(
         range(50)
     )
-    assert len({job.planning for job in jobs}) == 2  # one planner for all who plan
+    assert (
+        len({job.planning for job in jobs}) == 2
+    )  # all drivers that plan have one planner, others none
     more = [
         job.episodes
         for job in d.jobs(Study("study", tmp_path, tmp_path), "system2", [1.0])
         if job.trial
     ]
-    # with ten seeds at 1 min in Figure 3
+    # Figure 3 has ten seeds at 1 min, which share the episodes
     assert sorted(sum(more, ())) == sorted(3 * [*range(50)])
 
 
 def test_episodes_are_the_same_for_all_and_differ():
-    first, again, second = (
-        d.episode("system1", 0),
-        d.episode("system1", 0),
-        d.episode("system1", 1),
-    )
-    assert np.array_equal(first.heights, again.heights) and np.array_equal(
-        first.goal, again.goal
-    )
+    first = d.episode("system1", 0)
+    repeated = d.episode("system1", 0)
+    second = d.episode("system1", 1)
+    assert np.array_equal(first.heights, repeated.heights)
+    assert np.array_equal(first.goal, repeated.goal)
     assert not np.array_equal(first.heights, second.heights)
     away = [np.linalg.norm(d.episode("system1", number).goal) for number in range(20)]
     assert d.NEAREST <= min(away) < max(away) <= d.FARTHEST
@@ -93,51 +92,50 @@ def test_episodes_are_the_same_for_all_and_differ():
 @pytest.mark.parametrize("driver", ["model", "corrected", "simulator", "straight"])
 def test_a_drive_is_stored_as_it_was(jobs, data, tmp_path, golden, driver):
     job = jobs[driver]
-    found = d.measure(job, data)
-    assert found.ended == ("time",) and found.seconds == pytest.approx((0.5,))
-    path, goal = np.array(found.paths[0]), d.episode("system1", 0).goal
+    result = d.measure(job, data)
+    assert result.ended == ("time",) and result.seconds == pytest.approx((0.5,))
+    path, goal = np.array(result.paths[0]), d.episode("system1", 0).goal
     assert path.shape == (6, 2)
-    assert found.length[0] == pytest.approx(
+    assert result.length[0] == pytest.approx(
         np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
     )
-    assert found.left[0] == pytest.approx(np.linalg.norm(path[-1] - goal))
+    assert result.left[0] == pytest.approx(np.linalg.norm(path[-1] - goal))
     plans = {"straight": 0, "simulator": 3}.get(driver, 2)
-    assert found.plans == plans and (
-        0 < found.plan_seconds <= found.slowest_plan_seconds
-    ) == (plans > 0)
-    # a plan tried out in the simulator leads where it led
-    assert (found.surprise[0] > 0) == (job.trial is not None)
-    assert 0 < found.top_speed[0] < 5 and 0 < found.steepest[0] < 90
+    assert result.plans == plans
+    assert (0 < result.plan_seconds <= result.slowest_plan_seconds) == (plans > 0)
+    # a plan leads where it led when it was tried out in the simulator
+    assert (result.surprise[0] > 0) == (job.trial is not None)
+    assert 0 < result.top_speed[0] < 5 and 0 < result.steepest[0] < 90
     assert (
-        (found.validation_loss > 0)
-        == (found.position_error > 0)
+        (result.validation_loss > 0)
+        == (result.position_error > 0)
         == (job.trial is not None)
     )
-    assert 0 < found.throttle[0] <= 1
+    assert 0 < result.throttle[0] <= 1
     names = ("validation_loss", "position_error", "left", "throttle")
     golden.hold(
         f"driving, {driver}",
         "driving",
-        {name: getattr(found, name) for name in names},
+        {name: getattr(result, name) for name in names},
         rel=0.05,
         abs=0.02,
     )
-    assert kept(d.records(tmp_path), found)
+    assert kept(d.records(tmp_path), result)
 
 
 def test_a_model_is_trained_once(jobs, data, monkeypatch):
-    """The second time its weights are read."""
+    """The second call reads the stored weights."""
     first = models.model_of(jobs["model"].trial, data)
     monkeypatch.setattr(models, "perform", None)
-    again = models.model_of(jobs["model"].trial, data)
+    repeated = models.model_of(jobs["model"].trial, data)
     assert all(
         torch.equal(a, b)
-        for a, b in zip(first.parameters(), again.parameters(), strict=True)
+        for a, b in zip(first.parameters(), repeated.parameters(), strict=True)
     )
 
 
 def test_trying_out_leaves_the_simulator_where_it_was():
-    """And leads where the steps lead."""
+    """Tried paths lead where real steps lead."""
     actions = torch.tensor(
         [[[0.5, 0.2], [0.5, 0.2]], [[-0.3, 0.0], [0.1, 0.9]]], dtype=torch.float64
     )
@@ -145,24 +143,23 @@ def test_trying_out_leaves_the_simulator_where_it_was():
     with Simulator(d.find_system("system1").novice, one.heights) as simulator:
         simulator.reset()
         simulator.step(np.array([0.4, 0.0]))
-        before, tried = simulator.state, try_out(simulator, actions).numpy()
+        before, tried = simulator.state, simulate_sequences(simulator, actions).numpy()
         assert np.allclose(simulator.state, before, atol=1e-9)
         for action in actions[0].numpy():
             simulator.step(action)
-        assert np.allclose(tried[0, -1], simulator.state, atol=1e-6) and np.allclose(
-            tried[:, 0], before, atol=1e-9
-        )
+        assert np.allclose(tried[0, -1], simulator.state, atol=1e-6)
+        assert np.allclose(tried[:, 0], before, atol=1e-9)
 
 
 class Toy:
-    """A robot on a line that is at the sum of the throttles so far, and falls over or
-    is lost beyond 1 m."""
+    """A robot on a line, at the sum of the throttles so far.
+
+    Beyond 1 m the robot falls over or its state is lost.
+    """
 
     def __init__(self, beyond: str) -> None:
-        self.state, self.beyond = (
-            np.array([0, 0, 0, 0, 0, 0, 1, *[0] * 6], float),
-            beyond,
-        )
+        self.state = np.array([0, 0, 0, 0, 0, 0, 1, *[0] * 6], float)
+        self.beyond = beyond
 
     def save(self):
         return self.state
@@ -187,43 +184,44 @@ class Toy:
 
 @pytest.mark.parametrize("beyond", ["lost", "rollover"])
 def test_what_falls_over_or_is_lost_is_tried_no_further(beyond):
-    """It stays where it was, upside down."""
+    """The robot stays at that place, upside down."""
     actions = torch.tensor(
         [[[0.8, 0], [0.8, 0], [0.8, 0]], [[0.1, 0], [0.1, 0], [0.1, 0]]],
         dtype=torch.float64,
     )
-    tried = try_out(Toy(beyond), actions).numpy()
-    assert np.isfinite(tried).all() and tried[1, :, 0] == pytest.approx(
-        [0, 0.1, 0.2, 0.3]
-    )
+    tried = simulate_sequences(Toy(beyond), actions).numpy()
+    assert np.isfinite(tried).all()
+    assert tried[1, :, 0] == pytest.approx([0, 0.1, 0.2, 0.3])
     assert tried[0, 2:, 3].tolist() == [1, 1] and tried[0, 3, 0] == tried[0, 2, 0]
 
 
 def test_a_ride_whose_numbers_are_lost_ends_there():
-    """And is kept up to then; one that falls over within reach of its goal has not
-    arrived."""
+    """The ride is kept up to that step.
+
+    A robot that falls over within reach of its goal has not arrived.
+    """
     toy = Toy("lost")
-    driver = Driver(np.array([3.0, 0.0]))  # 0.6 of throttle, straight ahead
-    lost = ride(toy, driver, toy, 2.0)
-    assert (
-        lost.ended == "unstable"
-        and len(lost.actions) == 2
-        and np.isfinite(lost.states).all()
-    )
+    driver = Driver(np.array([3.0, 0.0]))  # straight ahead at throttle 0.6
+    lost = drive_episode(toy, driver, toy, 2.0)
+    assert lost.ended == "unstable"
+    assert len(lost.actions) == 2
+    assert np.isfinite(lost.states).all()
     toy = Toy("rollover")
     toy.ended = lambda state: "rollover" if state[3] == 1 else None
-    assert ride(toy, Driver(np.array([1.5, 0.0])), toy, 2.0).ended == "rollover"
+    assert (
+        drive_episode(toy, Driver(np.array([1.5, 0.0])), toy, 2.0).ended == "rollover"
+    )
 
 
 def driven(
     about: d.DriverTest, arrived: int, episodes: int = 10, seed: int = 0
-) -> d.Driven:
-    """Made up: so many arrive, the others are stuck."""
+) -> d.DrivingResult:
+    """Made-up episodes: some robots arrive, the others are stuck."""
     path = tuple((0.1 * k, 0.05 * k) for k in range(30))
     numbers = tuple(range(seed, 3 * episodes, 3))
     trial = about.trial and about.trial.replace(seed=seed)
     return made(
-        d.Driven,
+        d.DrivingResult,
         dataclasses.replace(about, episodes=numbers, trial=trial),
         ended=("arrived",) * arrived + ("stuck",) * (episodes - arrived),
         seconds=(4.0,) * episodes,
@@ -239,56 +237,47 @@ def driven(
 
 
 def frame_of(found) -> pd.DataFrame:
-    return records_frame(d.Driven, found)
+    return records_frame(d.DrivingResult, found)
 
 
 @pytest.fixture
 def made_up(jobs):
-    """Better the more data, and better with SIDM, in each of three seeds."""
-    found = []
+    """Results that improve with more data and with SIDM, in each of three seeds."""
+    results = []
     for minutes, counts in ((0.25, (4, 2)), (0.75, (9, 7))):
         for method, count in zip(("sidm", "novice_only"), counts, strict=True):
             trial = jobs["model"].trial.replace(method=method, novice_minutes=minutes)
             about = dataclasses.replace(jobs["model"], trial=trial)
-            found += [driven(about, count, seed=seed) for seed in range(3)]
-    return [*found, driven(jobs["straight"], 0), driven(jobs["simulator"], 10)]
+            results += [driven(about, count, seed=seed) for seed in range(3)]
+    return [*results, driven(jobs["straight"], 0), driven(jobs["simulator"], 10)]
 
 
 def test_scores_are_shares_and_medians(made_up):
     every = list(scores(frame_of(made_up)).itertuples())
     best, floor = every[2], every[4]
-    assert (best.method, best.novice_minutes, floor.driver) == (
-        "sidm",
-        0.75,
-        "straight",
-    )
+    expected = ("sidm", 0.75, "straight")
+    assert (best.method, best.novice_minutes, floor.driver) == expected
     assert (best.models, best.episodes, best.arrived) == (3, 30, 0.9)
-    assert 0.74 < best.low < 0.75 and 0.96 < best.high < 0.97  # Wilson's
-    assert (
-        best.seconds == 4
-        and best.detour == pytest.approx(1.1)
-        and best.ends == "stuck 3"
-        and best.length == 6.6
-    )
-    assert (best.often, best.seldom) == pytest.approx((12.5, 10)) and (
-        floor.often,
-        floor.seldom,
-    ) == (0, 0)
-    assert (
-        floor.arrived == 0
-        and np.isnan(floor.seconds)
-        and floor.ends == "stuck 10"
-        and floor.models == 0
-    )
+    assert 0.74 < best.low < 0.75 and 0.96 < best.high < 0.97  # Wilson's interval
+    assert best.seconds == 4
+    assert best.detour == pytest.approx(1.1)
+    assert best.ends == "stuck 3"
+    assert best.length == 6.6
+    assert (best.often, best.seldom) == pytest.approx((12.5, 10))
+    assert (floor.often, floor.seldom) == (0, 0)
+    assert floor.arrived == 0
+    assert np.isnan(floor.seconds)
+    assert floor.ends == "stuck 10"
+    assert floor.models == 0
     assert np.isnan(floor.surprise) and best.surprise == pytest.approx(0.1)
 
 
 def test_claims_pair_seeds(made_up):
-    """Two goals more of ten in each, at both sizes; as soon where both arrive."""
-    found = claims(table(frame_of(made_up)))
-    assert found.value.tolist() == pytest.approx([-0.2, 0.0])
-    assert found.verdict.tolist() == ["In the same direction", "Not seen"]
-    # of one side, of none
+    """Two more goals of ten at both sizes; the same time where both arrive."""
+    rows = claims(table(frame_of(made_up)))
+    assert rows.value.tolist() == pytest.approx([-0.2, 0.0])
+    assert rows.verdict.tolist() == ["In the same direction", "Not seen"]
+    # results of one side only, and no results
     assert not any(len(claims(table(frame_of(some)))) for some in (made_up[:1], []))
 
 
@@ -301,51 +290,50 @@ def test_claims_pair_seeds(made_up):
     ],
 )
 def test_one_model_that_differs_makes_no_verdict(jobs, pairs, more, chance, verdict):
-    """Of three, by however many episodes; nor do two that differ alike, nor models that
-    never arrive."""
+    """One differing model of three gives no verdict, for any number of episodes.
+
+    Neither do two that differ alike, nor models that never arrive.
+    """
     trials = [
         jobs["model"].trial.replace(method=method) for method in ("sidm", "novice_only")
     ]
-    found = table(
+    rows = table(
         frame_of(
             driven(dataclasses.replace(jobs["model"], trial=trial), count, 17, seed)
             for seed, pair in enumerate(pairs)
             for trial, count in zip(trials, pair, strict=True)
         )
     )
-    one = rivals(found).iloc[0]
+    one = rivals(rows).iloc[0]
     assert (one.more, one.fewer) == (more, 0) and one.chance == pytest.approx(chance)
-    judged = claims(found)
+    judged = claims(rows)
     # no goal, no time
     assert judged.verdict[0] == verdict and len(judged) == 1 + (pairs[0][0] > 0)
 
 
 def test_models_stand_beside_floor_and_ceiling(made_up):
-    """Of the episodes that both drove, here every third; and those with SIDM beside
-    those without."""
-    found = rivals(table(frame_of(made_up)))
-    assert len(found) == 4 * 2 + 2
-    best = found[(found.method == "sidm") & (found.novice_minutes == 0.75)].set_index(
+    """Comparisons use the episodes that both drove, here every third.
+
+    Models with SIDM stand beside those without.
+    """
+    rows = rivals(table(frame_of(made_up)))
+    assert len(rows) == 4 * 2 + 2
+    best = rows[(rows.method == "sidm") & (rows.novice_minutes == 0.75)].set_index(
         "other"
     )
-    floor, ceiling = (
-        best.loc["straight to the goal"],
-        best.loc["planned in the simulator"],
-    )
-    assert (floor.episodes, floor.more, floor.fewer, floor.both) == (
-        10,
-        9,
-        0,
-        0,
-    ) and np.isnan(floor.sooner)
+    floor = best.loc["straight to the goal"]
+    ceiling = best.loc["planned in the simulator"]
+    assert (floor.episodes, floor.more, floor.fewer, floor.both) == (10, 9, 0, 0)
+    assert np.isnan(floor.sooner)
     assert (ceiling.more, ceiling.fewer, ceiling.chance) == (0, 1, 1)
-    assert ceiling.both == 9 and (ceiling.sooner, ceiling.low, ceiling.high) == (
-        0,
-        0,
-        0,
-    )
+    assert ceiling.both == 9
+    assert (ceiling.sooner, ceiling.low, ceiling.high) == (0, 0, 0)
     assert best.more["without SIDM, 0.75 min"] == 6
-    apart = [one for one in made_up if not one.about.trial or one.about.trial.seed == 1]
+    apart = [
+        record
+        for record in made_up
+        if not record.about.trial or record.about.trial.seed == 1
+    ]
     assert set(rivals(table(frame_of(apart))).other) == {
         "without SIDM, 0.25 min",
         "without SIDM, 0.75 min",
@@ -362,14 +350,12 @@ def test_figures_draw_all_drivers(made_up):
     assert right.texts[0].get_text() == "no trials stored"
     panels = paths_figure(table(frame), "system1").axes
     assert len(panels) == SHOWN and len(panels[0].get_lines()) == 6
-    assert len(panels[1].get_lines()) == 4  # those whose seed drove episode 1
+    assert len(panels[1].get_lines()) == 4  # models of the seed that drove episode 1
     assert driving_film(table(frame), "system1")[:6] == b"GIF89a"
     with pytest.raises(ValueError, match="no driver of system2"):
         driving_film(table(frame), "system2")
-    assert (
-        not len(scores(frame[:0]))
-        and paths_figure(table(frame[:0]), "system1").axes[0].texts
-    )
+    assert not len(scores(frame[:0]))
+    assert paths_figure(table(frame[:0]), "system1").axes[0].texts
 
 
 def test_a_drive_has_an_episode(jobs):

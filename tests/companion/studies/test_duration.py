@@ -1,4 +1,4 @@
-"""How long to train: made-up results of both ways to train."""
+"""The length of training: made-up results of both ways to train."""
 
 import pandas as pd
 import pytest
@@ -10,7 +10,7 @@ from companion.studies import duration
 
 @pytest.fixture
 def every(tmp_path, make_row) -> pd.DataFrame:
-    """As the authors train a quarter of the data is saved, as this book trains none."""
+    """Results with a saving of 4 as the authors train, without one as the book does."""
 
     def loss(trial) -> float:
         slow, alone = trial.training.batch == 2, trial.method == "novice_only"
@@ -23,18 +23,18 @@ def every(tmp_path, make_row) -> pd.DataFrame:
 def test_the_two_ways_to_train_are_told_apart(every):
     table = duration.table(every)
     sizes = table.groupby("trained").novice_minutes.apply(set)
-    assert sizes[duration.THEIRS] == set(duration.RELEASED_SEEDS["sidm"]) and sizes[
-        duration.OURS
-    ] == {5.0}
-    theirs = duration.theirs(every)
-    assert len(theirs) == (table.trained == duration.THEIRS).sum() and set(
-        theirs.batch
-    ) == {2}
+    assert sizes[duration.BY_AUTHORS] == set(duration.RELEASED_SEEDS["sidm"])
+    assert sizes[duration.BY_BOOK] == {5.0}
+    by_authors = duration.by_authors(every)
+    assert len(by_authors) == (table.trained == duration.BY_AUTHORS).sum()
+    assert set(by_authors.batch) == {2}
 
 
 def test_losses_by_size_stand_beside_figure_3(every, tmp_path):
-    """Left as the authors train: without SIDM it takes four times the data; right
-    nothing where nothing is stored."""
+    """On the left, training without SIDM needs four times the data.
+
+    On the right nothing is stored.
+    """
     figure = duration.by_size(every, every[:0])
     left, right = figure.axes
     curves = {line.get_label(): line.get_xydata() for line in left.lines}

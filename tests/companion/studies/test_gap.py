@@ -1,7 +1,7 @@
-"""How far expert and novice go apart: the components by hand, a measurement, and what
-is stored."""
+"""The gap of expert and novice: components by hand, a measurement, stored results."""
 
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,37 +14,37 @@ from tests.companion.conftest import RESULTS
 
 
 def test_components_are_told_in_the_frame_of_the_start():
-    """A metre along the heading is forward, whatever the heading; a turn across the
-    back of the circle goes on."""
+    """A metre along the heading is forward, whatever the heading.
+
+    A turn goes on across 180 degrees.
+    """
     yaw = 3.0
     states = np.zeros((3, 13))
     for number, turn in enumerate((0.0, 0.1, 0.3)):
         states[number, 5:7] = np.sin((yaw + turn) / 2), np.cos((yaw + turn) / 2)
     states[1:, :2] = np.array([np.cos(yaw), np.sin(yaw)])
     states[2, 2], states[:, 7] = 0.2, 0.5
-    found = gap.components(states, yaw)
-    assert found[1] == pytest.approx([1, 0, 0, 0, 0, 0.1, 0.5, *[0] * 5])
-    assert found[2, :6] == pytest.approx([1, 0, 0.2, 0, 0, 0.3])
+    parts = gap.components(states, yaw)
+    assert parts[1] == pytest.approx([1, 0, 0, 0, 0, 0.1, 0.5, *[0] * 5])
+    assert parts[2, :6] == pytest.approx([1, 0, 0.2, 0, 0, 0.3])
 
 
 def test_a_pair_is_measured_from_the_same_starts(tmp_path):
-    """The robots part with time; the same again, whatever the number of starts that a
-    worker drives."""
+    """The robots part with time.
+
+    The result does not depend on how many starts a worker drives.
+    """
     with ThreadPoolExecutor(1) as executor:
         gap.measure(executor, tmp_path, ["system1"], starts=3)
     table = gap.table(tmp_path)
     forward = table[table.component == "forward"].set_index("time")
-    assert (
-        forward.gap[2.5] > forward.gap[0.5] > 0
-        and len(table) == len(gap.COMPONENTS) * gap.STEPS
-    )
-    one = gap.drives("system1", [1])
-    both = gap.drives("system1", [0, 1])
+    assert forward.gap[2.5] > forward.gap[0.5] > 0
+    assert len(table) == len(gap.COMPONENTS) * gap.STEPS
+    one = gap.simulate_components("system1", [1])
+    both = gap.simulate_components("system1", [0, 1])
     assert np.array_equal(one[:, 0], both[:, 1]) and not np.array_equal(one[0], one[1])
-    assert (
-        not len(gap.table(tmp_path / "nothing"))
-        and gap.figure(gap.table(tmp_path / "nothing")).axes[0].texts
-    )
+    assert not len(gap.table(tmp_path / "nothing"))
+    assert gap.figure(gap.table(tmp_path / "nothing")).axes[0].texts
 
 
 @pytest.mark.parametrize(
@@ -52,13 +52,12 @@ def test_a_pair_is_measured_from_the_same_starts(tmp_path):
     [(gap, "free_struts"), (overlap, "simulation"), (payoff, "free_struts")],
 )
 def test_what_is_stored_is_of_todays_physics(study, kind):
-    again = f"again: python -m {study.__name__}"
-    assert read_record(RESULTS / study.NAME)["numerics"] == versions(kind), again
+    repeated = f"again: companion run --figure {Path(study.NAME).stem}"
+    assert read_record(RESULTS / study.NAME)["numerics"] == versions(kind), repeated
 
 
 def test_robots_drive_sensibly():
-    """Free struts make no robot leap: nothing moves up or down by more than the rocks
-    are high, in the mean."""
+    """Robots with free struts move vertically less than rocks are high, in the mean."""
     table = gap.table(RESULTS)
     assert set(table.system) == {*SYSTEMS, *FREE_SYSTEMS}
     up = table[table.component == "up"]

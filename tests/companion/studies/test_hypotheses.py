@@ -1,5 +1,4 @@
-"""Each hypothesis beside SIDM as it is: paired ratios, verdicts by rule, what was
-learnt by heart."""
+"""Each hypothesis beside unchanged SIDM: paired ratios, verdicts, training losses."""
 
 import dataclasses
 
@@ -16,8 +15,11 @@ STUDY = Study(load_preset("laptop"))
 
 @pytest.fixture
 def store(make_row, tmp_path):
-    """One network halves the loss; stronger matching doubles it; MMD changes nothing,
-    noisily; CORAL has two seeds."""
+    """Results of four hypotheses with known ratios.
+
+    One network halves the loss; stronger matching doubles it; MMD changes nothing but
+    adds noise; CORAL has two seeds.
+    """
     factors = {
         "sidm": (1, 1, 1),
         "pooled": (0.5, 0.5, 0.5),
@@ -35,8 +37,10 @@ def store(make_row, tmp_path):
 
 
 def test_verdicts_follow_the_interval(store):
-    """Seeds pair: what a seed makes of both is no noise; fewer than three make no
-    verdict."""
+    """Seeds are paired, so their common factor adds no noise.
+
+    Fewer than three seeds give no verdict.
+    """
     table = h.table(h.frame(STUDY, store, ["system1"])).set_index("change")
     assert list(table.ratio) == sorted(table.ratio) and set(table.novice_minutes) == {5}
     assert table.verdict.to_dict() == {
@@ -45,23 +49,17 @@ def test_verdicts_follow_the_interval(store):
         "SIDM, MMD": "no difference seen",
         "SIDM, stronger matching": "worse",
     }
-    assert (
-        table.ratio["joint training (one network)"] == pytest.approx(0.5)
-        and table.seeds["SIDM, CORAL"] == 2
-    )
+    assert table.ratio["joint training (one network)"] == pytest.approx(0.5)
+    assert table.seeds["SIDM, CORAL"] == 2
 
 
 def test_changes_are_ranked_by_what_they_gain(store):
     ranking = h.ranking(h.table(h.frame(STUDY, store, ["system1"]))).set_index("change")
-    assert list(ranking.index) == [
-        "joint training (one network)",
-        "SIDM, MMD",
-        "SIDM, stronger matching",
-    ]
+    expected = ["joint training (one network)", "SIDM, MMD", "SIDM, stronger matching"]
+    assert list(ranking.index) == expected
     assert list(ranking.better) == [1, 0, 0] and list(ranking.worse) == [0, 0, 1]
-    assert ranking.hypothesis["joint training (one network)"] == h.APART and set(
-        ranking.comparisons
-    ) == {1}
+    assert ranking.hypothesis["joint training (one network)"] == h.APART
+    assert set(ranking.comparisons) == {1}
 
 
 def test_nothing_stored_is_an_empty_table(tmp_path):
@@ -110,15 +108,15 @@ def test_parts_of_the_experts_are_held_against_the_novices_own():
 
 
 def test_what_was_learnt_by_heart(make_row):
-    """The training loss is that about the weights that were kept: before the patience,
-    or the lowest smoothed loss."""
+    """The training loss is that near the kept weights.
+
+    These are the weights before the patience, or of the lowest smoothed loss.
+    """
     rows, stopped = [], []
     for trial in STUDY.points("system1", ["novice_only", "sidm"], [5]):
         row = make_row(trial, 3.0)
-        tests, trainings = (
-            (3.0, 1.0, 2.0, 1.2, 1.2, 3.0),
-            (9.0, 5.0, 4.0, 3.0, 2.0, 1.0),
-        )
+        tests = (3.0, 1.0, 2.0, 1.2, 1.2, 3.0)
+        trainings = (9.0, 5.0, 4.0, 3.0, 2.0, 1.0)
         curve = dict(
             curve_samples=(1, 2, 3, 4, 5, 6),
             curve_test_loss=tests,
@@ -137,8 +135,6 @@ def test_what_was_learnt_by_heart(make_row):
     assert set(h.memorised(frame_of(stopped)).training) == {4.0}
     table = h.memorised(frame_of(rows))
     assert list(table.method) == ["sidm", "novice_only"]
-    assert (
-        set(table.training) == {2.0}
-        and set(table.validation) == {3.0}
-        and set(table.ratio) == {1.5}
-    )
+    assert set(table.training) == {2.0}
+    assert set(table.validation) == {3.0}
+    assert set(table.ratio) == {1.5}

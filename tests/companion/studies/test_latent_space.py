@@ -1,4 +1,4 @@
-"""Latents that are alike and apart, and a diagnosis of a tiny trial that is stored."""
+"""Latents that are alike and apart, and a stored diagnosis of a tiny trial."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import torch
 from sklearn.linear_model import LogisticRegression
 
 from companion import run_trial
-from companion.engine.execute import Library
+from companion.engine.library import Library
 from companion.studies.latent_space import latents, measure, results
 from sidm.config import ConfigError
 from sidm.learning import DynamicsModel, validation_loss
@@ -16,37 +16,35 @@ from tests.companion.conftest import write_motion
 
 @pytest.fixture
 def pair():
-    """Features (40, 8, 5) of two systems of one distribution."""
+    """Features (40, 8, 5) of two systems, drawn from one distribution."""
     return np.random.default_rng(3).normal(size=(2, 40, 8, 5))
 
 
 def test_like_features_are_not_told_apart(pair):
-    assert latents.told_apart(pair, LogisticRegression()) == pytest.approx(0.5, abs=0.1)
+    assert latents.classifier_accuracy(pair, LogisticRegression()) == pytest.approx(
+        0.5, abs=0.1
+    )
     assert latents.squared_mmd(*pair) == pytest.approx(0, abs=0.01)
 
 
 def test_features_far_apart_are(pair):
     apart = pair[0], pair[1] + 6
-    assert latents.told_apart(apart, LogisticRegression()) == 1.0
+    assert latents.classifier_accuracy(apart, LogisticRegression()) == 1.0
     assert latents.squared_mmd(*apart) > 0.5
     novice, expert = map(np.array, latents.picture(*apart))
-    assert (
-        novice.shape == (latents.PICTURED, 2)
-        and abs(novice.mean(0) - expert.mean(0))[0] > 1
-    )
+    assert novice.shape == (latents.PICTURED, 2)
+    assert abs(novice.mean(0) - expert.mean(0))[0] > 1
 
 
 def test_only_whole_trajectories_are_held_out(pair):
     """A mark of single trajectories, not of systems, does not help the classifier."""
     marks = np.random.default_rng(4).normal(size=(2, 40, 1, 30)).repeat(8, axis=2)
-    assert (
-        latents.told_apart(np.concatenate([pair, marks], -1), LogisticRegression())
-        < 0.7
-    )
+    marked = np.concatenate([pair, marks], -1)
+    assert latents.classifier_accuracy(marked, LogisticRegression()) < 0.7
 
 
 def test_mmd_is_that_of_its_definition(pair):
-    """Sums over pairs, written out."""
+    """The expected value is written out as sums over pairs."""
     x, y = pair[:, :6].reshape(2, -1, 5)
     both = np.concatenate([x, y])
     x, y = ((one - both.mean(0)) / both.std(0) for one in (x, y))
@@ -66,14 +64,16 @@ def test_mmd_is_that_of_its_definition(pair):
 
 
 def test_a_trial_is_diagnosed_and_stored(study, data, tmp_path, golden):
-    """On data that its model has not seen; what comes back is what was stored, and
-    damage is named."""
+    """The diagnosis uses data that the model has not seen.
+
+    Stored values come back, and damage is named.
+    """
     trial = measure.jobs(study, "system1")[0]
     write_motion(data, measure.held_out_expert(trial))
-    found = measure.measure(trial, data)
-    assert found.validation_loss == run_trial(trial, data).outcome.validation_loss
-    assert found.a_distance == pytest.approx(max(0, 4 * found.network_accuracy - 2))
-    assert 0 <= found.discriminator_accuracy <= 1 and not found.provenance.stale
+    result = measure.measure(trial, data)
+    assert result.validation_loss == run_trial(trial, data).outcome.validation_loss
+    assert result.a_distance == pytest.approx(max(0, 4 * result.network_accuracy - 2))
+    assert 0 <= result.discriminator_accuracy <= 1 and not result.provenance.stale
     names = (
         "linear_accuracy",
         "network_accuracy",
@@ -84,27 +84,26 @@ def test_a_trial_is_diagnosed_and_stored(study, data, tmp_path, golden):
     golden.hold(
         "diagnosis",
         "diagnosis",
-        {name: getattr(found, name) for name in names},
+        {name: getattr(result, name) for name in names},
         rel=0.05,
         abs=0.02,
     )
     store = measure.records(tmp_path)
-    store.put(found)
+    store.put(result)
     frame = store.frame([trial])
-    assert frame.mmd[0] == pytest.approx(found.mmd, rel=1e-5) and not frame.stale[0]
+    assert frame.mmd[0] == pytest.approx(result.mmd, rel=1e-5) and not frame.stale[0]
     (line,) = results.table(frame, [*results.ALIKE, *results.CROSSED]).itertuples(
         index=False
     )
     assert line[:4] == ("system1", 0.25, "sidm", 1)
     assert line[4:] == pytest.approx(
-        [getattr(found, name) for name in (*results.ALIKE, *results.CROSSED)], rel=1e-5
+        [getattr(result, name) for name in (*results.ALIKE, *results.CROSSED)], rel=1e-5
     )
-    assert (
-        len(results.figure(frame).axes) == 1 and results.figure(frame[:0]).axes[0].texts
-    )
+    assert len(results.figure(frame).axes) == 1
+    assert results.figure(frame[:0]).axes[0].texts
     (drawn,) = results.crossed_figure(frame, ["system1"]).axes[0].get_lines()
     assert list(drawn.get_ydata()) == pytest.approx(
-        [getattr(found, name) for name in results.CROSSED], rel=1e-5
+        [getattr(result, name) for name in results.CROSSED], rel=1e-5
     )
     assert (
         results.crossed_figure(frame[:0], ["system1"]).axes[0].texts[0].get_text()
@@ -113,7 +112,7 @@ def test_a_trial_is_diagnosed_and_stored(study, data, tmp_path, golden):
 
 
 def test_one_systems_parts_are_crossed_with_the_others(small_network, make_motion):
-    """The novice's own give its loss; other parts give others."""
+    """The novice's own parts give its loss; other parts give other losses."""
     model, motion = DynamicsModel(small_network), make_motion(3)
     losses = {
         (e, g): latents.crossed_loss(model, motion, e, g) for e in ROLES for g in ROLES
@@ -126,8 +125,7 @@ def test_one_systems_parts_are_crossed_with_the_others(small_network, make_motio
 
 
 def test_what_is_held_out_was_not_learnt_from(study, data, monkeypatch):
-    """The latents are those of the expert's trajectories after the trial's, and of the
-    validation set."""
+    """Latents are of expert trajectories after the trial's, and of validation data."""
     trial = measure.jobs(study, "system1")[1]
     write_motion(data, measure.held_out_expert(trial))
     seen, true = {}, measure.latents_of
@@ -142,7 +140,9 @@ def test_what_is_held_out_was_not_learnt_from(study, data, monkeypatch):
     learnt = library.motion(trial, "expert").inputs
     assert len(seen["expert"]) == trial.datasets["validation"].count
     assert not any(
-        torch.equal(one, other) for one in seen["expert"].inputs for other in learnt
+        torch.equal(inputs, other)
+        for inputs in seen["expert"].inputs
+        for other in learnt
     )
     assert torch.equal(
         seen["novice"].inputs, library.motion(trial, "validation").inputs

@@ -30,7 +30,7 @@ def every(study):
 
 
 def test_each_size_is_trained_once_at_each_rate(study, every):
-    """The largest, and those at the smaller rate, by the paper's two methods alone."""
+    """The largest size and the smaller rate train the paper's two methods alone."""
     counts = Counter(
         tuple(getattr(trial.network, name) for name in SIZE) for trial in every
     )
@@ -40,9 +40,8 @@ def test_each_size_is_trained_once_at_each_rate(study, every):
     wanted.update({size: 2 * seeds for size, seeds in SLOW_SIZES.items()})
     wanted.update({(32, 4, 1024): len(tries(study, "system1"))})
     assert counts == wanted
-    assert {trial.novice_minutes for trial in every} == {5.0} and len(
-        {t.key for t in every}
-    ) == len(every)
+    assert {trial.novice_minutes for trial in every} == {5.0}
+    assert len({t.key for t in every}) == len(every)
 
 
 def test_rates_are_tried_on_motion_and_a_seed_that_no_figure_has(study, every):
@@ -75,8 +74,7 @@ def more_saved(trial):
 def test_methods_stand_beside_training_without_sidm_of_the_same_size_and_rate(
     study, every, make_row
 ):
-    """Made up: an SIDM saves more the larger the map, and half as much again at the
-    smaller rate."""
+    """Made-up savings grow with the map, and by half again at the smaller rate."""
     rows = [
         make_row(
             t,
@@ -84,13 +82,13 @@ def test_methods_stand_beside_training_without_sidm_of_the_same_size_and_rate(
         )
         for t in every
     ]
-    found = table(frame_of(rows)).set_index(
+    lines = table(frame_of(rows)).set_index(
         ["method", "pixels", "hidden", "learning_rate"]
     )
-    ratios = [found.ratio["sidm", pixels, 256, 1e-3] for pixels in (16, 32, 64, 128)]
+    ratios = [lines.ratio["sidm", pixels, 256, 1e-3] for pixels in (16, 32, 64, 128)]
     assert ratios == pytest.approx([1, 0.5, 0.25, 0.125])
     assert [
-        found.ratio["sidm", 32, hidden, 3e-4] for hidden in (256, 1024)
+        lines.ratio["sidm", 32, hidden, 3e-4] for hidden in (256, 1024)
     ] == pytest.approx([1 / 3, 1 / 3])
-    assert found.index.is_unique and found.seeds.max() == 3
-    assert len(found) == 2 * 3 + 3 + 2  # fine-tuning too at three sizes
+    assert lines.index.is_unique and lines.seeds.max() == 3
+    assert len(lines) == 2 * 3 + 3 + 2  # fine-tuning too at three sizes

@@ -1,12 +1,11 @@
-"""How far two robots' answers lie apart, on made-up motion, and what is saved beside
-it."""
+"""The distance between two robots' responses, on made-up motion, and the saving."""
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from companion.studies import payoff
-from companion.studies.payoff import Group, Planar
+from companion.studies.payoff import Group, PlanarMotion
 from sidm.storage import write_record
 from tests.companion.conftest import RESULTS
 
@@ -17,9 +16,8 @@ def drive(
     turning: float = 1.0,
     pieces: int = 60,
     steps: int = 40,
-) -> Planar:
-    """A robot whose speed and yaw rate follow its two commands at once, by its own
-    factors."""
+) -> PlanarMotion:
+    """Drive of a robot whose speed and yaw rate follow its commands, by two factors."""
     rng = np.random.default_rng(seed)
     actions = np.repeat(rng.uniform(-1, 1, (pieces, steps // 10, 2)), 10, axis=1)
     yaw = np.cumsum(np.pad(0.1 * turning * actions[..., 1], ((0, 0), (1, 0))), axis=1)
@@ -27,36 +25,42 @@ def drive(
     steps_xy = np.stack([way * np.cos(yaw[:, :-1]), way * np.sin(yaw[:, :-1])], -1)
     place = np.cumsum(np.pad(steps_xy, ((0, 0), (1, 0), (0, 0))), axis=1)
     rate = np.pad(turning * actions[..., 1], ((0, 0), (0, 1)), mode="edge")
-    return Planar(np.concatenate([place, yaw[..., None]], -1), rate, actions)
+    return PlanarMotion(np.concatenate([place, yaw[..., None]], -1), rate, actions)
 
 
 def test_a_command_is_told_by_what_it_leads_to():
-    """Twice as fast a robot has half the command for the same twist, so that both are
-    alike in features."""
-    slow, fast = (payoff.moments(drive(0, speed)) for speed in (1.0, 2.0))
+    """A robot that is twice as fast has half the command for the same twist.
+
+    So the features of both robots are alike.
+    """
+    slow, fast = (payoff.motion_samples(drive(0, speed)) for speed in (1.0, 2.0))
     assert np.allclose(2 * slow.features[:, 3], fast.features[:, 3], atol=0.02)
     assert slow.features.shape == (60 * 27, 5) and slow.answers.shape == (60 * 27, 3)
 
 
 def test_a_robot_of_the_same_kind_answers_as_well_as_the_novice_itself():
-    found = payoff.gap(drive(1), drive(2))
-    assert found["displacement"] == pytest.approx(found["own_displacement"], rel=0.3)
+    measured = payoff.gap(drive(1), drive(2))
+    assert measured["displacement"] == pytest.approx(
+        measured["own_displacement"], rel=0.3
+    )
 
 
 def test_a_robot_that_slips_answers_worse(rng):
-    """Its way bends to the left as it drives, which neither velocity nor command
-    tell."""
+    """The robot's path bends to the left.
+
+    Neither velocity nor command shows this.
+    """
     novice = drive(2)
     bent = np.linspace(0, 1, novice.poses.shape[1]) ** 2
     other = drive(1)
     poses = other.poses.copy()
     poses[..., 1] += bent
-    found = payoff.gap(other._replace(poses=poses), novice)
-    assert found["displacement"] > 1.5 * found["own_displacement"]
+    measured = payoff.gap(other._replace(poses=poses), novice)
+    assert measured["displacement"] > 1.5 * measured["own_displacement"]
 
 
 def results(system: str, **losses) -> pd.DataFrame:
-    """Three seeds of methods' losses by minutes."""
+    """Three seeds of methods' losses, by minutes of data."""
     lines = [
         (system, method, minutes, seed, loss + seed / 1e4)
         for method, some in losses.items()
@@ -69,7 +73,7 @@ def results(system: str, **losses) -> pd.DataFrame:
 
 
 def test_savings_stand_beside_the_gap(tmp_path):
-    """Made up: fine-tuning does with one minute what training alone does with four."""
+    """Made up: fine-tuning with one minute is as good as training alone with four."""
     write_record(
         tmp_path / payoff.NAME,
         {
@@ -96,21 +100,19 @@ def test_savings_stand_beside_the_gap(tmp_path):
     saved = payoff.saved(
         {"alike": Group(frame, 1.0), "unlike": Group(bodies, 1.0, pair="system1")}
     )
-    found = payoff.table(gaps, saved).set_index(["kind", "method"])
-    assert found.ratio["alike", "pretrain_finetune"] == pytest.approx(4, rel=0.01)
-    assert (
-        found.ratio["unlike", "sidm"] == pytest.approx(1, rel=0.01)
-        and (found.gap == gaps.gap[0]).all()
-    )
-    assert len(payoff.figure(found.reset_index()).axes) == 2
+    rows = payoff.table(gaps, saved).set_index(["kind", "method"])
+    assert rows.ratio["alike", "pretrain_finetune"] == pytest.approx(4, rel=0.01)
+    assert rows.ratio["unlike", "sidm"] == pytest.approx(1, rel=0.01)
+    assert (rows.gap == gaps.gap[0]).all()
+    assert len(payoff.figure(rows.reset_index()).axes) == 2
 
 
 def test_without_results_there_is_nothing_to_show(tmp_path):
     empty = results("system1", novice_only={1.0: 4.0})[:0]
-    found = payoff.table(
+    rows = payoff.table(
         payoff.gaps(tmp_path), payoff.saved({"none": Group(empty, 1.0)})
     )
-    assert not len(found) and payoff.figure(found).axes
+    assert not len(rows) and payoff.figure(rows).axes
 
 
 def test_one_expert_of_the_family_stands_beside_training_alone():
@@ -125,12 +127,12 @@ def test_one_expert_of_the_family_stands_beside_training_alone():
             "loss": [2.0, 1.0],
         }
     )
-    found = payoff.family_of(frame, ways)
-    assert set(found.system) == {"family"} and sorted(found.method.unique()) == [
-        "novice_only",
-        "pretrain_finetune",
-    ]
-    assert found[found.method == "pretrain_finetune"].validation_loss.tolist() == [2.0]
+    families = payoff.family_of(frame, ways)
+    assert set(families.system) == {"family"}
+    assert sorted(families.method.unique()) == ["novice_only", "pretrain_finetune"]
+    assert families[
+        families.method == "pretrain_finetune"
+    ].validation_loss.tolist() == [2.0]
 
 
 def test_every_kind_of_pair_is_stored():

@@ -1,5 +1,7 @@
-"""Real robots: their recordings learnt by every method, judged by sessions that none
-has seen, and told as a table."""
+"""Real robots: every method learns their recordings.
+
+Losses are of sessions that no method has seen; a table shows them.
+"""
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from companion.studies.real_robots import jitter
 from companion.studies.real_robots import measure as m
 from companion.studies.real_robots import results as r
 from sidm.config import ConfigError, replace
-from sidm.fitting.windows import learn_and_test, session_order, sessions_of
+from sidm.fitting.windows import session_order, sessions_of, train_test_split
 from tests.companion.conftest import kept
 
 JOBS = {
@@ -21,10 +23,8 @@ JOBS = {
 
 
 def test_only_robots_of_one_body_are_asked_for_what_copies_weights():
-    assert ("husky", "pretrain_finetune") in JOBS and (
-        "hunter",
-        "pretrain_finetune",
-    ) not in JOBS
+    assert ("husky", "pretrain_finetune") in JOBS
+    assert ("hunter", "pretrain_finetune") not in JOBS
     assert ("hunter", "sidm") in JOBS and ("", "rotation_centres") in JOBS
 
 
@@ -38,15 +38,13 @@ JUDGED = [
 
 @pytest.mark.parametrize("job", JUDGED)
 def test_a_robot_is_learnt_judged_and_stored(job, tmp_path, golden):
-    found = m.measure(JOBS[job])
-    assert (
-        len(found.loss) == len(found.minutes) == 2
-        and len(found.displacement[0]) == len(found.heading[0]) == 15
-    )
-    assert found.loss == pytest.approx([sum(parts) for parts in found.components])
+    result = m.measure(JOBS[job])
+    assert len(result.loss) == len(result.minutes) == 2
+    assert len(result.displacement[0]) == len(result.heading[0]) == 15
+    assert result.loss == pytest.approx([sum(parts) for parts in result.components])
     figures = {
-        "loss": found.loss,
-        "displacement": [one[-1] for one in found.displacement],
+        "loss": result.loss,
+        "displacement": [one[-1] for one in result.displacement],
     }
     golden.hold(
         " ".join(filter(None, ("real robots", *job))),
@@ -55,17 +53,17 @@ def test_a_robot_is_learnt_judged_and_stored(job, tmp_path, golden):
         rel=0.1,
         abs=0.02,
     )
-    assert kept(m.records(tmp_path), found)
+    assert kept(m.records(tmp_path), result)
 
 
 def test_sessions_are_never_parted():
     windows = m.robot("warthog", 19)
     order = session_order(windows, 3)
     learning, testing = (
-        set(sessions_of(part)) for part in learn_and_test(windows, order[:12])
+        set(sessions_of(part)) for part in train_test_split(windows, order[:12])
     )
     assert not learning & testing and learning | testing == set(order[:12])
-    more, _ = learn_and_test(windows, order[:16])
+    more, _ = train_test_split(windows, order[:16])
     assert learning <= set(sessions_of(more))
 
 
@@ -89,17 +87,19 @@ def test_a_study_is_asked_for_its_own_systems_alone(tmp_path):
 
 
 def test_jitter_is_found_in_a_smooth_path(rng):
-    """Noise of 2 cm, 1 cm and 0.01 rad on a curve of 20 steps; the curve itself is no
-    jitter."""
+    """Noise is 2 cm, 1 cm and 0.01 rad on a curve of 20 steps.
+
+    The curve itself does not count as jitter.
+    """
     windows, time = m.robot("warthog", 19)[:280], 0.1 * np.arange(20)
     yaw = np.tile(0.5 * time, (280, 1))
     smooth = np.stack(
         [2 * np.sin(yaw), 2 - 2 * np.cos(yaw), yaw, *np.zeros((3, 280, 20))], -1
     )
-    first, size = (
-        [replace(one, states=path) for one, path in zip(windows, smooth, strict=True)],
-        (0.02, 0.01, 0.01),
-    )
+    first = [
+        replace(one, states=path) for one, path in zip(windows, smooth, strict=True)
+    ]
+    size = (0.02, 0.01, 0.01)
     assert jitter.jitter(first).max() < 1e-4
     forward, left, turn = (scale * rng.normal(size=yaw.shape) for scale in size)
     noisy = smooth.copy()
@@ -113,13 +113,11 @@ def test_jitter_is_found_in_a_smooth_path(rng):
 
 
 def test_jitter_costs_at_least_half_of_what_it_costs_without_memory():
-    found = jitter.floor(m.robot("warthog"))
-    assert found.loss[1] == 2 * found.loss[0] and 0.1 < found.loss[0] < 0.2
-    assert (
-        0.02 < found.displacement[0] < found.displacement[1] < 0.1
-        and found.heading[1] > found.heading[0]
-    )
-    floors = {"warthog": found.loss, "husky": jitter.floor(m.robot("husky")).loss}
+    floor = jitter.floor(m.robot("warthog"))
+    assert floor.loss[1] == 2 * floor.loss[0] and 0.1 < floor.loss[0] < 0.2
+    assert 0.02 < floor.displacement[0] < floor.displacement[1] < 0.1
+    assert floor.heading[1] > floor.heading[0]
+    floors = {"warthog": floor.loss, "husky": jitter.floor(m.robot("husky")).loss}
     figure = r.figure(m.records("results").frame(), "loss", floors)
     assert [line.get_text() for line in figure.axes[-1].get_legend().get_texts()][
         -1
@@ -128,14 +126,13 @@ def test_jitter_costs_at_least_half_of_what_it_costs_without_memory():
 
 @pytest.mark.parametrize("method", ["least_squares", "differential_drive"])
 def test_a_stored_result_made_again_is_the_stored_one(method):
-    """All sizes of one seed, but for rounding; the recordings are all that they
-    need."""
+    """All sizes of one seed agree but for rounding; only the recordings are needed."""
     job = next(
         one
         for one in m.jobs(Study("laptop"), "husky to warthog")
         if (one.method, one.seed) == (method, 0)
     )
-    stored, again = m.records("results").get(job), m.measure(job)
-    assert again.minutes == pytest.approx(stored.minutes)
-    assert again.loss == pytest.approx(stored.loss, rel=1e-3)
-    assert again.displacement[-1] == pytest.approx(stored.displacement[-1], rel=1e-2)
+    stored, repeated = m.records("results").get(job), m.measure(job)
+    assert repeated.minutes == pytest.approx(stored.minutes)
+    assert repeated.loss == pytest.approx(stored.loss, rel=1e-3)
+    assert repeated.displacement[-1] == pytest.approx(stored.displacement[-1], rel=1e-2)

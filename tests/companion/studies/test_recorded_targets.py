@@ -24,8 +24,8 @@ from companion.studies.recorded_targets.results import (
     figure,
     grounds_agree,
     label,
+    page_table,
     table,
-    written,
 )
 from sidm.body import ROVER
 from sidm.config import ConfigError, replace
@@ -41,11 +41,11 @@ from tests.companion.conftest import glide, kept, made, write_motion
 def recordings(tmp_path_factory):
     """A folder with twelve drives over six grounds for system 1."""
     folder, rng = tmp_path_factory.mktemp("recordings"), np.random.default_rng(1)
-    found = []
+    drives = []
     for number in range(12):
         heights = generate_terrain(find_system("system1").terrain, number // 2)
         actions = np.tile(rng.uniform(-1, 1, 2), (STEPS, 1))
-        found.append(
+        drives.append(
             Drive(
                 glide(heights, actions, rng).astype(float),
                 actions,
@@ -53,13 +53,13 @@ def recordings(tmp_path_factory):
                 Ground(heights, 0.1),
             )
         )
-    write_drives(folder / "system1.npz", found, "made up")
+    write_drives(folder / "system1.npz", drives, "made up")
     return folder
 
 
 @pytest.fixture(scope="module")
 def data(tiny, tmp_path_factory):
-    """The simulated robots' motion on disk."""
+    """Folder with the simulated robots' motion."""
     folder = tmp_path_factory.mktemp("data")
     for dataset in e.proxies(tiny, "system1").values():
         write_motion(folder, dataset)
@@ -76,8 +76,8 @@ def jobs(tiny, data, recordings, tmp_path_factory):
 
 
 def test_every_method_and_proxy_has_its_training(jobs):
-    """The simulated novice is a similar expert; nobody else's p_e changes."""
-    assert [(job.method, job.proxy) for job in jobs] == list(e.METHODS_HERE)
+    """The simulated novice is a similar expert; p_e changes for no other expert."""
+    assert [(job.method, job.proxy) for job in jobs] == list(e.METHODS_AND_PROXIES)
     assert {job.training.p_expert for job in jobs if job.method == "sidm"} == {0.75}
     assert {job.training.test_interval for job in jobs if job.fit == "gradients"} == {5}
     assert all(
@@ -93,13 +93,12 @@ def test_every_method_and_proxy_has_its_training(jobs):
 
 
 def test_simulated_robots_are_driven_as_the_recorded_ones_were(jobs):
-    """Undone, the law of `bounded_noise` leaves shocks of the standard deviation that
-    it prescribes."""
-    assert {one.collection.policy for job in jobs for one in job.datasets.values()} == {
-        "bounded_noise"
-    }
+    """Inverting the law of `bounded_noise` leaves shocks of its standard deviation."""
+    assert {
+        dataset.collection.policy for job in jobs for dataset in job.datasets.values()
+    } == {"bounded_noise"}
     actions = np.stack(
-        [one.actions for one in read_drives("recordings/system1.npz", ROVER)]
+        [drive.actions for drive in read_drives("recordings/system1.npz", ROVER)]
     )
     seen = np.arctanh(np.clip(actions, -1 + 1e-9, 1 - 1e-9))
     walk = (seen[:, 1:] - 0.8 * seen[:, :-1]) / 0.2
@@ -107,42 +106,52 @@ def test_simulated_robots_are_driven_as_the_recorded_ones_were(jobs):
     assert shocks.std() == pytest.approx(0.5, rel=0.02)
 
 
-@pytest.mark.parametrize("number", range(len(e.METHODS_HERE)))
+@pytest.mark.parametrize("number", range(len(e.METHODS_AND_PROXIES)))
 def test_a_transfer_is_trained_judged_and_stored(
     jobs, data, recordings, tmp_path, golden, number
 ):
-    """Also as it is before any recorded data, where a pretraining makes that possible;
-    kept bit for bit."""
+    """A pretrained model is also tested before any recorded data.
+
+    Results are kept bit for bit.
+    """
     job, store = jobs[number], e.records(tmp_path)
-    found = e.measure(job, data, recordings)
-    assert found.minutes == ((0.0, 0.25) if job.pretraining else (0.25,))
+    result = e.measure(job, data, recordings)
+    assert result.minutes == ((0.0, 0.25) if job.pretraining else (0.25,))
     for losses, whole in zip(
-        found.component_losses, found.validation_loss, strict=True
+        result.component_losses, result.validation_loss, strict=True
     ):
         assert sum(losses) == pytest.approx(whole) and len(losses) == 13
-    assert {len(error) for error in found.position_error + found.heading_error} == {25}
-    for pieces, whole in zip(found.piece_losses, found.validation_loss, strict=True):
+    assert {len(error) for error in result.position_error + result.heading_error} == {
+        25
+    }
+    for pieces, whole in zip(result.piece_losses, result.validation_loss, strict=True):
         assert len(pieces) == 4 and np.mean(pieces) == pytest.approx(whole)
     assert (
-        len(found.curve_samples) == len(found.seconds) == len(found.best_test_loss) == 1
+        len(result.curve_samples)
+        == len(result.seconds)
+        == len(result.best_test_loss)
+        == 1
     )
-    assert 0 < found.best_samples[0] <= found.samples[0] and found.seconds[0] > 0
+    assert 0 < result.best_samples[0] <= result.samples[0] and result.seconds[0] > 0
     figures = {
-        name: getattr(found, name)
+        name: getattr(result, name)
         for name in ("validation_loss", "samples", "best_test_loss")
     }
     golden.hold(f"recorded, {job.method}, {job.proxy}", "elsewhere", figures, rel=0.05)
     assert store.get(job) is None
-    assert kept(store, found)
+    assert kept(store, result)
 
 
 def test_training_stopping_and_judging_have_grounds_of_their_own(recordings):
-    """And of a seed fewer minutes are among more, in the same part."""
-    found = load_recorded("system1", 2, 8, recordings)
-    smaller, larger = (subsets(found, minutes, 0) for minutes in (0.25, 0.5))
+    """Training, stopping and testing use different grounds.
+
+    In a seed, fewer minutes are part of more minutes.
+    """
+    recorded = load_recorded("system1", 2, 8, recordings)
+    smaller, larger = (subsets(recorded, minutes, 0) for minutes in (0.25, 0.5))
     grounds = [
-        set(grounds_of(found.drives)[part.numpy()].tolist())
-        for part in (*larger, found.judging)
+        set(grounds_of(recorded.drives)[part.numpy()].tolist())
+        for part in (*larger, recorded.validation_numbers)
     ]
     assert not (
         grounds[0] & grounds[1] or grounds[0] & grounds[2] or grounds[1] & grounds[2]
@@ -153,16 +162,16 @@ def test_training_stopping_and_judging_have_grounds_of_their_own(recordings):
         for few, many in zip(smaller, larger, strict=True)
     )
     with pytest.raises(
-        ConfigError, match=r"1 recorded minutes are 7 \+ 2 pieces, but 6 \+ 2 are there"
+        ConfigError, match=r"1 recorded minutes are 7 \+ 2 windows, but 6 \+ 2"
     ):
-        subsets(found, 1.0, 0)
+        subsets(recorded, 1.0, 0)
 
 
 @pytest.mark.parametrize("system", ["system1", "system2"])
 def test_the_recordings_are_enough_for_every_seed(system):
-    found = load_recorded(system, e.HELD_OUT, 8)
+    recorded = load_recorded(system, e.HELD_OUT, 8)
     for seed in range(3):
-        train, test = subsets(found, max(e.SIZES), seed)
+        train, test = subsets(recorded, max(e.SIZES), seed)
         assert (len(train), len(test)) == (35, 12)
 
 
@@ -174,27 +183,30 @@ def test_other_recordings_are_refused(recordings):
 
 
 def test_a_checksum_is_of_what_recordings_hold(recordings, tmp_path):
-    """Not of their file: packed by another version they are the same, with another
-    state or ground they are not."""
-    found = read_drives(recordings / "system1.npz", ROVER)
-    write_drives(tmp_path / "again.npz", found, "packed again")
-    again = read_drives(tmp_path / "again.npz", ROVER)
+    """The checksum is of the content, not of the file.
+
+    Another version's packing leaves it the same; another state or ground changes it.
+    """
+    drives = read_drives(recordings / "system1.npz", ROVER)
+    write_drives(tmp_path / "again.npz", drives, "packed again")
+    repeated = read_drives(tmp_path / "again.npz", ROVER)
     assert (tmp_path / "again.npz").read_bytes() != (
         recordings / "system1.npz"
     ).read_bytes()
-    assert len(checksum_of(found)) == 16 and checksum_of(again) == checksum_of(found)
-    higher = found[0].ground._replace(heights=found[0].ground.heights + 0.001)
-    other = (
-        replace(found[0], states=found[0].states + 1e-5),
-        replace(found[0], ground=higher),
+    assert len(checksum_of(drives)) == 16 and checksum_of(repeated) == checksum_of(
+        drives
     )
-    assert len({checksum_of([one, *found[1:]]) for one in (found[0], *other)}) == 3
+    higher = drives[0].ground._replace(heights=drives[0].ground.heights + 0.001)
+    other = (
+        replace(drives[0], states=drives[0].states + 1e-5),
+        replace(drives[0], ground=higher),
+    )
+    assert len({checksum_of([one, *drives[1:]]) for one in (drives[0], *other)}) == 3
 
 
 @pytest.fixture
 def made_up(jobs):
-    """Records in which each method needs so many times less data than the recordings
-    alone; loss 4 / data."""
+    """Records in which each method needs some times less data; the loss is 4 / data."""
     times = {
         "novice_only": 1,
         "least_squares": 1.25,
@@ -214,7 +226,7 @@ def made_up(jobs):
             losses = tuple((4 + 0.1 * seed) / max(m * power, 0.5) for m in minutes)
             found.append(
                 made(
-                    e.Transferred,
+                    e.TransferResult,
                     dataclasses.replace(job, seed=seed),
                     minutes=minutes,
                     validation_loss=losses,
@@ -222,27 +234,26 @@ def made_up(jobs):
                     position_error=tuple((loss / 10,) * 25 for loss in losses),
                 )
             )
-    return table(records_frame(e.Transferred, found))
+    return table(records_frame(e.TransferResult, found))
 
 
 def test_a_size_is_held_against_the_best_alone(made_up):
-    """Which are least squares here, made up to be worth 1.25 times the data of the
-    network."""
+    """The best is least squares, whose data count 1.25 times the network's."""
     best = best_alone(made_up, "system1")
     assert best == ("least_squares", "none") and best_alone(made_up, "system2") is None
-    found = by_size(made_up, best).set_index(["method", "proxy", "novice_minutes"])
-    assert len(found) == 11 * 3 + 6 and set(found.seeds) == {3}
-    half = found.loc["sidm", "expert", 2.0]
+    rows = by_size(made_up, best).set_index(["method", "proxy", "novice_minutes"])
+    assert len(rows) == 11 * 3 + 6 and set(rows.seeds) == {3}
+    half = rows.loc["sidm", "expert", 2.0]
     assert half.saved == pytest.approx(1.6) and half.bound == "=" and half.worth == ""
     assert (half.ratio, half.high, half.error) == pytest.approx(
         (0.625, 0.625, half.loss / 10)
     )
-    assert found.bound["pretrain_finetune", "novice", 5.0] == ">="
-    assert found.ratio["novice_only", "none", 1.0] == pytest.approx(1.25)
-    nothing = found.loc["pretrain_finetune", "expert", 0.0]
+    assert rows.bound["pretrain_finetune", "novice", 5.0] == ">="
+    assert rows.ratio["novice_only", "none", 1.0] == pytest.approx(1.25)
+    nothing = rows.loc["pretrain_finetune", "expert", 0.0]
     assert np.isnan(nothing.saved) and nothing.worth == "at most 1 min"
-    assert np.isnan(found.saved["least_squares", "none", 1.0])
-    page = written(by_size(made_up, best)).set_index(["method", "recorded (min)"])
+    assert np.isnan(rows.saved["least_squares", "none", 1.0])
+    page = page_table(by_size(made_up, best)).set_index(["method", "recorded (min)"])
     assert page["times the data"][label("sidm", "expert"), 2.0] == "1.6 [1.6, 1.6]"
     assert (
         page["times the data"][label("pretrain_finetune", "expert"), 0.0]
@@ -256,40 +267,38 @@ def test_a_size_is_held_against_the_best_alone(made_up):
 
 
 def test_the_hope_can_come_true_and_be_disappointed(made_up):
-    """Half the loss surely; twice; and no verdict from two seeds or none."""
-    found = claims(made_up)
-    assert found.ours.tolist() == ["0.5 [0.5, 0.5]"] * 2 and set(found.verdict) == {
-        "In the same direction"
-    }
+    """The loss is surely halved; it is doubled; two seeds or none give no verdict."""
+    rows = claims(made_up)
+    assert rows.ours.tolist() == ["0.5 [0.5, 0.5]"] * 2
+    assert set(rows.verdict) == {"In the same direction"}
     worse = made_up.assign(
         loss=made_up.loss.where(made_up.method != "sidm", 4 * made_up.loss)
     )
     assert claims(worse).verdict.tolist() == ["Contrary"] * 2
     two = claims(made_up[made_up.seed < 2])
-    assert (
-        two.verdict.tolist() == ["No verdict"] * 2 and two.ours.tolist() == ["0.5"] * 2
-    )
+    assert two.verdict.tolist() == ["No verdict"] * 2
+    assert two.ours.tolist() == ["0.5"] * 2
     assert not len(claims(made_up[:0]))
 
 
 def test_methods_are_compared_over_all_sizes(made_up):
-    found = compare(made_up, best_alone(made_up, "system1")).set_index(
+    rows = compare(made_up, best_alone(made_up, "system1")).set_index(
         ["method", "proxy"]
     )
-    first = found.loc["pretrain_finetune", "novice"]
-    assert (
-        first.ratio == pytest.approx(1.25 / 8)
-        and first.verdict == "better"
-        and len(found) == 10
-    )
-    assert found.verdict["novice_only", "none"] == "worse"
+    first = rows.loc["pretrain_finetune", "novice"]
+    assert first.ratio == pytest.approx(1.25 / 8)
+    assert first.verdict == "better"
+    assert len(rows) == 10
+    assert rows.verdict["novice_only", "none"] == "worse"
     one = compare(made_up[made_up.seed == 0], WITHOUT)
     assert set(one.verdict) == {"No verdict"} and set(one.seeds) == {1}
 
 
 def test_grounds_are_counted_apart(made_up):
-    """Four pieces on three grounds; on the last, of two pieces, the SIDM is made three
-    times as bad."""
+    """Four pieces lie on three grounds.
+
+    On the last ground, of two pieces, the SIDM's loss is three times as high.
+    """
     grounds = np.array([4, 5, 7, 7])
     pieces = [
         (*some[:2], 3 * some[2], 3 * some[3]) if method == "sidm" else some
@@ -310,10 +319,8 @@ def test_the_figure_draws_every_method_and_what_needs_no_data(made_up):
     assert [one for one in labels if "no recorded" not in one] == [
         label(*one) for one in SHOWN
     ]
-    assert (
-        len(labels) == len(SHOWN) + 2
-        and right.texts[0].get_text() == "no trials stored"
-    )
+    assert len(labels) == len(SHOWN) + 2
+    assert right.texts[0].get_text() == "no trials stored"
     own = (
         made_up[(made_up.method == "sidm") & (made_up.proxy == "expert")]
         .groupby("novice_minutes")

@@ -1,4 +1,4 @@
-"""Trials on data made again elsewhere beside those of the results."""
+"""Trials on data made again elsewhere, beside the stored trials."""
 
 import pytest
 
@@ -8,38 +8,32 @@ from companion.studies.reproduction import store_of, table
 
 
 def test_the_same_trials_are_found_by_all_but_their_data(tmp_path, make_row):
-    """Two per cent less, seed by seed; what one side lacks is left out."""
+    """Losses are two per cent lower, seed by seed.
+
+    Trials that one side lacks are left out.
+    """
     study, store = Study("laptop", tmp_path, tmp_path), Results(tmp_path)
     for trial in study.points("system1", ["novice_only", "sidm"], [5.0, 20.0]):
         store.put(make_row(trial, 1.0 + trial.seed))
         if trial.novice_minutes == 5 and trial.method == "sidm":
-            again = trial.replace(novice_data="0123", expert_data="4567")
-            store_of(tmp_path).put(make_row(again, 0.98 * (1 + trial.seed)))
+            repeated = trial.replace(novice_data="0123", expert_data="4567")
+            store_of(tmp_path).put(make_row(repeated, 0.98 * (1 + trial.seed)))
     (line,) = table(store, store_of(tmp_path)).itertuples()
-    assert (line.system, line.method, line.novice_minutes, line.seeds) == (
-        "system1",
-        "sidm",
-        5,
-        3,
-    )
-    assert (line.ratio, line.low, line.high) == pytest.approx(
-        (0.98, 0.98, 0.98)
-    ) and line.reference == pytest.approx(2)
+    expected = ("system1", "sidm", 5, 3)
+    assert (line.system, line.method, line.novice_minutes, line.seeds) == expected
+    assert (line.ratio, line.low, line.high) == pytest.approx((0.98, 0.98, 0.98))
+    assert line.reference == pytest.approx(2)
 
 
 def test_the_command_line_holds_results_against_others(tmp_path, make_row, capsys):
-    study, mine, theirs = (
-        Study("laptop", tmp_path, tmp_path),
-        Results(tmp_path / "mine"),
-        Results(tmp_path / "theirs"),
-    )
+    study = Study("laptop", tmp_path, tmp_path)
+    reproduced = Results(tmp_path / "mine")
+    stored = Results(tmp_path / "theirs")
     for trial in study.points("system1", ["sidm"], [5.0]):
-        mine.put(make_row(trial, 3.0))
-        theirs.put(make_row(trial, 2.0))
-    assert (
-        main(["show", "--results", str(mine.folder), "--against", str(theirs.folder)])
-        == 0
-    )
+        reproduced.put(make_row(trial, 3.0))
+        stored.put(make_row(trial, 2.0))
+    folders = ["--results", str(reproduced.folder), "--against", str(stored.folder)]
+    assert main(["show", *folders]) == 0
     line, last = capsys.readouterr().out.splitlines()
     assert (
         line.split()

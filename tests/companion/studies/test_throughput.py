@@ -1,5 +1,4 @@
-"""Seconds a sample: what is timed, stored and read, and what it makes of a trial's
-samples."""
+"""Seconds a sample: measured, stored and read, and applied to a trial's samples."""
 
 import dataclasses
 
@@ -7,19 +6,28 @@ import pytest
 
 from companion import Study
 from companion.engine.frame import frame_of
-from companion.studies.throughput import Pace, measure, pace_note, read, seconds, timed
+from companion.studies.throughput import (
+    Pace,
+    measure,
+    pace_note,
+    read,
+    seconds,
+    time_training,
+)
 from sidm.learning import training
 
 
 @pytest.fixture
 def study(tiny, data, tmp_path):
-    """Phases of a few iterations."""
+    """The tiny study with phases of a few iterations."""
     return Study(tiny.replace(prediction_iterations=4, test_interval=2), data, tmp_path)
 
 
 def test_the_stretch_holds_one_phase_of_each_algorithm(study, monkeypatch):
-    """The first test is at iteration 2; the phase of Algorithm 2 follows iteration 4,
-    and iteration 6 ends it."""
+    """The first test is at iteration 2.
+
+    The phase of Algorithm 2 follows iteration 4, and iteration 6 ends the stretch.
+    """
     phases, regularise = [], training.regularise
 
     def counted(trainer):
@@ -28,26 +36,26 @@ def test_the_stretch_holds_one_phase_of_each_algorithm(study, monkeypatch):
 
     monkeypatch.setattr(training, "regularise", counted)
     (trial,) = study.points("system1", ["sidm"], [0.25], seeds=1)
-    assert timed(trial, study.data) > 0 and phases == [4]
+    assert time_training(trial, study.data) > 0 and phases == [4]
 
 
 def test_what_is_measured_is_read(study, tmp_path):
-    assert read(tmp_path, study.preset.name) == {} and "not measured" in pace_note(
-        tmp_path, study.preset.name
-    )
+    assert read(tmp_path, study.preset.name) == {}
+    assert "not measured" in pace_note(tmp_path, study.preset.name)
     measure(study, tmp_path, ["sidm", "pretrain_finetune"], rounds=2, beside="a film")
     assert (
         "in 2 rounds, on one core" in (note := pace_note(tmp_path, study.preset.name))
         and "beside a film" in note
     )
-    found = read(tmp_path, study.preset.name)
-    assert set(found) == {"sidm", "pretrain_finetune"} and read(tmp_path, "paper") == {}
-    assert all(0 < pace.lowest < pace.median < pace.highest for pace in found.values())
+    stored = read(tmp_path, study.preset.name)
+    assert (
+        set(stored) == {"sidm", "pretrain_finetune"} and read(tmp_path, "paper") == {}
+    )
+    assert all(0 < pace.lowest < pace.median < pace.highest for pace in stored.values())
 
 
 def test_samples_take_their_own_pace(study, make_row):
-    """Those of the pretraining that of one system alone; 300 samples are the made-up
-    row's."""
+    """Pretraining has the pace of one system alone; the made-up row has 300 samples."""
     paces = {
         "sidm": Pace(4.0, 3.0, 5.0),
         "pretrain_finetune": Pace(3.0, 2.0, 4.0),

@@ -1,5 +1,4 @@
-"""The tries of the tuning, and that the laptop's methods are what the stored tries
-say."""
+"""Tries of the tuning: the methods of `laptop` follow from the stored tries."""
 
 import dataclasses
 
@@ -17,13 +16,13 @@ from companion.studies.tuning import (
     TRIES,
     TUNED,
     TUNING_SEED,
-    best_alone,
-    for_little,
+    best_novice_only,
     frame,
     little_data,
+    little_data_results,
+    preset_of_try,
     settings,
     table,
-    tried,
 )
 from companion.studies.tuning import trials as trials_of
 from sidm.systems import SYSTEMS
@@ -31,14 +30,15 @@ from tests.companion.conftest import RESULTS
 
 
 def test_every_method_is_tuned_with_the_same_number_of_tries(tiny, tmp_path):
-    """On one seed that no figure has, the expert's part of a method with its tries'
-    values."""
+    """Tries use a seed that no figure has.
+
+    The expert's part of a method takes the tries' values.
+    """
     trials = trials_of(
         Study(tiny.replace(tuning_minutes=[0.5]), tmp_path, tmp_path), "system1"
     )
-    assert len({len(tries) for tries in TRIES.values()}) == 1 and {
-        t.seed for t in trials
-    } == {TUNING_SEED}
+    assert len({len(tries) for tries in TRIES.values()}) == 1
+    assert {t.seed for t in trials} == {TUNING_SEED}
     assert [t.method for t in trials] == [
         method for method, tries in TRIES.items() for _ in tries
     ]
@@ -49,47 +49,40 @@ def test_every_method_is_tuned_with_the_same_number_of_tries(tiny, tmp_path):
 
 
 def test_the_lowest_test_loss_is_marked(tiny, make_row, tmp_path):
-    # so that the base is what it uses, untuned
+    # so that the method uses the untuned base
     preset = tiny.replace(tuning_minutes=[0.5], test_interval=25)
     study, store = Study(preset, tmp_path, tmp_path), Results(tmp_path)
     trials = trials_of(study, "system1")
     for number, trial in enumerate(trials):
-        row = make_row(trial, 100 - number)  # the validation loss has no say
+        row = make_row(trial, 100 - number)  # the validation loss must not matter
         # a tie of 3 and 4
         outcome = dataclasses.replace(
             row.outcome, best_test_loss=1.0 + abs(number - 3.5)
         )
         store.put(dataclasses.replace(row, outcome=outcome))
-    found = table(frame(study, store, ["system1"]))
-    assert (
-        found.lowest[:7].tolist() == [number == 3 for number in range(7)]
-        and found.lowest.sum() == 3
-    )
-    assert found["try"][found.used].tolist() == [
+    rows = table(frame(study, store, ["system1"]))
+    assert rows.lowest[:7].tolist() == [number == 3 for number in range(7)]
+    assert rows.lowest.sum() == 3
+    assert rows["try"][rows.used].tolist() == [
         next(iter(tries)) for tries in TRIES.values()
     ]
-    assert found["try"].tolist() == [
+    assert rows["try"].tolist() == [
         words for tries in TRIES.values() for words in tries
     ]
-    assert (
-        found["try"][6] == "weight decay 0.1" and trials[6].training.weight_decay == 0.1
-    )
+    assert rows["try"][6] == "weight decay 0.1"
+    assert trials[6].training.weight_decay == 0.1
     assert not len(table(frame(study, Results(tmp_path / "nothing"), ["system1"])))
 
 
 def test_the_study_has_tries_of_its_own_on_motion_of_their_own(tmp_path):
-    """As many for each method; p_e is among the SIDM's, and nothing was tuned
-    before."""
+    """Methods have equally many tries; SIDM tunes p_e; no method was tuned before."""
     trials = trials_of(Study("study", tmp_path, tmp_path), "system2")
     counts = {len(its) for its in LITTLE_TRIES.values()}
-    assert (
-        len(trials) == 3 * counts.pop()
-        and not counts
-        and len({t.key for t in trials}) == len(trials)
-    )
-    assert {t.motion for t in trials} == {"tuning"} and {
-        t.novice_minutes for t in trials
-    } == {5}
+    assert len(trials) == 3 * counts.pop()
+    assert not counts
+    assert len({t.key for t in trials}) == len(trials)
+    assert {t.motion for t in trials} == {"tuning"}
+    assert {t.novice_minutes for t in trials} == {5}
     assert {t.training.p_expert for t in trials if t.method == "sidm"} == {0.5, 0.9}
     assert {t.training.matching_iterations for t in trials if t.method == "sidm"} == {
         5,
@@ -100,7 +93,7 @@ def test_the_study_has_tries_of_its_own_on_motion_of_their_own(tmp_path):
 
 @pytest.mark.parametrize("method", TRIES)
 def test_the_laptop_is_tuned_to_its_best_tries(method):
-    """By the rule: the lowest test loss on system 1."""
+    """By the rule, the lowest test loss on system 1 wins."""
     preset, store = load_preset("laptop"), Results(RESULTS)
     trials = [
         t
@@ -109,7 +102,7 @@ def test_the_laptop_is_tuned_to_its_best_tries(method):
     ]
     losses = [row.outcome.best_test_loss for row in store.rows(trials)]
     assert len(losses) == len(TRIES[method])
-    best = tried(preset, method, list(TRIES[method])[losses.index(min(losses))])
+    best = preset_of_try(preset, method, list(TRIES[method])[losses.index(min(losses))])
     assert preset.training_of(METHODS[method], "system1") == best.training_of(
         METHODS[method], "system1"
     )
@@ -122,8 +115,7 @@ def test_the_laptop_is_tuned_to_its_best_tries(method):
 @pytest.mark.parametrize("system", SYSTEMS)
 @pytest.mark.parametrize("method", LITTLE_TRIES)
 def test_with_little_data_the_best_tries_at_five_minutes_are_taken(method, system):
-    """By the rule: a system's lowest test loss, where Figure 3's setting is not as
-    good."""
+    """A system's lowest test loss wins, unless Figure 3's setting is about as good."""
     study, store = Study("study", "no data", RESULTS), Results(RESULTS)
     trials = [t for t in trials_of(study, system) if t.method == method]
     losses = [row.outcome.best_test_loss for row in store.rows(trials)]
@@ -136,21 +128,22 @@ def test_with_little_data_the_best_tries_at_five_minutes_are_taken(method, syste
         if (t.training, t.pretraining) == (figure3.training, figure3.pretraining)
     ]
     (above,) = (losses[trials.index(t)] / min(losses) - 1 for t in same)
-    again = [t for t in little_data(study, system) if t.method == method]
-    assert (method in LITTLE[system]) == bool(again) == (above > LITTLE_WORTH)
-    if again:
-        assert len({t.key for t in again}) == 15 and {t.seed for t in again} == set(
-            range(5)
-        )
-        assert {(t.training, t.pretraining) for t in again} == {
+    repeated = [t for t in little_data(study, system) if t.method == method]
+    assert (method in LITTLE[system]) == bool(repeated) == (above > LITTLE_WORTH)
+    if repeated:
+        assert len({t.key for t in repeated}) == 15
+        assert {t.seed for t in repeated} == set(range(5))
+        assert {(t.training, t.pretraining) for t in repeated} == {
             (best.training, best.pretraining)
         }
-        assert {t.motion for t in again} == {"figures"}
+        assert {t.motion for t in repeated} == {"figures"}
 
 
 def test_savings_are_beside_the_best_of_training_alone(make_row, tmp_path):
-    """The SIDM's data count eight times; on system 2, with settings of its own, those
-    of training alone do twice."""
+    """The SIDM's data count eight times.
+
+    On system 2, with its own settings, the data of training alone count twice.
+    """
     study, store = Study("study", tmp_path, tmp_path), Results(tmp_path)
 
     def row(trial, worth=1.0):
@@ -162,26 +155,20 @@ def test_savings_are_beside_the_best_of_training_alone(make_row, tmp_path):
     worth = {"sidm": 8.0, "novice_only": 2.0}
     for trial in (t for s in SYSTEMS for t in little_data(study, s)):
         store.put(row(trial, worth[trial.method]))
-    little = for_little(study, store, SYSTEMS)
-    found = savings(
-        pd.concat([little, best_alone(figure3, little)]), ["sidm" + FOR_LITTLE]
+    little = little_data_results(study, store, SYSTEMS)
+    rows = savings(
+        pd.concat([little, best_novice_only(figure3, little)]), ["sidm" + FOR_LITTLE]
     )
-    assert found.drop_duplicates("system").ratio.tolist() == pytest.approx([8, 4])
+    assert rows.drop_duplicates("system").ratio.tolist() == pytest.approx([8, 4])
 
 
 def test_the_settings_that_each_method_came_to():
-    found = settings(load_preset("laptop"))
-    assert list(found.index) == ["p_expert", *TUNED] and list(found) == list(TRIES)
-    assert (
-        found.novice_only.weight_decay == "0.1"
-        and found.novice_only.matching_iterations == "-"
-    )
-    assert (
-        found.sidm.matching_iterations == "5"
-        and found.sidm.p_expert == "0.75 (system1), 0.5 (system2)"
-    )
-    assert (
-        found.pretrain_finetune.learning_rate == "0.001, then 0.0001"
-        and found.novice_only.p_expert == "-"
-    )
-    assert found.pretrain_finetune.patience == "150,000"
+    rows = settings(load_preset("laptop"))
+    assert list(rows.index) == ["p_expert", *TUNED] and list(rows) == list(TRIES)
+    assert rows.novice_only.weight_decay == "0.1"
+    assert rows.novice_only.matching_iterations == "-"
+    assert rows.sidm.matching_iterations == "5"
+    assert rows.sidm.p_expert == "0.75 (system1), 0.5 (system2)"
+    assert rows.pretrain_finetune.learning_rate == "0.001, then 0.0001"
+    assert rows.novice_only.p_expert == "-"
+    assert rows.pretrain_finetune.patience == "150,000"

@@ -7,7 +7,7 @@ from companion.engine.frame import frame_of
 from companion.studies import variants
 from companion.studies.variants import AGAINST, EQUAL, by_method, table
 
-#: of the data
+#: number of times that a method's data count
 POWER = {
     "sidm": 1.0,
     "pretrain_finetune": 4.0,
@@ -20,8 +20,10 @@ SIZES = (1, 2, 5, 10)
 
 @pytest.fixture
 def frame(make_row, tmp_path):
-    """Losses fall with the square root of the data; the tethered have two seeds, and no
-    one SIDM at 10 min."""
+    """Losses that fall with the square root of the data.
+
+    `tethered` has two seeds, and `sidm` lacks 10 min.
+    """
 
     def loss(trial):
         return (1 + 0.01 * trial.seed) * (
@@ -39,12 +41,12 @@ def frame(make_row, tmp_path):
 
 
 def test_losses_are_held_against_those_with_twice_the_data_or_the_next_more(frame):
-    found = table(frame, ["mirrored"])
-    assert list(zip(found.novice_minutes, found.against, strict=True)) == [
+    rows = table(frame, ["mirrored"])
+    assert list(zip(rows.novice_minutes, rows.against, strict=True)) == [
         (s, o) for s in SIZES for o in AGAINST
     ]
     with_sidm, first = (
-        found[found.against == other].set_index("novice_minutes") for other in AGAINST
+        rows[rows.against == other].set_index("novice_minutes") for other in AGAINST
     )
     assert with_sidm.with_minutes.to_dict() == {1: 2, 2: 5, 5: 20, 10: 20}
     assert first.with_minutes.to_dict() == {1: 2, 2: 5, 5: 10, 10: 20}
@@ -53,31 +55,28 @@ def test_losses_are_held_against_those_with_twice_the_data_or_the_next_more(fram
 
 def test_at_equal_sizes_and_in_other_values(frame):
     other = frame.assign(error=2 * frame.validation_loss)
-    found = table(other, ["mirrored"], ["sidm"], EQUAL, "error")
-    assert list(found.with_minutes) == [1, 2, 5, 20]
-    assert found.ratio[0] == pytest.approx(1 / 4) and found["mean"][0] == pytest.approx(
-        2 * 1.01 / 4
-    )
+    rows = table(other, ["mirrored"], ["sidm"], EQUAL, "error")
+    assert list(rows.with_minutes) == [1, 2, 5, 20]
+    assert rows.ratio[0] == pytest.approx(1 / 4)
+    assert rows["mean"][0] == pytest.approx(2 * 1.01 / 4)
 
 
 def test_a_method_that_saves_less_is_not_sure(frame):
-    """Six times the data in effect against four."""
-    found = table(frame, ["averaged"]).set_index(["novice_minutes", "against"])
-    assert found.high[1, "pretrain_finetune"] > 1 > found.high[1, "sidm"]
+    """Data count six times against four times."""
+    rows = table(frame, ["averaged"]).set_index(["novice_minutes", "against"])
+    assert rows.high[1, "pretrain_finetune"] > 1 > rows.high[1, "sidm"]
 
 
 def test_the_verdict_needs_every_point(frame):
-    found = table(frame, ["mirrored", "averaged", "tethered", "adapters"])
-    said = {
+    rows = table(frame, ["mirrored", "averaged", "tethered", "adapters"])
+    expected = {
         "averaged": ["4 of 4", "0 of 4", "no"],
         "mirrored": ["4 of 4", "4 of 4", "yes"],
     }
-    assert by_method(found, 4).set_index("method").T.to_dict("list") == said
-    assert by_method(found, 8).set_index("method").half["mirrored"] == "not all run"
+    assert by_method(rows, 4).set_index("method").T.to_dict("list") == expected
+    assert by_method(rows, 8).set_index("method").half["mirrored"] == "not all run"
     assert (
-        by_method(found[found.against == "sidm"], 4)
-        .set_index("method")
-        .half["mirrored"]
+        by_method(rows[rows.against == "sidm"], 4).set_index("method").half["mirrored"]
         == "not all run"
     )
 

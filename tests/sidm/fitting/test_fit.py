@@ -1,5 +1,7 @@
-"""A model of one's own robot: fitted, kept, evaluated and asked, by function and by
-command."""
+"""A model of a user's robot: fitted, stored, evaluated and used.
+
+Functions and commands are tested.
+"""
 
 import contextlib
 import dataclasses
@@ -46,16 +48,18 @@ def drives():
 @pytest.mark.parametrize("method", METHODS)
 def test_a_model_is_the_same_after_it_was_kept(drives, tmp_path, method):
     expert = None if method in ("novice_only", "least_squares") else drives["husky"]
-    found = sidm.fit(drives["warthog"], expert, method, out=tmp_path / "model")
+    model = sidm.fit(drives["warthog"], expert, method, out=tmp_path / "model")
     back = sidm.load(tmp_path / "model")
     assert (back.method, back.steps, back.body) == (method, 19, SKID)
     assert sorted(path.name for path in (tmp_path / "model").iterdir()) == [
         "model.json",
         "model.safetensors",
     ]
-    one, other = (some.evaluate(drives["warthog"]) for some in (found, back))
-    pd.testing.assert_frame_equal(one, other)
-    assert np.isfinite(one.error).all() and list(one.quantity[:6]) == list(SKID.targets)
+    before, after = (some.evaluate(drives["warthog"]) for some in (model, back))
+    pd.testing.assert_frame_equal(before, after)
+    assert np.isfinite(before.error).all() and list(before.quantity[:6]) == list(
+        SKID.targets
+    )
 
 
 def settings_of(with_sidm, alone):
@@ -68,8 +72,10 @@ def settings_of(with_sidm, alone):
 
 
 def test_networks_and_training_may_be_ones_own(drives):
-    """Whole or by single values; what each method was tuned to holds where nothing else
-    is said."""
+    """Networks and training are given whole or by single values.
+
+    Otherwise the tuned values of each method hold.
+    """
     used = []
     for how in (
         {},
@@ -77,8 +83,8 @@ def test_networks_and_training_may_be_ones_own(drives):
         {"training": Training(max_samples=2_000, batch=4)},
         {"network": Network(layers=2, hidden=8)},
     ):
-        found = sidm.fit(drives["warthog"], drives["husky"], **how)
-        used.append((found.network.layers, found.network.hidden))
+        model = sidm.fit(drives["warthog"], drives["husky"], **how)
+        used.append((model.network.layers, model.network.hidden))
     assert used == [(1, 16), (1, 8), (1, 16), (2, 8)]
     chosen = settings.settings_with(values={"p_expert": 0.5})
     with_sidm, alone = (
@@ -97,8 +103,8 @@ def test_networks_and_training_may_be_ones_own(drives):
 
 
 def test_predictions_stand_beside_what_was_recorded(drives):
-    found = sidm.fit(drives["warthog"], body=SKID, method="least_squares")
-    table = found.predict(drives["warthog"])
+    model = sidm.fit(drives["warthog"], body=SKID, method="least_squares")
+    table = model.predict(drives["warthog"])
     assert len(table) == 40 * 19 and table.drive.nunique() == 40
     assert np.allclose(
         table.actual_yaw_rate[:19], drives["warthog"][0].states[1:, 3], atol=1e-5
@@ -108,11 +114,9 @@ def test_predictions_stand_beside_what_was_recorded(drives):
 
 def test_robots_of_two_bodies_are_learnt_together(drives):
     expert = [replace(drive, body=HUNTER) for drive in drives["husky"]]
-    found = sidm.fit(drives["warthog"], expert)
-    assert found.method == "sidm" and found.predictor.encoders.keys() == {
-        "novice",
-        "expert",
-    }
+    model = sidm.fit(drives["warthog"], expert)
+    assert model.method == "sidm"
+    assert model.predictor.encoders.keys() == {"novice", "expert"}
 
 
 @pytest.mark.parametrize(
@@ -122,7 +126,7 @@ def test_robots_of_two_bodies_are_learnt_together(drives):
         ({"method": "sdim"}, "did you mean 'sidm'"),
         (
             {"novice": BODY.with_name("warthog.csv.gz"), "body": None},
-            "say what the drives of novice are made of",
+            "the drives of novice have no body: pass body=",
         ),
         ({"novice": []}, "novice has no drives"),
         ({"expert_body": SKID}, "but there is no expert"),
@@ -140,26 +144,27 @@ def test_an_expert_of_one_piece_cannot_be_pretrained_on(drives):
 
 
 def test_without_weights_the_loss_is_in_raw_units(drives, tmp_path):
-    """As fitted, so kept; and what predicting the mean costs is of the same drives and
-    units."""
+    """The model keeps the units of its fit.
+
+    The loss of predicting the mean uses the same drives and units.
+    """
     plain = dataclasses.replace(SKID, weights="ones")
-    found = sidm.fit(
+    model = sidm.fit(
         drives["warthog"], body=plain, method="least_squares", out=tmp_path
     )
     back = sidm.load(tmp_path)
-    assert found.scale is back.scale is back.predictor.loss_weights("novice") is None
-    assert 0 < found.test_loss < found.mean_loss == pytest.approx(back.mean_loss)
+    assert model.scale is back.scale is back.predictor.loss_weights("novice") is None
+    assert 0 < model.test_loss < model.mean_loss == pytest.approx(back.mean_loss)
     judged = sidm.fit(drives["warthog"], body=SKID, method="least_squares").mean_loss
-    assert judged == pytest.approx(
-        len(SKID.targets), rel=0.5
-    ) and not judged == pytest.approx(found.mean_loss, rel=0.5)
+    assert judged == pytest.approx(len(SKID.targets), rel=0.5)
+    assert not judged == pytest.approx(model.mean_loss, rel=0.5)
 
 
 def test_errors_are_in_the_units_that_drives_are_read_in(drives):
     columns = (("yaw_rate", "deg/s"), *SKID.columns[1:])
     body = dataclasses.replace(SKID, columns=columns)
-    found = sidm.fit(drives["warthog"], body=body, method="least_squares")
-    assert found.evaluate(drives["warthog"]).unit[3] == "rad/s"
+    model = sidm.fit(drives["warthog"], body=body, method="least_squares")
+    assert model.evaluate(drives["warthog"]).unit[3] == "rad/s"
 
 
 def test_copying_between_two_bodies_is_refused(drives):
@@ -169,11 +174,14 @@ def test_copying_between_two_bodies_is_refused(drives):
 
 
 def test_drives_keep_the_body_that_they_were_read_with(drives):
-    """Another body would call a drive's columns by other names; the same one with other
-    weights only weighs them."""
+    """Another body would name a drive's columns differently.
+
+    The same body with other weights only changes the weights of the loss.
+    """
     with pytest.raises(
         ConfigError,
-        match="expert has drives of 'skid-steered', whose actions is not that of 'hunter'",
+        match="expert has drives of body 'skid-steered', "
+        "whose actions differ from those of",
     ):
         sidm.fit(drives["warthog"], drives["husky"], expert_body=HUNTER)
 
@@ -189,18 +197,10 @@ def test_a_damaged_model_is_named(drives, tmp_path):
 
 def test_the_commands_lead_from_file_to_predictions(tmp_path, capsys):
     path, out = str(RECORDINGS / "warthog.csv.gz"), str(tmp_path / "model")
-    words = [
-        "fit",
-        "--novice",
-        path,
-        "--body",
-        str(BODY),
-        "--method",
-        "least_squares",
-        "--out",
-        out,
-    ]
-    assert command_line.main(words) == 0
+    arguments = (
+        f"fit --novice {path} --body {BODY} --method least_squares --out {out}"
+    ).split()
+    assert command_line.main(arguments) == 0
     assert command_line.main(["evaluate", out, path]) == 0
     assert (tmp_path / "model" / "evaluation.png").stat().st_size > 10_000
     assert "wheel_left" in capsys.readouterr().out
@@ -224,27 +224,25 @@ def test_the_commands_lead_from_file_to_predictions(tmp_path, capsys):
 
 
 def test_a_robot_on_rough_ground_is_learnt_with_its_map(tmp_path):
-    """The paper's body, from an .npz with grounds; it drives open loop over the map."""
+    """The paper's body, from an .npz with grounds, is rolled out over the map."""
     some = read_drives(RECORDINGS / "system1.npz", ROVER)[:12]
     write_drives(tmp_path / "mine.npz", some, "some")
-    found = sidm.fit(
+    model = sidm.fit(
         tmp_path / "mine.npz", body=RECORDINGS / "rover.yaml", out=tmp_path / "model"
     )
     table = sidm.load(tmp_path / "model").evaluate(tmp_path / "mine.npz")
-    assert found.body == ROVER and found.steps == 64
-    assert (
-        np.isfinite(table.error).all()
-        and table[table.quantity == "position"].horizon.max() == 60
-    )
-    assert len(found.predict(tmp_path / "mine.npz")) == 12 * 64
+    assert model.body == ROVER and model.steps == 64
+    assert np.isfinite(table.error).all()
+    assert table[table.quantity == "position"].horizon.max() == 60
+    assert len(model.predict(tmp_path / "mine.npz")) == 12 * 64
 
 
 @pytest.mark.parametrize("name", ["warthog", "husky", "hunter"])
 def test_the_models_kept_here_predict_their_robots(name):
-    """Better than the mean by far; they have learnt from these drives."""
-    found = sidm.load(RECORDINGS / "models" / name)
-    drives = read_drives(RECORDINGS / f"{name}.csv.gz", found.body)
-    assert found.evaluate(drives[:50]).share.iloc[len(found.body.targets) - 1] < 0.3
+    """Models that learnt from these drives are far better than the mean."""
+    model = sidm.load(RECORDINGS / "models" / name)
+    drives = read_drives(RECORDINGS / f"{name}.csv.gz", model.body)
+    assert model.evaluate(drives[:50]).share.iloc[len(model.body.targets) - 1] < 0.3
 
 
 class Killed(Exception):
@@ -252,7 +250,7 @@ class Killed(Exception):
 
 
 def test_an_unfinished_fit_goes_on_where_it_was(drives, tmp_path, monkeypatch):
-    """The model is that of a fit that nothing stopped, and no test is taken twice."""
+    """The model is that of an undisturbed fit, and no test is run twice."""
     fit = importlib.import_module("sidm.fitting.fit")
     settings = {"max_samples": 30_000, "test_interval": 5, "prediction_iterations": 20}
     whole = sidm.fit(drives["warthog"], settings=settings)
@@ -267,17 +265,14 @@ def test_an_unfinished_fit_goes_on_where_it_was(drives, tmp_path, monkeypatch):
 
         yield tell
 
-    monkeypatch.setattr(fit, "_watched", watched)
+    monkeypatch.setattr(fit, "_progress", watched)
     with pytest.raises(Killed):
         sidm.fit(drives["warthog"], settings=settings, out=tmp_path / "model")
-    assert (tmp_path / "model" / "unfinished").is_dir() and not (
-        tmp_path / "model" / "model.json"
-    ).exists()
+    assert (tmp_path / "model" / "unfinished").is_dir()
+    assert not (tmp_path / "model" / "model.json").exists()
     model = sidm.fit(drives["warthog"], settings=settings, out=tmp_path / "model")
-    assert (
-        model.test_loss == whole.test_loss
-        and not (tmp_path / "model" / "unfinished").exists()
-    )
+    assert model.test_loss == whole.test_loss
+    assert not (tmp_path / "model" / "unfinished").exists()
     weights, expected = model.predictor.state_dict(), whole.predictor.state_dict()
     assert all(torch.equal(weights[name], expected[name]) for name in expected)
-    assert seen[6] > seen[3]  # it began after the last phase that was written
+    assert seen[6] > seen[3]  # resumed after the last stored phase

@@ -1,4 +1,4 @@
-"""Motion by what a user calls it, and how some is held out."""
+"""Motion given as a user names it, and the part of it that is held out."""
 
 import numpy as np
 import pytest
@@ -12,11 +12,10 @@ from sidm.recordings import write_drives
 
 
 def test_a_simulated_robot_goes_by_its_name(tmp_path):
-    """It is simulated, and is a recording like any other."""
+    """The robot is simulated, and its motion is a recording like any other."""
     drives = robot_drives("system1 expert", ROVER, 0.2, tmp_path)
-    assert [drive.states.shape for drive in drives] == 2 * [(STEPS + 1, 13)] and drives[
-        0
-    ].ground is not None
+    assert [drive.states.shape for drive in drives] == 2 * [(STEPS + 1, 13)]
+    assert drives[0].ground is not None
     write_drives(tmp_path / "its.npz", drives, "simulated")
     back = robot_drives(str(tmp_path / "its.npz"), ROVER)
     assert np.allclose(
@@ -57,5 +56,5 @@ def test_it_is_steps_that_are_shared_out():
 
 
 def test_one_drive_cannot_judge_itself():
-    with pytest.raises(ConfigError, match="a single drive leaves none to judge by"):
+    with pytest.raises(ConfigError, match="a single drive leaves none to evaluate on"):
         hold_out([drive("a")], 0.3)

@@ -1,4 +1,4 @@
-"""Recorded drives as windows: the same as simulated ones of the same motion."""
+"""Windows of recorded drives equal those of simulated drives of the same motion."""
 
 import numpy as np
 import pytest
@@ -6,13 +6,13 @@ import torch
 
 from sidm.config import ConfigError, replace
 from sidm.drives import STEPS, Ground
-from sidm.fitting.windows import apart_by_ground, cut, grounds_of
+from sidm.fitting.windows import cut, grounds_of, split_by_ground
 from sidm.learning import windows_of
 from sidm.terrain import generate_terrain
 
 
 def recorded(drive, ground):
-    """A simulated drive as a file has it."""
+    """A simulated drive in the form of a recording."""
     return replace(
         drive,
         states=drive.states.astype(float),
@@ -37,18 +37,22 @@ def test_windows_are_those_that_a_simulated_robot_would_have(
 ):
     drives = make_trajectories(3, steps=STEPS)
     some = [
-        recorded(one, Ground(one.ground.heights, small_terrain.spacing))
-        for one in drives
+        recorded(drive, Ground(drive.ground.heights, small_terrain.spacing))
+        for drive in drives
     ]
-    ours, theirs = windows_of(cut(some), 8), windows_of(drives, 8)
-    assert torch.allclose(ours.inputs, theirs.inputs, atol=1e-6)  # float32
-    assert torch.allclose(ours.targets, theirs.targets, atol=1e-6)
-    assert torch.allclose(ours.maps.float(), theirs.maps.float(), atol=2e-3)  # float16
+    from_trajectories, from_drives = windows_of(cut(some), 8), windows_of(drives, 8)
+    assert torch.allclose(
+        from_trajectories.inputs, from_drives.inputs, atol=1e-6
+    )  # float32
+    assert torch.allclose(from_trajectories.targets, from_drives.targets, atol=1e-6)
+    assert torch.allclose(
+        from_trajectories.maps.float(), from_drives.maps.float(), atol=2e-3
+    )  # float16
 
 
 def test_recordings_are_cut_and_share_their_grounds(recordings):
     windows = cut(recordings)
-    assert [(one.states.shape, one.actions.shape) for one in windows] == [
+    assert [(window.states.shape, window.actions.shape) for window in windows] == [
         ((STEPS + 1, 13), (STEPS, 2))
     ] * 10
     assert grounds_of(windows).tolist() == [0, 0, 0, 0, 1, 1, 1, 1, 2, 2]
@@ -59,10 +63,10 @@ def test_recordings_are_cut_and_share_their_grounds(recordings):
 
 def test_grounds_held_out_are_not_learnt_on(recordings):
     windows = cut(recordings)
-    learning, judging = apart_by_ground(windows, 1)
+    learning, judging = split_by_ground(windows, 1)
     assert learning.tolist() == list(range(8)) and judging.tolist() == [8, 9]
     with pytest.raises(ValueError, match="from 1 to 2 of 3 grounds, not 3"):
-        apart_by_ground(windows, 3)
+        split_by_ground(windows, 3)
 
 
 def test_drives_that_are_too_short_are_refused(recordings):

@@ -1,4 +1,4 @@
-"""A run goes on bit for bit; what cannot be gone on from is named."""
+"""A run resumes bit for bit; unusable checkpoints are named."""
 
 import dataclasses
 
@@ -18,7 +18,10 @@ class Killed(Exception):
 
 @pytest.fixture
 def start(datasets, small_network, small_training, tmp_path):
-    """Run in four phases, with a checkpoint; `kill_at` samples raises at that test."""
+    """Run four phases with a checkpoint.
+
+    The test at `kill_at` samples raises an error.
+    """
 
     def start(kill_at=None, seed=0, checkpoint=tmp_path, **changes):
         def progress(tested):
@@ -72,7 +75,7 @@ def test_a_killed_run_goes_on_bit_for_bit(start, tmp_path, changes, kill_at):
 
 def test_a_finished_run_is_read_not_repeated(start):
     first = start()
-    same(start(kill_at=0), first)  # a test would raise
+    same(start(kill_at=0), first)  # a further test would raise an error
 
 
 def test_restored_state_is_the_saved_one(
@@ -81,14 +84,11 @@ def test_restored_state_is_the_saved_one(
     trainer = Trainer(datasets, small_network, small_training, 0)
     Checkpoint(tmp_path).save(trainer)
     twin = Trainer(datasets, small_network, small_training, 0)
-    assert Checkpoint(tmp_path).restore(twin) and not Checkpoint(
-        tmp_path / "elsewhere"
-    ).restore(twin)
-    assert (
-        twin.history == []
-        and twin.accuracy is None
-        and twin.stopping == trainer.stopping
-    )
+    assert Checkpoint(tmp_path).restore(twin)
+    assert not Checkpoint(tmp_path / "elsewhere").restore(twin)
+    assert twin.history == []
+    assert twin.accuracy is None
+    assert twin.stopping == trainer.stopping
 
 
 @pytest.mark.parametrize("changes", [{"seed": 1}, {"learning_rate": 2e-3}])
@@ -122,11 +122,10 @@ def test_arrays_and_text_come_back(tmp_path):
     }
     values = {"loss": 0.1 + 0.2, "none": None, "list": [1, 2]}
     write(tmp_path / "new", tensors, values)
-    found, text = read(tmp_path / "new")
-    assert text == values and all(
-        torch.equal(found[name], tensor) for name, tensor in tensors.items()
-    )
-    assert found["step"].shape == ()
+    state, text = read(tmp_path / "new")
+    assert text == values
+    assert all(torch.equal(state[name], tensor) for name, tensor in tensors.items())
+    assert state["step"].shape == ()
 
 
 def test_nothing_is_pickled(start, tmp_path):

@@ -8,7 +8,7 @@ from torch import nn
 from sidm.learning import Encoder, Network, convolution
 from sidm.learning.convolution import is_fast_for
 
-#: Sums run in another order, of up to some 50,000 products here.
+#: tolerance: sums of up to about 50,000 products run in another order
 ROUNDING = {torch.float32: 1e-4, torch.float64: 1e-12}
 
 
@@ -44,11 +44,14 @@ def numbers(*shape, dtype=torch.float32, seed=1) -> torch.Tensor:
 def features(
     layers: nn.Sequential, maps: torch.Tensor, *units, count=3
 ) -> torch.Tensor:
-    """With `count` numbers behind them, which are left as they are and cut off."""
+    """Features of maps.
+
+    `count` further numbers stand behind the features; they must stay and are removed.
+    """
     beside = numbers(len(maps), count, dtype=maps.dtype, seed=3)
-    found = convolution.features(layers, maps, beside, *units)
-    assert torch.equal(found[:, found.shape[1] - count :], beside)
-    return found[:, : found.shape[1] - count]
+    outputs = convolution.features(layers, maps, beside, *units)
+    assert torch.equal(outputs[:, outputs.shape[1] - count :], beside)
+    return outputs[:, : outputs.shape[1] - count]
 
 
 def fast(layers: nn.Sequential, maps: torch.Tensor) -> bool:
@@ -80,19 +83,17 @@ def gradients(
     ],
 )
 def test_features_and_gradients_are_pytorchs(count, pixels, channels, dtype):
-    layers, maps = (
-        layers_of(channels, dtype=dtype),
-        numbers(count, pixels, pixels, dtype=dtype),
-    )
+    layers = layers_of(channels, dtype=dtype)
+    maps = numbers(count, pixels, pixels, dtype=dtype)
     assert fast(layers, maps)
-    found, expected = features(layers, maps), by_pytorch(layers, maps)
-    assert found.shape == expected.shape and found.dtype == dtype
+    outputs, expected = features(layers, maps), by_pytorch(layers, maps)
+    assert outputs.shape == expected.shape and outputs.dtype == dtype
     assert torch.allclose(
-        found, expected, rtol=0, atol=ROUNDING[dtype] * expected.abs().max().item()
+        outputs, expected, rtol=0, atol=ROUNDING[dtype] * expected.abs().max().item()
     )
     weights = numbers(*expected.shape, dtype=dtype, seed=2)
     for mine, theirs in zip(
-        gradients(layers, found, weights),
+        gradients(layers, outputs, weights),
         gradients(layers, expected, weights),
         strict=True,
     ):
@@ -103,11 +104,11 @@ def test_features_and_gradients_are_pytorchs(count, pixels, channels, dtype):
 
 @pytest.mark.parametrize("slope", [0.01, 0.0, 0.5])
 def test_gradients_are_those_of_finite_differences(slope):
-    layers, maps = (
-        layers_of((4, 4), slope=slope, dtype=torch.float64),
-        numbers(3, 8, 8, dtype=torch.float64),
-    )
-    parameters = [one.detach().clone().requires_grad_() for one in layers.parameters()]
+    layers = layers_of((4, 4), slope=slope, dtype=torch.float64)
+    maps = numbers(3, 8, 8, dtype=torch.float64)
+    parameters = [
+        weights.detach().clone().requires_grad_() for weights in layers.parameters()
+    ]
     beside, work = numbers(3, 2, dtype=torch.float64), convolution._Convolutions.apply
     assert torch.autograd.gradcheck(
         lambda *own: work(maps, beside, *own, (slope, 0.3, 1.7)), parameters
@@ -117,14 +118,12 @@ def test_gradients_are_those_of_finite_differences(slope):
 def test_units_of_the_maps():
     layers, maps = layers_of(), 0.2 * numbers(18, 10, 10) + 1
     mean, std = torch.tensor(1.1), torch.tensor(0.3)
-    found, expected = (
-        features(layers, maps, mean, std),
-        by_pytorch(layers, (maps - mean) / std),
-    )
-    assert torch.allclose(found, expected, atol=1e-4)
+    outputs = features(layers, maps, mean, std)
+    expected = by_pytorch(layers, (maps - mean) / std)
+    assert torch.allclose(outputs, expected, atol=1e-4)
     weights = numbers(*expected.shape, seed=2)
     for mine, theirs in zip(
-        gradients(layers, found, weights),
+        gradients(layers, outputs, weights),
         gradients(layers, expected, weights),
         strict=True,
     ):
@@ -134,11 +133,11 @@ def test_units_of_the_maps():
 
 
 def test_the_same_twice_and_apart_from_other_maps():
-    """A map's features do not depend on which maps stand beside it, to the last bit."""
+    """A map's features do not depend on the maps beside it, to the last bit."""
     layers, maps = layers_of(), numbers(40, 10, 10)
-    found = features(layers, maps)
-    assert torch.equal(found, features(layers, maps))
-    assert torch.equal(found[7:12], features(layers, maps[7:12]))
+    outputs = features(layers, maps)
+    assert torch.equal(outputs, features(layers, maps))
+    assert torch.equal(outputs[7:12], features(layers, maps[7:12]))
 
 
 def test_maps_and_weights_of_any_layout():
@@ -150,12 +149,13 @@ def test_maps_and_weights_of_any_layout():
 def test_what_is_not_a_number_stays_so():
     layers, maps = layers_of(), numbers(20, 9, 9)
     maps[3, 4, 4], maps[5, 0, 0] = float("nan"), float("inf")
-    found = features(layers, maps)
-    assert found[3].isnan().any() and not found[5].isfinite().all()
+    outputs = features(layers, maps)
+    assert outputs[3].isnan().any() and not outputs[5].isfinite().all()
     others = [row for row in range(20) if row not in (3, 5)]
-    assert found[others].isfinite().all()
+    assert outputs[others].isfinite().all()
     assert any(
-        one.isnan().any() for one in gradients(layers, found, torch.ones_like(found))
+        one.isnan().any()
+        for one in gradients(layers, outputs, torch.ones_like(outputs))
     )
 
 
@@ -184,11 +184,9 @@ def test_what_pytorch_computes(layers, maps):
 
 def test_an_encoder_is_the_same_without_numba(monkeypatch):
     network = Network(pixels=12, encoder_hidden=16, latent=8)
-    encoder, inputs, maps = (
-        Encoder(network),
-        numbers(2, 5, 11),
-        numbers(2, 5, 12, 12).half(),
-    )
+    encoder = Encoder(network)
+    inputs = numbers(2, 5, 11)
+    maps = numbers(2, 5, 12, 12).half()
     compiled = encoder(inputs, maps)
     monkeypatch.setattr(convolution, "kernels", lambda: None)
     assert torch.allclose(encoder(inputs, maps), compiled, atol=1e-5)
@@ -211,13 +209,13 @@ def test_where_pytorch_is_left_to_it(where):
 
 
 def test_gradients_have_the_weights_layout_or_serve_as_well():
-    """Adam's fused kernel takes one step as PyTorch's own gradients give it."""
+    """Adam's fused kernel takes the same step as with PyTorch's own gradients."""
     maps, steps = numbers(20, 10, 10), []
     for work in (features, by_pytorch):
         layers = layers_of()
         optimiser = torch.optim.AdamW(layers.parameters(), lr=1e-2, fused=True)
         work(layers, maps).square().sum().backward()
         optimiser.step()
-        steps.append([one.detach().clone() for one in layers.parameters()])
-    for mine, theirs in zip(*steps, strict=True):
-        assert np.allclose(mine, theirs, atol=1e-5)
+        steps.append([weights.detach().clone() for weights in layers.parameters()])
+    for numba_step, torch_step in zip(*steps, strict=True):
+        assert np.allclose(numba_step, torch_step, atol=1e-5)

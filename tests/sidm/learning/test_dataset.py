@@ -52,11 +52,8 @@ def test_windows_of_drives(small_terrain, make_trajectories):
     trajectories = make_trajectories(3)
     motion = windows_of(trajectories, 8)
     assert len(motion) == 3
-    assert (motion.inputs.shape, motion.targets.shape, motion.maps.shape) == (
-        (3, 6, 11),
-        (3, 6, 13),
-        (3, 6, 8, 8),
-    )
+    expected = ((3, 6, 11), (3, 6, 13), (3, 6, 8, 8))
+    assert (motion.inputs.shape, motion.targets.shape, motion.maps.shape) == expected
     assert (motion.inputs.dtype, motion.targets.dtype, motion.maps.dtype) == (
         torch.float32,
     ) * 2 + (torch.float16,)
@@ -64,8 +61,8 @@ def test_windows_of_drives(small_terrain, make_trajectories):
         torch.from_numpy(part).double()
         for part in (trajectories[1].states, trajectories[1].actions)
     )
-    # of one trajectory alone in float64: all three together round otherwise, float32
-    # more than either
+    # One trajectory in float64 is the reference; three together round otherwise, and
+    # float32 rounds more than both.
     assert torch.allclose(
         motion.inputs[1].double(), encode_inputs(states[:-1], actions), atol=1e-6
     )
@@ -93,7 +90,7 @@ def test_loaded_windows_are_those_of_what_lies_on_disk(stored, small_terrain):
     root, trajectories = stored
     count = SHARD_SIZE + 1
     expected = windows_of(trajectories[:count], 8)
-    for _ in range(2):  # made, then read
+    for _ in range(2):  # the file is made, then read
         motion = load_windows(root, COLLECTION, count, small_terrain, 8)
         for name in ("inputs", "targets", "maps"):
             assert torch.equal(getattr(motion, name), getattr(expected, name))
@@ -155,17 +152,15 @@ def test_take_first_and_split(make_motion):
 def test_a_part_is_what_take_copies(make_motion):
     motion, chosen = make_motion(7), [4, 1, 5, 0]
     part, copy = motion.subset(chosen), motion.take(chosen)
-    assert (
-        len(part) == 4
-        and torch.equal(part.inputs, copy.inputs)
-        and torch.equal(part.targets, copy.targets)
-    )
-    assert torch.equal(torch.cat([some.maps for some in part.split(3)]), copy.maps)
+    assert len(part) == 4
+    assert torch.equal(part.inputs, copy.inputs)
+    assert torch.equal(part.targets, copy.targets)
+    assert torch.equal(torch.cat([chunk.maps for chunk in part.split(3)]), copy.maps)
     assert torch.equal(part.first(2).take([1]).maps, motion.maps[[1]])
 
 
 def anonymous_memory() -> float:
-    """MiB of this process that no file stands behind."""
+    """Memory of this process that no file backs, MiB."""
     lines = Path("/proc/self/status").read_text().splitlines()
     return (
         next(int(line.split()[1]) for line in lines if line.startswith("RssAnon"))
@@ -175,8 +170,11 @@ def anonymous_memory() -> float:
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs Linux")
 def test_maps_stay_in_their_file(tmp_path):
-    """Taking from half of 96 MiB of maps holds a batch of them, 1.5 MiB, not the 48;
-    the allocator the rest."""
+    """Reading from 96 MiB of maps needs memory for a batch, not for the maps.
+
+    A batch of half of the maps is 1.5 MiB, the half itself 48 MiB; the allocator needs
+    the rest.
+    """
     count, steps, pixels, batch = 192, 64, 64, 3
     np.save(tmp_path / "maps.npy", np.ones((count, steps, pixels, pixels), np.float16))
     maps = torch.from_numpy(np.load(tmp_path / "maps.npy", mmap_mode="c"))
@@ -191,7 +189,7 @@ def test_maps_stay_in_their_file(tmp_path):
         )
         == 64
     )
-    assert sum(len(some) for some in part.split(batch)) == count // 2
+    assert sum(len(chunk) for chunk in part.split(batch)) == count // 2
     assert anonymous_memory() - before < 16
 
 
@@ -217,8 +215,10 @@ def test_split_is_three_to_one_of_whole_trajectories(amount, seed):
 
 
 def test_split_depends_on_the_seed_alone():
-    first, again, other = (novice_split(100, 5, seed)[0].tolist() for seed in (0, 0, 1))
-    assert first == again != other
+    first, repeated, other = (
+        novice_split(100, 5, seed)[0].tolist() for seed in (0, 0, 1)
+    )
+    assert first == repeated != other
 
 
 def test_split_of_too_small_a_pool():
@@ -231,7 +231,7 @@ def test_split_of_too_small_a_pool():
 def test_standardisation_against_numpy(make_motion):
     motion = make_motion(9)
     motion.targets[..., 4] = 0.25
-    units = Standardisation.of(motion)
+    units = Standardisation.fit(motion)
     assert np.allclose(units.input_mean, motion.inputs.numpy().mean((0, 1)), atol=1e-6)
     assert np.allclose(units.input_std, motion.inputs.numpy().std((0, 1)), atol=1e-6)
     assert np.allclose(
@@ -239,16 +239,14 @@ def test_standardisation_against_numpy(make_motion):
     )
     assert np.allclose(units.map_mean, motion.maps.float().mean(), atol=1e-6)
     assert np.allclose(units.map_std, motion.maps.float().numpy().std(), atol=1e-6)
-    assert (
-        units.map_std.shape == ()
-        and (units.input_mean.dtype, units.map_std.dtype) == (torch.float32,) * 2
-    )
+    assert units.map_std.shape == ()
+    assert (units.input_mean.dtype, units.map_std.dtype) == (torch.float32,) * 2
     assert units.target_std[4] == 1  # constant: in its raw unit
 
 
 def test_standardisation_from_part_of_the_maps(make_motion):
     motion = make_motion(9)
     assert torch.equal(
-        Standardisation.of(motion, maps_from=2).map_std,
-        Standardisation.of(motion.first(2)).map_std,
+        Standardisation.fit(motion, maps_from=2).map_std,
+        Standardisation.fit(motion.first(2)).map_std,
     )

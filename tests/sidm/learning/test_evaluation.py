@@ -34,12 +34,12 @@ def scene(generator):
 
 def test_validation_loss_is_the_mean_square_by_component(model, make_motion):
     motion = make_motion(EVALUATION_BATCH + 3)
-    found = validation_loss(model, motion)
+    losses = validation_loss(model, motion)
     with torch.no_grad():
         predicted, _ = model("novice", motion.inputs, motion.maps)
     expected = (predicted - motion.targets).double().square().mean((0, 1))
-    assert found.shape == (13,) and torch.allclose(found, expected, rtol=1e-4)
-    assert mean_loss(model, motion) == pytest.approx(float(found.sum()), rel=1e-6)
+    assert losses.shape == (13,) and torch.allclose(losses, expected, rtol=1e-4)
+    assert mean_loss(model, motion) == pytest.approx(float(losses.sum()), rel=1e-6)
 
 
 def test_rollout_step_by_step(model, scene):
@@ -49,10 +49,8 @@ def test_rollout_step_by_step(model, scene):
     assert torch.equal(predicted[:, 0], state)
     now, memory = state.double(), None
     for k in range(5):
-        inputs, maps = (
-            encode_inputs(now, actions[:, k].double()).float(),
-            robot_centred_map(heights, now, 8),
-        )
+        inputs = encode_inputs(now, actions[:, k].double()).float()
+        maps = robot_centred_map(heights, now, 8)
         with torch.no_grad():
             step, memory = model(
                 "novice", inputs[:, None], maps.half()[:, None], memory
@@ -66,7 +64,7 @@ def test_rollout_of_one_is_that_of_many(model, scene):
     together = rollout(model, heights, state, actions, 8, role="expert")
     alone = rollout(model, heights[1].numpy(), state[1], actions[1], 8, role="expert")
     assert alone.shape == (6, 13)
-    # where float32 differs, a height may be the next float16
+    # different rounding in float32 may give the next float16
     assert torch.allclose(alone, together[1], atol=1e-3)
 
 
@@ -90,10 +88,8 @@ def test_errors_of_a_known_deviation():
     position, heading = rollout_errors(predicted, actual)
     assert position.shape == heading.shape == (2, 3)
     assert position.tolist() == [[0.0, 7.0, 0.0], [0.0, 0.0, 0.0]]
-    assert (
-        heading[1, 2].item() == pytest.approx(0.5, abs=1e-6)
-        and heading[0].abs().max() == 0
-    )
+    assert heading[1, 2].item() == pytest.approx(0.5, abs=1e-6)
+    assert heading[0].abs().max() == 0
 
 
 def test_heading_error_takes_the_short_way_round():

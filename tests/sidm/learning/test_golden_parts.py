@@ -1,5 +1,7 @@
-"""What a training is made of comes to the figures of today's versions, before any
-update makes much of rounding."""
+"""Parts of a training give the figures of today's versions.
+
+They are computed before any update, which would amplify rounding.
+"""
 
 import numpy as np
 import pytest
@@ -18,7 +20,7 @@ CLOSE = dict(rel=1e-4, abs=1e-6)  # float32 sums of some thousand terms
 
 
 def samples(rows: int, columns: int, shift: float = 0.0) -> torch.Tensor:
-    """Numbers (rows, columns) that any processor makes alike."""
+    """Numbers (rows, columns) that are the same on every processor."""
     return torch.tensor(
         np.sin(np.arange(rows * columns, dtype=float) * 1.7 + shift).reshape(
             rows, columns
@@ -27,13 +29,13 @@ def samples(rows: int, columns: int, shift: float = 0.0) -> torch.Tensor:
 
 
 def test_every_loss_comes_to_its_figures(golden):
-    one, other = samples(40, 13), samples(40, 13, 0.4) + 0.2
+    first, second = samples(40, 13), samples(40, 13, 0.4) + 0.2
     figures = {
-        "prediction": float(losses.prediction_loss(one, other).mean()),
-        "discriminator": float(losses.expected_discriminator_loss(one, other)),
-        "matching": float(losses.expected_matching_loss(one)),
-        "mmd": float(matching.mmd(one, other)),
-        "coral": float(matching.coral(one, other)),
+        "prediction": float(losses.prediction_loss(first, second).mean()),
+        "discriminator": float(losses.expected_discriminator_loss(first, second)),
+        "matching": float(losses.expected_matching_loss(first)),
+        "mmd": float(matching.mmd(first, second)),
+        "coral": float(matching.coral(first, second)),
     }
     golden.hold("losses", "training", figures, **CLOSE)
 
@@ -52,10 +54,12 @@ def test_every_loss_comes_to_its_figures(golden):
 def test_fresh_networks_come_to_their_figures(
     golden, make_trajectories, small_terrain, name, network
 ):
-    """From trajectories over maps and standardised numbers to a loss by component, and
-    a discriminator's logits."""
+    """Trajectories and maps lead to losses and logits.
+
+    Losses are by component, logits are the discriminator's.
+    """
     motion = windows_of(make_trajectories(3), network.pixels)
-    model = DynamicsModel(network, Standardisation.of(motion), seed=0)
+    model = DynamicsModel(network, Standardisation.fit(motion), seed=0)
     with torch.no_grad():
         latents = model.encoders["novice"](motion.inputs, motion.maps)
     torch.manual_seed(0)

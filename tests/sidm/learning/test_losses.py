@@ -33,13 +33,11 @@ def test_prediction_loss_refuses_unlike_shapes():
 
 
 def test_discriminator_loss_from_probabilities():
-    expert, novice = (
-        torch.tensor([0.9, 0.5], dtype=torch.float64),
-        torch.tensor([0.2, 0.5], dtype=torch.float64),
-    )
-    found = losses.discriminator_loss(torch.logit(expert), torch.logit(novice))
+    expert = torch.tensor([0.9, 0.5], dtype=torch.float64)
+    novice = torch.tensor([0.2, 0.5], dtype=torch.float64)
+    loss = losses.discriminator_loss(torch.logit(expert), torch.logit(novice))
     expected = [-math.log(0.9) - math.log(0.8), 2 * math.log(2)]
-    assert found.tolist() == pytest.approx(expected)
+    assert loss.tolist() == pytest.approx(expected)
     mean = losses.expected_discriminator_loss(torch.logit(expert), torch.logit(novice))
     assert float(mean) == pytest.approx(sum(expected) / 2)
 

@@ -1,4 +1,4 @@
-"""What the two systems may have in common, and how both begin as copies of one."""
+"""Parts that the two systems may share, and equal initial weights of both systems."""
 
 import dataclasses
 
@@ -69,7 +69,7 @@ def test_the_paper_shares_the_sidm_alone(make_model):
 def test_both_systems_begin_as_copies(make_model, make_motion, own):
     start = make_model("all", seed=7, roles=["novice"])
     model, motion = make_model(own), make_motion(2)
-    model.start(start.state_dict())
+    model.initialise_from(start.state_dict())
     expected = start("novice", motion.inputs, motion.maps)[0]
     for role in ("novice", "expert"):
         assert torch.equal(model(role, motion.inputs, motion.maps)[0], expected)
@@ -77,15 +77,15 @@ def test_both_systems_begin_as_copies(make_model, make_motion, own):
 
 def test_a_model_with_shared_parts_starts_from_its_own_weights(make_model):
     first, second = make_model("biases", seed=1), make_model("biases", seed=2)
-    second.start(first.state_dict())
+    second.initialise_from(first.state_dict())
     assert all(
-        torch.equal(one, second.state_dict()[name])
-        for name, one in first.state_dict().items()
+        torch.equal(weights, second.state_dict()[name])
+        for name, weights in first.state_dict().items()
     )
 
 
 def test_shared_parts_have_the_novices_initial_weights(make_model):
-    """So that a method that shares begins as one that does not."""
+    """So a method with shared parts begins like a method without."""
     shared, apart = make_model("none").state_dict(), make_model("all").state_dict()
     for name in shared:
         assert torch.equal(shared[name], apart[name.replace(".expert.", ".novice.")])

@@ -26,15 +26,20 @@ def weights(module: nn.Module) -> torch.Tensor:
 
 
 def encoder_count(pixels: int) -> int:
-    """Two convolutions of kernel 4 with 8 and 4 channels, two layers of 128 behind
-    them."""
+    """Number of the encoder's parameters.
+
+    It has two convolutions of kernel 4 with 8 and 4 channels, and two layers of 128
+    behind them.
+    """
     flat = 4 * (pixels - 6) ** 2 + 11
     return (8 * 16 + 8) + (4 * 8 * 16 + 4) + (flat + 1) * 128 + (128 + 1) * 128
 
 
 def lstm_count(layers: int, hidden: int) -> int:
-    """Four gates, each with weights to input and state and two biases, and the output
-    layer of 64."""
+    """Number of parameters of an LSTM and the output layer of 64.
+
+    Each of four gates has weights to input and state and two biases.
+    """
     sizes = [128] + [hidden] * (layers - 1)
     return sum(4 * hidden * (size + hidden + 2) for size in sizes) + (hidden + 1) * 64
 
@@ -48,29 +53,27 @@ def test_parameter_counts(network):
 
 
 def test_the_papers_sizes():
-    """Section 4: a map of 300 by 300, LSTM layers 4 of 1024; counted without filling
-    memory."""
+    """Section 4: a map of 300 x 300 and an LSTM of 4 x 1024, without filling memory."""
     with torch.device("meta"):
         encoder, sidm = Encoder(PAPER_NETWORK), SIDM(PAPER_NETWORK)
         latents = encoder(
             torch.zeros(2, 3, 11), torch.zeros(2, 3, 300, 300, dtype=torch.float16)
         )
         transitions, memory = sidm(latents)
-    assert parameter_count(encoder) == encoder_count(300) and parameter_count(
-        sidm
-    ) == lstm_count(4, 1024)
+    assert parameter_count(encoder) == encoder_count(300)
+    assert parameter_count(sidm) == lstm_count(4, 1024)
     assert latents.shape == (2, 3, 128) and transitions.shape == (2, 3, 64)
     assert memory[0].shape == (4, 2, 1024)
 
 
 def test_scaled_weights_carry_the_inputs_through():
-    """Numbers and maps both move the latents, and the LSTM's output, ten times as much
-    as with PyTorch's weights."""
+    """Latents and LSTM output change ten times as much as with PyTorch's weights.
+
+    Both numbers and maps move them.
+    """
     generator = torch.Generator().manual_seed(0)
-    inputs, maps = (
-        torch.randn(2, 8, 16, 11, generator=generator),
-        torch.randn(2, 8, 16, 16, 16, generator=generator),
-    )
+    inputs = torch.randn(2, 8, 16, 11, generator=generator)
+    maps = torch.randn(2, 8, 16, 16, 16, generator=generator)
 
     def moved(initialisation: str) -> list[float]:
         network = Network(pixels=16, initialisation=initialisation)
@@ -78,10 +81,8 @@ def test_scaled_weights_carry_the_inputs_through():
         encoder = model.encoders["novice"]
         with torch.no_grad():
             base = encoder(inputs[0], maps[0])
-            by_numbers, by_map = (
-                encoder(inputs[1], maps[0]),
-                encoder(inputs[0], maps[1]),
-            )
+            by_numbers = encoder(inputs[1], maps[0])
+            by_map = encoder(inputs[0], maps[1])
             outputs = [
                 model.sidm.lstm(latents)[0][:, -1]
                 for latents in (base, encoder(inputs[1], maps[1]))
@@ -94,7 +95,7 @@ def test_scaled_weights_carry_the_inputs_through():
 
 
 def test_the_lstms_gates_have_weights_of_their_own():
-    """Orthogonal from the state, forget gates open, other biases 0."""
+    """Weights from the state are orthogonal, forget gates open, other biases 0."""
     lstm = SIDM(Network(hidden=32)).lstm
     for layer in range(lstm.num_layers):
         for gate in getattr(lstm, f"weight_hh_l{layer}").chunk(4):
@@ -102,17 +103,15 @@ def test_the_lstms_gates_have_weights_of_their_own():
         biases = (
             getattr(lstm, f"bias_ih_l{layer}") + getattr(lstm, f"bias_hh_l{layer}")
         ).detach()
-        assert [float(gate.mean()) for gate in biases.chunk(4)] == [
-            0,
-            1,
-            0,
-            0,
-        ] and biases.sum() == 32
+        assert [float(gate.mean()) for gate in biases.chunk(4)] == [0, 1, 0, 0]
+        assert biases.sum() == 32
 
 
 def test_encoder_is_the_papers_stack(small_network, make_motion):
-    """Against plain convolutions in the default memory layout, features in the order
-    height, width, channel."""
+    """Plain convolutions in the default layout give the same features.
+
+    The order of features is height, width, channel.
+    """
     motion, encoder = make_motion(2), Encoder(small_network)
     first, _, second, _ = encoder.convolutions
     assert (first.kernel_size, first.stride, first.padding, first.out_channels) == (
@@ -179,7 +178,7 @@ def test_discriminator_gives_a_probability(small_network, generator):
 
 def test_standardisation_is_the_same_net_in_other_units(small_network, make_motion):
     motion = make_motion(4)
-    units = Standardisation.of(motion)
+    units = Standardisation.fit(motion)
     plain, scaled = DynamicsModel(small_network), DynamicsModel(small_network, units)
     inputs = (motion.inputs - units.input_mean) / units.input_std
     maps = (motion.maps.float() - units.map_mean) / units.map_std
@@ -190,10 +189,8 @@ def test_standardisation_is_the_same_net_in_other_units(small_network, make_moti
 
 
 def test_a_part_begins_the_same_whatever_else_there_is(small_network):
-    both, one = (
-        DynamicsModel(small_network, seed=5),
-        DynamicsModel(small_network, seed=5, roles=["novice"]),
-    )
+    both = DynamicsModel(small_network, seed=5)
+    one = DynamicsModel(small_network, seed=5, roles=["novice"])
     for part in ("encoders.novice", "decoders.novice", "sidm"):
         assert torch.equal(
             weights(both.get_submodule(part)), weights(one.get_submodule(part))

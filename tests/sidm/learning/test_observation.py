@@ -1,5 +1,4 @@
-"""What the networks see and predict: closed forms, SciPy, the terrain's own surface,
-and round trips."""
+"""Inputs and targets of the networks against closed forms, SciPy and the terrain."""
 
 import math
 
@@ -16,7 +15,7 @@ from sidm.terrain import generate_terrain, height_at
 
 
 def random_states(count: int, seed: int = 0, spread: float = 1.0) -> torch.Tensor:
-    """(count, 13) float64."""
+    """States (count, 13), float64."""
     rng = np.random.default_rng(seed)
     quaternion = Rotation.random(count, random_state=seed).as_quat()
     return torch.from_numpy(
@@ -27,7 +26,7 @@ def random_states(count: int, seed: int = 0, spread: float = 1.0) -> torch.Tenso
 
 
 def at(x=0.0, y=0.0, z=0.0, yaw=0.0) -> torch.Tensor:
-    """The state (13,) of a robot at rest."""
+    """State (13,) of a robot at rest."""
     turn = rotations.from_yaw(torch.tensor(yaw, dtype=torch.float64))
     return torch.cat(
         [
@@ -39,16 +38,13 @@ def at(x=0.0, y=0.0, z=0.0, yaw=0.0) -> torch.Tensor:
 
 
 def test_inputs_against_scipy(generator):
-    states, actions = (
-        random_states(20),
-        torch.rand(20, 2, dtype=torch.float64, generator=generator),
-    )
+    states = random_states(20)
+    actions = torch.rand(20, 2, dtype=torch.float64, generator=generator)
     inputs = encode_inputs(states, actions)
     up = Rotation.from_quat(states[:, 3:7].numpy()).inv().apply([0, 0, 1])
     assert np.allclose(inputs[:, :3], up)
-    assert torch.equal(inputs[:, 3:9], states[:, 7:]) and torch.equal(
-        inputs[:, 9:], actions
-    )
+    assert torch.equal(inputs[:, 3:9], states[:, 7:])
+    assert torch.equal(inputs[:, 9:], actions)
 
 
 def test_transition_of_a_drive_forward_and_a_left_turn():
@@ -72,21 +68,17 @@ def test_transition_against_scipy():
 @given(st.integers(0, 10_000), st.floats(0.1, 100))
 def test_integrating_a_transition_gives_the_next_state(seed, spread):
     before, after = random_states(4, seed, spread), random_states(4, seed + 1, spread)
-    found = integrate(before, transition(before, after))
-    assert torch.allclose(found[:, :3], after[:, :3], atol=1e-9 * spread)
+    end = integrate(before, transition(before, after))
+    assert torch.allclose(end[:, :3], after[:, :3], atol=1e-9 * spread)
     assert torch.allclose(
-        rotations.canonical(found[:, 3:7]),
-        rotations.canonical(after[:, 3:7]),
-        atol=1e-9,
+        rotations.canonical(end[:, 3:7]), rotations.canonical(after[:, 3:7]), atol=1e-9
     )
-    assert torch.equal(found[:, 7:], after[:, 7:])
+    assert torch.equal(end[:, 7:], after[:, 7:])
 
 
 def test_integrate_normalises_the_predicted_quaternion():
-    before, step = (
-        random_states(5),
-        transition(random_states(5, 1), random_states(5, 2)),
-    )
+    before = random_states(5)
+    step = transition(random_states(5, 1), random_states(5, 2))
     scaled = step.clone()
     scaled[:, 3:7] *= 3.0
     assert torch.allclose(integrate(before, scaled), integrate(before, step))
@@ -119,9 +111,9 @@ def ramp(forward: float, left: float) -> torch.Tensor:
 def test_map_is_the_surface_that_the_wheels_touch(small_terrain):
     heights = generate_terrain(small_terrain, 3)
     states = random_states(6, 5, spread=1.5)
-    found = robot_centred_map(heights, states, 16, size=5.0)
+    maps = robot_centred_map(heights, states, 16, size=5.0)
     offset = ((np.arange(16) + 0.5) / 16 - 0.5) * 5.0
-    for state, picture in zip(states.numpy(), found.numpy(), strict=True):
+    for state, picture in zip(states.numpy(), maps.numpy(), strict=True):
         heading = Rotation.from_quat(state[3:7]).as_euler("ZYX")[0]
         x = (
             state[0]
@@ -137,8 +129,8 @@ def test_map_is_the_surface_that_the_wheels_touch(small_terrain):
 
 
 def test_map_beyond_the_border_is_the_borders_height():
-    found = robot_centred_map(ramp(0.2, 0.0), at(x=50.0), 4)
-    assert torch.allclose(found, torch.full((4, 4), 0.2 * 5.0, dtype=torch.float64))
+    maps = robot_centred_map(ramp(0.2, 0.0), at(x=50.0), 4)
+    assert torch.allclose(maps, torch.full((4, 4), 0.2 * 5.0, dtype=torch.float64))
 
 
 def test_one_terrain_for_each_trajectory(rng):
@@ -146,7 +138,7 @@ def test_one_terrain_for_each_trajectory(rng):
     states = random_states(12).reshape(3, 4, 13)
     together = robot_centred_map(heights, states, 8)
     assert together.shape == (3, 4, 8, 8)
-    # not bit for bit: a sine at the end of a vector is rounded otherwise than within
+    # not bit for bit: the end of a vector rounds a sine otherwise than its middle
     for i in range(3):
         assert torch.allclose(
             together[i], robot_centred_map(heights[i], states[i], 8), atol=1e-12
@@ -163,8 +155,8 @@ def test_map_size_and_resolution():
 
 def test_numpy_is_taken_too_and_the_wider_type_returned(rng):
     heights, states = rng.normal(size=(50, 50)), random_states(2).float()
-    found = robot_centred_map(heights, states.numpy(), 8)
-    assert found.dtype == torch.float64 and found.shape == (2, 8, 8)
+    maps = robot_centred_map(heights, states.numpy(), 8)
+    assert maps.dtype == torch.float64 and maps.shape == (2, 8, 8)
     assert (
         robot_centred_map(heights.astype(np.float32), states, 8).dtype == torch.float32
     )

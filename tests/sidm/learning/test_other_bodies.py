@@ -1,5 +1,4 @@
-"""Robots that are not the paper's: what they see and predict, and pairs whose bodies
-differ."""
+"""Inputs and targets of other robots than the paper's, and pairs of two bodies."""
 
 import dataclasses
 import math
@@ -20,15 +19,15 @@ from sidm.learning import (
     train,
     transition,
 )
-from sidm.learning.dataset import Datasets, windows_from
+from sidm.learning.dataset import Datasets, encode_windows
 from sidm.learning.evaluation import mean_loss, rollout_errors, validation_loss
-from sidm.learning.observation import seen_as
+from sidm.learning.observation import convert_to_body
 from sidm.learning.trainer import Trainer
-from sidm.learning.units import units_of
-from sidm.rivals.fine_tuning import expert_in_place, start_from
+from sidm.learning.units import default_units
+from sidm.rivals.fine_tuning import pretrained_from, pretraining_datasets
 from tests.sidm.learning.test_observation import at, random_states
 
-PIXELS = 8  # of the small network
+PIXELS = 8  # of the maps of the small network
 TRACKED = Body(
     name="tracked",
     pose="planar",
@@ -42,7 +41,7 @@ ARM = Body(
 
 
 def test_a_planar_robot_turns_left_as_it_drives_forward():
-    """A quarter turn and a metre ahead: x of the world is then behind it."""
+    """Two steps, each a metre ahead and a quarter turn to the left."""
     states = torch.tensor([0.0, 0, 0, 0.1, 5], dtype=torch.float64)
     step = torch.tensor([1.0, 0, math.pi / 2, 0.2, 6], dtype=torch.float64)
     once = integrate(states, step, TRACKED)
@@ -91,15 +90,19 @@ def test_the_papers_state_is_seen_by_another_body():
     )
     states = at(x=1.0, y=2.0, yaw=0.5)
     states[7] = 3.0
-    seen, actions = seen_as(body, states, torch.tensor([0.5, 0.2], dtype=torch.float64))
+    seen, actions = convert_to_body(
+        body, states, torch.tensor([0.5, 0.2], dtype=torch.float64)
+    )
     assert torch.allclose(
         seen, torch.tensor([1.0, 2.0, 0.5, 1.0, 3.0], dtype=torch.float64)
     )
     assert torch.allclose(actions, torch.tensor([0.7, 0.3], dtype=torch.float64))
-    same, _ = seen_as(ROVER, random_states(3), torch.zeros(3, 2, dtype=torch.float64))
+    same, _ = convert_to_body(
+        ROVER, random_states(3), torch.zeros(3, 2, dtype=torch.float64)
+    )
     assert torch.equal(same, random_states(3))
     with pytest.raises(ConfigError, match="yaw_rate"):
-        seen_as(TRACKED, states, torch.zeros(2, dtype=torch.float64))
+        convert_to_body(TRACKED, states, torch.zeros(2, dtype=torch.float64))
 
 
 def test_a_planar_robots_map_is_relative_to_the_ground_under_it():
@@ -145,7 +148,7 @@ def motion(
     actions = torch.from_numpy(rng.normal(size=(count, steps, len(body.actions))))
     pixels = body.pixels(PIXELS)
     maps = torch.from_numpy(rng.normal(size=(count, steps, pixels, pixels))).half()
-    return windows_from(body, states, actions, maps)
+    return encode_windows(body, states, actions, maps)
 
 
 @pytest.fixture
@@ -172,14 +175,14 @@ def test_a_pair_of_any_bodies_trains_and_the_same_seed_gives_the_same(
 ):
     sets, network = make_pair(novice, expert)
     training = dataclasses.replace(small_training, regularise=regularise)
-    one, other = (train(sets, network, training, 3) for _ in range(2))
-    assert validation_loss(one.model, sets.validation).shape == (len(novice.targets),)
-    assert one.history == other.history
-    assert math.isfinite(mean_loss(one.model, sets.expert, "expert"))
+    first, second = (train(sets, network, training, 3) for _ in range(2))
+    assert validation_loss(first.model, sets.validation).shape == (len(novice.targets),)
+    assert first.history == second.history
+    assert math.isfinite(mean_loss(first.model, sets.expert, "expert"))
 
 
 def test_the_mean_of_the_training_motion_costs_one_a_component(make_pair):
-    """What is weighted by 1 over the variance: predicting the mean costs 1, of each."""
+    """Weights are 1 over the variance, so the mean costs 1 in each component."""
     sets, network = make_pair(TRACKED, ROVER)
     model = Trainer(sets, network, Training(p_expert=0.0, regularise=False), 0).model
     for parameter in model.decoders["novice"].dense[-1].parameters():
@@ -193,7 +196,7 @@ def test_the_mean_of_the_training_motion_costs_one_a_component(make_pair):
 
 def test_units_are_each_systems_own_where_bodies_are_not_the_papers(make_pair):
     sets, network = make_pair(TRACKED, TRACKED)
-    units = units_of(sets, network)
+    units = default_units(sets, network)
     assert torch.allclose(
         units["novice"].target_mean, sets.train.targets.mean((0, 1)), atol=1e-6
     )
@@ -212,9 +215,12 @@ def test_a_pretrained_core_serves_a_novice_of_another_body(
     )
     first = dataclasses.replace(network, novice_body=ROVER)
     pretrained = train(
-        expert_in_place(sets, 0), first, dataclasses.replace(alone, frozen="nothing"), 0
+        pretraining_datasets(sets, 0),
+        first,
+        dataclasses.replace(alone, frozen="nothing"),
+        0,
     )
-    core = start_from(pretrained).core().weights
+    core = pretrained_from(pretrained).core().weights
     assert core and all(name.startswith("sidm.") for name in core)
     trainer = Trainer(sets, network, alone, 0, start=core)
     assert all(
@@ -223,8 +229,8 @@ def test_a_pretrained_core_serves_a_novice_of_another_body(
     )
     fresh = Trainer(sets, network, alone, 0).model.encoders["novice"].state_dict()
     assert all(
-        torch.equal(fresh[name], one)
-        for name, one in trainer.model.encoders["novice"].state_dict().items()
+        torch.equal(fresh[name], weights)
+        for name, weights in trainer.model.encoders["novice"].state_dict().items()
     )
     trained = train(sets, network, alone, 0, start=core).model.sidm.state_dict()
     same = all(

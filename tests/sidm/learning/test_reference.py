@@ -1,5 +1,7 @@
-"""Both algorithms held against a plain implementation: from the formulas, default
-layouts, one step at a time."""
+"""Both algorithms against a plain implementation.
+
+It follows the formulas, with default layouts, one step at a time.
+"""
 
 import pytest
 import torch
@@ -14,8 +16,10 @@ Weights = dict[str, Tensor]
 
 
 def encoded(weights: Weights, role: str, inputs: Tensor, maps: Tensor) -> Tensor:
-    """Latent state-actions (T, latent) of one trajectory, inputs (T, 11) and maps (T,
-    P, P)."""
+    """Latent state-actions (T, latent) of a trajectory.
+
+    Inputs are (T, 11), maps (T, P, P).
+    """
     part = {
         name.removeprefix(f"encoders.{role}."): tensor
         for name, tensor in weights.items()
@@ -38,8 +42,10 @@ def encoded(weights: Weights, role: str, inputs: Tensor, maps: Tensor) -> Tensor
 
 
 def remembered(weights: Weights, latents: Tensor, layers: int) -> Tensor:
-    """Latent state transitions (T, 64) of latents (T, latent): LSTM cells step by step,
-    then the output layer."""
+    """Latent state transitions (T, 64) of latents (T, latent).
+
+    LSTM cells run step by step, then the output layer.
+    """
     rows = list(latents)
     for layer in range(layers):
         inward, back, first, second = (
@@ -75,7 +81,7 @@ def decoded(weights: Weights, role: str, transitions: Tensor) -> Tensor:
 
 
 def probability(weights: Weights, latents: Tensor) -> Tensor:
-    """A(x), (T,), that latents (T, latent) are the expert's."""
+    """Probability A(x), (T,), that latents (T, latent) are the expert's."""
     hidden = F.leaky_relu(
         latents @ weights["dense.0.weight"].T + weights["dense.0.bias"], 0.01
     )
@@ -85,8 +91,10 @@ def probability(weights: Weights, latents: Tensor) -> Tensor:
 
 
 class Adam:
-    """Adam with decoupled weight decay, after Loshchilov and Hutter (2019), of weights
-    that have a gradient."""
+    """Adam with decoupled weight decay, after Loshchilov and Hutter (2019).
+
+    It moves weights that have a gradient.
+    """
 
     def __init__(self, weights: Weights, rate: float, decay: float) -> None:
         self.weights, self.rate, self.decay = weights, rate, decay
@@ -118,17 +126,15 @@ class Plain:
     """Algorithms 1 and 2 on the batches that a trainer's sampler draws."""
 
     def __init__(self, trainer: Trainer) -> None:
-        self.sampler, self.training, self.layers = (
-            trainer.sampler,
-            trainer.training,
-            trainer.network.layers,
-        )
+        self.sampler = trainer.sampler
+        self.training = trainer.training
+        self.layers = trainer.network.layers
         self.buffers = {
             name: tensor.clone() for name, tensor in trainer.model.named_buffers()
         }
         self.weights = {
-            name: one.detach().clone().requires_grad_()
-            for name, one in trainer.model.named_parameters()
+            name: weights.detach().clone().requires_grad_()
+            for name, weights in trainer.model.named_parameters()
         }
         self.adversary = {
             name: one.detach().clone().requires_grad_()
@@ -140,10 +146,8 @@ class Plain:
             for name, weight in self.weights.items()
             if name.startswith("encoders.novice.")
         }
-        self.prediction, self.discrimination = (
-            Adam(self.weights, *how),
-            Adam(self.adversary, *how),
-        )
+        self.prediction = Adam(self.weights, *how)
+        self.discrimination = Adam(self.adversary, *how)
         self.matching = Adam(encoder, *how)
 
     def latents(self, role: str, windows) -> list[Tensor]:
@@ -154,8 +158,10 @@ class Plain:
         ]
 
     def predict(self) -> float:
-        """An iteration of Algorithm 1: one step down equation (1), the mean over the
-        batch; its value before."""
+        """Run an iteration of Algorithm 1: one step down equation (1).
+
+        Returns the batch's mean loss before the step.
+        """
         values, losses = self.weights | self.buffers, []
         for role, windows in self.sampler.batch().items():
             for latents, targets in zip(
@@ -170,10 +176,9 @@ class Plain:
         return float(loss.detach())
 
     def discriminate(self) -> None:
-        """An iteration of the first half of Algorithm 2: one step of A down equation
-        (2)."""
+        """Run an iteration of Algorithm 2's first half: A steps down equation (2)."""
         batch = self.sampler.discriminator_batch()
-        found = {
+        probabilities = {
             role: torch.cat(
                 [
                     probability(self.adversary, one.detach())
@@ -183,22 +188,26 @@ class Plain:
             for role, windows in batch.items()
         }
         self.discrimination.step(
-            (-found["expert"].log() - (1 - found["novice"]).log()).mean()
+            (
+                -probabilities["expert"].log() - (1 - probabilities["novice"]).log()
+            ).mean()
         )
 
     def match(self) -> None:
-        """An iteration of the second half: one step of E_n down equation (4)."""
+        """Run an iteration of Algorithm 2's second half: E_n descends equation (4)."""
         latents = self.latents("novice", self.sampler.matching_batch())
         self.matching.step(
-            -torch.cat([probability(self.adversary, one) for one in latents])
+            -torch.cat([probability(self.adversary, latent) for latent in latents])
             .log()
             .mean()
         )
 
 
 def test_equation_1_is_the_plain_one(make_trainer):
-    """`DynamicsModel.loss` of one system, and the losses of a batch, which the SIDM
-    sees at once."""
+    """`DynamicsModel.loss` of one system equals the plain loss.
+
+    So do the losses of a batch, which the SIDM processes at once.
+    """
     trainer = make_trainer(p_expert=0.5, batch=8)
     plain, batch = Plain(trainer), trainer.sampler.batch()
     values = plain.weights | plain.buffers
@@ -244,7 +253,7 @@ def test_training_is_the_plain_one(make_trainer):
 
 
 def test_a_phase_of_each_algorithm_is_the_plain_one(make_trainer):
-    """All weights, after a phase of Algorithm 1 and one of Algorithm 2."""
+    """All weights agree after a phase of Algorithm 1 and one of Algorithm 2."""
     options = dict(
         p_expert=0.5,
         batch=3,
@@ -255,7 +264,10 @@ def test_a_phase_of_each_algorithm_is_the_plain_one(make_trainer):
         learning_rate=1e-3,
     )
     ours, plain = make_trainer(**options), Plain(make_trainer(**options))
-    before = {name: one.detach().clone() for name, one in ours.model.named_parameters()}
+    before = {
+        name: weights.detach().clone()
+        for name, weights in ours.model.named_parameters()
+    }
     predict(ours)
     regularise(ours)
     for work, count in ((plain.predict, 4), (plain.discriminate, 3), (plain.match, 3)):

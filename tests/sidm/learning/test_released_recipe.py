@@ -1,9 +1,8 @@
-"""The released code's choices, each held against a plain implementation of a few
-iterations.
+"""The released code's choices against a plain implementation, for a few iterations.
 
-`PlainRecipe` is written from the facts alone: one optimiser with the manners of PyTorch
+`PlainRecipe` is written from the facts alone: one optimiser that behaves as PyTorch did
 in 2020 (gradients stay and are set to 0), L2 decay in the gradient, one system an
-iteration, a discriminator that sees one system at a time.
+iteration, a discriminator that processes one system at a time.
 """
 
 import dataclasses
@@ -41,8 +40,11 @@ RECIPE = dict(
 
 
 class PlainAdam:
-    """Adam with L2 decay; a weight that never had a gradient stays, one that had is
-    moved in every step."""
+    """Adam with L2 decay.
+
+    A weight that never had a gradient stays; one that had a gradient moves in every
+    step.
+    """
 
     def __init__(self, weights, rate, decay):
         self.weights, self.rate, self.decay, self.state = weights, rate, decay, {}
@@ -73,18 +75,20 @@ class PlainAdam:
 
 
 class PlainRecipe:
-    """A phase of prediction, one of the discriminator, one of matching, on what a
-    Trainer's twin draws."""
+    """A phase of prediction, discriminator and matching.
+
+    It uses what an equal Trainer draws.
+    """
 
     def __init__(self, trainer: Trainer) -> None:
         self.trainer, training = trainer, trainer.training
         self.weights = {
-            n: one.detach().clone().requires_grad_()
-            for n, one in trainer.model.named_parameters()
+            n: weights.detach().clone().requires_grad_()
+            for n, weights in trainer.model.named_parameters()
         }
         self.critic = {
-            n: one.detach().clone().requires_grad_()
-            for n, one in trainer.discriminator.named_parameters()
+            n: tensor.detach().clone().requires_grad_()
+            for n, tensor in trainer.discriminator.named_parameters()
         }
         units = Standardisation.none()._asdict()
         self.buffers = {
@@ -120,8 +124,8 @@ class PlainRecipe:
         return hidden @ self.critic["dense.2.weight"].T + self.critic["dense.2.bias"]
 
     def descend(self, adam, loss, of) -> None:
-        found = torch.autograd.grad(loss, list(of.values()), allow_unused=True)
-        adam.step(dict(zip(of, found, strict=True)))
+        gradients = torch.autograd.grad(loss, list(of.values()), allow_unused=True)
+        adam.step(dict(zip(of, gradients, strict=True)))
 
     def predict(self) -> None:
         ((role, batch),) = self.trainer.sampler.batch().items()  # one system
@@ -176,23 +180,28 @@ class PlainRecipe:
 
 
 def compare(model, plain, names, rel=3e-4):
-    """Adam divides by a gradient's size, so that rounding of small gradients is
-    seen."""
+    """Compare all weights.
+
+    Adam divides by the size of a gradient, so rounding of small gradients shows.
+    """
     for name in names:
-        one, other = dict(model.named_parameters())[name].detach(), plain[name].detach()
+        weights, expected = (
+            dict(model.named_parameters())[name].detach(),
+            plain[name].detach(),
+        )
         assert torch.allclose(
-            one, other, rtol=0, atol=rel * other.abs().max().item()
+            weights, expected, rtol=0, atol=rel * expected.abs().max().item()
         ), name
 
 
 def test_two_rounds_of_all_phases_are_the_plain_ones(make_trainer):
-    ours, plain = make_trainer(**RECIPE), PlainRecipe(make_trainer(**RECIPE))
+    trainer, plain = make_trainer(**RECIPE), PlainRecipe(make_trainer(**RECIPE))
     for _ in range(2):
-        predict(ours)
-        regularise(ours)
+        predict(trainer)
+        regularise(trainer)
         plain.phases()
-        compare(ours.model, plain.weights, plain.weights)
-        compare(ours.discriminator, plain.critic, plain.critic)
+        compare(trainer.model, plain.weights, plain.weights)
+        compare(trainer.discriminator, plain.critic, plain.critic)
 
 
 @pytest.mark.parametrize(
@@ -209,7 +218,7 @@ def test_two_rounds_of_all_phases_are_the_plain_ones(make_trainer):
     ids=str,
 )
 def test_each_choice_makes_a_difference(make_trainer, other):
-    """So that the comparison above could fail."""
+    """Without a difference, the comparison above could not fail."""
     ends = []
     for changes in (RECIPE, RECIPE | other):
         trainer = make_trainer(**changes)
@@ -217,14 +226,18 @@ def test_each_choice_makes_a_difference(make_trainer, other):
             predict(trainer)
             regularise(trainer)
         ends.append(
-            torch.cat([one.detach().flatten() for one in trainer.model.parameters()])
+            torch.cat(
+                [weights.detach().flatten() for weights in trainer.model.parameters()]
+            )
         )
     assert (ends[0] - ends[1]).abs().max() > 2e-3
 
 
 def test_momentum_and_decay_move_parts_without_a_gradient(make_trainer):
-    """The expert's parts too, in matching steps, once they have had a gradient; before
-    that they stay."""
+    """Matching steps move the expert's parts, too, once they have had a gradient.
+
+    Before that they stay.
+    """
     trainer = make_trainer(**RECIPE | {"p_expert": 0.0, "prediction_iterations": 1})
     expert = [
         name for name, _ in trainer.model.named_parameters() if ".expert." in name
@@ -286,22 +299,20 @@ def test_without_replacement_nothing_is_drawn_in_vain(make_trainer):
 
 def test_one_system_for_the_discriminator_is_either(make_trainer):
     trainer = make_trainer(**RECIPE)
-    drawn = [trainer.sampler.discriminated() for _ in range(400)]
-    assert (
-        set(drawn) == {("expert",), ("novice",)}
-        and 160 < drawn.count(("expert",)) < 240
-    )
+    drawn = [trainer.sampler.discriminator_systems() for _ in range(400)]
+    assert set(drawn) == {("expert",), ("novice",)}
+    assert 160 < drawn.count(("expert",)) < 240
 
 
 def test_raw_units_are_every_methods(datasets, small_network, small_training):
-    """Also where units are given, as for a correction."""
+    """Raw units hold also where units are given, as for a correction."""
     raw = dataclasses.replace(small_training, units="raw", max_samples=24)
     trained = train(
         datasets,
         small_network,
         raw,
         0,
-        standardisation=Standardisation.of(datasets.expert),
+        standardisation=Standardisation.fit(datasets.expert),
     )
     for name, buffer in trained.model.named_buffers():
         assert torch.equal(

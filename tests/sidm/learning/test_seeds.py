@@ -13,7 +13,5 @@ def test_seeds_and_purposes_differ():
 
 
 def test_derivation_is_the_same_everywhere():
-    assert (
-        derive(0, "novice") == 1983752819106747147
-        and derive(7, "sidm") == 3645598144258301059
-    )
+    assert derive(0, "novice") == 1983752819106747147
+    assert derive(7, "sidm") == 3645598144258301059

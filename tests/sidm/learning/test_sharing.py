@@ -1,5 +1,4 @@
-"""What an SIDM is for: two robots whose dynamics have a common core, and little data of
-one."""
+"""The purpose of an SIDM: two robots share dynamics, and one has little data."""
 
 import math
 
@@ -31,8 +30,10 @@ SEEDS, MARGIN = 3, 0.9  # measured: 0.80, the mean of 0.82, 0.69 and 0.90
 
 
 def motion(count: int, seed: int, gain: float, steps: int = 16) -> Windows:
-    """A hidden state that forgets and takes in the inputs; robots differ in the gain of
-    what goes in and out."""
+    """Motion of a hidden state that decays and takes in the inputs.
+
+    Robots differ in the gains of inputs and outputs.
+    """
     inputs = torch.randn(
         count, steps, 11, generator=torch.Generator().manual_seed(seed)
     )
@@ -50,8 +51,10 @@ def motion(count: int, seed: int, gain: float, steps: int = 16) -> Windows:
 
 
 def test_an_sidm_helps_where_dynamics_are_shared():
-    """Its loss on unseen motion is lower than without it, by a margin, in the geometric
-    mean over seeds."""
+    """SIDM lowers the loss on unseen motion by a margin.
+
+    Losses are geometric means over seeds.
+    """
     validation, expert = motion(40, 3, 1.0), motion(200, 4, 1.6)
     ratios = []
     for seed in range(SEEDS):

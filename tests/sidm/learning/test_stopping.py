@@ -10,16 +10,16 @@ from sidm.learning.stopping import (
     RELEASED_PATIENCE,
     Curve,
     EarlyStopping,
-    Kept,
-    Rule,
-    keep,
+    KeptWeights,
+    StoppingRule,
+    kept_weights,
 )
 
 
 def feed(
     stopper: EarlyStopping, test_losses, training_loss: float = 1.0, step: int = 10
 ) -> list[bool]:
-    """Which tests, `step` samples and one iteration apart, were new minima."""
+    """Tests that were new minima; tests are `step` samples and one iteration apart."""
     return [
         stopper.update(step * k, k, training_loss, loss)
         for k, loss in enumerate(test_losses, start=1)
@@ -29,9 +29,9 @@ def feed(
 def test_smoothing_by_hand():
     stopper = EarlyStopping("test_loss", 0.5, 100, 1000)
     assert feed(stopper, [4.0, 2.0, 3.5]) == [True, True, False]  # smoothed 4, 3, 3.25
-    assert (
-        stopper.test_loss == 3.25 and stopper.best == 3.0 and stopper.best_samples == 20
-    )
+    assert stopper.test_loss == 3.25
+    assert stopper.best == 3.0
+    assert stopper.best_samples == 20
 
 
 def test_stops_when_patience_is_over():
@@ -74,30 +74,33 @@ def test_released_rule_smooths_by_nine_tenths():
 def curve(test_losses, training_losses=None, spacing=10, iteration=1) -> Curve:
     count = len(test_losses)
     training = training_losses or [1.0] * count
-    samples, validation = (
-        [spacing * (k + 1) for k in range(count)],
-        [-loss for loss in test_losses],
-    )
+    samples = [spacing * (k + 1) for k in range(count)]
+    validation = [-loss for loss in test_losses]
     return Curve(samples, training, test_losses, validation, iteration)
 
 
 def test_the_end_keeps_the_lowest_smoothed_loss():
     # smoothed 4, 3, 3.25, 1.875, 3.9375
-    found = keep(curve([4.0, 2.0, 3.5, 0.5, 6.0]), Rule())
-    assert found == Kept(
+    kept = kept_weights(curve([4.0, 2.0, 3.5, 0.5, 6.0]), StoppingRule())
+    assert kept == KeptWeights(
         samples=40, test_loss=1.875, validation_loss=-0.5, seen=50, ended=False
     )
 
 
 def test_patience_ends_before_a_second_descent():
     losses = [3.0, 2.0, 2.5, 2.5, 2.5, 2.5, 1.0]
-    found = keep(curve(losses), Rule(smoothing=0.0, patience=30))
-    assert found == Kept(
+    kept = kept_weights(curve(losses), StoppingRule(smoothing=0.0, patience=30))
+    assert kept == KeptWeights(
         samples=20, test_loss=2.0, validation_loss=-2.0, seen=50, ended=True
     )
-    assert keep(curve(losses), Rule(smoothing=0.0, patience=60)).samples == 70
-    # over before the test at 50
-    assert keep(curve(losses), Rule(smoothing=0.0, patience=29)).seen == 40
+    assert (
+        kept_weights(curve(losses), StoppingRule(smoothing=0.0, patience=60)).samples
+        == 70
+    )
+    # the training is over before the test at 50
+    assert (
+        kept_weights(curve(losses), StoppingRule(smoothing=0.0, patience=29)).seen == 40
+    )
 
 
 @pytest.mark.parametrize(
@@ -105,25 +108,30 @@ def test_patience_ends_before_a_second_descent():
     [(30, 20, 30), (31, 20, 30), (39, 20, 30), (40, 40, 40)],
 )
 def test_a_cap_takes_the_tests_until_it(most, samples, seen):
-    found = keep(curve([3.0, 2.0, 2.5, 1.0, 0.5]), Rule(smoothing=0.0, most=most))
-    assert (found.samples, found.seen, found.ended) == (samples, seen, True)
+    kept = kept_weights(
+        curve([3.0, 2.0, 2.5, 1.0, 0.5]), StoppingRule(smoothing=0.0, max_samples=most)
+    )
+    assert (kept.samples, kept.seen, kept.ended) == (samples, seen, True)
 
 
 @pytest.mark.parametrize(("training_loss", "samples"), [(0.7, 10), (0.9, 80)])
 def test_the_released_rule_waits_for_overfitting(training_loss, samples, monkeypatch):
-    """25,000 iterations here are 3; without overfitting it goes on to a lower loss."""
+    """The rule's 25,000 iterations are 3 here.
+
+    Without overfitting it goes on to a lower loss.
+    """
     monkeypatch.setattr("sidm.learning.stopping.RELEASED_PATIENCE", 3)
     losses = [1.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0, -30.0]
-    rule = Rule(stopping="released", of_released=10)
-    found = keep(
+    rule = StoppingRule(stopping="released", samples_per_iteration=10)
+    kept = kept_weights(
         curve(losses, [training_loss * loss for loss in losses[:-1]] + [1.0]), rule
     )
-    assert found.samples == samples and found.ended == (samples == 10)
+    assert kept.samples == samples and kept.ended == (samples == 10)
 
 
 def test_nothing_is_kept_without_a_test():
     with pytest.raises(ValueError, match="without a test"):
-        keep(curve([]), Rule())
+        kept_weights(curve([]), StoppingRule())
 
 
 @pytest.mark.parametrize(
@@ -133,13 +141,12 @@ def test_nothing_is_kept_without_a_test():
 def test_a_rule_keeps_what_a_training_that_it_stopped_kept(
     datasets, small_network, small_training, changes
 ):
-    """Samples, test loss, and validation loss of the weights agree to the last
-    digit."""
+    """Samples, test loss and validation loss of the weights agree to the last digit."""
     common = dict(learning_rate=5e-3, max_samples=24 * 200, patience=24 * 200)
     settings = [
         dataclasses.replace(small_training, **common | more) for more in ({}, changes)
     ]
-    long, short = (train(datasets, small_network, one, 0) for one in settings)
+    long, short = (train(datasets, small_network, setting, 0) for setting in settings)
     history = long.history
     run = Curve(
         *(
@@ -148,14 +155,9 @@ def test_a_rule_keeps_what_a_training_that_it_stopped_kept(
         ),
         iteration=24,
     )
-    names = {"max_samples": "most"}
-    found = keep(
-        run, Rule(**{names.get(name, name): value for name, value in changes.items()})
-    )
-    assert (
-        found.samples == short.best_samples < long.best_samples
-        and found.test_loss == short.best_test_loss
-    )
-    assert found.validation_loss == mean_loss(short.model, datasets.validation)
-    assert found.seen == short.history[-1].samples and found.ended
-    assert keep(run, Rule()).samples == long.best_samples
+    kept = kept_weights(run, StoppingRule(**changes))
+    assert kept.samples == short.best_samples < long.best_samples
+    assert kept.test_loss == short.best_test_loss
+    assert kept.validation_loss == mean_loss(short.model, datasets.validation)
+    assert kept.seen == short.history[-1].samples and kept.ended
+    assert kept_weights(run, StoppingRule()).samples == long.best_samples

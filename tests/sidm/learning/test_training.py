@@ -1,5 +1,4 @@
-"""Algorithms 1 and 2: who learns from what, the same seed, the released variants, a
-tiny run end to end."""
+"""Algorithms 1 and 2: trained parts, seeds, released variants, a small whole run."""
 
 import dataclasses
 import itertools
@@ -21,7 +20,7 @@ from sidm.learning import (
 from sidm.learning.dataset import Datasets
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.losses import prediction_loss
-from sidm.learning.stopping import SPACING
+from sidm.learning.stopping import COMPONENT_SPACING
 from sidm.learning.trainer import Trainer
 from sidm.learning.training import discriminator_iteration, matching_iteration, predict
 from sidm.learning.weights import make_optimiser
@@ -47,7 +46,7 @@ def vector(module: nn.Module) -> torch.Tensor:
 
 
 def parts(trainer: Trainer) -> dict[str, torch.Tensor]:
-    """All weights by part, the discriminator's as 'A'."""
+    """All weights by part; the discriminator's key is 'A'."""
     return {name: vector(trainer.model.get_submodule(name)) for name in PARTS} | {
         "A": vector(trainer.discriminator)
     }
@@ -159,19 +158,21 @@ def test_system_drawn_per_iteration(make_trainer):
 
 
 def test_methods_draw_the_same_novice_trajectories(make_trainer):
-    alone, shared = (
-        make_trainer(p_expert=0.0, regularise=False, batch=8),
-        make_trainer(p_expert=0.5, batch=8),
-    )
+    alone = make_trainer(p_expert=0.0, regularise=False, batch=8)
+    shared = make_trainer(p_expert=0.5, batch=8)
     for _ in range(5):
         everything = alone.sampler.batch()["novice"].inputs
         some = shared.sampler.batch()["novice"].inputs
-        assert all(any(torch.equal(one, other) for other in everything) for one in some)
+        assert all(
+            any(torch.equal(drawn, other) for other in everything) for drawn in some
+        )
 
 
 def test_decay_decoupled_and_l2(small_network):
-    """On a zero gradient, decoupled decay shrinks weights in proportion; an L2 penalty
-    takes a step of Adam."""
+    """With a zero gradient, decoupled decay shrinks weights in proportion.
+
+    An L2 penalty takes a step of Adam.
+    """
     after = {}
     for decay in ("decoupled", "l2"):
         layer = nn.Linear(3, 1, bias=False)
@@ -199,7 +200,7 @@ def test_reduction_mean_divides_the_gradient_by_thirteen(make_trainer):
         assert one.grad is None or torch.allclose(
             one.grad, 13 * other.grad, rtol=1e-4, atol=1e-7
         )
-    assert total.losses == mean.losses  # what is reported stays equation (1)
+    assert total.losses == mean.losses  # the reported loss stays equation (1)
 
 
 def test_bfloat16_rounds_the_encoders_alone_and_moves_the_loss_little(make_trainer):
@@ -209,16 +210,17 @@ def test_bfloat16_rounds_the_encoders_alone_and_moves_the_loss_little(make_train
     )
     batch = exact.sampler.batch()
     for role, motion in batch.items():
-        one, other = exact.encode(role, motion), rounded.encode(role, motion)
-        assert one.dtype == other.dtype == torch.float32
-        assert 0 < (one - other).abs().max() < 0.02 * one.abs().max()
+        latents, low_latents = exact.encode(role, motion), rounded.encode(role, motion)
+        assert latents.dtype == low_latents.dtype == torch.float32
+        assert 0 < (latents - low_latents).abs().max() < 0.02 * latents.abs().max()
     pairs = zip(
         losses_of(exact, batch).values(),
         losses_of(rounded, batch).values(),
         strict=True,
     )
     assert all(
-        torch.allclose(one.mean(), other.mean(), rtol=0.01) for one, other in pairs
+        torch.allclose(latents.mean(), low_latents.mean(), rtol=0.01)
+        for latents, low_latents in pairs
     )
     for phase in (predict, discriminator_iteration, matching_iteration):
         phase(rounded)
@@ -237,11 +239,9 @@ def test_released_stopping_is_chosen_by_its_name(run, make_trainer):
 def test_a_run_counts_samples_and_tests(run, datasets):
     seen = []
     trained = run(progress=seen.append)
-    assert (
-        trained.iterations == 12
-        and trained.samples == 12 * 4 * 6
-        and not trained.stopped_early
-    )
+    assert trained.iterations == 12
+    assert trained.samples == 12 * 4 * 6
+    assert not trained.stopped_early
     assert [tested.samples for tested in trained.history] == [96, 192, 288]
     assert seen == trained.history
     assert [tested.discriminator_accuracy is None for tested in trained.history] == [
@@ -253,17 +253,18 @@ def test_a_run_counts_samples_and_tests(run, datasets):
 
 
 def test_losses_by_component_are_kept_ever_farther_apart(run, make_trainer):
-    """Of the weights that are tested, on the first trajectories of each set; nothing is
-    chosen by them."""
+    """Losses are of the tested weights, on the first trajectories of each set.
+
+    Nothing is chosen by them.
+    """
     trained = run(max_samples=24 * 400, test_interval=1)
-    samples = [one.samples for one in trained.components]
-    assert (
-        samples[0] == 24
-        and samples == sorted(set(samples))
-        and len(samples) < len(trained.history) / 4
-    )
+    samples = [entry.samples for entry in trained.components]
+    assert samples[0] == 24
+    assert samples == sorted(set(samples))
+    assert len(samples) < len(trained.history) / 4
     assert all(
-        later >= SPACING * earlier for earlier, later in itertools.pairwise(samples)
+        later >= COMPONENT_SPACING * earlier
+        for earlier, later in itertools.pairwise(samples)
     )
     tests = {tested.samples: tested.test_loss for tested in trained.history}
     assert [sum(one.test) for one in trained.components] == pytest.approx(
@@ -271,24 +272,24 @@ def test_losses_by_component_are_kept_ever_farther_apart(run, make_trainer):
     )
     trainer = make_trainer(validation_trajectories=1)
     expected = validation_loss(trainer.model, trainer.datasets.validation.first(1))
-    assert trainer.measure().validation == pytest.approx(expected.tolist())
+    assert trainer.measure_components().validation == pytest.approx(expected.tolist())
 
 
 def test_training_loss_is_the_novices(make_trainer):
     trainer = make_trainer()
-    trainer.note({"novice": torch.full((1, 6), 2.0), "expert": torch.full((3, 6), 8.0)})
-    assert trainer.take_test().training_loss == 2.0
-    trainer.note({"expert": torch.full((4, 6), 8.0)})
-    assert trainer.take_test().training_loss == 8.0
+    trainer.record_losses(
+        {"novice": torch.full((1, 6), 2.0), "expert": torch.full((3, 6), 8.0)}
+    )
+    assert trainer.run_test().training_loss == 2.0
+    trainer.record_losses({"expert": torch.full((4, 6), 8.0)})
+    assert trainer.run_test().training_loss == 8.0
     assert trainer.samples == 48
 
 
 def test_same_seed_same_result_another_seed_another(run):
-    first, again, other = run(seed=1), run(seed=1), run(seed=2)
-    assert (
-        torch.equal(vector(first.model), vector(again.model))
-        and first.history == again.history
-    )
+    first, repeated, other = run(seed=1), run(seed=1), run(seed=2)
+    assert torch.equal(vector(first.model), vector(repeated.model))
+    assert first.history == repeated.history
     assert not torch.equal(vector(first.model), vector(other.model))
 
 
@@ -297,9 +298,9 @@ def test_global_randomness_does_not_matter(run):
     with torch.random.fork_rng():
         torch.default_generator.manual_seed(12345)
         before = torch.get_rng_state()
-        again = run()
+        repeated = run()
         assert torch.equal(torch.get_rng_state(), before)
-    assert torch.equal(vector(first.model), vector(again.model))
+    assert torch.equal(vector(first.model), vector(repeated.model))
 
 
 def test_learning_lowers_the_validation_loss(run, make_motion, small_network):
@@ -309,7 +310,7 @@ def test_learning_lowers_the_validation_loss(run, make_motion, small_network):
         make_motion(8, 3),
         make_motion(60, 4, gain=1.5),
     )
-    fresh = DynamicsModel(small_network, Standardisation.of(sets.expert), seed=0)
+    fresh = DynamicsModel(small_network, Standardisation.fit(sets.expert), seed=0)
     trained = run(sets=sets, max_samples=24 * 300, learning_rate=5e-3, p_expert=0.5)
     before, after = (
         float(validation_loss(model, sets.validation).sum())
@@ -332,7 +333,7 @@ def test_the_best_weights_are_returned(run, datasets):
 
 
 def test_without_the_experts_data(run, datasets):
-    units = Standardisation.of(datasets.expert)
+    units = Standardisation.fit(datasets.expert)
     alone = run(
         sets=datasets._replace(expert=None),
         standardisation=units,
@@ -340,10 +341,8 @@ def test_without_the_experts_data(run, datasets):
         regularise=False,
     )
     beside = run(p_expert=0.0, regularise=False)
-    assert (
-        torch.equal(vector(alone.model), vector(beside.model))
-        and alone.history == beside.history
-    )
+    assert torch.equal(vector(alone.model), vector(beside.model))
+    assert alone.history == beside.history
 
 
 def test_missing_expert_data_are_named(run, datasets):

@@ -1,4 +1,4 @@
-"""What the optimiser moves, and what is frozen."""
+"""Weights that the optimiser moves, and frozen weights."""
 
 import pytest
 import torch
@@ -6,7 +6,7 @@ from torch import nn
 
 from sidm.learning import Training
 from sidm.learning.training import predict
-from sidm.learning.weights import learnt, make_optimiser
+from sidm.learning.weights import make_optimiser, trainable_parameters
 
 
 @pytest.fixture
@@ -21,7 +21,7 @@ def test_a_frozen_sidm_stays_and_the_rest_learns(make_trainer):
     for name, tensor in trainer.weights().items():
         kept = name.startswith("sidm") or "_mean" in name or "_std" in name
         assert torch.equal(tensor, before[name]) == kept, name
-    assert not learnt(trainer.model.sidm)
+    assert not trainable_parameters(trainer.model.sidm)
 
 
 def test_an_optimiser_has_what_is_not_frozen(layer):

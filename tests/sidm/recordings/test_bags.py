@@ -1,5 +1,7 @@
-"""ROS bags, written with the library and read back: poses, velocities, commands, and
-what can be wrong with a bag."""
+"""ROS bags are written with the library and read back.
+
+Poses, velocities and commands are read, and faults of a bag are named.
+"""
 
 import numpy as np
 import pytest
@@ -19,8 +21,10 @@ BODY = Body(
 
 
 def messages(store, turned: bool = False):
-    """Of a robot on a circle of 2 m: (topic, time s, message). `turned`: the command is
-    left out of it."""
+    """Messages (topic, time in s, message) of a robot on a circle of 2 m.
+
+    With `turned`, the command does not contain the turning.
+    """
     kind = store.types
     stamp = kind["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
     header = (
@@ -65,7 +69,7 @@ def messages(store, turned: bool = False):
 
 @pytest.fixture
 def make_bag(tmp_path):
-    """A bag of ROS 1 or 2 with some topics, each possibly under several names."""
+    """Write a bag of ROS 1 or 2 with some topics, each possibly under several names."""
 
     def make(ros: int = 2, topics=("/odom", "/cmd_vel"), twice: str = "", **how):
         path = tmp_path / ("drive.bag" if ros == 1 else "drive")
@@ -108,7 +112,8 @@ def test_a_bag_is_read_as_a_drive(make_bag, ros):
         ({"topics": ("/cmd_vel",)}, "no topic with a pose"),
         (
             {"twice": "/other"},
-            "2 topics with a pose, /odom, /other; name those that are meant with --topics",
+            "2 topics with a pose, /odom, /other; "
+            "name those that are meant with --topics",
         ),
         ({"turned": True}, "'vx' says; is it of the other sign"),
     ],
@@ -117,11 +122,9 @@ def test_a_fault_of_a_bag_is_one_line(make_bag, how, words):
     path = make_bag(**how)
     with pytest.raises(RecordingError) as error:
         read_drives(path, BODY)
-    assert (
-        words in str(error.value)
-        and str(path) in str(error.value)
-        and "\n" not in str(error.value)
-    )
+    assert words in str(error.value)
+    assert str(path) in str(error.value)
+    assert "\n" not in str(error.value)
 
 
 def test_a_column_that_no_topic_has_is_named(make_bag):

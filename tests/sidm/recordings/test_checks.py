@@ -1,5 +1,4 @@
-"""Frames, signs and units that are not what they should be, put into the recordings of
-a real drive's kind."""
+"""Wrong frames, signs and units in recordings like those of a real drive."""
 
 from pathlib import Path
 
@@ -11,26 +10,25 @@ from sidm.body import ROVER
 from sidm.config import replace
 from sidm.drives import Drive
 from sidm.recordings import RecordingError, read_drives
-from sidm.recordings.checks import (
+from sidm.recordings.frames import (
     refuse_other_steering,
     refuse_other_turning,
     refuse_other_velocities,
 )
 
 ROOT = Path(__file__).parents[3]
-#: of the state: wx, wy, wz; vy, vz, wy, wz
+#: indices in the state: wx, wy, wz; vy, vz, wy, wz
 RATES, LEFT_AND_UP = slice(10, 13), [8, 9, 11, 12]
 
 
 @pytest.fixture(scope="module", params=["system1", "system2"])
 def drives(request) -> list[Drive]:
-    """Every recording of a system that is kept here; reading them is itself a test that
-    none is refused."""
+    """Every stored recording of a system; none may be refused."""
     return read_drives(ROOT / "recordings" / f"{request.param}.npz", ROVER)
 
 
 def scaled(*factors: float):
-    """A change of the three angular velocities."""
+    """Function that multiplies the three angular velocities."""
     return lambda states: _put(states, states[:, RATES] * factors)
 
 
@@ -48,26 +46,27 @@ def _down(states: np.ndarray) -> np.ndarray:
 
 DEGREES = np.degrees(1)
 CHANGES = {
-    "with the other sign": scaled(-1, -1, -1),
-    "'wx' of the other sign": scaled(-1, 1, 1),
-    "'wy' of the other sign": scaled(1, -1, 1),
-    "'wz' of the other sign": scaled(1, 1, -1),
-    "'wx' and 'wy' exchanged": lambda states: _put(states, states[:, [11, 10, 12]]),
+    "as (-wx, -wy, -wz)": scaled(-1, -1, -1),
+    "as (-wx, wy, wz)": scaled(-1, 1, 1),
+    "as (wx, -wy, wz)": scaled(1, -1, 1),
+    "as (wx, wy, -wz)": scaled(1, 1, -1),
+    "as (wy, wx, wz)": lambda states: _put(states, states[:, [11, 10, 12]]),
     "the world's frame": lambda states: _put(
         states, Rotation.from_quat(states[:, 3:7]).apply(states[:, RATES])
     ),
-    "x forward, y right, z down": _down,
+    "as (wx, -wy, -wz)": _down,
     "by 'wx'; is it in the unit": scaled(DEGREES, 1, 1),
     "by 'wy'; is it in the unit": scaled(1, DEGREES, 1),
     "by 'wz'; is it in the unit": scaled(1, 1, DEGREES),
 }
 
 
-def fault_of(states: np.ndarray, rate: float = 10.0) -> str:
-    """What is said of the velocities, nothing where they are taken."""
+def fault_of(*drives: np.ndarray, rate: float = 10.0) -> str:
+    """Message about the velocities of a file, or nothing where they are accepted."""
     try:
-        refuse_other_velocities("drive", states[:: round(rate / 10)], ROVER)
-        refuse_other_turning("drive", states, rate)
+        for states in drives:
+            refuse_other_velocities("drive", states[:: round(rate / 10)], ROVER)
+        refuse_other_turning("drive", [(states, rate) for states in drives])
     except RecordingError as error:
         return str(error)
     return ""
@@ -75,17 +74,30 @@ def fault_of(states: np.ndarray, rate: float = 10.0) -> str:
 
 @pytest.mark.parametrize("fault", CHANGES)
 def test_angular_velocities_that_are_read_wrongly_are_named(drives, fault):
-    """In three of four drives or more by their right name; a level or straight one
-    looks nearly the same either way."""
-    said = [fault_of(CHANGES[fault](drive.states)) for drive in drives]
-    assert np.mean([fault in words or "lead where" in words for words in said]) > 0.75
+    """Short drives of one file name the fault together.
+
+    At least three of four longer drives are refused even alone: a level or straight one
+    looks nearly the same either way.
+    """
+    changed = [CHANGES[fault](drive.states[:15]) for drive in drives]
+    together = fault_of(*changed)
+    assert fault in together or "lead where" in together
+    messages = [fault_of(CHANGES[fault](drive.states)) for drive in drives]
+    assert np.mean([bool(message) for message in messages]) > 0.75
     assert all(
-        words.startswith("drive: ") and "\n" not in words for words in said if words
+        words.startswith("drive: ") and "\n" not in words for words in messages if words
     )
 
 
+def test_short_drives_are_not_refused(drives):
+    """Two seconds alone say too little; all of a file agree with their attitudes."""
+    short = [drive.states[start : start + 21] for drive in drives for start in (0, 30)]
+    assert [fault_of(states) for states in short] == [""] * len(short)
+    assert fault_of(*short) == ""
+
+
 def test_attitudes_that_are_inverted_are_not_taken(drives):
-    """Nor is the robot's gyroscope blamed."""
+    """The message does not blame the robot's gyroscope."""
     said = [
         fault_of(np.hstack([d.states[:, :3], -d.states[:, 3:6], d.states[:, 6:]]))
         for d in drives
@@ -100,8 +112,10 @@ def turning(
     hertz: float = 7.0,
     seconds: float = 7.0,
 ) -> np.ndarray:
-    """States (R, 13) of a robot at 1 m/s that turns, and shakes by an angle, rad, about
-    its sideways axis."""
+    """States (R, 13) of a robot that turns at 1 m/s and shakes about its sideways axis.
+
+    The shaking has an amplitude in rad.
+    """
     time = np.arange(round(rate * seconds) + 1) / rate
     yaw, pitch = yaw_rate * time, shaking * np.sin(2 * np.pi * hertz * time)
     attitudes = Rotation.from_euler("ZY", np.stack([yaw, pitch], axis=1))
@@ -119,15 +133,19 @@ def turning(
 @pytest.mark.parametrize("rate", [10.0, 100.0])
 @pytest.mark.parametrize("hertz", [3.0, 6.3, 7.0, 8.1, 12.0])
 def test_a_robot_that_shakes_is_taken(rate, hertz):
-    """By a degree, also faster than half the control steps' rate, where a sine has the
-    other sign."""
+    """Shaking by a degree may be faster than half the rate of control steps.
+
+    A sine that is sampled so slowly has the other sign.
+    """
     for yaw_rate in (0.0, 0.3):
-        assert fault_of(turning(rate, yaw_rate, 0.0175, hertz), rate) == ""
+        assert fault_of(turning(rate, yaw_rate, 0.0175, hertz), rate=rate) == ""
 
 
 def test_noise_bias_and_standing_still_are_no_fault(drives):
-    """In attitudes and angular velocities; a gyroscope may say more than a slow
-    turn."""
+    """Noise is in attitudes and angular velocities.
+
+    A gyroscope's bias may be larger than a slow turn.
+    """
     rng = np.random.default_rng(0)
     for drive in drives[:20]:
         noise = rng.normal(0, 0.1, (len(drive.states), 3))
@@ -142,8 +160,10 @@ def test_noise_bias_and_standing_still_are_no_fault(drives):
 
 
 def test_steering_to_the_left_is_noticed_in_a_file(drives):
-    """Of twenty drives together, whatever the ground; a drive that is steered straight,
-    or stands, is not judged."""
+    """Twenty drives show the sign together, whatever the ground.
+
+    A drive that goes straight or stands still is not judged.
+    """
     refuse_other_steering("file", drives)
     for first in range(0, len(drives) - 19, 20):
         other = [

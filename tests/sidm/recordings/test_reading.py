@@ -1,5 +1,4 @@
-"""Drives of any body: what a file may hold, how it is brought to the rate, and every
-fault in one line."""
+"""Drives of any body: contents of a file, resampling, and faults in one line."""
 
 import gzip
 
@@ -20,7 +19,7 @@ NAMES = "x [m],y [m],yaw [rad],yaw_rate [rad/s],wheel [rad/s],left [1]"
 
 
 def circle(count: int = 41, rate: float = 20.0) -> np.ndarray:
-    """Rows of a cart on a circle of 2 m, a turn of 0.5 rad/s: (R, 6)."""
+    """Rows (R, 6) of a cart on a circle of 2 m that turns at 0.5 rad/s."""
     time = np.arange(count) / rate
     yaw = 0.5 * time
     return np.column_stack(
@@ -92,7 +91,7 @@ def test_uneven_times_are_interpolated(write, rng):
 
 def test_a_slow_sensors_pose_is_interpolated(write):
     rows = circle()
-    rows[1::2, :3] = rows[:-1:2, :3]  # new every second row only
+    rows[1::2, :3] = rows[:-1:2, :3]  # values are new only in every second row
     (drive,) = read_drives(
         write(text(rows)),
         Body(
@@ -137,14 +136,15 @@ def test_what_is_written_reads_back(write, tmp_path):
     drives = read_drives(write(text(circle())), BODY)
     write_drives(tmp_path / "again.csv.gz", drives, "a test")
     (again,) = read_drives(tmp_path / "again.csv.gz", BODY)
-    assert (
-        np.allclose(again.states, drives[0].states, rtol=1e-8)
-        and again.session == drives[0].session
-    )
+    assert np.allclose(again.states, drives[0].states, rtol=1e-8)
+    assert again.session == drives[0].session
 
 
 def test_numbers_are_written_in_the_unit_that_stands_above_them(write, tmp_path):
-    """The SI's, whatever the body's is; a session may have a comma in its name."""
+    """Files have SI units, whatever the body's units are.
+
+    A session may have a comma in its name.
+    """
     body = Body(
         name="cart",
         pose="planar",
@@ -152,13 +152,13 @@ def test_numbers_are_written_in_the_unit_that_stands_above_them(write, tmp_path)
         actions=BODY.actions,
     )
     drives = [
-        replace(one, session="a, b") for one in read_drives(write(text(circle())), body)
+        replace(drive, session="a, b")
+        for drive in read_drives(write(text(circle())), body)
     ]
     write_drives(tmp_path / "again.csv", drives, "a test")
     (again,) = read_drives(tmp_path / "again.csv", body)
-    assert again.session == "a, b" and np.allclose(
-        again.states, drives[0].states, rtol=1e-8
-    )
+    assert again.session == "a, b"
+    assert np.allclose(again.states, drives[0].states, rtol=1e-8)
 
 
 def test_a_command_may_be_held_where_nothing_is_learnt(write):
@@ -167,7 +167,7 @@ def test_a_command_may_be_held_where_nothing_is_learnt(write):
 
 
 def test_slow_drives_with_velocities_are_read(write):
-    """At 1 Hz, straight on at 1 m/s."""
+    """The rate is 1 Hz; the drive is straight at 1 m/s."""
     names = ",".join(
         f"{name} [{unit}]" for name, unit in (*ROVER.state, *ROVER.actions)
     )
@@ -184,11 +184,11 @@ def test_a_file_of_many_drives_keeps_their_sessions(write, tmp_path):
         [replace(drive, session=name) for name in "aab"],
         "a test",
     )
-    found = read_drives(tmp_path / "many.npz", BODY)
-    assert [one.session for one in found] == ["a", "a", "b"]
+    drives = read_drives(tmp_path / "many.npz", BODY)
+    assert [one.session for one in drives] == ["a", "a", "b"]
     assert all(
         np.allclose(one.states, drive.states, atol=1e-5) and one.ground is None
-        for one in found
+        for one in drives
     )
 
 
@@ -279,11 +279,9 @@ def test_a_fault_is_one_line_that_names_file_place_and_fault(write, content, wor
     path = write(content)
     with pytest.raises(RecordingError) as error:
         read_drives(path, BODY)
-    assert (
-        words in str(error.value)
-        and str(path) in str(error.value)
-        and "\n" not in str(error.value)
-    )
+    assert words in str(error.value)
+    assert str(path) in str(error.value)
+    assert "\n" not in str(error.value)
 
 
 def test_a_file_that_is_cut_off_is_named(write, tmp_path):
@@ -294,7 +292,10 @@ def test_a_file_that_is_cut_off_is_named(write, tmp_path):
 
 
 def test_the_recorded_robots_are_read():
-    """Minutes of motion at 10 Hz, in windows of 2 s, and runs of about two minutes."""
+    """Recordings have minutes of motion at 10 Hz.
+
+    They are windows of 2 s, and runs of about two minutes.
+    """
     from pathlib import Path
 
     from sidm.body import read_body

@@ -1,5 +1,4 @@
-"""Recorded motion of the paper's robots on their ground: what comes in, and every fault
-by its line."""
+"""Recordings of the paper's robots with their ground, and each fault by its line."""
 
 import json
 from pathlib import Path
@@ -18,8 +17,10 @@ NAMES, PLAIN = list(COLUMNS), [SI[unit] for unit in COLUMNS.values()]
 
 
 def circle(rate: float = 10.0, seconds: float = 7.0) -> np.ndarray:
-    """Rows (R, 15) of a robot that circles the origin at 1 m/s and 0.5 rad/s, 0.17 m
-    above flat ground."""
+    """Rows (R, 15) of a robot on a circle about the origin, at 1 m/s and 0.5 rad/s.
+
+    Its body is 0.17 m above flat ground.
+    """
     time = np.arange(round(rate * seconds) + 1) / rate
     yaw = 0.5 * time
     rows = np.zeros((len(time), 15))
@@ -33,14 +34,13 @@ def circle(rate: float = 10.0, seconds: float = 7.0) -> np.ndarray:
 
 
 def ground() -> Ground:
-    """A flat square of 8 m, its middle at the circle's."""
+    """A flat square of 8 m with its middle at the circle's."""
     return Ground(np.zeros((81, 81)), 0.1, (0.0, 2.0))
 
 
 @pytest.fixture
 def made(tmp_path):
-    """A drive around the circle, or of something else, as it is read from an .npz
-    file."""
+    """A drive around the circle, or of other rows, as it is read from an .npz file."""
 
     def make(
         rows: np.ndarray | None = None,
@@ -74,23 +74,22 @@ def made(tmp_path):
 
 
 def changed(row: int, column: str, value: float) -> np.ndarray:
-    """The circle with one number replaced."""
+    """Rows of the circle with one number replaced."""
     rows = circle()
     rows[row, NAMES.index(column)] = value
     return rows
 
 
 def test_positions_are_relative_to_the_middle_of_the_ground(made):
-    found = made()
-    assert found.states.shape == (71, 13) and found.actions.shape == (70, 2)
-    assert found.states[0, :3] == pytest.approx(
-        (0, -2, 0.17)
-    ) and found.ground.centre == (0, 0)
-    assert np.linalg.norm(found.states[:, :2], axis=1) == pytest.approx(2)
+    drive = made()
+    assert drive.states.shape == (71, 13) and drive.actions.shape == (70, 2)
+    assert drive.states[0, :3] == pytest.approx((0, -2, 0.17))
+    assert drive.ground.centre == (0, 0)
+    assert np.linalg.norm(drive.states[:, :2], axis=1) == pytest.approx(2)
 
 
 def test_a_faster_rate_is_brought_to_10_hz(made):
-    """Every fifth row, and the mean action of five."""
+    """Every fifth row is kept, with the mean action of five rows."""
     fast, slow = made(circle(50.0), rate=50.0), made()
     assert np.allclose(fast.states, slow.states)
     assert fast.actions[:, 1] == pytest.approx(
@@ -99,7 +98,7 @@ def test_a_faster_rate_is_brought_to_10_hz(made):
 
 
 def test_units_are_those_of_the_header(made):
-    """Millimetres, km/h and degrees a second, in another order, with times."""
+    """Units are mm, km/h and deg/s, in another order of columns, with times."""
     rows = circle()
     rows[:, :3] *= 1000
     rows[:, 7:10] *= 3.6
@@ -107,16 +106,15 @@ def test_units_are_those_of_the_header(made):
     order = [*range(14, -1, -1)]
     units = ["mm"] * 3 + ["1"] * 4 + ["km/h"] * 3 + ["deg/s"] * 3 + ["1"] * 2
     time = 100.0 * np.arange(len(rows))[:, None]
-    found = made(
+    drive = made(
         np.hstack([rows[:, order], time]), [*NAMES[::-1], "time"], [*units[::-1], "ms"]
     )
-    assert np.allclose(found.states, made().states) and np.allclose(
-        found.actions, made().actions
-    )
+    assert np.allclose(drive.states, made().states)
+    assert np.allclose(drive.actions, made().actions)
 
 
 def no(column: str) -> dict:
-    """The circle without a column."""
+    """Rows of the circle without a column."""
     kept = [name for name in NAMES if name != column]
     units = [PLAIN[NAMES.index(name)] for name in kept]
     return dict(
@@ -125,21 +123,21 @@ def no(column: str) -> dict:
 
 
 def turned() -> np.ndarray:
-    """The circle with velocities in the world's frame."""
+    """Rows of the circle with velocities in the world's frame."""
     rows, yaw = circle(seconds=30.0), 0.05 * np.arange(301)
     rows[:, 7:9] = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
     return rows
 
 
 def with_rates(turning: float) -> np.ndarray:
-    """The circle with another rate of turning."""
+    """Rows of the circle with another rate of turning."""
     rows = circle()
     rows[:, 12] = turning
     return rows
 
 
 def jumped() -> np.ndarray:
-    """The circle, a metre aside from its 31st row on."""
+    """Rows of the circle, moved aside by a metre from the 31st row on."""
     rows = circle()
     rows[31:, 0] += 1.0
     return rows
@@ -154,7 +152,7 @@ def hill() -> Ground:
 
 
 def over(where: Ground) -> np.ndarray:
-    """The circle at 0.17 m above a ground."""
+    """Rows of the circle at 0.17 m above a ground."""
     rows = circle()
     rows[:, 2] += height_at(where.heights, rows[:, 0], rows[:, 1] - 2.0)
     rows[1:, 9] = np.diff(rows[:, 2]) * 10
@@ -162,18 +160,18 @@ def over(where: Ground) -> np.ndarray:
 
 
 def test_a_hilly_drive_with_noise_is_taken(made):
-    """Three centimetres and ten milliseconds of noise on every row are no fault."""
+    """Noise of three centimetres and ten milliseconds on every row is no fault."""
     rng, rows = np.random.default_rng(0), over(hill())
     rows[:, :3] += rng.normal(0, 0.03, (len(rows), 3))
     time = 0.1 * np.arange(len(rows)) + rng.normal(0, 0.01, len(rows))
-    found = made(
+    drive = made(
         np.hstack([rows, time[:, None]]), [*NAMES, "time"], [*PLAIN, "s"], where=hill()
     )
-    assert len(found.actions) >= 69
+    assert len(drive.actions) >= 69
 
 
 def test_attitudes_of_either_sign_are_one(made):
-    """q and -q are the same attitude; between them nothing is interpolated."""
+    """q and -q are the same attitude; no value is interpolated between them."""
     rows = circle(30.0)
     rows[40:, 3:7] *= -1
     assert np.allclose(
@@ -219,9 +217,8 @@ FAULTS = {
         "where": ground()._replace(heights=np.full((81, 81), 10.0))
     },
     "velocities do not lead where the robot was": {"rows": turned()},
-    "it turned by 0.5 rad a second by its attitudes, by 29 by 'wz'; is it in the unit that the header names?": {
-        "rows": with_rates(np.degrees(0.5))
-    },
+    "it turned by 0.5 rad a second by its attitudes, by 29 by 'wz'; "
+    "is it in the unit that the header names?": {"rows": with_rates(np.degrees(0.5))},
     "3 s after its start the position jumps": {"rows": jumped()},
     "the map of the ground seems to be upside down": {
         "rows": over(hill()),
@@ -242,21 +239,20 @@ FAULTS = {
 def test_a_fault_is_named_in_one_line(made, fault):
     with pytest.raises(RecordingError) as error:
         made(**FAULTS[fault])
-    assert (
-        "drive.npz" in str(error.value)
-        and fault in str(error.value)
-        and "\n" not in str(error.value)
-    )
+    assert "drive.npz" in str(error.value)
+    assert fault in str(error.value)
+    assert "\n" not in str(error.value)
 
 
 def write_csv(
     folder: Path, header: str = "", names: str = "", rows: np.ndarray | None = None
 ) -> Path:
-    """A file of the circle, by default as the documentation has it, and its ground."""
+    """Write the circle and its ground, by default as in the documentation."""
     np.savetxt(folder / "meadow.csv", ground().heights, delimiter=",")
     lines = [
         header
-        or "# rate: 10 Hz\n# heights: meadow.csv\n# spacing: 0.1 m\n# centre: 0 2 m\n# origin: a meadow",
+        or "# rate: 10 Hz\n# heights: meadow.csv\n# spacing: 0.1 m\n"
+        "# centre: 0 2 m\n# origin: a meadow",
         names
         or ",".join(
             f"{name} [{unit}]" if unit != "1" else name
@@ -275,13 +271,12 @@ def write_csv(
 def test_a_csv_file_is_read_with_its_ground(tmp_path, made):
     (tmp_path / "csv").mkdir()
     (found,) = read_drives(write_csv(tmp_path / "csv"), ROVER)
-    assert np.allclose(found.states, made().states, atol=1e-8) and np.allclose(
-        found.actions, made().actions, atol=1e-8
-    )
-    (again,) = read_drives(tmp_path / "csv", ROVER)  # the ground is no drive
-    assert again.name == found.name and np.array_equal(
-        again.ground.heights, ground().heights
-    )
+    assert np.allclose(found.states, made().states, atol=1e-8)
+    assert np.allclose(found.actions, made().actions, atol=1e-8)
+    # the file of the ground is not read as a drive
+    (again,) = read_drives(tmp_path / "csv", ROVER)
+    assert again.name == found.name
+    assert np.array_equal(again.ground.heights, ground().heights)
 
 
 @pytest.mark.parametrize(
@@ -309,11 +304,9 @@ def test_a_fault_of_a_csv_file_is_named_in_one_line(tmp_path, changes, fault):
     path = write_csv(tmp_path, **changes)
     with pytest.raises(RecordingError) as error:
         read_drives(path, ROVER)
-    assert (
-        fault in str(error.value)
-        and str(tmp_path) in str(error.value)
-        and "\n" not in str(error.value)
-    )
+    assert fault in str(error.value)
+    assert str(tmp_path) in str(error.value)
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(("sign", "words"), [(";", "semicolons"), ("\t", "tabs")])
@@ -331,8 +324,10 @@ def test_another_separator_is_named(tmp_path, sign, words):
 
 
 def test_drives_are_packed_and_come_back(tmp_path, made):
-    """Numbers to float32's seventh digit, heights to half a millimetre, a shared ground
-    once."""
+    """Numbers keep float32's seven digits, heights half a millimetre.
+
+    A shared ground is stored once.
+    """
     rough = made(
         where=ground()._replace(
             heights=np.random.default_rng(0).uniform(0, 0.1, (81, 81))
@@ -340,20 +335,17 @@ def test_drives_are_packed_and_come_back(tmp_path, made):
     )
     write_drives(tmp_path / "a.npz", [made(), rough, made()], "two circles")
     back = read_drives(tmp_path / "a.npz", ROVER)
-    for one, other in zip(back, (made(), rough, made()), strict=True):
-        assert np.allclose(one.states, other.states, atol=1e-6) and np.allclose(
-            one.actions, other.actions, atol=1e-6
-        )
-        assert np.abs(one.ground.heights - other.ground.heights).max() <= 0.0005001
+    for drive, original in zip(back, (made(), rough, made()), strict=True):
+        assert np.allclose(drive.states, original.states, atol=1e-6)
+        assert np.allclose(drive.actions, original.actions, atol=1e-6)
+        assert np.abs(drive.ground.heights - original.ground.heights).max() <= 0.0005001
     with np.load(tmp_path / "a.npz") as file:
-        assert (
-            len(file["heights"]) == 2
-            and json.loads(str(file["header"]))["origin"] == "two circles"
-        )
+        assert len(file["heights"]) == 2
+        assert json.loads(str(file["header"]))["origin"] == "two circles"
 
 
 def members(**changes) -> dict:
-    """Of a file of one circle."""
+    """Arrays of a file of one circle."""
     header = dict(
         columns=NAMES,
         units=PLAIN,
@@ -469,7 +461,7 @@ def test_a_file_that_is_none_is_named(tmp_path, name, content, fault):
 
 
 def test_a_file_with_a_mark_of_byte_order_is_read(tmp_path):
-    """As some spreadsheets write it."""
+    """Some spreadsheets write such a mark."""
     path = write_csv(tmp_path)
     path.write_text("\ufeff" + path.read_text(), encoding="utf-8")
     assert len(read_drives(tmp_path, ROVER)) == 1
@@ -483,7 +475,7 @@ def test_a_file_that_is_no_recording_is_not_passed_over(tmp_path):
 
 
 def test_high_mountains_are_packed(tmp_path, made):
-    """Forty metres of height do not wrap around."""
+    """A height of forty metres does not overflow."""
     high = Ground(np.full((81, 81), 40.0), 0.1, (0.0, 2.0))
     rows = circle()
     rows[:, 2] += 40.0
@@ -500,13 +492,10 @@ def test_a_folder_without_recordings_is_named(tmp_path):
 
 @pytest.mark.parametrize(("system", "count"), [("system1", 99), ("system2", 94)])
 def test_the_recordings_kept_here_are_whole(system, count):
-    """Of 25 terrains, in 64 steps each, within the size that the repository gives
-    them."""
+    """Recordings are of 25 terrains, in 64 steps each, within the repository's size."""
     path = ROOT / "recordings" / f"{system}.npz"
-    found = read_drives(path, ROVER)
-    assert (
-        len(found) == count
-        and {len(one.actions) for one in found} == {64}
-        and path.stat().st_size < 5e6
-    )
-    assert len({one.ground.heights.tobytes() for one in found}) == 25
+    drives = read_drives(path, ROVER)
+    assert len(drives) == count
+    assert {len(drive.actions) for drive in drives} == {64}
+    assert path.stat().st_size < 5e6
+    assert len({one.ground.heights.tobytes() for one in drives}) == 25

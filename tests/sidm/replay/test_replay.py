@@ -1,4 +1,4 @@
-"""Rides in three dimensions: what the browser is given."""
+"""Rides in three dimensions: the data that the browser receives."""
 
 import base64
 import json
@@ -26,7 +26,7 @@ from sidm.replay import (
     write_scene,
 )
 from sidm.replay.packing import pack, unpack
-from sidm.replay.scene import laid, level, rolled
+from sidm.replay.scene import attitudes_on_ground, level_ground, rolling_angles
 from sidm.replay.scene_file import scene_json
 from sidm.replay.skeleton import (
     BOXES,
@@ -57,11 +57,11 @@ def test_what_is_packed_is_unpacked(numbers):
 
 
 def places(skeleton, position, quaternion, joints):
-    """Of every part: where its frame is in the world, by the skeleton's own rules."""
-    found = []
+    """Place of every part's frame in the world, by the skeleton's own rules."""
+    frames = []
     for number, part in enumerate(skeleton["parts"]):
         turn, origin = (
-            found[part["parent"]]
+            frames[part["parent"]]
             if number
             else (Rotation.from_quat(quaternion), position)
         )
@@ -70,8 +70,8 @@ def places(skeleton, position, quaternion, joints):
             turn = turn * Rotation.from_rotvec(
                 joints[part["joint"]] * np.array(part["axis"])
             )
-        found.append((turn, origin))
-    return found
+        frames.append((turn, origin))
+    return frames
 
 
 @pytest.mark.parametrize("motors", [True, False], ids=["braked", "free"])
@@ -84,10 +84,10 @@ def test_the_drawn_wheels_are_where_the_simulated_ones_are(motors):
         simulator.reset()
         for steering in (0.0, 0.5, 0.8, 0.8, -0.3, -0.8):
             state = simulator.step(np.array([0.8, steering]))
-        found = places(skeleton, state[:3], state[3:7], simulator.joint_angles)
+        frames = places(skeleton, state[:3], state[3:7], simulator.joint_angles)
         wheels = [
             one
-            for one, part in zip(found, skeleton["parts"], strict=True)
+            for one, part in zip(frames, skeleton["parts"], strict=True)
             if part.get("joint") in range(4, 8)
         ]
         for name, joint, (turn, origin) in zip(
@@ -103,19 +103,26 @@ def test_the_drawn_wheels_are_where_the_simulated_ones_are(motors):
 
 
 def test_struts_are_as_long_as_their_travel_says():
-    """On even ground, where the links do not give; at zero travel a strut is 0.16 m
-    long."""
+    """On even ground the links do not give; at zero travel a strut is 0.16 m long."""
     even = Terrain(cell_height_scale=0.0, noise_height_scale=0.0)
-    one = ride(ROBOTS["system2 expert"], even, 0, 0.0, steps=2, strut_motors=False)
-    skeleton = rover_skeleton(one.robot, False)
-    found = places(skeleton, one.states[-1, :3], one.states[-1, 3:7], one.joints[-1])
+    simulated = ride(
+        ROBOTS["system2 expert"], even, 0, 0.0, steps=2, strut_motors=False
+    )
+    skeleton = rover_skeleton(simulated.robot, False)
+    frames = places(
+        skeleton,
+        simulated.states[-1, :3],
+        simulated.states[-1, 3:7],
+        simulated.joints[-1],
+    )
     for rod, strut in zip(
         [rod for rod in skeleton["rods"] if rod["kind"] == "strut"],
-        one.struts[-1],
+        simulated.struts[-1],
         strict=True,
     ):
         ends = [
-            found[part][1] + found[part][0].apply(point) for part, point in rod["ends"]
+            frames[part][1] + frames[part][0].apply(point)
+            for part, point in rod["ends"]
         ]
         assert np.linalg.norm(ends[0] - ends[1]) == pytest.approx(
             0.16 - strut, abs=1.5e-3
@@ -123,22 +130,24 @@ def test_struts_are_as_long_as_their_travel_says():
 
 
 def test_the_heave_follows_from_the_struts():
-    """As explorer.js has it."""
-    one = ride(ROBOTS["system2 expert"], GROUND, 3, 0.8, steps=5, strut_motors=False)
-    for axle, (a, b, c) in enumerate(heave_curves(one.robot, False)):
-        rest = c - one.struts[:, 2 * axle : 2 * axle + 2].mean(1)
+    """The formula is that of explorer.js."""
+    simulated = ride(
+        ROBOTS["system2 expert"], GROUND, 3, 0.8, steps=5, strut_motors=False
+    )
+    for axle, (a, b, c) in enumerate(heave_curves(simulated.robot, False)):
+        rest = c - simulated.struts[:, 2 * axle : 2 * axle + 2].mean(1)
         assert -2 * rest / (b + np.sqrt(b * b - 4 * a * rest)) == pytest.approx(
-            one.joints[:, 2 * axle], abs=1e-4
+            simulated.joints[:, 2 * axle], abs=1e-4
         )
-    assert heave_curves(one.robot, True)[0] is None
+    assert heave_curves(simulated.robot, True)[0] is None
 
 
 def test_a_scene_is_what_was_ridden(rides):
-    """The browser's numbers, to a millimetre and a thousandth of a radian."""
-    found = json.loads(json.dumps(scene_json(rides_scene(rides))))
-    assert [track["name"] for track in found["tracks"]] == list(rides)
-    assert [bool(track["ghost"]) for track in found["tracks"]] == [False, True]
-    for track, one in zip(found["tracks"], rides.values(), strict=True):
+    """The browser's numbers agree to a millimetre and a thousandth of a radian."""
+    scene = json.loads(json.dumps(scene_json(rides_scene(rides))))
+    assert [track["name"] for track in scene["tracks"]] == list(rides)
+    assert [bool(track["ghost"]) for track in scene["tracks"]] == [False, True]
+    for track, one in zip(scene["tracks"], rides.values(), strict=True):
         numbers = (
             unpack(
                 base64.b64decode(track["motion"]),
@@ -152,7 +161,7 @@ def test_a_scene_is_what_was_ridden(rides):
         )
         assert numbers[:, 7:] == pytest.approx(one.joints, abs=1e-3)
         assert track["step"] == 0.05
-    below = found["ground"]
+    below = scene["ground"]
     heights = (
         unpack(base64.b64decode(below["motion"]), (below["rows"], below["columns"], 1))[
             ..., 0
@@ -169,17 +178,14 @@ def test_a_scene_is_what_was_ridden(rides):
 def test_a_scene_comes_back_from_its_file(rides, tmp_path):
     scene = rides_scene(rides)
     write_scene(tmp_path / "ride.npz", scene)
-    again = read_scene(tmp_path / "ride.npz")
-    assert [track.name for track in again.tracks] == list(
-        rides
-    ) and again.distance == scene.distance
-    assert again.tracks[1].joints == pytest.approx(scene.tracks[1].joints, abs=1e-5)
-    assert again.tracks[0].skeleton == scene.tracks[0].skeleton
-    first, second = scene_json(scene), scene_json(again)
-    assert (
-        first["tracks"] == second["tracks"]
-        and first["ground"]["rows"] == second["ground"]["rows"]
-    )
+    repeated = read_scene(tmp_path / "ride.npz")
+    assert [track.name for track in repeated.tracks] == list(rides)
+    assert repeated.distance == scene.distance
+    assert repeated.tracks[1].joints == pytest.approx(scene.tracks[1].joints, abs=1e-5)
+    assert repeated.tracks[0].skeleton == scene.tracks[0].skeleton
+    first, second = scene_json(scene), scene_json(repeated)
+    assert first["tracks"] == second["tracks"]
+    assert first["ground"]["rows"] == second["ground"]["rows"]
 
 
 def test_a_page_holds_all_that_it_needs(rides, tmp_path):
@@ -189,34 +195,38 @@ def test_a_page_holds_all_that_it_needs(rides, tmp_path):
     assert "<title>Novice &amp; expert</title>" in text and len(text) < 400_000
     assert re.findall(r"""(?:src|href)=["'](?!data:)|url\(|@import""", text) == []
     frame = view._repr_html_()
-    # escaped, inside srcdoc
+    # escaped, because it stands inside srcdoc
     assert frame.startswith("<iframe") and "<script" not in frame
 
 
 def test_rolling_wheels_turn_as_far_as_the_way_is_long():
-    """Straight ahead; and turning on the spot, where the right wheels go ahead and the
-    left ones back."""
+    """Wheels roll straight ahead.
+
+    When the robot turns on the spot, right wheels go forward and left ones back.
+    """
     position, ahead = np.zeros((11, 3)), np.tile([0.0, 0, 0, 1], (11, 1))
     position[:, 0] = np.linspace(0, 2, 11)
-    assert rolled(position, ahead, 0.1)[-1] == pytest.approx([20.0] * 4)
+    assert rolling_angles(position, ahead, 0.1)[-1] == pytest.approx([20.0] * 4)
     turning = Rotation.from_euler("z", np.linspace(0, 1, 11)[:, None]).as_quat()
-    assert rolled(np.zeros((11, 3)), turning, 0.1, 0.2)[-1] == pytest.approx(
+    assert rolling_angles(np.zeros((11, 3)), turning, 0.1, 0.2)[-1] == pytest.approx(
         [2, -2, 2, -2]
     )
 
 
 def test_a_robot_on_a_slope_is_tilted():
-    """Uphill along x, nose up: negative pitch; the same slope from the side is a
-    roll."""
+    """Uphill along x the nose is up, which is negative pitch.
+
+    The same slope from the side is a roll.
+    """
     heights = np.tile(0.1 * np.arange(100) * 0.2, (100, 1))
     path = np.stack([np.linspace(-2, 2, 9), np.zeros(9)], axis=1)
     ground = Ground(heights, 0.1)
-    assert laid(path, ground, 0.6, 0.4).as_euler("ZYX")[4] == pytest.approx(
-        [0, -np.arctan(0.2), 0], abs=1e-6
-    )
-    assert laid(path[:, ::-1], ground, 0.6, 0.4).as_euler("ZYX")[4] == pytest.approx(
-        [np.pi / 2, 0, -np.arctan(0.2)], abs=1e-6
-    )
+    assert attitudes_on_ground(path, ground, 0.6, 0.4).as_euler("ZYX")[
+        4
+    ] == pytest.approx([0, -np.arctan(0.2), 0], abs=1e-6)
+    assert attitudes_on_ground(path[:, ::-1], ground, 0.6, 0.4).as_euler("ZYX")[
+        4
+    ] == pytest.approx([np.pi / 2, 0, -np.arctan(0.2)], abs=1e-6)
 
 
 def cart(steps=20):
@@ -231,14 +241,12 @@ def cart(steps=20):
 def test_a_recorded_drive_rolls_over_level_ground():
     scene = drives_scene([cart()], BOXES["husky"])
     track = scene.tracks[0]
-    assert (
-        track.position[:, :2] == pytest.approx(cart().states[:, :2])
-        and not scene.ground.heights.any()
-    )
-    found = places(
+    assert track.position[:, :2] == pytest.approx(cart().states[:, :2])
+    assert not scene.ground.heights.any()
+    frames = places(
         track.skeleton, track.position[7], track.quaternion[7], track.joints[7]
     )
-    assert [origin[2] for _, origin in found[1:]] == pytest.approx(
+    assert [origin[2] for _, origin in frames[1:]] == pytest.approx(
         [BOXES["husky"].radius] * 4
     )
     assert track.joints[-1].mean() == pytest.approx(
@@ -263,38 +271,34 @@ def test_the_command_writes_a_page(rides, tmp_path, capsys):
 
 def test_the_command_shows_recordings(tmp_path, capsys):
     write_drives(tmp_path / "cart.csv", [cart()], "made up")
-    body = "pose: planar\ncolumns: {speed: m/s}\nactions: {left: 1, right: 1}\nrate: 10 Hz\n"
-    (tmp_path / "cart.yaml").write_text(body)
+    (tmp_path / "cart.yaml").write_text(
+        "pose: planar\ncolumns: {speed: m/s}\nactions: {left: 1, right: 1}\n"
+        "rate: 10 Hz\n"
+    )
     files = {
         name: str(tmp_path / name) for name in ("cart.csv", "cart.yaml", "cart.html")
     }
-    words = [
-        "replay",
-        files["cart.csv"],
-        "--body",
-        files["cart.yaml"],
-        "--html",
-        files["cart.html"],
-    ]
-    assert main([*words, "--shape", "0.5,0.4,0.1"]) == 0
-    assert main([*words, "--drive", "3"]) == 2
-    assert main([*words, "--shape", "husk"]) == 2
-    assert main([*words, "--shape", "inf,0.4,0.1"]) == 2
+    arguments = (
+        f"replay {files['cart.csv']} --body {files['cart.yaml']} --html "
+        f"{files['cart.html']}"
+    ).split()
+    assert main([*arguments, "--shape", "0.5,0.4,0.1"]) == 0
+    assert main([*arguments, "--drive", "3"]) == 2
+    assert main([*arguments, "--shape", "husk"]) == 2
+    assert main([*arguments, "--shape", "inf,0.4,0.1"]) == 2
     error = capsys.readouterr().err
     assert "drives 0 to 0, not 3" in error and "husky" in error
     assert main(["replay", str(tmp_path / "none.npz"), "--html", "x"]) == 1
 
 
 def test_the_papers_recordings_have_the_papers_robot():
-    """Of the released simulator, with its ground."""
+    """The recordings are of the released simulator, with its ground."""
     from sidm.recordings import read_drives
 
     drive = read_drives("recordings/system1.npz", ROVER)[0]
     scene = drives_scene([drive], ROBOTS["system1 novice"])
-    assert (
-        scene.tracks[0].joints.shape == (65, 10)
-        and scene.ground.heights is drive.ground.heights
-    )
+    assert scene.tracks[0].joints.shape == (65, 10)
+    assert scene.ground.heights is drive.ground.heights
     assert scene.tracks[0].position == pytest.approx(drive.states[:, :3])
 
 
@@ -308,10 +312,8 @@ def test_shapes_are_named_or_measured():
 
 
 def test_level_ground_reaches_around_the_way():
-    ground = level(np.array([[0.0, 0.0], [10.0, 2.0]]))
+    ground = level_ground(np.array([[0.0, 0.0], [10.0, 2.0]]))
     rows, columns = ground.heights.shape
-    assert (
-        (columns - 1) * ground.spacing >= 26
-        and (rows - 1) * ground.spacing >= 18
-        and ground.centre == (5.0, 1.0)
-    )
+    assert (columns - 1) * ground.spacing >= 26
+    assert (rows - 1) * ground.spacing >= 18
+    assert ground.centre == (5.0, 1.0)

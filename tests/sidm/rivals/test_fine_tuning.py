@@ -1,4 +1,4 @@
-"""Pretraining: its data in the novice's place, and what the novice starts from."""
+"""Pretraining: expert data in the novice's place, and the novice's start."""
 
 import pytest
 import torch
@@ -7,7 +7,13 @@ from sidm.config import ConfigError
 from sidm.learning import Training, train
 from sidm.learning.checkpoint import CheckpointError
 from sidm.learning.trainer import Trainer
-from sidm.rivals.fine_tuning import Start, expert_in_place, keep, read, start_from
+from sidm.rivals.fine_tuning import (
+    Pretrained,
+    pretrained_from,
+    pretraining_datasets,
+    read,
+    write,
+)
 
 ALONE = Training(
     p_expert=0.0,
@@ -20,41 +26,48 @@ ALONE = Training(
 
 
 @pytest.fixture
-def start(datasets, small_network) -> Start:
-    return start_from(train(expert_in_place(datasets, 0), small_network, ALONE, 0))
+def start(datasets, small_network) -> Pretrained:
+    return pretrained_from(
+        train(pretraining_datasets(datasets, 0), small_network, ALONE, 0)
+    )
 
 
 def test_the_expert_stands_in_the_novices_place(datasets):
-    """All of it, three of four to learn from; what judges the novice stays."""
-    sets = expert_in_place(datasets, 3)
+    """All expert data are used, three of four trajectories for training.
+
+    The novice's validation data stay.
+    """
+    sets = pretraining_datasets(datasets, 3)
     assert len(sets.train) + len(sets.test) == len(datasets.expert)
     assert len(sets.test) == round(len(datasets.expert) / 4)
-    assert not set(sets.train.places.tolist()) & set(sets.test.places.tolist())
-    assert (
-        sets.train.stored_inputs is datasets.expert.inputs
-        and sets.validation is sets.test
+    assert not set(sets.train.row_indices.tolist()) & set(
+        sets.test.row_indices.tolist()
     )
+    assert sets.train.stored_inputs is datasets.expert.inputs
+    assert sets.validation is sets.test
     with pytest.raises(ConfigError, match="pretraining needs the expert's data"):
-        expert_in_place(datasets._replace(expert=None), 0)
+        pretraining_datasets(datasets._replace(expert=None), 0)
 
 
 def test_a_novice_goes_on_from_the_experts_weights(datasets, small_network, start):
-    """Its first test is that of the pretrained model, not that of fresh weights."""
+    """The first test is that of the pretrained model, not of fresh weights."""
     trainer = Trainer(datasets, small_network, ALONE, 0, start=start.weights)
     fresh = Trainer(datasets, small_network, ALONE, 0)
     for name, tensor in trainer.weights().items():
         assert torch.equal(tensor, start.weights[name])
-    assert trainer.take_test().test_loss < fresh.take_test().test_loss
+    assert trainer.run_test().test_loss < fresh.run_test().test_loss
     assert start.samples >= ALONE.max_samples
 
 
 def test_kept_weights_come_back_and_damage_is_named(start, tmp_path):
     (tmp_path / "state").mkdir()
-    keep(tmp_path, start)
-    found = read(tmp_path)
-    assert found.samples == start.samples and list(found.weights) == list(start.weights)
+    write(tmp_path, start)
+    stored = read(tmp_path)
+    assert stored.samples == start.samples and list(stored.weights) == list(
+        start.weights
+    )
     assert all(
-        torch.equal(found.weights[name], tensor)
+        torch.equal(stored.weights[name], tensor)
         for name, tensor in start.weights.items()
     )
     assert not (tmp_path / "state").exists() and read(tmp_path / "none") is None
@@ -69,7 +82,7 @@ def test_kept_weights_come_back_and_damage_is_named(start, tmp_path):
 
 
 def test_a_checkpoint_is_of_one_start(datasets, small_network, start, tmp_path):
-    """A run from other weights does not go on from it."""
+    """A run from other weights does not resume from it."""
     train(datasets, small_network, ALONE, 0, checkpoint=tmp_path, start=start.weights)
     with pytest.raises(CheckpointError, match="of another run"):
         train(datasets, small_network, ALONE, 0, checkpoint=tmp_path)

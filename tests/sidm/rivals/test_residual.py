@@ -13,8 +13,8 @@ from sidm.learning import (
     validation_loss,
 )
 from sidm.learning.evaluation import mean_loss, rollout
-from sidm.rivals.fine_tuning import expert_in_place
-from sidm.rivals.residual import Corrected, left_over, units
+from sidm.rivals.fine_tuning import pretraining_datasets
+from sidm.rivals.residual import Corrected, correction_units, residual_datasets
 from sidm.systems import Terrain
 from sidm.terrain import generate_terrain
 
@@ -31,26 +31,26 @@ ALONE = Training(
 @pytest.fixture
 def base(datasets, small_network) -> DynamicsModel:
     return train(
-        expert_in_place(datasets, 0), small_network, ALONE, 0
+        pretraining_datasets(datasets, 0), small_network, ALONE, 0
     ).model.requires_grad_(False)
 
 
 def test_what_is_left_over_is_the_target_less_the_base(datasets, base):
-    sets = left_over(datasets, base)
+    sets = residual_datasets(datasets, base)
     predicted, _ = base("novice", datasets.train.inputs, datasets.train.maps)
     assert torch.allclose(
         sets.train.targets + predicted, datasets.train.targets, atol=1e-6
     )
-    assert len(sets.test) == len(datasets.test) and len(sets.validation) == len(
-        datasets.validation
-    )
+    assert len(sets.test) == len(datasets.test)
+    assert len(sets.validation) == len(datasets.validation)
 
 
 def test_the_loss_of_a_correction_is_that_of_the_sum(datasets, base, small_network):
-    """So that the loop, which sees the left over alone, stops by the loss that is
-    reported."""
-    sets = left_over(datasets, base)
-    correction = train(sets, small_network, ALONE, 0, standardisation=units(sets)).model
+    """So the training loop, which sees only residuals, stops by the reported loss."""
+    sets = residual_datasets(datasets, base)
+    correction = train(
+        sets, small_network, ALONE, 0, standardisation=correction_units(sets)
+    ).model
     both = Corrected(base, correction)
     assert mean_loss(both, datasets.test) == pytest.approx(
         mean_loss(correction, sets.test), rel=1e-5
@@ -61,11 +61,9 @@ def test_the_loss_of_a_correction_is_that_of_the_sum(datasets, base, small_netwo
 
 
 def test_both_memories_are_carried_along(datasets, base, small_network):
-    """A step at a time gives what the whole trajectory gives."""
-    both, motion = (
-        Corrected(base, DynamicsModel(small_network, seed=5, roles=["novice"])),
-        datasets.validation,
-    )
+    """Single steps give the same as the whole trajectory."""
+    both = Corrected(base, DynamicsModel(small_network, seed=5, roles=["novice"]))
+    motion = datasets.validation
     whole, _ = both("novice", motion.inputs, motion.maps)
     memory, steps = None, []
     for step in range(motion.inputs.shape[1]):
@@ -81,13 +79,18 @@ def test_both_memories_are_carried_along(datasets, base, small_network):
 
 
 def test_a_checkpoint_is_of_one_base(datasets, base, small_network, tmp_path):
-    """What another model leaves over is another run's target."""
+    """Residuals of another model are the targets of another run."""
     sets, others = (
-        left_over(datasets, model)
+        residual_datasets(datasets, model)
         for model in (base, DynamicsModel(small_network, roles=["novice"]))
     )
     train(
-        sets, small_network, ALONE, 0, standardisation=units(sets), checkpoint=tmp_path
+        sets,
+        small_network,
+        ALONE,
+        0,
+        standardisation=correction_units(sets),
+        checkpoint=tmp_path,
     )
     with pytest.raises(CheckpointError, match="of another run"):
         train(
@@ -95,15 +98,17 @@ def test_a_checkpoint_is_of_one_base(datasets, base, small_network, tmp_path):
             small_network,
             ALONE,
             0,
-            standardisation=units(others),
+            standardisation=correction_units(others),
             checkpoint=tmp_path,
         )
 
 
 def test_a_correction_works_in_the_experts_units_about_zero(datasets, base):
-    sets = left_over(datasets, base)
-    found = units(sets)
-    assert torch.equal(found.target_mean, torch.zeros(13))
-    assert torch.equal(found.target_std, Standardisation.of(datasets.expert).target_std)
+    sets = residual_datasets(datasets, base)
+    units = correction_units(sets)
+    assert torch.equal(units.target_mean, torch.zeros(13))
+    assert torch.equal(
+        units.target_std, Standardisation.fit(datasets.expert).target_std
+    )
     with pytest.raises(ConfigError, match="needs the expert's data"):
-        units(sets._replace(expert=None))
+        correction_units(sets._replace(expert=None))

@@ -1,4 +1,4 @@
-"""Collection: the rules of an episode, resuming, independence of workers and order."""
+"""Collection: rules of an episode, resuming, independence of workers and order."""
 
 import dataclasses
 import json
@@ -13,7 +13,7 @@ from sidm.config import ConfigError
 from sidm.drives import STEPS
 from sidm.shards import SHARD_SIZE, Collection, ShardError, digest
 from sidm.simulation import Simulator, collect, discards, simulate_trajectory
-from sidm.simulation.collecting import EpisodeRules, drawn, missing_shards
+from sidm.simulation.collecting import EpisodeRules, draw_attempt, missing_shards
 from sidm.storage import checksum
 from sidm.systems import SYSTEMS, System, Terrain
 from sidm.terrain import generate_terrain
@@ -22,7 +22,10 @@ COLLECTION = Collection(system="system1", role="novice", seed=77)
 
 
 class InOrder(Executor):
-    """Runs each shard at once, in this process, the last submitted first if asked."""
+    """Executor that runs each shard at once, in this process.
+
+    If asked, it runs the last submitted shard first.
+    """
 
     def __init__(self):
         self.submitted = []
@@ -36,7 +39,7 @@ class InOrder(Executor):
 
 @pytest.fixture(scope="module")
 def collected(tmp_path_factory):
-    """Two shards, made in this process."""
+    """Two shards that this process collected."""
     root = tmp_path_factory.mktemp("data")
     return root, collect(
         root, COLLECTION, 2 * SHARD_SIZE, executor=InOrder(), progress=False
@@ -53,27 +56,26 @@ OWN = System(
 
 @pytest.mark.parametrize("role", ["novice", "expert"])
 def test_robots_of_ones_own_drive_in_their_own_role(role, tmp_path):
-    """What `simulate` gives is what each robot does on its own ground, whichever
-    process does it."""
+    """`simulate` gives the drives of each robot on its own ground, in any process."""
     collection = Collection(system="mine", role=role, seed=3)
-    found = simulate_trajectory(collection, 0, OWN)
-    number = sum(found.discarded)
-    seed, yaw, actions = drawn(collection, 0, number)
+    drive = simulate_trajectory(collection, 0, OWN)
+    number = sum(drive.discarded)
+    seed, yaw, actions = draw_attempt(collection, 0, number)
     with Simulator(OWN.robot(role), generate_terrain(OWN.terrain, seed)) as simulator:
         states = [
             simulator.reset(0.0, 0.0, yaw),
             *(simulator.step(action) for action in actions),
         ]
-    assert np.array_equal(found.states, np.array(states, np.float32))
+    assert np.array_equal(drive.states, np.array(states, np.float32))
     other = simulate_trajectory(
         collection, 0, dataclasses.replace(OWN, novice=OWN.expert, expert=OWN.novice)
     )
-    assert not np.array_equal(found.states, other.states)
-    # a spawned worker
+    assert not np.array_equal(drive.states, other.states)
+    # as a worker process would
     (first, *_) = collect(
         tmp_path, collection, 2, workers=1, progress=False, system=OWN
     )
-    assert np.array_equal(first.states, found.states)
+    assert np.array_equal(first.states, drive.states)
 
 
 def test_a_name_stands_for_one_pair(tmp_path):
@@ -94,7 +96,8 @@ def test_a_name_stands_for_one_pair(tmp_path):
     collect(tmp_path, own, 0, progress=False, system=OWN)
     with pytest.raises(
         ConfigError,
-        match="has motion of other robots called 'mine'; delete it or choose a new name",
+        match="has motion of other robots called 'mine'; "
+        "delete it or choose a new name",
     ):
         collect(
             tmp_path,
@@ -116,11 +119,9 @@ def test_trajectories_have_their_length_order_and_terrain(collected):
     _, trajectories = collected
     assert [t.index for t in trajectories] == list(range(2 * SHARD_SIZE))
     for t in trajectories:
-        assert (
-            t.states.shape == (STEPS + 1, 13)
-            and t.states.dtype == np.float32
-            and t.actions.shape == (STEPS, 2)
-        )
+        assert t.states.shape == (STEPS + 1, 13)
+        assert t.states.dtype == np.float32
+        assert t.actions.shape == (STEPS, 2)
         assert np.hypot(*t.states[0, :2]) < 0.2
     t = trajectories[3]
     assert checksum(t.ground.heights) == t.ground.checksum
@@ -130,7 +131,7 @@ def test_trajectories_have_their_length_order_and_terrain(collected):
 
 @pytest.fixture
 def first_shard(collected, tmp_path):
-    """A folder in which a collection was interrupted after its first shard."""
+    """Folder of a collection that was interrupted after its first shard."""
     path = COLLECTION.shard(tmp_path, 0)
     path.parent.mkdir(parents=True)
     return Path(shutil.copy(COLLECTION.shard(collected[0], 0), path))
@@ -141,13 +142,15 @@ def test_an_interrupted_collection_goes_on_and_ends_the_same(
 ):
     _, whole = collected
     assert missing_shards(tmp_path, COLLECTION, 2 * SHARD_SIZE) == [1]
-    # what a killed worker leaves
+    # temporary file that a killed worker leaves
     stray = COLLECTION.folder(tmp_path) / ".shard-00001.npz.1.part"
     stray.write_bytes(b"half")
     rest = InOrder()
-    again = collect(tmp_path, COLLECTION, 2 * SHARD_SIZE, executor=rest, progress=False)
+    repeated = collect(
+        tmp_path, COLLECTION, 2 * SHARD_SIZE, executor=rest, progress=False
+    )
     assert [arguments[2] for arguments in rest.submitted] == [1]
-    assert digest(again) == digest(whole)
+    assert digest(repeated) == digest(whole)
 
 
 def test_other_processes_in_any_order_make_the_same(collected, tmp_path):

@@ -1,5 +1,4 @@
-"""The Gymnasium environment: its checker, its observation, its endings, and the goal
-wrapper."""
+"""The Gymnasium environment: its checker, observation, endings and goal wrapper."""
 
 import gymnasium
 import numpy as np
@@ -129,15 +128,13 @@ def test_pictures_show_the_robot_and_wrong_arguments_are_named():
     with Rover(pixels=4, render_mode="rgb_array") as env:
         env.reset(seed=0)
         picture = env.render()
-        assert (
-            picture.shape == (480, 640, 3)
-            and picture.dtype == np.uint8
-            and picture.std() > 5
-        )
+        assert picture.shape == (480, 640, 3)
+        assert picture.dtype == np.uint8
+        assert picture.std() > 5
         with pytest.raises(ValueError, match="unknown option 'seeed'"):
             env.reset(options={"seeed": 1})
-    own = SYSTEMS["system2"]
-    assert Rover(own, "expert", pixels=4).robot == own.expert
+    system = SYSTEMS["system2"]
+    assert Rover(system, "expert", pixels=4).robot == system.expert
     with pytest.raises(ValueError, match="rgb_array"):
         Rover(render_mode="human")
     with pytest.raises(gymnasium.error.ResetNeeded, match="reset"):

@@ -1,4 +1,4 @@
-"""Every robot, five control steps long, comes to the figures of today's versions."""
+"""Five control steps of every robot give the figures of today's versions."""
 
 import numpy as np
 import pytest
@@ -12,8 +12,10 @@ ACTIONS = ((0.8, 0.5), (0.4, -1.0), (-0.6, 0.3), (1.0, 0.0), (0.2, 0.7))
 
 
 def waves() -> np.ndarray:
-    """A smooth ground without level places: on rocks and on level ground contacts make
-    1e-3 of rounding in a step."""
+    """A smooth ground without level places.
+
+    On rocks and on level ground, contacts turn rounding into 1e-3 in a step.
+    """
     x = (np.arange(300) - 149.5) * 0.1
     heights = 0.1 * np.sin(0.7 * x) + 0.08 * np.sin(0.9 * x[:, None] + 1)
     return heights - heights.min()
@@ -31,10 +33,10 @@ def waves() -> np.ndarray:
     ],
 )
 def test_every_robot_comes_to_its_figures(golden, system, role, strut_motors):
-    """On smaller instruction sets states differ by up to 1e-7, by 1e-5 after two steps
-    where struts are free.
+    """States on smaller instruction sets differ by up to 1e-7.
 
-    Those part sooner than braked ones: two steps are held.
+    Where struts are free, they differ by 1e-5 after two steps and part sooner than with
+    braked struts; so two steps are compared.
     """
     with Simulator(
         SYSTEMS[system].robot(role),

@@ -1,5 +1,4 @@
-"""The linkage's geometry: against closed form, against the closed loops, against the
-stated figures."""
+"""Geometry of the linkage against closed form, closed loops and stated figures."""
 
 import numpy as np
 import pytest
@@ -22,8 +21,10 @@ TRAVELS = {
 
 
 def by_joints(joints, travel, points):
-    """Points (n, 3) of the axle at the struts' travels (right, left), m, by the two
-    joints in series."""
+    """Points (n, 3) of the axle by the two joints in series.
+
+    `travels` are those of the struts (right, left), m.
+    """
     right, left = travel
     points = joints.pose.place(points)
     for axis, point, angle in [
@@ -39,7 +40,7 @@ def by_joints(joints, travel, points):
 
 
 def meeting(first, second):
-    """Where two lines (2, 2), each through two points in a plane, cross."""
+    """Point where two lines (2, 2) cross, each given by two points in a plane."""
     (a, b), (c, d) = first, second
     along = np.linalg.solve(np.stack([b - a, c - d], axis=1), c - a)
     return a + along[0] * (b - a)
@@ -65,8 +66,10 @@ def test_travel_that_no_link_allows_is_refused():
 
 
 def test_links_that_hold_nothing_sideways_are_refused(monkeypatch):
-    """With all rods in one plane the equations are singular in any arithmetic: a column
-    of them is exactly 0."""
+    """With all rods in one plane the equations are singular in any arithmetic.
+
+    One of their columns is exactly 0.
+    """
     monkeypatch.setattr(
         "sidm.simulation.linkage.REAR_LEFT_RODS", REAR_LEFT_RODS * (1, 0, 1)
     )
@@ -112,8 +115,8 @@ def test_roll_turns_about_the_line_between_the_meeting_points_of_each_pair_of_li
 
 
 def test_lines_and_rates_are_the_stated_ones():
-    # facts of the robot: heave about (0.2158, 0, 0.0635), roll along (0.9746, 0,
-    # 0.2238), 0.2032 and 0.0273 m a radian
+    # stated figures of the robot: heave about (0.2158, 0, 0.0635) with 0.2032 m/rad,
+    # roll along (0.9746, 0, 0.2238) with 0.0273 m/rad
     joints = axle_joints("rear", 0.0, 0.0)
     assert joints.heave_point == pytest.approx((0.2158, 0, 0.0635), abs=1e-4)
     assert joints.roll_axis == pytest.approx((0.9746, 0, 0.2238), abs=1e-4)
@@ -123,9 +126,8 @@ def test_lines_and_rates_are_the_stated_ones():
 
 @pytest.mark.parametrize("limits", TRAVELS.values(), ids=TRAVELS)
 @pytest.mark.parametrize("axle", AXLES)
-def test_over_the_whole_travel_the_wheels_stay_within_3_millimetres_of_the_closed_linkage(
-    axle, limits
-):
+def test_wheels_stay_within_3_millimetres_of_the_closed_linkage(axle, limits):
+    """The bound holds over the whole travel."""
     joints = axle_joints(axle, *limits)
     wheels = np.stack([mirror(axle, side) * REAR_LEFT_TYRE for side in SIDES])
     for right in np.linspace(*limits, 5):

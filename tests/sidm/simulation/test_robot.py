@@ -1,5 +1,4 @@
-"""The robot's model as Bullet reads it: masses against the table, joints by name,
-wheels in their places."""
+"""The robot's model as Bullet reads it: masses, names of joints, places of wheels."""
 
 import xml.etree.ElementTree as ElementTree
 
@@ -51,4 +50,4 @@ def test_with_struts_at_zero_the_tyres_are_where_the_figures_have_them(motors):
     expected = [mirror(axle, side) * REAR_LEFT_TYRE for axle in AXLES for side in SIDES]
     assert np.array([state[4] for state in states]) == pytest.approx(
         np.array(expected), abs=1e-3
-    )  # at mid-travel exact
+    )  # exact at mid-travel

@@ -1,5 +1,4 @@
-"""The simulator: the ground it stands on, clean resets, determinism, stability, rules
-of behaviour."""
+"""The simulator: contact with the ground, resets, determinism, stability, behaviour."""
 
 import io
 import multiprocessing
@@ -50,10 +49,12 @@ def test_reset_erases_all_history(rough):
         for action in np.random.default_rng(1).uniform(-1, 1, (15, 2)):
             used.step(action)
         used.reset(0.3, -0.2, 0.4)
-        again = [used.reset(0.3, -0.2, 0.4)] + [used.step((0.7, 0.3)) for _ in range(8)]
+        repeated = [used.reset(0.3, -0.2, 0.4)] + [
+            used.step((0.7, 0.3)) for _ in range(8)
+        ]
     with Simulator(system.novice, rough) as new:
         first = [new.reset(0.3, -0.2, 0.4)] + [new.step((0.7, 0.3)) for _ in range(8)]
-    assert np.array_equal(again, first)
+    assert np.array_equal(repeated, first)
 
 
 def test_an_exchanged_terrain_drives_as_a_new_simulator_does(rough):
@@ -62,7 +63,7 @@ def test_an_exchanged_terrain_drives_as_a_new_simulator_does(rough):
         simulator.reset()
         simulator.step((1.0, 0.4))
         for heights in (2 * rough, rough):
-            simulator.put_on(heights)
+            simulator.set_terrain(heights)
             assert simulator.heights is heights
             exchanged = [simulator.reset(0.3, -0.2, 0.4)] + [
                 simulator.step((0.7, 0.3)) for _ in range(5)
@@ -83,7 +84,7 @@ def test_an_exchanged_terrain_drives_as_a_new_simulator_does(rough):
 def test_a_failed_simulation_leaves_no_trace(rough):
     with Simulator(SYSTEMS["system1"].novice, rough) as simulator:
         first = simulator.reset()
-        for mend in (lambda: None, lambda: simulator.put_on(rough)):
+        for mend in (lambda: None, lambda: simulator.set_terrain(rough)):
             simulator._client.resetBaseVelocity(
                 simulator._body, [np.nan] * 3, [np.nan] * 3
             )
@@ -130,16 +131,15 @@ def test_motion_stays_bounded_and_struts_within_their_stops(name, role):
             assert np.linalg.norm(state[3:7]) == pytest.approx(1)
             struts = simulator.strut_positions
             assert struts.shape == (4,)
-            assert (struts > robot.travel_lower - 0.004).all() and (
-                struts < robot.travel_upper + 0.004
-            ).all()
+            assert (struts > robot.travel_lower - 0.004).all()
+            assert (struts < robot.travel_upper + 0.004).all()
 
 
 def test_on_flat_ground_it_rests_drives_and_turns_as_told():
     system = SYSTEMS["system1"]
     with Simulator(system.novice, FLAT, system.physics) as simulator:
         start = simulator.reset()
-        # tyre radius, margin, axle below the body
+        # radius of the tyre, contact margin, height of the body above the axle
         assert start[2] == pytest.approx(0.185, abs=0.003)
         assert np.abs(start[7:]).max() < 0.02
         for _ in range(12):
@@ -169,7 +169,7 @@ def test_wrong_input_is_refused_with_both_shapes():
         Simulator(system.novice, np.full((300, 300), np.nan))
     with Simulator(system.novice, FLAT) as simulator:
         with pytest.raises(ValueError, match=r"\(300, 300\).*\(20, 20\)"):
-            simulator.put_on(np.zeros((20, 20)))
+            simulator.set_terrain(np.zeros((20, 20)))
         simulator.reset()
         with pytest.raises(ValueError, match=r"\(2,\).*\(3,\)"):
             simulator.step((0.0, 0.0, 0.0))
@@ -180,7 +180,7 @@ def test_a_simulator_that_nobody_holds_is_freed():
     number = client._number
     del client
     with Simulator(SYSTEMS["system1"].novice, FLAT) as simulator:
-        assert simulator._client._number == number  # its place is free again
+        assert simulator._client._number == number  # its number was free again
         simulator.close()
         with pytest.raises(pybullet.error):
             simulator.reset()

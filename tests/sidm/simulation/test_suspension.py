@@ -1,12 +1,11 @@
-"""The suspension's truth: sag, frequency and damping of the heave against values
-computed from the robot's figures.
+"""Sag, frequency and damping of the heave against values computed from the robot.
 
 In heave all four struts move alike, by q. Each axle then turns about a line of the
 chassis, so every part's velocity is its own constant times dq/dt, and the motion has
-one mass, one spring (four struts), one damper. The constants are the closed linkage's
-where q is, not those of the two joints that stand for it in the simulator. The robots
-are taken with all struts free (`strut_motors=False`) and without Bullet's drag on
-links, neither being the suspension's.
+one mass, one spring (four struts), one damper. The constants are those of the closed
+linkage at q, not of the two joints that stand for it in the simulator. All struts of
+the robots are free (`strut_motors=False`), and Bullet's drag on links is off: neither
+belongs to the suspension.
 """
 
 import dataclasses
@@ -28,31 +27,33 @@ ROBOTS = {
     for role in ROLES
 }
 FLAT = np.zeros((300, 300))
-#: m: the robot comes to rest there; at the origin it trembles by a tenth of its sag, as
-#: rounding has it
+#: m from the origin: here the robot comes to rest; at the origin it trembles by a tenth
+#: of its sag because of rounding
 ASIDE = 0.25
 
 
 def heave(travel):
-    """How the rear axle moves against the chassis a metre of q at q = travel: pose,
-    turn (3,), rad, and shift (3,)."""
+    """Motion of the rear axle against the chassis a metre of q, at q = travel.
+
+    Returns the pose, the turn (3,), rad, and the shift (3,).
+    """
     pose = axle_pose("rear", (travel, travel))
     twist = twists("rear", pose).sum(axis=0)
     return pose, twist[:3], twist[3:]
 
 
 def velocities(robot, travel):
-    """Of each part of the rear axle, a unit of dq/dt: mass, velocity (3,) and, about y,
-    inertia and turn."""
+    """Mass, velocity (3,), inertia and turn about y of each part of the rear axle.
+
+    Velocity and turn are by unit of dq/dt.
+    """
     scale, (pose, turn, shift) = robot.mass_scale, heave(travel)
     for side in figures.SIDES:
         signs = figures.mirror("rear", side)
-        hub, tyre = (
-            pose.place(signs * figures.REAR_LEFT_HUB),
-            pose.place(signs * figures.REAR_LEFT_TYRE),
-        )
+        hub = pose.place(signs * figures.REAR_LEFT_HUB)
+        tyre = pose.place(signs * figures.REAR_LEFT_TYRE)
         yield scale * figures.HUB_MASS, shift + np.cross(turn, hub), 0.0, turn[1]
-        # held by its motor, the tyre turns with the axle
+        # the motor holds the tyre, so it turns with the axle
         yield (
             scale * figures.TYRE_MASS,
             shift + np.cross(turn, tyre),
@@ -65,27 +66,31 @@ def velocities(robot, travel):
         0.0,
         turn[1],
     )
-    # links and struts, in the model one part
+    # links and struts, one part of the model
     middle = pose.place(figures.REAR_LEFT_RODS.mean(axis=(0, 1)) * (1, 0, 1))
     yield scale * LINKAGE_MASS, shift + np.cross(turn, middle), 0.0, turn[1]
 
 
 def falling_mass(robot, travel):
-    """The mass, kg, that goes with q in free fall, where the chassis gives way so that
-    momentum stays nought."""
+    """Mass, kg, of q in free fall.
+
+    The chassis then moves so that the momentum stays zero.
+    """
     parts = list(velocities(robot, travel))
-    own = 2 * sum(mass * v @ v + inertia * w * w for mass, v, inertia, w in parts)
+    inertia_of_q = 2 * sum(
+        mass * v @ v + inertia * w * w for mass, v, inertia, w in parts
+    )
     momentum = 2 * sum(mass * v[2] for mass, v, *_ in parts)
-    return own - momentum**2 / (
+    return inertia_of_q - momentum**2 / (
         figures.CHASSIS_MASS + 2 * sum(mass for mass, *_ in parts)
     )
 
 
 def computed_pole(robot, travel, dt):
-    """The decay rate and angular frequency, 1/s, of q in free fall, as velocity-first
-    Euler steps of `dt` have them.
+    """Decay rate and angular frequency, 1/s, of q in free fall.
 
-    With ever smaller steps they become those of the roots of m s^2 + 4 c s + 4 k.
+    They are those of velocity-first Euler steps of `dt`. With ever smaller steps they
+    become those of the roots of m s^2 + 4 c s + 4 k.
     """
     mass = falling_mass(robot, travel)
     k, c = 4 * robot.spring / mass * dt**2, 4 * robot.damping / mass * dt
@@ -95,8 +100,10 @@ def computed_pole(robot, travel, dt):
 
 
 def measured_pole(travel, dt):
-    """The same of a recorded travel (T,), by the linear recursion of second order that
-    fits it best."""
+    """Decay rate and angular frequency, 1/s, of a recorded travel (T,).
+
+    A linear recursion of second order is fitted to the travel.
+    """
     rows = np.stack([travel[1:-1], travel[:-2], np.ones(len(travel) - 2)], axis=1)
     a, b, _ = np.linalg.lstsq(rows, travel[2:], rcond=None)[0]
     pole = np.log(max(np.roots([1, -a, -b]).astype(complex), key=lambda z: z.imag)) / dt
@@ -123,7 +130,7 @@ def test_frequency_and_damping_of_heave_in_free_fall(name):
         for _ in range(1500 if robot.spring < 1000 else 60):
             simulator.step(np.zeros(2))
             travel.append(simulator.strut_positions)
-    assert np.ptp(travel, axis=1).max() < 0.02 * np.ptp(travel)  # all four alike
+    assert np.ptp(travel, axis=1).max() < 0.02 * np.ptp(travel)  # all four move alike
     decay, frequency = measured_pole(np.mean(travel, axis=1), physics.time_step)
     expected_decay, expected_frequency = computed_pole(
         robot, robot.spring_offset, physics.time_step
@@ -136,14 +143,14 @@ def test_frequency_and_damping_of_heave_in_free_fall(name):
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_static_sag_is_the_sprung_weight_on_four_struts_or_the_stop(name):
-    # tyres that slide, so that no friction holds the axles
+    # tyres slide, so that no friction holds the axles
     robot = ROBOTS[name].replace(friction=0.0)
     physics = Physics(strut_motors=False, settling_time=2.0)
     with Simulator(robot, FLAT, physics) as simulator:
         simulator.reset(ASIDE)
         sag = simulator.strut_positions
-    # With the tyres on the ground, raising the chassis by z turns the axles: q = -z /
-    # (tyre's rise a metre of q).
+    # With the tyres on the ground, raising the chassis by z turns the axles:
+    # q = -z / (rise of the tyre a metre of q).
     pose, turn, shift = heave(sag.mean())
     rise = (shift + np.cross(turn, pose.place(figures.REAR_LEFT_TYRE)))[2]
     weight = figures.CHASSIS_MASS * rise
@@ -159,8 +166,10 @@ def test_static_sag_is_the_sprung_weight_on_four_struts_or_the_stop(name):
 
 
 def held_at(suspension, roll, steps):
-    """The torques on heave and roll after `steps` with the axle held at a roll, rad,
-    and at no heave."""
+    """Torques on heave and roll after `steps` with the axle held at a roll, rad.
+
+    The heave is held at zero.
+    """
     for _ in range(steps):
         torques = suspension.torques(suspension.joints.heave_angle(0.0), 0.0, roll, 0.0)
     return torques
@@ -180,7 +189,7 @@ def test_links_and_struts_are_springs_in_series_in_roll():
 
 
 def test_a_strut_at_its_stop_lifts_the_axle_away_and_leaves_the_links_to_give():
-    robot = ROBOTS["system1 novice"]  # its upper stop is where its struts are at zero
+    robot = ROBOTS["system1 novice"]  # the upper stop is at zero travel
     suspension = Suspension(robot, "front", Physics())
     heave, roll = held_at(suspension, 0.1, 400)
     assert suspension.slip == pytest.approx(0.0, abs=1e-12)
@@ -197,17 +206,16 @@ def test_a_braked_rear_axle_creeps_and_yields_at_the_brakes_limit():
     creeping, yielding = (Suspension(robot, "rear", Physics()) for _ in range(2))
     stiffness = robot.mass_scale * BRAKED["rear"].link_stiffness
     torque = -held_at(creeping, 10 / stiffness, 50)[1]
-    assert 0.9 * 10 < torque < 10  # N m, little lost in a tenth of a second
+    assert 0.9 * 10 < torque < 10  # N m; a tenth of a second costs little
     limit = 2 * BRAKE_LIMIT / creeping.joints.roll_rate(0.0)
     assert -held_at(yielding, 60 / stiffness, 50)[1] == pytest.approx(limit, rel=0.05)
 
 
 def test_an_unbraked_robot_stands_on_both_axles_alike_and_a_braked_one_on_its_front():
-    """Braked rear struts only creep: by 0.1 to 0.2 mm on the way here, where the front
-    ones give 7 mm.
+    """Braked rear struts creep only 0.1 to 0.2 mm here, where the front ones give 7 mm.
 
     How far depends on how the robot trembles on its contacts, which rounding or a start
-    moved by 1e-9 m changes: so the axles are held against each other and not against a
+    moved by 1e-9 m changes: so the axles are compared with each other and not with a
     length.
     """
 
@@ -229,7 +237,7 @@ def test_an_unbraked_robot_stands_on_both_axles_alike_and_a_braked_one_on_its_fr
     "system", FREE_SYSTEMS.values(), ids=lambda system: system.name
 )
 def test_a_stiff_robot_with_free_struts_does_not_ring(system):
-    """In steps of 2 ms their chassis did on rocks, by 27 and 13 rad/s in pitch here."""
+    """In steps of 2 ms the chassis rings on rocks, by 27 and 13 rad/s in pitch here."""
     physics = dataclasses.replace(system.physics, steps_per_control=1)
     actions = draw_actions("ornstein_uhlenbeck", 64, np.random.default_rng(1))
     with Simulator(

@@ -1,8 +1,8 @@
-"""What follows a step: the pull to the start, the running average."""
+"""Changes of the weights after a step: the pull to the start, the running average."""
 
 import torch
 
-from companion.beyond.following import WARM_UP, PullToStart, WeightAverage
+from companion.beyond.weight_hooks import WARM_UP, PullToStart, WeightAverage
 from companion.training import StudyTraining
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.training import predict
@@ -19,8 +19,10 @@ def test_the_pull_is_a_share_of_the_way_back(make_trainer):
 
 
 def test_the_average_is_that_of_its_formula(make_trainer):
-    """Early it forgets faster: an average of n updates has no more of the past than n /
-    (n + WARM_UP)."""
+    """Early, the average forgets faster.
+
+    After n updates, the past has at most the weight n / (n + WARM_UP).
+    """
     trainer, hook = make_trainer(), WeightAverage(0.9)
     hook.begin(trainer)
     weight = trainer.model.sidm.output[0].weight
@@ -44,7 +46,7 @@ def test_tests_see_the_average_and_training_goes_on_without_it(make_trainer):
         torch.equal(one, plain.weights()[name])
         for name, one in trainer.weights().items()
     )
-    trainer.take_test()
+    trainer.run_test()
     raw = mean_loss(trainer.model, trainer.test)
     with trainer.hooks[0].testing():
         assert (
@@ -59,10 +61,6 @@ def test_settings_name_what_they_add():
         return [type(hook).__name__ for hook in StudyTraining(**changes).hooks()]
 
     assert names() == [] == names(matching="mmd", regularise=False)
-    assert names(matching="coral", tether=1.0, averaging=0.5, mirror=True) == [
-        "DistanceMatching",
-        "PullToStart",
-        "WeightAverage",
-        "Mirroring",
-    ]
+    expected = ["DistanceMatching", "PullToStart", "WeightAverage", "Mirroring"]
+    assert names(matching="coral", tether=1.0, averaging=0.5, mirror=True) == expected
     assert names(matching="reversal") == ["GradientReversal"]

@@ -1,4 +1,4 @@
-"""What follows each step of a training: weights pulled to where they began, and their average."""
+"""Hooks on the weights: a pull towards the initial weights, and a moving average."""
 
 from __future__ import annotations
 
@@ -9,36 +9,38 @@ import torch
 from torch import Tensor
 
 from sidm.learning.trainer import Hook, Trainer
-from sidm.learning.weights import learnt
+from sidm.learning.weights import trainable_parameters
 
-WARM_UP = 10  # updates; an average of n has no more of the past than n / (n + WARM_UP)
+#: Updates: after n of them, the past has at most weight n / (n + WARM_UP).
+WARM_UP = 10
 
 
 class PullToStart(Hook):
-    """Weights are pulled to their start, apart from the gradient as decoupled weight decay is.
+    """Pulls the weights towards their initial values after each step.
 
-    After Li, Grandvalet and Davoine (2018), L2-SP.
+    L2-SP of Li, Grandvalet and Davoine (2018), decoupled from the gradient in the way
+    of decoupled weight decay.
 
     Args:
-        share: of the way back, a unit of learning rate.
+        share: share of the way back to the initial weights, per unit of learning rate.
     """
 
     def __init__(self, share: float) -> None:
         self.share = share
 
     def begin(self, trainer: Trainer) -> None:
-        """Keep the initial weights."""
+        """Keep a copy of the initial weights."""
         self.pull = trainer.training.learning_rate * self.share
-        self.weights = [parameter.data for parameter in learnt(trainer.model)]
+        self.weights = [p.data for p in trainable_parameters(trainer.model)]
         self.anchor = [weight.clone() for weight in self.weights]
 
     def after_step(self, trainer: Trainer) -> None:
-        """A part of the way back."""
+        """Move the weights a part of the way back."""
         torch._foreach_lerp_(self.weights, self.anchor, self.pull)
 
 
 class WeightAverage(Hook):
-    """The average of the weights is what is tested and kept.
+    """Exponential moving average of the weights, which is tested and kept.
 
     Args:
         past: weight of the past in the average, above 0 and below 1.
@@ -48,34 +50,34 @@ class WeightAverage(Hook):
         self.past, self.updates = past, 0
 
     def begin(self, trainer: Trainer) -> None:
-        """The average begins as the initial weights."""
-        self.weights = [parameter.data for parameter in learnt(trainer.model)]
+        """Start the average at the initial weights."""
+        self.weights = [p.data for p in trainable_parameters(trainer.model)]
         self.average = [weight.clone() for weight in self.weights]
 
     def after_step(self, trainer: Trainer) -> None:
-        """Take in the new weights."""
+        """Update the average with the new weights."""
         self.updates += 1
         past = min(self.past, self.updates / (self.updates + WARM_UP))
         torch._foreach_lerp_(self.average, self.weights, 1 - past)
 
     @contextlib.contextmanager
     def testing(self) -> Iterator[None]:
-        """The model has the averaged weights inside the block."""
-        kept = [weight.clone() for weight in self.weights]
-        for weights, inside in zip(self.weights, self.average, strict=True):
-            weights.copy_(inside)
+        """Give the model the averaged weights inside the block."""
+        trained = [weight.clone() for weight in self.weights]
+        for weight, average in zip(self.weights, self.average, strict=True):
+            weight.copy_(average)
         try:
             yield
         finally:
-            for weights, before in zip(self.weights, kept, strict=True):
-                weights.copy_(before)
+            for weight, before in zip(self.weights, trained, strict=True):
+                weight.copy_(before)
 
     def tensors(self) -> dict[str, Tensor]:
-        """The averages, in the weights' shapes."""
+        """The averages by number, in the shapes of the weights."""
         return {str(number): tensor for number, tensor in enumerate(self.average)}
 
     def restore(self, tensors: Mapping[str, Tensor], updates: int) -> None:
-        """Put back the averages after so many updates."""
+        """Put back the averages that `tensors` gave after `updates` updates."""
         for number, tensor in tensors.items():
             self.average[int(number)].copy_(tensor)
         self.updates = updates

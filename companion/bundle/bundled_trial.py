@@ -1,0 +1,142 @@
+"""One trial of a bundle, as the host sees it: its trainer, its draws, its end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from companion.bundle.device_data import DeviceData
+from sidm.learning.dataset import Datasets
+from sidm.learning.resuming import Checkpoint
+from sidm.learning.stopping import Components, TrainingError
+from sidm.learning.trainer import Trainer
+from sidm.settings import Network, Training
+
+
+class Run(NamedTuple):
+    """The arguments that `train` takes, for one trial of a bundle."""
+
+    datasets: Datasets
+    training: Training
+    seed: int
+    checkpoint: Path | None = None  # folder to resume from and to write to
+    start: Mapping[str, Tensor] | None = None  # initial weights; None: fresh ones
+
+
+class BundledTrial:
+    """A trial of a bundle: its trainer, the rows of its data, its outcome.
+
+    Args:
+        number: of the trial among the runs of the bundle.
+        run: its data and settings. It starts from its checkpoint where there is one.
+        network: sizes of the networks.
+        data: trajectories on the device, by system.
+    """
+
+    def __init__(
+        self, number: int, run: Run, network: Network, data: Mapping[str, DeviceData]
+    ):
+        self.number, self.run = number, run
+        self.trainer = Trainer(
+            run.datasets, network, run.training, run.seed, start=run.start
+        )
+        if run.checkpoint is not None:
+            Checkpoint(run.checkpoint).restore(self.trainer)
+        windows = self.trainer.sampler.windows
+        self.rows = {
+            role: data[role].rows(windows[role]) for role in self.trainer.model.encoders
+        }
+        novice, trainer = data["novice"], self.trainer
+        self.test_rows = novice.rows(run.datasets.test)[: len(trainer.test)]
+        validation_rows = novice.rows(run.datasets.validation)
+        self.validation_rows = validation_rows[: len(trainer.validation)]
+        self.steps = novice.steps
+        self.error: TrainingError | None = None
+        self.seconds = 0.0  # this trial's share of the bundle's time
+
+    @property
+    def ended(self) -> bool:
+        """Whether training has ended, by its stopping rule or by an error."""
+        return self.error is not None or self.trainer.finished
+
+    def draw_batches(self, iterations: int) -> tuple[Tensor, Tensor]:
+        """Batches of Algorithm 1.
+
+        Returns:
+            Rows of the trajectories in their system's data, and which of them are the
+            expert's: (iterations, b) int64 and bool.
+        """
+        rows, of_expert = [], []
+        for _ in range(iterations):
+            for role, indices in self.trainer.sampler.batch_indices().items():
+                rows.append(self.rows[role][indices])
+                of_expert.append(torch.full((len(indices),), role == "expert"))
+        return tuple(
+            torch.cat(parts).unflatten(0, (iterations, -1))
+            for parts in (rows, of_expert)
+        )
+
+    def draw(self, iterations: int, role: str, count: int, purpose: str) -> Tensor:
+        """Rows (iterations, count) of random trajectories of one system."""
+        sampler = self.trainer.sampler
+        drawn = [sampler.indices(role, count, purpose) for _ in range(iterations)]
+        none = torch.zeros(0, count, dtype=torch.long)
+        return self.rows[role][torch.stack(drawn) if drawn else none]
+
+    def draw_single_system(self, iterations: int, count: int) -> tuple[Tensor, Tensor]:
+        """Discriminator batches with one system each, for `discriminator_draw` 'one'.
+
+        Returns:
+            Rows of the trajectories (iterations, count), and whether a batch is the
+            expert's (iterations,).
+        """
+        rows, of_expert = [torch.zeros(0, count, dtype=torch.long)], []
+        for _ in range(iterations):
+            (role,) = self.trainer.sampler.discriminator_systems()
+            rows.append(self.draw(1, role, count, f"discriminator {role}"))
+            of_expert.append(role == "expert")
+        return torch.cat(rows), torch.tensor(of_expert, dtype=torch.bool)
+
+    def count(self, of_expert: Tensor) -> None:
+        """Count one iteration of prediction in the trainer.
+
+        Args:
+            of_expert: (b,) bool, which trajectories of the batch are the expert's.
+        """
+        experts = int(of_expert.sum())
+        novices = len(of_expert) - experts
+        samples = {"novice": novices * self.steps, "expert": experts * self.steps}
+        self.trainer.count_samples(samples)
+
+    def add_test(self, test: Tensor, validation: Tensor | None) -> bool:
+        """Add a test to the learning curve; a loss that is not finite ends the trial.
+
+        Args:
+            test: (1 + Y,), the mean of equation (1) on the test split, then its
+                summands.
+            validation: (1 + Y,), the same on the validation set; None without one.
+
+        Returns:
+            Whether the current weights are the best so far.
+        """
+        test_loss, *test_components = test.tolist()
+        validation_losses = [] if validation is None else validation.tolist()
+        validation_loss = validation_losses[0] if validation_losses else None
+        try:
+            best = self.trainer.add_test(test_loss, validation_loss)
+        except TrainingError as error:
+            self.error = error
+            return False
+        if validation_losses and self.trainer.components_due:
+            self.trainer.components.append(
+                Components(
+                    self.trainer.samples,
+                    tuple(test_components),
+                    tuple(validation_losses[1:]),
+                )
+            )
+        return best

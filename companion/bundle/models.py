@@ -1,0 +1,236 @@
+"""M models of one Network computed as one, with stacked weights.
+
+Convolutions and fully connected layers are the modules of `sidm.learning.networks`
+under `torch.func.vmap`; vmap cannot batch the LSTM, so that is `recurrence.lstm`.
+M trials, B trajectories, T steps, P map pixels a side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import torch
+from torch import Tensor, nn
+from torch.func import functional_call, vmap
+
+from companion.bundle.recurrence import lstm
+from sidm.learning.model import DynamicsModel
+from sidm.learning.networks import Discriminator
+from sidm.settings import Network
+from sidm.systems import ROLES
+
+#: elements in one tensor, at most, for PyTorch's grouped convolution on a GPU
+MOST_ELEMENTS = 2**31 - 1
+#: whose trajectories a batch holds: (M, B) bool, True for the expert's; or one role
+Who = Tensor | str
+
+
+class StackedModels:
+    """The models and discriminators of M trials.
+
+    Args:
+        network: sizes of all networks.
+        roles: the systems: ('novice', 'expert') or ('novice',).
+        trials: M.
+        device: where to compute.
+        low: whether the encoders compute in bfloat16; `predict(..., exact=True)` never
+            does.
+
+    Attributes:
+        weights: (M, ...) each, by name, such as 'model.sidm.lstm.weight_ih_l0'
+            (M, 4 H, K)
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        roles: Iterable[str],
+        trials: int,
+        device: torch.device,
+        low: bool = False,
+    ):
+        self.device, self.low = device, low
+        with torch.device("meta"):  # shapes only, no memory
+            model = DynamicsModel(network, roles=roles)
+            discriminator = Discriminator(network)
+        self.modules = nn.ModuleDict({"model": model, "discriminator": discriminator})
+        self.weights = {
+            name: torch.zeros(
+                trials,
+                *tensor.shape,
+                device=device,
+                requires_grad=isinstance(tensor, nn.Parameter),
+            )
+            for name, tensor in tensors_of(self.modules).items()
+        }
+
+    def parameters(self, part: str) -> dict[str, Tensor]:
+        """Trainable parameters (M, ...) of a part, e.g. 'model.sidm', by full name."""
+        return {
+            name: weights
+            for name, weights in self.weights.items()
+            if name.startswith(f"{part}.") and weights.requires_grad
+        }
+
+    def put(self, trial: int, tensors: Mapping[str, Tensor]) -> None:
+        """Set the weights of one trial, (...) each by name; missing ones become 0."""
+        with torch.no_grad():
+            for name, weights in self.weights.items():
+                weights[trial] = tensors.get(name, torch.zeros(()))
+
+    def encode(
+        self, who: Who, inputs: Tensor, maps: Tensor, exact: bool = False
+    ) -> Tensor:
+        """Latent state-actions.
+
+        Args:
+            who: whose trajectories the batch holds.
+            inputs: (M, B, T, X), raw units.
+            maps: (M, B, T, P, P), m.
+            exact: compute in float32 also where the encoders use bfloat16.
+
+        Returns:
+            (M, B, T, latent), in the inputs' type.
+        """
+        if isinstance(who, str):  # one system: a single batch of B T rows per trial
+            rows, pixels = (tensor.flatten(1, 2)[:, None] for tensor in (inputs, maps))
+            latents = self._encode(who, rows, pixels, exact)
+            return latents.reshape(*inputs.shape[:3], -1)
+        return self._encode(who, inputs, maps, exact)
+
+    def _encode(self, who: Who, inputs: Tensor, maps: Tensor, exact: bool) -> Tensor:
+        input_mean, input_std, map_mean, map_std = (
+            self._buffer(f"encoders.{shape_role(who)}.{name}", inputs.ndim)
+            for name in ("input_mean", "input_std", "map_mean", "map_std")
+        )
+        rows = (inputs - input_mean) / input_std  # (M, B, T, X)
+        pixels = (maps.to(inputs.dtype) - map_mean[..., None]) / map_std[..., None]
+        # no cache of low-precision weights: a captured graph would outlive it
+        with torch.autocast(
+            self.device.type,
+            torch.bfloat16,
+            enabled=self.low and not exact,
+            cache_enabled=False,
+        ):
+            if pixels.shape[-1]:
+                features = self._convolve(who, pixels)
+                rows = torch.cat([features, rows.to(features.dtype)], dim=-1)
+            return self._dense("encoders", who, rows).to(inputs.dtype)
+
+    def _convolve(self, who: Who, pixels: Tensor) -> Tensor:
+        """Map features (M, B, T, 4 (P - 6)^2) of standardised maps (M, B, T, P, P).
+
+        Every trajectory is convolved with the kernels of its own system.
+        """
+        path = f"model.encoders.{shape_role(who)}.convolutions"
+        kernels = {}
+        for name, weights in within(path, self.weights).items():
+            kernel = weights[:, None]
+            if not isinstance(who, str):
+                expert = self.weights[f"model.encoders.expert.convolutions.{name}"]
+                kernel = torch.where(
+                    with_ndim(who, kernel.ndim), expert[:, None], kernel
+                )
+            kernel = kernel.expand(-1, pixels.shape[1], *kernel.shape[2:])
+            kernels[name] = kernel.flatten(0, 1)  # (M B, ...)
+        module = self.modules.get_submodule(path)
+        rows = pixels.flatten(0, 1).unsqueeze(2)  # (M B, T, 1, P, P)
+        # upper bound of a layer's output, elements per step
+        widest = len(rows) * kernels["0.weight"].shape[1] * pixels.shape[-1] ** 2
+        pieces = [
+            batched_call(module, kernels, piece)
+            for piece in rows.split(max(1, MOST_ELEMENTS // widest), dim=1)
+        ]
+        # (M B, T, 4, P - 6, P - 6)
+        features = torch.cat(pieces, dim=1) if len(pieces) > 1 else pieces[0]
+        return features.movedim(2, -1).flatten(2).unflatten(0, pixels.shape[:2])
+
+    def _dense(self, part: str, who: Who, rows: Tensor) -> Tensor:
+        """The dense layers of 'encoders' or 'decoders' on rows (M, B, T, .).
+
+        Every trajectory goes through the layers of its own system.
+        """
+        if isinstance(who, str):
+            return self._layers(f"model.{part}.{who}.dense", rows)
+        novice, expert = (
+            self._layers(f"model.{part}.{role}.dense", rows) for role in ROLES
+        )
+        return torch.where(with_ndim(who, rows.ndim), expert, novice)
+
+    def _layers(self, path: str, rows: Tensor) -> Tensor:
+        """The module at `path` on rows (M, B, T, .), with each trial's own weights."""
+        module, weights = self.modules.get_submodule(path), within(path, self.weights)
+        outputs = batched_call(module, weights, rows.flatten(1, 2))
+        return outputs.unflatten(1, rows.shape[1:3])
+
+    def _buffer(self, name: str, ndim: int) -> Tensor:
+        """A stacked buffer with `ndim` dimensions: (M, 1, 1, .) for 4."""
+        buffer = self.weights[f"model.{name}"]
+        return buffer.reshape(len(buffer), *[1] * (ndim - 2), -1)
+
+    def predict(
+        self, who: Who, inputs: Tensor, maps: Tensor, exact: bool = False
+    ) -> Tensor:
+        """State transitions y' (M, B, T, Y), raw units; arguments as for `encode`."""
+        return self.decode(who, self.transitions(self.encode(who, inputs, maps, exact)))
+
+    def transitions(self, latents: Tensor) -> Tensor:
+        """Latent state transitions (M, B, T, 64) of latents (M, B, T, latent)."""
+        hidden = lstm(within("model.sidm.lstm", self.weights), latents)
+        return self._layers("model.sidm.output", hidden)
+
+    def decode(self, who: Who, transitions: Tensor) -> Tensor:
+        """State transitions y' (M, B, T, Y) of latent ones (M, B, T, 64), raw units."""
+        scaled = self._dense("decoders", who, transitions)
+        mean, std = (
+            self._buffer(f"decoders.{shape_role(who)}.{name}", scaled.ndim)
+            for name in ("target_mean", "target_std")
+        )
+        return mean + std * scaled
+
+    def loss_weights(self, role: str) -> Tensor | None:
+        """Weights (M, 1, 1, Y) of the components in equation (1); None: all are 1."""
+        name = f"decoders.{role}.weights"
+        return self._buffer(name, 4) if f"model.{name}" in self.weights else None
+
+    def logits(self, latents: Tensor) -> Tensor:
+        """Logits (M, B, T) of the discriminators for latents (M, B, T, latent)."""
+        return self._layers("discriminator.dense", latents).squeeze(-1)
+
+
+def tensors_of(module: nn.Module) -> dict[str, Tensor]:
+    """Parameters and buffers of a module by name, non-persistent buffers included."""
+    return {**dict(module.named_parameters()), **dict(module.named_buffers())}
+
+
+def shape_role(who: Who) -> str:
+    """The role whose shapes and units hold for a batch.
+
+    Two systems that stand in one batch have the same, so the novice's are returned.
+    """
+    return who if isinstance(who, str) else "novice"
+
+
+def within(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """The tensors named 'prefix.rest', by the rest of their names."""
+    return {
+        name.removeprefix(f"{prefix}."): tensor
+        for name, tensor in tensors.items()
+        if name.startswith(f"{prefix}.")
+    }
+
+
+def batched_call(
+    module: nn.Module, weights: Mapping[str, Tensor], inputs: Tensor
+) -> Tensor:
+    """Outputs (M, ...) of a module for inputs (M, ...), with weights (M, ...)."""
+
+    def call(module_weights: dict[str, Tensor], batch: Tensor) -> Tensor:
+        return functional_call(module, module_weights, (batch,))
+
+    return vmap(call)(dict(weights), inputs)
+
+
+def with_ndim(tensor: Tensor, ndim: int) -> Tensor:
+    """`tensor` with trailing dimensions of size 1 added, `ndim` dimensions in all."""
+    return tensor.reshape(*tensor.shape, *[1] * (ndim - tensor.ndim))
