@@ -1,6 +1,6 @@
-"""Says what installing requirements.txt will take with this Python, or in one line why it cannot be done.
+"""Says what `make setup` will install, or in one line why it cannot be installed.
 
-`make setup` runs it first, with any Python 3 that it is given.
+`make setup` runs this first, with the Python 3 that it is given.
 """
 
 import os
@@ -11,42 +11,60 @@ import sysconfig
 from pathlib import Path
 
 HERE = Path(__file__).parent
+FILES = ("requirements.txt", "constraints.txt")
 
 
 def refusal(compiler: str) -> str:
-    """What keeps this Python from installing; empty when nothing does."""
+    """Why this Python cannot install the requirements; empty when it can.
+
+    Args:
+        compiler: the command of the C++ compiler.
+    """
     version = platform.python_version()
-    if sys.version_info < (3, 11):  # noqa: UP036 - that is the question here
-        return f"sidm needs Python 3.11 or later, not {version}: make setup PYTHON=python3.11"
-    if pybullet_is_ready():
+    if sys.version_info < (3, 11):  # noqa: UP036 - the question here
+        return (
+            f"sidm needs Python 3.11 or later, not {version}: "
+            "make setup PYTHON=python3.11"
+        )
+    if pybullet_has_wheel():
         return ""
-    lacking = [] if shutil.which(compiler) else [f"a C++ compiler ({compiler})"]
+    missing = [] if shutil.which(compiler) else [f"a C++ compiler ({compiler})"]
     if not Path(sysconfig.get_path("include"), "Python.h").is_file():
-        lacking.append("Python's headers (python3-dev)")
-    if not lacking:
+        missing.append("Python's headers (python3-dev)")
+    if not missing:
         return ""
-    words = f"PyBullet has no ready build for Python {version} on {sysconfig.get_platform()} and is compiled"
-    return f"{words}: install {' and '.join(lacking)}, or take Python 3.11 on 64-bit x86 Linux"
+    return (
+        f"PyBullet has no ready build for Python {version} on "
+        f"{sysconfig.get_platform()} and is compiled: install {' and '.join(missing)}, "
+        "or take Python 3.11 on 64-bit x86 Linux"
+    )
 
 
-def pybullet_is_ready() -> bool:
-    """Whether PyBullet 3.2.7 has a wheel for this Python; of those that sidm runs on, one has."""
-    machine = sys.implementation.name, sysconfig.get_platform(), platform.libc_ver()[0]
-    return sys.version_info[:2] == (3, 11) and machine == ("cpython", "linux-x86_64", "glibc")
+def pybullet_has_wheel() -> bool:
+    """Whether PyBullet 3.2.7 has a wheel for this Python."""
+    libc, _ = platform.libc_ver()
+    machine = sys.implementation.name, sysconfig.get_platform(), libc
+    supported = machine == ("cpython", "linux-x86_64", "glibc")
+    return sys.version_info[:2] == (3, 11) and supported
 
 
 def announcement() -> str:
-    """What is coming, and for how long."""
-    names = ("requirements.txt", "constraints.txt")
-    count = sum("==" in line for name in names for line in (HERE / name).read_text(encoding="utf-8").splitlines())
-    words = f"setting up .venv with Python {platform.python_version()}: {count} packages, 2.3 GB (6 GB with CUDA), "
-    return words + "one to three minutes" + ("" if pybullet_is_ready() else ", and ten more to compile PyBullet")
+    """What will be installed, and how long it takes."""
+    texts = [(HERE / name).read_text(encoding="utf-8") for name in FILES]
+    count = sum("==" in line for text in texts for line in text.splitlines())
+    compiling = "" if pybullet_has_wheel() else ", and ten more to compile PyBullet"
+    return (
+        f"setting up .venv with Python {platform.python_version()}: {count} packages, "
+        f"2.3 GB (6 GB with CUDA), one to three minutes{compiling}"
+    )
 
 
 def main() -> int:
-    """Print one or the other; 2 when it cannot be done."""
-    reason = refusal((os.environ.get("CXX") or sysconfig.get_config_var("CXX") or "c++").split()[0])
-    print(reason or announcement(), file=sys.stderr if reason else sys.stdout, flush=True)
+    """Print the announcement, or the refusal; 2 when it cannot be installed."""
+    compiler = os.environ.get("CXX") or sysconfig.get_config_var("CXX") or "c++"
+    reason = refusal(compiler.split()[0])
+    file = sys.stderr if reason else sys.stdout
+    print(reason or announcement(), file=file, flush=True)
     return 2 if reason else 0
 
 

@@ -46,8 +46,8 @@ def test_it_knows_where_pybullet_has_a_wheel(requirements):
     A wheel that was built here is for this one.
     """
     pybullet = distribution("pybullet")
-    assert pybullet.version in (requirements.pybullet_is_ready.__doc__ or "")
-    assert requirements.pybullet_is_ready() == (
+    assert pybullet.version in (requirements.pybullet_has_wheel.__doc__ or "")
+    assert requirements.pybullet_has_wheel() == (
         "manylinux" in str(pybullet.read_text("WHEEL"))
     )
 
@@ -55,7 +55,7 @@ def test_it_knows_where_pybullet_has_a_wheel(requirements):
 def test_a_compiler_that_is_missing_is_named_before_pip_fails(
     requirements, monkeypatch
 ):
-    monkeypatch.setattr(requirements, "pybullet_is_ready", lambda: False)
+    monkeypatch.setattr(requirements, "pybullet_has_wheel", lambda: False)
     message = requirements.refusal("no-such-compiler")
     assert "PyBullet has no ready build" in message
     assert "install a C++ compiler (no-such-compiler)" in message
@@ -63,7 +63,7 @@ def test_a_compiler_that_is_missing_is_named_before_pip_fails(
 
 
 def test_missing_headers_are_named(requirements, monkeypatch, tmp_path):
-    monkeypatch.setattr(requirements, "pybullet_is_ready", lambda: False)
+    monkeypatch.setattr(requirements, "pybullet_has_wheel", lambda: False)
     monkeypatch.setattr(requirements.sysconfig, "get_path", lambda _: str(tmp_path))
     assert "install Python's headers (python3-dev), or take" in requirements.refusal(
         sys.executable
