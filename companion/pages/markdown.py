@@ -22,7 +22,7 @@ def markdown_table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str
 
     Floats have 3 significant digits; NaN is a dash.
     """
-    body = [[_cell_text(cell) for cell in row] for row in rows]
+    body = [[_cell_text(cell).replace("|", r"\|") for cell in row] for row in rows]
     if not body:
         return "No trials stored."
     rule = ["---"] * len(head)

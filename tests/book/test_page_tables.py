@@ -93,6 +93,7 @@ def test_a_table_rounds_floats_and_keeps_all_else():
     ]
     assert "<td>a &lt; b</td><td>1.23</td><td>3</td>" in table_html(table)
     assert markdown_table(["name"], []) == "No trials stored."
+    assert markdown_table(["kind"], [("Body | None",)]).endswith("| Body \\| None |\n")
     assert table_html(table[:0]) == "<p>No trials stored.</p>"
 
 
