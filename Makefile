@@ -17,7 +17,7 @@ help:
 	@echo 'make book [PARAMS=params/smoke.yaml]             run copies of the notebooks and render the book: _build/html'
 	@echo 'make page NAME=05-figure3 [PARAMS=...]           run one copy again and render what changed'
 	@echo 'make notebooks                                   refresh the outputs in notebooks/ themselves'
-	@echo "make headline                                    every number of the README, its rows and how they are made"
+	@echo "make headline                                    every number of the README and the first page, and what makes it"
 	@echo "make figures                                     Figures 3 and 4 into _build/figures, and that of the README"
 	@echo 'make explore                                     the suspension explorer as an app in your browser'
 	@echo 'make pdf                                         the core of the rendered book as one PDF: _build/sidm-companion.pdf'

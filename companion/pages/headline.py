@@ -1,14 +1,16 @@
-"""The README's numbers from the stored results, and Figures 3 and 4 as files.
+"""The numbers of the README and of the book's first page, and where they are from.
 
-`make figures` draws the figures.
+`make headline` prints the numbers; `make figures` draws Figures 3 and 4 as files.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import re
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pandas as pd
 
@@ -27,6 +29,10 @@ PRESET = "study"  # whose results the book shows
 CLOSED_FORM = "least_squares"  # drawn beside the methods of Figure 3
 DRAWN = (*COMPARED, *(name + FOR_LITTLE for name in COMPARED), FIGURE3[-1], CLOSED_FORM)
 FIGURE = Path("book/static/figure3.png")  # in the README
+FIRST_PAGE, NOTEBOOKS = Path("book/intro.md"), Path("notebooks")
+#: A number of another page's notebook: its chapter and its name.
+GLUED = re.compile(r"\{glue:text\}`\.\./notebooks/([\w-]+)\.ipynb::([\w-]+):s`")
+AGAIN = re.compile(r"again: (?:`|<code>)(.*?)(?:`|</code>)")
 
 
 def headline_numbers(frame: pd.DataFrame, little: pd.DataFrame) -> list[str]:
@@ -116,12 +122,52 @@ def headlines(frame: pd.DataFrame, little: pd.DataFrame) -> list[Headline]:
     ]
 
 
+class Glued(NamedTuple):
+    """A number of the first page, which a chapter's notebook computes from rows."""
+
+    number: str
+    chapter: str
+    name: str  # of the number in the notebook
+    command: str  # runs the trials of that part of the chapter again
+
+
+def glued_numbers(text: str, notebooks: Path = NOTEBOOKS) -> list[Glued]:
+    """The numbers that a page's Markdown takes from notebooks, in the page's order.
+
+    Raises:
+        ValueError: a notebook has no such number, or no line of provenance after it.
+    """
+    return [
+        _glued(json.loads((notebooks / f"{chapter}.ipynb").read_text()), chapter, name)
+        for chapter, name in GLUED.findall(text)
+    ]
+
+
+def _glued(notebook: Mapping[str, Any], chapter: str, name: str) -> Glued:
+    number = None
+    for output in _outputs(notebook):
+        if output.get("metadata", {}).get("scrapbook", {}).get("name") == name:
+            number = "".join(output["data"].values()).strip("'")
+        commands = AGAIN.findall(json.dumps(output.get("data", {})))
+        if number is not None and commands:
+            return Glued(number, chapter, name, commands[-1])
+    raise ValueError(f"{chapter} glues no '{name}' before a line of provenance")
+
+
+def _outputs(notebook: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    for cell in notebook["cells"]:
+        yield from cell.get("outputs", ())
+
+
 def show() -> None:
-    """Print each number of the README, its trials and the command that runs them."""
+    """Print each number of the README and the first page, and what makes it again."""
     frame, little, _ = stored_results()
     for headline in headlines(frame, little):
         print(f"{headline.number:>6}  {headline.quantity}")
         print(f"        {headline.rows} rows of results/; again: {headline.command}")
+    for number, chapter, name, command in glued_numbers(FIRST_PAGE.read_text()):
+        print(f"{number:>6}  {name}")
+        print(f"        companion notebook {chapter}; its rows again: {command}")
 
 
 def main(figures: Path = Path("_build/figures")) -> None:

@@ -1,12 +1,17 @@
 """The README's numbers are computed from the stored results."""
 
+import re
 from pathlib import Path
+
+import pytest
 
 from companion.__main__ import build_parser
 from companion.methods import FOR_LITTLE
 from companion.pages.headline import (
     FIGURE,
+    FIRST_PAGE,
     bold_numbers,
+    glued_numbers,
     headline_numbers,
     headlines,
     stored_results,
@@ -58,3 +63,15 @@ def test_every_number_has_its_rows_and_its_command(monkeypatch):
     parser = build_parser()
     for command in {row.command for row in rows}:
         parser.parse_args(command.split()[1:])
+
+
+def test_every_number_of_the_first_page_has_its_chapter_and_its_command(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    text = FIRST_PAGE.read_text(encoding="utf-8")
+    numbers = glued_numbers(text)
+    assert len(numbers) == text.count("{glue:text}") > 0
+    for number in numbers:
+        assert re.match(r"\d", number.number), number
+        build_parser().parse_args(number.command.split()[1:])
+    with pytest.raises(ValueError, match="05-figure3 glues no 'nothing'"):
+        glued_numbers("{glue:text}`../notebooks/05-figure3.ipynb::nothing:s`")
