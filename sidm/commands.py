@@ -11,6 +11,7 @@ from sidm.command_line import AddCommand
 from sidm.config import ConfigError, first_line, parse_changes
 
 _DRIVES = "drives: a file, a ROS bag, or a folder of files"
+TEST_SHARE = 0.25  # of the sessions, held out by `sidm fit`
 
 
 def add_fitting(add: AddCommand) -> None:
@@ -48,6 +49,11 @@ def _add_fit_options(fit: argparse.ArgumentParser) -> None:
     fit.add_argument("--expert-body", metavar="FILE", help=text)
     text = "sidm, novice_only, ... (sidm with an expert, novice_only without)"
     fit.add_argument("--method", help=text)
+    text = (
+        "drives of the robot that evaluate the model and that it does not learn from "
+        "(a quarter of the novice's sessions; with few sessions, folds)"
+    )
+    fit.add_argument("--test", metavar="PATH", help=text)
     text = "of choice, weights and batches (%(default)s)"
     fit.add_argument("--seed", type=int, default=0, help=text)
     fit.add_argument(
@@ -63,7 +69,7 @@ def _add_fit_options(fit: argparse.ArgumentParser) -> None:
 
 
 def run_fit(arguments: argparse.Namespace) -> int:
-    """Run `sidm fit`: it prints a line on the fitted model."""
+    """Run `sidm fit`: it prints the fitted model and its loss on held-out drives."""
     from sidm.fitting.fit import fit
 
     model = fit(
@@ -73,6 +79,7 @@ def run_fit(arguments: argparse.Namespace) -> int:
         body=arguments.body,
         expert_body=arguments.expert_body,
         settings=parse_changes(arguments.changes),
+        test=arguments.test or TEST_SHARE,
         seed=arguments.seed,
         out=arguments.out,
         topics=arguments.topics,
@@ -80,8 +87,12 @@ def run_fit(arguments: argparse.Namespace) -> int:
     )
     print(
         f"{arguments.out}: {model.method}, from {model.minutes:.2g} min "
-        f"in windows of {model.steps} steps; test loss {model.test_loss:.3g}, "
-        f"where predicting the mean costs {model.mean_loss:.3g}"
+        f"in windows of {model.steps} steps"
+    )
+    print(
+        model.held_out
+        or "there are too few drives to hold some out: judge the model by others, "
+        "with --test or 'sidm evaluate'"
     )
     return 0
 
@@ -92,8 +103,12 @@ def run_evaluate(arguments: argparse.Namespace) -> int:
     It draws nothing where Matplotlib is not installed.
     """
     from sidm.fitting.model import load
+    from sidm.recordings import read_drives
 
-    table = load(arguments.model).evaluate(arguments.drives, arguments.topics)
+    model = load(arguments.model)
+    drives = read_drives(arguments.drives, model.body, arguments.topics, held=True)
+    table = model.evaluate(drives)
+    print(f"{arguments.model}: {model.score(drives)}")
     print(_errors_text(table))
     try:
         from sidm.fitting.report import figure

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -21,16 +22,17 @@ from sidm.fitting.learning import (
     units_in,
 )
 from sidm.fitting.model import Model
+from sidm.fitting.score import Losses
 from sidm.fitting.settings import Settings, settings_with
 from sidm.fitting.windows import (
     common_length,
     cut,
+    evaluation_splits,
     hold_out,
     session_order,
     train_test_split,
 )
 from sidm.learning.arithmetic import one_thread
-from sidm.learning.losses import prediction_loss
 from sidm.learning.stopping import CurvePoint
 from sidm.learning.units import loss_weights, role_units
 from sidm.progress import progress_bar
@@ -56,6 +58,7 @@ def fit(
     network: Network | None = None,
     training: Training | None = None,
     settings: Mapping[str, Any] = NOTHING,
+    test: Drives | float | None = None,
     seed: int = 0,
     out: str | Path | None = None,
     topics: Sequence[str] = (),
@@ -78,14 +81,19 @@ def fit(
             methods.
         settings: single settings of network and training by name, as
             `{"hidden": 64, "p_expert": 0.5}`.
-        seed: seed of the choice of test drives, the initial weights and the batches.
+        test: drives of the robot to evaluate the model on; or a share of the novice's
+            sessions to hold out for that, below 1. With fewer than eight sessions (or
+            drives, of a single session), models of folds are evaluated instead, and the
+            model learns from all drives. By default nothing is held out.
+        seed: seed of the choice of drives, the initial weights and the batches.
         out: a folder for the model. An unfinished training is kept there, too; the same
             call resumes it.
         topics: topics of ROS bags, needed where a bag has several that fit.
         progress: whether to show a progress bar, with the longest time left.
 
     Returns:
-        The model. It is also written to `out` if a folder is given.
+        The model. It is also written to `out` if a folder is given. `held_out` is its
+        loss on the drives of `test`; None without any, or with too few.
 
     Raises:
         RecordingError: the first fault of a file of drives.
@@ -97,11 +105,11 @@ def fit(
         >>> drives = sidm.read_drives(
         ...     "recordings/warthog.csv.gz", body="recordings/skid_steer.yaml"
         ... )
-        >>> model = sidm.fit(drives[:200], method="least_squares")
+        >>> model = sidm.fit(drives, method="least_squares", test=0.25)
         >>> model
-        Model('least_squares' of body 'skid-steered', from 6.3 min)
-        >>> round(model.loss(drives[200:]), 1) < 1.0
-        True
+        Model('least_squares' of body 'skid-steered', from 6.8 min)
+        >>> model.held_out.sessions
+        24
     """
     chosen = settings_with(network, training, settings)
     if seed < 0:
@@ -117,11 +125,40 @@ def fit(
     method = method or ("novice_only" if expert_drives is None else "sidm")
     _refuse(method, novice_drives, expert_drives)
     refuse_swapped(novice_drives, expert_drives)
-    model = _fit(novice_drives, expert_drives, method, chosen, seed, out, progress)
+    learnt, held_out, folds = _split(novice_drives, test, seed, topics)
+    state = None if out is None else Path(out) / UNFINISHED
+    others = expert_drives, method, chosen, seed
+    model = _fit(learnt, *others, state, progress)
+    losses = [model.losses(held_out)] if held_out else []
+    for number, (drives, rest) in enumerate(folds):
+        folder = state and state / f"fold{number}"
+        losses.append(_fit(drives, *others, folder, progress).losses(rest))
+    if losses:
+        model = replace(model, held_out=Losses.joined(losses).score(len(losses)))
     if out is not None:
         model.save(out)
         shutil.rmtree(Path(out) / UNFINISHED, ignore_errors=True)
     return model
+
+
+def _split(
+    novice: list[Drive],
+    test: Drives | float | None,
+    seed: int,
+    topics: Sequence[str],
+) -> tuple[list[Drive], list[Drive], list[tuple[list[Drive], list[Drive]]]]:
+    """The drives to learn from, the drives to evaluate on, and splits of folds."""
+    if test is None:
+        return novice, [], []
+    if not isinstance(test, (int, float)):
+        body = novice[0].body
+        return novice, drives_from(test, body, "test", topics, allow_constant=True), []
+    if not 0 < test < 1:
+        raise ConfigError(f"test must be drives or a share below 1, not {test}")
+    splits = evaluation_splits(novice, test, seed)
+    if len(splits) == 1:
+        return *splits[0], []
+    return novice, [], splits
 
 
 def _refuse(
@@ -137,10 +174,10 @@ def _fit(
     method: str,
     settings: Settings,
     seed: int,
-    out: str | Path | None,
+    state: Path | None,
     progress: bool,
 ) -> Model:
-    """Fit checked drives with checked settings."""
+    """Fit checked drives with checked settings; `state` is for unfinished trainings."""
     steps = common_length(novice, *([expert] if expert else []))
     windows = cut(novice, steps)
     train, test = train_test_split(windows, session_order(windows, seed))
@@ -149,7 +186,6 @@ def _fit(
     expert_windows = cut(expert, steps) if expert else None
     # There is no validation here: `Model.evaluate` takes drives of its own.
     sets = datasets(train, test, test, expert_windows, network.pixels)
-    state = None if out is None else Path(out) / UNFINISHED
     folders = [state / name if state else None for name in ("pretraining", "training")]
     samples, config = settings.training.max_samples, METHODS[method]
     arguments = (method, sets, network, seed, settings)
@@ -162,8 +198,6 @@ def _fit(
         with _progress(title, samples, shown) as update:
             trained = learn(*arguments, start=start, folder=folders[1], progress=update)
     scale = loss_weights(body, role_units(units_in(sets, network), "novice"))
-    targets = sets.test.targets
-    mean = sets.train.targets.mean((0, 1)).expand_as(targets)
     return Model(
         predictor=trained.model.eval(),
         body=body,
@@ -173,7 +207,7 @@ def _fit(
         test_loss=float(trained.best_test_loss),
         network=network,
         scale=scale,
-        mean_loss=float(prediction_loss(mean, targets, scale).mean()),
+        target_mean=sets.train.targets.mean((0, 1)),
     )
 
 

@@ -20,10 +20,11 @@ from sidm.body import SI, Body, body_from_mapping, body_to_mapping
 from sidm.config import ConfigError, first_line, from_mapping, to_mapping
 from sidm.drives import AnyGround, Drive
 from sidm.fitting.arguments import drives_from
+from sidm.fitting.score import Losses, Score
 from sidm.fitting.windows import common_length, cut, rollouts
 from sidm.learning.checkpoint import module_tensors
 from sidm.learning.dataset import states_and_actions, windows_of
-from sidm.learning.evaluation import mean_loss, rollout, rollout_errors
+from sidm.learning.evaluation import rollout, rollout_errors, window_losses
 from sidm.learning.losses import component_losses
 from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.units import Standardisation
@@ -56,11 +57,13 @@ class Model:
     method: str  # a name in `rivals.methods.METHODS`
     steps: int  # T, length of the windows that the model was fitted to
     minutes: float  # of the robot's motion used, training and test together
-    test_loss: float  # equation (1) on the test drives, which stopped the training
+    test_loss: float  # equation (1) on the drives that stopped the training
     network: Network
     scale: Tensor | None  # (Y,) weights of the components in equation (1); None: all 1
-    #: loss of always predicting the mean, on the test drives; None in older files
-    mean_loss: float | None = None
+    #: (Y,) mean of y in training; None in files of older versions
+    target_mean: Tensor | None = None
+    #: loss on drives that were held out from the training, if any were
+    held_out: Score | None = None
 
     def __repr__(self) -> str:
         data = f"body {self.body.name!r}, from {self.minutes:.2g} min"
@@ -76,8 +79,37 @@ class Model:
         Returns:
             The loss, with the weights of the components as in the training.
         """
-        windows = self._windows(drives, topics)
-        return mean_loss(self.predictor, windows_of(windows, self.network.pixels))
+        return self.score(drives, topics).loss
+
+    def score(self, drives: Drives, topics: Sequence[str] = ()) -> Score:
+        """The loss on drives that the model has not seen, with its standard error.
+
+        Args:
+            drives: as in `evaluate`.
+            topics: as in `evaluate`.
+
+        Examples:
+            >>> model = sidm.load("recordings/models/warthog")
+            >>> model.score("recordings/warthog.csv.gz").drives
+            287
+        """
+        return self.losses(self._drives(drives, topics)).score()
+
+    def losses(self, drives: list[Drive]) -> Losses:
+        """Losses of the windows of the drives, which have the model's body."""
+        windows = cut(drives, common_length(drives))
+        tensors = windows_of(windows, self.network.pixels)
+        mean_losses = None
+        if self.target_mean is not None:
+            mean = self.target_mean.expand_as(tensors.targets)
+            terms = component_losses(mean, tensors.targets, self.scale)
+            mean_losses = terms.sum(-1).double().mean(1).numpy()
+        return Losses(
+            window_losses(self.predictor, tensors).numpy(),
+            mean_losses,
+            np.array([window.name for window in windows]),
+            np.array([window.session for window in windows]),
+        )
 
     def evaluate(self, drives: Drives, topics: Sequence[str] = ()) -> pd.DataFrame:
         """Errors of the model's predictions on drives that it has not seen.
@@ -248,8 +280,9 @@ class Model:
             "steps": self.steps,
             "minutes": self.minutes,
             "test_loss": self.test_loss,
-            "mean_loss": self.mean_loss,
-            "scale": None if self.scale is None else self.scale.tolist(),
+            "target_mean": _as_list(self.target_mean),
+            "held_out": self.held_out and to_mapping(self.held_out),
+            "scale": _as_list(self.scale),
             "network": network,
         }
         content = to_bytes({name: tensor.clone() for name, tensor in tensors.items()})
@@ -281,17 +314,33 @@ def load(folder: str | Path) -> Model:
         network = from_mapping(
             Network, about["network"] | {"novice_body": body, "expert_body": body}
         )
-        scale = None if about["scale"] is None else torch.tensor(about["scale"])
+        scale, mean = (_as_tensor(about.get(n)) for n in ("scale", "target_mean"))
         tensors = load_file(folder / WEIGHTS)
         predictor = _predictor(about["method"], network, tensors, scale)
         fields = ("method", "steps", "minutes", "test_loss")
         values = {name: about[name] for name in fields}
-        values["mean_loss"] = about.get("mean_loss")
+        if about.get("held_out"):
+            values["held_out"] = from_mapping(Score, about["held_out"])
     except (ValueError, KeyError, TypeError, RuntimeError, SafetensorError) as error:
         raise ConfigError(
             f"{folder}: the model is damaged ({first_line(error)}); fit it again"
         ) from None
-    return Model(predictor.eval(), body, network=network, scale=scale, **values)
+    return Model(
+        predictor.eval(),
+        body,
+        network=network,
+        scale=scale,
+        target_mean=mean,
+        **values,
+    )
+
+
+def _as_list(values: Tensor | None) -> list[float] | None:
+    return None if values is None else values.tolist()
+
+
+def _as_tensor(values: list[float] | None) -> Tensor | None:
+    return None if values is None else torch.tensor(values)
 
 
 def _predictor(

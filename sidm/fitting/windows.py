@@ -15,6 +15,10 @@ from sidm.learning.evaluation import rollout
 from sidm.learning.model import Predictor
 from sidm.storage import checksum
 
+MIN_GROUPS = 8  # sessions, or drives of a single one, from which some are held out
+FOLDS = 4  # parts in which fewer are held out, one after the other
+MIN_WINDOWS = 2 * TEST_EVERY  # windows to learn from and to stop by, at least
+
 
 def common_length(*robots: Sequence[Drive]) -> int:
     """Steps T of a window for all robots: those of the shortest drive, at most 64."""
@@ -122,6 +126,40 @@ def hold_out(drives: Sequence[Drive], share: float) -> tuple[list[Drive], list[D
     first = int(fits[0]) + 1 if len(fits) else len(groups) - 1
     ordered = list(groups.values())
     return sum(ordered[:first], []), sum(ordered[first:], [])
+
+
+def evaluation_splits(
+    drives: Sequence[Drive], share: float, seed: int
+) -> list[tuple[list[Drive], list[Drive]]]:
+    """Splits of the drives into those to learn from and those to evaluate on.
+
+    Sessions are drawn at random; of a single session, drives. A share of them is held
+    out if there are at least MIN_GROUPS. Otherwise each is held out once, in up to
+    FOLDS folds.
+
+    Returns:
+        One split, or one for each fold; none if there is too little to learn from.
+    """
+    single = len({drive.session for drive in drives}) == 1
+    names = np.array([str(n) if single else d.session for n, d in enumerate(drives)])
+    order = np.random.default_rng(seed).permutation(np.unique(names))
+    if len(order) >= MIN_GROUPS:
+        held_out = [order[: max(1, round(share * len(order)))]]
+    else:
+        folds = min(FOLDS, len(order))
+        held_out = [order[fold::folds] for fold in range(folds)]
+    steps = common_length(drives)
+    splits = []
+    for groups in held_out:
+        is_out = np.isin(names, groups)
+        parts = [
+            [drive for drive, flag in zip(drives, flags, strict=True) if flag]
+            for flags in (~is_out, is_out)
+        ]
+        if sum(len(drive) // steps for drive in parts[0]) < MIN_WINDOWS:
+            return []
+        splits.append((parts[0], parts[1]))
+    return splits
 
 
 def grounds_of(drives: Sequence[Drive]) -> np.ndarray:

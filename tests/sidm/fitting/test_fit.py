@@ -146,18 +146,21 @@ def test_an_expert_of_one_piece_cannot_be_pretrained_on(drives):
 def test_without_weights_the_loss_is_in_raw_units(drives, tmp_path):
     """The model keeps the units of its fit.
 
-    The loss of predicting the mean uses the same drives and units.
+    The loss of predicting the mean uses the same units.
     """
     plain = dataclasses.replace(SKID, weights="ones")
     model = sidm.fit(
-        drives["warthog"], body=plain, method="least_squares", out=tmp_path
+        drives["warthog"], body=plain, method="least_squares", test=0.3, out=tmp_path
     )
     back = sidm.load(tmp_path)
     assert model.scale is back.scale is back.predictor.loss_weights("novice") is None
-    assert 0 < model.test_loss < model.mean_loss == pytest.approx(back.mean_loss)
-    judged = sidm.fit(drives["warthog"], body=SKID, method="least_squares").mean_loss
-    assert judged == pytest.approx(len(SKID.targets), rel=0.5)
-    assert not judged == pytest.approx(model.mean_loss, rel=0.5)
+    assert 0 < model.held_out.loss < model.held_out.mean_loss
+    assert back.held_out == model.held_out
+    scaled = sidm.fit(drives["warthog"], body=SKID, method="least_squares", test=0.3)
+    assert scaled.held_out.mean_loss == pytest.approx(len(SKID.targets), rel=0.5)
+    assert not scaled.held_out.mean_loss == pytest.approx(
+        model.held_out.mean_loss, rel=0.5
+    )
 
 
 def test_errors_are_in_the_units_that_drives_are_read_in(drives):

@@ -1,0 +1,112 @@
+"""The loss that `sidm fit` prints is that of drives which the model has not seen."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sidm
+from sidm import __main__ as command_line
+from sidm.config import ConfigError
+from sidm.fitting.score import Losses, standard_error
+from sidm.fitting.windows import evaluation_splits
+from sidm.recordings import read_drives, write_drives
+
+RECORDINGS = Path(__file__).parents[3] / "recordings"
+BODY, WARTHOG = RECORDINGS / "skid_steer.yaml", RECORDINGS / "warthog.csv.gz"
+QUICK = dict(method="least_squares")
+
+
+@pytest.fixture(scope="module")
+def drives():
+    return read_drives(WARTHOG, BODY)
+
+
+def sessions(drives):
+    return {drive.session for drive in drives}
+
+
+def names(drives):
+    return {drive.name for drive in drives}
+
+
+def test_held_out_sessions_are_never_learnt(drives):
+    ((learnt, held_out),) = evaluation_splits(drives, 0.25, seed=0)
+    assert not sessions(learnt) & sessions(held_out)
+    assert names(learnt) | names(held_out) == names(drives)
+    assert len(sessions(held_out)) == 24  # of 96
+    ((_, other),) = evaluation_splits(drives, 0.25, seed=1)
+    assert sessions(other) != sessions(held_out)
+
+
+def test_few_sessions_are_each_held_out_once(drives):
+    few = drives[:20]
+    splits = evaluation_splits(few, 0.25, seed=0)
+    assert len(sessions(few)) == 7 and len(splits) == 4
+    held_out = [name for _, part in splits for name in names(part)]
+    assert sorted(held_out) == sorted(names(few))
+    assert not any(sessions(learnt) & sessions(part) for learnt, part in splits)
+    assert evaluation_splits(drives[:1], 0.25, seed=0) == []
+
+
+def test_what_fit_says_is_what_evaluate_says(drives, tmp_path):
+    """The score belongs to drives that do not change the model."""
+    ((learnt, held_out),) = evaluation_splits(drives, 0.25, seed=0)
+    model = sidm.fit(drives, test=0.25, out=tmp_path, **QUICK)
+    assert sidm.load(tmp_path).score(held_out) == model.held_out
+    assert model.held_out.loss == model.loss(held_out)
+    given = sidm.fit(learnt, test=held_out, **QUICK)
+    assert given.held_out == model.held_out
+    assert sidm.fit(learnt, **QUICK).held_out is None
+    assert model.held_out.loss < model.held_out.mean_loss
+
+
+def test_folds_judge_models_and_the_model_learns_from_all(drives):
+    few = drives[:20]
+    model = sidm.fit(few, test=0.25, **QUICK)
+    assert (model.held_out.folds, model.held_out.drives) == (4, 20)
+    losses = [
+        sidm.fit(learnt, **QUICK).losses(held_out)
+        for learnt, held_out in evaluation_splits(few, 0.25, seed=0)
+    ]
+    assert Losses.joined(losses).score(4) == model.held_out
+    assert model.loss(few) == sidm.fit(few, **QUICK).loss(few)
+
+
+def test_the_standard_error_covers_the_loss_of_many_sessions():
+    """Windows of a session are alike: the error is that of the sessions' number."""
+    rng = np.random.default_rng(0)
+    groups = np.repeat(np.arange(30), rng.integers(1, 9, 30))
+    within = 0
+    for _ in range(400):
+        values = rng.normal(0, 1, 30)[groups] + rng.normal(0, 0.1, len(groups))
+        within += abs(values.mean()) < 2 * standard_error(values, groups)
+    assert 0.9 < within / 400 < 0.97
+    assert standard_error(np.ones(3), np.array(["a", "a", "a"])) is None
+
+
+def test_the_command_names_its_drives(drives, tmp_path, capsys):
+    out, other = str(tmp_path / "model"), tmp_path / "other.csv"
+    write_drives(other, drives[200:], "tests")
+    fit = f"fit --novice {WARTHOG} --body {BODY} --method least_squares --out {out}"
+    assert command_line.main([*fit.split(), "--test", str(other)]) == 0
+    said = capsys.readouterr().out
+    assert command_line.main(["evaluate", out, str(other)]) == 0
+    again = capsys.readouterr().out
+    line = said.splitlines()[1]
+    assert "on 87 drives of" in line and f"{out}: {line}" in again
+
+
+def test_a_single_drive_judges_nothing(tmp_path, capsys):
+    body = RECORDINGS / "hunter.yaml"
+    drive = max(read_drives(RECORDINGS / "hunter.csv.gz", body), key=len)
+    write_drives(tmp_path / "one.csv", [drive], "tests")
+    fit = f"fit --novice {tmp_path}/one.csv --body {body} --method least_squares"
+    assert command_line.main([*fit.split(), "--out", str(tmp_path / "model")]) == 0
+    assert "judge the model by others, with --test" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("share", [0, 1, -0.5, 2.0])
+def test_a_share_is_below_one(drives, share):
+    with pytest.raises(ConfigError, match="a share below 1"):
+        sidm.fit(drives, test=share, **QUICK)
