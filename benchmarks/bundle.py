@@ -27,7 +27,7 @@ from companion.bundle.bundled_trial import BundledTrial
 from companion.bundle.device_data import DeviceData
 from sidm.learning import PAPER_NETWORK, RELEASED_NETWORK, Network, Training, train
 from sidm.learning.trainer import Trainer
-from sidm.learning.training import predict
+from sidm.learning.training import prediction_phase
 from sidm.systems import ROLES
 
 
@@ -118,7 +118,7 @@ def make_bundle(case: Case, device: torch.device, phase: int = PHASE) -> Bundle:
 
 def bundle_phase(bundle: Bundle) -> int:
     """Run one prediction phase of a bundle and return its number of samples."""
-    bundle.predict_phase()
+    bundle.prediction_phase()
     training, steps = bundle.training, bundle.data["novice"].steps
     iterations = len(bundle.slots) * training.prediction_iterations
     return iterations * training.batch * steps
@@ -131,7 +131,7 @@ def single(case: Case, device: torch.device) -> Callable[[], int]:
 
     def work() -> int:
         before = trainer.samples
-        predict(trainer)
+        prediction_phase(trainer)
         return trainer.samples - before
 
     return work

@@ -25,7 +25,11 @@ from companion.pages.markdown import markdown_table
 from companion.presets import PRESETS, Preset, load_preset
 from sidm.drives import STEPS
 from sidm.learning.trainer import Trainer
-from sidm.learning.training import discriminator_iteration, matching_iteration, predict
+from sidm.learning.training import (
+    discriminator_iteration,
+    matching_iteration,
+    prediction_phase,
+)
 from sidm.systems import SYSTEMS
 
 ROUNDS = 3
@@ -69,7 +73,7 @@ def training(name: str) -> tuple[list[float], float]:
     sets = random_data(preset.network.pixels)
     trainer = Trainer(sets, preset.network, single, seed=0)
     parts: dict[Callable[[Trainer], object], int] = {
-        predict: usual.prediction_iterations,
+        prediction_phase: usual.prediction_iterations,
         discriminator_iteration: usual.discriminator_iterations,
         matching_iteration: usual.matching_iterations,
     }

@@ -24,7 +24,7 @@ from work import operations, random_data
 from sidm.learning import Network, Training, convolution
 from sidm.learning.arithmetic import flushed_denormals
 from sidm.learning.trainer import Trainer
-from sidm.learning.training import predict
+from sidm.learning.training import prediction_phase
 
 ROUNDS = 5
 
@@ -54,7 +54,7 @@ def train(pixels: int, batch: int, precision: str, plain: bool = False) -> float
         with contextlib.nullcontext() if plain else flushed_denormals():
             before, start = running.samples, time.perf_counter()
             for _ in range(4):
-                predict(running)
+                prediction_phase(running)
             return (running.samples - before) / (time.perf_counter() - start)
     finally:
         convolution.kernels = kernels

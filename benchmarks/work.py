@@ -7,7 +7,7 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from sidm.learning import Datasets, Windows
 from sidm.learning.trainer import Trainer
-from sidm.learning.training import predict
+from sidm.learning.training import prediction_phase
 
 STEPS, TRAJECTORIES = 64, 20
 
@@ -27,7 +27,7 @@ def operations(running: Trainer) -> float:
     """Floating point operations of a prediction iteration by sample, both passes."""
     before = running.samples
     with FlopCounterMode(display=False) as counter:
-        predict(running)
+        prediction_phase(running)
     network = running.network
     sizes = [network.latent] + [network.hidden] * network.layers
     lstm = sum(2 * 4 * network.hidden * (size + network.hidden) for size in sizes[:-1])

@@ -26,8 +26,8 @@ def dask_executor(address: str) -> Iterator[Executor]:
             scheduler file.
 
     Raises:
-        ImportError: Dask is not installed; one line.
-        OSError: no scheduler answers at the address; one line.
+        ImportError: Dask is not installed; the message is one line.
+        OSError: no scheduler answers at the address; the message is one line.
     """
     try:
         from distributed import Client

@@ -70,7 +70,7 @@ def run_collect(arguments: argparse.Namespace) -> int:
         1 if --verify is given and a dataset is not the one of the results; else 0.
     """
     from companion import collect_datasets
-    from companion.engine.datasets import differing, verify_datasets
+    from companion.engine.datasets import differing_names, verify_datasets
 
     preset = _preset(arguments)
     needed = _datasets(arguments, preset)
@@ -85,7 +85,7 @@ def run_collect(arguments: argparse.Namespace) -> int:
     for name, digest in digests.items():
         print(f"{name}: {digest}")
     if not arguments.verify:
-        for name in differing(preset, arguments.data, arguments.results):
+        for name in differing_names(preset, arguments.data, arguments.results):
             print(
                 f"note: {name} has other bits than the results' data; "
                 "collect --verify: is it rounding alone?"
@@ -189,7 +189,7 @@ def run_pack(arguments: argparse.Namespace) -> int:
 def run_show(arguments: argparse.Namespace) -> int:
     """Print what is stored of a figure, a line per point; last line 'missing: N'."""
     from companion import Results, Study, registry
-    from companion.engine.datasets import differing
+    from companion.engine.datasets import differing_names
     from companion.statistics.tables import overview
     from companion.studies.decisive.design import overview_by_step
 
@@ -214,7 +214,7 @@ def run_show(arguments: argparse.Namespace) -> int:
     print("\n".join(lines))
     for failure in store.failures(trials):
         print(f"note: {failure}")
-    for name in differing(preset, *folders):
+    for name in differing_names(preset, *folders):
         print(
             "note: the data on this disk are not those of the stored results: "
             f"{name}; see collect --verify"

@@ -123,7 +123,7 @@ class Preset:
         settings = {field.name for field in fields} - set_by_method
         for _, setting, _ in self.tuned:
             if setting not in settings:
-                raise unknown_name(setting, settings, "what a method is tuned in")
+                raise unknown_name(setting, settings, "the tuned settings")
         if self.policy not in POLICIES:
             raise unknown_name(self.policy, POLICIES, "the exploration policies")
         if self.rollouts < 1:

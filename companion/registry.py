@@ -63,7 +63,7 @@ class Measurement(NamedTuple):
         """Whether other versions than today's made the file; None if there is no file.
 
         Raises:
-            ConfigError: the file is damaged; one line.
+            ConfigError: the file is damaged; the message is one line.
         """
         path = Path(results) / self.file
         try:

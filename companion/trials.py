@@ -36,7 +36,7 @@ class Dataset:
 
     @property
     def name(self) -> str:
-        """The name in messages and files: 'system1/novice/sinusoid/seed-0/1125'."""
+        """The name in messages and files, as 'system1/novice/sinusoid/seed-0/1125'."""
         c = self.collection
         return f"{c.system}/{c.role}/{c.policy}/seed-{c.seed}/{self.count}"
 

@@ -2,9 +2,10 @@
 
     python examples/two_robots.py --minutes 5 --out two-robots
 
-It simulates two robots with springs of your own, trains a system invariant dynamics
-model (SIDM) and a model of the novice alone on the same drives, evaluates both on
-drives that neither was trained on, and draws the path of the novice that each predicts.
+Simulate two robots whose springs you set in `soft_pair`, train a system invariant
+dynamics model (SIDM) and a model of the novice alone on the same drives, evaluate both
+on drives that neither was trained on, and draw the path of the novice that each
+predicts.
 """
 
 from __future__ import annotations
@@ -20,10 +21,9 @@ import sidm
 def soft_pair() -> sidm.System:
     """The paper's first pair with a softer novice, and rougher ground for both."""
     pair = sidm.SYSTEMS["system1"]
-    return sidm.System(
+    return pair.replace(
         name="soft",
         novice=pair.novice.replace(spring=500.0, damping=20.0),  # N/m, N s/m
-        expert=pair.expert,
         terrain=sidm.Terrain(cell_height_scale=0.4),
     )
 

@@ -71,17 +71,18 @@ class Body:
 
     Attributes:
         name: for messages
-        pose: kind of pose, as in the table of this module
-        tilt: whether x has the up direction in the robot's frame; spatial poses only
+        pose: 'none'; 'planar': x, y, yaw; 'spatial': x, y, z, quaternion
+        tilt: whether the network's input has the up direction in the robot's frame;
+            spatial poses only
         columns: names and units of the state's other numbers, such as velocities or
             wheel speeds
         actions: names and units of the commands
         map_size: side of the robot-centred height map, m; 0: no map
         map_pixels: pixels along a side of the map; 0: as many as `Network.pixels`
         rate: control steps a second, Hz
-        weights: weights of y's components in equation (1): 'ones', or 1 over the
-            variance of the robot's own motion, which is that of its training data in
-            training and that of the validation set in a trial's results
+        weights: factor of each component in equation (1): 'ones', or 'variance': 1 /
+            the component's variance in the training data; a trial's results have the
+            variance in the validation set
 
     Raises:
         ConfigError: an unknown name, a wrong type, or an unknown unit.
@@ -211,7 +212,7 @@ def as_body(body: Body | str | Path | Mapping[str, Any]) -> Body:
         body: a body, the path of a YAML file, or a mapping like that in such a file.
 
     Raises:
-        ConfigError: the file or the mapping has a fault; one line.
+        ConfigError: the file or the mapping has a fault; the message is one line.
         TypeError: the argument is something else.
     """
     if isinstance(body, Body):

@@ -16,7 +16,10 @@ TEST_SHARE = 0.25  # of the sessions, held out by `sidm fit`
 
 def add_fitting(add: AddCommand) -> None:
     """Add the commands that fit a model and use it: fit, evaluate and predict."""
-    text = "Learn a robot from recorded drives; can be stopped and goes on."
+    text = (
+        "Learn a robot from recorded drives. It can be interrupted; the same command "
+        "resumes it."
+    )
     fit = add("fit", run_fit, text)
     _add_fit_options(fit)
     text = "How well a fitted model predicts other drives, with a figure."
@@ -32,7 +35,7 @@ def add_fitting(add: AddCommand) -> None:
     for command in (evaluate, predict):
         command.add_argument("model", metavar="MODEL", help=text)
         command.add_argument("drives", metavar="PATH", help=_DRIVES)
-    text = "of the report (evaluation.png in the model's folder)"
+    text = "file of the figure (evaluation.png in the model's folder)"
     evaluate.add_argument("--figure", metavar="FILE", help=text)
     text = "where to write (standard output)"
     predict.add_argument("--out", metavar="FILE", help=text)
@@ -45,7 +48,7 @@ def _add_fit_options(fit: argparse.ArgumentParser) -> None:
     fit.add_argument("--expert", metavar="PATH", help=text)
     text = "what the drives are made of, YAML"
     fit.add_argument("--body", metavar="FILE", required=True, help=text)
-    text = "the same of the expert's (the novice's unless given)"
+    text = "what the expert's drives are made of, YAML (as --body)"
     fit.add_argument("--expert-body", metavar="FILE", help=text)
     text = "sidm, novice_only, ... (sidm with an expert, novice_only without)"
     fit.add_argument("--method", help=text)
@@ -54,7 +57,10 @@ def _add_fit_options(fit: argparse.ArgumentParser) -> None:
         "(a quarter of the novice's sessions; with few sessions, folds)"
     )
     fit.add_argument("--test", metavar="PATH", help=text)
-    text = "of choice, weights and batches (%(default)s)"
+    text = (
+        "seed of the choice of drives, the initial weights and the batches "
+        "(%(default)s)"
+    )
     fit.add_argument("--seed", type=int, default=0, help=text)
     fit.add_argument(
         "--set",

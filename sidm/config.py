@@ -41,7 +41,7 @@ def hint(name: str, known: Iterable[str]) -> str:
 
 def unknown_name(name: str, known: Iterable[str], where: str) -> ConfigError:
     """The error for a `name` that is not among the `known` names of `where`."""
-    return ConfigError(f"unknown parameter {name!r} of {where}; {hint(name, known)}")
+    return ConfigError(f"unknown name {name!r} in {where}; {hint(name, known)}")
 
 
 def conform(value: Any, kind: Any, name: str) -> Any:

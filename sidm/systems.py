@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
-from sidm.config import ConfigError, check_numbers, config
+from sidm.config import ConfigError, check_numbers, config, replace
 
 
 @config
@@ -209,8 +210,9 @@ class System:
 
     Examples:
         >>> pair = sidm.SYSTEMS["system2"]
-        >>> robots = {"novice": pair.expert, "expert": pair.novice}
-        >>> swapped = sidm.System(name="swapped", terrain=pair.terrain, **robots)
+        >>> swapped = pair.replace(
+        ...     name="swapped", novice=pair.expert, expert=pair.novice
+        ... )
         >>> swapped.robot("novice") == pair.expert
         True
     """
@@ -219,7 +221,11 @@ class System:
     novice: Robot
     expert: Robot
     terrain: Terrain
-    physics: Physics = Physics()
+    physics: Physics = dataclasses.field(default_factory=Physics)
+
+    def replace(self, **changes: Any) -> System:
+        """A copy of the system with changed values, checked like a new one."""
+        return replace(self, **changes)
 
     def robot(self, role: str) -> Robot:
         """The robot in a role; ConfigError if it is not 'novice' or 'expert'."""

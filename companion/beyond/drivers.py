@@ -25,7 +25,7 @@ UPSIDE_DOWN = (1.0, 0.0, 0.0, 0.0)  # quaternion x, y, z, w
 class DrivenEpisode(NamedTuple):
     """An episode of K control steps that was driven to its end."""
 
-    ended: str  # 'arrived', a cause of `trajectory.DISCARDS`, or 'time'
+    ended: str  # 'arrived', a cause of `shards.DISCARDS`, or 'time'
     states: np.ndarray  # (K + 1, 13)
     actions: np.ndarray  # (K, 2)
     #: mean distance, m, from the planned position to the robot's position when the next

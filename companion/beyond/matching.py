@@ -95,7 +95,7 @@ class GradientReversal(Hook):
 
         The loss is 0 for a batch of one system: there is nothing to tell apart.
         """
-        trainer.discrimination.zero_grad()
+        trainer.discrimination_optimiser.zero_grad()
         if len(latents) < 2:
             return next(iter(latents.values())).new_zeros(())
         # equal to the latents in value, with the derivative -weight
@@ -111,7 +111,7 @@ class GradientReversal(Hook):
 
     def after_step(self, trainer: Trainer) -> None:
         """Take a step of the discriminator A."""
-        trainer.discrimination.step()
+        trainer.discrimination_optimiser.step()
 
     def regularise(self, trainer: Trainer) -> bool:
         """Skip Algorithm 2, because Algorithm 1 has trained A and the encoders."""

@@ -1,8 +1,8 @@
 """The phases of Algorithms 1 and 2, and the tests, for M trials at once.
 
-Every trial keeps a `Trainer`, which draws its batches, follows its test loss and says
-when it has ended, as in a single training; `StackedTrainers` do the arithmetic of all.
-A trial stands in one of M slots; b trajectories are in a batch.
+Every trial has a `Trainer`, which draws batches, tracks the test loss and decides when
+training ends, as in a single training. `StackedTrainers` computes for all M slots at
+once; b is the number of trajectories in a batch.
 """
 
 from __future__ import annotations
@@ -64,12 +64,12 @@ class Bundle:
         """Put a trial into the first free slot."""
         slot = self.slots.index(None)
         self.slots[slot] = trial
-        self.stacked.put(slot, trial.trainer)
+        self.stacked.copy_from_trainer(slot, trial.trainer)
 
     def leave(self, slot: int) -> BundledTrial:
         """Free a slot; its trial's trainer gets the state from the device."""
         trial = self.trials[slot]
-        self.stacked.get(slot, trial.trainer)
+        self.stacked.copy_to_trainer(slot, trial.trainer)
         self.slots[slot] = None
         return trial
 
@@ -77,7 +77,7 @@ class Bundle:
         """Write the checkpoints of all trials that have a checkpoint folder."""
         for slot, trial in self.trials.items():
             if trial.run.checkpoint is not None:
-                self.stacked.get(slot, trial.trainer)
+                self.stacked.copy_to_trainer(slot, trial.trainer)
                 Checkpoint(trial.run.checkpoint).save(trial.trainer)
 
     def close(self) -> None:
@@ -102,21 +102,21 @@ class Bundle:
 
     def phase(self, progress: Progress | None = None) -> None:
         """One phase of Algorithm 1 and one of Algorithm 2, for all trials."""
-        self.predict_phase(progress)
+        self.prediction_phase(progress)
         for slot, trial in self.trials.items():
             # a trial that ended between two tests has at least one
             if trial.ended and not trial.error and not trial.trainer.history:
                 self.take_tests([slot], progress)
-        self.regularise_phase()
+        self.regularisation_phase()
 
     def timed_phase(self, progress: Progress | None = None) -> None:
-        """The same as `phase`; the time is divided equally among the trials."""
+        """Run `phase` and add an equal share of its time to every trial."""
         start, trials = time.monotonic(), list(self.trials.values())
         self.phase(progress)
         for trial in trials:
             trial.seconds += (time.monotonic() - start) / len(trials)
 
-    def predict_phase(self, progress: Progress | None = None) -> None:
+    def prediction_phase(self, progress: Progress | None = None) -> None:
         """A phase of Algorithm 1; trials that end within it stay as they are then."""
         running = self.running
         if not running:
@@ -138,7 +138,7 @@ class Bundle:
             if not running:
                 return
 
-    def regularise_phase(self) -> None:
+    def regularisation_phase(self) -> None:
         """A phase of Algorithm 2, for the trials that are regularised."""
         training = self.training
         running = {
@@ -221,7 +221,7 @@ class Bundle:
         """
         if not rows:
             return {}
-        # at a time: what fits into the device's memory in training fits here
+        # parts as large as a training batch, which fits into the device's memory
         size = self.training.batch
         length = -(-max(map(len, rows.values())) // size) * size
         padded = torch.zeros(len(self.slots), length, dtype=torch.long)

@@ -22,7 +22,7 @@ from sidm.systems import ROLES
 #: elements in one tensor, at most, for PyTorch's grouped convolution on a GPU
 MOST_ELEMENTS = 2**31 - 1
 #: whose trajectories a batch holds: (M, B) bool, True for the expert's; or one role
-Who = Tensor | str
+Systems = Tensor | str
 
 
 class StackedModels:
@@ -79,12 +79,12 @@ class StackedModels:
                 weights[trial] = tensors.get(name, torch.zeros(()))
 
     def encode(
-        self, who: Who, inputs: Tensor, maps: Tensor, exact: bool = False
+        self, systems: Systems, inputs: Tensor, maps: Tensor, exact: bool = False
     ) -> Tensor:
         """Latent state-actions.
 
         Args:
-            who: whose trajectories the batch holds.
+            systems: whose trajectories the batch holds.
             inputs: (M, B, T, X), raw units.
             maps: (M, B, T, P, P), m.
             exact: compute in float32 also where the encoders use bfloat16.
@@ -92,15 +92,17 @@ class StackedModels:
         Returns:
             (M, B, T, latent), in the inputs' type.
         """
-        if isinstance(who, str):  # one system: a single batch of B T rows per trial
+        if isinstance(systems, str):  # one system: a single batch of B T rows per trial
             rows, pixels = (tensor.flatten(1, 2)[:, None] for tensor in (inputs, maps))
-            latents = self._encode(who, rows, pixels, exact)
+            latents = self._encode(systems, rows, pixels, exact)
             return latents.reshape(*inputs.shape[:3], -1)
-        return self._encode(who, inputs, maps, exact)
+        return self._encode(systems, inputs, maps, exact)
 
-    def _encode(self, who: Who, inputs: Tensor, maps: Tensor, exact: bool) -> Tensor:
+    def _encode(
+        self, systems: Systems, inputs: Tensor, maps: Tensor, exact: bool
+    ) -> Tensor:
         input_mean, input_std, map_mean, map_std = (
-            self._buffer(f"encoders.{shape_role(who)}.{name}", inputs.ndim)
+            self._buffer(f"encoders.{shape_role(systems)}.{name}", inputs.ndim)
             for name in ("input_mean", "input_std", "map_mean", "map_std")
         )
         rows = (inputs - input_mean) / input_std  # (M, B, T, X)
@@ -113,23 +115,23 @@ class StackedModels:
             cache_enabled=False,
         ):
             if pixels.shape[-1]:
-                features = self._convolve(who, pixels)
+                features = self._convolve(systems, pixels)
                 rows = torch.cat([features, rows.to(features.dtype)], dim=-1)
-            return self._dense("encoders", who, rows).to(inputs.dtype)
+            return self._dense("encoders", systems, rows).to(inputs.dtype)
 
-    def _convolve(self, who: Who, pixels: Tensor) -> Tensor:
+    def _convolve(self, systems: Systems, pixels: Tensor) -> Tensor:
         """Map features (M, B, T, 4 (P - 6)^2) of standardised maps (M, B, T, P, P).
 
         Every trajectory is convolved with the kernels of its own system.
         """
-        path = f"model.encoders.{shape_role(who)}.convolutions"
+        path = f"model.encoders.{shape_role(systems)}.convolutions"
         kernels = {}
         for name, weights in within(path, self.weights).items():
             kernel = weights[:, None]
-            if not isinstance(who, str):
+            if not isinstance(systems, str):
                 expert = self.weights[f"model.encoders.expert.convolutions.{name}"]
                 kernel = torch.where(
-                    with_ndim(who, kernel.ndim), expert[:, None], kernel
+                    with_ndim(systems, kernel.ndim), expert[:, None], kernel
                 )
             kernel = kernel.expand(-1, pixels.shape[1], *kernel.shape[2:])
             kernels[name] = kernel.flatten(0, 1)  # (M B, ...)
@@ -145,17 +147,17 @@ class StackedModels:
         features = torch.cat(pieces, dim=1) if len(pieces) > 1 else pieces[0]
         return features.movedim(2, -1).flatten(2).unflatten(0, pixels.shape[:2])
 
-    def _dense(self, part: str, who: Who, rows: Tensor) -> Tensor:
+    def _dense(self, part: str, systems: Systems, rows: Tensor) -> Tensor:
         """The dense layers of 'encoders' or 'decoders' on rows (M, B, T, .).
 
         Every trajectory goes through the layers of its own system.
         """
-        if isinstance(who, str):
-            return self._layers(f"model.{part}.{who}.dense", rows)
+        if isinstance(systems, str):
+            return self._layers(f"model.{part}.{systems}.dense", rows)
         novice, expert = (
             self._layers(f"model.{part}.{role}.dense", rows) for role in ROLES
         )
-        return torch.where(with_ndim(who, rows.ndim), expert, novice)
+        return torch.where(with_ndim(systems, rows.ndim), expert, novice)
 
     def _layers(self, path: str, rows: Tensor) -> Tensor:
         """The module at `path` on rows (M, B, T, .), with each trial's own weights."""
@@ -169,21 +171,23 @@ class StackedModels:
         return buffer.reshape(len(buffer), *[1] * (ndim - 2), -1)
 
     def predict(
-        self, who: Who, inputs: Tensor, maps: Tensor, exact: bool = False
+        self, systems: Systems, inputs: Tensor, maps: Tensor, exact: bool = False
     ) -> Tensor:
         """State transitions y' (M, B, T, Y), raw units; arguments as for `encode`."""
-        return self.decode(who, self.transitions(self.encode(who, inputs, maps, exact)))
+        return self.decode(
+            systems, self.transitions(self.encode(systems, inputs, maps, exact))
+        )
 
     def transitions(self, latents: Tensor) -> Tensor:
         """Latent state transitions (M, B, T, 64) of latents (M, B, T, latent)."""
         hidden = lstm(within("model.sidm.lstm", self.weights), latents)
         return self._layers("model.sidm.output", hidden)
 
-    def decode(self, who: Who, transitions: Tensor) -> Tensor:
+    def decode(self, systems: Systems, transitions: Tensor) -> Tensor:
         """State transitions y' (M, B, T, Y) of latent ones (M, B, T, 64), raw units."""
-        scaled = self._dense("decoders", who, transitions)
+        scaled = self._dense("decoders", systems, transitions)
         mean, std = (
-            self._buffer(f"decoders.{shape_role(who)}.{name}", scaled.ndim)
+            self._buffer(f"decoders.{shape_role(systems)}.{name}", scaled.ndim)
             for name in ("target_mean", "target_std")
         )
         return mean + std * scaled
@@ -203,12 +207,12 @@ def tensors_of(module: nn.Module) -> dict[str, Tensor]:
     return {**dict(module.named_parameters()), **dict(module.named_buffers())}
 
 
-def shape_role(who: Who) -> str:
+def shape_role(systems: Systems) -> str:
     """The role whose shapes and units hold for a batch.
 
-    Two systems that stand in one batch have the same, so the novice's are returned.
+    Systems in one batch have equal shapes and units: 'novice' stands for both.
     """
-    return who if isinstance(who, str) else "novice"
+    return systems if isinstance(systems, str) else "novice"
 
 
 def within(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:

@@ -68,15 +68,17 @@ class StackedTrainers:
         self.parts = ["model.sidm", *system_parts]
         low = training.precision == "bfloat16"
         self.models = StackedModels(network, self.roles, trials, device, low)
-        self.best = {
+        self.best_weights = {
             name: weights.detach().clone()
             for name, weights in self.models.weights.items()
             if name.startswith("model.")
         }
-        self.prediction = self._optimiser("model")
-        self.discrimination = self._optimiser("discriminator")
+        self.prediction_optimiser = self._optimiser("model")
+        self.discrimination_optimiser = self._optimiser("discriminator")
         own = training.matching_optimiser == "own"
-        self.matching = self._optimiser(NOVICE_ENCODER) if own else self.prediction
+        self.matching_optimiser = (
+            self._optimiser(NOVICE_ENCODER) if own else self.prediction_optimiser
+        )
         # trials whose SIDM is not trained
         self.frozen = torch.zeros(trials, dtype=torch.bool, device=device)
         # sums of losses since the last test, by trial and role
@@ -136,10 +138,10 @@ class StackedTrainers:
         Args:
             gradients: (M, ...) each, by the parameter's name.
             active: (M,) bool, which trials take the step.
-            learning: (M,) bool each, in which trials a part learns; no part that is
-                missing learns.
+            learning: (M,) bool each, in which trials a part learns; a part that is
+                not listed does not learn.
         """
-        adam = self.prediction
+        adam = self.prediction_optimiser
         for part in self.parts:
             steps = learning.get(part, torch.zeros_like(active))
             names = [name for name in adam.parameters if name.startswith(f"{part}.")]
@@ -232,7 +234,9 @@ class StackedTrainers:
             correct: (M, b, T) bool, which latents A told apart.
             active: (M,) bool, which trials take the step.
         """
-        self.discrimination.step(self._gradients(loss, "discriminator"), active)
+        self.discrimination_optimiser.step(
+            self._gradients(loss, "discriminator"), active
+        )
         accuracy = correct.float().mean((1, 2))
         self.accuracy.copy_(torch.where(active, accuracy, self.accuracy))
 
@@ -246,11 +250,11 @@ class StackedTrainers:
         logits = self.models.logits(self._latents("novice", rows))
         loss = matching_loss(logits).mean((1, 2)).sum()
         gradients = self._gradients(loss, NOVICE_ENCODER)
-        if self.matching is self.prediction:
+        if self.matching_optimiser is self.prediction_optimiser:
             learning = {NOVICE_ENCODER: torch.ones_like(active)}
             self._step_prediction(gradients, active, learning)
         else:
-            self.matching.step(gradients, active)
+            self.matching_optimiser.step(gradients, active)
 
     def _test(self, counted: Tensor, rows: Tensor) -> Tensor:
         """Sums of equation (1) and of its summands over novice trajectories.
@@ -289,15 +293,17 @@ class StackedTrainers:
     def keep_best(self, trials: Sequence[int]) -> None:
         """Copy the current weights of these trials as their best so far."""
         indices = torch.tensor(trials, dtype=torch.long, device=self.totals.device)
-        for name, best in self.best.items():
+        for name, best in self.best_weights.items():
             best[indices] = self.models.weights[name].detach()[indices]
 
-    def put(self, trial: int, trainer: Trainer) -> None:
+    def copy_from_trainer(self, trial: int, trainer: Trainer) -> None:
         """Copy the state of `trainer` into slot `trial`."""
         modules = {"model": trainer.model, "discriminator": trainer.discriminator}
         self.models.put(trial, tensors_of(nn.ModuleDict(modules)))
-        for name, best in self.best.items():
-            best[trial] = trainer.best.get(name.removeprefix("model."), torch.zeros(()))
+        for name, best in self.best_weights.items():
+            best[trial] = trainer.best_weights.get(
+                name.removeprefix("model."), torch.zeros(())
+            )
         self.frozen[trial] = trainer.training.frozen == "sidm"
         self.totals[trial] = self.accuracy[trial] = 0.0
         settings = trainer.training
@@ -308,7 +314,7 @@ class StackedTrainers:
                 state[f"{names[int(number)]}/{field}"] = tensor
             stacked.put(trial, settings.learning_rate, settings.weight_decay, state)
 
-    def get(self, trial: int, trainer: Trainer) -> None:
+    def copy_to_trainer(self, trial: int, trainer: Trainer) -> None:
         """Copy slot `trial` into `trainer`, which can then go on alone or be saved."""
         modules = {"model": trainer.model, "discriminator": trainer.discriminator}
         for name, module in modules.items():
@@ -316,9 +322,9 @@ class StackedTrainers:
             module.load_state_dict(
                 {key: stacked_weights[key][trial] for key in module.state_dict()}
             )
-        trainer.best = {
-            key: self.best[f"model.{key}"][trial].to("cpu", copy=True)
-            for key in trainer.best
+        trainer.best_weights = {
+            key: self.best_weights[f"model.{key}"][trial].to("cpu", copy=True)
+            for key in trainer.best_weights
         }
         for stacked, single, names in self._optimisers(trainer):
             state = {}
@@ -346,17 +352,24 @@ class StackedTrainers:
         """
         model, discriminator = trainer.model, trainer.discriminator
         pairs: list[tuple[StackedAdam, torch.optim.Optimizer, str, nn.Module]] = [
-            (self.prediction, trainer.prediction, "model", model),
+            (self.prediction_optimiser, trainer.prediction_optimiser, "model", model),
             (
-                self.discrimination,
-                trainer.discrimination,
+                self.discrimination_optimiser,
+                trainer.discrimination_optimiser,
                 "discriminator",
                 discriminator,
             ),
         ]
-        if self.matching is not self.prediction:
+        if self.matching_optimiser is not self.prediction_optimiser:
             encoder = model.encoders["novice"]
-            pairs.append((self.matching, trainer.matching, NOVICE_ENCODER, encoder))
+            pairs.append(
+                (
+                    self.matching_optimiser,
+                    trainer.matching_optimiser,
+                    NOVICE_ENCODER,
+                    encoder,
+                )
+            )
         for stacked, single, prefix, module in pairs:
             trained = (n for n, p in module.named_parameters() if p.requires_grad)
             yield stacked, single, [f"{prefix}.{name}" for name in trained]

@@ -1,4 +1,4 @@
-"""Many trials on one device: one that ends leaves its slot to the next."""
+"""Train many trials on one device; a waiting trial takes the slot of an ended trial."""
 
 from __future__ import annotations
 
@@ -44,7 +44,8 @@ SHARED = (
 FIXED = {"matching": "adversary", "tether": 0.0, "averaging": 0.0, "mirror": False}
 
 SAVE_INTERVAL = 600.0  # s between two saves of all checkpoints
-#: when no trial waits, the bundle shrinks once one of so many slots is empty
+#: without waiting trials, the bundle is rebuilt smaller when 1/SHRINK of its slots are
+#: empty
 SHRINK = 8
 
 

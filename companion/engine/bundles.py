@@ -15,7 +15,7 @@ from companion.engine import provenance
 from companion.engine.execute import stored_as
 from companion.engine.library import Library
 from companion.engine.outcomes import outcome_of
-from companion.engine.pretrained import carried, folder, network_of
+from companion.engine.pretrained import network_of, pretrained_folder, transferred
 from companion.engine.store import Failure, Outcome, Row
 from companion.trials import Trial
 from sidm.config import ConfigError
@@ -31,7 +31,7 @@ from sidm.rivals.fine_tuning import (
 )
 from sidm.shards import ShardError
 
-#: The weights that a trial starts from, none, or why there are none.
+#: Initial weights of a trial; None: random weights; or the error of its pretraining.
 Starting = Pretrained | TrainingError | CheckpointError | None
 
 
@@ -76,7 +76,7 @@ def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:
     ]
 
 
-class Hooks(NamedTuple):
+class BundleCallbacks(NamedTuple):
     """What a bundle calls while it runs."""
 
     progress: Callable[[Trial, CurvePoint], None]  # after a test
@@ -88,7 +88,7 @@ def run_bundle(
     slots: int,
     data: str | Path,
     checkpoint: Callable[[Trial], Path],
-    hooks: Hooks,
+    callbacks: BundleCallbacks,
     device: str = "cpu",
     until: float = math.inf,
 ) -> Iterator[Row | Failure]:
@@ -99,7 +99,7 @@ def run_bundle(
         slots: how many are trained at once.
         data: the folder of the shards.
         checkpoint: the folder of a trial, to go on from and to write to.
-        hooks: called meanwhile.
+        callbacks: called meanwhile.
         device: where to compute.
         until: `time.monotonic()` at which all states are written and the rest is left
             for the next call.
@@ -118,8 +118,8 @@ def run_bundle(
         made = provenance.here(seconds, threads, resumed, device, bundle=slots)
         return stored_as(trial, result, made)
 
-    runs, begun = [], []
-    loadable = _loadable(trials, library, hooks)
+    runs, run_starts = [], []
+    loadable = _loadable(trials, library, callbacks)
     starts = _starts(loadable, slots, library, device, until)
     for trial in loadable:
         if trial.key not in starts:
@@ -128,29 +128,32 @@ def run_bundle(
         if isinstance(start, TrainingError):
             yield record(trial, start, 0.0, False)
         elif isinstance(start, Exception):
-            hooks.fault(trial, start)
+            callbacks.fault(trial, start)
         else:
             runs.append(_run_of(trial, start, library, checkpoint(trial)))
-            begun.append((trial, start, checkpoint(trial).exists()))
+            run_starts.append((trial, start, checkpoint(trial).exists()))
 
     def tested(number: int, test: CurvePoint) -> None:
-        hooks.progress(begun[number][0], test)
+        callbacks.progress(run_starts[number][0], test)
 
     network = trials[0].network
     for number, ended, seconds in train_bundle(
         runs, network, slots, device, tested, until
     ):
-        (trial, start, resumed), evaluated = begun[number], time.perf_counter()
+        trial, start, resumed = run_starts[number]
+        evaluation_start = time.perf_counter()
         try:
             result = _result(trial, ended, start, library, device)
         except Exception as error:  # one trial's failure must not lose the others
-            hooks.fault(trial, error)
+            callbacks.fault(trial, error)
         else:
-            seconds += time.perf_counter() - evaluated
+            seconds += time.perf_counter() - evaluation_start
             yield record(trial, result, seconds, resumed)
 
 
-def _loadable(trials: Sequence[Trial], library: Library, hooks: Hooks) -> list[Trial]:
+def _loadable(
+    trials: Sequence[Trial], library: Library, callbacks: BundleCallbacks
+) -> list[Trial]:
     """The trials whose motion is on disk; known before hours of work."""
     loadable = []
     for trial in trials:
@@ -158,7 +161,7 @@ def _loadable(trials: Sequence[Trial], library: Library, hooks: Hooks) -> list[T
             library.rollouts(trial)
             library.datasets(trial)
         except (GroundError, ShardError) as error:
-            hooks.fault(trial, error)
+            callbacks.fault(trial, error)
         else:
             loadable.append(trial)
     return loadable
@@ -169,7 +172,7 @@ def _run_of(
 ) -> Run:
     sets = library.datasets(trial)
     run = Run(sets, trial.training, trial.seed, checkpoint=checkpoint)
-    return run._replace(start=carried(trial, start).weights) if start else run
+    return run._replace(start=transferred(trial, start).weights) if start else run
 
 
 def _result(
@@ -196,7 +199,7 @@ def _starts(
     A trial whose pretraining does not end in time is left out.
     """
     folders = {
-        trial: folder(trial, library.data, "bundle")
+        trial: pretrained_folder(trial, library.data, "bundle")
         for trial in trials
         if trial.pretraining is not None
     }

@@ -50,7 +50,7 @@ def verify(
     if local_digest == committed["digest"]:
         return []
     if "likeness" not in committed:
-        return ["other bits, and the results keep nothing else to know them by"]
+        return ["the data differ, and the results store no likeness to compare"]
     likeness = Likeness.of(trajectories)
     differences = from_mapping(Likeness, committed["likeness"]).differences(likeness)
     note = {"digest": local_digest, "likeness": dataclasses.asdict(likeness)}
@@ -72,7 +72,7 @@ def is_here(trial: Trial, data: str | Path = "data") -> bool:
     )
 
 
-def others(made: Any, data: str | Path = "data") -> tuple[str, ...]:
+def substitute_digests(made: Any, data: str | Path = "data") -> tuple[str, ...]:
     """Kind and digest of each dataset under `data` that stands for one of a trial's.
 
     Args:
@@ -90,7 +90,7 @@ def others(made: Any, data: str | Path = "data") -> tuple[str, ...]:
     )
 
 
-def differing(
+def differing_names(
     preset: Preset, data: str | Path = "data", results: str | Path = "results"
 ) -> list[str]:
     """Names of a preset's datasets under `data` that differ from the results' ones."""
@@ -225,7 +225,7 @@ def collect_datasets(
         Dataset name -> digest.
 
     Raises:
-        ImportError: PyBullet is not installed; one line.
+        ImportError: PyBullet is not installed; the message is one line.
     """
     needed = list(needed) or [
         dataset for system in systems for dataset in preset.all_datasets(system)

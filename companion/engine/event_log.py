@@ -26,7 +26,8 @@ class EventLog:
         folder: where to write; nothing is written by default.
 
     Raises:
-        ImportError: TensorBoard is asked for and not installed; one line.
+        ImportError: TensorBoard is asked for and not installed; the message is one
+            line.
     """
 
     def __init__(self, folder: str | Path | None):

@@ -6,7 +6,6 @@ import dataclasses
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from companion.beyond.mirror import mirror_image
 from companion.engine import provenance
@@ -62,34 +61,40 @@ def perform(
         if trial.solved:
             trained = _solve(trial, sets, start)
         else:
-            trained = _train(
-                trial,
-                sets,
-                start,
-                dict(checkpoint=checkpoint, progress=progress),
-                device,
-            )
-        return outcome_of(
-            trial, trained, library, start.samples if start else 0
-        ), trained
+            trained = _train(trial, sets, start, checkpoint, progress, device)
+        outcome = outcome_of(trial, trained, library, start.samples if start else 0)
+        return outcome, trained
 
 
 def _train(
     trial: Trial,
     sets: Datasets,
     start: Pretrained | None,
-    options: dict[str, Any],
+    checkpoint: Path | None,
+    progress: Progress | None,
     device: str,
 ) -> Trained:
-    """Train a trial's model from its first weights, or a correction of their model."""
+    """Train the trial's model, or a correction of the pretrained model."""
     settings = trial.network, trial.training, trial.seed
     if start is None or not trial.residual:
-        weights = start and start.weights
-        return train(sets, *settings, start=weights, device=device, **options)
+        return train(
+            sets,
+            *settings,
+            start=start.weights if start else None,
+            checkpoint=checkpoint,
+            progress=progress,
+            device=device,
+        )
     base = _frozen(trial, sets, start).to(device)
     sets = residual_datasets(sets, base)
-    options |= dict(standardisation=correction_units(sets), device=device)
-    trained = train(sets, *settings, **options)
+    trained = train(
+        sets,
+        *settings,
+        standardisation=correction_units(sets),
+        checkpoint=checkpoint,
+        progress=progress,
+        device=device,
+    )
     return trained._replace(model=Corrected(base, trained.model))
 
 
@@ -115,7 +120,7 @@ def run_trial(
     device: str = "cpu",
     log: str | Path | None = None,
 ) -> Row | Failure:
-    """`perform` a trial; the row says where the outcome comes from, a failure how.
+    """Run a trial and return its row, or its failure, with the provenance.
 
     Args:
         trial: what to run.

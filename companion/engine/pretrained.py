@@ -22,7 +22,7 @@ from sidm.rivals.fine_tuning import Pretrained, pretrained_from, pretraining_dat
 from sidm.storage import locked
 
 
-def folder(trial: Trial, data: str | Path, kind: str = "training") -> Path:
+def pretrained_folder(trial: Trial, data: str | Path, kind: str = "training") -> Path:
     """The folder of a trial's pretrained weights, for today's version of numbers."""
     network = to_mapping(network_of(trial))
     made_from = {
@@ -40,7 +40,7 @@ def folder(trial: Trial, data: str | Path, kind: str = "training") -> Path:
 def network_of(trial: Trial) -> Network:
     """The network of a trial's pretraining.
 
-    The expert is alone there, in the novice's place, and shares nothing.
+    The pretraining has one system, the expert, under the role 'novice'.
     """
     body = trial.network.expert_body
     return dataclasses.replace(trial.network, own="all", novice_body=body)  # type: ignore[type-var]
@@ -66,10 +66,11 @@ def start_of(
     def pretrain(state: Path) -> Trained:
         return train(sets, *settings, checkpoint=state, device=device)
 
-    return carried(trial, kept(folder(trial, data), pretrain))
+    folder = pretrained_folder(trial, data)
+    return transferred(trial, load_or_pretrain(folder, pretrain))
 
 
-def kept(path: Path, pretrain: Callable[[Path], Trained]) -> Pretrained:
+def load_or_pretrain(path: Path, pretrain: Callable[[Path], Trained]) -> Pretrained:
     """The weights in a folder; where they are missing, `pretrain` makes them.
 
     Args:
@@ -84,6 +85,6 @@ def kept(path: Path, pretrain: Callable[[Path], Trained]) -> Pretrained:
         return start
 
 
-def carried(trial: Trial, start: Pretrained) -> Pretrained:
+def transferred(trial: Trial, start: Pretrained) -> Pretrained:
     """The part of pretrained weights that a trial starts from."""
     return start.core() if trial.pretrained == "sidm" else start

@@ -66,7 +66,7 @@ class Provenance:
 
     @property
     def stale(self) -> bool:
-        """Whether today's code would come to other figures."""
+        """Whether the current code would give other numbers."""
         return any(
             NUMERICS.get(kind) != version for kind, version in self.numerics.items()
         )

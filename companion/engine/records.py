@@ -14,7 +14,7 @@ from concurrent.futures import Executor, as_completed
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from companion.engine.datasets import others
+from companion.engine.datasets import substitute_digests
 from companion.engine.provenance import THREADS, Provenance, here, source
 from companion.trials import LATER as LATER_OF_TRIALS
 from companion.trials import key_of_values
@@ -73,7 +73,7 @@ def records_of(kind: type[F], study: str) -> Callable[..., Records[F]]:
     )
 
 
-def single(path: Path) -> dict[str, Any]:
+def read_or_empty(path: Path) -> dict[str, Any]:
     """The values of a measurement's file; empty where it has none."""
     try:
         return read_record(path)
@@ -87,14 +87,14 @@ class Records(Generic[F]):
     Args:
         kind: the class of the records.
         folder: of the records' files; it need not exist.
-        again: the command that makes the records, for messages.
+        command: makes the records; named in messages.
     """
 
     subject = "about"  # the field that says what a record is about
     place = ""  # of the files within the folder
 
-    def __init__(self, kind: type[F], folder: str | Path, again: str) -> None:
-        self.kind, self.folder, self.again = kind, Path(folder), again
+    def __init__(self, kind: type[F], folder: str | Path, command: str) -> None:
+        self.kind, self.folder, self.command = kind, Path(folder), command
 
     def path(self, about: Any) -> Path:
         """The file of a record, whether it exists or not."""
@@ -132,7 +132,7 @@ class Records(Generic[F]):
             return None
         if getattr(record, self.subject) != about:
             raise StoreError(
-                f"{path}: is about something else; delete it and run '{self.again}'"
+                f"{path}: is about something else; delete it and run '{self.command}'"
             )
         return record
 
@@ -141,7 +141,7 @@ class Records(Generic[F]):
             return from_mapping(self.kind, self._readable(read_record(path)))
         except (Damaged, ConfigError, TypeError) as error:
             raise StoreError(
-                f"{path}: damaged ({error}); delete it and run '{self.again}'"
+                f"{path}: damaged ({error}); delete it and run '{self.command}'"
             ) from None
 
     def _readable(self, values: dict[str, Any]) -> dict[str, Any]:
@@ -208,7 +208,7 @@ def one_line(error: BaseException) -> str:
     return text if plain else f"{type(error).__name__}: {text}".rstrip(": ")
 
 
-class Making:
+class ProvenanceTimer:
     """Measures the work on a record, for its provenance.
 
     Args:
@@ -221,9 +221,9 @@ class Making:
     def __init__(self, kind: str, used: Any, data: str | Path) -> None:
         source()  # as the work begins
         self.kind, self.begun = kind, time.perf_counter()
-        self.others = others(used, data) if used else ()
+        self.substitute_digests = substitute_digests(used, data) if used else ()
 
     def done(self) -> Provenance:
         """The provenance of the record; call it when the work is done."""
         made = here(time.perf_counter() - self.begun, THREADS, kind=self.kind)
-        return dataclasses.replace(made, other_data=self.others)  # type: ignore[type-var]
+        return dataclasses.replace(made, other_data=self.substitute_digests)  # type: ignore[type-var]

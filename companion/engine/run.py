@@ -20,8 +20,8 @@ from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import NamedTuple
 
-from companion.engine.bundles import Hooks, bundles, fits, run_bundle
-from companion.engine.datasets import note_datasets, others
+from companion.engine.bundles import BundleCallbacks, bundles, fits, run_bundle
+from companion.engine.datasets import note_datasets, substitute_digests
 from companion.engine.event_log import EventLog
 from companion.engine.execute import run_trial
 from companion.engine.records import StoreError, one_line
@@ -77,14 +77,14 @@ def run(
         trials: in the order in which they are started; each is run once.
         executor: where they run, e.g. `distributed.Client(...).get_executor()`; it is
             left open. By default `workers` local processes of one thread each.
-        workers: number of local processes; for one of them, or a single trial, this
-            process does.
+        workers: number of local processes; with 1, or with a single trial, this process
+            runs the trials.
         data: the folder of the shards; checkpoints lie there too.
         results: the store, or its folder.
         progress: whether to show a bar with the time left.
         device: where the workers compute, 'cpu' or 'cuda'.
         bundle: how many trials are trained side by side in this process, instead of in
-            workers; what a GPU is for. Those that no bundle can train follow in
+            workers; meant for a GPU. Trials that no bundle can train run afterwards in
             workers.
         log: a folder for TensorBoard's event files.
         seconds: after which a bundle writes its trials' states and ends; the next call
@@ -92,13 +92,14 @@ def run(
 
     Returns:
         The store. Trials that failed are reported on stderr and are still `missing`
-        there; those whose training this code has seen fail are not run again.
+        there; trials whose training failed with the current code are not run again.
 
     Raises:
         ConfigError: the digest of a trial's data is unknown, `workers` is below 1,
             `bundle` below 0, a bundle meant for an executor, or `seconds` for trials
             without a bundle.
-        ImportError: TensorBoard is asked for and not installed; one line.
+        ImportError: TensorBoard is asked for and not installed; the message is one
+            line.
     """
     store = results if isinstance(results, Results) else Results(results)
     wanted = list({trial.key: trial for trial in trials}.values())
@@ -106,9 +107,12 @@ def run(
     refuse_unknown_data(missing)
     if workers < 1:
         raise ConfigError(f"workers must be at least 1, not {workers}")
-    if bundle < 0 or (bundle and executor):
+    if bundle < 0:
+        raise ConfigError(f"bundle must not be negative; it is {bundle}")
+    if bundle and executor:
         raise ConfigError(
-            f"bundle must not be negative, nor go with an executor; it is {bundle}"
+            "a bundle trains in this process and cannot be used with an executor; "
+            f"bundle is {bundle}"
         )
     if seconds < math.inf and not bundle:
         raise ConfigError(
@@ -123,13 +127,13 @@ def run(
         note_datasets(missing, data, store.folder)
         with progress_bar(len(missing), "trials", "trial", progress) as bar:
             runner = _Runner(store, data, bar, device, log)
-            bundled = {trial: None for trial in missing if bundle and fits(trial)}
-            runner.bundles(list(bundled), bundle, until)
+            in_bundles = [t for t in missing if bundle and fits(t)]
+            runner.run_bundles(in_bundles, bundle, until)
             if time.monotonic() >= until:
                 return store
-            alone = [trial for trial in missing if trial not in bundled]
+            alone = [t for t in missing if not (bundle and fits(t))]
             with _pool(executor, min(workers, len(alone))) as pool:
-                runner.alone(alone, pool)
+                runner.run_single(alone, pool)
     return store
 
 
@@ -164,12 +168,12 @@ class _Runner(NamedTuple):
     def report(self, message: str) -> None:
         self.bar.write(f"companion: {message}", file=sys.stderr)
 
-    def fault(self, trial: Trial, error: Exception) -> None:
+    def report_failure(self, trial: Trial, error: Exception) -> None:
         """Report a trial that failed; the others go on."""
         self.report(f"{trial}: {one_line(error)}")
         self.bar.update()
 
-    def keep(self, row: Row | Failure, folder: Path) -> None:
+    def store_result(self, row: Row | Failure, folder: Path) -> None:
         """Store a trial's row or failure, and delete the folder of its checkpoint."""
         self.store.put(of_data(row, self.data))
         if isinstance(row, Failure):
@@ -177,7 +181,7 @@ class _Runner(NamedTuple):
         self.bar.update()
         shutil.rmtree(folder, ignore_errors=True)
 
-    def bundles(self, trials: list[Trial], slots: int, until: float) -> None:
+    def run_bundles(self, trials: list[Trial], slots: int, until: float) -> None:
         """Train bundle after bundle in this process until the time is up."""
         folder = functools.partial(checkpoint_folder, self.data, kind="bundle")
         with EventLog(self.log) as events:
@@ -193,16 +197,16 @@ class _Runner(NamedTuple):
             for group in bundles(trials):
                 if time.monotonic() >= until:
                     return
-                hooks = Hooks(show, self.fault)
+                callbacks = BundleCallbacks(show, self.report_failure)
                 for row in run_bundle(
-                    group, slots, self.data, folder, hooks, self.device, until
+                    group, slots, self.data, folder, callbacks, self.device, until
                 ):
                     try:
-                        self.keep(row, folder(row.trial))
+                        self.store_result(row, folder(row.trial))
                     except StoreError as error:
-                        self.fault(row.trial, error)
+                        self.report_failure(row.trial, error)
 
-    def alone(self, trials: list[Trial], executor: Executor | None) -> None:
+    def run_single(self, trials: list[Trial], executor: Executor | None) -> None:
         """Run trials, one after the other if there is no executor; store each."""
         work = functools.partial(run_trial, device=self.device, log=self.log)
         folders = {trial: checkpoint_folder(self.data, trial) for trial in trials}
@@ -213,11 +217,11 @@ class _Runner(NamedTuple):
         lost = 0
         for trial, result in _ended(jobs, executor):
             try:
-                self.keep(result(), folders[trial])
+                self.store_result(result(), folders[trial])
             except BrokenProcessPool:
                 lost += 1
             except Exception as error:
-                self.fault(trial, error)
+                self.report_failure(trial, error)
         if lost:
             self.report(
                 f"a worker was killed (out of memory?); {lost} trials not done, "
@@ -243,7 +247,7 @@ def _ended(
 
 def of_data(row: Row | Failure, data: str | Path) -> Row | Failure:
     """Note in a row's provenance the datasets that stand for the trial's."""
-    other_data = others(row.trial, data)
+    other_data = substitute_digests(row.trial, data)
     if not other_data:
         return row
     made = dataclasses.replace(row.provenance, other_data=other_data)  # type: ignore[type-var]

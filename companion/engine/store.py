@@ -49,7 +49,8 @@ class Outcome:
         samples: samples seen in prediction phases, those of a pretraining left out
         pretraining_samples: samples of the expert seen in the pretraining
         test_spacing: samples between two tests
-        every_training_loss: (E,) loss on the novice's samples since the test before
+        every_training_loss: (E,) loss on the novice's samples since the previous
+            test
         every_test_loss: (E,) loss on the first trajectories of the novice's test split,
             not smoothed
         every_validation_loss: (E,) loss on the first trajectories of the validation set

@@ -32,7 +32,7 @@ def robot_drives(
     Raises:
         ConfigError: `source` is neither a file nor a simulated robot.
         RecordingError: a file has a fault.
-        ImportError: PyBullet is needed and not installed; one line.
+        ImportError: PyBullet is needed and not installed; the message is one line.
     """
     if source in SIMULATED:
         from sidm.simulation import simulate

@@ -1,4 +1,4 @@
-"""How many times a method's data training alone needs, seed by seed, at one size.
+"""Data ratio of training alone to a method, seed by seed, at one size.
 
 The size is chosen before the results are known. A seed's ratio is read from the
 isotonic fit of that seed's losses. The estimate over seeds is the geometric mean, with
@@ -19,7 +19,7 @@ from companion.statistics.intervals import FEWEST_SEEDS, Interval, student
 def data_ratio(
     sizes: Sequence[float], alone: np.ndarray, losses: np.ndarray, at: float
 ) -> Interval:
-    """How many times the data of a method training alone needs, paired by seed.
+    """Data of training alone divided by the method's, at equal loss, paired by seed.
 
     Args:
         sizes: (M,) data of training alone, rising, min.

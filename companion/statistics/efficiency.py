@@ -9,6 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+#: (at least, at most) -> how to read a ratio
+BOUNDS = {
+    (True, True): "?",
+    (True, False): ">=",
+    (False, True): "<=",
+    (False, False): "=",
+}
+
 
 def isotonic_fit(losses: np.ndarray) -> np.ndarray:
     """The nearest curve that never rises, fitted to the logarithm of losses.
@@ -76,7 +84,7 @@ def efficiency(
         novice_data, novice_sign = minutes_needed(minutes, novice_fit, loss)
         more = novice_sign == ">" or sign == "<="
         less = novice_sign == "<=" or sign == ">"
-        bound = "?" if more and less else ">=" if more else "<=" if less else "="
+        bound = BOUNDS[more, less]
         ratios.append(np.nan if bound == "?" else novice_data / data)
         bounds.append(bound)
     return Efficiency(losses, np.array(ratios), np.array(bounds))

@@ -46,7 +46,7 @@ class Interval(NamedTuple):
 
     def side(self, value: float) -> int:
         """1 if the whole interval lies above a value, -1 if below, otherwise 0."""
-        return 1 if self.low > value else -1 if self.high < value else 0
+        return int(self.low > value) - int(self.high < value)
 
 
 def bootstrap(

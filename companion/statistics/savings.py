@@ -30,7 +30,7 @@ def savings(
     value: str = "validation_loss",
     held_out: float = 0.0,
 ) -> pd.DataFrame:
-    """How many times a method's data the comparisons need for the same loss.
+    """Novice data of each comparison divided by the method's, at equal loss.
 
     Args:
         frame: results of Figure 3, or of its variants; seeds that lack one of a
@@ -54,8 +54,8 @@ def savings(
             losses = complete(frame, system, [method], value)
             for name in against:
                 other = complete(frame, system, [name], value)
-                found = savings_between(losses, other, held_out)
-                rows += [(system, method, name, *row) for row in found]
+                rows_found = savings_between(losses, other, held_out)
+                rows += [(system, method, name, *row) for row in rows_found]
     return pd.DataFrame(rows, columns=COLUMNS).astype(dict.fromkeys(NUMBERS, float))
 
 
@@ -89,13 +89,15 @@ def savings_between(own: Losses, other: Losses, held_out: float = 0.0) -> list[t
         drawn = at_sizes(losses)
         return log_of_value(drawn.ratio[size], str(drawn.bound[size]))
 
-    found = at_sizes(both)
+    all_seeds = at_sizes(both)
     rows: list[tuple] = []
     for size, minutes in enumerate(own.minutes):
         estimate = interval(functools.partial(log_ratio, size=size), both, held_out)
-        numbers = float(minutes), len(seeds), float(found.loss[size])
+        numbers = float(minutes), len(seeds), float(all_seeds.loss[size])
         ends = np.exp(estimate[1:]).tolist()
-        rows.append((*numbers, float(found.ratio[size]), *ends, str(found.bound[size])))
+        rows.append(
+            (*numbers, float(all_seeds.ratio[size]), *ends, str(all_seeds.bound[size]))
+        )
     return rows
 
 
@@ -118,8 +120,8 @@ def with_savings(
 
     Returns:
         The means with `ratio`, `low` and `high` of `pairs.paired_comparison`, and with
-        `saved`, `saved_low`, `saved_high` and `bound`: how many times a group's data
-        the reference needs. NaN in rows without a reference.
+        `saved`, `saved_low`, `saved_high` and `bound`: the reference's data divided
+        by the group's, at equal loss. NaN in rows without a reference.
     """
     point = [*on, *by, "novice_minutes"]
     ratios = paired_comparison(
@@ -208,10 +210,10 @@ def efficiency_band(
 
     def log_ratio(drawn: np.ndarray, loss: float) -> float:
         method, comparison = drawn.mean(0)
-        found = efficiency(minutes, method, comparison, np.array([loss]))
-        return log_of_value(found.ratio[0], str(found.bound[0]))
+        ratios = efficiency(minutes, method, comparison, np.array([loss]))
+        return log_of_value(ratios.ratio[0], str(ratios.bound[0]))
 
-    found = np.exp(
+    ends = np.exp(
         [interval(functools.partial(log_ratio, loss=loss), pairs) for loss in losses]
     )
-    return found[:, 1], found[:, 2]
+    return ends[:, 1], ends[:, 2]

@@ -218,7 +218,7 @@ def table(frame: pd.DataFrame, name: str, by_method: bool = False) -> pd.DataFra
         value = value.where(frame.regularise, 0)
     return loss_summary(
         frame.assign(value=value),
-        ["system", "novice_minutes", *["method"] * by_method, "value"],
+        ["system", "novice_minutes", *(["method"] if by_method else []), "value"],
     )
 
 

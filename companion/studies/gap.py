@@ -2,7 +2,8 @@
 
 Both robots stand at rest on the same ground with the same heading, and get the same
 random actions. The gap is the difference between their motions, component by component,
-which a model of the novice has to learn.
+which a model of the novice has to learn. `studies.payoff` measures another gap, a ratio
+of prediction errors.
 
 `companion run --figure gap` measures it and writes `results/gap.json`.
 """
@@ -17,7 +18,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from companion.engine.records import single
+from companion.engine.records import read_or_empty
 from companion.figures.style import SIZE_STYLES, legend_below
 from companion.numerics import versions
 from companion.study import Study
@@ -145,7 +146,7 @@ def table(results: Path | str = "results") -> pd.DataFrame:
         One row per system, component and `time`, s: `gap`, the novice's `spread`, and
         their `ratio`.
     """
-    stored = single(Path(results) / NAME).get("found", {})
+    stored = read_or_empty(Path(results) / NAME).get("found", {})
     rows = [
         (system, name, unit, CONTROL_STEP * step)
         + tuple(values[which][step][number] for which in ("gap", "spread"))

@@ -15,14 +15,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import torch
 from scipy.spatial import cKDTree
 
 from companion.engine.datasets import load_dataset
-from companion.engine.records import single
+from companion.engine.records import read_or_empty
 from companion.numerics import versions
 from companion.study import Study
 from sidm.drives import STEPS, Drive
+from sidm.learning.dataset import states_and_actions
 from sidm.learning.observation import encode_inputs, transition
 from sidm.storage import write_record
 from sidm.systems import SYSTEMS
@@ -53,13 +53,7 @@ class Neighbourhood(NamedTuple):
 
 def steps(trajectories: list[Drive], count: int) -> tuple[np.ndarray, np.ndarray]:
     """Inputs (count, 11) and transitions (count, 13) of evenly spaced steps."""
-    states, actions = (
-        torch.tensor(np.stack(arrays), dtype=torch.float64)
-        for arrays in (
-            [trajectory.states for trajectory in trajectories],
-            [trajectory.actions for trajectory in trajectories],
-        )
-    )
+    states, actions = states_and_actions(trajectories)
     inputs = encode_inputs(states[:, :-1], actions).reshape(-1, 11).numpy()
     targets = transition(states[:, :-1], states[:, 1:]).reshape(-1, 13).numpy()
     even = np.linspace(0, len(inputs) - 1, min(count, len(inputs)))
@@ -121,7 +115,7 @@ def measure(study: Study, results: Path) -> None:
 
 def read(results: Path | str) -> dict[str, dict[str, Neighbourhood]]:
     """The stored neighbourhoods by system and robot; empty if none are stored."""
-    stored = single(Path(results) / NAME)
+    stored = read_or_empty(Path(results) / NAME)
     return {
         system: {
             role: Neighbourhood(*values) for role, values in stored[system].items()

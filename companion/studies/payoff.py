@@ -1,10 +1,10 @@
 """When does an SIDM pay? The gap between two robots before learning, beside the saving.
 
-For the gap, two robots need to have nothing in common but motion in the plane. What a
-robot does within a second is its answer; it is predicted from the most similar samples
-of the other robot's motion, by velocity, yaw rate and command. A command is described
-as a twist, the mean speed and yaw rate that it leads to, so that a throttle and two
-wheels' speeds can be compared.
+The gap compares motion in the plane only, so any two robots can be compared. For a
+sample of the novice, the motion of the next second is predicted from the most similar
+samples of the expert (velocity, yaw rate, command). A command enters as the mean speed
+and yaw rate that it causes. The gap is a ratio of prediction errors; `studies.gap`
+measures another gap, the difference between motions under the same actions.
 
 `companion run --figure payoff` measures the gaps and writes `results/payoff.json`.
 """
@@ -21,7 +21,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
-from companion.engine.records import single
+from companion.engine.records import read_or_empty
 from companion.figures.style import SIZE_STYLES, legend_below
 from companion.methods import CORES
 from companion.numerics import versions
@@ -41,12 +41,12 @@ from sidm.storage import write_record
 from sidm.systems import FREE_SYSTEMS, SYSTEMS
 
 RATE = 10  # control steps per second
-AHEAD = 10  # steps that an answer takes
+AHEAD = 10  # steps of a predicted motion
 BEFORE = 4  # steps over which a velocity is taken
 TRAJECTORIES = 128  # of each simulated robot
 POLICY = "ornstein_uhlenbeck"
 MEMBER = 0  # the member of the family that is an expert
-ASKED_EVERY = 4  # every fourth trajectory of the novice asks; the others answer
+QUERY_EVERY = 4  # every fourth trajectory of the novice is predicted
 NAME = "payoff.json"
 
 #: Title of each plot -> methods that it shows: those that train an SIDM, and those that
@@ -72,20 +72,19 @@ class MotionSamples(NamedTuple):
     Attributes:
         features: (M, 5) forward and left velocity, m/s, yaw rate, rad/s, speed, m/s,
             and yaw rate, rad/s, of the command
-        answers: (M, 3) motion within a second in the robot's frame: forward and left,
+        motions: (M, 3) motion within a second in the robot's frame: forward and left,
             m, heading, rad
         trajectories: (M,) number of the trajectory
     """
 
     features: np.ndarray
-    answers: np.ndarray
+    motions: np.ndarray
     trajectories: np.ndarray
 
 
 def simulated_motion(drives: list[Drive]) -> PlanarMotion:
     """Planar motion of drives of one of the paper's robots."""
-    states = np.stack([drive.states for drive in drives]).astype(float)
-    actions = np.stack([drive.actions for drive in drives]).astype(float)
+    states, actions = (values.numpy() for values in states_and_actions(drives))
     yaw = yaw_of(states[..., QUATERNION])
     poses = np.concatenate([states[..., :2], yaw[..., None]], -1)
     return PlanarMotion(poses, states[..., 12], actions)
@@ -106,12 +105,12 @@ def motion_samples(motion: PlanarMotion) -> MotionSamples:
     velocity = -_relative(now, then)[..., :2] / BEFORE * RATE
     # mean commands (N, times, A)
     commands = np.stack([motion.actions[:, t : t + AHEAD].mean(1) for t in times], 1)
-    answers = _relative(now, later)
-    twist = _twist(commands, answers)
+    motions = _relative(now, later)
+    twist = _twist(commands, motions)
     features = np.concatenate([velocity, motion.yaw_rate[:, times, None], twist], -1)
     numbers = np.broadcast_to(np.arange(len(poses))[:, None], features.shape[:2])
     return MotionSamples(
-        features.reshape(-1, 5), answers.reshape(-1, 3), numbers.reshape(-1)
+        features.reshape(-1, 5), motions.reshape(-1, 3), numbers.reshape(-1)
     )
 
 
@@ -123,7 +122,7 @@ def _relative(frames: np.ndarray, poses: np.ndarray) -> np.ndarray:
     return np.stack([forward, left, moved[..., 2]], -1)
 
 
-def _twist(commands: np.ndarray, answers: np.ndarray) -> np.ndarray:
+def _twist(commands: np.ndarray, motions: np.ndarray) -> np.ndarray:
     """Speed, m/s, and yaw rate, rad/s, (..., 2) that commands (..., A) lead to.
 
     They are fitted by least squares, with the commands and their products as terms.
@@ -132,31 +131,31 @@ def _twist(commands: np.ndarray, answers: np.ndarray) -> np.ndarray:
     ones = np.ones_like(commands[..., :1])
     products = commands[..., rows] * commands[..., columns]
     terms = np.concatenate([ones, commands, products], -1)
-    targets = answers[..., (0, 2)].reshape(-1, 2) * RATE / AHEAD
+    targets = motions[..., (0, 2)].reshape(-1, 2) * RATE / AHEAD
     flat = terms.reshape(-1, terms.shape[-1])
     return terms @ np.linalg.lstsq(flat, targets, rcond=None)[0]
 
 
 def gap(expert: PlanarMotion, novice: PlanarMotion) -> dict[str, float]:
-    """Errors of nearest-neighbour answers from the expert's and the novice's motion.
+    """Errors of motions predicted from the expert's and the novice's samples.
 
-    Both answer from the same number of samples.
+    Both predictions use the same number of samples.
 
     Returns:
-        Mean errors over a second, m and rad: `displacement` and `heading` of the
-        expert's answer, `own_displacement` and `own_heading` of the novice's.
+        Mean errors over a second, m and rad: `displacement` and `heading` from
+        the expert's samples, `own_displacement` and `own_heading` from the novice's.
     """
     experts, novices = motion_samples(expert), motion_samples(novice)
-    asking = novices.trajectories % ASKED_EVERY == 0
-    own = MotionSamples(*(values[~asking] for values in novices))
+    queries = novices.trajectories % QUERY_EVERY == 0
+    own = MotionSamples(*(values[~queries] for values in novices))
     count = min(len(own.features), len(experts.features))
     scale = own.features.std(0)
     errors = {}
     for prefix, samples in (("", experts), ("own_", own)):
         even = np.linspace(0, len(samples.features) - 1, count).round().astype(int)
         tree = cKDTree(samples.features[even] / scale)
-        _, near = tree.query(novices.features[asking] / scale, k=NEIGHBOURS)
-        error = samples.answers[even][near].mean(1) - novices.answers[asking]
+        _, near = tree.query(novices.features[queries] / scale, k=NEIGHBOURS)
+        error = samples.motions[even][near].mean(1) - novices.motions[queries]
         distance = np.linalg.norm(error[:, :2], axis=1)
         errors[f"{prefix}displacement"] = float(distance.mean())
         errors[f"{prefix}heading"] = float(np.abs(error[:, 2]).mean())
@@ -209,9 +208,9 @@ def gaps(results: Path | str = "results") -> pd.DataFrame:
     Returns:
         One row per `pair`: the errors that `gap` returns; the expert's divided by the
         novice's own, `displacement_ratio` and `heading_ratio`; and `gap`, their
-        geometric mean: 1 where the expert answers as well as the novice itself.
+        geometric mean: 1 where the expert predicts as well as the novice itself.
     """
-    stored = single(Path(results) / NAME).get("found", {})
+    stored = read_or_empty(Path(results) / NAME).get("found", {})
     names = ["displacement", "heading", "own_displacement", "own_heading"]
     table = pd.DataFrame.from_dict(stored, orient="index", columns=names)
     table = table.rename_axis("pair").reset_index()
@@ -241,7 +240,7 @@ class Group(NamedTuple):
 
 
 def saved(groups: Mapping[str, Group]) -> pd.DataFrame:
-    """How many times a method's novice data training without SIDM needs.
+    """Novice data of training without SIDM divided by each method's, at equal loss.
 
     The method has about a minute of the novice's motion.
 

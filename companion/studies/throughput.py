@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from companion.engine.provenance import THREADS, here
-from companion.engine.records import single
+from companion.engine.records import read_or_empty
 from companion.methods import BASELINES, FIGURE3, METHODS
 from companion.study import Study
 from companion.trials import Trial
@@ -103,7 +103,7 @@ def measure(
 
 def _stored(results: Path | str, preset: str) -> dict[str, Any]:
     """The record of a preset's measurement; empty without one."""
-    values = single(Path(results) / NAME)
+    values = read_or_empty(Path(results) / NAME)
     return values if values.get("preset") == preset else {}
 
 

@@ -1,9 +1,9 @@
 """How the methods were tuned: an equal number of tries each, judged by the test loss.
 
-All tries have a seed that no figure has. For each method, the preset `laptop` takes the
-try with the lowest test loss on system 1, at one middle size; its tries on system 2 are
-a check. A preset with separate motion for tuning, as `study`, has other tries, at a
-small size; LITTLE names the best of them.
+Every try (candidate setting) uses TUNING_SEED, which no figure uses. The preset
+`laptop` takes each method's try with the lowest test loss on system 1, at one middle
+size; system 2 is a check. A preset with separate tuning motion, such as `study`, has
+LITTLE_TRIES at a small size; LITTLE names the best of these tries.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ def drives_from(
         body: body of the drives. Drives that have been read already need none; if one
             is given, they must have the same pose, state, actions and rate.
         argument: the name of the argument, for error messages.
-        topics: topics of ROS bags, needed where a bag has several that fit.
+        topics: topics of ROS bags, needed if a bag has several matching topics.
         allow_constant: whether a column may never change, as in
             `recordings.read_drives`.
         default_body: body of drives in files where `body` is None.
@@ -47,7 +47,7 @@ def drives_from(
         ConfigError: there are no drives, no body is given, or the drives have another
             body.
         RecordingError: the first fault of a file or a table.
-        TypeError: `source` is nothing that holds drives.
+        TypeError: `source` has a type that cannot hold drives.
     """
     file_body = body or default_body
     if isinstance(source, (str, Path)):
@@ -70,13 +70,13 @@ def drives_from(
     expected = None if body is None else as_body(body)
     drives: list[Drive] = []
     for item in source:
-        if not isinstance(item, Drive):
-            file_body = _required(expected or default_body, argument)
-            drives += read_drives(item, file_body, topics, allow_constant)
-        else:
+        if isinstance(item, Drive):
             drives.append(
                 item if expected is None else _with_body(item, expected, argument)
             )
+        else:
+            file_body = _required(expected or default_body, argument)
+            drives += read_drives(item, file_body, topics, allow_constant)
     if len({drive.body for drive in drives}) > 1:
         names = ", ".join(sorted({drive.body.name for drive in drives}))
         raise ConfigError(

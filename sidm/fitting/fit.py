@@ -88,7 +88,7 @@ def fit(
         seed: seed of the choice of drives, the initial weights and the batches.
         out: a folder for the model. An unfinished training is kept there, too; the same
             call resumes it.
-        topics: topics of ROS bags, needed where a bag has several that fit.
+        topics: topics of ROS bags, needed if a bag has several matching topics.
         progress: whether to show a progress bar, with the longest time left.
 
     Returns:

@@ -117,7 +117,7 @@ class Model:
         Args:
             drives: drives of the model's robot; or a file, a ROS bag or a folder of
                 drives, or several; or a pandas table.
-            topics: topics of ROS bags, needed where a bag has several that fit.
+            topics: topics of ROS bags, needed if a bag has several matching topics.
 
         Returns:
             A row for each component of y, one step ahead, and a row for each horizon,
@@ -254,7 +254,7 @@ class Model:
         Each file is written completely or not at all.
 
         Raises:
-            OSError: a file cannot be written; one line.
+            OSError: a file cannot be written; the message is one line.
         """
         from safetensors.torch import save as to_bytes
 
@@ -295,7 +295,8 @@ def load(folder: str | Path) -> Model:
     """Read a model that `Model.save`, `sidm.fit(out=...)` or `sidm fit` wrote.
 
     Raises:
-        ConfigError: the folder has no model, or the model is damaged; one line.
+        ConfigError: the folder has no model, or the model is damaged; the message is
+            one line.
 
     Examples:
         >>> sidm.load("recordings/models/warthog")

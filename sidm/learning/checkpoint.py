@@ -32,7 +32,7 @@ class CheckpointError(DataError):
 def write(
     folder: Path, tensors: Mapping[str, Tensor], values: Mapping[str, Any]
 ) -> None:
-    """Write the checkpoint of `folder`; it replaces the one before.
+    """Write the checkpoint of `folder`; it replaces the previous one.
 
     Args:
         folder: where the checkpoint lies.

@@ -15,7 +15,7 @@ from sidm.body import ROVER, Body
 from sidm.config import ConfigError, replace
 from sidm.drives import Drive
 from sidm.learning import observation
-from sidm.learning.height_maps import as_body, cached_maps, drive_maps
+from sidm.learning.height_maps import cached_maps, drive_maps, states_for_body
 from sidm.shards import Collection, digest, load, trajectories_for
 from sidm.systems import Terrain
 
@@ -28,8 +28,8 @@ Indices = Tensor | np.ndarray | Sequence[int]
 class Windows:
     """N windows of T steps of one robot, as the networks see them.
 
-    They are all windows that are stored, or the chosen `rows`. Rows are copied when
-    they are asked for, so that maps can stay in a file.
+    `rows` selects stored windows; None selects all. Rows are copied when they are asked
+    for, so that maps can stay in a file.
 
     Attributes:
         stored_inputs: (M, T, X) float32, raw units; X is 11 for the paper's body
@@ -44,7 +44,7 @@ class Windows:
     rows: Tensor | None = None
 
     def __len__(self) -> int:
-        """N."""
+        """Number of windows."""
         return len(self.stored_inputs if self.rows is None else self.rows)
 
     def __repr__(self) -> str:
@@ -139,7 +139,8 @@ def windows_of(
             drives' own body.
 
     Raises:
-        GroundError: simulated ground that cannot be made again as it was; one line.
+        GroundError: simulated ground that cannot be made again as it was; the message
+            is one line.
         ConfigError: the body sees a height map, and a drive has no ground.
         ValueError: no drives.
     """
@@ -171,13 +172,13 @@ def load_windows(
         root: folder of all collections.
         collection: names the drives.
         count: number of drives, N.
-        terrain: that the drives are on.
+        terrain: terrain of the drives.
         pixels: P, pixels along a side of the maps, unless the body gives this number.
         body: what the networks see of the robot.
 
     Raises:
         ShardError: a shard is missing or damaged, or a terrain cannot be made again as
-            it was; one line.
+            it was; the message is one line.
     """
     drives = load(Path(root), collection, count, terrain)
     pixels = body.pixels(pixels)
@@ -197,7 +198,7 @@ def _encode_drives(
     states, actions = states_and_actions(drives)
     # the last state has no action: repeat the last one, and drop it again below
     actions = torch.cat([actions, actions[:, -1:]], 1)
-    states, actions = as_body(body, drives[0].body, states, actions)
+    states, actions = states_for_body(body, drives[0].body, states, actions)
     return encode_windows(body, states, actions[:, :-1], maps)
 
 

@@ -84,7 +84,7 @@ def rollout(
     body: Body = ROVER,
     memory: Any = None,
 ) -> Tensor:
-    """Predict many steps ahead: each prediction starts where the one before ends.
+    """Predict many steps ahead: each prediction starts where the previous one ends.
 
     The SIDM keeps its memory from step to step, and the height map is sampled at each
     predicted pose.
@@ -153,9 +153,12 @@ def _require_rollout_shapes(
         expected = f"heights (B, H, W), {expected}"
         tensors = tensors if terrains is None else [terrains, *tensors]
         dimensions = [3, *dimensions]
-    fit = [tensor.ndim for tensor in tensors] == dimensions
-    fit = fit and (state.shape[-1], actions.shape[-1]) == sizes
-    if not fit or len({len(tensor) for tensor in tensors}) > 1:
+    fits = (
+        [tensor.ndim for tensor in tensors] == dimensions
+        and (state.shape[-1], actions.shape[-1]) == sizes
+        and len({len(tensor) for tensor in tensors}) == 1
+    )
+    if not fits:
         *first, last = (str(tuple(tensor.shape)) for tensor in tensors)
         raise ValueError(f"{expected}, not {', '.join(first)} and {last}")
 

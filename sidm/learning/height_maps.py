@@ -36,7 +36,7 @@ def drive_maps(drive: Drive, pixels: int, body: Body) -> np.ndarray:
         )
     heights = ground.heights
     states, actions = map(torch.from_numpy, (drive.states[:-1], drive.actions))
-    states, _ = as_body(body, drive.body, states, actions)
+    states, _ = states_for_body(body, drive.body, states, actions)
     maps = observation.robot_centred_map(
         heights, states, pixels, body.map_size, ground.spacing, body
     )
@@ -49,7 +49,8 @@ def cached_maps(path: Path, drives: Sequence[Drive], pixels: int, body: Body) ->
     The file is written where it is missing. The maps stay in it until they are used.
 
     Raises:
-        ShardError: the file is damaged or its maps have another shape; one line.
+        ShardError: the file is damaged or its maps have another shape; the message is
+            one line.
     """
     shape = (len(drives), len(drives[0]), pixels, pixels)
     with locked(path):
@@ -95,7 +96,7 @@ def _available_cores() -> int:
     return os.cpu_count() or 1
 
 
-def as_body(
+def states_for_body(
     body: Body, recorded: Body, states: Tensor, actions: Tensor
 ) -> tuple[Tensor, Tensor]:
     """States and actions of the `recorded` body in the form of `body`."""

@@ -16,7 +16,7 @@ from sidm.learning.units import Standardisation, Units, role_units
 from sidm.settings import Network
 from sidm.systems import ROLES
 
-#: says of a parameter's name whether each system has that parameter for itself
+#: tells from a parameter's name whether each system has its own copy
 IsOwn = Callable[[str], bool]
 
 #: for each `Network.own` but 'all', the parameters that are a system's own
@@ -29,7 +29,10 @@ OWN_IN_ENCODER = OWN_IN_DECODER | {"flag": lambda name: name == "dense.0.bias"}
 
 
 class Predictor(nn.Module):
-    """A model of the transitions of one or more systems, called like DynamicsModel."""
+    """A model of the transitions of one or more systems.
+
+    It is called as model(role, inputs, maps, memory).
+    """
 
     @property
     def device(self) -> torch.device:
@@ -148,7 +151,7 @@ class DynamicsModel(Predictor):
         return losses
 
     def initialise_from(self, weights: Mapping[str, Tensor]) -> None:
-        """Take over weights by name.
+        """Load initial weights by name.
 
         Where the expert's encoder and decoder are missing, they become copies of the
         novice's. Where there is only the SIDM, encoders and decoders stay as they are.

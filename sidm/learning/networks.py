@@ -109,9 +109,10 @@ class Encoder(nn.Module):
 
 
 class SIDM(nn.Module):
-    """System invariant dynamics model: from latent state-actions to transitions.
+    """SIDM: from latent state-actions to latent state transitions.
 
-    The transitions are latent as well. An LSTM sees the steps of a trajectory in order.
+    This is the system invariant dynamics model. An LSTM sees the steps of a trajectory
+    in order.
     """
 
     def __init__(self, network: Network):

@@ -154,7 +154,7 @@ def convert_to_body(
         """The `known` tensors (...) that are wanted, as the last dimension of one."""
         for name, _ in wanted:
             if name not in known:
-                about = f"what the paper's robots have for body '{body.name}'"
+                about = f"body '{body.name}' of the paper's robots"
                 raise unknown_name(name, known, about)
         return torch.stack([known[name] for name, _ in wanted], -1)
 

@@ -59,7 +59,7 @@ class Checkpoint:
         return True
 
     def save(self, trainer: Trainer) -> None:
-        """Write a trainer's state; it replaces the one before."""
+        """Write a trainer's state; it replaces the previous one."""
         if self.folder is not None:
             tensors, values = state(trainer)
             checkpoint.write(self.folder, tensors, {"run": identity(trainer)} | values)
@@ -84,7 +84,7 @@ def state(trainer: Trainer) -> tuple[dict[str, Tensor], dict[str, Any]]:
     groups = {
         "model": checkpoint.module_tensors(trainer.model),
         "discriminator": checkpoint.module_tensors(trainer.discriminator),
-        "best": trainer.best,
+        "best": trainer.best_weights,
     }
     groups |= trainer.sampler.state()
     for name, optimiser in trainer.optimisers().items():
@@ -115,13 +115,15 @@ def load_state(
 
     trainer.model.load_state_dict(group("model"))
     trainer.discriminator.load_state_dict(group("discriminator"))
-    trainer.best = {
+    trainer.best_weights = {
         name: tensor.to(trainer.device) for name, tensor in group("best").items()
     }
     for name, optimiser in trainer.optimisers().items():
         checkpoint.load_optimiser(optimiser, group(name))
     if trainer.training.zero_gradients:
-        for parameter in trainer.prediction.state:  # those that have had a gradient
+        for (
+            parameter
+        ) in trainer.prediction_optimiser.state:  # those that have had a gradient
             parameter.grad = torch.zeros_like(parameter)
     for number, hook in enumerate(trainer.hooks):
         hook.restore(group(f"hook {number}"), values["iteration"])
@@ -150,8 +152,8 @@ def identity(trainer: Trainer) -> dict[str, Any]:
         "network": _plain(trainer.network),
         "training": dataclasses.asdict(trainer.training),  # type: ignore[call-overload]
         "seed": trainer.seed,
-        "units": trainer.units,
-        "start": trainer.start,
+        "units": trainer.units_digest,
+        "start": trainer.start_digest,
         "data": {
             name: checkpoint.digest((windows.inputs, windows.targets))
             for name, windows in sets.items()

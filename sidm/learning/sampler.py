@@ -93,9 +93,9 @@ class Sampler:
     def batch_indices(self) -> dict[str, Tensor]:
         """Indices of the b_pred windows of a batch of Algorithm 1, by system.
 
-        Each window is the expert's with probability p_e. A novice's and an expert's
-        window are drawn for each, and one of them is used, so that the novice's windows
-        are the same for all methods. Without `replacement` only those used are drawn.
+        Each window is the expert's with probability p_e. With `replacement`, a novice
+        and an expert index are drawn for every window and one is discarded: all methods
+        thus see the same novice windows. Without it, only used indices are drawn.
         """
         count = self.training.batch
         draws = torch.rand(count, generator=self.generators["system"])

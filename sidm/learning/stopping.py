@@ -34,19 +34,20 @@ class CurvePoint(NamedTuple):
     """A point of the learning curve: the results of one test."""
 
     samples: int  # control steps of the prediction phases so far
-    #: equation (1), mean over the novice's samples since the test before; over all
-    #: samples where there were none of the novice
+    #: mean of equation (1) over the novice's samples since the previous test; over the
+    #: expert's if there were none of the novice
     training_loss: float
     test_loss: float  # equation (1) on the novice's test split, not smoothed
     #: share of latents that the discriminator classified correctly in its last
     #: iteration; None without a discriminator phase so far
     discriminator_accuracy: float | None
-    #: equation (1) on the validation set, which decides nothing; None: not measured
+    #: equation (1) on the validation set, which does not influence training; None: not
+    #: measured
     validation_loss: float | None = None
 
 
-#: least ratio of the samples seen at two measurements by component that follow each
-#: other; a training of 6 million samples has about 40
+#: losses by component are measured again when the samples have grown by this factor; a
+#: training of 6 million samples has about 40 measurements
 COMPONENT_SPACING = 1.12
 
 
@@ -58,7 +59,8 @@ class Components(NamedTuple):
 
     samples: int  # control steps of the prediction phases so far
     test: tuple[float, ...]  # (Y,), terms of equation (1) on the novice's test split
-    #: (Y,), terms of equation (1) on the validation set, which decides nothing
+    #: (Y,), terms of equation (1) on the validation set, which does not influence
+    #: training
     validation: tuple[float, ...]
 
 

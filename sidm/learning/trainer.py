@@ -142,8 +142,8 @@ class Trainer:
         self.datasets, self.network = datasets, network
         self.training, self.seed = training, seed
         self.device, self.hooks = torch.device(device), training.hooks()
-        self.units = checkpoint.digest(_unit_tensors(standardisation))
-        self.start = None if start is None else checkpoint.digest(start.values())
+        self.units_digest = checkpoint.digest(_unit_tensors(standardisation))
+        self.start_digest = None if start is None else checkpoint.digest(start.values())
         self.test = datasets.test.first(training.test_trajectories)
         self._test_loss = test_loss
         validation = training.validation_trajectories if with_validation else 0
@@ -154,11 +154,13 @@ class Trainer:
         self.model.sidm.requires_grad_(training.frozen != "sidm")
         discriminator = seeded(seed, "discriminator", lambda: Discriminator(network))
         self.discriminator = discriminator.to(self.device)
-        self.prediction = make_optimiser(self.model, training)
-        self.discrimination = make_optimiser(self.discriminator, training)
-        self.matching = self.prediction
+        self.prediction_optimiser = make_optimiser(self.model, training)
+        self.discrimination_optimiser = make_optimiser(self.discriminator, training)
+        self.matching_optimiser = self.prediction_optimiser
         if training.matching_optimiser == "own" and "novice" in self.model.encoders:
-            self.matching = make_optimiser(self.model.encoders["novice"], training)
+            self.matching_optimiser = make_optimiser(
+                self.model.encoders["novice"], training
+            )
         self.sampler = sampler or self._make_sampler()
         self.stopping = EarlyStopping(
             training.stopping,
@@ -166,11 +168,12 @@ class Trainer:
             training.patience,
             training.max_samples,
         )
-        self.best = self.weights()
+        self.best_weights = self.weights()
         self.history: list[CurvePoint] = []
         self.components: list[Components] = []
-        self.iteration = self.samples = 0  # of the prediction phases
-        self.accuracy: float | None = None  # of the discriminator
+        # iterations and samples of the prediction phases
+        self.iteration = self.samples = 0
+        self.accuracy: float | None = None  # accuracy of the discriminator
         # since the last test: sum of losses and their number, by system
         self.losses = dict.fromkeys(ROLES, (0.0, 0))
         for hook in self.hooks:
@@ -218,26 +221,29 @@ class Trainer:
             added = hook.auxiliary_loss(self, latents)
             loss = loss if added is None else loss + added
         loss.backward()
-        self.prediction.step()
+        self.prediction_optimiser.step()
         for hook in self.hooks:
             hook.after_step(self)
 
     def step_discriminator(self, loss: Tensor) -> None:
         """Take one step of A alone down the gradient of `loss` (Algorithm 2)."""
-        self.discrimination.zero_grad()
+        self.discrimination_optimiser.zero_grad()
         loss.backward()
-        self.discrimination.step()
+        self.discrimination_optimiser.step()
 
     def step_encoder(self, loss: Tensor) -> None:
         """Take one step of E_n alone down the gradient of `loss` (Algorithm 2)."""
-        # of all parts, because a shared optimiser steps every part that has a gradient
+        # clear the gradients of all parts, because a shared optimiser steps every part
+        # that has a gradient
         self._clear_gradients()
         loss.backward(inputs=list(self.model.encoders["novice"].parameters()))
-        self.matching.step()
+        self.matching_optimiser.step()
 
     def _clear_gradients(self) -> None:
         """Remove the gradients of all parts, or set them to 0 with `zero_gradients`."""
-        self.prediction.zero_grad(set_to_none=not self.training.zero_gradients)
+        self.prediction_optimiser.zero_grad(
+            set_to_none=not self.training.zero_gradients
+        )
 
     def discriminate(self, latents: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """The logits of A for latents.
@@ -302,7 +308,7 @@ class Trainer:
             if len(self.validation):
                 validation = mean_loss(self.model, self.validation)
             if self.add_test(self._test_loss(self.model, self.test), validation):
-                self.best = self.weights()
+                self.best_weights = self.weights()
             if len(self.validation) and self.components_due:
                 self.components.append(self.measure_components())
         if progress is not None:
@@ -354,11 +360,11 @@ class Trainer:
     def optimisers(self) -> dict[str, torch.optim.Optimizer]:
         """The optimisers by the phase that uses them; a shared one appears once."""
         optimisers = {
-            "prediction": self.prediction,
-            "discrimination": self.discrimination,
+            "prediction": self.prediction_optimiser,
+            "discrimination": self.discrimination_optimiser,
         }
-        if self.matching is not self.prediction:
-            optimisers["matching"] = self.matching
+        if self.matching_optimiser is not self.prediction_optimiser:
+            optimisers["matching"] = self.matching_optimiser
         return optimisers
 
 

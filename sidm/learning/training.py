@@ -118,16 +118,16 @@ def learn(
     """Run Algorithms 1 and 2 in turn until the training is finished."""
     state = state or Checkpoint(None)
     while not trainer.finished:
-        predict(trainer, progress)
+        prediction_phase(trainer, progress)
         if trainer.training.regularise and not trainer.finished:
-            regularise(trainer)
+            regularisation_phase(trainer)
         state.save_when_due(trainer)
     if not trainer.history:
         trainer.run_test(progress)
     return result(trainer)
 
 
-def predict(trainer: Trainer, progress: Progress | None = None) -> None:
+def prediction_phase(trainer: Trainer, progress: Progress | None = None) -> None:
     """Algorithm 1: encoders, SIDM and decoders learn to predict."""
     training = trainer.training
     for _ in range(training.prediction_iterations):
@@ -145,7 +145,7 @@ def predict(trainer: Trainer, progress: Progress | None = None) -> None:
             return
 
 
-def regularise(trainer: Trainer) -> None:
+def regularisation_phase(trainer: Trainer) -> None:
     """Algorithm 2: A learns to tell the systems' latents apart, and E_n to deceive A.
 
     A learns first, for `discriminator_iterations`, then the novice's encoder E_n.
@@ -178,7 +178,7 @@ def result(trainer: Trainer) -> Trained:
     """The best model of a finished training, with its learning curve."""
     best = trainer.stopping.best
     assert best is not None  # every training has at least one test
-    trainer.model.load_state_dict(trainer.best)
+    trainer.model.load_state_dict(trainer.best_weights)
     return Trained(
         model=trainer.model.eval(),
         history=trainer.history,

@@ -40,7 +40,8 @@ class Standardisation(NamedTuple):
 
         Args:
             windows: of one system.
-            maps_from: how many windows, the first ones, the maps' units come from.
+            maps_from: the maps' mean and standard deviation come from this number of
+                first windows.
         """
         count = min(maps_from, len(windows))
         maps = windows.first(maps_from).take(range(count)).maps

@@ -1,9 +1,9 @@
 """A model's weights: how they are initialised, and the optimiser that changes them.
 
-The paper names no initial weights. The scaled ones carry the inputs through the layers
-at their own scale. With PyTorch's defaults a signal shrinks in every layer, most of all
-in an LSTM's, and an encoder's few numbers are lost beside the thousands from its map;
-the loss then stands still until some hundreds of batches have made the weights grow.
+The paper does not say how weights are initialised. 'scaled' weights keep the variance
+of signals from layer to layer. With PyTorch's defaults signals shrink in every layer,
+most in the LSTM, and the map's thousands of features hide the encoder's few other
+inputs; for some hundreds of batches the loss then does not fall.
 """
 
 from __future__ import annotations

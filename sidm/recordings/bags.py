@@ -91,7 +91,8 @@ def read_bag(path: Path, body: Body, topics: Sequence[str] = ()) -> Table:
 
     Raises:
         RecordingError: a topic is missing, or a kind of topic occurs more than once, or
-            the bag is cut off, or no topic has a column of the body; one line.
+            the bag is cut off, or no topic has a column of the body; the message is one
+            line.
         ImportError: the library `rosbags` is not installed.
     """
     try:

@@ -85,7 +85,8 @@ def drives_from_frame(frame: pd.DataFrame, body: Body) -> list[Drive]:
         body: the robot's body.
 
     Raises:
-        RecordingError: a column is missing, or the first fault; one line.
+        RecordingError: a column is missing, or the first fault; the message is one
+            line.
     """
     required = ["time", *(name for name, _ in (*body.state, *body.actions))]
     if missing := [name for name in required if name not in frame]:
@@ -270,7 +271,7 @@ def write_drives(path: str | Path, drives: Sequence[Drive], origin: str) -> None
     Raises:
         ValueError: the kind of file is unknown or does not hold grounds, or there are
             no drives.
-        OSError: the file cannot be written; one line.
+        OSError: the file cannot be written; the message is one line.
     """
     path = Path(path)
     if not drives:

@@ -62,7 +62,7 @@ class View:
         """Write the page.
 
         Raises:
-            OSError: the file cannot be written; one line.
+            OSError: the file cannot be written; the message is one line.
         """
         content = self.page().encode()
         write_atomically(Path(path), lambda file: file.write(content))

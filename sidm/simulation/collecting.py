@@ -81,7 +81,7 @@ class EpisodeRules:
 def draw_attempt(
     collection: Collection, index: int, number: int
 ) -> tuple[int, float, np.ndarray]:
-    """Draw what is random in attempt `number` at trajectory `index` of a collection.
+    """Draw ground, heading and actions of attempt `number` at trajectory `index`.
 
     Returns:
         The terrain's seed, the yaw at the start, rad, and the actions (64, 2).

@@ -53,8 +53,8 @@ class Rover(gymnasium.Env):
     An episode ends by the rules for collected trajectories. A step terminates the
     episode when the robot is stuck or rolled over or the simulation failed, and
     truncates it at the terrain's border; ``info["ended"]`` names the cause.
-    ``info["state"]`` is the absolute state (13,). A failed simulation has no
-    observation, so its step repeats the one before.
+    ``info["state"]`` is the absolute state (13,). If the simulation failed, the
+    previous observation is returned again.
 
     `reset` takes ``options``: ``terrain_seed`` (int), ``heights`` (H, W), m, and
     ``start`` (x, y, yaw), m and rad. Ground and heading that are not given are drawn at
@@ -266,7 +266,7 @@ class ReachPoint(gymnasium.Wrapper):
             Observation, reward, terminated, truncated, info.
         """
         observation, reward, terminated, truncated, info = self.env.step(action)
-        # where the simulation failed, the robot counts as still in its last place
+        # if the simulation failed, the robot keeps its last position
         if np.isfinite(info["state"]).all():
             self._state = info["state"]
         distance = float(np.linalg.norm(self.goal - self._state[POSITION][:2]))

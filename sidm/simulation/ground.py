@@ -11,7 +11,7 @@ MAX_HEIGHT = 100.0  # m, bound of the heights' absolute values
 COLOUR = (0.78, 0.74, 0.68, 1.0)  # red, green, blue, opacity, in pictures
 
 
-class Ground:
+class HeightField:
     """The body in Bullet that the robot drives on.
 
     Its heights can be replaced: building a new height field takes Bullet twice as long,

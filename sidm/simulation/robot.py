@@ -80,8 +80,8 @@ def _link(
         name: of the link.
         mass: kg.
         centre: (3,), m, the link's centre of mass in its frame.
-        inertia: (3,), kg m^2, about the centre of mass; the parts without one have none
-            in the released simulator either.
+        inertia: (3,), kg m^2, about the centre of mass; 0 for parts that have none in
+            the released simulator.
         shape: a URDF shape from its origin's rotation on; '': the link is not shown.
         colour: red, green and blue.
         solid: whether the shape touches others; else it is for pictures only.

@@ -9,7 +9,7 @@ import numpy as np
 
 from sidm.simulation.client import Client
 from sidm.simulation.dimensions import AXLES
-from sidm.simulation.ground import Ground
+from sidm.simulation.ground import HeightField
 from sidm.simulation.rendering import DrawnRods
 from sidm.simulation.robot import HEAVES, KINGPINS, ROLLS, WHEELS, urdf
 from sidm.simulation.suspension import Suspension
@@ -89,7 +89,7 @@ class Simulator:
             contactSlop=physics.contact_slop,
             deterministicOverlappingPairs=1,
         )
-        self._ground = Ground(client, heights, physics, self._visible)
+        self._ground = HeightField(client, heights, physics, self._visible)
         with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
             file.write(urdf(self.robot, self._suspensions))
             file.flush()

@@ -147,20 +147,22 @@ class Suspension:
         middle = joints.mean_travel(heave_angle)
         rate, growth = joints.roll_rate(middle), joints.roll_rates[0]  # rad/m, rad/m^2
         above, below = robot.travel_upper - middle, middle - robot.travel_lower
-        room = max(min(above, below), 0.0) if self.heave_free else below / 2
+        slip_limit = max(min(above, below), 0.0) if self.heave_free else below / 2
         roll = roll_angle / rate
-        links, stop = self._move_slip(roll, roll_speed / rate, room)
+        link_force, stop_force = self._move_slip(roll, roll_speed / rate, slip_limit)
 
         a, b, _ = joints.heave_travel
         lever = 2 * a * heave_angle + b  # m/rad
         force = 2 * self._heave_spring * (robot.spring_offset - middle)
         force -= 2 * self._heave_damping * lever * heave_speed
-        force += min(max((above - below) / STOP_BLEND, -1.0), 1.0) * stop
+        force += min(max((above - below) / STOP_BLEND, -1.0), 1.0) * stop_force
         # the links pull the axle to the heave where the same roll needs less slip
-        force += 2 * links * roll * growth / rate
-        return force * lever, -2 * links / rate
+        force += 2 * link_force * roll * growth / rate
+        return force * lever, -2 * link_force / rate
 
-    def _move_slip(self, roll: float, speed: float, room: float) -> tuple[float, float]:
+    def _move_slip(
+        self, roll: float, speed: float, slip_limit: float
+    ) -> tuple[float, float]:
         """Move the slip by one physics step.
 
         The step is implicit: afterwards the force of the links equals the sum of
@@ -169,7 +171,8 @@ class Suspension:
         Args:
             roll: of the axle, m of slip.
             speed: rate of the roll, m/s of slip.
-            room: how far the slip can go either way until a strut meets its stop, m.
+            slip_limit: how far the slip can go either way until a strut meets its stop,
+                m.
 
         Returns:
             The force of the links on each strut, and the force of the stop on the strut
@@ -177,14 +180,15 @@ class Suspension:
         """
         spring, damping, dt = self.robot.spring, self.robot.damping, self._dt
         stiffness, link_damping = self._link_stiffness, self._link_damping
-        links = stiffness * (roll - self.slip) + link_damping * speed
-        force = links - spring * self.slip
+        link_force = stiffness * (roll - self.slip) + link_damping * speed
+        force = link_force - spring * self.slip
         resistance = damping + link_damping + (stiffness + spring) * dt
-        slide = force / (resistance + self._brake)  # m/s, rate of the slip
-        if self._brake * abs(slide) > BRAKE_LIMIT:
-            slide = (force - math.copysign(BRAKE_LIMIT, force)) / resistance
-        slip = min(max(self.slip + slide * dt, -room), room)
-        slide, self.slip = (slip - self.slip) / dt, slip
-        brake = min(max(self._brake * slide, -BRAKE_LIMIT), BRAKE_LIMIT)
-        links = stiffness * (roll - slip) + link_damping * (speed - slide)
-        return links, 2 * abs(links - spring * slip - damping * slide - brake)
+        slip_rate = force / (resistance + self._brake)  # m/s
+        if self._brake * abs(slip_rate) > BRAKE_LIMIT:
+            slip_rate = (force - math.copysign(BRAKE_LIMIT, force)) / resistance
+        slip = min(max(self.slip + slip_rate * dt, -slip_limit), slip_limit)
+        slip_rate, self.slip = (slip - self.slip) / dt, slip
+        brake = min(max(self._brake * slip_rate, -BRAKE_LIMIT), BRAKE_LIMIT)
+        link_force = stiffness * (roll - slip) + link_damping * (speed - slip_rate)
+        stop_force = 2 * abs(link_force - spring * slip - damping * slip_rate - brake)
+        return link_force, stop_force

@@ -158,7 +158,7 @@ def test_text_of_another_type_is_an_error(text: str, kind: Any):
 
 def test_a_name_given_by_hand_must_be_this_notebooks(first):
     with pytest.raises(
-        ConfigError, match="'minuts' of 01-first.ipynb; did you mean 'minutes'"
+        ConfigError, match="'minuts' in 01-first.ipynb; did you mean 'minutes'"
     ):
         notebook.merge_parameters(first, {"minuts": 1.0})
     with pytest.raises(

@@ -88,7 +88,7 @@ def test_a_cluster_gives_what_this_machine_gives(cluster, tmp_path, capsys):
 
     # the package has a function of that name
     module = importlib.import_module("companion.engine.run")
-    keep, victim = module._Runner.keep, processes[1]
+    keep, victim = module._Runner.store_result, processes[1]
 
     def keep_and_disturb(*row):
         keep(*row)
@@ -98,7 +98,7 @@ def test_a_cluster_gives_what_this_machine_gives(cluster, tmp_path, capsys):
             processes.append(worker(address, tmp_path))
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module._Runner, "keep", keep_and_disturb)
+        patch.setattr(module._Runner, "store_result", keep_and_disturb)
         assert main(["run", *common, *there, "--dask", address]) == 0
     assert victim.wait() < 0 and len(processes) == 4
     assert main(["run", *common, *here]) == 0

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from companion import METHODS, PRESETS, UNKNOWN, Study, Trial, grid, load_preset
-from companion.engine.datasets import differing
+from companion.engine.datasets import differing_names
 from companion.methods import COMPARED, CORES, MIRRORED, RIVAL, VARIANTS
 from companion.presets import POLICIES
 from companion.studies import ablations, baselines, choices, duration, tuning, variants
@@ -170,10 +170,10 @@ def test_presets_are_the_papers():
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"pixel": 64}, "unknown parameter 'pixel' of a preset; did you mean 'pixels'"),
+        ({"pixel": 64}, "unknown name 'pixel' in a preset; did you mean 'pixels'"),
         (
             {"regularise": False},
-            "unknown parameter 'regularise'",
+            "unknown name 'regularise'",
         ),  # which the methods set
         ({"seeds": "many"}, "'Preset.seeds' must be int"),
         ({"seeds": 0}, "seeds must be from 1 to 1000, not 0"),
@@ -347,10 +347,10 @@ def test_digests_come_from_disk_before_the_results(data, tiny, tmp_path):
         == "committed-novice"
     )
     assert Study(tiny, data, tmp_path).digests("system1") == local
-    assert differing(tiny, data, tmp_path) == [
+    assert differing_names(tiny, data, tmp_path) == [
         one.name for one in tiny.datasets("system1").values()
     ]
-    assert differing(tiny, tmp_path / "none", tmp_path) == []
+    assert differing_names(tiny, tmp_path / "none", tmp_path) == []
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ def test_frozen_and_keyword_only():
 
 def test_unknown_name_gives_the_nearest():
     with pytest.raises(
-        ConfigError, match="unknown parameter 'lenght' of Cart; did you mean 'length'?"
+        ConfigError, match="unknown name 'lenght' in Cart; did you mean 'length'?"
     ):
         Cart(lenght=1.0)
 
@@ -113,5 +113,5 @@ def test_to_mapping_is_asdict(spare):
 
 
 def test_from_mapping_names_the_inner_class():
-    with pytest.raises(ConfigError, match="of Wheel; did you mean 'spokes'"):
+    with pytest.raises(ConfigError, match="in Wheel; did you mean 'spokes'"):
         from_mapping(Cart, {"length": 1, "wheel": {"spoke": 5}})

@@ -78,7 +78,7 @@ def draw(method: str, number: int) -> Draw:
     batch of draw 0.
     """
     if number < 2:
-        return Draw(method, number, (BEFORE[method], R)[number])
+        return Draw(method, number, BEFORE[method] if number == 0 else R)
     rng = np.random.default_rng([zlib.crc32(method.encode()), number])
     finetuning = method == "pretrain_finetune"
     batch = int(rng.choice([2, 4, 8]))

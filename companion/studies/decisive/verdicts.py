@@ -94,7 +94,7 @@ def verdict_of(ratio: Interval, paper: float | None = None, above: bool = True) 
     """
     if np.isnan([ratio.low, ratio.high]).any():
         return NO_VERDICT
-    side = (1 if ratio.low > 1 else -1 if ratio.high < 1 else 0) * (1 if above else -1)
+    side = ratio.side(1) if above else -ratio.side(1)
     if side == 1 and paper is not None and ratio.low <= paper <= ratio.high:
         return REPRODUCED
     return {1: DIRECTION, 0: NOT_SEEN, -1: CONTRARY}[side]

@@ -20,7 +20,7 @@ from companion.engine.library import Library
 from companion.engine.models import predictor_of
 from companion.engine.outcomes import evaluate
 from companion.engine.provenance import Provenance
-from companion.engine.records import Making, by_field, records_of
+from companion.engine.records import ProvenanceTimer, by_field, records_of
 from companion.methods import COMPARED
 from companion.study import Study
 from companion.trials import Trial
@@ -66,7 +66,7 @@ class DrivingResult:
     """Results of a DriverTest with E episodes."""
 
     about: DriverTest
-    #: (E,) 'arrived', a cause of `trajectory.DISCARDS`, or 'time'
+    #: (E,) 'arrived', a cause of `shards.DISCARDS`, or 'time'
     ended: tuple[str, ...]
     seconds: tuple[float, ...]  # (E,) s, of driving until the end
     length: tuple[float, ...]  # (E,) m, of the path
@@ -168,12 +168,13 @@ def measure(about: DriverTest, data: str | Path = "data") -> DrivingResult:
     """Drive all episodes of a test.
 
     Raises:
-        ImportError: PyBullet is not installed; one line.
+        ImportError: PyBullet is not installed; the message is one line.
     """
     from sidm.simulation import Simulator
     from sidm.simulation.collecting import EpisodeRules
 
-    making, system = Making("driving", about.trial, data), find_system(about.system)
+    timer = ProvenanceTimer("driving", about.trial, data)
+    system = find_system(about.system)
     pace: list[float] = []
     episodes, paths = [], []
     with one_thread():
@@ -201,7 +202,7 @@ def measure(about: DriverTest, data: str | Path = "data") -> DrivingResult:
         plan_seconds=float(np.median(pace)) if pace else 0.0,
         slowest_plan_seconds=float(np.percentile(pace, 95)) if pace else 0.0,
         paths=tuple(paths),
-        provenance=making.done(),
+        provenance=timer.done(),
     )
 
 

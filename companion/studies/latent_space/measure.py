@@ -18,7 +18,7 @@ from companion.engine.datasets import collect_dataset
 from companion.engine.execute import perform
 from companion.engine.library import Library
 from companion.engine.provenance import Provenance
-from companion.engine.records import Making, records_of
+from companion.engine.records import ProvenanceTimer, records_of
 from companion.studies.latent_space.latents import (
     STRIDE,
     classifier_accuracy,
@@ -112,7 +112,7 @@ def measure(trial: Trial, data: str | Path = "data") -> Diagnosis:
         raise ConfigError(
             f"{trial}: its model has no expert whose latents could be compared"
         )
-    making = Making("diagnosis", trial, data)
+    timer = ProvenanceTimer("diagnosis", trial, data)
     outcome, trained = perform(trial, data)
     model = trained.model
     # a model with an expert is no correction of the expert's model
@@ -145,7 +145,7 @@ def measure(trial: Trial, data: str | Path = "data") -> Diagnosis:
         novice_picture=pictures[0],
         expert_picture=pictures[1],
         scikit_learn=importlib.metadata.version("scikit-learn"),
-        provenance=making.done(),
+        provenance=timer.done(),
     )
 
 

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from companion.engine.provenance import Provenance
-from companion.engine.records import Making, by_field, records_of
+from companion.engine.records import ProvenanceTimer, by_field, records_of
 from companion.methods import METHODS
 from companion.presets import Preset
 from companion.study import Study
@@ -176,7 +176,7 @@ def measure(about: Transfer, data: str | Path = "data") -> TransferResult:
 
     This needs the recordings alone; `data` serves the provenance only.
     """
-    making = Making("fitting", None, data)
+    timer = ProvenanceTimer("fitting", None, data)
     novice = robot(about.novice, about.steps)
     expert = robot(about.expert, about.steps) if about.expert else None
     order = session_order(novice, about.seed)
@@ -189,7 +189,7 @@ def measure(about: Transfer, data: str | Path = "data") -> TransferResult:
             _one_size(about, pool[:size], novice, validation, expert, weights)
             for size in about.sessions
         ]
-    return TransferResult(about=about, **by_field(sizes), provenance=making.done())
+    return TransferResult(about=about, **by_field(sizes), provenance=timer.done())
 
 
 def _one_size(

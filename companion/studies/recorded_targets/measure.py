@@ -21,9 +21,9 @@ from companion.digests import find_digest
 from companion.engine.datasets import collect_dataset, note_collected
 from companion.engine.library import load_checked
 from companion.engine.outcomes import as_lists, curve
-from companion.engine.pretrained import kept
+from companion.engine.pretrained import load_or_pretrain
 from companion.engine.provenance import Provenance
-from companion.engine.records import Making, by_field, records_of
+from companion.engine.records import ProvenanceTimer, by_field, records_of
 from companion.methods import FINER_TESTS, METHODS
 from companion.numerics import version_label
 from companion.presets import Preset
@@ -61,8 +61,8 @@ POLICY = "bounded_noise"
 
 #: the simulated robot that is the expert
 Proxy = Literal["none", "expert", "novice"]
-#: Methods and proxies that are compared. Neighbours in this list wait for no
-#: pretraining of one another.
+#: Methods and proxies that are compared. Ordered so that consecutive entries do not
+#: share a pretraining.
 METHODS_AND_PROXIES: tuple[tuple[str, Proxy], ...] = (
     ("novice_only", "none"),
     ("sidm", "expert"),
@@ -121,23 +121,23 @@ class TransferResult:
     """
 
     about: Transfer
-    minutes: tuple[float, ...]  # of models; 0: the proxy's model as it is
-    validation_loss: tuple[float, ...]  # of models, equation (1), a step, raw units
-    component_losses: tuple[tuple[float, ...], ...]  # of models, (13,) each
-    #: of models, (N,) each, equation (1) on each window
+    minutes: tuple[float, ...]  # per model; 0: the proxy's model as it is
+    validation_loss: tuple[float, ...]  # per model: equation (1), a step, raw units
+    component_losses: tuple[tuple[float, ...], ...]  # per model: (13,)
+    #: per model: (N,) equation (1) on each window
     piece_losses: tuple[tuple[float, ...], ...]
-    #: of models, (25,) m each, mean over the windows
+    #: per model: (25,) m, mean over the windows
     position_error: tuple[tuple[float, ...], ...]
-    heading_error: tuple[tuple[float, ...], ...]  # of models, (25,) rad each
-    #: of trainings, seen by the prediction phases, without the pretraining
+    heading_error: tuple[tuple[float, ...], ...]  # per model: (25,) rad
+    #: per training: seen by the prediction phases, without the pretraining
     samples: tuple[int, ...]
-    best_samples: tuple[int, ...]  # of trainings, seen until the kept weights
-    best_test_loss: tuple[float, ...]  # of trainings, smoothed
-    #: of trainings, of at most 40 of the tests
+    best_samples: tuple[int, ...]  # per training: seen until the kept weights
+    best_test_loss: tuple[float, ...]  # per training: smoothed
+    #: per training: at most 40 of the tests
     curve_samples: tuple[tuple[int, ...], ...]
     curve_test_loss: tuple[tuple[float, ...], ...]
     curve_training_loss: tuple[tuple[float, ...], ...]
-    #: of trainings, s of processor time without the pretraining
+    #: per training: s of processor time without the pretraining
     seconds: tuple[float, ...]
     pretraining_samples: int
     provenance: Provenance
@@ -166,7 +166,7 @@ def collect_proxies(
     """Simulate the missing motion of the proxies and note the datasets' digests.
 
     Raises:
-        ImportError: PyBullet is not installed; one line.
+        ImportError: PyBullet is not installed; the message is one line.
     """
     for dataset in proxies(study.preset, system).values():
         collect_dataset(dataset, study.data, executor)
@@ -237,7 +237,7 @@ def measure(
         RecordingError: recordings are missing, or others than those of the job.
         ShardError: data are missing, or others than those of the job.
     """
-    making, pixels = Making("elsewhere", about, data), about.network.pixels
+    timer, pixels = ProvenanceTimer("elsewhere", about, data), about.network.pixels
     with one_thread():
         recorded = _recorded(
             about.system, about.held_out, pixels, recordings, about.recorded_data
@@ -265,7 +265,7 @@ def measure(
         **by_field(models),
         **by_field(trainings),
         pretraining_samples=start.samples if start else 0,
-        provenance=making.done(),
+        provenance=timer.done(),
     )
 
 
@@ -323,7 +323,7 @@ def _learn(
         about.training,
         about.seed,
         standardisation=units,
-        start=start and start.weights,
+        start=start.weights if start else None,
     )
 
 
@@ -359,4 +359,4 @@ def _start(
     def pretrain(state: Path) -> Trained:
         return train(sets, *settings, standardisation=units, checkpoint=state)
 
-    return kept(folder, pretrain)
+    return load_or_pretrain(folder, pretrain)

@@ -29,7 +29,7 @@ from companion.digests import find_digest
 from companion.engine.library import Library, load_checked
 from companion.engine.outcomes import as_lists, curve, evaluate
 from companion.engine.provenance import Provenance
-from companion.engine.records import Making, by_field, records_of
+from companion.engine.records import ProvenanceTimer, by_field, records_of
 from companion.methods import FINER_TESTS, METHODS
 from companion.numerics import version_label
 from companion.studies.several_experts.family import collect_members, dataset
@@ -53,7 +53,7 @@ SIZES = (1.0, 5.0, 20.0)  # min of the novice's data
 FURTHER_SIZES = (60.0,)
 
 #: Ways to train the novice: which parts are trained, and where encoder and decoder
-#: start. The SIDM is trained on or frozen.
+#: start. The SIDM continues to learn or is frozen.
 WAYS = {
     "all": "all parts, from the nearest expert's",
     "parts": "encoder and decoder, from the nearest expert's",
@@ -70,7 +70,8 @@ class Pretraining:
     trial: Trial
     fresh: StudyTraining  # the training of 'fresh_parts'
     sizes: tuple[float, ...]  # min of the novice's data
-    experts: int  # number of experts: the paper's expert or not, and family members
+    #: number of experts: family members, and the paper's expert if `paper`
+    experts: int
     paper: bool  # whether the paper's expert is one of the experts
     roles: tuple[str, ...]  # roles of the members' collections
     members_data: tuple[str, ...]  # digests of the members' datasets
@@ -163,12 +164,14 @@ def jobs(
         for method in ("novice_only", "pretrain_finetune")
     )
     whole = preset.datasets(system)["expert"].count
-    groups = [(count, True) for count in counts] + [(1, False)] * (max(counts) > 1)
+    groups = [(count, True) for count in counts]
+    if max(counts) > 1:
+        groups.append((1, False))
     pretrainings = []
     for count, paper in groups:
         members = [
             dataset(system, number, preset.policy, whole // count)
-            for number in range(count - paper)
+            for number in range(count - 1 if paper else count)
         ]
         digests = [find_digest(member, study.data, study.results) for member in members]
         novice_sizes = sizes + (further if count == 1 and paper else ())
@@ -237,7 +240,8 @@ def measure(about: Pretraining, data: str | Path = "data") -> PretrainingResult:
     Raises:
         ShardError: data are missing.
     """
-    making, trial, library = Making("experts", about, data), about.trial, Library(data)
+    timer = ProvenanceTimer("experts", about, data)
+    trial, library = about.trial, Library(data)
     with one_thread():
         experts, units = load_experts(about, data)
         weights, history = _train_experts(about, experts, units, data)
@@ -280,7 +284,7 @@ def measure(about: Pretraining, data: str | Path = "data") -> PretrainingResult:
         experts_loss=experts_loss,
         experts_curve_samples=history["curve_samples"],
         experts_curve_test_loss=history["curve_test_loss"],
-        provenance=making.done(),
+        provenance=timer.done(),
     )
 
 

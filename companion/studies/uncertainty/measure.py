@@ -35,7 +35,7 @@ from companion.engine.library import Library
 from companion.engine.models import model_of
 from companion.engine.outcomes import ROLLOUT_STEPS, as_lists, curve, evaluate
 from companion.engine.provenance import Provenance
-from companion.engine.records import Making, records_of
+from companion.engine.records import ProvenanceTimer, records_of
 from companion.methods import COMPARED
 from companion.study import Study
 from companion.trials import Trial
@@ -144,7 +144,7 @@ def measure(about: Fit, data: str | Path = "data") -> FitResult:
     Raises:
         ShardError: data are missing.
     """
-    making, trial = Making("uncertainty", about.trial, data), about.trial
+    timer, trial = ProvenanceTimer("uncertainty", about.trial, data), about.trial
     with one_thread():
         library = Library(data)
         sets = library.datasets(trial)
@@ -177,7 +177,7 @@ def measure(about: Fit, data: str | Path = "data") -> FitResult:
         **calibration,
         **latents,
         **training,
-        provenance=making.done(),
+        provenance=timer.done(),
     )
 
 

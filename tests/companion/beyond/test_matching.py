@@ -11,7 +11,7 @@ from companion.beyond.matching import (
     coral,
     mmd,
 )
-from sidm.learning.training import predict, regularise
+from sidm.learning.training import prediction_phase, regularisation_phase
 
 
 def encoded(trainer):
@@ -88,7 +88,7 @@ def test_a_distance_changes_the_novices_encoder_alone_and_shrinks(
 def test_a_distance_needs_no_discriminator(make_trainer):
     trainer = make_trainer(matching="mmd")
     before = [p.clone() for p in trainer.discriminator.parameters()]
-    regularise(trainer)
+    regularisation_phase(trainer)
     assert all(
         torch.equal(one, p)
         for one, p in zip(before, trainer.discriminator.parameters(), strict=True)
@@ -129,7 +129,7 @@ def test_the_encoders_feel_the_discriminators_gradient_reversed(make_trainer):
 def test_reversal_teaches_the_discriminator_within_algorithm_1(make_trainer):
     trainer = make_trainer(matching="reversal", p_expert=0.5)
     before = [p.clone() for p in trainer.discriminator.parameters()]
-    predict(trainer)
+    prediction_phase(trainer)
     assert any(
         not torch.equal(one, p)
         for one, p in zip(before, trainer.discriminator.parameters(), strict=True)

@@ -15,7 +15,7 @@ from companion.beyond.several import (
 from sidm.config import ConfigError
 from sidm.learning import DynamicsModel, Standardisation, train
 from sidm.learning.evaluation import mean_loss
-from sidm.learning.training import predict
+from sidm.learning.training import prediction_phase
 
 UNITS = Standardisation.none()
 
@@ -51,7 +51,7 @@ def test_a_batch_is_drawn_from_all_and_all_learn(experts, small_network, alone):
             counts[role] += len(motion)
     assert sum(counts.values()) == 400 and min(counts.values()) > 100
     for _ in range(3):
-        predict(trainer)
+        prediction_phase(trainer)
     after = trainer.model.state_dict()
     assert set(experts) <= {
         name.split(".")[1]

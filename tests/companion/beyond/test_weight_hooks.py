@@ -5,7 +5,7 @@ import torch
 from companion.beyond.weight_hooks import WARM_UP, PullToStart, WeightAverage
 from companion.training import StudyTraining
 from sidm.learning.evaluation import mean_loss
-from sidm.learning.training import predict
+from sidm.learning.training import prediction_phase
 
 
 def test_the_pull_is_a_share_of_the_way_back(make_trainer):
@@ -41,7 +41,7 @@ def test_the_average_is_that_of_its_formula(make_trainer):
 
 def test_tests_see_the_average_and_training_goes_on_without_it(make_trainer):
     trainer, plain = make_trainer(averaging=0.5), make_trainer()
-    predict(trainer), predict(plain)
+    prediction_phase(trainer), prediction_phase(plain)
     assert all(
         torch.equal(one, plain.weights()[name])
         for name, one in trainer.weights().items()

@@ -16,7 +16,7 @@ from sidm.learning import Datasets, TrainingError, train
 from sidm.learning.arithmetic import matmul_precision
 from sidm.learning.resuming import Checkpoint
 from sidm.learning.trainer import Trainer
-from sidm.learning.training import predict, regularise
+from sidm.learning.training import prediction_phase, regularisation_phase
 
 SHARED_L2 = dict(matching_optimiser="shared", decay="l2", weight_decay=0.1)
 RECIPE = dict(
@@ -217,8 +217,8 @@ def test_the_released_recipe_side_by_side_and_from_checkpoints(
     expected = [alone(run, small_network) for run in runs]
     for run in runs:
         trainer = Trainer(run.datasets, small_network, run.training, run.seed)
-        predict(trainer)
-        regularise(trainer)
+        prediction_phase(trainer)
+        regularisation_phase(trainer)
         Checkpoint(run.checkpoint).save(trainer)
     for number, bundled, _ in train_bundle(runs, small_network, slots=2):
         assert_same(bundled, expected[number])

@@ -122,5 +122,5 @@ def test_what_the_results_do_not_know_is_said(results, reduced, tmp_path):
     assert verify(DATASET, reduced, tmp_path) == ["the results know no such data"]
     note_committed(DATASET, "0123456789abcdef", tmp_path, tmp_path)
     assert verify(DATASET, reduced, tmp_path) == [
-        "other bits, and the results keep nothing else to know them by"
+        "the data differ, and the results store no likeness to compare"
     ]

@@ -21,7 +21,9 @@ def trials(study):
 def test_the_weights_are_made_once(trials, data):
     """Both sizes share the weights; the outcome counts the expert's samples."""
     first = run_trial(trials[0], data).outcome
-    (made,) = {pretrained.folder(trial, data) / "checkpoint.npz" for trial in trials}
+    (made,) = {
+        pretrained.pretrained_folder(trial, data) / "checkpoint.npz" for trial in trials
+    }
     written = made.stat().st_mtime_ns
     second = run_trial(trials[1], data).outcome
     assert made.stat().st_mtime_ns == written and not (made.parent / "state").exists()
@@ -36,7 +38,9 @@ def test_the_weights_are_made_once(trials, data):
 @pytest.mark.parametrize("bundle", [0, 1])
 def test_damaged_weights_are_named(trials, data, tmp_path, bundle, capsys):
     trial = trials[0].replace(seed=7)
-    where = pretrained.folder(trial, data, "bundle" if bundle else "training")
+    where = pretrained.pretrained_folder(
+        trial, data, "bundle" if bundle else "training"
+    )
     where.mkdir(parents=True)
     (where / "checkpoint.npz").write_bytes(b"no archive")
     if bundle:

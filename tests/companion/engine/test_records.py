@@ -6,7 +6,7 @@ import pytest
 
 from companion import Study, load_preset
 from companion.engine.provenance import Provenance, here
-from companion.engine.records import Making, Records, key_of
+from companion.engine.records import ProvenanceTimer, Records, key_of
 from companion.numerics import versions
 from companion.registry import MEASUREMENTS, NAMES, STUDIES, is_grid, overview, run
 from sidm.config import ConfigError, config
@@ -69,7 +69,7 @@ def test_one_failure_does_not_lose_the_others(store, capsys):
 
 
 def test_a_record_says_what_it_depends_on():
-    made = Making("driving", None, "data").done()
+    made = ProvenanceTimer("driving", None, "data").done()
     assert made.numerics == versions("driving")
     assert {"simulation", "training", "driving"} < made.numerics.keys()
     assert made.seconds >= 0

@@ -19,7 +19,7 @@ from companion.engine.datasets import (
 )
 from companion.engine.execute import stored_as
 from companion.engine.library import Library
-from companion.engine.records import Making, one_line, rounded
+from companion.engine.records import ProvenanceTimer, one_line, rounded
 from companion.engine.run import checkpoint_folder, run_here
 from companion.numerics import versions
 from companion.studies.other_bodies import NOVICES
@@ -266,7 +266,10 @@ def test_data_made_again_elsewhere_stand_for_those_of_the_results(
     row = run_here(trial, own, results, progress=False)
     assert row.trial == trial
     assert row.provenance.other_data == (f"novice {here['novice']}",)
-    assert Making("driving", trial, own).done().other_data == row.provenance.other_data
+    assert (
+        ProvenanceTimer("driving", trial, own).done().other_data
+        == row.provenance.other_data
+    )
     note_collected(sets["novice"], own, results)
     assert read_record(path)["digest"] == "0123456789abcdef"
     with pytest.raises(ShardError, match="the trial wants 0123456789abcdee"):

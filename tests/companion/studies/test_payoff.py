@@ -35,17 +35,17 @@ def test_a_command_is_told_by_what_it_leads_to():
     """
     slow, fast = (payoff.motion_samples(drive(0, speed)) for speed in (1.0, 2.0))
     assert np.allclose(2 * slow.features[:, 3], fast.features[:, 3], atol=0.02)
-    assert slow.features.shape == (60 * 27, 5) and slow.answers.shape == (60 * 27, 3)
+    assert slow.features.shape == (60 * 27, 5) and slow.motions.shape == (60 * 27, 3)
 
 
-def test_a_robot_of_the_same_kind_answers_as_well_as_the_novice_itself():
+def test_a_robot_of_the_same_kind_predicts_as_well_as_the_novice_itself():
     measured = payoff.gap(drive(1), drive(2))
     assert measured["displacement"] == pytest.approx(
         measured["own_displacement"], rel=0.3
     )
 
 
-def test_a_robot_that_slips_answers_worse(rng):
+def test_a_robot_that_slips_predicts_worse(rng):
     """The robot's path bends to the left.
 
     Neither velocity nor command shows this.

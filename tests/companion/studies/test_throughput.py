@@ -28,13 +28,13 @@ def test_the_stretch_holds_one_phase_of_each_algorithm(study, monkeypatch):
 
     The phase of Algorithm 2 follows iteration 4, and iteration 6 ends the stretch.
     """
-    phases, regularise = [], training.regularise
+    phases, regularise = [], training.regularisation_phase
 
     def counted(trainer):
         phases.append(trainer.iteration)
         regularise(trainer)
 
-    monkeypatch.setattr(training, "regularise", counted)
+    monkeypatch.setattr(training, "regularisation_phase", counted)
     (trial,) = study.points("system1", ["sidm"], [0.25], seeds=1)
     assert time_training(trial, study.data) > 0 and phases == [4]
 

@@ -8,7 +8,7 @@ import torch
 from sidm.config import ConfigError
 from sidm.learning import DynamicsModel, Network, parameter_count
 from sidm.learning.trainer import Trainer
-from sidm.learning.training import predict
+from sidm.learning.training import prediction_phase
 
 
 @pytest.fixture
@@ -43,7 +43,7 @@ def test_each_system_learns_what_is_its_own_and_both_the_rest(
     one = DynamicsModel(network, roles=["novice"])
     extra = sum(size_of(one, name) for name in differing)
     assert parameter_count(trainer.model) == parameter_count(one) + extra
-    predict(trainer)
+    prediction_phase(trainer)
     weights = dict(trainer.model.state_dict())
     found = set()
     for name, tensor in weights.items():

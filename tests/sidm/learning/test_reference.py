@@ -9,7 +9,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from sidm.learning.trainer import Trainer
-from sidm.learning.training import predict, regularise
+from sidm.learning.training import prediction_phase, regularisation_phase
 
 ITERATIONS = 12
 Weights = dict[str, Tensor]
@@ -248,7 +248,7 @@ def test_training_is_the_plain_one(make_trainer):
                     for role, windows in batch.items()
                 ]
             ).mean()
-        predict(ours)
+        prediction_phase(ours)
         assert float(before) == pytest.approx(plain.predict(), rel=1e-4)
 
 
@@ -268,8 +268,8 @@ def test_a_phase_of_each_algorithm_is_the_plain_one(make_trainer):
         name: weights.detach().clone()
         for name, weights in ours.model.named_parameters()
     }
-    predict(ours)
-    regularise(ours)
+    prediction_phase(ours)
+    regularisation_phase(ours)
     for work, count in ((plain.predict, 4), (plain.discriminate, 3), (plain.match, 3)):
         for _ in range(count):
             work()

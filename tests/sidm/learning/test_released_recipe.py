@@ -15,7 +15,7 @@ from sidm.config import ConfigError
 from sidm.learning import Standardisation, Training
 from sidm.learning.resuming import Checkpoint
 from sidm.learning.trainer import Trainer
-from sidm.learning.training import predict, regularise, train
+from sidm.learning.training import prediction_phase, regularisation_phase, train
 from tests.sidm.learning.test_other_bodies import TRACKED
 from tests.sidm.learning.test_reference import decoded, encoded, remembered
 
@@ -197,8 +197,8 @@ def compare(model, plain, names, rel=3e-4):
 def test_two_rounds_of_all_phases_are_the_plain_ones(make_trainer):
     trainer, plain = make_trainer(**RECIPE), PlainRecipe(make_trainer(**RECIPE))
     for _ in range(2):
-        predict(trainer)
-        regularise(trainer)
+        prediction_phase(trainer)
+        regularisation_phase(trainer)
         plain.phases()
         compare(trainer.model, plain.weights, plain.weights)
         compare(trainer.discriminator, plain.critic, plain.critic)
@@ -223,8 +223,8 @@ def test_each_choice_makes_a_difference(make_trainer, other):
     for changes in (RECIPE, RECIPE | other):
         trainer = make_trainer(**changes)
         for _ in range(2):
-            predict(trainer)
-            regularise(trainer)
+            prediction_phase(trainer)
+            regularisation_phase(trainer)
         ends.append(
             torch.cat(
                 [weights.detach().flatten() for weights in trainer.model.parameters()]
@@ -242,16 +242,16 @@ def test_momentum_and_decay_move_parts_without_a_gradient(make_trainer):
     expert = [
         name for name, _ in trainer.model.named_parameters() if ".expert." in name
     ]
-    predict(trainer)
+    prediction_phase(trainer)
     before = trainer.weights()
-    regularise(trainer)
+    regularisation_phase(trainer)
     after = trainer.weights()
     moved = {name for name in after if not torch.equal(after[name], before[name])}
     assert moved and not moved & set(expert)
     trainer = make_trainer(**RECIPE | {"p_expert": 1.0, "prediction_iterations": 1})
-    predict(trainer)
+    prediction_phase(trainer)
     before = trainer.weights()
-    regularise(trainer)
+    regularisation_phase(trainer)
     after = trainer.weights()
     assert all(
         not torch.equal(after[name], before[name])
@@ -261,12 +261,12 @@ def test_momentum_and_decay_move_parts_without_a_gradient(make_trainer):
 
 def test_a_restored_training_moves_them_as_one_that_went_on(make_trainer, tmp_path):
     first, second = make_trainer(**RECIPE), make_trainer(**RECIPE)
-    predict(first)
+    prediction_phase(first)
     Checkpoint(tmp_path).save(first)
     assert Checkpoint(tmp_path).restore(second)
     for trainer in (first, second):
-        regularise(trainer)
-        predict(trainer)
+        regularisation_phase(trainer)
+        prediction_phase(trainer)
     for name, weights in first.weights().items():
         assert torch.equal(weights, second.weights()[name]), name
 

@@ -22,7 +22,11 @@ from sidm.learning.evaluation import mean_loss
 from sidm.learning.losses import prediction_loss
 from sidm.learning.stopping import COMPONENT_SPACING
 from sidm.learning.trainer import Trainer
-from sidm.learning.training import discriminator_iteration, matching_iteration, predict
+from sidm.learning.training import (
+    discriminator_iteration,
+    matching_iteration,
+    prediction_phase,
+)
 from sidm.learning.weights import make_optimiser
 
 PARTS = (
@@ -85,7 +89,7 @@ def test_discriminator_iteration_changes_a_alone(make_trainer):
 @pytest.mark.parametrize("optimiser", ["own", "shared"])
 def test_matching_iteration_changes_the_novice_encoder_alone(make_trainer, optimiser):
     trainer = make_trainer(matching_optimiser=optimiser)
-    predict(trainer)  # the shared optimiser now has moments for all parts
+    prediction_phase(trainer)  # the shared optimiser now has moments for all parts
     before = parts(trainer)
     matching_iteration(trainer)
     assert changed(before, parts(trainer)) == {"encoders.novice"}
@@ -94,7 +98,7 @@ def test_matching_iteration_changes_the_novice_encoder_alone(make_trainer, optim
 def test_prediction_changes_all_but_a(make_trainer):
     trainer = make_trainer(p_expert=0.5)
     before = parts(trainer)
-    predict(trainer)
+    prediction_phase(trainer)
     assert changed(before, parts(trainer)) == set(PARTS)
 
 
@@ -104,7 +108,7 @@ def test_prediction_leaves_the_parts_of_a_system_not_drawn(
 ):
     trainer = make_trainer(p_expert=p_expert)
     before = parts(trainer)
-    predict(trainer)
+    prediction_phase(trainer)
     same = {f"encoders.{untouched}", f"decoders.{untouched}", "A"}
     assert changed(before, parts(trainer)) == set(before) - same
 
@@ -192,7 +196,7 @@ def test_reduction_mean_divides_the_gradient_by_thirteen(make_trainer):
         for name in ("sum", "mean")
     )
     for trainer in (total, mean):
-        predict(trainer)
+        prediction_phase(trainer)
     for one, other in zip(
         total.model.parameters(), mean.model.parameters(), strict=True
     ):
@@ -222,7 +226,7 @@ def test_bfloat16_rounds_the_encoders_alone_and_moves_the_loss_little(make_train
         torch.allclose(latents.mean(), low_latents.mean(), rtol=0.01)
         for latents, low_latents in pairs
     )
-    for phase in (predict, discriminator_iteration, matching_iteration):
+    for phase in (prediction_phase, discriminator_iteration, matching_iteration):
         phase(rounded)
     assert all(
         weights.dtype == torch.float32 and weights.isfinite().all()

@@ -5,7 +5,7 @@ import torch
 from torch import nn
 
 from sidm.learning import Training
-from sidm.learning.training import predict
+from sidm.learning.training import prediction_phase
 from sidm.learning.weights import make_optimiser, trainable_parameters
 
 
@@ -17,7 +17,7 @@ def layer() -> nn.Linear:
 def test_a_frozen_sidm_stays_and_the_rest_learns(make_trainer):
     trainer = make_trainer(frozen="sidm", p_expert=0.5)
     before = trainer.weights()
-    predict(trainer)
+    prediction_phase(trainer)
     for name, tensor in trainer.weights().items():
         kept = name.startswith("sidm") or "_mean" in name or "_std" in name
         assert torch.equal(tensor, before[name]) == kept, name

@@ -156,6 +156,6 @@ def test_of_several_topics_those_that_are_named_are_read(make_bag):
     assert len(drive.actions) >= 38
     with pytest.raises(
         RecordingError,
-        match="unknown parameter '/odon' of the topics; did you mean '/odom'",
+        match="unknown name '/odon' in the topics; did you mean '/odom'",
     ):
         read_drives(path, BODY, ["/odon", "/cmd_vel"])

@@ -384,7 +384,7 @@ def members(**changes) -> dict:
         ),
         (
             {"header": {"ratte": 10}},
-            "unknown parameter 'ratte' of the header; did you mean 'rate'?",
+            "unknown name 'ratte' in the header; did you mean 'rate'?",
         ),
         (
             {"header": {"height_unit": "feet"}},
