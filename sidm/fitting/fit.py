@@ -22,7 +22,7 @@ from sidm.fitting.learning import (
     units_in,
 )
 from sidm.fitting.model import Model
-from sidm.fitting.score import Losses
+from sidm.fitting.score import WindowLosses
 from sidm.fitting.settings import Settings, settings_with
 from sidm.fitting.windows import (
     common_length,
@@ -134,7 +134,7 @@ def fit(
         folder = state and state / f"fold{number}"
         losses.append(_fit(drives, *others, folder, progress).losses(rest))
     if losses:
-        model = replace(model, held_out=Losses.joined(losses).score(len(losses)))
+        model = replace(model, held_out=WindowLosses.joined(losses).score(len(losses)))
     if out is not None:
         model.save(out)
         shutil.rmtree(Path(out) / UNFINISHED, ignore_errors=True)

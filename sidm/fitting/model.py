@@ -20,7 +20,7 @@ from sidm.body import SI, Body, body_from_mapping, body_to_mapping
 from sidm.config import ConfigError, first_line, from_mapping, to_mapping
 from sidm.drives import AnyGround, Drive
 from sidm.fitting.arguments import drives_from
-from sidm.fitting.score import Losses, Score
+from sidm.fitting.score import Score, WindowLosses
 from sidm.fitting.windows import common_length, cut, rollouts
 from sidm.learning.checkpoint import module_tensors
 from sidm.learning.dataset import states_and_actions, windows_of
@@ -95,8 +95,8 @@ class Model:
         """
         return self.losses(self._drives(drives, topics)).score()
 
-    def losses(self, drives: list[Drive]) -> Losses:
-        """Losses of the windows of the drives, which have the model's body."""
+    def losses(self, drives: list[Drive]) -> WindowLosses:
+        """WindowLosses of the windows of the drives, which have the model's body."""
         windows = cut(drives, common_length(drives))
         tensors = windows_of(windows, self.network.pixels)
         mean_losses = None
@@ -104,7 +104,7 @@ class Model:
             mean = self.target_mean.expand_as(tensors.targets)
             terms = component_losses(mean, tensors.targets, self.scale)
             mean_losses = terms.sum(-1).double().mean(1).numpy()
-        return Losses(
+        return WindowLosses(
             window_losses(self.predictor, tensors).numpy(),
             mean_losses,
             np.array([window.name for window in windows]),

@@ -44,8 +44,8 @@ class Score:
         return f"loss {self.loss:.3g}{spread} on {count} {unseen}{trivial}"
 
 
-class Losses(NamedTuple):
-    """Losses of N windows, one entry for each, mean over the window's steps."""
+class WindowLosses(NamedTuple):
+    """WindowLosses of N windows, one entry for each, mean over the window's steps."""
 
     losses: np.ndarray  # (N,)
     mean_losses: np.ndarray | None  # (N,) of predicting the mean
@@ -53,7 +53,7 @@ class Losses(NamedTuple):
     sessions: np.ndarray  # (N,) name of the session
 
     @classmethod
-    def joined(cls, parts: Sequence[Losses]) -> Losses:
+    def joined(cls, parts: Sequence[WindowLosses]) -> WindowLosses:
         """The windows of several parts."""
         means = [part.mean_losses for part in parts if part.mean_losses is not None]
         return cls(

@@ -8,7 +8,7 @@ import pytest
 import sidm
 from sidm import __main__ as command_line
 from sidm.config import ConfigError
-from sidm.fitting.score import Losses, standard_error
+from sidm.fitting.score import WindowLosses, standard_error
 from sidm.fitting.windows import evaluation_splits
 from sidm.recordings import read_drives, write_drives
 
@@ -69,7 +69,7 @@ def test_folds_judge_models_and_the_model_learns_from_all(drives):
         sidm.fit(learnt, **QUICK).losses(held_out)
         for learnt, held_out in evaluation_splits(few, 0.25, seed=0)
     ]
-    assert Losses.joined(losses).score(4) == model.held_out
+    assert WindowLosses.joined(losses).score(4) == model.held_out
     assert model.loss(few) == sidm.fit(few, **QUICK).loss(few)
 
 
