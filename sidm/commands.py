@@ -95,11 +95,13 @@ def run_fit(arguments: argparse.Namespace) -> int:
         f"{arguments.out}: {model.method}, from {model.minutes:.2g} min "
         f"in windows of {model.steps} steps"
     )
-    print(
-        model.held_out
-        or "there are too few drives to hold some out: judge the model by others, "
-        "with --test or 'sidm evaluate'"
-    )
+    if model.held_out:
+        print(f"held out from learning: {model.held_out}")
+    else:
+        print(
+            "there are too few drives to hold some out: judge the model by others, "
+            "with --test or 'sidm evaluate'"
+        )
     return 0
 
 

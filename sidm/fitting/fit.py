@@ -152,7 +152,15 @@ def _split(
         return novice, [], []
     if not isinstance(test, (int, float)):
         body = novice[0].body
-        return novice, drives_from(test, body, "test", topics, allow_constant=True), []
+        held_out = drives_from(test, body, "test", topics, allow_constant=True)
+        learnt = {drive.states.tobytes() for drive in novice}
+        for drive in held_out:
+            if drive.states.tobytes() in learnt:
+                raise ConfigError(
+                    f"test has {drive.name}, which the model learns from; "
+                    "pass other drives, or a share"
+                )
+        return novice, held_out, []
     if not 0 < test < 1:
         raise ConfigError(f"test must be drives or a share below 1, not {test}")
     splits = evaluation_splits(novice, test, seed)

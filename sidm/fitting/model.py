@@ -96,7 +96,7 @@ class Model:
         return self.losses(self._drives(drives, topics)).score()
 
     def losses(self, drives: list[Drive]) -> WindowLosses:
-        """WindowLosses of the windows of the drives, which have the model's body."""
+        """Losses of the windows of the drives, which have the model's body."""
         windows = cut(drives, common_length(drives))
         tensors = windows_of(windows, self.network.pixels)
         mean_losses = None

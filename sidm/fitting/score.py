@@ -36,16 +36,14 @@ class Score:
         error = self.standard_error
         spread = "" if error is None else f" ± {error:.2g} (standard error)"
         count = f"{self.drives} drives of {self.sessions} sessions"
-        unseen = "that the model has not learnt from"
-        if self.folds > 1:
-            unseen = f"by {self.folds} models, each on the part it has not learnt from"
+        folds = f", in {self.folds} folds" if self.folds > 1 else ""
         mean = self.mean_loss
         trivial = "" if mean is None else f"; predicting the mean: {mean:.3g}"
-        return f"loss {self.loss:.3g}{spread} on {count} {unseen}{trivial}"
+        return f"loss {self.loss:.3g}{spread} on {count}{folds}{trivial}"
 
 
 class WindowLosses(NamedTuple):
-    """WindowLosses of N windows, one entry for each, mean over the window's steps."""
+    """Losses of N windows, one entry for each, mean over the window's steps."""
 
     losses: np.ndarray  # (N,)
     mean_losses: np.ndarray | None  # (N,) of predicting the mean

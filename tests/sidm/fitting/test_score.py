@@ -88,13 +88,19 @@ def test_the_standard_error_covers_the_loss_of_many_sessions():
 def test_the_command_names_its_drives(drives, tmp_path, capsys):
     out, other = str(tmp_path / "model"), tmp_path / "other.csv"
     write_drives(other, drives[200:], "tests")
-    fit = f"fit --novice {WARTHOG} --body {BODY} --method least_squares --out {out}"
+    write_drives(tmp_path / "novice.csv", drives[:200], "tests")
+    fit = f"fit --novice {tmp_path}/novice.csv --body {BODY} --out {out}"
+    fit += " --method least_squares"
     assert command_line.main([*fit.split(), "--test", str(other)]) == 0
     said = capsys.readouterr().out
     assert command_line.main(["evaluate", out, str(other)]) == 0
     again = capsys.readouterr().out
-    line = said.splitlines()[1]
-    assert "on 87 drives of" in line and f"{out}: {line}" in again
+    line = said.splitlines()[1].removeprefix("held out from learning: ")
+    assert line.startswith("loss ") and "on 87 drives of" in line
+    assert f"{out}: {line}\n" in again
+    same = f"{fit} --test {tmp_path}/novice.csv"
+    assert command_line.main(same.split()) == 2
+    assert "which the model learns from" in capsys.readouterr().err
 
 
 def test_a_single_drive_judges_nothing(tmp_path, capsys):
