@@ -36,7 +36,7 @@ _MODULES = {
     "read_drives": "recordings.reading",
     "fit": "fitting.fit",
     "compare": "fitting.fit",
-    "load": "fitting.model",
+    "load": "fitting.files",
     "train": "learning.training",
 }
 __all__ = [*_MODULES]  # noqa: PLE0604

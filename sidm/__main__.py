@@ -8,7 +8,9 @@ from collections.abc import Sequence
 
 from sidm import __version__
 from sidm.command_line import Parser, carry_out, command_adder
-from sidm.commands import add_demo, add_fitting, add_replay
+from sidm.commands.demo import add_demo
+from sidm.commands.fitting import add_fitting
+from sidm.commands.replay import add_replay
 
 DESCRIPTION = (
     "Dynamics models of your own robot from recorded drives. Exit status: 0; 1 when "

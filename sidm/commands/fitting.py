@@ -1,13 +1,13 @@
-"""The library's commands: `sidm demo`, `fit`, `evaluate`, `predict` and `replay`."""
+"""The commands that fit models and use them: fit, evaluate and predict."""
 
 from __future__ import annotations
 
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
 
 from sidm.command_line import AddCommand
+from sidm.commands.tables import errors_text
 from sidm.config import ConfigError, first_line, parse_changes
 
 _DRIVES = "drives: a file, a ROS bag, or a folder of files"
@@ -110,14 +110,14 @@ def run_evaluate(arguments: argparse.Namespace) -> int:
 
     It draws nothing where Matplotlib is not installed.
     """
-    from sidm.fitting.model import load
+    from sidm.fitting.files import load
     from sidm.recordings import read_drives
 
     model = load(arguments.model)
     drives = read_drives(arguments.drives, model.body, arguments.topics, held=True)
     table = model.evaluate(drives)
     print(f"{arguments.model}: {model.score(drives)}")
-    print(_errors_text(table))
+    print(errors_text(table))
     try:
         from sidm.fitting.report import figure
     except ImportError:
@@ -133,15 +133,9 @@ def run_evaluate(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _errors_text(table: Any) -> str:
-    """The table of `Model.evaluate` as text, with the first and every fifth horizon."""
-    rows = table[(table.horizon == 1) | (table.horizon % 5 == 0)]
-    return rows.to_string(index=False, float_format="{:.3g}".format)
-
-
 def run_predict(arguments: argparse.Namespace) -> int:
     """Run `sidm predict`: it writes the predictions as CSV."""
-    from sidm.fitting.model import load
+    from sidm.fitting.files import load
     from sidm.storage import write_atomically
 
     table = load(arguments.model).predict(arguments.drives, arguments.topics)
@@ -150,89 +144,4 @@ def run_predict(arguments: argparse.Namespace) -> int:
         write_atomically(Path(arguments.out), lambda file: file.write(text.encode()))
     else:
         sys.stdout.write(text)
-    return 0
-
-
-def add_replay(add: AddCommand) -> None:
-    """Add `sidm replay`."""
-    text = "Make a page that shows a ride in three dimensions, with nothing to install."
-    replay = add("replay", run_replay, text)
-    text = "a scene that `sidm.replay.write_scene` wrote, or recorded drives"
-    replay.add_argument("ride", metavar="PATH", help=text)
-    text = "where to write the page"
-    replay.add_argument("--html", metavar="FILE", required=True, help=text)
-    text = "what recorded drives are made of, YAML (the paper's robots')"
-    replay.add_argument("--body", metavar="FILE", help=text)
-    text = "which of the drives, from 0 (%(default)s)"
-    replay.add_argument("--drive", type=int, default=0, metavar="N", help=text)
-    text = (
-        "what a recorded robot looks like: rover, warthog, husky, or "
-        "WHEELBASE,TRACK,RADIUS in m (rover for the paper's, else husky)"
-    )
-    replay.add_argument("--shape", metavar="NAME", help=text)
-    replay.add_argument("--title", help="of the page (the file's name)")
-
-
-def run_replay(arguments: argparse.Namespace) -> int:
-    """Run `sidm replay`: it writes the page and prints where it is."""
-    from sidm.replay.viewer import View
-
-    path = Path(arguments.ride)
-    View(_scene(path, arguments), arguments.title or path.name).write(arguments.html)
-    print(f"{arguments.html}: open it in a browser")
-    return 0
-
-
-def _scene(path: Path, arguments: argparse.Namespace) -> Any:
-    """The scene in a file, or the scene of one of the recorded drives in it."""
-    from sidm.body import ROVER, read_body
-    from sidm.recordings import read_drives
-    from sidm.replay.scene import drives_scene
-    from sidm.replay.scene_file import read_scene
-    from sidm.replay.skeleton import find_box
-    from sidm.storage import Damaged
-    from sidm.systems import SYSTEMS
-
-    if path.suffix == ".npz" and not arguments.body:
-        try:
-            return read_scene(path)
-        except Damaged:
-            pass  # The file may hold recorded drives; reading them finds other faults.
-    body = read_body(arguments.body) if arguments.body else ROVER
-    shape = arguments.shape or ("husky" if arguments.body else "rover")
-    robot = SYSTEMS["system1"].novice if shape == "rover" else find_box(shape)
-    drives = read_drives(path, body)
-    if not 0 <= arguments.drive < len(drives):
-        raise ConfigError(
-            f"{path}: it has drives 0 to {len(drives) - 1}, not {arguments.drive}"
-        )
-    return drives_scene([drives[arguments.drive]], robot)
-
-
-def add_demo(add: AddCommand) -> None:
-    """Add `sidm demo`."""
-    demo = add(
-        "demo",
-        run_demo,
-        "A model of a real robot in half a minute, from drives that come with sidm.",
-    )
-    text = "folder of what is made (%(default)s)"
-    demo.add_argument("--out", metavar="DIR", default="sidm-demo", help=text)
-
-
-def run_demo(arguments: argparse.Namespace) -> int:
-    """Run `sidm demo`: it prints the model, its errors and what to do next."""
-    from sidm.demo import run
-
-    demo = run(arguments.out)
-    print(
-        f"{demo.model}, {demo.training_drives} drives of a Warthog; "
-        f"its errors on {demo.held_out_drives} others:"
-    )
-    print(_errors_text(demo.errors))
-    print(f"model: {demo.page.parent / 'model'}")
-    print(
-        f"replay: {demo.page}; open it in a browser: "
-        "the ghost is where the model says that the robot would be"
-    )
     return 0

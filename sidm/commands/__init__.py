@@ -1,0 +1,1 @@
+"""The commands of `sidm`: their options, and what they print."""

@@ -1,0 +1,66 @@
+"""The command `sidm replay`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from sidm.command_line import AddCommand
+from sidm.config import ConfigError
+
+
+def add_replay(add: AddCommand) -> None:
+    """Add `sidm replay`."""
+    text = "Make a page that shows a ride in three dimensions, with nothing to install."
+    replay = add("replay", run_replay, text)
+    text = "a scene that `sidm.replay.write_scene` wrote, or recorded drives"
+    replay.add_argument("ride", metavar="PATH", help=text)
+    text = "where to write the page"
+    replay.add_argument("--html", metavar="FILE", required=True, help=text)
+    text = "what recorded drives are made of, YAML (the paper's robots')"
+    replay.add_argument("--body", metavar="FILE", help=text)
+    text = "which of the drives, from 0 (%(default)s)"
+    replay.add_argument("--drive", type=int, default=0, metavar="N", help=text)
+    text = (
+        "what a recorded robot looks like: rover, warthog, husky, or "
+        "WHEELBASE,TRACK,RADIUS in m (rover for the paper's, else husky)"
+    )
+    replay.add_argument("--shape", metavar="NAME", help=text)
+    replay.add_argument("--title", help="of the page (the file's name)")
+
+
+def run_replay(arguments: argparse.Namespace) -> int:
+    """Run `sidm replay`: it writes the page and prints where it is."""
+    from sidm.replay.viewer import View
+
+    path = Path(arguments.ride)
+    View(_scene(path, arguments), arguments.title or path.name).write(arguments.html)
+    print(f"{arguments.html}: open it in a browser")
+    return 0
+
+
+def _scene(path: Path, arguments: argparse.Namespace) -> Any:
+    """The scene in a file, or the scene of one of the recorded drives in it."""
+    from sidm.body import ROVER, read_body
+    from sidm.recordings import read_drives
+    from sidm.replay.scene import drives_scene
+    from sidm.replay.scene_file import read_scene
+    from sidm.replay.skeleton import find_box
+    from sidm.storage import Damaged
+    from sidm.systems import SYSTEMS
+
+    if path.suffix == ".npz" and not arguments.body:
+        try:
+            return read_scene(path)
+        except Damaged:
+            pass  # The file may hold recorded drives; reading them finds other faults.
+    body = read_body(arguments.body) if arguments.body else ROVER
+    shape = arguments.shape or ("husky" if arguments.body else "rover")
+    robot = SYSTEMS["system1"].novice if shape == "rover" else find_box(shape)
+    drives = read_drives(path, body)
+    if not 0 <= arguments.drive < len(drives):
+        raise ConfigError(
+            f"{path}: it has drives 0 to {len(drives) - 1}, not {arguments.drive}"
+        )
+    return drives_scene([drives[arguments.drive]], robot)
