@@ -83,6 +83,7 @@ LATER = (
     ("zero_gradients", False),
     ("replacement", True),
     ("discriminator_draw", "both"),
+    ("resolution", ()),
 )
 
 

@@ -16,13 +16,16 @@ spatial  x, y, z in m, quaternion qx, qy, qz, qw  translation in m, quaternion w
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from sidm.config import ConfigError, check_numbers, config, unknown_name
+import numpy as np
+
+from sidm.config import LARGEST, ConfigError, check_numbers, config, unknown_name
 
 #: Kind of quantity -> unit -> the unit's size in the SI unit, which stands first.
 UNITS = {
@@ -37,6 +40,23 @@ UNITS = {
 
 #: Unit -> the SI unit of the same kind of quantity.
 SI = {unit: next(iter(units)) for units in UNITS.values() for unit in units}
+
+#: Kind of quantity -> the smallest change that its sensor resolves, in the SI unit,
+#: where a body's file does not say it; 0 for the other kinds.
+RESOLUTIONS = {
+    "length": 1e-4,
+    "velocity": 1e-3,
+    "acceleration": 1e-3,
+    "angle": 1e-4,
+    "angular velocity": 1e-3,
+    "number": 1e-6,
+}
+
+
+def kind_of(unit: str) -> str:
+    """The kind of quantity that a unit measures, a key of `UNITS`."""
+    return next(kind for kind, units in UNITS.items() if unit in units)
+
 
 Pose = Literal["none", "planar", "spatial"]
 Columns = tuple[tuple[str, str], ...]  # names and units
@@ -54,11 +74,12 @@ POSES: dict[str, Columns] = {
     "spatial": _columns("m", "x", "y", "z") + _columns("1", "qx", "qy", "qz", "qw"),
 }
 
-#: Pose -> names of its change in y.
-CHANGES: dict[str, tuple[str, ...]] = {
+#: Pose -> names and units of its change in y.
+CHANGES: dict[str, Columns] = {
     "none": (),
-    "planar": ("forward", "left", "turn"),
-    "spatial": ("forward", "left", "up", *(f"rotation {axis}" for axis in "xyzw")),
+    "planar": (*_columns("m", "forward", "left"), ("turn", "rad")),
+    "spatial": _columns("m", "forward", "left", "up")
+    + _columns("1", *(f"rotation {axis}" for axis in "xyzw")),
 }
 
 #: Names of the up direction in x.
@@ -83,6 +104,8 @@ class Body:
         weights: factor of each component in equation (1): 'ones', or 'variance': 1 /
             the component's variance in the training data; a trial's results have the
             variance in the validation set
+        resolution: names of components of y and the smallest change that the sensor of
+            each resolves, in SI units; others have that of their kind in `RESOLUTIONS`
 
     Raises:
         ConfigError: an unknown name, a wrong type, or an unknown unit.
@@ -107,6 +130,7 @@ class Body:
     map_pixels: int = 0
     rate: float = 10.0
     weights: Literal["ones", "variance"] = "variance"
+    resolution: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse values that describe no robot, with an error that names the fault."""
@@ -138,6 +162,18 @@ class Body:
             return "a height map needs a pose"
         if not self.rate > 0:
             return f"rate must be positive, not {self.rate:g} Hz"
+        return self._fault_of_resolution()
+
+    def _fault_of_resolution(self) -> str:
+        """The first fault of the resolutions; an empty text when there is none."""
+        given = [name for name, _ in self.resolution]
+        for name, value in self.resolution:
+            if name not in self.targets:
+                return str(unknown_name(name, self.targets, "resolution"))
+            if given.count(name) > 1:
+                return f"two resolutions of '{name}'"
+            if not 0 <= value <= LARGEST:
+                return f"the resolution of '{name}' must be 0 or more, not {value:g}"
         return ""
 
     @property
@@ -154,7 +190,20 @@ class Body:
     @property
     def targets(self) -> tuple[str, ...]:
         """Names of the Y components of y."""
-        return (*CHANGES[self.pose], *(name for name, _ in self.columns))
+        return tuple(name for name, _ in self.changes)
+
+    @property
+    def changes(self) -> Columns:
+        """Names and units of the Y components of y."""
+        return (*CHANGES[self.pose], *self.columns)
+
+    @property
+    def resolutions(self) -> np.ndarray:
+        """The smallest change (Y,) that is measured in each component, in SI units."""
+        given = dict(self.resolution)
+        defaults = [RESOLUTIONS.get(kind_of(unit), 0.0) for _, unit in self.changes]
+        pairs = zip(self.targets, defaults, strict=True)
+        return np.array([given.get(name, default) for name, default in pairs])
 
     @property
     def pose_size(self) -> int:
@@ -225,8 +274,12 @@ def as_body(body: Body | str | Path | Mapping[str, Any]) -> Body:
     raise TypeError(f"a body is a sidm.Body, a YAML file or a mapping, not {kind}")
 
 
+NUMBER_AND_UNIT = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)"
 #: Keys of a body's file; `map` stands for the fields `map_size` and `map_pixels`.
-KEYS = ("name", "pose", "tilt", "columns", "actions", "map", "rate", "weights")
+KEYS = (
+    *("name", "pose", "tilt", "columns", "actions", "map", "rate", "weights"),
+    "resolution",
+)
 
 
 def body_from_mapping(values: Mapping[str, Any], name: str) -> Body:
@@ -257,7 +310,11 @@ def body_from_mapping(values: Mapping[str, Any], name: str) -> Body:
         fields[key] = tuple((str(column), str(unit)) for column, unit in units.items())
     if "rate" in values:
         fields["rate"] = _quantity(values["rate"], "Hz", "rate")
-    return Body(**fields, **_map_fields(values.get("map", "none")))
+    body = Body(**fields, **_map_fields(values.get("map", "none")))
+    if "resolution" in values:
+        resolution = _resolution(values["resolution"], body)
+        body = dataclasses.replace(body, resolution=resolution)
+    return body
 
 
 def _map_fields(value: Any) -> dict[str, Any]:
@@ -270,6 +327,33 @@ def _map_fields(value: Any) -> dict[str, Any]:
         )
     size = _quantity(value["size"], "m", "map size")
     return {"map_size": size, "map_pixels": value.get("pixels", 0)}
+
+
+def _resolution(values: Any, body: Body) -> tuple[tuple[str, float], ...]:
+    """Names of components of y and their resolutions in SI units."""
+    if not isinstance(values, dict):
+        raise ConfigError(
+            f"resolution is lines of 'name: value unit', as 'left: 1 mm', "
+            f"not {values!r}"
+        )
+    units = dict(body.changes)
+    for name in values:
+        if name not in units:
+            raise unknown_name(str(name), units, "resolution")
+    return tuple(
+        (name, _in_si(value, units[name], f"the resolution of '{name}'"))
+        for name, value in values.items()
+    )
+
+
+def _in_si(value: Any, like: str, name: str) -> float:
+    """A number with its unit, of the kind of the unit `like`, in the SI unit."""
+    known = UNITS[kind_of(like)]
+    match = re.fullmatch(NUMBER_AND_UNIT, str(value).strip())
+    if not match or (match[2] or "1") not in known:
+        units = " or ".join(known)
+        raise ConfigError(f"{name} is a number in {units}, not {value!r}")
+    return float(match[1]) * known[match[2] or "1"]
 
 
 def _quantity(value: Any, unit: str, name: str) -> float:
@@ -287,4 +371,10 @@ def body_to_mapping(body: Body) -> dict[str, Any]:
     if body.map_size:
         pixels = {"pixels": body.map_pixels} if body.map_pixels else {}
         values["map"] = {"size": f"{body.map_size:g} m"} | pixels
-    return values | {"rate": f"{body.rate:g} Hz", "weights": body.weights}
+    values |= {"rate": f"{body.rate:g} Hz", "weights": body.weights}
+    if body.resolution:
+        units = dict(body.changes)
+        values["resolution"] = {
+            name: f"{value!r} {SI[units[name]]}" for name, value in body.resolution
+        }
+    return values

@@ -43,6 +43,7 @@ def test_a_file_says_what_a_planar_robot_sees_and_does(tmp_path):
     [
         ROVER,
         Body(name="a", pose="none", columns=(("v", "m/s"),), actions=(("u", "1"),)),
+        dataclasses.replace(ROVER, resolution=(("left", 1e-3), ("wz", 0.1 / 3))),
     ],
 )
 def test_lines_of_a_body_read_back_as_the_same(body):
@@ -77,6 +78,15 @@ def test_lines_of_a_body_read_back_as_the_same(body):
             "a height map needs a pose",
         ),
         ("actions: [u]\n", "lines of 'name: unit'"),
+        (WARTHOG + "resolution: 1 mm\n", "resolution is lines of 'name: value unit'"),
+        (WARTHOG + "resolution: {lef: 1 mm}\n", "did you mean 'left'?"),
+        (
+            WARTHOG + "resolution: {left: 1}\n",
+            "the resolution of 'left' is a number in m or cm or mm, not 1",
+        ),
+        (WARTHOG + "resolution: {turn: 1 mm}\n", "'turn' is a number in rad or deg"),
+        (WARTHOG + "resolution: {turn: fine}\n", "'turn' is a number in rad or deg"),
+        (WARTHOG + "resolution: {left: -1 mm}\n", "must be 0 or more, not -0.001"),
         ("a: [", "no YAML"),
         ("words", "lines of 'name: value'"),
     ],
@@ -101,3 +111,14 @@ def test_a_body_with_a_map_says_its_own_pixels():
     assert small.pixels(32) == 16
     with pytest.raises(ConfigError, match="a map of 16 pixels on 0 m"):
         dataclasses.replace(ROVER, map_size=0.0, map_pixels=16)
+
+
+def test_resolutions_are_in_si_units_and_have_defaults(tmp_path):
+    path = tmp_path / "robot.yaml"
+    path.write_text(WARTHOG + "resolution: {left: 1 mm, yaw_rate: 2deg/s}\n")
+    body = read_body(path)
+    assert body.resolution == (("left", 1e-3), ("yaw_rate", pytest.approx(0.0349066)))
+    left, turn, yaw_rate, wheel = body.resolutions[[1, 2, 3, 4]]
+    assert (left, turn, wheel) == (1e-3, 1e-4, 1e-3)
+    assert yaw_rate == pytest.approx(0.0349066)
+    assert ROVER.resolutions.tolist() == [1e-4] * 3 + [1e-6] * 4 + [1e-3] * 6
