@@ -33,13 +33,31 @@ UNITS = {
     "velocity": {"m/s": 1.0, "cm/s": 1e-2, "km/h": 1 / 3.6},
     "acceleration": {"m/s2": 1.0},
     "angle": {"rad": 1.0, "deg": math.pi / 180},
-    "angular velocity": {"rad/s": 1.0, "deg/s": math.pi / 180},
-    "number": {"1": 1.0},
+    "angular velocity": {
+        "rad/s": 1.0,
+        "deg/s": math.pi / 180,
+        "rpm": math.pi / 30,
+    },
+    "number": {"1": 1.0, "%": 1e-2},
     "time": {"s": 1.0, "ms": 1e-3},
+    "current": {"A": 1.0},
+    "voltage": {"V": 1.0},
+    "force": {"N": 1.0},
+    "torque": {"N m": 1.0, "Nm": 1.0, "N*m": 1.0},
+    "power": {"W": 1.0},
+    "temperature": {"degC": 1.0},  # kept in degC, since differences are those in K
 }
 
-#: Unit -> the SI unit of the same kind of quantity.
-SI = {unit: next(iter(units)) for units in UNITS.values() for unit in units}
+
+class _SIUnits(dict[str, str]):
+    """Unit -> SI unit; a unit that is not known stays as it is."""
+
+    def __missing__(self, unit: str) -> str:
+        return unit
+
+
+#: Unit -> the SI unit of the same kind of quantity; an unknown unit -> itself.
+SI = _SIUnits({unit: next(iter(units)) for units in UNITS.values() for unit in units})
 
 #: Kind of quantity -> the smallest change that its sensor resolves, in the SI unit,
 #: where a body's file does not say it; 0 for the other kinds.
@@ -54,8 +72,16 @@ RESOLUTIONS = {
 
 
 def kind_of(unit: str) -> str:
-    """The kind of quantity that a unit measures, a key of `UNITS`."""
-    return next(kind for kind, units in UNITS.items() if unit in units)
+    """The kind of quantity that a unit measures, a key of `UNITS`; '' if unknown."""
+    return next((kind for kind, units in UNITS.items() if unit in units), "")
+
+
+def units_like(unit: str) -> dict[str, float]:
+    """Units of the same kind and their sizes in the SI unit.
+
+    A unit that is not known has a kind of its own.
+    """
+    return UNITS.get(kind_of(unit), {unit: 1.0})
 
 
 Pose = Literal["none", "planar", "spatial"]
@@ -143,8 +169,8 @@ class Body:
         for column, unit in (*self.columns, *self.actions):
             if not re.fullmatch(r"[A-Za-z_]\w*", column):
                 return f"a column's name is letters, digits and _, not '{column}'"
-            if unit not in SI:
-                return f"'{column}' in '{unit}'; the units are {', '.join(SI)}"
+            if not re.fullmatch(r"[^\s\[\]](?:[^\[\]]*[^\s\[\]])?", unit):
+                return f"'{column}' has no unit; write '1' for a plain number"
         names = [name for name, _ in (*self.state, *self.actions)]
         for name in names:
             if names.count(name) > 1:
@@ -163,6 +189,12 @@ class Body:
         if not self.rate > 0:
             return f"rate must be positive, not {self.rate:g} Hz"
         return self._fault_of_resolution()
+
+    @property
+    def unknown_units(self) -> dict[str, str]:
+        """Name of each column with a unit that is not in `UNITS` -> that unit."""
+        columns = (*self.columns, *self.actions)
+        return {name: unit for name, unit in columns if unit not in SI}
 
     def _fault_of_resolution(self) -> str:
         """The first fault of the resolutions; an empty text when there is none."""
@@ -241,17 +273,37 @@ def read_body(path: str | Path) -> Body:
 
     try:
         with open(path, encoding="utf-8") as file:
-            values = yaml.safe_load(file)
+            values = yaml.load(file, _strict_loader())
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read ({error})") from None
     except yaml.YAMLError as error:
         raise ConfigError(f"{path}: no YAML ({' '.join(str(error).split())})") from None
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
     if not isinstance(values, dict):
         raise ConfigError(f"{path}: a body is lines of 'name: value'")
     try:
         return body_from_mapping(values, Path(path).stem)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
+
+
+def _strict_loader() -> Any:
+    """The safe YAML loader, but one that refuses a key that is given twice."""
+    import yaml
+
+    class Loader(yaml.SafeLoader):
+        def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+            keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+            for number, (key, _) in enumerate(node.value):
+                if keys[number] in keys[:number]:
+                    raise ConfigError(
+                        f"line {key.start_mark.line + 1}: '{keys[number]}' is given "
+                        "twice; leave one out"
+                    )
+            return super().construct_mapping(node, deep)
+
+    return Loader
 
 
 def as_body(body: Body | str | Path | Mapping[str, Any]) -> Body:
@@ -307,7 +359,10 @@ def body_from_mapping(values: Mapping[str, Any], name: str) -> Body:
         units = values.get(key) or {}
         if not isinstance(units, dict):
             raise ConfigError(f"{key} are lines of 'name: unit', not {units!r}")
-        fields[key] = tuple((str(column), str(unit)) for column, unit in units.items())
+        fields[key] = tuple(
+            (str(column), "" if unit is None else str(unit))
+            for column, unit in units.items()
+        )
     if "rate" in values:
         fields["rate"] = _quantity(values["rate"], "Hz", "rate")
     body = Body(**fields, **_map_fields(values.get("map", "none")))
@@ -348,7 +403,7 @@ def _resolution(values: Any, body: Body) -> tuple[tuple[str, float], ...]:
 
 def _in_si(value: Any, like: str, name: str) -> float:
     """A number with its unit, of the kind of the unit `like`, in the SI unit."""
-    known = UNITS[kind_of(like)]
+    known = units_like(like)
     match = re.fullmatch(NUMBER_AND_UNIT, str(value).strip())
     if not match or (match[2] or "1") not in known:
         units = " or ".join(known)

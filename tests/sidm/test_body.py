@@ -4,7 +4,15 @@ import dataclasses
 
 import pytest
 
-from sidm.body import ROVER, Body, body_from_mapping, body_to_mapping, read_body
+from sidm.body import (
+    ROVER,
+    SI,
+    Body,
+    body_from_mapping,
+    body_to_mapping,
+    read_body,
+    units_like,
+)
 from sidm.config import ConfigError
 
 WARTHOG = """
@@ -55,8 +63,8 @@ def test_lines_of_a_body_read_back_as_the_same(body):
     [
         (WARTHOG.replace("columns", "colums"), "did you mean 'columns'"),
         (
-            WARTHOG.replace("wheel_left: rad/s", "wheel_left: rpm"),
-            "'wheel_left' in 'rpm'; the units are",
+            WARTHOG.replace("wheel_left: rad/s", "wheel_left: "),
+            "'wheel_left' has no unit; write '1' for a plain number",
         ),
         (WARTHOG.replace("actions", "#"), "it has no actions"),
         (
@@ -87,6 +95,11 @@ def test_lines_of_a_body_read_back_as_the_same(body):
         (WARTHOG + "resolution: {turn: 1 mm}\n", "'turn' is a number in rad or deg"),
         (WARTHOG + "resolution: {turn: fine}\n", "'turn' is a number in rad or deg"),
         (WARTHOG + "resolution: {left: -1 mm}\n", "must be 0 or more, not -0.001"),
+        (WARTHOG + "rate: 20 Hz\n", "line 6: 'rate' is given twice; leave one out"),
+        (
+            WARTHOG.replace("yaw_rate:", "wheel_left:"),
+            "line 3: 'wheel_left' is given twice",
+        ),
         ("a: [", "no YAML"),
         ("words", "lines of 'name: value'"),
     ],
@@ -122,3 +135,17 @@ def test_resolutions_are_in_si_units_and_have_defaults(tmp_path):
     assert (left, turn, wheel) == (1e-3, 1e-4, 1e-3)
     assert yaw_rate == pytest.approx(0.0349066)
     assert ROVER.resolutions.tolist() == [1e-4] * 3 + [1e-6] * 4 + [1e-3] * 6
+
+
+def test_units_have_kinds_and_an_unknown_unit_stays_as_it_is():
+    body = Body(
+        name="cart",
+        pose="none",
+        columns=(("current", "A"), ("wheel", "rpm"), ("odour", "ou/m3")),
+        actions=(("throttle", "%"),),
+    )
+    assert [SI[unit] for _, unit in body.columns] == ["A", "rad/s", "ou/m3"]
+    assert SI["%"] == "1" and units_like("ou/m3") == {"ou/m3": 1.0}
+    assert units_like("rad/s")["rpm"] == pytest.approx(0.10471976)
+    assert body.unknown_units == {"odour": "ou/m3"}
+    assert body.resolutions.tolist() == [0, 1e-3, 0]
