@@ -1,7 +1,11 @@
-"""A fitted model on disk: a folder with its weights and a JSON file of all else."""
+"""A fitted model on disk: a folder with its weights and a JSON file of all else.
+
+The JSON file has a checksum of the weights, so that a changed bit is found.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 from typing import Any
@@ -10,25 +14,81 @@ import torch
 from torch import Tensor
 
 from sidm import __version__
-from sidm.body import body_from_mapping, body_to_mapping
+from sidm.body import Body, body_from_mapping, body_to_mapping
 from sidm.config import ConfigError, first_line, from_mapping, to_mapping
 from sidm.fitting.model import Model
 from sidm.fitting.score import Score
 from sidm.learning.checkpoint import module_tensors
 from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.units import Standardisation
+from sidm.rivals.forest import Forest
+from sidm.rivals.kinematics import Kinematics
 from sidm.rivals.least_squares import LeastSquares
 from sidm.rivals.methods import METHODS
+from sidm.rivals.trees import Trees
+from sidm.rivals.trivial import Trivial
 from sidm.settings import Network
 from sidm.storage import write_atomically
 
 WEIGHTS, ABOUT = "model.safetensors", "model.json"
+UNITS = "units."  # begins the names of the units of least squares
 
 
-def write_model(model: Model, folder: str | Path) -> None:
-    """Write a model into a folder, as `Model.save` does."""
+def refuse_folder(folder: str | Path, body: Body, force: bool = False) -> None:
+    """Raise ConfigError, one line, where a model of `body` must not be written.
+
+    Args:
+        folder: where the model is to be written.
+        body: the model's body.
+        force: whether the model may replace that of another body.
+    """
+    if not str(folder).strip():
+        raise ConfigError("the model's folder has no name; pass a path, as 'model'")
+    folder = Path(folder)
+    for path in (folder, *folder.parents):
+        if path.exists():
+            if not path.is_dir():
+                raise ConfigError(f"{path} is a file; name a folder for the model")
+            break
+    there = _body_there(folder)
+    if force or there is None or _without_weights(there) == _without_weights(body):
+        return
+    raise ConfigError(
+        f"{folder} has a model of another body, '{there.name}'; name another folder, "
+        "or replace it with force=True (--force)"
+    )
+
+
+def _body_there(folder: Path) -> Body | None:
+    """The body of the model in a folder; None without a model that can be read."""
+    try:
+        about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+        return body_from_mapping(about["body"], "")
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _without_weights(body: Body) -> dict[str, Any]:
+    """What tells the robots of two bodies apart: all but how their loss is weighed."""
+    loss = ("weights", "resolution")
+    return {name: v for name, v in body_to_mapping(body).items() if name not in loss}
+
+
+def write_model(model: Model, folder: str | Path, force: bool = False) -> None:
+    """Write a model into a folder, as `Model.save` does.
+
+    Args:
+        model: the model.
+        folder: is created where it is missing.
+        force: whether the model may replace that of another body.
+
+    Raises:
+        ConfigError: the folder is a file, or has a model of another body.
+        OSError: a file cannot be written; the message is one line.
+    """
     from safetensors.torch import save as to_bytes
 
+    refuse_folder(folder, model.body, force)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     tensors = {
@@ -38,12 +98,13 @@ def write_model(model: Model, folder: str | Path) -> None:
     }
     if isinstance(model.predictor, LeastSquares):
         units = model.predictor.units._asdict()
-        tensors |= {f"units.{name}": tensor for name, tensor in units.items()}
+        tensors |= {UNITS + name: tensor for name, tensor in units.items()}
     network = {
         name: value
         for name, value in to_mapping(model.network).items()
         if not name.endswith("_body")
     }
+    content = to_bytes({name: tensor.clone() for name, tensor in tensors.items()})
     about = {
         "version": __version__,
         "method": model.method,
@@ -55,8 +116,8 @@ def write_model(model: Model, folder: str | Path) -> None:
         "held_out": model.held_out and to_mapping(model.held_out),
         "scale": _as_list(model.scale),
         "network": network,
+        "sha256": hashlib.sha256(content).hexdigest(),  # of the weights' file
     }
-    content = to_bytes({name: tensor.clone() for name, tensor in tensors.items()})
     write_atomically(folder / WEIGHTS, lambda file: file.write(content))
     text = json.dumps(about, indent=1) + "\n"
     write_atomically(folder / ABOUT, lambda file: file.write(text.encode()))
@@ -74,7 +135,7 @@ def load(folder: str | Path) -> Model:
         Model('pretrain_finetune' of body 'skid-steered', from 9.1 min)
     """
     from safetensors import SafetensorError
-    from safetensors.torch import load_file
+    from safetensors.torch import load as from_bytes
 
     folder = Path(folder)
     for name in (ABOUT, WEIGHTS):
@@ -87,7 +148,11 @@ def load(folder: str | Path) -> Model:
             Network, about["network"] | {"novice_body": body, "expert_body": body}
         )
         scale, mean = (_as_tensor(about.get(n)) for n in ("scale", "target_mean"))
-        tensors = load_file(folder / WEIGHTS)
+        content = (folder / WEIGHTS).read_bytes()
+        checksum = hashlib.sha256(content).hexdigest()
+        if about.get("sha256", checksum) != checksum:  # older versions wrote none
+            raise ValueError(f"the checksum of {WEIGHTS} does not match")
+        tensors = from_bytes(content)
         predictor = _predictor(about["method"], network, tensors, scale)
         fields = ("method", "steps", "minutes", "test_loss")
         values = {name: about[name] for name in fields}
@@ -119,15 +184,27 @@ def _predictor(
     method: str, network: Network, tensors: dict[str, Tensor], scale: Tensor | None
 ) -> Predictor:
     """The module of a method with the weights of a file."""
-    config: Any = METHODS[method]
-    if config.fit != "least_squares":
-        model = DynamicsModel(network, roles=["novice"])
-        model.load_state_dict(tensors)
-        return model
-    units = Standardisation(
-        *(tensors.pop(f"units.{name}") for name in Standardisation._fields)
-    )
-    base = DynamicsModel(network, roles=["novice"]) if config.pretrained else None
-    closed_form = LeastSquares(units, base, scale)
-    closed_form.load_state_dict(tensors)
-    return closed_form
+    config, model = METHODS[method], _empty(method, network, tensors, scale)
+    if config.fit == "least_squares":
+        tensors = {n: t for n, t in tensors.items() if not n.startswith(UNITS)}
+    model.load_state_dict(tensors)
+    return model
+
+
+def _empty(
+    method: str, network: Network, tensors: dict[str, Tensor], scale: Tensor | None
+) -> Predictor:
+    """The module of a method, whose weights are to be loaded."""
+    config, body = METHODS[method], network.body("novice")
+    name: Any = method  # the models of these methods have the methods' names
+    if config.fit == "kinematics":
+        return Kinematics(name, body, scale)
+    if config.fit == "trivial":
+        return Trivial(name, body, scale)
+    if config.fit == "trees":
+        return Trees(body, Forest(*(tensors[n] for n in Forest._fields)), scale)
+    if config.fit == "least_squares":
+        units = Standardisation(*(tensors[UNITS + n] for n in Standardisation._fields))
+        base = DynamicsModel(network, roles=["novice"]) if config.pretrained else None
+        return LeastSquares(units, base, scale)
+    return DynamicsModel(network, roles=["novice"])

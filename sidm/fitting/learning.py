@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from sidm.body import Body
 from sidm.config import ConfigError, replace, unknown_name
@@ -18,6 +19,8 @@ from sidm.learning.units import (
     loss_weights,
     role_units,
 )
+from sidm.rivals import kinematics, trees, trivial
+from sidm.rivals.drivetrain import drivetrain_of
 from sidm.rivals.fine_tuning import (
     Pretrained,
     frozen_model,
@@ -34,17 +37,25 @@ def refuse_method(method: str, novice: Body, expert: Body | None) -> None:
     if method not in METHODS:
         raise unknown_name(method, METHODS, "the methods of 'sidm fit'")
     config = METHODS[method]
-    if (config.expert or config.pretrained) and expert is None:
+    if config.needs_expert and expert is None:
+        alone = "trees" if config.fit == "trees" else "novice_only"
         raise ConfigError(
-            f"{method} learns from an expert's drives too: "
-            "pass them, or take novice_only"
+            f"{method} learns from an expert's drives too: pass them, or take {alone}"
         )
     network = Network(novice_body=novice, expert_body=expert)
-    if config.pretrained and config.carried == "all" and not network.same_body:
+    if config.needs_one_body and not network.same_body:
+        if config.fit == "trees":
+            needed, others = "corrects the expert's trees", "trees"
+        else:
+            needed = "copies the expert's encoder and decoder"
+            others = "sidm or core_finetune"
         raise ConfigError(
-            f"{method} copies the expert's encoder and decoder, "
-            "which needs robots of one body; take sidm or core_finetune"
+            f"{method} {needed}, which needs robots of one body; take {others}"
         )
+    if config.fit == "trees":
+        trees.require_scikit_learn(method)
+    if config.fit == "kinematics":
+        drivetrain_of(novice, method)  # type: ignore[arg-type]
 
 
 def network_for(
@@ -148,11 +159,8 @@ def learn(
     config, units = METHODS[method], units_in(sets, network)
     if start is not None and config.carried == "sidm":
         start = start.core()
-    if config.fit == "least_squares":
-        novice_units = role_units(units, "novice")
-        base = None if start is None else frozen_model(network, start, novice_units)
-        scale = loss_weights(network.body("novice"), novice_units)
-        return fit_least_squares(sets, novice_units, base, scale=scale)
+    if config.fit != "gradients":
+        return _learn_without_loop(method, sets, network, units, seed, start)
     return train(
         sets,
         network,
@@ -163,3 +171,26 @@ def learn(
         progress=progress,
         start=None if start is None else start.weights,
     )
+
+
+def _learn_without_loop(
+    method: str,
+    sets: Datasets,
+    network: Network,
+    units: Units,
+    seed: int,
+    start: Pretrained | None,
+) -> Trained:
+    """The model of a method that does not use the training loop."""
+    config, body = METHODS[method], network.body("novice")
+    novice_units = role_units(units, "novice")
+    scale = loss_weights(body, novice_units)
+    model: Any = method  # the models of these methods have the methods' names
+    if config.fit == "trivial":
+        return trivial.learn(sets, body, model, scale)
+    if config.fit == "kinematics":
+        return kinematics.identify(sets, body, model, scale)
+    if config.fit == "trees":
+        return trees.learn(sets, body, scale, config.residual, seed)
+    base = None if start is None else frozen_model(network, start, novice_units)
+    return fit_least_squares(sets, novice_units, base, scale=scale)

@@ -1,4 +1,4 @@
-"""The methods of learning a robot: settings of one training loop, or a closed form."""
+"""The methods of learning a robot: settings of one training loop, or no network."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from sidm.config import replace
 from sidm.settings import Training
 
 T = TypeVar("T", bound=Training)
+Fit = Literal["gradients", "least_squares", "kinematics", "trees", "trivial"]
 
 
 class Method(NamedTuple):
@@ -23,7 +24,7 @@ class Method(NamedTuple):
         regularise: whether Algorithm 2 makes the systems' latents similar
         pretrained: whether it starts from weights that were trained on the expert alone
         carried: which of these weights it starts from; 'sidm': the shared part alone
-        residual: whether it learns a correction of the pretrained model instead
+        residual: whether it learns a correction of the expert's model instead
         fit: how it learns
         own: which parts of encoder and decoder each system has for itself, as
             `Network.own`
@@ -38,10 +39,20 @@ class Method(NamedTuple):
     pretrained: bool = False
     carried: Literal["all", "sidm"] = "all"
     residual: bool = False
-    fit: Literal["gradients", "least_squares"] = "gradients"
+    fit: Fit = "gradients"
     own: Literal["all", "biases", "flag", "none"] = "all"
     changes: tuple[tuple[str, Any], ...] = ()
     all_changes: tuple[tuple[str, Any], ...] = ()
+
+    @property
+    def needs_expert(self) -> bool:
+        """Whether it cannot learn from the novice's data alone."""
+        return self.expert or self.pretrained or self.residual
+
+    @property
+    def needs_one_body(self) -> bool:
+        """Whether novice and expert must have the same body."""
+        return self.residual or (self.pretrained and self.carried == "all")
 
     def training(self, base: T, tuned: Mapping[str, Any] = MappingProxyType({})) -> T:
         """Settings of the method's training on the novice.
@@ -113,4 +124,16 @@ METHODS: dict[str, Method] = {
         residual=True,
         fit="least_squares",
     ),
+    # Boosted trees, of the novice alone or on those of the expert.
+    "trees": Method("boosted trees", "", fit="trees"),
+    "trees_corrected": Method(
+        "expert's trees, corrected by trees", "", residual=True, fit="trees"
+    ),
+    # What a roboticist writes down without learning.
+    "differential_drive": Method("differential drive", "", fit="kinematics"),
+    "rotation_centres": Method("centres of rotation", "", fit="kinematics"),
+    "ackermann": Method("kinematic bicycle", "", fit="kinematics"),
+    # Yardsticks.
+    "nothing_changes": Method("nothing changes", "", fit="trivial"),
+    "mean": Method("mean of the training data", "", fit="trivial"),
 }
