@@ -35,7 +35,7 @@ _MODULES = {
     "simulate": "simulation.motion",
     "read_drives": "recordings.reading",
     "fit": "fitting.fit",
-    "compare": "fitting.fit",
+    "compare": "comparison.run",
     "load": "fitting.files",
     "train": "learning.training",
 }

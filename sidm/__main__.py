@@ -8,13 +8,19 @@ from collections.abc import Sequence
 
 from sidm import __version__
 from sidm.command_line import Parser, carry_out, command_adder
+from sidm.commands.comparison import add_compare
 from sidm.commands.demo import add_demo
-from sidm.commands.fitting import add_fitting
+from sidm.commands.fitting import add_evaluate, add_fit, add_predict
+from sidm.commands.recordings import add_body, add_check
 from sidm.commands.replay import add_replay
 
 DESCRIPTION = (
     "Dynamics models of your own robot from recorded drives. Exit status: 0; 1 when "
     "something failed; 2 for arguments that cannot be used."
+)
+COMMANDS = (
+    *("demo", "check", "body", "fit", "compare", "evaluate", "predict"),
+    "replay",
 )
 
 
@@ -22,9 +28,14 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
     parser = Parser(prog="sidm", description=DESCRIPTION)
     parser.add_argument("--version", action="version", version=__version__)
-    add = command_adder(parser, ("demo", "fit", "evaluate", "predict", "replay"))
+    add = command_adder(parser, COMMANDS)
     add_demo(add)
-    add_fitting(add)
+    add_check(add)
+    add_body(add)
+    add_fit(add)
+    add_compare(add)
+    add_evaluate(add)
+    add_predict(add)
     add_replay(add)
     return parser
 

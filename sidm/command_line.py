@@ -7,17 +7,34 @@ be used.
 from __future__ import annotations
 
 import argparse
+import contextlib
+import os
+import re
 import sys
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
-from typing import NoReturn
+from typing import NoReturn, Protocol
 
-from sidm.config import ConfigError, DataError, first_line
+from sidm.config import ConfigError, DataError, Notice, first_line, hint
 
 #: Runs a command with its parsed arguments and returns the exit status.
 Command = Callable[[argparse.Namespace], int]
-#: Adds a command to a parser: its name, its function, its help; returns its own parser.
-AddCommand = Callable[[str, Command, str], argparse.ArgumentParser]
+
+
+class AddCommand(Protocol):
+    """Adds a command to a parser and returns the command's own parser.
+
+    The arguments are the command's name, its function, its help and, for the library's
+    commands, examples and what else stands below the options.
+    """
+
+    def __call__(
+        self, name: str, work: Command, help: str, examples: str = ""
+    ) -> argparse.ArgumentParser:
+        """Add the command."""
+        ...
+
 
 GOES_ON = "the same command goes on where this one was"
 
@@ -28,15 +45,31 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Print the error and where to find help, and exit with status 2."""
         program, line = self.prog.split()[0], " ".join(message.split())
+        line = _unknown_command(line) or line
         self.exit(2, f"{program}: {line}; see {self.prog} --help\n")
+
+
+def _unknown_command(message: str) -> str:
+    """The error for a command that is not known; '' for another message."""
+    pattern = r"argument .* \| .*: invalid choice: '(.*)' \(choose from (.*)\)"
+    found = re.match(pattern, message)
+    if not found:
+        return ""
+    names = [name.strip(" '") for name in found[2].split(",")]
+    return f"unknown command '{found[1]}'; {hint(found[1], names)}"
 
 
 def command_adder(parser: argparse.ArgumentParser, names: Sequence[str]) -> AddCommand:
     """A function that adds commands to `parser`; its help lists the `names`."""
     commands = parser.add_subparsers(metavar=" | ".join(names), required=True)
 
-    def add(name: str, work: Command, help: str) -> argparse.ArgumentParser:
+    def add(
+        name: str, work: Command, help: str, examples: str = ""
+    ) -> argparse.ArgumentParser:
         command = commands.add_parser(name, help=help, description=help)
+        if examples:  # are printed line by line, as they are
+            command.formatter_class = argparse.RawDescriptionHelpFormatter
+            command.epilog = f"examples:\n{examples}"
         command.set_defaults(work=work)
         return command
 
@@ -58,7 +91,8 @@ def carry_out(
     """
     parsed = parser.parse_args(arguments)
     try:
-        return parsed.work(parsed)
+        with notices_on_stderr():
+            return _to_open_pipe(parsed)
     except ConfigError as error:
         status, line = 2, first_line(error)
     except BrokenExecutor:
@@ -69,6 +103,35 @@ def carry_out(
         status, line = 1, first_line(error)
     print(f"{parser.prog}: {line}", file=sys.stderr)
     return status
+
+
+def _to_open_pipe(parsed: argparse.Namespace) -> int:
+    """Run the command; whoever reads its output may stop reading, as `head` does."""
+    try:
+        status = parsed.work(parsed)
+        sys.stdout.flush()
+        return status
+    except BrokenPipeError:
+        # The interpreter flushes the output once more as it ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+@contextlib.contextmanager
+def notices_on_stderr() -> Iterator[None]:
+    """Print each `Notice` as one line on stderr; other warnings stay as they are."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", Notice)
+        others = warnings.showwarning
+
+        def show(message, category, *arguments, **options):  # type: ignore[no-untyped-def]
+            if issubclass(category, Notice):
+                print(f"note: {first_line(message)}", file=sys.stderr)
+            else:
+                others(message, category, *arguments, **options)
+
+        warnings.showwarning = show
+        yield
 
 
 def whole_number(text: str, least: int = 1) -> int:

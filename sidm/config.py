@@ -23,6 +23,10 @@ class ConfigError(ValueError):
     """An unknown parameter or a wrong value; the message is one line for its user."""
 
 
+class Notice(UserWarning):
+    """What a user should know although nothing failed; the message is one line."""
+
+
 class DataError(ValueError):
     """A fault in a file of data; one line that names file, fault and remedy."""
 

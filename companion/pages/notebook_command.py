@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from companion.pages.notebook import (
+    Parameter,
     find_notebook,
     inspect,
     merge_parameters,
@@ -107,11 +108,26 @@ def _run_of(path: Path, arguments: argparse.Namespace) -> Run:
     given: dict[str, Any] = dict(arguments.parameter)
     for name, text in given.items():
         if name in parameters:
-            given[name] = read_value(text, parameters[name].kind, name)
+            value = read_value(text, parameters[name].kind, name)
+            given[name] = _from_here(value, parameters[name])
     values, output = merge_parameters(path, given, arguments.file), arguments.output
     if not arguments.in_place and (arguments.notebook == "all" or not output):
         output = (output or DEFAULT_OUTPUT) / path.name
     return Run(path, output, values)
+
+
+def _from_here(value: Any, parameter: Parameter) -> Any:
+    """The value of a parameter, with a path read from where the user stands.
+
+    Notebooks run in the project's folder. A text is a path if its parameter is for a
+    folder, or if it names a file or a folder that is here.
+    """
+    if not isinstance(value, str) or Path.cwd() == project_root():
+        return value
+    path = Path.cwd() / value
+    is_folder = parameter.help.startswith("folder")
+    is_file = "/" in parameter.default and path.exists()
+    return str(path) if is_folder or is_file else value
 
 
 def _show(path: Path) -> None:

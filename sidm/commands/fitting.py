@@ -6,57 +6,44 @@ import argparse
 import sys
 from pathlib import Path
 
-from sidm.command_line import AddCommand
-from sidm.commands.tables import errors_text
+from sidm.command_line import AddCommand, whole_number
+from sidm.commands.options import (
+    add_fit_options,
+    add_model_options,
+    methods_text,
+    seconds,
+)
+from sidm.commands.tables import csv_text, errors_text, worst_text, write_csv
 from sidm.config import ConfigError, first_line, parse_changes
 
-_DRIVES = "drives: a file, a ROS bag, or a folder of files"
 TEST_SHARE = 0.25  # of the sessions, held out by `sidm fit`
+FIT_EXAMPLES = """\
+  sidm fit --novice drives/ --body robot.yaml --out model
+  sidm fit --novice mine.bag --expert others/ --body robot.yaml --method sidm \\
+      --set p_expert=0.5 --out model"""
+EVALUATE_EXAMPLES = """\
+  sidm evaluate model other_drives/
+  sidm evaluate model drive.csv --csv errors.csv --figure errors.svg"""
+PREDICT_EXAMPLES = """\
+  sidm predict model drive.csv --out predicted.csv
+  sidm predict model drive.csv --horizon 3s --every 10"""
 
 
-def add_fitting(add: AddCommand) -> None:
-    """Add the commands that fit a model and use it: fit, evaluate and predict."""
+def add_fit(add: AddCommand) -> None:
+    """Add `sidm fit`."""
     text = (
         "Learn a robot from recorded drives. It can be interrupted; the same command "
         "resumes it."
     )
-    fit = add("fit", run_fit, text)
-    _add_fit_options(fit)
-    text = "How well a fitted model predicts other drives, with a figure."
-    evaluate = add("evaluate", run_evaluate, text)
-    text = "What a fitted model predicts of drives, as CSV."
-    predict = add("predict", run_predict, text)
-    text = "topics of ROS bags that are read, where several could be meant (all)"
-    for command in (fit, evaluate, predict):
-        command.add_argument(
-            "--topics", metavar="NAME", nargs="+", default=[], help=text
-        )
-    text = "folder of a model that 'sidm fit' made"
-    for command in (evaluate, predict):
-        command.add_argument("model", metavar="MODEL", help=text)
-        command.add_argument("drives", metavar="PATH", help=_DRIVES)
-    text = "file of the figure (evaluation.png in the model's folder)"
-    evaluate.add_argument("--figure", metavar="FILE", help=text)
-    text = "where to write (standard output)"
-    predict.add_argument("--out", metavar="FILE", help=text)
-
-
-def _add_fit_options(fit: argparse.ArgumentParser) -> None:
-    """Add the options of `sidm fit` alone."""
-    fit.add_argument("--novice", metavar="PATH", required=True, help=_DRIVES)
-    text = "drives of another robot, whose motion is cheaper"
-    fit.add_argument("--expert", metavar="PATH", help=text)
-    text = "what the drives are made of, YAML"
-    fit.add_argument("--body", metavar="FILE", required=True, help=text)
-    text = "what the expert's drives are made of, YAML (as --body)"
-    fit.add_argument("--expert-body", metavar="FILE", help=text)
-    text = "sidm, novice_only, ... (sidm with an expert, novice_only without)"
-    fit.add_argument("--method", help=text)
+    fit = add("fit", run_fit, text, f"{FIT_EXAMPLES}\n\nmethods:\n{methods_text()}")
+    add_fit_options(fit)
+    fit.add_argument("--method", help="one of those below (%(default)s)")
+    fit.set_defaults(method="least_squares")
     text = (
         "drives of the robot that evaluate the model and that it does not learn from "
         "(a quarter of the novice's sessions; with few sessions, folds)"
     )
-    fit.add_argument("--test", metavar="PATH", help=text)
+    fit.add_argument("--test", metavar="PATH", nargs="+", help=text)
     text = (
         "seed of the choice of drives, the initial weights and the batches "
         "(%(default)s)"
@@ -72,6 +59,41 @@ def _add_fit_options(fit: argparse.ArgumentParser) -> None:
         "may be given again",
     )
     fit.add_argument("--out", metavar="DIR", required=True, help="folder of the model")
+    text = "replace the model of another robot in the folder"
+    fit.add_argument("--force", action="store_true", help=text)
+
+
+def add_evaluate(add: AddCommand) -> None:
+    """Add `sidm evaluate`."""
+    text = "How well a fitted model predicts other drives, with a figure."
+    evaluate = add("evaluate", run_evaluate, text, EVALUATE_EXAMPLES)
+    add_model_options(evaluate)
+    text = "file of the figure (%(default)s)"
+    evaluate.add_argument(
+        "--figure", metavar="FILE", default="evaluation.png", help=text
+    )
+    text = "where to write all errors as CSV"
+    evaluate.add_argument("--csv", metavar="FILE", help=text)
+    text = "where to write the loss of each drive as CSV"
+    evaluate.add_argument("--drives-csv", metavar="FILE", help=text)
+
+
+def add_predict(add: AddCommand) -> None:
+    """Add `sidm predict`."""
+    text = "What a fitted model predicts of drives, as CSV."
+    predict = add("predict", run_predict, text, PREDICT_EXAMPLES)
+    add_model_options(predict)
+    text = (
+        "predict this long open loop, as 3s, each state from the predicted state "
+        "before it (one step ahead, from each recorded state)"
+    )
+    predict.add_argument("--horizon", metavar="TIME", type=seconds, help=text)
+    text = (
+        "start an open-loop prediction at every Nth step (at each drive's start alone)"
+    )
+    predict.add_argument("--every", metavar="N", type=whole_number, help=text)
+    text = "where to write (standard output)"
+    predict.add_argument("--out", metavar="FILE", help=text)
 
 
 def run_fit(arguments: argparse.Namespace) -> int:
@@ -88,7 +110,9 @@ def run_fit(arguments: argparse.Namespace) -> int:
         test=arguments.test or TEST_SHARE,
         seed=arguments.seed,
         out=arguments.out,
+        force=arguments.force,
         topics=arguments.topics,
+        skip_bad=arguments.skip_bad,
         progress=True,
     )
     print(
@@ -106,27 +130,41 @@ def run_fit(arguments: argparse.Namespace) -> int:
 
 
 def run_evaluate(arguments: argparse.Namespace) -> int:
-    """Run `sidm evaluate`: it prints the table of errors and draws their figure.
+    """Run `sidm evaluate`: it prints the tables of errors and draws their figure.
 
     It draws nothing where Matplotlib is not installed.
     """
     from sidm.fitting.files import load
     from sidm.recordings import read_drives
+    from sidm.storage import write_atomically
 
     model = load(arguments.model)
-    drives = read_drives(arguments.drives, model.body, arguments.topics, held=True)
-    table = model.evaluate(drives)
+    drives = read_drives(
+        arguments.drives,
+        model.body,
+        arguments.topics,
+        held=True,
+        skip_bad=arguments.skip_bad,
+    )
+    table, by_drive = model.evaluate(drives), model.evaluate_drives(drives)
     print(f"{arguments.model}: {model.score(drives)}")
     print(errors_text(table))
+    print(worst_text(by_drive))
+    if arguments.csv:
+        write_csv(arguments.csv, table)
+    if arguments.drives_csv:
+        write_csv(arguments.drives_csv, by_drive)
     try:
         from sidm.fitting.report import figure
     except ImportError:
         text = "note: no figure is drawn without Matplotlib: pip install 'sidm[plots]'"
         print(text, file=sys.stderr)
         return 0
-    path = Path(arguments.figure or Path(arguments.model) / "evaluation.png")
+    path = Path(arguments.figure)
+    kind = path.suffix.lstrip(".") or "png"
     try:
-        figure(table).savefig(path)
+        drawn = figure(table)
+        write_atomically(path, lambda file: drawn.savefig(file, format=kind))
     except ValueError as error:  # Matplotlib does not know the type of file
         raise ConfigError(f"{path}: {first_line(error)}") from None
     print(f"figure: {path}")
@@ -136,12 +174,21 @@ def run_evaluate(arguments: argparse.Namespace) -> int:
 def run_predict(arguments: argparse.Namespace) -> int:
     """Run `sidm predict`: it writes the predictions as CSV."""
     from sidm.fitting.files import load
-    from sidm.storage import write_atomically
+    from sidm.recordings import read_drives
 
-    table = load(arguments.model).predict(arguments.drives, arguments.topics)
-    text = table.to_csv(index=False, float_format="%.6g")
+    if arguments.every and arguments.horizon is None:
+        raise ConfigError("--every is of open-loop predictions: give --horizon, too")
+    model = load(arguments.model)
+    drives = read_drives(
+        arguments.drives,
+        model.body,
+        arguments.topics,
+        held=True,
+        skip_bad=arguments.skip_bad,
+    )
+    table = model.predict(drives, horizon=arguments.horizon, every=arguments.every)
     if arguments.out:
-        write_atomically(Path(arguments.out), lambda file: file.write(text.encode()))
+        write_csv(arguments.out, table)
     else:
-        sys.stdout.write(text)
+        sys.stdout.write(csv_text(table))
     return 0

@@ -9,17 +9,23 @@ from typing import Any
 from sidm.command_line import AddCommand
 from sidm.config import ConfigError
 
+EXAMPLES = """\
+  sidm replay drive.csv --body robot.yaml --html replay.html
+  sidm replay drive.csv --model model --shape 0.5,0.4,0.1 --html predicted.html"""
+
 
 def add_replay(add: AddCommand) -> None:
     """Add `sidm replay`."""
     text = "Make a page that shows a ride in three dimensions, with nothing to install."
-    replay = add("replay", run_replay, text)
+    replay = add("replay", run_replay, text, EXAMPLES)
     text = "a scene that `sidm.replay.write_scene` wrote, or recorded drives"
     replay.add_argument("ride", metavar="PATH", help=text)
     text = "where to write the page"
     replay.add_argument("--html", metavar="FILE", required=True, help=text)
     text = "what recorded drives are made of, YAML (the paper's robots')"
     replay.add_argument("--body", metavar="FILE", help=text)
+    text = "a model of the robot, whose prediction from the start is shown, too"
+    replay.add_argument("--model", metavar="DIR", help=text)
     text = "which of the drives, from 0 (%(default)s)"
     replay.add_argument("--drive", type=int, default=0, metavar="N", help=text)
     text = (
@@ -43,24 +49,32 @@ def run_replay(arguments: argparse.Namespace) -> int:
 def _scene(path: Path, arguments: argparse.Namespace) -> Any:
     """The scene in a file, or the scene of one of the recorded drives in it."""
     from sidm.body import ROVER, read_body
+    from sidm.fitting.files import load
     from sidm.recordings import read_drives
-    from sidm.replay.scene import drives_scene
+    from sidm.replay.scene import drives_scene, predicted_scene
     from sidm.replay.scene_file import read_scene
     from sidm.replay.skeleton import find_box
     from sidm.storage import Damaged
     from sidm.systems import SYSTEMS
 
-    if path.suffix == ".npz" and not arguments.body:
+    model = load(arguments.model) if arguments.model else None
+    if path.suffix == ".npz" and not (arguments.body or model):
         try:
             return read_scene(path)
         except Damaged:
             pass  # The file may hold recorded drives; reading them finds other faults.
-    body = read_body(arguments.body) if arguments.body else ROVER
-    shape = arguments.shape or ("husky" if arguments.body else "rover")
+    body = model.body if model else ROVER
+    if arguments.body:
+        body = read_body(arguments.body)
+    shape = arguments.shape or ("rover" if body == ROVER else "husky")
     robot = SYSTEMS["system1"].novice if shape == "rover" else find_box(shape)
-    drives = read_drives(path, body)
+    drives = read_drives(path, body, held=True)
     if not 0 <= arguments.drive < len(drives):
         raise ConfigError(
             f"{path}: it has drives 0 to {len(drives) - 1}, not {arguments.drive}"
         )
-    return drives_scene([drives[arguments.drive]], robot)
+    drive = drives[arguments.drive]
+    if model is None:
+        return drives_scene([drive], robot)
+    predicted = model.rollout(drive.states[0], drive.actions, ground=drive.ground)
+    return predicted_scene(drive, predicted, robot)

@@ -16,7 +16,7 @@ from sidm.config import replace
 from sidm.drives import Drive
 from sidm.fitting.fit import fit
 from sidm.fitting.model import Model
-from sidm.fitting.windows import hold_out
+from sidm.fitting.splits import split
 from sidm.recordings.reading import read_drives
 from sidm.replay.scene import predicted_scene
 from sidm.replay.skeleton import BOXES
@@ -25,7 +25,7 @@ from sidm.replay.viewer import View
 if TYPE_CHECKING:
     import pandas as pd
 
-HELD_OUT = 0.25  # share of the steps that evaluate the model, in whole sessions
+HELD_OUT = 0.25  # share of the sessions, which evaluate the model
 
 
 class Demo(NamedTuple):
@@ -62,7 +62,7 @@ def run(folder: str | Path) -> Demo:
     Raises:
         OSError: the folder cannot be written.
     """
-    training, held_out = hold_out(bundled_drives(), HELD_OUT)
+    training, held_out = split(bundled_drives(), HELD_OUT, seed=0)
     model = fit(training, method="least_squares", out=Path(folder) / "model")
     drive = max(held_out, key=_turned)
     path = model.rollout(drive.states[0], drive.actions)

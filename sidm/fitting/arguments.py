@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
 
 from sidm.body import Body, as_body
 from sidm.config import ConfigError, replace
 from sidm.drives import Drive
-from sidm.recordings.reading import drives_from_frame, read_drives
+from sidm.recordings.reading import drives_from_frame, has_bags, read_drives
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,6 +26,7 @@ def drives_from(
     topics: Sequence[str] = (),
     allow_constant: bool = False,
     default_body: BodyLike | None = None,
+    skip_bad: bool = False,
 ) -> list[Drive]:
     """List of drives from any form in which a user can pass them.
 
@@ -39,6 +40,8 @@ def drives_from(
         allow_constant: whether a column may never change, as in
             `recordings.read_drives`.
         default_body: body of drives in files where `body` is None.
+        skip_bad: whether to leave out faulty drives of files, as in
+            `recordings.read_drives`.
 
     Returns:
         The drives, all of one body.
@@ -50,14 +53,15 @@ def drives_from(
         TypeError: `source` has a type that cannot hold drives.
     """
     file_body = body or default_body
-    if isinstance(source, (str, Path)):
-        return read_drives(
-            source, _required(file_body, argument), topics, allow_constant
-        )
+    reading: dict[str, Any] = {"held": allow_constant, "skip_bad": skip_bad}
+    if _is_paths(source):
+        if argument in ("expert", "test") and not has_bags(source):
+            topics = ()  # are of the novice's bags
+        return read_drives(source, _required(file_body, argument), topics, **reading)
     if isinstance(source, Drive):
         source = [source]
     if hasattr(source, "columns") and hasattr(source, "to_numpy"):
-        return drives_from_frame(source, _required(file_body, argument))
+        return drives_from_frame(source, _required(file_body, argument), skip_bad)
     if not isinstance(source, Sequence) or not all(
         isinstance(item, (Drive, str, Path)) for item in source
     ):
@@ -76,7 +80,7 @@ def drives_from(
             )
         else:
             file_body = _required(expected or default_body, argument)
-            drives += read_drives(item, file_body, topics, allow_constant)
+            drives += read_drives(item, file_body, topics, **reading)
     if len({drive.body for drive in drives}) > 1:
         names = ", ".join(sorted({drive.body.name for drive in drives}))
         raise ConfigError(
@@ -84,6 +88,15 @@ def drives_from(
             "all drives of a robot have the same body"
         )
     return drives
+
+
+def _is_paths(source: Drives) -> TypeGuard[str | Path | Sequence[str | Path]]:
+    """Whether the source is a path or several, which are then read together."""
+    if isinstance(source, (str, Path)):
+        return True
+    if not isinstance(source, Sequence) or not source:
+        return False
+    return all(isinstance(item, (str, Path)) for item in source)
 
 
 def _required(body: BodyLike | None, argument: str) -> Body:

@@ -1,18 +1,20 @@
-"""Fit a model to drives (`sidm.fit`), and compare several methods (`sidm.compare`)."""
+"""Fit a model to drives (`sidm.fit`)."""
 
 from __future__ import annotations
 
 import contextlib
 import shutil
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from sidm.config import ConfigError
+from sidm.config import ConfigError, Notice
 from sidm.drives import Drive, minutes_of
 from sidm.fitting.arguments import drives_from, refuse_swapped
+from sidm.fitting.files import refuse_folder
 from sidm.fitting.learning import (
     datasets,
     learn,
@@ -22,16 +24,16 @@ from sidm.fitting.learning import (
     units_in,
 )
 from sidm.fitting.model import Model
-from sidm.fitting.score import WindowLosses
+from sidm.fitting.score import DriveLosses
 from sidm.fitting.settings import Settings, settings_with
-from sidm.fitting.windows import (
-    common_length,
-    cut,
+from sidm.fitting.splits import (
+    Split,
+    divided,
     evaluation_splits,
-    hold_out,
     session_order,
     train_test_split,
 )
+from sidm.fitting.windows import common_length, cut
 from sidm.learning.arithmetic import one_thread
 from sidm.learning.stopping import CurvePoint
 from sidm.learning.units import loss_weights, role_units
@@ -40,9 +42,9 @@ from sidm.rivals.methods import METHODS
 from sidm.settings import Network, Training
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from sidm.fitting.arguments import BodyLike, Drives
+    from sidm.learning.dataset import Datasets
+    from sidm.rivals.fine_tuning import Pretrained
 
 UNFINISHED = "unfinished"  # subfolder of the model's, for the state of a training
 NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -51,7 +53,7 @@ NOTHING: Mapping[str, Any] = MappingProxyType({})
 def fit(
     novice: Drives,
     expert: Drives | None = None,
-    method: str | None = None,
+    method: str = "least_squares",
     *,
     body: BodyLike | None = None,
     expert_body: BodyLike | None = None,
@@ -61,7 +63,9 @@ def fit(
     test: Drives | float | None = None,
     seed: int = 0,
     out: str | Path | None = None,
+    force: bool = False,
     topics: Sequence[str] = (),
+    skip_bad: bool = False,
     progress: bool = False,
 ) -> Model:
     """Fit a model of a robot to its drives, and to an expert's drives if there are any.
@@ -71,8 +75,7 @@ def fit(
             them; or a file, a ROS bag or a folder of drives, or several; or a pandas
             table.
         expert: drives of another robot, whose motion is cheaper to record.
-        method: a name in `sidm.rivals.methods.METHODS`; by default 'sidm' with an
-            expert and 'novice_only' without one.
+        method: a name in `sidm.rivals.methods.METHODS`.
         body: what the novice's drives are made of, needed where they come from files: a
             body, its YAML file or a mapping.
         expert_body: what the expert's drives are made of; by default `body`.
@@ -88,7 +91,9 @@ def fit(
         seed: seed of the choice of drives, the initial weights and the batches.
         out: a folder for the model. An unfinished training is kept there, too; the same
             call resumes it.
+        force: whether the model may replace another robot's model in `out`.
         topics: topics of ROS bags, needed if a bag has several matching topics.
+        skip_bad: whether to leave out drives that have a fault, with a `Notice` each.
         progress: whether to show a progress bar, with the longest time left.
 
     Returns:
@@ -116,27 +121,30 @@ def fit(
         raise ConfigError(f"seed must be 0 or more, not {seed}")
     if expert is None and expert_body is not None:
         raise ConfigError("expert_body is given, but there is no expert")
-    novice_drives = drives_from(novice, body, "novice", topics)
+    reading: dict[str, Any] = {"topics": topics, "skip_bad": skip_bad}
+    novice_drives = drives_from(novice, body, "novice", **reading)
     expert_drives = None
     if expert is not None:
         expert_drives = drives_from(
-            expert, expert_body, "expert", topics, default_body=body
+            expert, expert_body, "expert", default_body=body, **reading
         )
-    method = method or ("novice_only" if expert_drives is None else "sidm")
     _refuse(method, novice_drives, expert_drives)
     refuse_swapped(novice_drives, expert_drives)
-    learnt, held_out, folds = _split(novice_drives, test, seed, topics)
+    if out is not None:
+        refuse_folder(out, novice_drives[0].body, force)
+    learnt, held_out, folds = _split(novice_drives, test, seed, reading)
     state = None if out is None else Path(out) / UNFINISHED
     others = expert_drives, method, chosen, seed
-    model = _fit(learnt, *others, state, progress)
+    model = fit_drives(learnt, *others, state, progress)
     losses = [model.losses(held_out)] if held_out else []
     for number, (drives, rest) in enumerate(folds):
         folder = state and state / f"fold{number}"
-        losses.append(_fit(drives, *others, folder, progress).losses(rest))
+        part = fit_drives(drives, *others, folder, progress, notify=False)
+        losses.append(part.losses(rest))
     if losses:
-        model = replace(model, held_out=WindowLosses.joined(losses).score(len(losses)))
+        model = replace(model, held_out=DriveLosses.joined(losses).score(len(losses)))
     if out is not None:
-        model.save(out)
+        model.save(out, force=force)
         shutil.rmtree(Path(out) / UNFINISHED, ignore_errors=True)
     return model
 
@@ -145,14 +153,14 @@ def _split(
     novice: list[Drive],
     test: Drives | float | None,
     seed: int,
-    topics: Sequence[str],
-) -> tuple[list[Drive], list[Drive], list[tuple[list[Drive], list[Drive]]]]:
+    reading: Mapping[str, Any],
+) -> tuple[list[Drive], list[Drive], list[Split]]:
     """The drives to learn from, the drives to evaluate on, and splits of folds."""
     if test is None:
         return novice, [], []
     if not isinstance(test, (int, float)):
         body = novice[0].body
-        held_out = drives_from(test, body, "test", topics, allow_constant=True)
+        held_out = drives_from(test, body, "test", allow_constant=True, **reading)
         learnt = {drive.states.tobytes() for drive in novice}
         for drive in held_out:
             if drive.states.tobytes() in learnt:
@@ -169,6 +177,37 @@ def _split(
     return novice, [], splits
 
 
+def _notify(
+    model: Model, novice: Sequence[Drive], expert: Sequence[Drive] | None
+) -> None:
+    """Warn of what the model does not learn from, with a `Notice` each."""
+    method = METHODS[model.method]
+    if expert is not None and not method.needs_expert:
+        warnings.warn(
+            Notice(f"{model.method} does not learn from the expert's drives"),
+            stacklevel=4,
+        )
+    short = [drive for drive in novice if len(drive) < model.steps]
+    if short:
+        share = minutes_of(short) / minutes_of(novice)
+        text = (
+            f"{len(short)} of {len(novice)} drives, {share:.1%} of the motion, are "
+            f"shorter than a window of {model.steps} steps: the model does not learn "
+            "from them"
+        )
+        warnings.warn(Notice(text), stacklevel=4)
+    if model.scale is None:
+        return
+    names = [n for n, w in zip(model.body.targets, model.scale, strict=True) if not w]
+    if names:
+        text = (
+            f"{', '.join(names)} of body '{model.body.name}' varies by less than its "
+            "sensor resolves: it has no weight in the loss; 'resolution' in the body "
+            "says what a sensor resolves"
+        )
+        warnings.warn(Notice(text), stacklevel=4)
+
+
 def _refuse(
     method: str, novice: Sequence[Drive], expert: Sequence[Drive] | None
 ) -> None:
@@ -176,47 +215,119 @@ def _refuse(
     refuse_method(method, novice[0].body, None if expert is None else expert[0].body)
 
 
-def _fit(
+def fit_drives(
     novice: Sequence[Drive],
     expert: Sequence[Drive] | None,
     method: str,
     settings: Settings,
-    seed: int,
-    state: Path | None,
-    progress: bool,
+    seed: int = 0,
+    state: Path | None = None,
+    progress: bool = False,
+    start: Pretrained | None = None,
+    notify: bool = True,
 ) -> Model:
-    """Fit checked drives with checked settings; `state` is for unfinished trainings."""
-    steps = common_length(novice, *([expert] if expert else []))
-    windows = cut(novice, steps)
-    train, test = train_test_split(windows, session_order(windows, seed))
+    """Fit drives whose body is known, with checked settings.
+
+    Args:
+        novice: drives of the robot.
+        expert: drives of the expert, if there are any.
+        method: a name in METHODS that can learn these robots.
+        settings: networks and training.
+        seed: as in `fit`.
+        state: folder of unfinished trainings.
+        progress: as in `fit`.
+        start: pretrained weights; by default they are trained where the method needs
+            them.
+        notify: whether to warn of drives that are not learnt from.
+
+    Raises:
+        ConfigError: too few drives.
+    """
+    sets, network, steps = _datasets(novice, expert, settings, seed)
+    if start is None:
+        start = pretrained(novice, expert, method, settings, seed, state, progress)
+    title = f"fitting {method}, at most"
+    shown = progress and METHODS[method].fit == "gradients"
+    samples = settings.training.max_samples
+    with one_thread(), _progress(title, samples, shown) as update:
+        trained = learn(
+            method,
+            sets,
+            network,
+            seed,
+            settings,
+            start=start,
+            folder=state and state / "training",
+            progress=update,
+        )
     body = novice[0].body
-    network = network_for(settings, body, expert[0].body if expert else None)
-    expert_windows = cut(expert, steps) if expert else None
-    # There is no validation here: `Model.evaluate` takes drives of its own.
-    sets = datasets(train, test, test, expert_windows, network.pixels)
-    folders = [state / name if state else None for name in ("pretraining", "training")]
-    samples, config = settings.training.max_samples, METHODS[method]
-    arguments = (method, sets, network, seed, settings)
-    with one_thread():
-        title, shown = "pretraining, at most", progress and config.pretrained
-        with _progress(title, samples, shown) as update:
-            start = pretrain(*arguments, folder=folders[0], progress=update)
-        title = f"fitting {method}, at most"
-        shown = progress and config.fit == "gradients"
-        with _progress(title, samples, shown) as update:
-            trained = learn(*arguments, start=start, folder=folders[1], progress=update)
     scale = loss_weights(body, role_units(units_in(sets, network), "novice"))
-    return Model(
+    model = Model(
         predictor=trained.model.eval(),
         body=body,
         method=method,
         steps=steps,
-        minutes=minutes_of(windows),
+        minutes=minutes_of([drive for drive in novice if len(drive) >= steps]),
         test_loss=float(trained.best_test_loss),
         network=network,
         scale=scale,
         target_mean=sets.train.targets.mean((0, 1)),
     )
+    if notify:
+        _notify(model, novice, expert)
+    return model
+
+
+def pretrained(
+    novice: Sequence[Drive],
+    expert: Sequence[Drive] | None,
+    method: str,
+    settings: Settings,
+    seed: int = 0,
+    state: Path | None = None,
+    progress: bool = False,
+) -> Pretrained | None:
+    """Weights learnt from the expert that a method starts from; None if it has none.
+
+    The arguments are those of `fit_drives`. Of the novice, the length of windows and
+    the body count.
+    """
+    config = METHODS[method]
+    if not config.pretrained:
+        return None
+    sets, network, _ = _datasets(novice, expert, settings, seed)
+    title, samples = "pretraining, at most", settings.training.max_samples
+    with one_thread(), _progress(title, samples, progress) as update:
+        return pretrain(
+            method,
+            sets,
+            network,
+            seed,
+            settings,
+            folder=state and state / "pretraining",
+            progress=update,
+        )
+
+
+def _datasets(
+    novice: Sequence[Drive],
+    expert: Sequence[Drive] | None,
+    settings: Settings,
+    seed: int,
+) -> tuple[Datasets, Network, int]:
+    """Windows of both robots, the networks for them, and the windows' length."""
+    steps = common_length(novice, *([expert] if expert else []))
+    drives = divided(novice, steps)
+    train, test = (
+        cut(part, steps, overlap=True)
+        for part in train_test_split(drives, session_order(drives, seed))
+    )
+    body = novice[0].body
+    network = network_for(settings, body, expert[0].body if expert else None)
+    expert_windows = cut(expert, steps, overlap=True) if expert else None
+    # There is no validation here: `Model.evaluate` takes drives of its own.
+    sets = datasets(train, test, test, expert_windows, network.pixels)
+    return sets, network, steps
 
 
 @contextlib.contextmanager
@@ -232,78 +343,3 @@ def _progress(
     """
     with progress_bar(samples, title, "sample", shown, scaled=True) as bar:
         yield lambda tested: bar.update(max(0, tested.samples - bar.n))
-
-
-def compare(
-    novice: Drives,
-    expert: Drives | None = None,
-    methods: Sequence[str] = (),
-    *,
-    body: BodyLike | None = None,
-    expert_body: BodyLike | None = None,
-    share: float = 0.25,
-    seed: int = 0,
-    settings: Mapping[str, Any] = NOTHING,
-    progress: bool = False,
-) -> pd.DataFrame:
-    """Fit several methods to the same drives and evaluate them on held-out drives.
-
-    Args:
-        novice: drives of the robot, as in `fit`.
-        expert: drives of another robot, as in `fit`.
-        methods: names of methods, as in `fit`; by default 'least_squares',
-            'novice_only' and, with an expert, 'sidm'.
-        body: what the novice's drives are made of, as in `fit`.
-        expert_body: what the expert's drives are made of, as in `fit`.
-        share: largest share of the novice's steps to hold out. The last sessions are
-            held out, and at least the very last one.
-        seed: seed of a training, as in `fit`.
-        settings: single settings by name, as in `fit`.
-        progress: whether to show progress bars.
-
-    Returns:
-        A row for each method, the best first, with `loss`, the mean loss of a step of
-        the held-out drives. For a body with a pose, `position` (m) and `heading` (rad)
-        are the errors at the end of an open-loop prediction.
-
-    Raises:
-        ConfigError: an argument has a fault, as in `fit`, or there is a single drive.
-
-    Examples:
-        >>> drives = sidm.read_drives(
-        ...     "recordings/warthog.csv.gz", body="recordings/skid_steer.yaml"
-        ... )
-        >>> table = sidm.compare(drives, methods=["least_squares"])
-        >>> list(table.columns)
-        ['method', 'loss', 'position', 'heading']
-    """
-    import pandas as pd
-
-    novice_drives = drives_from(novice, body, "novice")
-    expert_drives = None
-    if expert is not None:
-        expert_drives = drives_from(expert, expert_body, "expert", default_body=body)
-    methods = [methods] if isinstance(methods, str) else methods
-    if not methods:
-        methods = ["least_squares", "novice_only", *(["sidm"] if expert_drives else [])]
-    for method in methods:
-        _refuse(method, novice_drives, expert_drives)
-    learning, held_out = hold_out(novice_drives, share)
-    rows = []
-    for method in methods:
-        model = fit(
-            learning,
-            expert_drives,
-            method,
-            settings=settings,
-            seed=seed,
-            progress=progress,
-        )
-        row = {"method": method, "loss": model.loss(held_out)}
-        table = model.evaluate(held_out)
-        for name in ("position", "heading"):
-            errors = table[table.quantity == name].error
-            if len(errors):
-                row[name] = errors.iloc[-1]
-        rows.append(row)
-    return pd.DataFrame(rows).sort_values("loss", ignore_index=True)

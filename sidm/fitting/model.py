@@ -11,14 +11,15 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidm.body import SI, Body
+from sidm.body import Body
 from sidm.config import ConfigError
 from sidm.drives import AnyGround, Drive
 from sidm.fitting.arguments import drives_from
-from sidm.fitting.score import Score, WindowLosses
+from sidm.fitting.prediction import Steps, predict_steps
+from sidm.fitting.score import DriveLosses, Score
 from sidm.fitting.windows import common_length, cut, rollouts
-from sidm.learning.dataset import states_and_actions, windows_of
-from sidm.learning.evaluation import rollout, rollout_errors, window_losses
+from sidm.learning.dataset import states_and_actions
+from sidm.learning.evaluation import rollout
 from sidm.learning.losses import component_losses
 from sidm.learning.model import Predictor
 from sidm.settings import Network
@@ -84,20 +85,22 @@ class Model:
         """
         return self.losses(self._drives(drives, topics)).score()
 
-    def losses(self, drives: list[Drive]) -> WindowLosses:
-        """Losses of the windows of the drives, which have the model's body."""
-        windows = cut(drives, common_length(drives))
-        tensors = windows_of(windows, self.network.pixels)
-        mean_losses = None
-        if self.target_mean is not None:
-            mean = self.target_mean.expand_as(tensors.targets)
-            terms = component_losses(mean, tensors.targets, self.scale)
-            mean_losses = terms.sum(-1).double().mean(1).numpy()
-        return WindowLosses(
-            window_losses(self.predictor, tensors).numpy(),
-            mean_losses,
-            np.array([window.name for window in windows]),
-            np.array([window.session for window in windows]),
+    def losses(self, drives: list[Drive]) -> DriveLosses:
+        """Losses of drives that have the model's body."""
+        terms, mean_terms = [], []
+        for predicted, actual in self._one_step(drives):
+            losses = component_losses(predicted, actual, self.scale)
+            terms.append(losses.double().mean(0).numpy())
+            if self.target_mean is not None:
+                mean = self.target_mean.expand_as(actual)
+                losses = component_losses(mean, actual, self.scale)
+                mean_terms.append(losses.double().mean(0).numpy())
+        return DriveLosses(
+            np.stack(terms),
+            np.stack(mean_terms) if mean_terms else None,
+            np.array([len(drive) for drive in drives]),
+            np.array([drive.name for drive in drives]),
+            np.array([drive.session for drive in drives]),
         )
 
     def evaluate(self, drives: Drives, topics: Sequence[str] = ()) -> pd.DataFrame:
@@ -109,98 +112,129 @@ class Model:
             topics: topics of ROS bags, needed if a bag has several matching topics.
 
         Returns:
-            A row for each component of y, one step ahead, and a row for each horizon,
-            open loop after WARM_UP steps. Columns: `quantity`; `horizon`, steps;
-            `error`, the root mean square error in `unit`; `share`, the error divided by
-            that of a trivial prediction. The trivial prediction of a component is the
-            drives' mean; the trivial prediction of position (m) and heading (rad) is a
-            robot that stays where it is.
+            A row for each component of y, one step ahead, and rows for position,
+            heading and each other number at each horizon, open loop, after the model
+            has seen WARM_UP steps. Columns: `prediction`, 'one step' or 'open loop';
+            `quantity`; `horizon`, s; `unit`; `rmse`, the root mean square error;
+            `median`, of the errors' sizes; `nothing_changes` and `mean`, the root mean
+            square errors of two predictions that learn nothing (`fitting.errors`).
 
         Raises:
             RecordingError: the first fault of a file.
             ConfigError: the drives are too short.
+
+        Examples:
+            >>> model = sidm.load("recordings/models/warthog")
+            >>> table = model.evaluate("recordings/warthog.csv.gz")
+            >>> table.quantity[:3].tolist()
+            ['forward', 'left', 'turn']
         """
-        import pandas as pd
-
-        windows = self._windows(drives, topics)
-        tensors = windows_of(windows, self.network.pixels)
-        with torch.inference_mode():
-            predicted, _ = self.predictor("novice", tensors.inputs, tensors.maps)
-        losses = component_losses(predicted, tensors.targets).double()
-        errors = losses.mean((0, 1)).sqrt()
-        deviations = tensors.targets.flatten(0, 1).double().std(0, correction=0)
-        shares = errors / deviations.clamp_min(1e-12)
-        # A pose has the same units as its change, which is what the model predicts.
-        units = [SI[unit] for _, unit in self.body.state]
-        rows = [
-            (name, 1, unit, float(error), float(share))
-            for name, unit, error, share in zip(
-                self.body.targets, units, errors, shares, strict=True
-            )
-        ]
-        columns = ["quantity", "horizon", "unit", "error", "share"]
-        return pd.DataFrame([*rows, *self._horizons(windows)], columns=columns)
-
-    def _windows(self, drives: Drives, topics: Sequence[str]) -> list[Drive]:
-        checked = self._drives(drives, topics)
-        return cut(checked, common_length(checked))
-
-    def _drives(self, drives: Drives, topics: Sequence[str]) -> list[Drive]:
-        return drives_from(drives, self.body, "drives", topics, allow_constant=True)
-
-    def _horizons(
-        self, windows: list[Drive]
-    ) -> list[tuple[str, int, str, float, float]]:
-        """Rows of `evaluate` for open loop."""
-        body, ahead = self.body, len(windows[0]) - WARM_UP
-        if body.pose == "none" or ahead < 1:
-            return []
-        path = rollouts(self.predictor, windows, WARM_UP, ahead, self.network.pixels)
-        actual = states_and_actions(windows)[0][:, WARM_UP:]
-        standing = actual[:, :1].expand_as(actual)
-        errors, trivial_errors = (
-            [error.square().mean(0).sqrt() for error in rollout_errors(x, actual, body)]
-            for x in (path, standing)
+        from sidm.fitting.errors import (  # which imports pandas
+            error_table,
+            one_step_rows,
+            open_loop_rows,
+            states_before,
         )
-        rows = []
-        for number, (name, unit) in enumerate((("position", "m"), ("heading", "rad"))):
-            shares = errors[number] / trivial_errors[number].clamp_min(1e-12)
-            for step in range(ahead):
-                error, share = float(errors[number][step]), float(shares[step])
-                rows.append((name, step + 1, unit, error, share))
-        return rows
 
-    def predict(self, drives: Drives, topics: Sequence[str] = ()) -> pd.DataFrame:
-        """Predictions one step ahead, each from the recorded state before it.
+        checked, body = self._drives(drives, topics), self.body
+        states = states_before([drive.states for drive in checked])
+        rows = one_step_rows(self._one_step(checked), states, body)
+        windows = cut(checked, common_length(checked), overlap=True)
+        ahead = len(windows[0]) - WARM_UP
+        if ahead > 0:
+            pixels = self.network.pixels
+            path = rollouts(self.predictor, windows, WARM_UP, ahead, pixels)
+            actual = states_and_actions(windows)[0][:, WARM_UP:]
+            rows += open_loop_rows(path, actual, body)
+        return error_table(rows)
+
+    def evaluate_drives(
+        self, drives: Drives, topics: Sequence[str] = ()
+    ) -> pd.DataFrame:
+        """The loss of each drive, the worst first.
 
         Args:
             drives: as in `evaluate`.
             topics: as in `evaluate`.
 
         Returns:
-            A row for each step: `drive`, the drive's name; `time`, s; and each
-            component of y as `predicted_...` and `actual_...`.
-
-        Raises:
-            RecordingError: the first fault of a file.
+            A row for each drive: `drive` and `session`, names; `seconds`; `loss`, mean
+            of a step; `mean`, the loss of predicting the mean of the training drives;
+            `worst`, the component of y with the largest part of the loss.
         """
         import pandas as pd
 
-        tables = []
-        for drive in self._drives(drives, topics):
-            tensors = windows_of([drive], self.network.pixels)
-            with torch.inference_mode():
-                predicted, _ = self.predictor("novice", tensors.inputs, tensors.maps)
-            columns = {
-                "drive": drive.name,
-                "time": np.arange(1, len(drive) + 1) / self.body.rate,
+        checked = self._drives(drives, topics)
+        losses = self.losses(checked)
+        means = losses.mean_components
+        table = pd.DataFrame(
+            {
+                "drive": losses.drives,
+                "session": losses.sessions,
+                "seconds": losses.steps / self.body.rate,
+                "loss": losses.losses,
+                "mean": np.nan if means is None else means.sum(1),
+                "worst": np.array(self.body.targets)[losses.components.argmax(1)],
             }
-            for kind, y in (("predicted", predicted), ("actual", tensors.targets)):
-                for number, name in enumerate(self.body.targets):
-                    column = f"{kind}_{name.replace(' ', '_')}"
-                    columns[column] = y[0, :, number].numpy()
-            tables.append(pd.DataFrame(columns))
-        return pd.concat(tables, ignore_index=True)
+        )
+        return table.sort_values("loss", ascending=False, ignore_index=True)
+
+    def _drives(self, drives: Drives, topics: Sequence[str]) -> list[Drive]:
+        return drives_from(drives, self.body, "drives", topics, allow_constant=True)
+
+    def _one_step(self, drives: Sequence[Drive]) -> list[Steps]:
+        return predict_steps(self.predictor, drives, self.network.pixels)
+
+    def predict(
+        self,
+        drives: Drives,
+        topics: Sequence[str] = (),
+        *,
+        horizon: float | None = None,
+        every: int | None = None,
+    ) -> pd.DataFrame:
+        """Predictions one step ahead, or open loop over a horizon.
+
+        Args:
+            drives: as in `evaluate`.
+            topics: as in `evaluate`.
+            horizon: seconds that are predicted open loop, each state from the predicted
+                state before it; by default each prediction is one step ahead, from the
+                recorded state before it.
+            every: steps from one start of an open-loop prediction to the next; by
+                default there is one start, that of the drive. A model first sees the
+                steps before a start.
+
+        Returns:
+            A row for each predicted step: `drive`, the drive's name; with a horizon,
+            `start [s]`; `time [s]`; then, as `predicted ...` and `actual ...`, each
+            component of y, or with a horizon each number of the state, with its SI unit
+            in brackets.
+
+        Raises:
+            RecordingError: the first fault of a file.
+            ConfigError: a horizon below one step, or `every` below 1.
+
+        Examples:
+            >>> model = sidm.load("recordings/models/warthog")
+            >>> model.predict("recordings/warthog.csv.gz", horizon=1.0).columns[2:4]
+            Index(['time [s]', 'predicted x [m]'], dtype='str')
+        """
+        from sidm.fitting.tables import one_step_table, open_loop_table
+
+        checked = self._drives(drives, topics)
+        if horizon is None:
+            return one_step_table(checked, self._one_step(checked))
+        steps = round(horizon * self.body.rate)
+        if steps < 1:
+            raise ConfigError(
+                f"a horizon of {horizon:g} s is below one step of "
+                f"{1 / self.body.rate:g} s"
+            )
+        if every is not None and every < 1:
+            raise ConfigError(f"every must be at least 1 step, not {every}")
+        pixels, seen = self.network.pixels, self.steps // 2
+        return open_loop_table(self.predictor, checked, steps, every, seen, pixels)
 
     def rollout(
         self, state: np.ndarray, actions: np.ndarray, ground: AnyGround | None = None
@@ -237,14 +271,19 @@ class Model:
         )
         return path.numpy()
 
-    def save(self, folder: str | Path) -> None:
+    def save(self, folder: str | Path, force: bool = False) -> None:
         """Write the model's files into a folder, which is created where it is missing.
 
         Each file is written completely or not at all.
 
+        Args:
+            folder: where to write; a model of the same body is replaced.
+            force: whether a model of another body may be replaced too.
+
         Raises:
+            ConfigError: `folder` is empty, a file, or has a model of another body.
             OSError: a file cannot be written; the message is one line.
         """
         from sidm.fitting.files import write_model  # which imports this module
 
-        write_model(self, folder)
+        write_model(self, folder, force)

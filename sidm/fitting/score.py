@@ -42,50 +42,77 @@ class Score:
         return f"loss {self.loss:.3g}{spread} on {count}{folds}{trivial}"
 
 
-class WindowLosses(NamedTuple):
-    """Losses of N windows, one entry for each, mean over the window's steps."""
+class DriveLosses(NamedTuple):
+    """Losses of N drives, one entry for each; a loss is the mean over a drive's steps.
 
-    losses: np.ndarray  # (N,)
-    mean_losses: np.ndarray | None  # (N,) of predicting the mean
-    drives: np.ndarray  # (N,) name of the drive
-    sessions: np.ndarray  # (N,) name of the session
+    Attributes:
+        components: (N, Y), terms of equation (1); their sum is the loss
+        mean_components: (N, Y), terms of predicting the mean; None if it is unknown
+        steps: (N,), number of steps
+        drives: (N,), names of the drives
+        sessions: (N,), names of the sessions
+    """
+
+    components: np.ndarray
+    mean_components: np.ndarray | None
+    steps: np.ndarray
+    drives: np.ndarray
+    sessions: np.ndarray
+
+    @property
+    def losses(self) -> np.ndarray:
+        """(N,), mean loss of a step of each drive."""
+        return self.components.sum(1)
 
     @classmethod
-    def joined(cls, parts: Sequence[WindowLosses]) -> WindowLosses:
-        """The windows of several parts."""
-        means = [part.mean_losses for part in parts if part.mean_losses is not None]
+    def joined(cls, parts: Sequence[DriveLosses]) -> DriveLosses:
+        """The drives of several parts."""
+        means = [p.mean_components for p in parts if p.mean_components is not None]
         return cls(
-            np.concatenate([part.losses for part in parts]),
-            np.concatenate(means) if means else None,
-            np.concatenate([part.drives for part in parts]),
-            np.concatenate([part.sessions for part in parts]),
+            np.concatenate([part.components for part in parts]),
+            np.concatenate(means) if len(means) == len(parts) else None,
+            *(
+                np.concatenate([getattr(part, name) for part in parts])
+                for name in ("steps", "drives", "sessions")
+            ),
         )
 
     def score(self, folds: int = 1) -> Score:
-        """The mean over the windows, which are of equal length."""
+        """The mean over all steps."""
         drives, sessions = np.unique(self.drives), np.unique(self.sessions)
         groups = self.sessions if len(sessions) > 1 else self.drives
-        mean = self.mean_losses
+        mean = self.mean_components
         return Score(
-            loss=float(self.losses.mean()),
-            standard_error=standard_error(self.losses, groups),
-            mean_loss=None if mean is None else float(mean.mean()),
+            loss=float(np.average(self.losses, weights=self.steps)),
+            standard_error=standard_error(self.losses, groups, self.steps),
+            mean_loss=None
+            if mean is None
+            else float(np.average(mean.sum(1), weights=self.steps)),
             drives=len(drives),
             sessions=len(sessions),
             folds=folds,
         )
 
 
-def standard_error(values: np.ndarray, groups: np.ndarray) -> float | None:
+def standard_error(
+    values: np.ndarray, groups: np.ndarray, weights: np.ndarray | None = None
+) -> float | None:
     """Standard error of the mean of values (N,) that are alike within a group.
 
     It comes from the groups' sums of deviations from the mean, so that groups may have
     different sizes; None for a single group.
+
+    Args:
+        values: (N,).
+        groups: (N,), names of the groups.
+        weights: (N,), weights of the values in the mean; equal by default.
     """
     names, number = np.unique(groups, return_inverse=True)
     count = len(names)
     if count < 2:
         return None
-    sums = np.bincount(number, values - values.mean())
+    weights = np.ones(len(values)) if weights is None else weights
+    deviations = weights * (values - np.average(values, weights=weights))
+    sums = np.bincount(number, deviations)
     variance = np.square(sums).sum() * count / (count - 1)
-    return float(np.sqrt(variance) / len(values))
+    return float(np.sqrt(variance) / weights.sum())

@@ -1,4 +1,4 @@
-"""Windows of equal length from drives: how they are split, and rollouts from them."""
+"""Windows of equal length from drives, and rollouts from them."""
 
 from __future__ import annotations
 
@@ -10,38 +10,51 @@ from torch import Tensor
 
 from sidm.config import ConfigError, replace
 from sidm.drives import STEPS, AnyGround, Drive, SimulatedGround
-from sidm.learning.dataset import TEST_EVERY, states_and_actions, windows_of
+from sidm.learning.dataset import states_and_actions, windows_of
 from sidm.learning.evaluation import rollout
 from sidm.learning.model import Predictor
 from sidm.storage import checksum
 
-MIN_GROUPS = 8  # sessions, or drives of a single one, from which some are held out
-FOLDS = 4  # parts in which fewer are held out, one after the other
-MIN_WINDOWS = 2 * TEST_EVERY  # windows to learn from and to stop by, at least
+#: Largest share of a robot's steps in drives that are shorter than a window.
+SHORT_SHARE = 0.05
 
 
 def common_length(*robots: Sequence[Drive]) -> int:
-    """Steps T of a window for all robots: those of the shortest drive, at most 64."""
-    return min(STEPS, *(len(drive) for drives in robots for drive in drives))
+    """Steps T of a window for all robots, at most 64.
+
+    T is the largest number for which, of each robot, the drives with fewer than T steps
+    have at most SHORT_SHARE of all steps.
+    """
+    return min(STEPS, *map(_longest_window, robots))
 
 
-def cut(drives: Sequence[Drive], steps: int = STEPS) -> list[Drive]:
+def _longest_window(drives: Sequence[Drive]) -> int:
+    lengths = np.sort([len(drive) for drive in drives])
+    shorter = np.cumsum(lengths) - lengths  # steps of the drives before
+    return int(lengths[shorter <= SHORT_SHARE * lengths.sum()][-1])
+
+
+def cut(
+    drives: Sequence[Drive], steps: int = STEPS, overlap: bool = False
+) -> list[Drive]:
     """Consecutive windows of `steps` steps, cut from the start of each drive.
 
-    The rest of a drive, shorter than a window, is left out.
+    Args:
+        drives: of any length; drives shorter than a window are left out.
+        steps: T, length of a window.
+        overlap: whether a drive's last window ends where the drive ends and so overlaps
+            the window before; otherwise the rest of a drive is left out.
 
     Raises:
         ConfigError: no drive has `steps` steps.
     """
-    windows = [
-        replace(
-            drive,
-            states=drive.states[first : first + steps + 1],
-            actions=drive.actions[first : first + steps],
-        )
-        for drive in drives
-        for first in range(0, len(drive) - steps + 1, steps)
-    ]
+    windows = []
+    for drive in drives:
+        last = len(drive) - steps
+        firsts = list(range(0, last + 1, steps))
+        if overlap and firsts and firsts[-1] < last:
+            firsts.append(last)
+        windows += [part_of(drive, first, first + steps) for first in firsts]
     if not windows:
         raise ConfigError(
             f"no drive of {len(drives)} has {steps} steps; record longer ones"
@@ -49,117 +62,18 @@ def cut(drives: Sequence[Drive], steps: int = STEPS) -> list[Drive]:
     return windows
 
 
+def part_of(drive: Drive, first: int, last: int) -> Drive:
+    """The drive's steps from `first` up to `last`, which is not included."""
+    return replace(
+        drive,
+        states=drive.states[first : last + 1],
+        actions=drive.actions[first:last],
+    )
+
+
 def first_steps(drives: Sequence[Drive], steps: int) -> list[Drive]:
     """The drives, shortened to their first `steps` steps."""
-    return [
-        replace(drive, states=drive.states[: steps + 1], actions=drive.actions[:steps])
-        for drive in drives
-    ]
-
-
-def sessions_of(drives: Sequence[Drive]) -> np.ndarray:
-    """(N,) text, the session of each drive."""
-    return np.array([drive.session for drive in drives])
-
-
-def drives_of_sessions(
-    drives: Sequence[Drive], sessions: Sequence[str] | np.ndarray
-) -> list[Drive]:
-    """The drives that belong to one of the sessions."""
-    return [drive for drive in drives if drive.session in set(sessions)]
-
-
-def session_order(drives: Sequence[Drive], seed: int) -> np.ndarray:
-    """The names of all sessions in a random order."""
-    return np.random.default_rng(seed).permutation(np.unique(sessions_of(drives)))
-
-
-def train_test_split(
-    drives: Sequence[Drive], sessions: np.ndarray
-) -> tuple[list[Drive], list[Drive]]:
-    """Windows of the sessions for training, and windows for the test that stops it.
-
-    Every fourth session is for the test; of a single session, every fourth window.
-
-    Raises:
-        ConfigError: too few windows for both.
-    """
-    windows = drives_of_sessions(drives, sessions)
-    order = {name: number for number, name in enumerate(sessions)}
-    numbers = np.arange(len(windows))
-    if len(sessions) > 1:
-        numbers = np.array([order[window.session] for window in windows])
-    is_test = numbers % TEST_EVERY == 1
-    if not is_test.any() or is_test.all():
-        raise ConfigError(
-            f"{len(windows)} windows of {len(sessions)} sessions are too few to learn "
-            "and to test: record more, or shorter drives"
-        )
-    train, test = (
-        [window for window, flag in zip(windows, flags, strict=True) if flag]
-        for flags in (~is_test, is_test)
-    )
-    return train, test
-
-
-def hold_out(drives: Sequence[Drive], share: float) -> tuple[list[Drive], list[Drive]]:
-    """Drives to learn from, and the last drives, held out for evaluation.
-
-    Whole sessions are held out; where there is a single session, drives of it. The
-    held-out drives have at most a `share` of all steps, but the last session or drive
-    is always held out, however long it is.
-
-    Raises:
-        ConfigError: there is only one drive.
-    """
-    if len(drives) < 2:
-        raise ConfigError(
-            "a single drive leaves none to evaluate on: record another, or cut it"
-        )
-    single = len({drive.session for drive in drives}) == 1
-    groups: dict[str, list[Drive]] = {}
-    for number, drive in enumerate(drives):
-        groups.setdefault(str(number) if single else drive.session, []).append(drive)
-    lengths = [sum(len(drive.actions) for drive in group) for group in groups.values()]
-    remaining = np.cumsum(lengths[::-1])[::-1]  # steps from each group to the end
-    fits = np.flatnonzero(remaining[1:] <= share * remaining[0])
-    first = int(fits[0]) + 1 if len(fits) else len(groups) - 1
-    ordered = list(groups.values())
-    return sum(ordered[:first], []), sum(ordered[first:], [])
-
-
-def evaluation_splits(
-    drives: Sequence[Drive], share: float, seed: int
-) -> list[tuple[list[Drive], list[Drive]]]:
-    """Splits of the drives into those to learn from and those to evaluate on.
-
-    Sessions are drawn at random; of a single session, drives. A share of them is held
-    out if there are at least MIN_GROUPS. Otherwise each is held out once, in up to
-    FOLDS folds.
-
-    Returns:
-        One split, or one for each fold; none if there is too little to learn from.
-    """
-    single = len({drive.session for drive in drives}) == 1
-    names = np.array([str(n) if single else d.session for n, d in enumerate(drives)])
-    order = np.random.default_rng(seed).permutation(np.unique(names))
-    if len(order) >= MIN_GROUPS:
-        held_out = [order[: max(1, round(share * len(order)))]]
-    else:
-        folds = min(FOLDS, len(order))
-        held_out = [order[fold::folds] for fold in range(folds)]
-    steps = common_length(drives)
-    splits = []
-    for groups in held_out:
-        is_out = np.isin(names, groups)
-        parts = [
-            [drive for drive, flag in zip(drives, flags, strict=True) if flag]
-            for flags in (~is_out, is_out)
-        ]
-        if sum(len(drive) // steps for drive in parts[0]) < MIN_WINDOWS:
-            return []
-        splits.append((parts[0], parts[1]))
-    return splits
+    return [part_of(drive, 0, steps) for drive in drives]
 
 
 def grounds_of(drives: Sequence[Drive]) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -80,11 +81,19 @@ def default_units(datasets: Datasets, network: Network) -> Units:
 def loss_weights(body: Body, units: Standardisation) -> Tensor | None:
     """Weights (Y,) of the components in equation (1).
 
-    They are 1 over the variance, or None where all are 1.
+    They are 1 over the variance, or None where all are 1. A component that varies by
+    less than its sensor resolves has weight 0: it is rounding noise, and divided by its
+    variance it would be as much of the loss as any other.
     """
     if body.weights != "variance":
         return None
-    return units.target_std.square().reciprocal()
+    weights = units.target_std.square().reciprocal()
+    return weights.masked_fill(torch.from_numpy(unresolved(body, units)), 0.0)
+
+
+def unresolved(body: Body, units: Standardisation) -> np.ndarray:
+    """Which components (Y,) of y vary by less than their sensors resolve, bool."""
+    return units.target_std.double().numpy() < body.resolutions
 
 
 def role_units(units: Units, role: str) -> Standardisation:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -211,17 +211,7 @@ def drives_scene(drives: Iterable[Drive], shape: Box | Robot = BOXES["husky"]) -
         ConfigError: the body has no pose, so its position is not known.
     """
     drives = list(drives)
-    body = drives[0].body
-    if body.pose == "none":
-        raise ConfigError(
-            f"body '{body.name}' has no pose; a replay needs pose: planar or spatial"
-        )
-    recorded = drives[0].ground
-    if recorded:
-        # Positions are relative to the middle of a recorded ground.
-        ground = Ground(recorded.heights, recorded.spacing)
-    else:
-        ground = level_ground(np.concatenate([drive.states[:, :2] for drive in drives]))
+    ground = _ground_under(drives)
     tracks = [
         drive_track(drive, ground, shape, drive.name, _colour(number))
         for number, drive in enumerate(drives)
@@ -232,28 +222,48 @@ def drives_scene(drives: Iterable[Drive], shape: Box | Robot = BOXES["husky"]) -
 def predicted_scene(
     drive: Drive,
     path: np.ndarray,
-    shape: Box,
+    shape: Box | Robot = BOXES["husky"],
     names: tuple[str, str] = ("the robot", "model"),
 ) -> Scene:
-    """Scene of a recorded drive over level ground, and of its prediction as a ghost.
+    """Scene of a recorded drive, and of its prediction as a ghost.
 
     Args:
-        drive: a drive with a planar pose.
+        drive: a drive with a planar or a spatial pose.
         path: the states (K + 1, S) that a model predicts from the drive's start, as
             `Model.rollout` returns them.
         shape: what the robot looks like.
         names: names of the robot and of the model, for the legend.
+
+    Raises:
+        ConfigError: the body has no pose.
     """
-    ground = level_ground(np.concatenate([drive.states[:, :2], path[:, :2]]))
     predicted = replace(drive, states=path)
+    ground = _ground_under([drive, predicted])
     robot = drive_track(drive, ground, shape, names[0], TRUTH_COLOUR)
     ghost = drive_track(predicted, ground, shape, names[1], COLOURS[1])
     return Scene(
         (robot, ghost._replace(ghost=GHOST_OPACITY)),
         ground,
-        4.5 * shape.wheelbase,
+        4.5 * wheel_dimensions(shape)[0],
         f"{names[0]} and {names[1]}",
     )
+
+
+def _ground_under(drives: Sequence[Drive]) -> Ground:
+    """The recorded ground of the first drive, or level ground under all drives.
+
+    Raises:
+        ConfigError: the body has no pose, so its position is not known.
+    """
+    body, recorded = drives[0].body, drives[0].ground
+    if body.pose == "none":
+        raise ConfigError(
+            f"body '{body.name}' has no pose; a replay needs pose: planar or spatial"
+        )
+    if recorded:
+        # Positions are relative to the middle of a recorded ground.
+        return Ground(recorded.heights, recorded.spacing)
+    return level_ground(np.concatenate([drive.states[:, :2] for drive in drives]))
 
 
 def level_ground(points: np.ndarray) -> Ground:

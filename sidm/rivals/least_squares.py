@@ -180,7 +180,9 @@ def fit(
         The model and its training; the test loss is the cross-validated one.
     """
     model = LeastSquares(units, base, scale).eval()
-    root = torch.ones(model.targets) if scale is None else scale.sqrt()
+    root = torch.ones(model.targets)
+    if scale is not None:  # a component of weight 0 is fitted all the same
+        root = torch.where(scale > 0, scale.sqrt(), root)
     numbers, residuals = _numbers_and_residuals(model, datasets, image)
     model.low, model.high = numbers.amin((0, 1)), numbers.amax((0, 1))
     folds = []

@@ -26,14 +26,8 @@ from sidm.config import config
 from sidm.drives import Drive, minutes_of
 from sidm.fitting.learning import datasets, learn, network_for, pretrain
 from sidm.fitting.settings import SETTINGS, Settings
-from sidm.fitting.windows import (
-    common_length,
-    cut,
-    drives_of_sessions,
-    rollouts,
-    session_order,
-    train_test_split,
-)
+from sidm.fitting.splits import drives_of_sessions, session_order, train_test_split
+from sidm.fitting.windows import common_length, cut, rollouts
 from sidm.learning.arithmetic import one_thread
 from sidm.learning.dataset import Datasets, states_and_actions, windows_of
 from sidm.learning.evaluation import rollout_errors

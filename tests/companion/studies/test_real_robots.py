@@ -12,7 +12,7 @@ from companion.studies.real_robots import jitter
 from companion.studies.real_robots import measure as m
 from companion.studies.real_robots import results as r
 from sidm.config import ConfigError, replace
-from sidm.fitting.windows import session_order, sessions_of, train_test_split
+from sidm.fitting.splits import session_order, sessions_of, train_test_split
 from tests.companion.conftest import kept
 
 JOBS = {

@@ -1,4 +1,4 @@
-"""Motion given as a user names it, and the part of it that is held out."""
+"""Motion given as a user names it."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,7 @@ import pytest
 from companion.pages.own_data import robot_drives
 from sidm.body import ROVER
 from sidm.config import ConfigError
-from sidm.drives import STEPS, Drive
-from sidm.fitting.windows import hold_out
+from sidm.drives import STEPS
 from sidm.recordings import write_drives
 
 
@@ -28,33 +27,3 @@ def test_what_is_neither_is_named():
         ConfigError, match="'system1 exprt' is no file.* did you mean 'system1 expert'?"
     ):
         robot_drives("system1 exprt", ROVER)
-
-
-def drive(session: str, steps: int = 10) -> Drive:
-    return Drive(np.zeros((steps + 1, 13)), np.zeros((steps, 2)), session=session)
-
-
-@pytest.mark.parametrize(
-    ("sessions", "share", "judging"),
-    [
-        ("aabbccdd", 0.25, "dd"),
-        ("ddccbbaa", 0.6, "bbaa"),
-        ("aabb", 0.01, "bb"),
-        ("aabb", 1.0, "bb"),
-        ("aaaa", 0.5, "aa"),
-    ],
-)
-def test_a_session_judges_as_a_whole(sessions, share, judging):
-    learning, held = hold_out([drive(name) for name in sessions], share)
-    assert "".join(one.session for one in held) == judging
-    assert len(learning) + len(held) == len(sessions)
-
-
-def test_it_is_steps_that_are_shared_out():
-    learning, held = hold_out([drive("a", 80), drive("b"), drive("c")], 0.2)
-    assert [one.session for one in held] == ["b", "c"] and len(learning) == 1
-
-
-def test_one_drive_cannot_judge_itself():
-    with pytest.raises(ConfigError, match="a single drive leaves none to evaluate on"):
-        hold_out([drive("a")], 0.3)

@@ -8,8 +8,8 @@ import pytest
 import sidm
 from sidm import __main__ as command_line
 from sidm.config import ConfigError
-from sidm.fitting.score import WindowLosses, standard_error
-from sidm.fitting.windows import evaluation_splits
+from sidm.fitting.score import DriveLosses, standard_error
+from sidm.fitting.splits import evaluation_splits
 from sidm.recordings import read_drives, write_drives
 
 RECORDINGS = Path(__file__).parents[3] / "recordings"
@@ -69,7 +69,7 @@ def test_folds_judge_models_and_the_model_learns_from_all(drives):
         sidm.fit(learnt, **QUICK).losses(held_out)
         for learnt, held_out in evaluation_splits(few, 0.25, seed=0)
     ]
-    assert WindowLosses.joined(losses).score(4) == model.held_out
+    assert DriveLosses.joined(losses).score(4) == model.held_out
     assert model.loss(few) == sidm.fit(few, **QUICK).loss(few)
 
 
@@ -83,6 +83,31 @@ def test_the_standard_error_covers_the_loss_of_many_sessions():
         within += abs(values.mean()) < 2 * standard_error(values, groups)
     assert 0.9 < within / 400 < 0.97
     assert standard_error(np.ones(3), np.array(["a", "a", "a"])) is None
+
+
+def test_a_long_drive_counts_by_its_steps():
+    """The score is the mean over steps, as if each step stood for itself."""
+    rng = np.random.default_rng(1)
+    steps = rng.integers(1, 9, 6)
+    components = rng.random((6, 3))
+    names = np.array([f"drive {number}" for number in range(6)])
+    sessions = np.array(list("aabbcc"))
+    score = DriveLosses(components, 2 * components, steps, names, sessions).score()
+    single = np.repeat(components.sum(1), steps)
+    assert score.loss == pytest.approx(single.mean())
+    assert score.mean_loss == pytest.approx(2 * single.mean())
+    error = standard_error(single, np.repeat(sessions, steps))
+    assert score.standard_error == pytest.approx(error)
+    assert (score.drives, score.sessions) == (6, 3)
+
+
+@pytest.mark.parametrize("method", ["novice_only", "least_squares"])
+def test_a_loaded_model_scores_as_before(drives, tmp_path, method):
+    settings = {"max_samples": 4_000, "hidden": 8}
+    model = sidm.fit(drives[:60], method=method, settings=settings, out=tmp_path)
+    again = sidm.load(tmp_path).score(drives[60:])
+    assert again == model.score(drives[60:])
+    assert 0.1 < again.loss / again.mean_loss < 2
 
 
 def test_the_command_names_its_drives(drives, tmp_path, capsys):

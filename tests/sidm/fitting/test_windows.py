@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from sidm.config import ConfigError, replace
-from sidm.drives import STEPS, Ground
-from sidm.fitting.windows import cut, grounds_of, split_by_ground
+from sidm.drives import STEPS, Drive, Ground
+from sidm.fitting.windows import common_length, cut, grounds_of, split_by_ground
 from sidm.learning import windows_of
 from sidm.terrain import generate_terrain
 
@@ -73,3 +73,39 @@ def test_drives_that_are_too_short_are_refused(recordings):
     for drives in ([], cut(recordings, 20)):
         with pytest.raises(ConfigError, match="no drive of .* has 64 steps"):
             cut(drives)
+
+
+def short_drives(lengths):
+    return [
+        Drive(np.zeros((steps + 1, 13)), np.full((steps, 2), float(number)))
+        for number, steps in enumerate(lengths)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("lengths", "steps"),
+    [
+        ([19] * 5, 19),
+        ([500, 12], 64),  # 12 of 512 steps are 2 %
+        ([100, 12], 12),  # 12 of 112 steps are 11 %
+        ([40, 40, 30, 2], 30),  # 2 of 112 steps are 2 %, 32 are 29 %
+        ([7], 7),
+    ],
+)
+def test_short_drives_shorten_the_windows_only_if_they_are_many(lengths, steps):
+    assert common_length(short_drives(lengths)) == steps
+
+
+def test_windows_are_as_long_as_both_robots_allow():
+    assert common_length(short_drives([50, 60]), short_drives([40])) == 40
+
+
+def test_the_last_window_may_overlap_so_that_no_step_is_lost():
+    drive = replace(
+        short_drives([150])[0], actions=np.arange(300.0).reshape(150, 2) / 300
+    )
+    windows = cut([drive], 64, overlap=True)
+    starts = [int(round(window.actions[0, 0] * 150)) for window in windows]
+    assert starts == [0, 64, 86] and {len(window) for window in windows} == {64}
+    assert len(cut([drive], 64)) == 2
+    assert len(cut([drive], 75, overlap=True)) == 2  # no overlap is needed

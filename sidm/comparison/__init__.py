@@ -1,0 +1,1 @@
+"""Which method suits a robot: all of them on the same drives, by cross-validation."""

@@ -1,0 +1,261 @@
+"""Compare methods on a robot's drives (`sidm.compare`)."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import time
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import as_completed
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from sidm import __version__
+from sidm.comparison.plan import (
+    FOLDS,
+    REPEATS,
+    SHARES,
+    Fit,
+    Plan,
+    drives_of,
+    plan_for,
+)
+from sidm.comparison.result import Comparison, FitResult
+from sidm.comparison.store import read_result, write_fault, write_result
+from sidm.config import ConfigError, Notice, first_line, to_mapping
+from sidm.drives import Drive, minutes_of
+from sidm.fitting.arguments import drives_from, refuse_swapped
+from sidm.fitting.fit import fit_drives, pretrained
+from sidm.fitting.settings import Settings, settings_with
+from sidm.learning.arithmetic import one_thread
+from sidm.pool import local_pool
+from sidm.progress import progress_bar
+from sidm.rivals.methods import METHODS
+from sidm.settings import Network, Training
+
+if TYPE_CHECKING:
+    from sidm.fitting.arguments import BodyLike, Drives
+    from sidm.rivals.fine_tuning import Pretrained
+
+
+class Task(NamedTuple):
+    """All that the fits of a comparison need.
+
+    Attributes:
+        plan: sizes of the comparison
+        novice: drives of the robot
+        expert: drives of the expert, if there are any
+        settings: networks and training
+        folder: where results are kept; None: nowhere
+    """
+
+    plan: Plan
+    novice: list[Drive]
+    expert: list[Drive] | None
+    settings: Settings
+    folder: Path | None
+
+
+def compare(
+    novice: Drives,
+    expert: Drives | None = None,
+    methods: Sequence[str] = (),
+    *,
+    body: BodyLike | None = None,
+    expert_body: BodyLike | None = None,
+    network: Network | None = None,
+    training: Training | None = None,
+    settings: Mapping[str, Any] = MappingProxyType({}),
+    folds: int = FOLDS,
+    repeats: int = REPEATS,
+    shares: Sequence[float] = SHARES,
+    seed: int = 0,
+    folder: str | Path | None = None,
+    workers: int = 1,
+    topics: Sequence[str] = (),
+    skip_bad: bool = False,
+    progress: bool = False,
+) -> Comparison:
+    """Compare methods of learning a robot by cross-validation over its sessions.
+
+    In each repeat the sessions are divided into folds. Each method learns from all
+    sessions but those of a fold, and is evaluated on these; windows of one session are
+    never on both sides. Of a single session, drives take the place of sessions.
+
+    Args:
+        novice: drives of the robot, as in `fit`.
+        expert: drives of another robot, as in `fit`.
+        methods: names of methods; by default those of `plan.DEFAULT_METHODS` that can
+            learn these robots.
+        body: what the novice's drives are made of, as in `fit`.
+        expert_body: what the expert's drives are made of, as in `fit`.
+        network: sizes of the networks, as in `fit`.
+        training: settings of the training, as in `fit`.
+        settings: single settings by name, as in `fit`.
+        folds: parts of the sessions, at most the number of sessions.
+        repeats: how often the sessions are divided anew, with another seed.
+        shares: shares of the sessions to learn from, for the learning curve; 1 is
+            always among them.
+        seed: seed of the first repeat.
+        folder: keeps the results of fits; the same call goes on where it was.
+        workers: processes that fit at the same time; more than one needs a script whose
+            work is under `if __name__ == "__main__":`.
+        topics: topics of ROS bags, as in `fit`.
+        skip_bad: whether to leave out drives that have a fault, as in `fit`.
+        progress: whether to show a progress bar.
+
+    Returns:
+        The comparison: its `table`, its learning `curve`, its `verdict`.
+
+    Raises:
+        ConfigError: an argument has a fault, as in `fit`; there is a single drive; or
+            no method could be fitted.
+
+    Examples:
+        >>> drives = sidm.read_drives(
+        ...     "recordings/warthog.csv.gz", body="recordings/skid_steer.yaml"
+        ... )
+        >>> methods = ["mean", "least_squares"]
+        >>> comparison = sidm.compare(drives, methods=methods, repeats=1, shares=[1])
+        >>> comparison.table.method.tolist()
+        ['least_squares', 'mean']
+        >>> comparison.ratio("least_squares", "mean").high < 1
+        True
+    """
+    reading: dict[str, Any] = {"topics": topics, "skip_bad": skip_bad}
+    novice_drives = drives_from(novice, body, "novice", **reading)
+    expert_drives = None
+    if expert is not None:
+        expert_drives = drives_from(
+            expert, expert_body, "expert", default_body=body, **reading
+        )
+    refuse_swapped(novice_drives, expert_drives)
+    if workers < 1:
+        raise ConfigError(f"workers must be at least 1, not {workers}")
+    methods = [methods] if isinstance(methods, str) else methods
+    sizes = folds, repeats, shares, seed
+    plan = plan_for(novice_drives, expert_drives, methods, *sizes)
+    chosen = settings_with(network, training, settings)
+    kept = None if folder is None else Path(folder)
+    task = Task(plan, novice_drives, expert_drives, chosen, kept)
+    results, faults = [], []
+    fits = plan.fits()
+    with progress_bar(len(fits), "comparing", "fit", progress) as bar:
+        for outcome in _outcomes(task, fits, workers):
+            if isinstance(outcome, str):
+                faults.append(outcome)
+            else:
+                results.append(outcome)
+            bar.update()
+    notes = tuple(sorted(set(faults)))
+    for note in notes:
+        warnings.warn(Notice(note), stacklevel=2)
+    if not results:
+        raise ConfigError(notes[0])
+    return Comparison(plan, results, notes, novice_drives)
+
+
+def _outcomes(
+    task: Task, fits: Sequence[Fit], workers: int
+) -> Iterator[FitResult | str]:
+    """The result of each fit, or the fault that it had, as they come."""
+    if workers == 1:
+        for fit in fits:
+            yield outcome_of(task, fit)
+        return
+    with local_pool(workers) as pool:
+        futures = [pool.submit(outcome_of, task, fit) for fit in fits]
+        for future in as_completed(futures):
+            yield future.result()
+
+
+def outcome_of(task: Task, fit: Fit) -> FitResult | str:
+    """The result of a fit, or the line of the fault that it had; kept in the folder."""
+    path = None
+    if task.folder is not None:
+        path = task.folder / "fits" / f"{key_of(task, fit)}.json"
+        stored = read_result(path, fit)
+        if stored is not None:
+            return stored
+    try:
+        result = _fitted(task, fit)
+    except ConfigError as error:
+        fault = f"{fit.method} with {fit.share:.0%} of the data: {first_line(error)}"
+        if path:
+            write_fault(path, fault)
+        return fault
+    if path:
+        write_result(path, result)
+    return result
+
+
+def _fitted(task: Task, fit: Fit) -> FitResult:
+    """Fit a method and evaluate it on the drives that are held out."""
+    learn, held_out = drives_of(task.plan, fit, task.novice)
+    seed = task.plan.seed + fit.repeat
+    started = time.perf_counter()
+    expert = task.expert if METHODS[fit.method].needs_expert else None
+    start = _start(task, fit.method, learn, seed)
+    model = fit_drives(
+        learn, expert, fit.method, task.settings, seed, start=start, notify=False
+    )
+    seconds = time.perf_counter() - started
+    with one_thread():
+        losses, errors = model.losses(held_out), model.evaluate(held_out)
+        worst = held_out[int(losses.losses.argmax())]
+        path = model.rollout(worst.states[0], worst.actions, ground=worst.ground)
+    evaluation = losses, errors, worst.name, path
+    return FitResult(fit, minutes_of(learn), seconds, *evaluation)
+
+
+#: Pretrained weights of this process by what they depend on.
+_STARTS: dict[tuple[Any, ...], Pretrained | None] = {}
+
+
+def _start(
+    task: Task, method: str, learn: Sequence[Drive], seed: int
+) -> Pretrained | None:
+    """Pretrained weights of a method, which all folds of a repeat share."""
+    config = METHODS[method]
+    if not config.pretrained:
+        return None
+    key = _digest(task), config.fit == "trees", config.all_changes, seed
+    if key not in _STARTS:
+        _STARTS.clear()  # the fits of one repeat follow each other
+        _STARTS[key] = pretrained(learn, task.expert, method, task.settings, seed)
+    return _STARTS[key]
+
+
+def key_of(task: Task, fit: Fit) -> str:
+    """Name of the file of a fit's result: all that the result depends on."""
+    about = {
+        "fit": fit._asdict(),
+        "folds": task.plan.folds,
+        "seed": task.plan.seed,
+        "settings": to_mapping(task.settings),
+        "drives": _digest(task),
+        "version": __version__,
+    }
+    text = json.dumps(about, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+
+def _digest(task: Task) -> str:
+    return _digest_of(tuple(task.novice), tuple(task.expert or ()))
+
+
+@functools.lru_cache(maxsize=4)
+def _digest_of(novice: tuple[Drive, ...], expert: tuple[Drive, ...]) -> str:
+    """Digest of all numbers of the drives, their sessions and their bodies."""
+    digest = hashlib.sha256()
+    for drives in (novice, expert):
+        for drive in drives:
+            digest.update(f"{drive.session} {drive.body}".encode())
+            for values in (drive.states, drive.actions):
+                digest.update(np.ascontiguousarray(values).tobytes())
+    return digest.hexdigest()
