@@ -24,7 +24,19 @@ refused.
 from __future__ import annotations
 
 from sidm.drives import Drive, Ground
+from sidm.recordings.guess import Guess, guess_body
+from sidm.recordings.inspection import inspect_drives
 from sidm.recordings.reading import read_drives, write_drives
-from sidm.recordings.table import RecordingError
+from sidm.recordings.table import RecordingError, RecordingWarning
 
-__all__ = ["Drive", "Ground", "RecordingError", "read_drives", "write_drives"]
+__all__ = [
+    "Drive",
+    "Ground",
+    "Guess",
+    "RecordingError",
+    "RecordingWarning",
+    "guess_body",
+    "inspect_drives",
+    "read_drives",
+    "write_drives",
+]

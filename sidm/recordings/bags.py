@@ -1,84 +1,48 @@
 """Read drives from ROS bags, version 1 or 2, as tables.
 
-The type of its messages says what a topic holds:
-
-==========================  ==========================================================
-message                     columns
-==========================  ==========================================================
-nav_msgs/Odometry           x, y, z, qx, qy, qz, qw, yaw; in the body frame vx, vy,
-                            vz, wx, wy, wz, yaw_rate
-geometry_msgs/PoseStamped   x, y, z, qx, qy, qz, qw, yaw
-sensor_msgs/Imu             wx, wy, wz, yaw_rate, ax, ay, az
-sensor_msgs/JointState      velocities, named after the joints
-geometry_msgs/Twist         the command: linear, angular
-geometry_msgs/TwistStamped  the command: linear, angular
-==========================  ==========================================================
-
-All numbers are in SI units. The table has a row for each pose; other sensors are
-interpolated, and a command holds until the next one.
+`sidm.recordings.messages` says which columns a message gives. The table has a row for
+each pose. Other sensors are interpolated, but not across a pause of theirs: the rows
+in it are left out. A command holds until the next one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from sidm.body import Body
 from sidm.config import first_line, hint, unknown_name
-from sidm.drives import yaw_of
+from sidm.recordings.checks import GAP
+from sidm.recordings.messages import (
+    ACKERMANN,
+    ARRAYS,
+    COMMANDS,
+    POSES,
+    SENSORS,
+    Reader,
+)
 from sidm.recordings.table import RecordingError, Table
 
-#: Reads the columns of a row from one message.
-Reader = Callable[[Any], dict[str, float]]
-Series = tuple[np.ndarray, dict[str, np.ndarray]]  # times, s, and columns
+
+class Samples(NamedTuple):
+    """The numbers of one column, as they came."""
+
+    times: np.ndarray  # (N,) s
+    values: np.ndarray  # (N,)
 
 
-def _pose(message: Any) -> dict[str, float]:
-    p, q = message.position, message.orientation
-    position = {"x": p.x, "y": p.y, "z": p.z}
-    quaternion = {"qx": q.x, "qy": q.y, "qz": q.z, "qw": q.w}
-    yaw = yaw_of(np.array([*quaternion.values()]))
-    return position | quaternion | {"yaw": float(yaw)}
+Series = dict[str, Samples]  # the columns of one topic
 
 
-def _rates(message: Any) -> dict[str, float]:
-    return {"wx": message.x, "wy": message.y, "wz": message.z, "yaw_rate": message.z}
+class Topics(NamedTuple):
+    """The topics of a bag that are read."""
 
-
-def _odometry(message: Any) -> dict[str, float]:
-    twist = message.twist.twist
-    linear = {"vx": twist.linear.x, "vy": twist.linear.y, "vz": twist.linear.z}
-    return _pose(message.pose.pose) | linear | _rates(twist.angular)
-
-
-def _imu(message: Any) -> dict[str, float]:
-    a = message.linear_acceleration
-    return _rates(message.angular_velocity) | {"ax": a.x, "ay": a.y, "az": a.z}
-
-
-def _twist(message: Any) -> dict[str, float]:
-    twist = getattr(message, "twist", message)
-    return {"linear": twist.linear.x, "angular": twist.angular.z}
-
-
-# Type of message -> what reads it, for each kind of topic.
-POSES: dict[str, Reader] = {
-    "nav_msgs/msg/Odometry": _odometry,
-    "geometry_msgs/msg/PoseStamped": lambda m: _pose(m.pose),
-}
-SENSORS: dict[str, Reader] = {
-    "sensor_msgs/msg/Imu": _imu,
-    "sensor_msgs/msg/JointState": lambda m: dict(
-        zip(m.name, map(float, m.velocity), strict=False)
-    ),
-}
-COMMANDS: dict[str, Reader] = {
-    "geometry_msgs/msg/Twist": _twist,
-    "geometry_msgs/msg/TwistStamped": _twist,
-}
+    pose: Series
+    sensors: Series
+    command: Series
 
 
 def read_bag(path: Path, body: Body, topics: Sequence[str] = ()) -> Table:
@@ -95,23 +59,33 @@ def read_bag(path: Path, body: Body, topics: Sequence[str] = ()) -> Table:
             line.
         ImportError: the library `rosbags` is not installed.
     """
+    wanted = [name for name, _ in (*body.state, *body.actions)]
+    columns = bag_columns(path, read_topics(path, topics), wanted, body.name)
+    return Table(str(path), columns, {}, None)
+
+
+def read_topics(path: Path, topics: Sequence[str] = ()) -> Topics:
+    """Read the pose, the sensors and the command of a bag; errors as in `read_bag`."""
     try:
         from rosbags.highlevel import AnyReader, AnyReaderError
-        from rosbags.typesys import Stores, get_typestore
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
         raise ImportError(
             "ROS bags are read with the library rosbags: pip install rosbags"
         ) from None
     unreadable = OSError, ValueError, KeyError, IndexError, RuntimeError, AnyReaderError
     types = get_typestore(Stores.ROS2_HUMBLE)
+    for name, definition in ACKERMANN.items():
+        types.register(get_types_from_msg(definition, name))
     try:
         with AnyReader([path], default_typestore=types) as reader:
             bag = _Bag(path, reader, topics)
-            poses, commands = bag.series(POSES, "pose"), bag.series(COMMANDS, "command")
-            sensors = [
-                bag.optional({message: read}, message)
-                for message, read in SENSORS.items()
-            ]
+            pose = bag.series(POSES, "pose")
+            arrays = {} if bag.has(COMMANDS) else ARRAYS
+            command = bag.series(COMMANDS | arrays, "command")
+            sensors: Series = {}
+            for message, read in SENSORS.items():
+                sensors |= bag.optional({message: read}, message) or {}
     except RecordingError:
         raise
     except unreadable as error:
@@ -120,9 +94,10 @@ def read_bag(path: Path, body: Body, topics: Sequence[str] = ()) -> Table:
         ) from None
     except Exception as error:  # each storage format has errors of its own
         raise RecordingError(
-            f"{path}: the bag is damaged ({first_line(error)})"
+            f"{path}: the bag is damaged ({first_line(error)}); copy it again, or "
+            "mend it with 'rosbag reindex' or 'ros2 bag reindex'"
         ) from None
-    return _joined(path, body, poses, [s for s in sensors if s is not None], commands)
+    return Topics(pose, sensors, command)
 
 
 class _Bag:
@@ -140,6 +115,10 @@ class _Bag:
             for connection in reader.connections
             if not topics or connection.topic in topics
         ]
+
+    def has(self, readers: dict[str, Reader]) -> bool:
+        """Whether a topic has messages of some types."""
+        return any(connection.msgtype in readers for connection in self.connections)
 
     def series(self, readers: dict[str, Reader], kind: str) -> Series:
         """Read the one topic with messages of some types; `kind` names it in errors."""
@@ -163,43 +142,78 @@ class _Bag:
             )
         if not names:
             return None
-        times, rows = [], []
+        count, found = 0, dict[str, list[tuple[float, float]]]()
         for connection, time, raw in self.reader.messages(connections=connections):
             message = self.reader.deserialize(raw, connection.msgtype)
-            rows.append(readers[connection.msgtype](message))
-            times.append(time * 1e-9)
-        if len(rows) < 2:
+            # a message of a topic may be without some columns, as those of joints
+            for name, value in readers[connection.msgtype](message).items():
+                found.setdefault(name, []).append((time * 1e-9, value))
+            count += 1
+        if count < 2:
             raise RecordingError(
-                f"{self.path}: {len(rows)} messages on {names[0]}, too few for a drive"
+                f"{self.path}: {count} messages on {names[0]}, too few for a drive"
             )
-        columns = {
-            name: np.array([row.get(name, np.nan) for row in rows]) for name in rows[0]
+        return {
+            name: Samples(*np.array(samples).T)
+            for name, samples in found.items()
+            if len(samples) > 1
         }
-        return np.array(times), columns
 
 
-def _joined(
-    path: Path, body: Body, poses: Series, sensors: list[Series], commands: Series
-) -> Table:
-    """One table at the times of the poses that lie within the times of all topics."""
-    others = [*sensors, commands]
-    first, last = max(t[0] for t, _ in others), min(t[-1] for t, _ in others)
-    time = poses[0]
-    inside = (time >= first) & (time <= last)
-    if inside.sum() < 2:
-        raise RecordingError(f"{path}: its topics have no time in common")
-    time = time[inside]
-    columns = {name: values[inside] for name, values in poses[1].items()}
-    for times, series in sensors:
-        columns |= {n: np.interp(time, times, values) for n, values in series.items()}
-    held = np.searchsorted(commands[0], time, side="right") - 1  # the last command
-    columns |= {name: values[held] for name, values in commands[1].items()}
-    wanted = [name for name, _ in (*body.state, *body.actions)]
+def bag_columns(
+    path: Path, topics: Topics, wanted: Sequence[str], body: str
+) -> dict[str, np.ndarray]:
+    """Columns at the times of the poses that lie within the times of all of them.
+
+    Args:
+        path: of the bag, for messages.
+        topics: of the bag.
+        wanted: names of the columns.
+        body: name of the body, for messages.
+
+    Returns:
+        Name of each wanted column, and `time` in s -> numbers (R,).
+    """
+    known = topics.pose | topics.sensors | topics.command
     for name in wanted:
-        if name not in columns:
+        if name not in known:
             raise RecordingError(
-                f"{path}: column '{name}' of body '{body.name}' is in no topic; "
-                f"{hint(name, columns)}"
+                f"{path}: column '{name}' of body '{body}' is in no topic; "
+                f"{hint(name, known)}"
             )
-    numbers = {name: columns[name] for name in wanted} | {"time": time}
-    return Table(str(path), numbers, {}, None)
+    # a sensor of the same name as a part of the pose's message comes first
+    sensors = {n: topics.sensors[n] for n in wanted if n in topics.sensors}
+    commands = {n: topics.command[n] for n in wanted if n in topics.command}
+    poses = next(iter(topics.pose.values()))
+    time = _times_in_common(path, poses.times, sensors, commands or topics.command)
+    columns = {}
+    for name in wanted:
+        if name in commands:
+            times, values = commands[name]
+            held = np.searchsorted(times, time, side="right") - 1  # the last command
+            columns[name] = values[held]
+        elif name in sensors:
+            columns[name] = np.interp(time, *sensors[name])
+        else:
+            columns[name] = topics.pose[name].values[np.isin(poses.times, time)]
+    return columns | {"time": time}
+
+
+def _times_in_common(
+    path: Path, poses: np.ndarray, sensors: Series, commands: Series
+) -> np.ndarray:
+    """Those times of poses, s, at which sensors and commands are known."""
+    others = [samples.times for samples in (*sensors.values(), *commands.values())]
+    first, last = max(t[0] for t in others), min(t[-1] for t in others)
+    inside = (poses >= first) & (poses <= last)
+    spacing = np.median(np.diff(poses))
+    for times, _ in sensors.values():
+        steps = np.diff(times)
+        pause = steps > GAP * max(spacing, np.median(steps))
+        after = np.clip(np.searchsorted(times, poses, side="right"), 1, len(steps))
+        inside &= ~pause[after - 1] | np.isin(poses, times)
+    if inside.sum() < 2:
+        raise RecordingError(
+            f"{path}: its topics have no time in common; record them together"
+        )
+    return poses[inside]

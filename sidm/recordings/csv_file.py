@@ -9,7 +9,8 @@ next line has the names of the columns, with units in brackets:
 The columns are those of the body's state and actions, in any order and in any unit of
 their kind. Three more columns have a meaning: `time` replaces the rate; `drive` changes
 where a new drive begins; drives of the same `session` are never divided between
-training and evaluation. All other columns are ignored.
+training and evaluation. All other columns are ignored. Semicolons or tabs may stand in
+place of the commas; numbers may then have decimal commas.
 
 For a body with a height map, the header names a file of heights beside the CSV file
 (`heights`) and its grid's `spacing`.
@@ -24,13 +25,15 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from sidm.body import SI, UNITS, Body
-from sidm.config import first_line, hint, unknown_name
+from sidm.body import SI, Body
+from sidm.config import first_line, unknown_name
 from sidm.drives import Drive, Ground
-from sidm.recordings.table import RecordingError, Table
+from sidm.recordings.checks import LARGEST
+from sidm.recordings.table import RecordingError, Table, unit_factors
 from sidm.storage import write_atomically
 
 #: Name of a header's line -> what it says.
@@ -42,90 +45,99 @@ HEADER = {
     "centre": "x and y of the ground's middle, m; 0 0 unless given",
     "origin": "where the drives are from, for people",
 }
-EXTRA = ("time", "drive", "session")
-SEPARATORS = {";": "semicolons", "\t": "tabs"}  # of other files; here only commas
+SEPARATORS = {";": "semicolons", "\t": "tabs"}  # that may stand in place of commas
+#: A name and perhaps a unit in brackets; a file of numbers alone has none.
+TITLE = re.compile(r"\s*(.*?)\s*(?:\[(.*)\])?\s*")
+
+
+class TextTable(NamedTuple):
+    """A CSV file, read but not yet understood."""
+
+    path: Path
+    header: dict[str, str]
+    names: list[str]
+    units: list[str]  # '' where a column has none
+    cells: list[Sequence[str]]  # of each column
+    first: int  # number of the line with the first cells
+    decimal_commas: bool
+
+    def numbers(self, name: str) -> np.ndarray:
+        """The numbers (R,) of a column; RecordingError names the first that is none."""
+        cells = self.cells[self.names.index(name)]
+        if self.decimal_commas:
+            cells = [cell.replace(",", ".") for cell in cells]
+        values = np.array([_float(cell) for cell in cells])
+        bad = np.flatnonzero(~(np.abs(values) <= LARGEST)).tolist()
+        if bad:
+            line, cell = self.first + bad[0], cells[bad[0]]
+            beyond = np.isfinite(values[bad[0]])
+            fault = "beyond 1e15" if beyond else "no finite number"
+            raise RecordingError(
+                f"{self.path}: line {line}: '{cell}' of '{name}' is {fault}; "
+                "leave the line out"
+            )
+        return values
 
 
 def read_csv(path: Path, body: Body) -> Table:
     """Read the columns of a body from a file; RecordingError names the first fault."""
-    header, lines, first = _split_header(path)
-    try:
-        rows = list(csv.reader(lines))
-    except csv.Error as error:
-        raise RecordingError(
-            f"{path}: no table of numbers ({error}); is a quotation mark left open?"
-        ) from None
-    if len(rows) < 3:
-        raise RecordingError(f"{path}: it has no rows of numbers")
-    titles = [re.fullmatch(r"\s*(.*?)\s*(?:\[(.*)\])?\s*", cell) for cell in rows[0]]
-    names = [match[1] for match in titles if match]
-    units = [(match[2] or "").strip() for match in titles if match]
-    cells = _cells(path, rows[1:], first + 1, names)
+    text = read_text(path)
+    header, names = text.header, text.names
     timed = "time" in names
     if not timed and "rate" not in header:
         raise RecordingError(
             f"{path}: it has neither a line '# rate: 10 Hz' nor a column 'time [s]'"
         )
-    factors = unit_factors(str(path), names, units, body, timed)
-    columns = {
-        name: _numbers(path, name, cells[names.index(name)], first + 1) * factor
-        for name, factor in factors.items()
-    }
-    labels = {
-        name: np.array(cells[names.index(name)])
+    factors = unit_factors(str(path), names, text.units, body, timed)
+    columns = {name: text.numbers(name) * factor for name, factor in factors.items()}
+    labels: dict[str, np.ndarray] = {
+        name: np.array(text.cells[names.index(name)])
         for name in ("drive", "session")
         if name in names
     }
-    rate = None if timed else _number(path, header, "rate", "Hz")
+    rate = None if timed else rate_of(text)
     ground = _ground(path, header) if body.map_size else None
     return Table(str(path), columns, labels, rate, ground)
 
 
-def unit_factors(
-    file: str, names: Sequence[str], units: Sequence[str], body: Body, timed: bool
-) -> dict[str, float]:
-    """Factors that bring the columns of a body into SI units.
+def rate_of(text: TextTable) -> float:
+    """The rate in a file's header, Hz."""
+    return _number(text.path, text.header, "rate", "Hz")
 
-    Args:
-        file: name of the file, for messages.
-        names: of the file's columns.
-        units: of the file's columns, as many.
-        body: whose columns are read.
-        timed: whether the column `time` is read too.
 
-    Returns:
-        Name of each column that is read -> factor.
+def read_text(path: Path) -> TextTable:
+    """Read a file's header and cells; RecordingError names the first fault.
 
-    Raises:
-        RecordingError: a column is missing, occurs twice, or has a wrong unit.
+    The cells are separated by commas, or by semicolons or tabs; with these, numbers may
+    have decimal commas.
     """
-    wanted = dict((*body.state, *body.actions)) | ({"time": "s"} if timed else {})
-    for column in wanted:
-        if column not in names:
-            raise RecordingError(
-                f"{file}: column '{column}' of body '{body.name}' is missing; "
-                f"{hint(column, names)}"
-            )
-    for column in (*wanted, *EXTRA):
-        if names.count(column) > 1:
-            raise RecordingError(f"{file}: two columns '{column}'")
-    return {
-        column: _unit_factor(file, column, units[names.index(column)], unit)
-        for column, unit in wanted.items()
-    }
-
-
-def _unit_factor(file: str, name: str, unit: str, expected: str) -> float:
-    """Factor from `unit` to the SI unit; the column is of the kind of `expected`."""
-    kind = next(kind for kind, units in UNITS.items() if expected in units)
-    unit = unit or ("1" if kind == "number" else "")
-    if unit not in UNITS[kind]:
-        given = f"in '{unit}'" if unit else "without a unit"
-        article, known = "an" if kind[0] in "aeiou" else "a", " or ".join(UNITS[kind])
+    header, lines, first = _split_header(path)
+    while lines and not lines[-1].strip():
+        lines.pop()
+    if not lines:
+        what = "after its header" if header else "the file is empty"
+        raise RecordingError(f"{path}: it has no rows of numbers: {what}")
+    given = (sign for sign in SEPARATORS if sign in lines[0] and "," not in lines[0])
+    separator = next(given, ",")
+    try:
+        rows = list(csv.reader(lines, delimiter=separator))
+    except csv.Error as error:
         raise RecordingError(
-            f"{file}: '{name}' {given}; {article} {kind} is in {known}"
+            f"{path}: no table of numbers ({error}); is a quotation mark left open?"
+        ) from None
+    titles = [TITLE.fullmatch(cell) for cell in rows[0]]
+    names = [match[1] for match in titles if match]
+    if all(math.isfinite(_float(name.replace(",", "."))) for name in names):
+        raise RecordingError(
+            f"{path}: line {first} has numbers; write the names and units of the "
+            "columns there, as 'x [m]'"
         )
-    return UNITS[kind][unit]
+    if len(rows) < 3:
+        only = "no rows" if len(rows) < 2 else "a single row"
+        raise RecordingError(f"{path}: it has {only} of numbers; a drive has many")
+    units = [(match[2] or "").strip() for match in titles if match]
+    cells = _cells(path, rows[1:], first + 1, names)
+    return TextTable(path, header, names, units, cells, first + 1, separator != ",")
 
 
 def heights_file(path: Path) -> Path | None:
@@ -186,13 +198,13 @@ def _cells(
         if len(row) != len(names):
             raise RecordingError(
                 f"{path}: line {number} has {len(row)} cells, "
-                f"not {len(names)}{_separator_hint(row)}"
+                f"not {len(names)}{_separator_hint(row, len(names))}"
             )
     return list(zip(*rows, strict=True))
 
 
-def _separator_hint(cells: Sequence[str]) -> str:
-    """The end of a message where a line seems to have another separator than commas."""
+def _separator_hint(cells: Sequence[str], count: int) -> str:
+    """The end of a message where a line seems to have other separators than commas."""
     line = ",".join(cells)
     for sign, name in SEPARATORS.items():
         if sign in line:
@@ -200,19 +212,9 @@ def _separator_hint(cells: Sequence[str]) -> str:
                 f"; it seems to be separated by {name}: "
                 "use commas, and points in numbers"
             )
-    return ""
-
-
-def _numbers(path: Path, name: str, cells: Sequence[str], first: int) -> np.ndarray:
-    """The numbers of a column; `first` is the line number of its first cell."""
-    values = np.array([_float(cell) for cell in cells])
-    bad = np.flatnonzero(~np.isfinite(values)).tolist()
-    if bad:
-        line, cell = first + bad[0], cells[bad[0]]
-        raise RecordingError(
-            f"{path}: line {line}: '{cell}' of '{name}' is no finite number"
-        )
-    return values
+    if len(cells) == 2 * count:
+        return "; has it decimal commas? Use points, or semicolons between cells"
+    return "; write a cell for each name"
 
 
 def _float(text: str) -> float:

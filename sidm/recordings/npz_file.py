@@ -27,8 +27,7 @@ import numpy as np
 from sidm.body import SI, UNITS, Body
 from sidm.config import first_line, unknown_name
 from sidm.drives import Drive, Ground
-from sidm.recordings.csv_file import unit_factors
-from sidm.recordings.table import RecordingError, Table
+from sidm.recordings.table import RecordingError, Table, unit_factors
 from sidm.storage import write_atomically
 
 #: Name in the header -> types of its value.
@@ -54,8 +53,11 @@ def read_npz(path: Path, body: Body) -> list[Table]:
         with file:
             members = {name: file[name] for name in file.files}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        # NumPy's own message about bytes that are no archive is about pickles
+        fault = "it is no archive" if "pickle" in str(error) else first_line(error)
         raise RecordingError(
-            f"{path}: cannot be read as .npz ({first_line(error)})"
+            f"{path}: cannot be read as .npz ({fault}); copy it again, or write it "
+            "with numpy.savez"
         ) from None
     required = ["rows", "lengths", "header"]
     if body.map_size:

@@ -1,32 +1,32 @@
 """Read drives of a robot of any body, bring them to the body's rate, and check them.
 
-States are interpolated at the body's rate. An action is the mean of the rows' actions
-in its control step, or that of the last row before where the step has no row. A pose
-that does not change for one or two rows while the robot moves before and after comes
-from a slower sensor, and is interpolated as well.
+A pause in a recording makes several drives of it, of one session. What is left out of a
+recording, and what is done with it, is told by a `RecordingWarning`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sidm.body import UNITS, Body, as_body
+from sidm.body import SI, Body, as_body
+from sidm.config import hint
 from sidm.drives import Drive
 from sidm.recordings import checks, frames
 from sidm.recordings.csv_file import heights_file, read_csv, write_csv
+from sidm.recordings.headings import drives_along_yaw
 from sidm.recordings.npz_file import read_npz, write_npz
-from sidm.recordings.table import RecordingError, Table
+from sidm.recordings.resampling import drives_of_pieces, pose_rate, recorded_drives
+from sidm.recordings.table import Findings, RecordingError, Table
 
 if TYPE_CHECKING:
     import pandas as pd
 
 SUFFIXES = (".csv", ".csv.gz", ".npz")
-MAX_REPEATS = 2  # rows in which a slower sensor's pose may repeat itself
-MIN_STEPS = 8  # control steps of a drive
+INNER = (".db3", ".mcap")  # files inside the folder of a ROS 2 bag
 
 
 def read_drives(
@@ -34,6 +34,7 @@ def read_drives(
     body: Body | str | Path | Mapping[str, Any],
     topics: Sequence[str] = (),
     held: bool = False,
+    skip_bad: bool = False,
 ) -> list[Drive]:
     """Read the drives of a file or a ROS bag, or of all files of a folder.
 
@@ -45,13 +46,15 @@ def read_drives(
             unless given.
         held: whether to accept a column that never changes. A model can be tried with
             such drives, but cannot learn from them.
+        skip_bad: whether faulty drives and files are left out. Each is told by a
+            `RecordingWarning`, as are pauses and what else may surprise.
 
     Returns:
         The drives, at the body's rate and in SI units.
 
     Raises:
         RecordingError: there are no drives, or the first fault; one line that names
-            file, place and fault.
+            file, place and fault. With `skip_bad`, a fault of all drives together.
         ConfigError: the body has a fault.
 
     Examples:
@@ -60,29 +63,57 @@ def read_drives(
         >>> len(drives), drives[0].states.shape
         (287, (20, 6))
     """
-    body = as_body(body)
-    paths = list(map(Path, [path] if isinstance(path, (str, Path)) else path))
-    files = [file for given in paths for file in _files(given)]
+    body, findings = as_body(body), Findings(skip_bad)
+    paths = as_paths(path)
+    drives = drives_of_paths(paths, body, topics, findings)
+    findings.warn()
+    if not drives:
+        raise RecordingError(findings.faults[0])
     where = ", ".join(map(str, paths))
-    drives = [
-        drive
-        for file in files
-        for table in _tables(file, body, topics)
-        for drive in drives_from_table(table, body)
-    ]
     if not held:
         checks.refuse_constant(where, drives, body)
     frames.refuse_together(where, drives, body)
     return drives
 
 
-def drives_from_frame(frame: pd.DataFrame, body: Body) -> list[Drive]:
+def drives_of_paths(
+    paths: Sequence[Path], body: Body, topics: Sequence[str], findings: Findings
+) -> list[Drive]:
+    """Drives of files, bags and folders; `findings` takes faults and notes."""
+    findings.notes += notes_of_units(body)
+    files = []
+    for path in paths:
+        try:
+            files += files_of(path)
+        except RecordingError as error:
+            findings.add(error)
+    if files and topics and not any(map(is_bag, files)):
+        where = ", ".join(map(str, paths))
+        raise RecordingError(
+            f"{where}: topics are of ROS bags, and this is none; leave --topics out"
+        )
+    drives = []
+    for file in files:
+        try:
+            tables = list(_tables(file, body, topics))
+        except RecordingError as error:
+            findings.add(error)
+            continue
+        of_file = [d for table in tables for d in _drives(table, body, findings)]
+        drives += drives_along_yaw(str(file), of_file, body, findings)
+    return drives
+
+
+def drives_from_frame(
+    frame: pd.DataFrame, body: Body, skip_bad: bool = False
+) -> list[Drive]:
     """Drives from a table in memory, with columns as in a CSV file, in SI units.
 
     Args:
         frame: a row for each time, with the columns `time`, s, and those of the body;
             `drive` or `session` too where there are several drives.
         body: the robot's body.
+        skip_bad: whether faulty drives are left out, each with a `RecordingWarning`.
 
     Raises:
         RecordingError: a column is missing, or the first fault; the message is one
@@ -100,22 +131,48 @@ def drives_from_frame(frame: pd.DataFrame, body: Body) -> list[Drive]:
         for name in ("drive", "session")
         if name in frame
     }
-    return drives_from_table(Table("the table", columns, labels, None), body)
+    findings = Findings(skip_bad)
+    drives = _drives(Table("the table", columns, labels, None), body, findings)
+    drives = drives_along_yaw("the table", drives, body, findings)
+    findings.warn()
+    if not drives:
+        raise RecordingError(findings.faults[0])
+    return drives
 
 
-def _files(path: Path) -> list[Path]:
+def notes_of_units(body: Body) -> list[str]:
+    """A line for each column of a body whose unit is unknown."""
+    return [
+        f"body '{body.name}': '{name}' is in '{unit}', an unknown unit, in which its "
+        f"numbers stay; {hint(unit, SI)}"
+        for name, unit in body.unknown_units.items()
+    ]
+
+
+def as_paths(path: str | Path | Sequence[str | Path]) -> list[Path]:
+    """A list of one path or of several."""
+    return list(map(Path, [path] if isinstance(path, (str, Path)) else path))
+
+
+def has_bags(path: str | Path | Sequence[str | Path]) -> bool:
+    """Whether a ROS bag is among the files that `read_drives` would read."""
+    existing = [one for one in as_paths(path) if one.exists()]
+    inside = (part for one in existing if one.is_dir() for part in one.iterdir())
+    return any(map(is_bag, [*existing, *inside]))
+
+
+def files_of(path: Path) -> list[Path]:
     """The path itself if it is a file or a bag, or the files of drives in a folder."""
     if not path.exists():
-        raise RecordingError(f"{path}: there is no such file")
-    if not path.is_dir() or is_bag(path):
-        return [path]
-    files = _files_in(path)
-    if not files:
+        raise RecordingError(f"{path}: there is no such file; is its name right?")
+    if path.is_dir() and not is_bag(path):
+        return _files_in(path)
+    if path.suffix in INNER:
         raise RecordingError(
-            f"{path}: no file of drives ({', '.join(SUFFIXES)}) "
-            "and no ROS bag in this folder"
+            f"{path}: it is a file inside a ROS 2 bag; give the bag's folder, "
+            f"{path.parent}"
         )
-    return files
+    return [path]
 
 
 def _files_in(folder: Path) -> list[Path]:
@@ -125,6 +182,17 @@ def _files_in(folder: Path) -> list[Path]:
         for file in folder.iterdir()
         if file.name.endswith(SUFFIXES) or is_bag(file)
     )
+    if not files:
+        inner = next((f.name for f in folder.iterdir() if f.suffix in INNER), "")
+        raise RecordingError(
+            f"{folder}: no file of drives ({', '.join(SUFFIXES)}) "
+            "and no ROS bag in this folder; "
+            + (
+                f"{inner} has no metadata.yaml, which 'ros2 bag reindex' makes"
+                if inner
+                else "give the folder that has them"
+            )
+        )
     named = [heights_file(file) for file in files if ".csv" in file.name]
     heights = {file.resolve() for file in named if file}
     return [file for file in files if file.resolve() not in heights]
@@ -149,115 +217,38 @@ def is_bag(path: Path) -> bool:
     return path.suffix == ".bag" or folder
 
 
-def drives_from_table(table: Table, body: Body) -> list[Drive]:
-    """Drives from a table, at the body's rate; RecordingError names the first fault."""
-    ground = table.ground and checks.whole_ground(table.name, table.ground)
-    count = len(next(iter(table.columns.values())))
-    no_labels = np.full(count, "")
-    sessions, names = (table.labels.get(n, no_labels) for n in ("session", "drive"))
-    changed = (sessions[1:] != sessions[:-1]) | (names[1:] != names[:-1])
-    starts = np.flatnonzero(changed) + 1
-    drives, recorded = [], []
-    for number, rows in enumerate(np.split(np.arange(count), starts)):
-        labels = (sessions[rows[0]], names[rows[0]]) if len(rows) else ()
-        label = "/".join(filter(None, labels)) or str(number)
-        where = f"{table.name}: drive {label}" if len(starts) else table.name
-        columns = {name: values[rows] for name, values in table.columns.items()}
-        if table.ground and body.pose_size:
-            for name, middle in zip("xy", table.ground.centre, strict=True):
-                columns[name] = columns[name] - middle
-        rows_of_drive = _rows(where, columns, body, table.rate)
-        recorded.append((rows_of_drive.states, 1 / rows_of_drive.spacing))
-        states, actions = _resampled(rows_of_drive, body)
-        if len(actions) < MIN_STEPS:
-            raise RecordingError(
-                f"{where}: {len(actions)} steps of {1 / body.rate:g} s; "
-                f"a drive has {MIN_STEPS}"
-            )
-        actions = checks.within_limits(where, actions, body)
-        frames.refuse_other_maps(where, states, ground, body)
-        if checks.has_twist(body):
-            frames.refuse_other_velocities(where, states, body)
-        session = str(sessions[rows[0]] or f"{table.name} {label}")
-        several = len(starts) or not table.labels
-        name = f"{table.name} drive {label}" if several else table.name
-        drives.append(Drive(states, actions, body, ground, name, session=session))
-    checks.refuse_jumps(drives, body)
+def _drives(table: Table, body: Body, findings: Findings) -> list[Drive]:
+    """Drives from a table, at the body's rate; `findings` takes faults and notes."""
+    try:
+        ground = table.ground and checks.whole_ground(table.name, table.ground)
+        recorded = list(recorded_drives(table, body, findings))
+        rows = [one.rows for one in recorded]
+        if rows:
+            spacing = float(np.median([one.spacing for one in rows]))
+            rate = pose_rate(rows, body.pose_size)
+            checks.refuse_slower(table.name, 1 / spacing, rate, body)
+            findings.rates += [1 / one.spacing for one in rows]
+    except RecordingError as error:
+        findings.add(error)
+        return []
+    drives = []
+    for one in recorded:
+        try:
+            drives += drives_of_pieces(one, body, ground, findings)
+        except RecordingError as error:
+            findings.add(error)
+    faults = checks.jumps(drives, body)
+    for fault in faults.values():
+        findings.add(fault)
+    drives = [drive for number, drive in enumerate(drives) if number not in faults]
     if checks.has_twist(body):
-        frames.refuse_other_turning(table.name, recorded)
+        try:
+            turned = [(one.states, 1 / one.spacing) for one in rows]
+            frames.refuse_other_turning(table.name, turned)
+        except RecordingError as error:
+            findings.add(error)
+            return []
     return drives
-
-
-class _Rows(NamedTuple):
-    """The recorded rows of one drive."""
-
-    states: np.ndarray  # (R, S)
-    actions: np.ndarray  # (R, A)
-    time: np.ndarray  # (R,) s, from 0 on
-    spacing: float  # s, median
-
-
-def _rows(
-    where: str, columns: Mapping[str, np.ndarray], body: Body, rate: float | None
-) -> _Rows:
-    """The rows of one drive; angles are unwrapped and quaternions have length 1."""
-    states = np.stack([columns[name] for name, _ in body.state], 1)
-    actions = np.stack([columns[name] for name, _ in body.actions], 1)
-    time = np.arange(len(states)) / rate if rate else columns["time"]
-    time = time - time[:1]
-    checks.refuse_numbers(where, states, actions, body)
-    spacing = checks.refuse_times(where, time)
-    angles = [i for i, (_, unit) in enumerate(body.state) if unit in UNITS["angle"]]
-    states[:, angles] = np.unwrap(states[:, angles], axis=0)
-    if body.pose == "spatial":
-        states[:, 3:7] = checks.unit_quaternions(where, states[:, 3:7])
-    return _Rows(states, actions, time, spacing)
-
-
-def _resampled(rows: _Rows, body: Body) -> tuple[np.ndarray, np.ndarray]:
-    """States (K + 1, S) and actions (K, A) of one drive at the body's rate."""
-    states, actions, time, spacing = rows
-    grid = np.arange(0, time[-1] + 1e-6 * spacing, 1 / body.rate)
-    # signs stay as they are where nothing is interpolated
-    same = len(grid) == len(time) and np.allclose(grid, time)
-    if body.pose == "spatial" and not same:
-        states = states.copy()
-        states[:, 3:7] *= _signs(states[:, 3:7])
-    size = body.pose_size
-    new = _new_poses(states[:, :size]) if size else np.ones(len(time), bool)
-    pose = [np.interp(grid, time[new], column[new]) for column in states.T[:size]]
-    others = [np.interp(grid, time, column) for column in states.T[size:]]
-    resampled = np.stack([*pose, *others], 1)
-    if body.pose == "spatial":
-        resampled[:, 3:7] /= np.linalg.norm(resampled[:, 3:7], axis=1, keepdims=True)
-    # the row whose action holds at each time of the grid
-    held = np.searchsorted(time, grid + 1e-6 * spacing, side="right") - 1
-    means = [
-        actions[start : max(end, start + 1)].mean(0)
-        for start, end in zip(held[:-1], held[1:], strict=True)
-    ]
-    return resampled, np.reshape(means, (len(grid) - 1, actions.shape[1]))
-
-
-def _signs(quaternions: np.ndarray) -> np.ndarray:
-    """Signs (R, 1) that bring each of quaternions (R, 4) nearer to the previous one."""
-    opposite = (quaternions[1:] * quaternions[:-1]).sum(1) < 0
-    return np.cumprod(np.r_[1.0, np.where(opposite, -1.0, 1.0)])[:, None]
-
-
-def _new_poses(pose: np.ndarray) -> np.ndarray:
-    """Which rows (R,) of a pose (R, P) a slower sensor has measured anew.
-
-    The other rows repeat the row before, at most MAX_REPEATS times in a sequence.
-    """
-    moved = np.r_[True, (np.diff(pose, axis=0) != 0).any(1)]
-    starts = np.flatnonzero(moved)
-    lengths = np.diff(np.r_[starts, len(pose)])
-    new = np.ones(len(pose), bool)
-    for start, length in zip(starts, lengths, strict=True):
-        if 1 < length <= 1 + MAX_REPEATS:
-            new[start + 1 : start + length] = False
-    return new
 
 
 def write_drives(path: str | Path, drives: Sequence[Drive], origin: str) -> None:

@@ -1,17 +1,30 @@
-"""The table of numbers that is read from a file and then made into drives."""
+"""The table of numbers that is read from a file, and what is found in files."""
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from sidm.config import DataError
+from sidm.body import Body, kind_of, units_like
+from sidm.config import DataError, Notice, hint
 from sidm.drives import Ground
+
+#: Columns beside those of a body that have a meaning.
+EXTRA = ("time", "drive", "session")
 
 
 class RecordingError(DataError):
     """A fault of recorded motion: one line that names file, place and fault."""
+
+
+class RecordingWarning(Notice):
+    """What a reader does with recorded motion beyond reading it: one line.
+
+    The commands print it on stderr as a line `note: ...`.
+    """
 
 
 class Table(NamedTuple):
@@ -22,3 +35,82 @@ class Table(NamedTuple):
     labels: dict[str, np.ndarray]  # (R,) each, text: drive and session, where given
     rate: float | None  # Hz, where there is no column of time
     ground: Ground | None = None
+
+
+class Findings:
+    """What reading finds beside drives.
+
+    Attributes:
+        skip: whether a fault is kept in a list, and its drive or file left out;
+            otherwise the first fault is raised
+        faults: one line each
+        notes: what was done with recordings that have no fault, one line each
+        rates: rows a second of each drive, Hz
+    """
+
+    def __init__(self, skip: bool):
+        self.skip = skip
+        self.faults: list[str] = []
+        self.notes: list[str] = []
+        self.rates: list[float] = []
+
+    def add(self, fault: RecordingError | str) -> None:
+        """Keep a fault in the list, or raise it as a RecordingError."""
+        if not self.skip:
+            raise fault if isinstance(fault, RecordingError) else RecordingError(fault)
+        self.faults.append(str(fault))
+
+    def warn(self) -> None:
+        """Issue each note, and each drive or file that is left out, as a warning."""
+        left_out = [f"left out: {fault}" for fault in self.faults]
+        for text in [*left_out, *self.notes]:
+            # the caller of the function that reads is three levels up
+            warnings.warn(RecordingWarning(text), stacklevel=3)
+
+
+def unit_factors(
+    file: str, names: Sequence[str], units: Sequence[str], body: Body, timed: bool
+) -> dict[str, float]:
+    """Factors that bring the columns of a body into SI units.
+
+    Args:
+        file: name of the file, for messages.
+        names: of the file's columns.
+        units: of the file's columns, as many.
+        body: whose columns are read.
+        timed: whether the column `time` is read too.
+
+    Returns:
+        Name of each column that is read -> factor.
+
+    Raises:
+        RecordingError: a column is missing, occurs twice, or has a wrong unit.
+    """
+    wanted = dict((*body.state, *body.actions)) | ({"time": "s"} if timed else {})
+    for column in wanted:
+        if column not in names:
+            raise RecordingError(
+                f"{file}: column '{column}' of body '{body.name}' is missing; "
+                f"{hint(column, names)}"
+            )
+    for column in (*wanted, *EXTRA):
+        if names.count(column) > 1:
+            raise RecordingError(f"{file}: two columns '{column}'; rename one of them")
+    return {
+        column: _unit_factor(file, column, units[names.index(column)], unit)
+        for column, unit in wanted.items()
+    }
+
+
+def _unit_factor(file: str, name: str, unit: str, expected: str) -> float:
+    """Factor from `unit` to the SI unit; the column is of the kind of `expected`."""
+    kind, known = kind_of(expected), units_like(expected)
+    unit = unit or ("1" if kind == "number" else "")
+    if unit not in known:
+        given = f"in '{unit}'" if unit else "without a unit"
+        article = "an" if kind[:1] in "aeiou" else "a"
+        right = f"{article} {kind} is" if kind else "the body has it"
+        raise RecordingError(
+            f"{file}: '{name}' {given}; {right} in {' or '.join(known)}"
+        )
+    return known[unit]

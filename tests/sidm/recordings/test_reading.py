@@ -7,7 +7,12 @@ import pytest
 
 from sidm.body import DRIVE, ROVER, TWIST, Body
 from sidm.config import replace
-from sidm.recordings import RecordingError, read_drives, write_drives
+from sidm.recordings import (
+    RecordingError,
+    RecordingWarning,
+    read_drives,
+    write_drives,
+)
 
 BODY = Body(
     name="cart",
@@ -89,18 +94,88 @@ def test_uneven_times_are_interpolated(write, rng):
     assert np.allclose(np.diff(drive.states[:, 4]), 0.1, atol=1e-9)
 
 
+def slow_pose(every: int, count: int = 41) -> np.ndarray:
+    """Rows of the circle whose pose is new in each row of number 1 + k * `every`."""
+    rows = circle(count)
+    new = np.maximum((np.arange(count) - 1) // every * every + 1, 0)
+    rows[:, :3] = rows[new, :3]
+    return rows
+
+
 def test_a_slow_sensors_pose_is_interpolated(write):
-    rows = circle()
-    rows[1::2, :3] = rows[:-1:2, :3]  # values are new only in every second row
-    (drive,) = read_drives(
-        write(text(rows)),
-        Body(
-            name="fast",
-            rate=20.0,
-            **{k: getattr(BODY, k) for k in ("pose", "columns", "actions")},
+    """At the times of the control steps the rows repeat an older pose."""
+    (drive,) = read_drives(write(text(slow_pose(2))), BODY)
+    assert np.allclose(np.diff(drive.states[1:-1, 2]), 0.05, atol=1e-6)
+
+
+def test_a_sensor_far_slower_than_the_rows_is_interpolated(write):
+    """Rows come at 100 Hz, and the pose at 10 Hz."""
+    rows = circle(401, rate=100.0)
+    new = np.maximum((np.arange(401) - 4) // 10 * 10 + 4, 0)
+    rows[:, :3] = rows[new, :3]
+    (drive,) = read_drives(write(text(rows, header="# rate: 100 Hz\n")), BODY)
+    assert np.allclose(np.diff(drive.states[1:-1, 2]), 0.05, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("rows", "rate", "words"),
+    [
+        (circle(), 100.0, "rows come at 20 Hz, but body 'cart' has steps at 100 Hz; "),
+        (slow_pose(2), 20.0, "its pose is new at 10 Hz, but body 'cart' has steps at"),
+        (
+            slow_pose(5, 101),
+            10.0,
+            "its pose is new at 4 Hz, but body 'cart' has steps at",
         ),
+    ],
+)
+def test_a_rate_that_the_rows_do_not_have_is_refused(write, rows, rate, words):
+    path = write(text(rows))
+    with pytest.raises(RecordingError, match=f"^{path}: {words}") as error:
+        read_drives(path, replace(BODY, rate=rate))
+    right = (
+        str(error.value).rpartition("write 'rate: ")[2].removesuffix(" Hz' in the body")
     )
-    assert np.allclose(np.diff(drive.states[:-1, 2]), 0.025, atol=1e-6)
+    assert len(read_drives(path, replace(BODY, rate=float(right)))) == 1
+
+
+def paused(*pauses: float, count: int = 81) -> str:
+    """A file of the circle whose time stands still for a second at some times, s."""
+    time = np.arange(count) / 20
+    later = time + sum((time > pause).astype(float) for pause in pauses)
+    return text(np.column_stack([later, circle(count)]), "time [s]," + NAMES, "")
+
+
+def test_a_pause_makes_two_drives_of_one_session(write):
+    path = write(paused(1.5))
+    with pytest.warns(RecordingWarning) as notes:
+        first, second = read_drives(path, BODY)
+    assert [str(note.message) for note in notes] == [
+        f"{path}: 1 pause (1.5 s after its start): 2 drives are made of it"
+    ]
+    assert (len(first), len(second)) == (15, 24)
+    assert first.session == second.session and first.name != second.name
+    assert np.allclose(second.states, circle(81)[31::2, :5], atol=1e-8)
+
+
+def test_pieces_that_are_too_short_are_left_out(write):
+    with pytest.warns(
+        RecordingWarning, match="2 pauses .* 3 drives .*; 1 shorter than 8"
+    ):
+        assert len(read_drives(write(paused(1.5, 1.9)), BODY)) == 2
+    path = write(paused(0.5, 1.0, 1.5, count=41))
+    with pytest.raises(
+        RecordingError, match="between its 3 pauses, 5 steps of 0.1 s; a drive has 8"
+    ):
+        read_drives(path, BODY)
+
+
+def test_a_time_hardly_longer_than_a_step_is_no_pause(write):
+    time = np.arange(81) / 50
+    time[40:] += 0.1
+    rows = np.column_stack([time, circle(81, 50.0)])
+    path = write(text(rows, "time [s]," + NAMES, ""))
+    assert len(read_drives(path, BODY)) == 1
 
 
 def test_a_robot_that_stands_still_is_left_where_it_is(write):
@@ -245,7 +320,7 @@ TIMES = np.arange(41) / 20
         (text(circle() * [1, 1, 1, -1, 1, 1]), "of the other sign"),
         (text(circle() * [1, 1, 1, 57.3, 1, 1]), "in another unit or frame"),
         (text(circle(9)), "4 steps of 0.1 s; a drive has 8"),
-        (text(circle()[:1]), "it has no rows of numbers"),
+        (text(circle()[:1]), "it has a single row of numbers"),
         ("", "it has no rows of numbers"),
         (
             text(
@@ -264,14 +339,6 @@ TIMES = np.arange(41) / 20
                 "",
             ),
             "the same time",
-        ),
-        (
-            text(
-                np.column_stack([TIMES + (TIMES > 1), circle()]),
-                "time [s]," + NAMES,
-                "",
-            ),
-            "make two drives of it",
         ),
     ],
 )
