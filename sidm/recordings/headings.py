@@ -30,6 +30,7 @@ OFF, OFTEN, MEDIAN_OFF = np.radians(45), 0.8, np.radians(60)
 #: Otherwise the yaw is off in all of at least FEWEST_DRIVES drives, if stretches are
 #: off alike: doubled angles have a mean vector of at least this length.
 ALONG, FEWEST_DRIVES, ALIKE = np.radians(30), 5, 0.7
+NAMED = 10  # drives that a note names
 #: Columns tell forwards from backwards if they explain this share of the variance, and
 #: in a stretch if they say at least CLEAR m/s.
 EXPLAINED, CLEAR = 0.7, 0.15
@@ -117,16 +118,30 @@ def drives_along_yaw(
             "is yaw 0 along x? (a robot that moves sideways has a column 'vy')"
         )
         return []
-    for number, degrees in headings.off:
-        fault = f"{drives[number].name}: it moves {degrees:.0f} degrees off its yaw"
-        if findings.skip:
-            findings.add(f"{fault}, as other drives do not; check its pose")
-        else:
-            findings.notes.append(
-                f"{fault}; check its pose, or leave it out with --skip-bad"
+    if findings.skip:
+        for number, degrees in headings.off:
+            findings.add(
+                f"{drives[number].name}: it moves {degrees:.0f} degrees off its yaw, "
+                "as other drives do not; check its pose"
             )
+    elif headings.off:
+        findings.notes.append(_note(where, drives, headings))
     off = {one.drive for one in headings.off} if findings.skip else set()
     return [drive for number, drive in enumerate(drives) if number not in off]
+
+
+def _note(where: str, drives: Sequence[Drive], headings: Headings) -> str:
+    """The note about a few drives of a file that are off."""
+    names = [
+        f"{drives[number].name.removeprefix(where).strip()} ({degrees:.0f} degrees)"
+        for number, degrees in headings.off
+    ]
+    names[NAMED:] = ["..."] if len(names) > NAMED else []
+    return (
+        f"{where}: {len(headings.off)} of {headings.judged} drives do not move along "
+        f"their yaw: {', '.join(names)}; check their poses, or leave them out "
+        "(--skip-bad, skip_bad=True)"
+    )
 
 
 def _stretches(drive: Drive, body: Body) -> _Stretches:
