@@ -19,7 +19,7 @@ from sidm.learning.units import (
     loss_weights,
     role_units,
 )
-from sidm.rivals import kinematics, trees, trivial
+from sidm.rivals import boosting, kinematics, trivial
 from sidm.rivals.drivetrain import drivetrain_of
 from sidm.rivals.fine_tuning import (
     Pretrained,
@@ -53,7 +53,7 @@ def refuse_method(method: str, novice: Body, expert: Body | None) -> None:
             f"{method} {needed}, which needs robots of one body; take {others}"
         )
     if config.fit == "trees":
-        trees.require_scikit_learn(method)
+        boosting.require_scikit_learn(method)
     if config.fit == "kinematics":
         drivetrain_of(novice, method)  # type: ignore[arg-type]
 
@@ -191,6 +191,6 @@ def _learn_without_loop(
     if config.fit == "kinematics":
         return kinematics.identify(sets, body, model, scale)
     if config.fit == "trees":
-        return trees.learn(sets, body, scale, config.residual, seed)
+        return boosting.learn(sets, body, scale, config.residual, seed)
     base = None if start is None else frozen_model(network, start, novice_units)
     return fit_least_squares(sets, novice_units, base, scale=scale)

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-ROWS_AT_A_TIME = 1024  # a row visits every tree, so memory grows with both
+ROWS_AT_A_TIME = 256  # each visits every tree; a processor's cache holds so many
 
 
 class Forest(NamedTuple):
@@ -89,11 +89,12 @@ class Forest(NamedTuple):
     def _predict_part(self, features: Tensor) -> Tensor:
         """Components (N, Y) at a few rows."""
         node = self.roots.expand(len(features), -1)  # (N, R)
+        has_missing = bool(features.isnan().any())
         while True:
             number = features.gather(1, self.feature[node])
-            is_left = (number <= self.threshold[node]) | (
-                number.isnan() & self.missing_left[node]
-            )
+            is_left = number <= self.threshold[node]
+            if has_missing:
+                is_left |= number.isnan() & self.missing_left[node]
             child = torch.where(is_left, self.left[node], self.right[node])
             if torch.equal(child, node):  # every row is at a leaf of every tree
                 break

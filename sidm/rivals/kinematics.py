@@ -193,14 +193,15 @@ def _fit_wheels(
 def _fit_other_columns(
     fitted: Kinematics, columns: Tensor, actions: Tensor, after: Tensor
 ) -> None:
-    """First-order lags of the columns that follow no wheel's command.
+    """First-order lags of the columns that follow neither motion nor a wheel's command.
 
     A lag of less than none or more than a whole step has no meaning: the bound is
     taken, and the linear function is fitted again.
     """
     terms = torch.cat([actions, torch.ones_like(actions[:, :1])], 1)
+    train = fitted.drivetrain
     for column in range(columns.shape[1]):
-        if column in fitted.drivetrain.followed:
+        if column in (*train.followed, train.speed, train.yaw_rate):
             continue
         before = columns[:, column : column + 1]
         change = after[:, column : column + 1] - before
