@@ -2,7 +2,7 @@
 
 python examples/own_robot.py recordings/warthog.csv.gz --body recordings/skid_steer.yaml
 
-It compares several methods on drives held out, and fits the best one.
+It compares several methods by cross-validation, and fits the one to take.
 """
 
 from __future__ import annotations
@@ -35,11 +35,19 @@ def main() -> None:
     drives = sidm.read_drives(options.drives, options.body)
     expert = sidm.read_drives(options.expert, options.body) if options.expert else None
     settings = {"max_samples": options.samples}
-    table = sidm.compare(drives, expert, settings=settings, progress=True)
-    print(table.to_string(index=False, float_format="{:.3g}".format))
+    comparison = sidm.compare(
+        drives,
+        expert,
+        ["mean", "least_squares", "novice_only", *(["sidm"] if expert else [])],
+        repeats=1,
+        shares=[1.0],
+        settings=settings,
+        progress=True,
+    )
+    print(comparison)
 
-    best, out = table.method[0], options.out
-    model = sidm.fit(drives, expert, best, settings=settings, out=out, progress=True)
+    method, out = comparison.verdict.method, options.out
+    model = sidm.fit(drives, expert, method, settings=settings, out=out, progress=True)
     drive = drives[-1]
     path = model.rollout(drive.states[0], drive.actions)
     print(f"{model} in {out}; it predicts {len(path) - 1} steps of {drive.name}")

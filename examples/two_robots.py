@@ -69,7 +69,9 @@ def main() -> None:
     fit = {"settings": {"max_samples": options.samples}, "progress": True}
     models = {
         "SIDM": sidm.fit(novice, expert, method="sidm", out=out / "sidm", **fit),
-        "novice alone": sidm.fit(novice, out=out / "alone", **fit),
+        "novice alone": sidm.fit(
+            novice, method="novice_only", out=out / "alone", **fit
+        ),
     }
     for name, model in models.items():
         print(f"{name}: loss on unseen drives {model.loss(unseen):.3f}, equation (1)")

@@ -33,6 +33,7 @@ from sidm.fitting.arguments import drives_from, refuse_swapped
 from sidm.fitting.fit import fit_drives, pretrained
 from sidm.fitting.settings import Settings, settings_with
 from sidm.learning.arithmetic import one_thread
+from sidm.learning.stopping import TrainingError
 from sidm.pool import local_pool
 from sidm.progress import progress_bar
 from sidm.rivals.methods import METHODS
@@ -184,7 +185,7 @@ def outcome_of(task: Task, fit: Fit) -> FitResult | str:
             return stored
     try:
         result = _fitted(task, fit)
-    except ConfigError as error:
+    except (ConfigError, TrainingError) as error:
         fault = f"{fit.method} with {fit.share:.0%} of the data: {first_line(error)}"
         if path:
             write_fault(path, fault)

@@ -26,7 +26,7 @@ class TrainingError(RuntimeError):
     def __str__(self) -> str:
         return (
             f"the {self.kind} loss is {self.loss} after {self.iteration} iterations; "
-            "lower the learning rate or look at the data"
+            "lower learning_rate, or look at the data"
         )
 
 

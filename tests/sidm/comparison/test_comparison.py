@@ -1,0 +1,328 @@
+"""A comparison by cross-validation: its splits, its intervals and what it says."""
+
+import dataclasses
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import sidm
+from sidm import __main__ as command_line
+from sidm.body import Body
+from sidm.comparison import run
+from sidm.comparison.plan import Fit, drives_of, plan_for
+from sidm.comparison.result import Comparison, FitResult
+from sidm.comparison.statistics import resampled_mean, resampled_ratio
+from sidm.config import ConfigError
+from sidm.drives import Drive
+from sidm.fitting.score import DriveLosses
+from sidm.recordings import write_drives
+
+CART = Body(
+    name="cart",
+    pose="planar",
+    columns=(("speed", "m/s"),),
+    actions=(("throttle", "1"),),
+)
+QUICK = {"methods": ["mean", "least_squares"], "repeats": 2}
+
+
+def cart_drives(sessions=8, drives=3, steps=20, seed=0):
+    """Drives of a cart whose speed follows its throttle with a lag."""
+    rng = np.random.default_rng(seed)
+    made = []
+    for session in range(sessions):
+        for number in range(drives):
+            throttle = np.repeat(rng.uniform(-1, 1, steps // 5), 5)
+            speed, yaw = np.zeros(steps + 1), np.zeros(steps + 1)
+            for k in range(steps):
+                speed[k + 1] = 0.8 * speed[k] + 0.4 * throttle[k]
+                yaw[k + 1] = yaw[k] + 0.05 * speed[k]
+            speed += 0.01 * rng.standard_normal(steps + 1)
+            x, y = (np.cumsum(0.1 * speed * f(yaw)) for f in (np.cos, np.sin))
+            made.append(
+                Drive(
+                    np.stack([x, y, yaw, speed], 1),
+                    throttle[:, None],
+                    CART,
+                    name=f"{session}/{number}",
+                    session=f"{session}",
+                )
+            )
+    return made
+
+
+@pytest.fixture(scope="module")
+def drives():
+    return cart_drives()
+
+
+@pytest.fixture(scope="module")
+def comparison(drives):
+    return sidm.compare(drives, **QUICK)
+
+
+def sessions(drives):
+    return {drive.session for drive in drives}
+
+
+def test_no_session_stands_on_both_sides(drives):
+    plan = plan_for(drives, None, ["mean"])
+    for repeat in range(plan.repeats):
+        held_out = []
+        for fold in range(plan.folds):
+            whole, half, quarter = (
+                drives_of(plan, Fit("mean", repeat, fold, share), drives)
+                for share in (1.0, 0.5, 0.25)
+            )
+            assert not sessions(whole.learn) & sessions(whole.held_out)
+            assert sessions(whole.learn) > sessions(half.learn)
+            assert sessions(half.learn) > sessions(quarter.learn)
+            assert len(sessions(half.learn)) == 3  # of 6
+            assert half.held_out == whole.held_out
+            held_out += [drive.name for drive in whole.held_out]
+        assert sorted(held_out) == sorted(drive.name for drive in drives)
+
+
+def test_repeats_divide_the_sessions_anew():
+    drives = cart_drives(16, drives=1)
+    plan = plan_for(drives, None, ["mean"])
+    first, second = (
+        sessions(drives_of(plan, Fit("mean", repeat, 0, 1.0), drives).held_out)
+        for repeat in (0, 1)
+    )
+    assert first != second
+
+
+def test_what_is_compared_by_default_can_learn_the_robot(drives):
+    alone = plan_for(drives, None).methods
+    assert "least_squares" in alone and "sidm" not in alone
+    assert "rotation_centres" not in alone  # a cart has no wheel speeds
+    both = plan_for(drives, drives).methods
+    assert {"sidm", "corrected", *alone} <= set(both)
+    lever = Body(
+        name="lever",
+        pose="none",
+        columns=(("speed", "m/s"),),
+        actions=(("throttle", "1"),),
+    )
+    expert = [
+        Drive(drive.states[:, 3:], drive.actions, lever, name=drive.name)
+        for drive in drives
+    ]
+    other = plan_for(drives, expert).methods
+    assert "corrected" not in other and {"sidm", "core_finetune"} <= set(other)
+
+
+def test_the_table_is_that_of_fits_by_hand(drives, comparison):
+    """The loss of a fold is that of a model which has not seen the fold."""
+    plan = comparison.plan
+    losses = []
+    for fit in (Fit("least_squares", r, f, 1.0) for r in (0, 1) for f in range(4)):
+        learn, held_out = drives_of(plan, fit, drives)
+        model = sidm.fit(learn, method="least_squares", seed=fit.repeat)
+        losses.append(model.loss(held_out))
+    assert comparison.losses("least_squares") == pytest.approx(losses)
+    row = comparison.table.iloc[0]
+    assert row.method == "least_squares" and row.loss == pytest.approx(np.mean(losses))
+    assert row.low < row.loss < row.high and row.ratio == 1
+    assert comparison.ratio("mean", "least_squares").low > 1
+    assert (comparison.table.position > 0).all()
+    assert len(comparison.curve) == 2 * 3
+    errors = comparison.errors("least_squares").set_index("quantity")
+    assert (errors.loc["speed"].rmse < errors.loc["speed"]["mean"]).all()
+
+
+def test_an_interval_knows_that_folds_share_data():
+    """It covers the loss on new data; a plain standard error is too small.
+
+    A slope is learnt from 30 of 40 points and evaluated on the others, in three repeats
+    of four folds. The variance of the noise is 1, so the loss on new data is 1 + 1/30.
+    """
+    rng = np.random.default_rng(0)
+    within = plain = ratios = 0
+    trials, true = 400, 1 + 1 / 30
+    for _ in range(trials):
+        x = rng.normal(0, 1, 40)
+        y = 0.5 * x + rng.normal(0, 1, 40)
+        losses, zeros = [], []
+        for repeat in range(3):
+            order = np.random.default_rng(repeat).permutation(40)
+            for fold in range(4):
+                held_out = order[fold::4]
+                learnt = np.setdiff1d(order, held_out)
+                slope = (x[learnt] @ y[learnt]) / (x[learnt] @ x[learnt])
+                losses.append(np.mean((y[held_out] - slope * x[held_out]) ** 2))
+                zeros.append(np.mean(y[held_out] ** 2))
+        interval = resampled_mean(np.array(losses), folds=4)
+        within += interval.low < true < interval.high
+        error = np.std(losses, ddof=1) / np.sqrt(len(losses))
+        plain += abs(np.mean(losses) - true) < 2.2 * error
+        ratio = resampled_ratio(np.array(losses), np.array(zeros), folds=4)
+        ratios += ratio.low < true / 1.25 < ratio.high  # predicting 0 costs 1.25
+    assert min(within, ratios) / trials > 0.9
+    assert plain / trials < 0.8
+
+
+def test_a_ratio_is_paired():
+    rng = np.random.default_rng(0)
+    second = np.exp(rng.normal(0, 2, 12))
+    ratio = resampled_ratio(1.5 * second, second, folds=4)
+    assert ratio == pytest.approx((1.5, 1.5, 1.5))
+    assert str(resampled_mean(np.array([2.0]), 4)) == "2"
+
+
+def made_comparison(losses, minutes=(1.0, 2.0)):
+    """A comparison with these losses (method -> two shares of (n,) losses)."""
+    plan = plan_for(cart_drives(), None, list(losses), 4, 2, [0.5, 1.0])
+    table = pd.DataFrame(
+        columns=["prediction", "quantity", "horizon", "unit", "rmse"]
+        + ["median", "nothing_changes", "mean"]
+    )
+    results = []
+    for method, parts in losses.items():
+        for share, values, of_minutes in zip((0.5, 1.0), parts, minutes, strict=True):
+            for number, value in enumerate(values):
+                fit = Fit(method, number // 4, number % 4, share)
+                one = DriveLosses(
+                    np.array([[value]]),
+                    None,
+                    np.array([10]),
+                    np.array(["a"]),
+                    np.array(["a"]),
+                )
+                about = (of_minutes, 1.0, one, table, "a", np.zeros((1, 4)))
+                results.append(FitResult(fit, *about))
+    return Comparison(plan, results, (), [])
+
+
+NOISE = np.exp(0.02 * np.random.default_rng(0).standard_normal((4, 8)))
+
+
+@pytest.mark.parametrize(
+    ("losses", "method", "words"),
+    [
+        (
+            {
+                "mean": (1 + 0 * NOISE[0], 1 + 0 * NOISE[0]),
+                "least_squares": (0.6 * NOISE[0], 0.5 * NOISE[1]),
+                "novice_only": (0.9 * NOISE[2], 0.8 * NOISE[3]),
+            },
+            "least_squares",
+            ("0.5", "times that of the mean", "novice_only", "more data would help"),
+        ),
+        (
+            {
+                "least_squares": (0.5 * NOISE[0], 0.5 * NOISE[1]),
+                "novice_only": (0.5 * NOISE[2], 0.499 * NOISE[3]),
+            },
+            "least_squares",
+            ("simplest of those not surely apart", "is not sure"),
+        ),
+        (
+            {
+                "mean": (1 + 0 * NOISE[0], 1 + 0 * NOISE[0]),
+                "novice_only": (NOISE[0] ** 9, NOISE[1] ** 9),
+            },
+            "mean",
+            ("No method is surely better than 'mean'",),
+        ),
+    ],
+)
+def test_one_sentence_says_which_and_by_how_much(losses, method, words):
+    verdict = made_comparison(losses).verdict
+    assert verdict.method == method
+    assert all(word in verdict.sentence for word in words), verdict.sentence
+    assert "\n" not in verdict.sentence
+
+
+def test_an_interrupted_comparison_goes_on(drives, tmp_path, monkeypatch):
+    """No fit is done twice, and the result is that of one run."""
+    done = []
+    real = run._fitted
+
+    def counted(task, fit):
+        if len(done) == 5:
+            raise KeyboardInterrupt
+        done.append(fit)
+        return real(task, fit)
+
+    monkeypatch.setattr(run, "_fitted", counted)
+    with pytest.raises(KeyboardInterrupt):
+        sidm.compare(drives, folder=tmp_path, **QUICK)
+    again = []
+    monkeypatch.setattr(
+        run, "_fitted", lambda task, fit: again.append(fit) or real(task, fit)
+    )
+    resumed = sidm.compare(drives, folder=tmp_path, **QUICK)
+    assert len(again) == len(resumed.plan.fits()) - 5 and not set(again) & set(done)
+    plain = sidm.compare(drives, **QUICK).table.drop(columns="seconds")
+    pd.testing.assert_frame_equal(resumed.table.drop(columns="seconds"), plain)
+    for path in (tmp_path / "fits").iterdir():  # a damaged result is made again
+        path.write_text(path.read_text()[:50])
+    again.clear()
+    sidm.compare(drives, folder=tmp_path, **QUICK)
+    assert len(again) == len(resumed.plan.fits())
+
+
+def test_other_drives_or_settings_have_other_results(drives):
+    plan = plan_for(drives, None, ["least_squares"])
+    settings = run.settings_with()
+    task = run.Task(plan, drives, None, settings, None)
+    fit = plan.fits()[0]
+    moved = dataclasses.replace(drives[0], states=drives[0].states + 0.1)
+    others = [
+        task._replace(novice=[moved, *drives[1:]]),
+        task._replace(expert=drives),
+        task._replace(settings=run.settings_with(values={"hidden": 8})),
+        task._replace(plan=plan._replace(seed=1)),
+        task._replace(plan=plan._replace(folds=3)),
+    ]
+    keys = {run.key_of(each, fit) for each in (task, *others)}
+    assert len(keys) == 6 and run.key_of(task, fit) in keys
+
+
+def test_a_fit_with_too_little_data_is_left_out_with_a_note():
+    few = cart_drives(5, drives=1)
+    with pytest.warns(sidm.config.Notice, match="with 25% of the data: .*too few"):
+        comparison = sidm.compare(few, methods=["mean", "least_squares"], repeats=1)
+    assert comparison.methods and comparison.notes
+    assert 0.25 not in set(comparison.curve.share)
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        ({"methods": ["leest_squares"]}, "did you mean 'least_squares'"),
+        ({"methods": ["sidm"]}, "learns from an expert's drives too"),
+        ({"folds": 1}, "folds must be at least 2"),
+        ({"repeats": 0}, "repeats must be at least 1"),
+        ({"shares": [0.0]}, "shares are above 0"),
+        ({"workers": 0}, "workers must be at least 1"),
+        ({"novice": 0}, "a single drive leaves none to evaluate on"),
+    ],
+)
+def test_what_cannot_be_compared_is_one_line(drives, how, words):
+    novice = drives[:1] if "novice" in how else drives
+    how = {name: value for name, value in how.items() if name != "novice"}
+    with pytest.raises(ConfigError, match=words):
+        sidm.compare(novice, **how)
+
+
+def test_the_command_writes_tables_and_a_report(drives, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_drives("drives.csv", drives, "tests")
+    body = "name: cart\npose: planar\ncolumns: {speed: m/s}\nactions: {throttle: 1}\n"
+    (tmp_path / "robot.yaml").write_text(body)
+    words = "compare drives.csv --body robot.yaml --methods mean least_squares"
+    assert command_line.main([*words.split(), "--repeats", "1", "--workers", "2"]) == 0
+    said = capsys.readouterr().out
+    assert "Take least_squares" in said
+    table = pd.read_csv("comparison/comparison.csv")
+    assert table.method.tolist() == ["least_squares", "mean"]
+    assert len(pd.read_csv("comparison/learning-curve.csv")) == 6
+    page = (tmp_path / "comparison" / "report.html").read_text()
+    assert "Take least_squares" in page and page.count("<svg") >= 3
+    assert "<iframe" in page  # the replay of the worst drive
+    for outside in ('src="http', 'href="http', "url(http", "@import"):
+        assert outside not in page
