@@ -97,7 +97,7 @@ class Study:
             pretraining=preset.pretraining_of(config),
             pretrained=config.carried,
             residual=config.residual,
-            fit=config.fit,
+            fit=config.fit,  # type: ignore[arg-type]
             motion=preset.motion,
             **self.digests(system),
         )

@@ -95,7 +95,8 @@ def drivetrain_of(body: Body, model: Model) -> Drivetrain:
             looks for; the message is one line.
     """
     found = _steered(body) if model == "ackermann" else _two_sided(body)
-    speed, yaw_rate = (_named(body.columns, names) for names in (SPEEDS, YAW_RATES))
+    speed = _named(body.columns, SPEEDS, ["m/s"])
+    yaw_rate = _named(body.columns, YAW_RATES, ["rad/s"])
     if found is None:
         raise _refusal(body, model, WANTED.get(model, WANTED["skid"]))
     if body.pose == "none" and speed is None and yaw_rate is None:
@@ -159,7 +160,7 @@ def _signal(
     body: Body, names: Sequence[str], commands: Sequence[str], wheels: bool = False
 ) -> Signal | None:
     """A signal of a column, of the `wheels` together, or of a command."""
-    column = _named(body.columns, names)
+    column = _named(body.columns, names, SPEED_UNITS if wheels else ())
     if column is not None:
         return Signal((column,), True, SI.get(body.columns[column][1], ""))
     for unit in SPEED_UNITS if wheels else ():
@@ -178,7 +179,11 @@ def _signal(
 
 def _twist(columns: Columns, measured: bool) -> tuple[Signal, Signal] | None:
     """Forward speed and yaw rate among columns or actions."""
-    indices = [_named(columns, names) for names in (SPEEDS, YAW_RATES)]
+    units = ("m/s", "rad/s") if measured else ("", "")
+    indices = [
+        _named(columns, names, [unit] if unit else ())
+        for names, unit in zip((SPEEDS, YAW_RATES), units, strict=True)
+    ]
     speed, yaw_rate = (
         None if i is None else Signal((i,), measured, SI.get(columns[i][1], ""))
         for i in indices
@@ -216,9 +221,20 @@ def _followed(body: Body) -> dict[int, int]:
     return dict(sorted(followed.items()))
 
 
-def _named(columns: Columns, names: Sequence[str]) -> int | None:
-    """Number of the column with the first of the names that any column has."""
-    plain = [_without_command(name) for name, _ in columns]
+def _named(
+    columns: Columns, names: Sequence[str], units: Sequence[str] = ()
+) -> int | None:
+    """Number of the column with the first of the names that any column has.
+
+    Args:
+        columns: names and units.
+        names: without words such as 'command'.
+        units: SI units that the column may have; any by default.
+    """
+    plain = [
+        _without_command(name) if not units or SI.get(unit) in units else ""
+        for name, unit in columns
+    ]
     found = [plain.index(name) for name in names if name in plain]
     return found[0] if found else None
 

@@ -217,7 +217,7 @@ def jobs(
                 network=preset.network,
                 training=training,
                 pretraining=preset.pretraining_of(METHODS[method]),
-                fit=METHODS[method].fit,
+                fit=METHODS[method].fit,  # type: ignore[arg-type]
             )
         )
     return transfers

@@ -9,7 +9,7 @@ import torch
 
 import sidm
 from sidm.body import ROVER, Body
-from sidm.config import ConfigError
+from sidm.config import ConfigError, replace
 from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.evaluation import mean_loss, rollout
 from sidm.rivals.drivetrain import Signal, drivetrain_of
@@ -230,6 +230,12 @@ def test_commands_stand_for_what_is_not_measured():
     assert drivetrain_of(FOUR_WHEELS, "rotation_centres").followed == {}
     found = drivetrain_of(CAR, "ackermann")
     assert (found.speed, found.yaw_rate) == (None, 1)
+
+
+def test_a_voltage_is_no_speed():
+    columns = (("v", "V"), ("w", "W"), *SKID.columns)
+    found = drivetrain_of(replace(SKID, columns=columns), "rotation_centres")
+    assert (found.speed, found.yaw_rate, found.first.indices) == (None, 2, (3,))
 
 
 @pytest.mark.parametrize(
