@@ -25,7 +25,7 @@ def add_check(add: AddCommand) -> None:
     """Add `sidm check`."""
     text = (
         "What is in recorded drives, and all that is wrong there. Exit status 1 if "
-        "anything is."
+        "something is that 'sidm fit' would refuse."
     )
     check = add("check", run_check, text, CHECK_EXAMPLES)
     text = "drives: files, ROS bags, or folders of files"
@@ -51,7 +51,9 @@ def run_check(arguments: argparse.Namespace) -> int:
     """Run `sidm check`: it prints what is there, and a line for each fault."""
     from sidm.recordings import inspect_drives
 
-    found = inspect_drives(arguments.drives, arguments.body, arguments.topics)
+    found = inspect_drives(
+        arguments.drives, arguments.body, arguments.topics, arguments.skip_bad
+    )
     where = ", ".join(arguments.drives)
     for line in _report(where, found, arguments.skip_bad):
         print(line)
@@ -78,7 +80,8 @@ def _report(where: str, found: Mapping[str, Any], skip_bad: bool) -> list[str]:
     lines += [f"{kind}: {fault}" for fault in found["faults"]]
     lines += [f"wrong: {fault}" for fault in found["common_faults"]]
     if not found["faults"] and not found["common_faults"]:
-        lines.append("nothing is wrong")
+        noted = "nothing would be refused; see the notes above"
+        lines.append(noted if found["notes"] else "nothing is wrong")
     elif found["faults"] and found["drives"] and not skip_bad:
         lines.append("--skip-bad leaves out each drive or file that is wrong")
     return lines

@@ -113,7 +113,7 @@ def guess_body(path: str | Path, topics: Sequence[str] = ()) -> Guess:
         actions=tuple((name, recording.units[name]) for name in recording.commands),
         rate=rate,
     )
-    body, constant = _without_constant(file, body, topics)
+    body, constant, faults = _tried(file, body, topics)
     left_out |= dict.fromkeys(constant, "it never changes")
     actions = " and ".join(name for name, _ in body.actions)
     notes = [
@@ -121,7 +121,7 @@ def guess_body(path: str | Path, topics: Sequence[str] = ()) -> Guess:
         "columns: what the robot's sensors measure, and their units",
         f"actions: are {actions} commands, and not measurements?",
         why_rate,
-        *_faults(file, body, topics),
+        *faults,
     ]
     return Guess(body, notes, left_out)
 
@@ -244,29 +244,27 @@ def _rate(recording: _Recording, pose: Pose) -> tuple[float, str]:
     return round(math.floor(rate / digit + 0.05) * digit, 9), f"rate: {reason}"
 
 
-def _without_constant(
+def _tried(
     file: Path, body: Body, topics: Sequence[str]
-) -> tuple[Body, list[str]]:
-    """The body without columns that never change in the file, and these columns."""
+) -> tuple[Body, list[str], list[str]]:
+    """Read the file with a body.
+
+    Returns:
+        The body without columns that never change, these columns, and a line for the
+        first fault of the file, if there is any.
+    """
+    findings = Findings(skip=True, doubtful=True)
     try:
-        drives = drives_of_paths([file], body, topics, Findings(skip=True))
-    except RecordingError:
-        return body, []
+        drives = drives_of_paths([file], body, topics, findings)
+    except RecordingError as error:
+        return body, [], [f"reading says: {error}"]
     constant = checks.constant_columns(drives, body) if drives else []
     actions = tuple(pair for pair in body.actions if pair[0] not in constant)
     if not actions:
         raise RecordingError(f"{file}: no command changes; record drives that steer")
     columns = tuple(pair for pair in body.columns if pair[0] not in constant)
-    return replace(body, columns=columns, actions=actions), constant
-
-
-def _faults(file: Path, body: Body, topics: Sequence[str]) -> list[str]:
-    """The first fault that reading the file finds, as a line; none in a good file."""
-    try:
-        drives_of_paths([file], body, topics, Findings(skip=False))
-    except RecordingError as error:
-        return [f"reading says: {error}"]
-    return []
+    faults = [f"reading says: {fault}" for fault in findings.faults[:1]]
+    return replace(body, columns=columns, actions=actions), constant, faults
 
 
 def _quoted(text: str) -> str:

@@ -118,7 +118,7 @@ def drives_along_yaw(
             "is yaw 0 along x? (a robot that moves sideways has a column 'vy')"
         )
         return []
-    if findings.skip:
+    if not findings.doubtful:
         for number, degrees in headings.off:
             findings.add(
                 f"{drives[number].name}: it moves {degrees:.0f} degrees off its yaw, "
@@ -126,7 +126,7 @@ def drives_along_yaw(
             )
     elif headings.off:
         findings.notes.append(_note(where, drives, headings))
-    off = {one.drive for one in headings.off} if findings.skip else set()
+    off = set() if findings.doubtful else {one.drive for one in headings.off}
     return [drive for number, drive in enumerate(drives) if number not in off]
 
 

@@ -20,6 +20,7 @@ def inspect_drives(
     path: str | Path | Sequence[str | Path],
     body: Body | str | Path | Mapping[str, Any],
     topics: Sequence[str] = (),
+    skip_bad: bool = False,
 ) -> dict[str, Any]:
     """What is in the files that `read_drives` would read, and all that is wrong there.
 
@@ -27,20 +28,24 @@ def inspect_drives(
         path: of the file, the bag or the folder, or a sequence of such paths.
         body: the robot's body, its YAML file, or the mapping in such a file.
         topics: names of the topics to read from bags.
+        skip_bad: whether drives that are read with a note alone count as faulty, as in
+            `read_drives`.
 
     Returns:
-        Plain data:
-            drives: how many have no fault
-            sessions: how many these drives have
-            minutes: of motion in these drives
-            steps: control steps of the shortest, the median and the longest drive
-            row_rate: recorded rows a second in the median drive, Hz; None if unknown
-            body_rate: control steps a second, Hz
-            columns: for each column of states and actions its name, its SI unit, min,
-                median, max and std
-            faults: one line for each drive or file that has a fault
-            common_faults: one line for each fault of all drives together
-            notes: one line each: what reading does with pauses and unknown units
+        Plain data, by these names:
+
+        - drives: how many have no fault
+        - sessions: how many these drives have
+        - minutes: of motion in these drives
+        - steps: control steps of the shortest, the median and the longest drive
+        - row_rate: recorded rows a second in the median drive, Hz; None if unknown
+        - body_rate: control steps a second, Hz
+        - columns: for each column of states and actions its name, its SI unit, min,
+          median, max and std
+        - faults: one line for each drive or file that has a fault
+        - common_faults: one line for each fault of all drives together
+        - notes: one line each: what reading does with pauses and unknown units, and
+          drives that are off their yaw
 
     Raises:
         ConfigError: the body has a fault.
@@ -52,7 +57,7 @@ def inspect_drives(
         >>> found["drives"], found["faults"]
         (80, [])
     """
-    body, findings = as_body(body), Findings(skip=True)
+    body, findings = as_body(body), Findings(skip=True, doubtful=not skip_bad)
     paths, together = as_paths(path), list[str]()
     drives: list[Drive] = []
     with _kept_in(together):

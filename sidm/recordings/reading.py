@@ -63,7 +63,7 @@ def read_drives(
         >>> len(drives), drives[0].states.shape
         (287, (20, 6))
     """
-    body, findings = as_body(body), Findings(skip_bad)
+    body, findings = as_body(body), Findings(skip_bad, not skip_bad)
     paths = as_paths(path)
     drives = drives_of_paths(paths, body, topics, findings)
     findings.warn()
@@ -131,7 +131,7 @@ def drives_from_frame(
         for name in ("drive", "session")
         if name in frame
     }
-    findings = Findings(skip_bad)
+    findings = Findings(skip_bad, not skip_bad)
     drives = _drives(Table("the table", columns, labels, None), body, findings)
     drives = drives_along_yaw("the table", drives, body, findings)
     findings.warn()

@@ -43,13 +43,14 @@ class Findings:
     Attributes:
         skip: whether a fault is kept in a list, and its drive or file left out;
             otherwise the first fault is raised
+        doubtful: whether drives that are read with a note alone are kept
         faults: one line each
         notes: what was done with recordings that have no fault, one line each
         rates: rows a second of each drive, Hz
     """
 
-    def __init__(self, skip: bool):
-        self.skip = skip
+    def __init__(self, skip: bool, doubtful: bool):
+        self.skip, self.doubtful = skip, doubtful
         self.faults: list[str] = []
         self.notes: list[str] = []
         self.rates: list[float] = []

@@ -32,10 +32,10 @@ def warthog(tmp_path, monkeypatch):
 
 
 def test_check_says_what_is_there_and_what_is_wrong(warthog, capsys):
-    assert main(["check", "warthog.csv.gz", "--body", "robot.yaml"]) == 1
+    assert main(["check", "warthog.csv.gz", "--body", "robot.yaml"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == (
-        "warthog.csv.gz: 285 drives without a fault of 96 sessions, 9.02 min"
+        "warthog.csv.gz: 287 drives without a fault of 96 sessions, 9.09 min"
     )
     assert "rows come at 20 Hz, and the body has 10 Hz" in lines[1]
     assert lines[2].split() == ["column", "unit", "min", "median", "max", "std"]
@@ -45,11 +45,28 @@ def test_check_says_what_is_there_and_what_is_wrong(warthog, capsys):
         ["yaw", "rad"],
         ["yaw_rate", "rad/s"],
     ]
-    assert [line.partition(":")[0] for line in lines[11:13]] == ["wrong", "wrong"]
-    assert "22/0: it moves 79 degrees off its yaw" in lines[11]
+    assert lines[11].startswith("note: warthog.csv.gz: 2 of 167 drives do not move")
+    assert lines[12].startswith("nothing would be refused")
     options = ["--body", "robot.yaml", "--skip-bad"]
     assert main(["check", "warthog.csv.gz", *options]) == 0
-    assert "left out: warthog.csv.gz drive 22/0" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert out.startswith("warthog.csv.gz: 285 drives")
+    assert "left out: warthog.csv.gz drive 22/0: it moves 79 degrees off" in out
+
+
+def test_check_fails_where_fit_would(tmp_path, capsys):
+    (tmp_path / "a.csv").write_text(text())
+    (tmp_path / "b.csv").write_text(put(10, 3, "fast"))
+    (tmp_path / "cart.yaml").write_text(
+        "pose: planar\ncolumns: {wheel: rad/s}\nactions: {throttle: '%'}\n"
+    )
+    options = [str(tmp_path), "--body", str(tmp_path / "cart.yaml")]
+    assert main(["check", *options]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[-2].startswith(f"wrong: {tmp_path / 'b.csv'}: line 10: 'fast'")
+    assert lines[-1] == "--skip-bad leaves out each drive or file that is wrong"
+    assert main(["check", *options, "--skip-bad"]) == 0
+    assert f"left out: {tmp_path / 'b.csv'}" in capsys.readouterr().out
 
 
 def test_a_guessed_body_reads_the_recording(warthog, capsys):
@@ -133,6 +150,15 @@ def test_a_guess_says_what_it_leaves_out(tmp_path):
         "2nd": "rename it: each name once, of letters, digits and _",
     }
     assert len(read_drives(path, tmp_path / "robot.yaml")) == 1
+
+
+def test_a_guess_says_what_reading_finds(tmp_path):
+    """The pose has no unit, which reading does not take."""
+    path = tmp_path / "drive.csv"
+    path.write_text(text().replace("x [m]", "x"))
+    assert guess_body(path).notes[-1] == (
+        f"reading says: {path}: 'x' without a unit; a length is in m or cm or mm"
+    )
 
 
 def test_a_file_without_a_command_gives_no_body(tmp_path):
