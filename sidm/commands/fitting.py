@@ -58,6 +58,8 @@ def add_fit(add: AddCommand) -> None:
         help="one setting of networks or training, as hidden=64 or p_expert=0.5; "
         "may be given again",
     )
+    text = "where networks are trained, as cpu or cuda (%(default)s)"
+    fit.add_argument("--device", metavar="NAME", default="cpu", help=text)
     fit.add_argument("--out", metavar="DIR", required=True, help="folder of the model")
     text = "replace the model of another robot in the folder"
     fit.add_argument("--force", action="store_true", help=text)
@@ -113,6 +115,7 @@ def run_fit(arguments: argparse.Namespace) -> int:
         force=arguments.force,
         topics=arguments.topics,
         skip_bad=arguments.skip_bad,
+        device=arguments.device,
         progress=True,
     )
     print(

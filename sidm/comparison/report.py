@@ -76,14 +76,14 @@ def _methods_table(comparison: Comparison) -> str:
 
 
 def _components_table(comparison: Comparison) -> str:
-    """Errors of the components one step ahead, a column for each method."""
-    columns: dict[str, pd.Series] = {}
+    """Errors of the components one step ahead, a row for each method."""
+    rows = []
     for method in comparison.methods:
         errors = comparison.errors(method)
-        rows = errors[errors.prediction == ONE_STEP]
-        columns |= {"component": rows.quantity, "unit": rows.unit}
-        columns |= {method: rows.rmse}
-    return _table(pd.DataFrame(columns))
+        steps = errors[errors.prediction == ONE_STEP]
+        titles = [f"{n} [{u}]" for n, u in zip(steps.quantity, steps.unit, strict=True)]
+        rows.append({"method": method} | dict(zip(titles, steps.rmse, strict=True)))
+    return _table(pd.DataFrame(rows))
 
 
 def _horizons(comparison: Comparison) -> str:
@@ -109,11 +109,11 @@ def _repeats_table(comparison: Comparison) -> str:
 
 
 def _notes(comparison: Comparison) -> str:
-    """Faults of fits, as a list; '' without any."""
+    """What was noted, as a list; '' where nothing was."""
     if not comparison.notes:
         return ""
     items = "".join(f"<li>{html.escape(note)}</li>" for note in comparison.notes)
-    return f"<h2>Left out</h2><ul>{items}</ul>"
+    return f"<h2>Notes</h2><ul>{items}</ul>"
 
 
 def _replay(comparison: Comparison) -> str:

@@ -69,7 +69,7 @@ class Comparison:
     Attributes:
         plan: what was fitted
         results: the evaluations of all fits
-        notes: faults of fits that were left out, a line each
+        notes: what was noted of the drives, and faults of fits, a line each
         drives: the robot's drives
     """
 

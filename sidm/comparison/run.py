@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import json
@@ -30,8 +31,8 @@ from sidm.comparison.store import read_result, write_fault, write_result
 from sidm.config import ConfigError, Notice, first_line, to_mapping
 from sidm.drives import Drive, minutes_of
 from sidm.fitting.arguments import drives_from, refuse_swapped
-from sidm.fitting.fit import fit_drives, pretrained
 from sidm.fitting.settings import Settings, settings_with
+from sidm.fitting.single import fit_drives, pretrained
 from sidm.learning.arithmetic import one_thread
 from sidm.learning.stopping import TrainingError
 from sidm.pool import local_pool
@@ -125,16 +126,17 @@ def compare(
         >>> comparison = sidm.compare(drives, methods=methods, repeats=1, shares=[1])
         >>> comparison.table.method.tolist()
         ['least_squares', 'mean']
-        >>> comparison.ratio("least_squares", "mean").high < 1
+        >>> bool(comparison.ratio("least_squares", "mean").high < 1)
         True
     """
     reading: dict[str, Any] = {"topics": topics, "skip_bad": skip_bad}
-    novice_drives = drives_from(novice, body, "novice", **reading)
-    expert_drives = None
-    if expert is not None:
-        expert_drives = drives_from(
-            expert, expert_body, "expert", default_body=body, **reading
-        )
+    with _noted() as notices:
+        novice_drives = drives_from(novice, body, "novice", **reading)
+        expert_drives = None
+        if expert is not None:
+            expert_drives = drives_from(
+                expert, expert_body, "expert", default_body=body, **reading
+            )
     refuse_swapped(novice_drives, expert_drives)
     if workers < 1:
         raise ConfigError(f"workers must be at least 1, not {workers}")
@@ -153,12 +155,27 @@ def compare(
             else:
                 results.append(outcome)
             bar.update()
-    notes = tuple(sorted(set(faults)))
-    for note in notes:
-        warnings.warn(Notice(note), stacklevel=2)
+    faults = sorted(set(faults))
+    for fault in faults:
+        warnings.warn(Notice(fault), stacklevel=2)
     if not results:
-        raise ConfigError(notes[0])
-    return Comparison(plan, results, notes, novice_drives)
+        raise ConfigError(faults[0])
+    return Comparison(plan, results, (*notices, *faults), novice_drives)
+
+
+@contextlib.contextmanager
+def _noted() -> Iterator[list[str]]:
+    """Collect the texts of notices in the block, which are shown all the same."""
+    texts: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", Notice)
+        yield texts
+    for warning in caught:
+        if issubclass(warning.category, Notice):
+            texts.append(str(warning.message))
+        warnings.warn_explicit(
+            warning.message, warning.category, warning.filename, warning.lineno
+        )
 
 
 def _outcomes(

@@ -2,49 +2,29 @@
 
 from __future__ import annotations
 
-import contextlib
 import shutil
-import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from sidm.config import ConfigError, Notice
-from sidm.drives import Drive, minutes_of
+import torch
+
+from sidm.config import ConfigError, first_line
+from sidm.drives import Drive
 from sidm.fitting.arguments import drives_from, refuse_swapped
 from sidm.fitting.files import refuse_folder
-from sidm.fitting.learning import (
-    datasets,
-    learn,
-    network_for,
-    pretrain,
-    refuse_method,
-    units_in,
-)
+from sidm.fitting.learning import refuse_method
 from sidm.fitting.model import Model
 from sidm.fitting.score import DriveLosses
-from sidm.fitting.settings import Settings, settings_with
-from sidm.fitting.splits import (
-    Split,
-    divided,
-    evaluation_splits,
-    session_order,
-    train_test_split,
-)
-from sidm.fitting.windows import common_length, cut
-from sidm.learning.arithmetic import one_thread
-from sidm.learning.stopping import CurvePoint
-from sidm.learning.units import loss_weights, role_units
-from sidm.progress import progress_bar
-from sidm.rivals.methods import METHODS
+from sidm.fitting.settings import settings_with
+from sidm.fitting.single import fit_drives
+from sidm.fitting.splits import Split, evaluation_splits
 from sidm.settings import Network, Training
 
 if TYPE_CHECKING:
     from sidm.fitting.arguments import BodyLike, Drives
-    from sidm.learning.dataset import Datasets
-    from sidm.rivals.fine_tuning import Pretrained
 
 UNFINISHED = "unfinished"  # subfolder of the model's, for the state of a training
 NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -66,6 +46,7 @@ def fit(
     force: bool = False,
     topics: Sequence[str] = (),
     skip_bad: bool = False,
+    device: str = "cpu",
     progress: bool = False,
 ) -> Model:
     """Fit a model of a robot to its drives, and to an expert's drives if there are any.
@@ -94,6 +75,7 @@ def fit(
         force: whether the model may replace another robot's model in `out`.
         topics: topics of ROS bags, needed if a bag has several matching topics.
         skip_bad: whether to leave out drives that have a fault, with a `Notice` each.
+        device: where networks are trained, as 'cpu' or 'cuda'.
         progress: whether to show a progress bar, with the longest time left.
 
     Returns:
@@ -117,6 +99,7 @@ def fit(
         24
     """
     chosen = settings_with(network, training, settings)
+    _refuse_device(device)
     if seed < 0:
         raise ConfigError(f"seed must be 0 or more, not {seed}")
     if expert is None and expert_body is not None:
@@ -134,12 +117,13 @@ def fit(
         refuse_folder(out, novice_drives[0].body, force)
     learnt, held_out, folds = _split(novice_drives, test, seed, reading)
     state = None if out is None else Path(out) / UNFINISHED
-    others = expert_drives, method, chosen, seed
-    model = fit_drives(learnt, *others, state, progress)
+    others: dict[str, Any] = {"seed": seed, "progress": progress, "device": device}
+    model = fit_drives(learnt, expert_drives, method, chosen, state=state, **others)
     losses = [model.losses(held_out)] if held_out else []
     for number, (drives, rest) in enumerate(folds):
         folder = state and state / f"fold{number}"
-        part = fit_drives(drives, *others, folder, progress, notify=False)
+        others |= {"state": folder, "notify": False}
+        part = fit_drives(drives, expert_drives, method, chosen, **others)
         losses.append(part.losses(rest))
     if losses:
         model = replace(model, held_out=DriveLosses.joined(losses).score(len(losses)))
@@ -177,37 +161,6 @@ def _split(
     return novice, [], splits
 
 
-def _notify(
-    model: Model, novice: Sequence[Drive], expert: Sequence[Drive] | None
-) -> None:
-    """Warn of what the model does not learn from, with a `Notice` each."""
-    method = METHODS[model.method]
-    if expert is not None and not method.needs_expert:
-        warnings.warn(
-            Notice(f"{model.method} does not learn from the expert's drives"),
-            stacklevel=4,
-        )
-    short = [drive for drive in novice if len(drive) < model.steps]
-    if short:
-        share = minutes_of(short) / minutes_of(novice)
-        text = (
-            f"{len(short)} of {len(novice)} drives, {share:.1%} of the motion, are "
-            f"shorter than a window of {model.steps} steps: the model does not learn "
-            "from them"
-        )
-        warnings.warn(Notice(text), stacklevel=4)
-    if model.scale is None:
-        return
-    names = [n for n, w in zip(model.body.targets, model.scale, strict=True) if not w]
-    if names:
-        text = (
-            f"{', '.join(names)} of body '{model.body.name}' varies by less than its "
-            "sensor resolves: it has no weight in the loss; 'resolution' in the body "
-            "says what a sensor resolves"
-        )
-        warnings.warn(Notice(text), stacklevel=4)
-
-
 def _refuse(
     method: str, novice: Sequence[Drive], expert: Sequence[Drive] | None
 ) -> None:
@@ -215,131 +168,11 @@ def _refuse(
     refuse_method(method, novice[0].body, None if expert is None else expert[0].body)
 
 
-def fit_drives(
-    novice: Sequence[Drive],
-    expert: Sequence[Drive] | None,
-    method: str,
-    settings: Settings,
-    seed: int = 0,
-    state: Path | None = None,
-    progress: bool = False,
-    start: Pretrained | None = None,
-    notify: bool = True,
-) -> Model:
-    """Fit drives whose body is known, with checked settings.
-
-    Args:
-        novice: drives of the robot.
-        expert: drives of the expert, if there are any.
-        method: a name in METHODS that can learn these robots.
-        settings: networks and training.
-        seed: as in `fit`.
-        state: folder of unfinished trainings.
-        progress: as in `fit`.
-        start: pretrained weights; by default they are trained where the method needs
-            them.
-        notify: whether to warn of drives that are not learnt from.
-
-    Raises:
-        ConfigError: too few drives.
-    """
-    sets, network, steps = _datasets(novice, expert, settings, seed)
-    if start is None:
-        start = pretrained(novice, expert, method, settings, seed, state, progress)
-    title = f"fitting {method}, at most"
-    shown = progress and METHODS[method].fit == "gradients"
-    samples = settings.training.max_samples
-    with one_thread(), _progress(title, samples, shown) as update:
-        trained = learn(
-            method,
-            sets,
-            network,
-            seed,
-            settings,
-            start=start,
-            folder=state and state / "training",
-            progress=update,
-        )
-    body = novice[0].body
-    scale = loss_weights(body, role_units(units_in(sets, network), "novice"))
-    model = Model(
-        predictor=trained.model.eval(),
-        body=body,
-        method=method,
-        steps=steps,
-        minutes=minutes_of([drive for drive in novice if len(drive) >= steps]),
-        test_loss=float(trained.best_test_loss),
-        network=network,
-        scale=scale,
-        target_mean=sets.train.targets.mean((0, 1)),
-    )
-    if notify:
-        _notify(model, novice, expert)
-    return model
-
-
-def pretrained(
-    novice: Sequence[Drive],
-    expert: Sequence[Drive] | None,
-    method: str,
-    settings: Settings,
-    seed: int = 0,
-    state: Path | None = None,
-    progress: bool = False,
-) -> Pretrained | None:
-    """Weights learnt from the expert that a method starts from; None if it has none.
-
-    The arguments are those of `fit_drives`. Of the novice, the length of windows and
-    the body count.
-    """
-    config = METHODS[method]
-    if not config.pretrained:
-        return None
-    sets, network, _ = _datasets(novice, expert, settings, seed)
-    title, samples = "pretraining, at most", settings.training.max_samples
-    with one_thread(), _progress(title, samples, progress) as update:
-        return pretrain(
-            method,
-            sets,
-            network,
-            seed,
-            settings,
-            folder=state and state / "pretraining",
-            progress=update,
-        )
-
-
-def _datasets(
-    novice: Sequence[Drive],
-    expert: Sequence[Drive] | None,
-    settings: Settings,
-    seed: int,
-) -> tuple[Datasets, Network, int]:
-    """Windows of both robots, the networks for them, and the windows' length."""
-    steps = common_length(novice, *([expert] if expert else []))
-    drives = divided(novice, steps)
-    train, test = (
-        cut(part, steps, overlap=True)
-        for part in train_test_split(drives, session_order(drives, seed))
-    )
-    body = novice[0].body
-    network = network_for(settings, body, expert[0].body if expert else None)
-    expert_windows = cut(expert, steps, overlap=True) if expert else None
-    # There is no validation here: `Model.evaluate` takes drives of its own.
-    sets = datasets(train, test, test, expert_windows, network.pixels)
-    return sets, network, steps
-
-
-@contextlib.contextmanager
-def _progress(
-    title: str, samples: int, shown: bool
-) -> Iterator[Callable[[CurvePoint], None]]:
-    """A function to call after each test of a training, which moves a progress bar.
-
-    Args:
-        title: text beside the bar.
-        samples: the most that the training takes, the bar's end.
-        shown: whether there is a bar.
-    """
-    with progress_bar(samples, title, "sample", shown, scaled=True) as bar:
-        yield lambda tested: bar.update(max(0, tested.samples - bar.n))
+def _refuse_device(device: str) -> None:
+    """Raise ConfigError for a device that is not there."""
+    try:
+        torch.zeros(1, device=device)
+    except (RuntimeError, AssertionError) as error:
+        raise ConfigError(
+            f"device '{device}' cannot be used ({first_line(error)}); take cpu or cuda"
+        ) from None

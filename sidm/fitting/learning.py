@@ -108,6 +108,7 @@ def pretrain(
     settings: Settings = SETTINGS,
     folder: Path | None = None,
     progress: Progress | None = None,
+    device: str = "cpu",
 ) -> Pretrained | None:
     """Weights learnt from the expert alone, which a method starts from.
 
@@ -122,8 +123,9 @@ def pretrain(
         return None
     alone = replace(network, novice_body=network.expert_body)
     expert = pretraining_datasets(sets, seed)
+    running: dict[str, Any] = {"checkpoint": folder, "progress": progress}
     return pretrained_from(
-        train(expert, alone, training, seed, checkpoint=folder, progress=progress)
+        train(expert, alone, training, seed, device=device, **running)
     )
 
 
@@ -136,6 +138,7 @@ def learn(
     start: Pretrained | None = None,
     folder: Path | None = None,
     progress: Progress | None = None,
+    device: str = "cpu",
 ) -> Trained:
     """Train a method on recorded robots.
 
@@ -148,6 +151,7 @@ def learn(
         start: the weights that `pretrain` returned.
         folder: folder for the state of an unfinished training, which is resumed.
         progress: called after each test.
+        device: where networks are trained.
 
     Returns:
         The trained model with its losses.
@@ -169,6 +173,7 @@ def learn(
         standardisation=units,
         checkpoint=folder,
         progress=progress,
+        device=device,
         start=None if start is None else start.weights,
     )
 
