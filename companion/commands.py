@@ -193,7 +193,10 @@ def run_show(arguments: argparse.Namespace) -> int:
     from companion.statistics.tables import overview
     from companion.studies.decisive.design import overview_by_step
 
-    store = Results(arguments.results)
+    folder = Path(arguments.results)
+    if arguments.results != "results" and not folder.is_dir():
+        raise ConfigError(f"{folder}: there is no such folder of results")
+    store = Results(folder)
     if arguments.against:
         return _show_against(Results(arguments.against), store)
     preset = _preset(arguments)

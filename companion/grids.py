@@ -96,7 +96,7 @@ def grid(
     if figure in FORMER:
         raise ConfigError(f"figure '{figure}' is called '{FORMER[figure]}' now")
     if figure not in (*FIGURES, "all"):
-        raise unknown_name(figure, (*FIGURES, "all"), "the figures")
+        raise unknown_name(figure, (*FIGURES, "all"), kind="figure")
     if system is not None:
         find_system(system)
     study = Study(preset, data, results)

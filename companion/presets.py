@@ -123,9 +123,9 @@ class Preset:
         settings = {field.name for field in fields} - set_by_method
         for _, setting, _ in self.tuned:
             if setting not in settings:
-                raise unknown_name(setting, settings, "the tuned settings")
+                raise unknown_name(setting, settings, kind="tuned setting")
         if self.policy not in POLICIES:
-            raise unknown_name(self.policy, POLICIES, "the exploration policies")
+            raise unknown_name(self.policy, POLICIES, kind="exploration policy")
         if self.rollouts < 1:
             raise ConfigError(f"rollouts must be at least 1, not {self.rollouts}")
 

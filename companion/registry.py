@@ -125,7 +125,7 @@ def is_grid(name: str) -> bool:
     if name in _FORMER:
         raise ConfigError(f"figure '{name}' is called '{_FORMER[name]}' now")
     if name not in (*NAMES, "all"):
-        raise unknown_name(name, (*NAMES, "all"), "the figures")
+        raise unknown_name(name, (*NAMES, "all"), kind="figure")
     return name in FIGURES or name == "all"
 
 

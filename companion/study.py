@@ -80,7 +80,7 @@ class Study:
         """
         find_system(system)
         if method not in METHODS:
-            raise unknown_name(method, METHODS, "the methods")
+            raise unknown_name(method, METHODS, kind="method")
         preset, config = self.preset, METHODS[method]
         return Trial(
             system=system,

@@ -45,12 +45,16 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Print the error and where to find help, and exit with status 2."""
         program, line = self.prog.split()[0], " ".join(message.split())
-        line = _unknown_command(line) or line
-        self.exit(2, f"{program}: {line}; see {self.prog} --help\n")
+        line = _about_command(line) or f"{line};"
+        self.exit(2, f"{program}: {line} see {self.prog} --help\n")
 
 
-def _unknown_command(message: str) -> str:
-    """The error for a command that is not known; '' for another message."""
+def _about_command(message: str) -> str:
+    """The error for a command that is missing or not known; '' for another message."""
+    missing = "the following arguments are required: "
+    if message.startswith(missing) and " | " in message:
+        names = message.removeprefix(missing).split(" | ")
+        return f"name a command, {', '.join(names)};"
     pattern = r"argument .* \| .*: invalid choice: '(.*)' \(choose from (.*)\)"
     found = re.match(pattern, message)
     if not found:

@@ -12,6 +12,7 @@ import functools
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
 from typing import Any, TypeVar, dataclass_transform
 
 T = TypeVar("T")
@@ -43,9 +44,30 @@ def hint(name: str, known: Iterable[str]) -> str:
     return f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
 
 
-def unknown_name(name: str, known: Iterable[str], where: str) -> ConfigError:
-    """The error for a `name` that is not among the `known` names of `where`."""
-    return ConfigError(f"unknown name {name!r} in {where}; {hint(name, known)}")
+def unknown_name(
+    name: str, known: Iterable[str], where: str = "", kind: str = "name"
+) -> ConfigError:
+    """The error for a name that is not known.
+
+    Args:
+        name: the name.
+        known: the names that are known.
+        where: the place whose names they are, if it is not plain.
+        kind: what the name is of, as 'method'.
+    """
+    place = f" in {where}" if where else ""
+    return ConfigError(f"unknown {kind} {name!r}{place}; {hint(name, known)}")
+
+
+def no_such_file(path: str | Path) -> str:
+    """A text for a path that is not there, with the nearest name beside it."""
+    path = Path(path)
+    beside = []
+    if path.parent.is_dir():
+        beside = [str(path.parent / entry.name) for entry in path.parent.iterdir()]
+    near = difflib.get_close_matches(str(path), beside, n=1, cutoff=0.8)
+    question = f"; did you mean '{near[0]}'?" if near else ""
+    return f"{path}: there is no such file{question}"
 
 
 def conform(value: Any, kind: Any, name: str) -> Any:

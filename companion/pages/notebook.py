@@ -235,12 +235,14 @@ def merge_parameters(
         known = set(parameters).union(*(_names(each.resolve()) for each in notebooks()))
         for name, value in values.items():
             if name not in known:
-                raise unknown_name(name, sorted(known), f"{file} (no notebook has it)")
+                raise unknown_name(
+                    name, sorted(known), f"{file} (no notebook has it)", "parameter"
+                )
             if name in parameters:
                 merged[name] = check(value, parameters[name].kind, f"{file}: {name}")
     for name, value in given.items():
         if name not in parameters:
-            raise unknown_name(name, parameters, Path(path).name)
+            raise unknown_name(name, parameters, Path(path).name, "parameter")
         merged[name] = check(value, parameters[name].kind, name)
     return merged
 

@@ -40,6 +40,6 @@ def robot_drives(
         system, role = SIMULATED[source]
         return simulate(system, role, minutes, SEEDS[role], folder=data)
     if not Path(source).exists():
-        unknown = unknown_name(source, SIMULATED, "the simulated robots")
+        unknown = unknown_name(source, SIMULATED, kind="simulated robot")
         raise ConfigError(f"'{source}' is no file, and {unknown}")
     return read_drives(source, body)

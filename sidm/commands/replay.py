@@ -48,7 +48,8 @@ def run_replay(arguments: argparse.Namespace) -> int:
 
 def _scene(path: Path, arguments: argparse.Namespace) -> Any:
     """The scene in a file, or the scene of one of the recorded drives in it."""
-    from sidm.body import ROVER, read_body
+    from sidm.body import ROVER
+    from sidm.body_file import read_body
     from sidm.fitting.files import load
     from sidm.recordings import read_drives
     from sidm.replay.scene import drives_scene, predicted_scene

@@ -49,6 +49,7 @@ def errors_text(table: Any) -> str:
 def worst_text(by_drive: Any, count: int = 3) -> str:
     """The drives with the largest losses in the table of `Model.evaluate_drives`."""
     worst = by_drive.head(count).drop(columns="session")
+    worst = worst.dropna(axis="columns", how="all")  # older models know no mean
     worst = worst.rename(columns={"mean": "the mean", "worst": "mostly in"})
     table = worst.to_string(index=False, float_format="{:.3g}".format)
     return f"drives with the largest loss of {len(by_drive)}\n{table}"

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
 
-from sidm.body import Body, as_body
+from sidm.body import Body
+from sidm.body_file import as_body
 from sidm.config import ConfigError, replace
 from sidm.drives import Drive
 from sidm.recordings.reading import drives_from_frame, has_bags, read_drives

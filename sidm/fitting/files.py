@@ -14,7 +14,8 @@ import torch
 from torch import Tensor
 
 from sidm import __version__
-from sidm.body import Body, body_from_mapping, body_to_mapping
+from sidm.body import Body
+from sidm.body_file import body_from_mapping, body_to_mapping
 from sidm.config import ConfigError, first_line, from_mapping, to_mapping
 from sidm.fitting.model import Model
 from sidm.fitting.score import Score

@@ -35,7 +35,7 @@ from sidm.settings import Network
 def refuse_method(method: str, novice: Body, expert: Body | None) -> None:
     """Raise ConfigError for a method that is unknown or cannot learn these robots."""
     if method not in METHODS:
-        raise unknown_name(method, METHODS, "the methods of 'sidm fit'")
+        raise unknown_name(method, METHODS, kind="method")
     config = METHODS[method]
     if config.needs_expert and expert is None:
         alone = "trees" if config.fit == "trees" else "novice_only"

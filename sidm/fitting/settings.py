@@ -48,7 +48,7 @@ class Settings:
         known = network | training
         for name in values:
             if name not in known:
-                raise unknown_name(name, sorted(known), "the settings")
+                raise unknown_name(name, sorted(known), kind="setting")
         sizes, choices = (
             {name: value for name, value in values.items() if name in names}
             for names in (network, training)

@@ -108,7 +108,7 @@ class _Bag:
         known = {connection.topic for connection in reader.connections}
         for name in topics:
             if name not in known:
-                error = unknown_name(name, sorted(known), "the topics")
+                error = unknown_name(name, sorted(known), kind="topic")
                 raise RecordingError(f"{path}: {error}")
         self.connections = [
             connection

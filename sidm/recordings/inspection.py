@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from sidm.body import SI, Body, as_body
+from sidm.body import SI, Body
+from sidm.body_file import as_body
 from sidm.drives import Drive, minutes_of
 from sidm.recordings import checks, frames
 from sidm.recordings.reading import as_paths, drives_of_paths

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sidm.body import SI, Body, as_body
-from sidm.config import hint
+from sidm.body import SI, Body
+from sidm.body_file import as_body
+from sidm.config import hint, no_such_file
 from sidm.drives import Drive
 from sidm.recordings import checks, frames
 from sidm.recordings.csv_file import heights_file, read_csv, write_csv
@@ -164,7 +165,7 @@ def has_bags(path: str | Path | Sequence[str | Path]) -> bool:
 def files_of(path: Path) -> list[Path]:
     """The path itself if it is a file or a bag, or the files of drives in a folder."""
     if not path.exists():
-        raise RecordingError(f"{path}: there is no such file; is its name right?")
+        raise RecordingError(no_such_file(path))
     if path.is_dir() and not is_bag(path):
         return _files_in(path)
     if path.suffix in INNER:

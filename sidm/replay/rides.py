@@ -36,7 +36,7 @@ def find_robot(name: str) -> Robot:
         ConfigError: there is no such robot; the message has the nearest name.
     """
     if name not in ROBOTS:
-        raise unknown_name(name, ROBOTS, "the robots")
+        raise unknown_name(name, ROBOTS, kind="robot")
     return ROBOTS[name]
 
 

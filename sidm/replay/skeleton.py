@@ -55,8 +55,8 @@ def find_box(shape: str) -> Box:
     try:
         base, track, radius = map(float, shape.split(","))
     except ValueError:
-        choices = "the shapes (or WHEELBASE,TRACK,RADIUS in m)"
-        raise unknown_name(shape, BOXES, choices) from None
+        unknown = unknown_name(shape, BOXES, kind="shape")
+        raise ConfigError(f"{unknown}, or WHEELBASE,TRACK,RADIUS in m") from None
     if not all(0 < length < math.inf for length in (base, track, radius)):
         raise ConfigError(
             f"wheelbase, track and radius are positive lengths in m, not '{shape}'"

@@ -87,5 +87,5 @@ def draw_actions(policy: str, steps: int, rng: np.random.Generator) -> np.ndarra
         ConfigError: no policy has that name.
     """
     if policy not in POLICIES:
-        raise unknown_name(policy, POLICIES, "the exploration policies")
+        raise unknown_name(policy, POLICIES, kind="exploration policy")
     return POLICIES[policy](steps, rng)

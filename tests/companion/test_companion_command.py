@@ -127,7 +127,7 @@ def test_help_names_every_figure(capsys):
             ["show", "--minutes", "3"],
             "minutes 3 is not in this grid; it has 1, 2, 5, 20, 60, 120",
         ),
-        (["run", "--figure", "5"], "unknown name '5' in the figures"),
+        (["run", "--figure", "5"], "unknown figure '5'"),
         (
             ["train", "--system", "system1", "--minutes", "500"],
             "at most pool_minutes (120), not 500",

@@ -4,15 +4,8 @@ import dataclasses
 
 import pytest
 
-from sidm.body import (
-    ROVER,
-    SI,
-    Body,
-    body_from_mapping,
-    body_to_mapping,
-    read_body,
-    units_like,
-)
+from sidm.body import ROVER, SI, Body, units_like
+from sidm.body_file import body_from_mapping, body_to_mapping, read_body
 from sidm.config import ConfigError
 
 WARTHOG = """
@@ -115,7 +108,7 @@ def test_a_fault_is_one_line_that_names_file_and_fault(tmp_path, text, words):
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(ConfigError, match="none.yaml: cannot be read"):
+    with pytest.raises(ConfigError, match="none.yaml: there is no such file"):
         read_body(tmp_path / "none.yaml")
 
 

@@ -21,7 +21,8 @@ from companion.methods import METHODS
 from companion.presets import Preset
 from companion.study import Study
 from companion.training import StudyTraining
-from sidm.body import Body, read_body
+from sidm.body import Body
+from sidm.body_file import read_body
 from sidm.config import config
 from sidm.drives import Drive, minutes_of
 from sidm.fitting.learning import datasets, learn, network_for, pretrain

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import sidm
-from sidm.body import read_body
+from sidm.body_file import read_body
 from sidm.config import ConfigError, replace
 from sidm.fitting.files import refuse_folder
 from sidm.recordings import read_drives

@@ -14,7 +14,8 @@ import torch
 
 import sidm
 from sidm import __main__ as command_line
-from sidm.body import ROVER, read_body
+from sidm.body import ROVER
+from sidm.body_file import read_body
 from sidm.config import ConfigError, replace
 from sidm.fitting import settings, single
 from sidm.learning import Network, Training

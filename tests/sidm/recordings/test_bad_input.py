@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sidm.body import Body, read_body
+from sidm.body import Body
+from sidm.body_file import read_body
 from sidm.config import ConfigError
 from sidm.recordings import RecordingError, RecordingWarning, read_drives
 

@@ -12,7 +12,8 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from sidm.body import Body, read_body
+from sidm.body import Body
+from sidm.body_file import read_body
 from sidm.recordings import (
     RecordingError,
     RecordingWarning,
@@ -231,7 +232,7 @@ def test_of_several_topics_those_that_are_named_are_read(make_bag):
     assert len(drive.actions) >= 38
     with pytest.raises(
         RecordingError,
-        match="unknown name '/odon' in the topics; did you mean '/odom'",
+        match="unknown topic '/odon'; did you mean '/odom'",
     ):
         read_drives(path, BODY, ["/odon", "/cmd_vel"])
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sidm.__main__ import main
-from sidm.body import read_body
+from sidm.body_file import read_body
 from sidm.fitting.arguments import drives_from
 from sidm.recordings import (
     RecordingError,

@@ -365,7 +365,7 @@ def test_the_recorded_robots_are_read():
     """
     from pathlib import Path
 
-    from sidm.body import read_body
+    from sidm.body_file import read_body
 
     folder = Path(__file__).parents[3] / "recordings"
     for robot, body, count, minutes in (
