@@ -172,11 +172,11 @@ class Body:
         for name in names:
             if names.count(name) > 1:
                 return f"two columns '{name}'"
-        for name in CHANGES[self.pose]:
-            if name in dict(self.columns):
+        for change in CHANGES[self.pose]:
+            if change in dict(self.columns):
                 return (
-                    f"'{name}' is a component of the motion; call the column "
-                    f"otherwise, as 'wheel_{name}'"
+                    f"'{change}' is a component of the motion; call the column "
+                    f"otherwise, as 'wheel_{change}'"
                 )
         if not self.actions:
             return "it has no actions; name at least one command that drives it"

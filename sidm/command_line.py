@@ -14,7 +14,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
-from typing import NoReturn, Protocol
+from typing import NoReturn, Protocol, TextIO
 
 from sidm.config import ConfigError, DataError, Notice, first_line, hint
 
@@ -123,19 +123,24 @@ def _to_open_pipe(parsed: argparse.Namespace) -> int:
 
 @contextlib.contextmanager
 def notices_on_stderr() -> Iterator[None]:
-    """Print each `Notice` as one line on stderr; other warnings stay as they are."""
+    """Print each `Notice` of the block as one line on stderr."""
     with warnings.catch_warnings():
-        warnings.simplefilter("always", Notice)
-        others = warnings.showwarning
-
-        def show(message, category, *arguments, **options):  # type: ignore[no-untyped-def]
-            if issubclass(category, Notice):
-                print(f"note: {first_line(message)}", file=sys.stderr)
-            else:
-                others(message, category, *arguments, **options)
-
-        warnings.showwarning = show
+        print_notices(sys.stderr)
         yield
+
+
+def print_notices(file: TextIO) -> None:
+    """From now on print each `Notice` as one line; other warnings stay as they are."""
+    warnings.simplefilter("always", Notice)
+    others = warnings.showwarning
+
+    def show(message, category, *arguments, **options):  # type: ignore[no-untyped-def]
+        if issubclass(category, Notice):
+            print(f"note: {first_line(message)}", file=file)
+        else:
+            others(message, category, *arguments, **options)
+
+    warnings.showwarning = show
 
 
 def whole_number(text: str, least: int = 1) -> int:

@@ -12,6 +12,7 @@ import ast
 import functools
 import os
 import re
+import sys
 import typing
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -19,6 +20,7 @@ from typing import Any, NamedTuple, Optional
 
 import yaml
 
+from sidm.command_line import print_notices
 from sidm.config import (
     ConfigError,
     conform,
@@ -77,8 +79,10 @@ def project_root(start: Path | None = None) -> Path:
 def enter_project() -> Path:
     """Make the project's folder the working folder, and return it.
 
-    Then `results` and `data` are the project's, however a notebook is run.
+    Then `results` and `data` are the project's, however a notebook is run. Notices are
+    lines of the page, as on the command line.
     """
+    print_notices(sys.stdout)
     root = project_root()
     os.chdir(root)
     return root

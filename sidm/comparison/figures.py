@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sidm.comparison.plan import TRIVIAL
 from sidm.fitting.errors import OPEN_LOOP
 from sidm.plots import finish, side_by_side, styled
 
@@ -16,6 +17,12 @@ if TYPE_CHECKING:
 
 MOST_LINES = 6  # methods in one plot, the best first
 MUTED, MEAN = "0.45", "the mean"
+
+
+def _shown(comparison: Comparison) -> list[str]:
+    """The best methods; those that learn nothing are left out where others are."""
+    learnt = [method for method in comparison.methods if method not in TRIVIAL]
+    return (learnt or comparison.methods)[:MOST_LINES]
 
 
 @styled
@@ -30,10 +37,12 @@ def losses_figure(comparison: Comparison) -> Figure:
         losses.plot(table.loss, table.method, "o")
     losses.invert_yaxis()
     losses.set(xlabel="loss on sessions held out", title="all data, 95 % intervals")
-    losses.set_xlim(0, None)
+    if (table.low > 0).all():
+        losses.set_xscale("log")
     finish(losses, legend=False)
+    losses.xaxis.set_major_formatter("{x:g}")
     curve = comparison.curve
-    for method in comparison.methods[:MOST_LINES]:
+    for method in _shown(comparison):
         rows = curve[curve.method == method]
         curves.plot(rows.minutes, rows.loss, label=method)
     curves.set(xscale="log", yscale="log")
@@ -45,7 +54,7 @@ def losses_figure(comparison: Comparison) -> Figure:
 @styled
 def horizons_figure(comparison: Comparison) -> Figure:
     """Open-loop errors of the best methods against the time ahead."""
-    errors = {m: comparison.errors(m) for m in comparison.methods[:MOST_LINES]}
+    errors = {method: comparison.errors(method) for method in _shown(comparison)}
     ahead = {m: table[table.prediction == OPEN_LOOP] for m, table in errors.items()}
     first = next(iter(ahead.values()))
     names = [n for n in ("position", "heading") if n in set(first.quantity)]

@@ -11,13 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from sidm.comparison.plan import DEFAULT_METHODS, Fit, Plan
+from sidm.comparison.plan import DEFAULT_METHODS, TRIVIAL, Fit, Plan
 from sidm.comparison.statistics import Interval, resampled_mean, resampled_ratio
 from sidm.drives import Drive
 from sidm.fitting.errors import OPEN_LOOP
 from sidm.fitting.score import DriveLosses
 
-TRIVIAL = ("nothing_changes", "mean")
 AHEAD = 1.0  # s, of the open-loop errors in the table
 
 
