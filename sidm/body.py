@@ -20,8 +20,6 @@ import math
 import re
 from typing import Literal
 
-import numpy as np
-
 from sidm.config import LARGEST, ConfigError, check_numbers, config, unknown_name
 
 #: Kind of quantity -> unit -> the unit's size in the SI unit, which stands first.
@@ -233,12 +231,12 @@ class Body:
         return (*CHANGES[self.pose], *self.columns)
 
     @property
-    def resolutions(self) -> np.ndarray:
+    def resolutions(self) -> tuple[float, ...]:
         """The smallest change (Y,) that is measured in each component, in SI units."""
         given = dict(self.resolution)
         defaults = [RESOLUTIONS.get(kind_of(unit), 0.0) for _, unit in self.changes]
         pairs = zip(self.targets, defaults, strict=True)
-        return np.array([given.get(name, default) for name, default in pairs])
+        return tuple(given.get(name, default) for name, default in pairs)
 
     @property
     def pose_size(self) -> int:

@@ -101,8 +101,8 @@ def run(python: Path, folder: Path, *words: str) -> subprocess.CompletedProcess:
 def test_a_model_is_fitted_from_a_csv_file_there(least, tmp_path):
     code = """
 import sidm, sys
-settings = {"max_samples": 4000}
-sidm.fit(sys.argv[1], body=sys.argv[2], settings=settings, out="m")
+few = {"method": "novice_only", "settings": {"max_samples": 4000}}
+sidm.fit(sys.argv[1], body=sys.argv[2], out="m", **few)
 print(sidm.load("m"))
 assert not {"matplotlib", "pybullet", "numba", "companion"} & set(sys.modules)
 """

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from sidm.storage import write_atomically
-
 #: Times ahead that are printed, s: those nearest to them that the table has.
 HORIZONS = (0.5, 1.0, 2.0, 3.0, 5.0)
 TITLES = {
@@ -25,6 +23,8 @@ def csv_text(table: Any) -> str:
 
 def write_csv(path: str, table: Any) -> None:
     """Write the table as a CSV file."""
+    from sidm.storage import write_atomically  # which imports NumPy
+
     content = csv_text(table).encode()
     write_atomically(Path(path), lambda file: file.write(content))
 

@@ -28,6 +28,8 @@ def _shown(comparison: Comparison) -> list[str]:
 @styled
 def losses_figure(comparison: Comparison) -> Figure:
     """Loss of each method with its interval, and the learning curves of the best."""
+    from matplotlib.ticker import LogLocator
+
     figure, (losses, curves) = side_by_side(2)
     table = comparison.table
     errors = [table.loss - table.low, table.high - table.loss]
@@ -37,8 +39,9 @@ def losses_figure(comparison: Comparison) -> Figure:
         losses.plot(table.loss, table.method, "o")
     losses.invert_yaxis()
     losses.set(xlabel="loss on sessions held out", title="all data, 95 % intervals")
-    if (table.low > 0).all():
+    if (table.loss > 0).all():
         losses.set_xscale("log")
+        losses.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     finish(losses, legend=False)
     losses.xaxis.set_major_formatter("{x:g}")
     curve = comparison.curve

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from sidm.comparison.plan import DEFAULT_METHODS, TRIVIAL, Fit, Plan
-from sidm.comparison.statistics import Interval, resampled_mean, resampled_ratio
+from sidm.comparison.statistics import Interval, resampled_loss, resampled_ratio
 from sidm.drives import Drive
 from sidm.fitting.errors import OPEN_LOOP
 from sidm.fitting.score import DriveLosses
@@ -119,7 +119,7 @@ class Comparison:
         """
         rows = []
         for method in self.methods:
-            loss = resampled_mean(self.losses(method), self.plan.folds)
+            loss = resampled_loss(self.losses(method), self.plan.folds)
             ratio = self.ratio(method, self.methods[0])
             by_repeat = self.losses(method).reshape(self.plan.repeats, -1).mean(1)
             row: dict[str, Any] = {"method": method, "loss": loss.value}
@@ -227,7 +227,7 @@ class Comparison:
         elif not near and len(self.methods) > 1:
             second = self.methods[1]
             words.append(f"{self.ratio(best, second)} times that of {second}")
-        loss = " and ".join(words) or resampled_mean(
+        loss = " and ".join(words) or resampled_loss(
             self.losses(method), self.plan.folds
         )
         why = ""

@@ -45,6 +45,18 @@ def resampled_mean(values: np.ndarray, folds: int) -> Interval:
     return Interval(mean, mean - width, mean + width)
 
 
+def resampled_loss(losses: np.ndarray, folds: int) -> Interval:
+    """The mean of losses (n,), with an interval above 0.
+
+    The interval is symmetric for the loss's logarithm, to first order.
+    """
+    mean, low, high = resampled_mean(losses, folds)
+    if not mean > 0:
+        return Interval(mean, low, high)
+    below, above = np.exp([low / mean - 1, high / mean - 1])
+    return Interval(mean, float(mean * below), float(mean * above))
+
+
 def resampled_ratio(first: np.ndarray, second: np.ndarray, folds: int) -> Interval:
     """Geometric mean of the ratios `first` / `second`, (n,) each, of paired fits."""
     logs = resampled_mean(np.log(np.asarray(first) / np.asarray(second)), folds)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -87,13 +86,9 @@ def loss_weights(body: Body, units: Standardisation) -> Tensor | None:
     """
     if body.weights != "variance":
         return None
-    weights = units.target_std.square().reciprocal()
-    return weights.masked_fill(torch.from_numpy(unresolved(body, units)), 0.0)
-
-
-def unresolved(body: Body, units: Standardisation) -> np.ndarray:
-    """Which components (Y,) of y vary by less than their sensors resolve, bool."""
-    return units.target_std.double().numpy() < body.resolutions
+    std = units.target_std
+    unresolved = std < std.new_tensor(body.resolutions)
+    return std.square().reciprocal().masked_fill(unresolved, 0.0)
 
 
 def role_units(units: Units, role: str) -> Standardisation:

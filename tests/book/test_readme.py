@@ -21,6 +21,7 @@ SMALLER = {
     "--preset study --figure all": f"{SMOKE} --figure 3",
     "-p rock_height": "-f params/smoke.yaml -p rock_height",
     "--out model": "--out model --set max_samples=4000",
+    "compare drives/": "compare drives/ --methods mean least_squares --repeats 1",
 }
 
 
@@ -72,7 +73,8 @@ def test_the_commands_do_what_they_say(place):
         "mine.ipynb",
         "_build/mine/trials",
         "model/model.safetensors",
-        "model/evaluation.png",
+        "evaluation.png",
+        "comparison/report.html",
     ):
         assert (place / made).exists(), made
 

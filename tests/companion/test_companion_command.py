@@ -62,7 +62,10 @@ def test_the_command_is_the_module():
     result = subprocess.run(
         [sys.executable, "-m", "companion", "shwo"], capture_output=True, text=True
     )
-    assert result.stderr.endswith("; see companion --help\n") and result.returncode == 2
+    assert (
+        result.stderr.endswith("did you mean 'show'? see companion --help\n")
+        and result.returncode == 2
+    )
 
 
 def test_showing_what_is_stored_is_light():

@@ -124,10 +124,10 @@ def test_resolutions_are_in_si_units_and_have_defaults(tmp_path):
     path.write_text(WARTHOG + "resolution: {left: 1 mm, yaw_rate: 2deg/s}\n")
     body = read_body(path)
     assert body.resolution == (("left", 1e-3), ("yaw_rate", pytest.approx(0.0349066)))
-    left, turn, yaw_rate, wheel = body.resolutions[[1, 2, 3, 4]]
+    left, turn, yaw_rate, wheel = body.resolutions[1:5]
     assert (left, turn, wheel) == (1e-3, 1e-4, 1e-3)
     assert yaw_rate == pytest.approx(0.0349066)
-    assert ROVER.resolutions.tolist() == [1e-4] * 3 + [1e-6] * 4 + [1e-3] * 6
+    assert ROVER.resolutions == (1e-4,) * 3 + (1e-6,) * 4 + (1e-3,) * 6
 
 
 def test_units_have_kinds_and_an_unknown_unit_stays_as_it_is():
@@ -141,4 +141,4 @@ def test_units_have_kinds_and_an_unknown_unit_stays_as_it_is():
     assert SI["%"] == "1" and units_like("ou/m3") == {"ou/m3": 1.0}
     assert units_like("rad/s")["rpm"] == pytest.approx(0.10471976)
     assert body.unknown_units == {"odour": "ou/m3"}
-    assert body.resolutions.tolist() == [0, 1e-3, 0]
+    assert body.resolutions == (0, 1e-3, 0)

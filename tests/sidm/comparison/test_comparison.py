@@ -12,7 +12,7 @@ from sidm.body import Body
 from sidm.comparison import run
 from sidm.comparison.plan import Fit, drives_of, plan_for
 from sidm.comparison.result import Comparison, FitResult
-from sidm.comparison.statistics import resampled_mean, resampled_ratio
+from sidm.comparison.statistics import resampled_loss, resampled_mean, resampled_ratio
 from sidm.config import ConfigError
 from sidm.drives import Drive
 from sidm.fitting.score import DriveLosses
@@ -154,8 +154,8 @@ def test_an_interval_knows_that_folds_share_data():
                 slope = (x[learnt] @ y[learnt]) / (x[learnt] @ x[learnt])
                 losses.append(np.mean((y[held_out] - slope * x[held_out]) ** 2))
                 zeros.append(np.mean(y[held_out] ** 2))
-        interval = resampled_mean(np.array(losses), folds=4)
-        within += interval.low < true < interval.high
+        interval = resampled_loss(np.array(losses), folds=4)
+        within += 0 < interval.low < true < interval.high
         error = np.std(losses, ddof=1) / np.sqrt(len(losses))
         plain += abs(np.mean(losses) - true) < 2.2 * error
         ratio = resampled_ratio(np.array(losses), np.array(zeros), folds=4)
