@@ -56,5 +56,5 @@ def worst_text(by_drive: Any, count: int = 3) -> str:
 
 
 def _text(rows: Any) -> str:
-    shown = rows.drop(columns="prediction").rename(columns=TITLES)
+    shown = rows.drop(columns=["prediction", "average"]).rename(columns=TITLES)
     return shown.to_string(index=False, float_format="{:.3g}".format)

@@ -26,6 +26,7 @@ COLUMNS = (
     "horizon",
     "unit",
     "rmse",
+    "average",
     "median",
     "nothing_changes",
     "mean",
@@ -45,8 +46,9 @@ class Errors(NamedTuple):
     ) -> tuple[str | float, ...]:
         """The errors' row, with the entries of COLUMNS."""
         rmse, nothing, mean = (_rms(errors) for errors in self)
-        median = float(self.model.abs().double().median())
-        return prediction, quantity, horizon, unit, rmse, median, nothing, mean
+        sizes = self.model.abs().double()
+        own = rmse, float(sizes.mean()), float(sizes.median())
+        return prediction, quantity, horizon, unit, *own, nothing, mean
 
 
 def _rms(errors: Tensor) -> float:

@@ -177,7 +177,7 @@ def made_comparison(losses, minutes=(1.0, 2.0)):
     plan = plan_for(cart_drives(), None, list(losses), 4, 2, [0.5, 1.0])
     table = pd.DataFrame(
         columns=["prediction", "quantity", "horizon", "unit", "rmse"]
-        + ["median", "nothing_changes", "mean"]
+        + ["average", "median", "nothing_changes", "mean"]
     )
     results = []
     for method, parts in losses.items():

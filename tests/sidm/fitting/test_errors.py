@@ -94,6 +94,7 @@ def test_one_step_stands_beside_nothing_changes_and_the_mean(drives):
     assert speed["nothing_changes"] == pytest.approx(
         rms(actual[:, 3] - before), rel=1e-5
     )
+    assert speed.average == pytest.approx(abs(1.5 - actual[:, 3]).mean(), rel=1e-5)
     middle = np.sort(abs(1.5 - actual[:, 3]))[(len(actual) - 1) // 2]
     assert speed["median"] == pytest.approx(middle, rel=1e-5)
     assert (speed.unit, forward.unit, forward.horizon) == ("m/s", "m", 0.1)
