@@ -116,8 +116,9 @@ class Model:
             heading and each other number at each horizon, open loop, after the model
             has seen WARM_UP steps. Columns: `prediction`, 'one step' or 'open loop';
             `quantity`; `horizon`, s; `unit`; `rmse`, the root mean square error;
-            `average` and `median` of the errors' sizes; `nothing_changes` and `mean`, the root mean
-            square errors of two predictions that learn nothing (`fitting.errors`).
+            `average` and `median` of the errors' sizes; `nothing_changes` and `mean`,
+            the root mean square errors of two predictions that learn nothing
+            (`fitting.errors`).
 
         Raises:
             RecordingError: the first fault of a file.
