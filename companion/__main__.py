@@ -17,6 +17,7 @@ from companion.commands import (
     run_train,
 )
 from companion.pages import notebook_command
+from companion.tasks import command as bench_command
 from sidm import __version__
 from sidm.command_line import Parser, carry_out, command_adder, whole_number
 from sidm.config import first_line
@@ -44,7 +45,8 @@ def build_parser() -> argparse.ArgumentParser:
     parser = Parser(prog="companion", description=DESCRIPTION)
     parser.add_argument("--version", action="version", version=__version__)
     command = command_adder(
-        parser, ("collect", "train", "run", "pack", "show", "merge", "notebook")
+        parser,
+        ("collect", "train", "run", "pack", "show", "merge", "bench", "notebook"),
     )
     collect = command(
         "collect",
@@ -181,6 +183,13 @@ def build_parser() -> argparse.ArgumentParser:
         help="the store that takes it in (%(default)s)",
     )
 
+    bench_command.add_arguments(
+        command(
+            "bench",
+            bench_command.run_bench,
+            "Run methods, yours among them, on the benchmark's tasks; print the table.",
+        )
+    )
     notebook_command.add_arguments(
         command(
             "notebook",

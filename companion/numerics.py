@@ -21,6 +21,7 @@ NUMERICS: dict[str, int] = {
     "uncertainty": 1,  # training by likelihood
     "experts": 1,  # several experts before the novice
     "fitting": 1,  # models fitted to recorded drives of any body
+    "benchmark": 1,  # tasks, and the evaluation of methods on them
 }
 
 #: Kind of work -> the other kinds that its results depend on; others than these depend
@@ -32,6 +33,7 @@ _DEPENDS_ON: dict[str, tuple[str, ...]] = {
     "elsewhere": ("simulation", "training", "least_squares"),
     "driving": ("simulation", "training", "least_squares"),
     "fitting": ("training", "least_squares"),
+    "benchmark": ("simulation", "training", "least_squares", "fitting"),
 }
 
 

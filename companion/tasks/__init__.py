@@ -1,0 +1,1 @@
+"""A benchmark that others enter: methods of every kind on the same tasks."""

@@ -1,0 +1,202 @@
+"""The tasks of the benchmark: which robots, how much motion, what is predicted.
+
+A task gives a method drives of a novice and of an expert, and judges the model by
+drives of the novice that the method never gets. Simulated robots are those of the
+paper, with struts held by motors or free, two pairs of the family, and novices with
+other bodies; real robots are a Husky and a Warthog.
+"""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+
+from companion.studies.other_bodies import NOVICES
+from sidm.body import ROVER, Body
+from sidm.body_file import read_body
+from sidm.config import config, replace, unknown_name
+from sidm.drives import Drive, minutes_of
+from sidm.fitting.splits import drives_of_sessions, session_order
+from sidm.learning.height_maps import states_for_body
+from sidm.recordings import read_drives
+from sidm.shards import trajectories_for
+from sidm.systems import FAMILY_PAIRS, FREE_SYSTEMS, SYSTEMS
+
+RECORDINGS = Path("recordings")
+ROBOTS = ("husky", "warthog")  # recorded, of the body in skid_steer.yaml
+HELD_OUT = 0.25  # share of a recorded robot's sessions that judge
+#: Seeds of the simulated motion: the novice's to learn from, the novice's to judge by,
+#: and the expert's.
+POOL_SEED, VALIDATION_SEED, EXPERT_SEED = 40, 41, 42
+POOL_MINUTES = 60.0  # of the novice's motion, from which each seed draws
+
+
+@config
+class Task:
+    """One task; its seeds draw different drives of the novice.
+
+    Attributes:
+        name: as in the table
+        pair: a simulated pair of robots, or '' for recorded robots
+        novice: name of the novice's body for a simulated pair, else of a recorded robot
+        expert: of a recorded robot; '' for a simulated pair
+        minutes: of the novice's motion, min
+        expert_minutes: of the expert's motion, min; 0: all that is recorded
+        validation_minutes: of the motion that judges, min; 0: what is held out
+        version: is raised when the task's motion or its rules change
+    """
+
+    name: str
+    pair: str = ""
+    novice: str = "rover"
+    expert: str = ""
+    minutes: float
+    expert_minutes: float = 0.0
+    validation_minutes: float = 0.0
+    version: int = 1
+
+
+class TaskData(NamedTuple):
+    """The motion of a task and a seed."""
+
+    novice: list[Drive]
+    expert: list[Drive]
+    validation: list[Drive]
+
+
+def _simulated(pair: str, minutes: float, novice: str = "rover") -> Task:
+    body = "" if novice == "rover" else f", {novice}"
+    return Task(
+        name=f"{pair}{body}, {minutes:g} min",
+        pair=pair,
+        novice=novice,
+        minutes=minutes,
+        expert_minutes=60.0,
+        validation_minutes=20.0,
+    )
+
+
+def _recorded(novice: str, expert: str, minutes: float) -> Task:
+    return Task(
+        name=f"{expert} to {novice}, {minutes:g} min",
+        novice=novice,
+        expert=expert,
+        minutes=minutes,
+    )
+
+
+FOUR_PAIRS = (*SYSTEMS, *FREE_SYSTEMS)
+RECORDED_PAIRS = (("warthog", "husky"), ("husky", "warthog"))  # novice, expert
+BODIES = ("no map", "no linear velocity", "left and right")
+#: All tasks by name.
+TASKS: dict[str, Task] = {
+    task.name: task
+    for task in (
+        *(
+            _recorded(n, e, 0.8)
+            for n, e in (("warthog", "husky"), ("husky", "warthog"))
+        ),
+        *(
+            _recorded(n, e, 5.0)
+            for n, e in (("warthog", "husky"), ("husky", "warthog"))
+        ),
+        *(_simulated(pair, m) for pair in FOUR_PAIRS for m in (1.0, 5.0, 20.0)),
+        *(_simulated(pair, 5.0) for pair in FAMILY_PAIRS),
+        *(_simulated("system1", 5.0, body) for body in BODIES),
+    )
+}
+#: The tasks that take minutes: recorded robots need no simulation.
+QUICK = tuple(task.name for task in TASKS.values() if not task.pair)
+SEEDS = 3
+
+
+def find_tasks(name: str) -> list[Task]:
+    """The tasks of a name: that of one task, 'quick' or 'all'.
+
+    Raises:
+        ConfigError: there is no such task; the message has the nearest name.
+    """
+    if name == "all":
+        return [*TASKS.values()]
+    if name == "quick":
+        return [TASKS[quick] for quick in QUICK]
+    if name not in TASKS:
+        raise unknown_name(name, ("quick", "all", *TASKS), kind="task")
+    return [TASKS[name]]
+
+
+def load_task(task: Task, seed: int, data: str | Path = "data") -> TaskData:
+    """The motion of a task; simulated motion that is missing is simulated.
+
+    Args:
+        task: the task.
+        seed: which of the novice's drives are learnt from; for recorded robots also
+            which judge.
+        data: folder of simulated motion.
+
+    Raises:
+        ImportError: PyBullet is needed and not installed.
+    """
+    return _simulate(task, seed, data) if task.pair else _read(task, seed)
+
+
+def _simulate(task: Task, seed: int, data: str | Path) -> TaskData:
+    from sidm.simulation import simulate
+
+    folder = Path(data) / "benchmark"
+    pool = simulate(task.pair, "novice", POOL_MINUTES, POOL_SEED, folder=folder)
+    order = np.random.default_rng(seed).permutation(len(pool))
+    chosen = [pool[n] for n in order[: trajectories_for(task.minutes)]]
+    validation = simulate(
+        task.pair, "novice", task.validation_minutes, VALIDATION_SEED, folder=folder
+    )
+    expert = simulate(
+        task.pair, "expert", task.expert_minutes, EXPERT_SEED, folder=folder
+    )
+    body = ROVER if task.novice == "rover" else NOVICES[task.novice]
+    chosen, validation = (_as_body(drives, body) for drives in (chosen, validation))
+    return TaskData(_own_sessions(chosen), _own_sessions(expert), validation)
+
+
+def _as_body(drives: list[Drive], body: Body) -> list[Drive]:
+    """Simulated drives as another body sees them."""
+    if body == ROVER:
+        return drives
+    converted = []
+    for drive in drives:
+        states = torch.from_numpy(drive.states).double()
+        last = np.vstack([drive.actions, drive.actions[-1:]])
+        actions = torch.from_numpy(last).double()
+        states, actions = states_for_body(body, ROVER, states, actions)
+        values = {"states": states.numpy(), "actions": actions[:-1].numpy()}
+        ground = drive.ground if body.map_size else None
+        converted.append(replace(drive, **values, body=body, ground=ground))
+    return converted
+
+
+def _own_sessions(drives: list[Drive]) -> list[Drive]:
+    """The drives, each a session: simulated drives are independent."""
+    return [replace(drive, session=f"{drive.index}") for drive in drives]
+
+
+@functools.cache
+def _robot(name: str) -> list[Drive]:
+    """All drives of a recorded robot."""
+    body = read_body(RECORDINGS / "skid_steer.yaml")
+    return read_drives(RECORDINGS / f"{name}.csv.gz", body)
+
+
+def _read(task: Task, seed: int) -> TaskData:
+    drives = _robot(task.novice)
+    order = session_order(drives, seed)
+    count = round(HELD_OUT * len(order))
+    validation, pool = drives_of_sessions(drives, order[:count]), order[count:]
+    for used in range(1, len(pool) + 1):
+        novice = drives_of_sessions(drives, pool[:used])
+        if minutes_of(novice) >= task.minutes:
+            break
+    return TaskData(novice, _robot(task.expert), validation)

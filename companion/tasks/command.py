@@ -1,0 +1,132 @@
+"""The command `companion bench`."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+from pathlib import Path
+
+from sidm.command_line import whole_number
+from sidm.config import ConfigError
+
+TASKS_HELP = "a task's name, 'quick' (recorded robots) or 'all' (%(default)s)"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `companion bench` to its parser."""
+    add = parser.add_argument
+    text = "a method of 'sidm fit', or FILE.py:CLASS; of all rows if none is given"
+    add("methods", metavar="METHOD", nargs="*", help=text)
+    add("--tasks", metavar="NAME", default="quick", help=TASKS_HELP)
+    add("--seeds", type=whole_number, metavar="N", help="trials of a task")
+    add("--data", metavar="DIR", default="data", help="simulated motion (%(default)s)")
+    text = "folder of the rows (%(default)s)"
+    add("--results", metavar="DIR", default="results", help=text)
+    text = "trials at the same time (%(default)s)"
+    add("--workers", type=whole_number, metavar="N", default=1, help=text)
+    add("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster")
+    text = "most seconds of a trial (an hour)"
+    add("--limit", type=float, metavar="S", help=text)
+    add("--page", metavar="FILE", help="write the table as a page")
+    add("--csv", metavar="FILE", help="write all rows as CSV")
+    add("--list", action="store_true", help="print the tasks' cards and run nothing")
+    text = "run one stored trial of the method again, and compare the losses"
+    add("--check", action="store_true", help=text)
+
+
+def run_bench(arguments: argparse.Namespace) -> int:
+    """Run `companion bench`: it runs what is missing and prints the table.
+
+    Returns:
+        The exit status: 1 when a trial is missing, or a check finds another loss.
+    """
+    from companion.tasks.catalogue import SEEDS, find_tasks
+    from companion.tasks.run import entries, records, run
+
+    tasks, seeds = find_tasks(arguments.tasks), arguments.seeds or SEEDS
+    store = records(arguments.results)
+    if arguments.list:
+        _print_cards(tasks, store.all())
+        return 0
+    if arguments.check:
+        return _check(arguments, store.all())
+    status = 0
+    if arguments.methods:
+        run(
+            arguments.methods,
+            tasks,
+            seeds=seeds,
+            data=arguments.data,
+            results=arguments.results,
+            workers=arguments.workers,
+            executor=_executor(arguments),
+            **({} if arguments.limit is None else {"limit": arguments.limit}),
+        )
+        wanted = entries(arguments.methods, tasks, seeds)
+        status = int(any(store.get(entry) is None for entry in wanted))
+    _print_table(arguments, store.all())
+    return status
+
+
+def _executor(arguments: argparse.Namespace):
+    """The executor of a Dask cluster; None for this machine."""
+    if arguments.dask is None:
+        return None
+    from companion.cluster import dask_executor
+
+    return contextlib.ExitStack().enter_context(dask_executor(arguments.dask))
+
+
+def _print_table(arguments: argparse.Namespace, results) -> None:
+    """Print the table of all rows, and write the page and the rows."""
+    from companion.tasks.page import write_page
+    from companion.tasks.scores import results_frame, score_table
+
+    if not results:
+        raise ConfigError(f"{arguments.results}: no rows are there; name a method")
+    frame = results_frame(results)
+    table = score_table(frame)
+    print(table.to_string(index=False, float_format="{:.3g}".format, na_rep=""))
+    for row in frame[frame.status != "ok"].itertuples():
+        print(
+            f"note: {row.method}, {row.task}, seed {row.seed}: "
+            f"{row.status}: {row.message}"
+        )
+    if arguments.csv:
+        frame.to_csv(arguments.csv, index=False, float_format="%.6g")
+    if arguments.page:
+        write_page(frame, Path(arguments.page))
+        print(f"page: {arguments.page}")
+
+
+def _print_cards(tasks, results) -> None:
+    """Print what each task is, a few lines a task."""
+    from companion.tasks.cards import card
+
+    print("\n\n".join(card(task, results) for task in tasks))
+
+
+def _check(arguments: argparse.Namespace, results) -> int:
+    """Run the cheapest stored trial of the methods again."""
+    from companion.tasks.run import check
+
+    if not arguments.methods:
+        raise ConfigError("--check needs a method, as FILE.py:CLASS")
+    status = 0
+    for name in arguments.methods:
+        stored, again = check(name, results, arguments.data)
+        same = stored.status == again.status and _close(stored.loss, again.loss)
+        print(
+            f"{name}, {stored.about.task.name}, seed {stored.about.seed}: "
+            f"stored {stored.status} {stored.loss}, again {again.status} {again.loss}"
+            f": {'the same' if same else 'NOT the same'}"
+        )
+        status |= not same
+    return int(status)
+
+
+def _close(stored: float | None, again: float | None) -> bool:
+    """Whether two losses agree to the rounding of another processor."""
+    if stored is None or again is None:
+        return stored is again
+    return abs(stored - again) <= 0.01 * abs(stored)

@@ -1,0 +1,146 @@
+"""What a method of the benchmark is, and how it is found by its name.
+
+A method is a class with `fit`; what `fit` returns has `predict`, and may have
+`rollout`. Motion is the library's one type, `sidm.Drive`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from sidm.config import ConfigError, first_line, no_such_file, unknown_name
+from sidm.drives import Drive
+
+
+class FittedModel(Protocol):
+    """What a method's `fit` returns."""
+
+    def predict(self, drive: Drive) -> np.ndarray:
+        """Transitions (K, Y) of a drive's steps, named by `drive.body.targets`.
+
+        The prediction of step k may use the states 0 to k and the actions 0 to k alone;
+        a check finds models that use the state after.
+        """
+        ...
+
+
+class EnteredMethod(Protocol):
+    """A method of the benchmark."""
+
+    def fit(
+        self, novice: Sequence[Drive], expert: Sequence[Drive], seed: int
+    ) -> FittedModel:
+        """A model of the novice, from its drives and the expert's."""
+        ...
+
+
+class LibraryModel:
+    """A model of `sidm.fit` in the form of the benchmark."""
+
+    def __init__(self, model: Any) -> None:
+        self.model = model
+
+    def predict(self, drive: Drive) -> np.ndarray:
+        """Transitions (K, Y) of a drive's steps."""
+        from sidm.fitting.prediction import predict_steps
+
+        network, predictor = self.model.network, self.model.predictor
+        ((predicted, _),) = predict_steps(predictor, [drive], network.pixels)
+        return predicted.numpy()
+
+    def rollout(self, state: np.ndarray, actions: np.ndarray, ground: Any):
+        """States (K + 1, S), each predicted from the one before."""
+        return self.model.rollout(state, actions, ground=ground)
+
+
+class LibraryMethod:
+    """A method of `sidm.fit`, with the settings of `sidm.fit`.
+
+    Args:
+        name: a key of `sidm.rivals.methods.METHODS`.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def fit(
+        self, novice: Sequence[Drive], expert: Sequence[Drive], seed: int
+    ) -> LibraryModel:
+        """A model of the novice."""
+        from sidm.fitting.learning import refuse_method
+        from sidm.fitting.settings import SETTINGS
+        from sidm.fitting.single import fit_drives
+        from sidm.rivals.methods import METHODS
+
+        refuse_method(self.name, novice[0].body, expert[0].body)
+        used = expert if METHODS[self.name].needs_expert else None
+        model = fit_drives(novice, used, self.name, SETTINGS, seed, notify=False)
+        return LibraryModel(model)
+
+
+class Method(NamedTuple):
+    """A method as it is named on the command line.
+
+    Attributes:
+        name: of a library's method, or 'file.py:Class'
+        code: digest of the file, 12 hexadecimal digits; '' for the library's
+    """
+
+    name: str
+    code: str
+
+
+def find_method(name: str) -> Method:
+    """The method of a name, checked.
+
+    Raises:
+        ConfigError: there is no such method, file or class; the message is one line.
+    """
+    if ".py:" not in name:
+        from sidm.rivals.methods import METHODS
+
+        if name not in METHODS:
+            raise unknown_name(name, METHODS, kind="method")
+        return Method(name, "")
+    path = Path(name.rpartition(":")[0])
+    if not path.is_file():
+        raise ConfigError(no_such_file(path))
+    load_method(name)
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()[:12]
+    return Method(f"{path.name}:{name.rpartition(':')[2]}", digest)
+
+
+def load_method(name: str) -> EnteredMethod:
+    """An instance of a method.
+
+    Args:
+        name: a library's method, or 'file.py:Class' with a path that exists here.
+
+    Raises:
+        ConfigError: the file cannot be imported, or it has no such class with `fit`.
+    """
+    if ".py:" not in name:
+        return LibraryMethod(name)
+    file, _, class_name = name.rpartition(":")
+    path = Path(file).resolve()
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:  # anything may be wrong in the file
+        raise ConfigError(
+            f"{file}: cannot be imported ({type(error).__name__}: {first_line(error)})"
+        ) from None
+    kinds = {n: v for n, v in vars(module).items() if hasattr(v, "fit")}
+    if class_name not in kinds:
+        raise unknown_name(class_name, kinds, file, "class with 'fit'")
+    return kinds[class_name]()

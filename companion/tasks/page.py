@@ -1,0 +1,77 @@
+"""The benchmark's table as one sortable page that needs no other file."""
+
+from __future__ import annotations
+
+import html
+import json
+import string
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from companion.tasks.scores import pairwise, score_table, task_scores
+from sidm.comparison.statistics import Interval
+from sidm.storage import write_atomically
+
+
+def write_page(frame: pd.DataFrame, path: Path) -> None:
+    """Write the page of a table of results, as `scores.results_frame` returns it.
+
+    Raises:
+        OSError: the file cannot be written; the message is one line.
+    """
+    table = score_table(frame)
+    values = {
+        "methods": [_method_row(row) for row in table.to_dict("records")],
+        "tasks": _matrix(frame, list(table.method)),
+        "rows": [_plain(row) for row in _sorted(frame).to_dict("records")],
+    }
+    template = resources.files(__package__).joinpath("page.html").read_text("utf-8")
+    page = string.Template(template).substitute(
+        data=json.dumps(values, separators=(",", ":")).replace("</", "<\\/"),
+        apart=_apart(frame, list(table.method)),
+    )
+    write_atomically(path, lambda file: file.write(page.encode()))
+
+
+def _sorted(frame: pd.DataFrame) -> pd.DataFrame:
+    return frame.sort_values(["method", "task", "seed"])
+
+
+def _method_row(row: dict[str, Any]) -> dict[str, Any]:
+    """The values of a method's row, with the interval as text."""
+    interval = Interval(row["score"], row["low"], row["high"])
+    return _plain(row) | {"shown": str(interval)}
+
+
+def _matrix(frame: pd.DataFrame, methods: list[str]) -> dict[str, Any]:
+    """Scores of the methods (rows) on the tasks (columns)."""
+    scores = np.exp(task_scores(frame)).T.reindex(methods)
+    values = [[_number(v) for v in row] for row in scores.to_numpy()]
+    return {"tasks": list(scores.columns), "methods": methods, "values": values}
+
+
+def _apart(frame: pd.DataFrame, methods: list[str]) -> str:
+    """Table of the pairs that are surely apart, as HTML."""
+    pairs = pairwise(frame, methods)
+    apart = pairs[pairs.apart]
+    if not len(apart):
+        return "<p>No two methods are surely apart.</p>"
+    shown = apart.rename(columns={"first": "better", "second": "than"})
+    shown = shown.drop(columns=["p", "apart"]).rename(columns={"p_holm": "p (Holm)"})
+    return shown.to_html(index=False, border=0, float_format="{:.3g}".format)
+
+
+def _plain(row: dict[str, Any]) -> dict[str, Any]:
+    """Values that JSON has: a number that is missing is null, text is escaped."""
+    return {name: _number(value) for name, value in row.items()}
+
+
+def _number(value: Any) -> Any:
+    if isinstance(value, str):
+        return html.escape(value)
+    number = float(value)
+    return float(f"{number:.4g}") if np.isfinite(number) else None

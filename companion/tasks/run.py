@@ -1,0 +1,109 @@
+"""Run methods on tasks: what is missing, in processes or on Dask, resumable."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from pathlib import Path
+
+from companion.engine.records import records_of
+from companion.tasks.catalogue import SEEDS, Task, load_task
+from companion.tasks.methods import find_method
+from companion.tasks.trial import LIMIT, Entry, EntryResult, run_trial
+from sidm.config import ConfigError
+
+#: The stored results, under a folder of results.
+records = records_of(EntryResult, "benchmark")
+
+
+def entries(
+    methods: Sequence[str], tasks: Sequence[Task], seeds: int = SEEDS
+) -> dict[Entry, str]:
+    """The trials of methods on tasks -> the method's name with its path.
+
+    Raises:
+        ConfigError: there is no such method.
+    """
+    found = {name: find_method(name) for name in methods}
+    return {
+        Entry(method=method.name, code=method.code, task=task, seed=seed): name
+        for task in tasks
+        for seed in range(seeds)
+        for name, method in found.items()
+    }
+
+
+def run(
+    methods: Sequence[str],
+    tasks: Sequence[Task],
+    *,
+    seeds: int = SEEDS,
+    data: str | Path = "data",
+    results: str | Path = "results",
+    workers: int = 1,
+    limit: float = LIMIT,
+    executor: Executor | None = None,
+    progress: bool = True,
+) -> list[EntryResult]:
+    """Run the trials that are not stored, and return the results of all.
+
+    Args:
+        methods: names of the library's methods, or 'file.py:Class'.
+        tasks: the tasks.
+        seeds: trials of each method on each task.
+        data: folder of simulated motion; what is missing is simulated first.
+        results: folder of the results.
+        workers: trials at the same time on this machine.
+        limit: most seconds of a trial.
+        executor: where trials are started; by default threads of this process. Each
+            trial has a process of its own.
+        progress: whether to show a bar.
+    """
+    store, wanted = records(results), entries(methods, tasks, seeds)
+    missing = [entry for entry in wanted if store.get(entry) is None]
+    for task in dict.fromkeys(entry.task for entry in missing):
+        load_task(task, 0, data)  # once, before several trials would simulate it
+    place = Path(data).absolute()
+    work = functools.partial(_one, names=wanted, data=place, limit=limit)
+    own = ThreadPoolExecutor(workers) if executor is None else None
+    try:
+        store.run(missing, work, executor or own, "benchmark", progress)  # type: ignore[arg-type]
+    finally:
+        if own is not None:
+            own.shutdown(cancel_futures=True)
+    return store.stored(wanted)
+
+
+def _one(
+    about: Entry, names: dict[Entry, str], data: Path, limit: float
+) -> EntryResult:
+    return run_trial(about, names[about], data, limit)
+
+
+def check(
+    name: str, results: Sequence[EntryResult], data: str | Path = "data"
+) -> tuple[EntryResult, EntryResult]:
+    """Run a stored trial of a method again, that with the quickest fit.
+
+    Args:
+        name: the method, as in `run`.
+        results: stored results.
+        data: folder of simulated motion.
+
+    Returns:
+        The stored result and the new one.
+
+    Raises:
+        ConfigError: no trial of the method is stored.
+    """
+    method = find_method(name)
+    stored = [
+        result
+        for result in results
+        if (result.about.method, result.about.code) == (method.name, method.code)
+    ]
+    if not stored:
+        raise ConfigError(f"no trial of {name} as it is now is stored")
+    chosen = min(stored, key=lambda result: result.provenance.seconds)
+    return chosen, run_trial(chosen.about, name, Path(data).absolute())
