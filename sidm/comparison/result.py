@@ -140,7 +140,10 @@ class Comparison:
 
     @cached_property
     def curve(self) -> pd.DataFrame:
-        """The learning curve: `method`, `share`, `minutes` and `loss`."""
+        """The learning curve of each method, a row for each share of the data.
+
+        Columns: `method`, `share`, `minutes`, `loss`.
+        """
         rows = []
         for method in self.methods:
             for share in self.plan.shares:

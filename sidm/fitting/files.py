@@ -23,9 +23,11 @@ from sidm.learning.checkpoint import module_tensors
 from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.units import Standardisation
 from sidm.rivals.forest import Forest
+from sidm.rivals.gaussian_process import GaussianProcess, Posterior
 from sidm.rivals.kinematics import Kinematics
 from sidm.rivals.least_squares import LeastSquares
 from sidm.rivals.methods import METHODS
+from sidm.rivals.pooled import Pooled
 from sidm.rivals.trees import Trees
 from sidm.rivals.trivial import Trivial
 from sidm.settings import Network
@@ -33,6 +35,8 @@ from sidm.storage import write_atomically
 
 WEIGHTS, ABOUT = "model.safetensors", "model.json"
 UNITS = "units."  # begins the names of the units of least squares
+#: Begin the names of the tensors of a base, and of the model in a `Pooled`.
+BASE, INNER = "base.", "inner."
 
 
 def refuse_folder(folder: str | Path, body: Body, force: bool = False) -> None:
@@ -97,8 +101,11 @@ def write_model(model: Model, folder: str | Path, force: bool = False) -> None:
         for name, tensor in module_tensors(model.predictor).items()
         if ".expert." not in name
     }
-    if isinstance(model.predictor, LeastSquares):
-        units = model.predictor.units._asdict()
+    inner = model.predictor
+    if isinstance(inner, Pooled):
+        inner = inner.inner
+    if isinstance(inner, LeastSquares):
+        units = inner.units._asdict()
         tensors |= {UNITS + name: tensor for name, tensor in units.items()}
     network = {
         name: value
@@ -185,11 +192,14 @@ def _predictor(
     method: str, network: Network, tensors: dict[str, Tensor], scale: Tensor | None
 ) -> Predictor:
     """The module of a method with the weights of a file."""
-    config, model = METHODS[method], _empty(method, network, tensors, scale)
+    config = METHODS[method]
+    if config.pooled:
+        tensors = {name.removeprefix(INNER): t for name, t in tensors.items()}
+    model = _empty(method, network, tensors, scale)
     if config.fit == "least_squares":
         tensors = {n: t for n, t in tensors.items() if not n.startswith(UNITS)}
     model.load_state_dict(tensors)
-    return model
+    return Pooled(model) if config.pooled else model
 
 
 def _empty(
@@ -206,6 +216,25 @@ def _empty(
         return Trees(body, Forest(*(tensors[n] for n in Forest._fields)), scale)
     if config.fit == "least_squares":
         units = Standardisation(*(tensors[UNITS + n] for n in Standardisation._fields))
-        base = DynamicsModel(network, roles=["novice"]) if config.pretrained else None
+        base: Predictor | None = None
+        if config.pretrained:
+            base = DynamicsModel(network, roles=["novice"])
+        elif config.residual:
+            base = LeastSquares(units, None, scale)
         return LeastSquares(units, base, scale)
+    if config.fit == "gaussian_process":
+        base = _processes(body, tensors, BASE) if config.residual else None
+        return _processes(body, tensors, "", base, scale)
     return DynamicsModel(network, roles=["novice"])
+
+
+def _processes(
+    body: Body,
+    tensors: dict[str, Tensor],
+    prefix: str,
+    base: GaussianProcess | None = None,
+    scale: Tensor | None = None,
+) -> GaussianProcess:
+    """Gaussian processes from tensors whose names begin with a prefix."""
+    posterior = Posterior(*(tensors[prefix + name] for name in Posterior._fields))
+    return GaussianProcess(body, posterior, base, scale)

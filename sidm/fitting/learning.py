@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from torch import Tensor
+
 from sidm.body import Body
 from sidm.config import ConfigError, replace, unknown_name
 from sidm.drives import Drive
@@ -19,7 +21,7 @@ from sidm.learning.units import (
     loss_weights,
     role_units,
 )
-from sidm.rivals import boosting, kinematics, trivial
+from sidm.rivals import boosting, gaussian_fitting, kinematics, trivial
 from sidm.rivals.drivetrain import drivetrain_of
 from sidm.rivals.fine_tuning import (
     Pretrained,
@@ -28,8 +30,18 @@ from sidm.rivals.fine_tuning import (
     pretraining_datasets,
 )
 from sidm.rivals.least_squares import fit as fit_least_squares
-from sidm.rivals.methods import METHODS
+from sidm.rivals.methods import METHODS, Method
+from sidm.rivals.pooled import Pooled, pooled_datasets, pooled_units
 from sidm.settings import Network
+
+
+#: The method of each way to fit that needs no expert, and what it fits.
+ALONE = {"least_squares": "least_squares", "trees": "trees", "gaussian_process": "gp"}
+KIND = {
+    "least_squares": "least squares",
+    "trees": "trees",
+    "gaussian_process": "Gaussian process",
+}
 
 
 def refuse_method(method: str, novice: Body, expert: Body | None) -> None:
@@ -38,21 +50,26 @@ def refuse_method(method: str, novice: Body, expert: Body | None) -> None:
         raise unknown_name(method, METHODS, kind="method")
     config = METHODS[method]
     if config.needs_expert and expert is None:
-        alone = "trees" if config.fit == "trees" else "novice_only"
+        alone = ALONE.get(config.fit, "novice_only")
+        if config.pretrained:
+            alone = "novice_only"
         raise ConfigError(
             f"{method} learns from an expert's drives too: pass them, or take {alone}"
         )
     network = Network(novice_body=novice, expert_body=expert)
     if config.needs_one_body and not network.same_body:
-        if config.fit == "trees":
-            needed, others = "corrects the expert's trees", "trees"
-        else:
+        if config.fit == "gradients" or config.pretrained:
             needed = "copies the expert's encoder and decoder"
             others = "sidm or core_finetune"
+        else:
+            others = ALONE[config.fit]
+            needed = f"corrects the expert's {KIND[config.fit]}"
+            if config.pooled:
+                needed = "learns from the samples of both robots as one"
         raise ConfigError(
             f"{method} {needed}, which needs robots of one body; take {others}"
         )
-    if config.fit == "trees":
+    if config.fit in ("trees", "gaussian_process"):
         boosting.require_scikit_learn(method)
     if config.fit == "kinematics":
         drivetrain_of(novice, method)  # type: ignore[arg-type]
@@ -190,12 +207,38 @@ def _learn_without_loop(
     config, body = METHODS[method], network.body("novice")
     novice_units = role_units(units, "novice")
     scale = loss_weights(body, novice_units)
+    if config.fit in ALONE and not config.pretrained:
+        return _learn_regression(config, sets, body, novice_units, scale, seed)
     model: Any = method  # the models of these methods have the methods' names
     if config.fit == "trivial":
         return trivial.learn(sets, body, model, scale)
     if config.fit == "kinematics":
         return kinematics.identify(sets, body, model, scale)
-    if config.fit == "trees":
-        return boosting.learn(sets, body, scale, config.residual, seed)
     base = None if start is None else frozen_model(network, start, novice_units)
     return fit_least_squares(sets, novice_units, base, scale=scale)
+
+
+def _learn_regression(
+    config: Method,
+    sets: Datasets,
+    body: Body,
+    units: Standardisation,
+    scale: Tensor | None,
+    seed: int,
+) -> Trained:
+    """A regression of the novice, on the expert's, or of both robots' samples."""
+    if config.pooled:
+        sets, units = pooled_datasets(sets, seed), pooled_units(units)
+    if config.fit == "least_squares":
+        base = None
+        if config.residual:
+            expert = pretraining_datasets(sets, seed)
+            base = fit_least_squares(expert, units, scale=scale).model
+        further = sets.expert if config.pooled else None
+        trained = fit_least_squares(sets, units, base, scale=scale, further=further)
+    else:
+        fit = boosting.learn if config.fit == "trees" else gaussian_fitting.learn
+        trained = fit(sets, body, scale, config.residual, config.pooled, seed)
+    if config.pooled:
+        return trained._replace(model=Pooled(trained.model).eval())
+    return trained

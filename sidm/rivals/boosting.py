@@ -18,6 +18,7 @@ from sidm.learning.stopping import CurvePoint
 from sidm.learning.training import Trained
 from sidm.rivals.fine_tuning import pretraining_datasets
 from sidm.rivals.forest import Forest
+from sidm.rivals.pooled import expert_windows, joined
 from sidm.rivals.trees import Trees, features, kept_columns
 
 #: Standard deviation below which a component counts as constant.
@@ -54,6 +55,7 @@ def learn(
     body: Body,
     scale: Tensor | None = None,
     corrects_expert: bool = False,
+    pooled: bool = False,
     seed: int = 0,
 ) -> Trained:
     """Grow the trees of a novice.
@@ -63,10 +65,11 @@ def learn(
 
     Args:
         datasets: the novice's train and test split, and the expert's data for a
-            correction; the validation set is not used.
+            correction or further samples; the validation set is not used.
         body: the robot's body.
         scale: weights (Y,) of the components in equation (1); all 1 by default.
         corrects_expert: whether the trees correct the trees of the expert's motion.
+        pooled: whether the expert's samples are learnt from beside the train split.
         seed: of scikit-learn's draws and the split of the expert's data.
 
     Returns:
@@ -77,13 +80,17 @@ def learn(
         ConfigError: scikit-learn is not installed, or there are no data of the expert
             where the trees correct its trees; one line.
     """
-    require_scikit_learn("trees_corrected" if corrects_expert else "trees")
+    require_scikit_learn("trees")
     base = Forest.constant(torch.zeros(len(body.targets)))
     with _one_openmp_thread():
         if corrects_expert:
             expert = pretraining_datasets(datasets, seed)
             base = grow(expert, body, base, EXPERT, seed).forest
-        grown = grow(datasets, body, base, NOVICE, seed)
+        if pooled:
+            train = joined(datasets.train, expert_windows(datasets))
+            datasets = datasets._replace(train=train)
+        growth = EXPERT if pooled else NOVICE
+        grown = grow(datasets, body, base, growth, seed)
     weights = torch.ones(len(body.targets)) if scale is None else scale
     train_loss, test_loss = (
         float((weights * errors).sum())

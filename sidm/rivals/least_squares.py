@@ -12,7 +12,7 @@ from __future__ import annotations
 import functools
 import itertools
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import torch
@@ -20,7 +20,7 @@ from torch import Tensor, nn
 
 from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.evaluation import EVALUATION_BATCH
-from sidm.learning.model import DynamicsModel, Predictor
+from sidm.learning.model import Predictor
 from sidm.learning.networks import Memory
 from sidm.learning.stopping import CurvePoint
 from sidm.learning.training import Trained
@@ -42,8 +42,8 @@ class LeastSquares(Predictor):
 
     Args:
         units: units in which the functions are computed.
-        base: the expert's model, with the novice's parts alone, which is not changed;
-            None if the sum is the whole transition.
+        base: the expert's model, a network with the novice's parts alone or least
+            squares, which is not changed; None if the sum is the whole transition.
         scale: weights (Y,) of the components in equation (1); all 1 by default.
     """
 
@@ -55,7 +55,7 @@ class LeastSquares(Predictor):
     def __init__(
         self,
         units: Standardisation,
-        base: DynamicsModel | None = None,
+        base: Predictor | None = None,
         scale: Tensor | None = None,
     ):
         super().__init__()
@@ -159,9 +159,10 @@ def normal_equations(functions: Tensor, targets: Tensor) -> NormalEquations:
 def fit(
     datasets: Datasets,
     units: Standardisation,
-    base: DynamicsModel | None = None,
+    base: Predictor | None = None,
     image: Callable[[Windows], Windows] | None = None,
     scale: Tensor | None = None,
+    further: Windows | None = None,
 ) -> Trained:
     """Fit the weights of a `LeastSquares` model to the novice's data.
 
@@ -175,6 +176,8 @@ def fit(
         image: turns windows into other motion of the robot, such as its mirror image,
             which is learnt from too; none by default.
         scale: weights (Y,) of the components in equation (1); all 1 by default.
+        further: windows of another robot, which are learnt from in every fold, but do
+            not count in the loss; none by default.
 
     Returns:
         The model and its training; the test loss is the cross-validated one.
@@ -183,19 +186,31 @@ def fit(
     root = torch.ones(model.targets)
     if scale is not None:  # a component of weight 0 is fitted all the same
         root = torch.where(scale > 0, scale.sqrt(), root)
-    numbers, residuals = _numbers_and_residuals(model, datasets, image)
-    model.low, model.high = numbers.amin((0, 1)), numbers.amax((0, 1))
-    folds = []
-    for fold in range(min(FOLDS, len(numbers))):  # each of whole trajectories
-        functions = model.functions(numbers[fold::FOLDS].double())
-        targets = (residuals[fold::FOLDS] * root).double()
-        folds.append(normal_equations(functions, targets))
+    numbers, residuals = _numbers_and_residuals(
+        model, (datasets.train, datasets.test), image
+    )
+    others = numbers[:0], residuals[:0]
+    if further is not None:
+        others = _numbers_and_residuals(model, (further,), image)
+    every = torch.cat([numbers, others[0]])  # windows of both have one length
+    model.low, model.high = every.amin((0, 1)), every.amax((0, 1))
+
+    def sums(numbers: Tensor, residuals: Tensor) -> NormalEquations:
+        functions = model.functions(numbers.double())
+        return normal_equations(functions, (residuals * root).double())
+
+    folds = [  # each of whole trajectories
+        sums(numbers[fold::FOLDS], residuals[fold::FOLDS])
+        for fold in range(min(FOLDS, len(numbers)))
+    ]
     total = functools.reduce(NormalEquations.plus, folds)
+    if further is not None:
+        total = total.plus(sums(*others))
 
     def validation_loss(penalties: Tensor) -> float:
         losses = [fold.loss(total.without(fold).solve(penalties)) for fold in folds]
         steps = [fold.steps for fold in folds]
-        return sum(map(operator.mul, losses, steps)) / total.steps
+        return sum(map(operator.mul, losses, steps)) / sum(steps)
 
     grid = itertools.product(PENALTIES, PRODUCT_PENALTIES)
     candidates = [model.penalties(*penalties) for penalties in grid]
@@ -208,9 +223,11 @@ def fit(
 
 
 def _numbers_and_residuals(
-    model: LeastSquares, datasets: Datasets, image: Callable[[Windows], Windows] | None
+    model: LeastSquares,
+    sets: Sequence[Windows],
+    image: Callable[[Windows], Windows] | None,
 ) -> tuple[Tensor, Tensor]:
-    """Numbers and residuals of all novice windows, train and test split together.
+    """Numbers and residuals of all windows of some sets, one after the other.
 
     Returns:
         Numbers (n, T, N) and what the base leaves of the transitions, (n, T, Y); 2 T in
@@ -223,7 +240,7 @@ def _numbers_and_residuals(
         return numbers, part.targets - predicted
 
     pairs = []  # numbers (B, T, N) and residuals (B, T, Y) of each part
-    for windows in (datasets.train, datasets.test):
+    for windows in sets:
         for part in windows.split(EVALUATION_BATCH):
             images = [part] if image is None else [part, image(part)]
             both = zip(*map(pair, images), strict=True)

@@ -10,7 +10,14 @@ from sidm.config import replace
 from sidm.settings import Training
 
 T = TypeVar("T", bound=Training)
-Fit = Literal["gradients", "least_squares", "kinematics", "trees", "trivial"]
+Fit = Literal[
+    "gradients",
+    "least_squares",
+    "kinematics",
+    "trees",
+    "gaussian_process",
+    "trivial",
+]
 
 
 class Method(NamedTuple):
@@ -24,7 +31,10 @@ class Method(NamedTuple):
         regularise: whether Algorithm 2 makes the systems' latents similar
         pretrained: whether it starts from weights that were trained on the expert alone
         carried: which of these weights it starts from; 'sidm': the shared part alone
-        residual: whether it learns a correction of the expert's model instead
+        residual: whether it learns a correction of the expert's model instead: of the
+            pretrained network, or, if it is not pretrained, of a model of its own kind
+        pooled: whether it learns from the samples of both robots as one, with an input
+            that tells them apart
         fit: how it learns
         own: which parts of encoder and decoder each system has for itself, as
             `Network.own`
@@ -39,6 +49,7 @@ class Method(NamedTuple):
     pretrained: bool = False
     carried: Literal["all", "sidm"] = "all"
     residual: bool = False
+    pooled: bool = False
     fit: Fit = "gradients"
     own: Literal["all", "biases", "flag", "none"] = "all"
     changes: tuple[tuple[str, Any], ...] = ()
@@ -47,12 +58,13 @@ class Method(NamedTuple):
     @property
     def needs_expert(self) -> bool:
         """Whether it cannot learn from the novice's data alone."""
-        return self.expert or self.pretrained or self.residual
+        return self.expert or self.pretrained or self.residual or self.pooled
 
     @property
     def needs_one_body(self) -> bool:
         """Whether novice and expert must have the same body."""
-        return self.residual or (self.pretrained and self.carried == "all")
+        copied = self.pretrained and self.carried == "all"
+        return self.residual or self.pooled or copied
 
     def training(self, base: T, tuned: Mapping[str, Any] = MappingProxyType({})) -> T:
         """Settings of the method's training on the novice.
@@ -124,10 +136,30 @@ METHODS: dict[str, Method] = {
         residual=True,
         fit="least_squares",
     ),
-    # Boosted trees, of the novice alone or on those of the expert.
+    "least_squares_corrected": Method(
+        "expert's least squares, corrected", "", residual=True, fit="least_squares"
+    ),
+    "least_squares_pooled": Method(
+        "least squares of both robots", "", pooled=True, fit="least_squares"
+    ),
+    # Boosted trees, of the novice alone, on those of the expert, or of both robots.
     "trees": Method("boosted trees", "", fit="trees"),
     "trees_corrected": Method(
         "expert's trees, corrected by trees", "", residual=True, fit="trees"
+    ),
+    "trees_pooled": Method(
+        "boosted trees of both robots", "", pooled=True, fit="trees"
+    ),
+    # Gaussian processes, in the same three ways.
+    "gp": Method("Gaussian process", "", fit="gaussian_process"),
+    "gp_corrected": Method(
+        "expert's Gaussian process, corrected",
+        "",
+        residual=True,
+        fit="gaussian_process",
+    ),
+    "gp_pooled": Method(
+        "Gaussian process of both robots", "", pooled=True, fit="gaussian_process"
     ),
     # What a roboticist writes down without learning.
     "differential_drive": Method("differential drive", "", fit="kinematics"),
