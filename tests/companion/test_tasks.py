@@ -338,3 +338,10 @@ def test_no_row_of_a_method_is_said(file, tmp_path):
     with pytest.raises(ConfigError, match="no trial of .*Still as it is now is stored"):
         check(f"{file}:Still", records(tmp_path).all())
     assert len(entries(["mean"], [TASK], 3)) == 3
+
+
+def test_the_example_of_the_page_beats_the_mean(tmp_path):
+    names = ["examples/nearest.py:Nearest", "mean"]
+    nearest, mean = run(names, [TASK], seeds=1, results=tmp_path, progress=False)
+    assert nearest.status == mean.status == "ok", nearest.message
+    assert nearest.loss < 0.5 * mean.loss and nearest.position < 0.7 * mean.position
