@@ -35,8 +35,7 @@ from sidm.storage import write_atomically
 
 WEIGHTS, ABOUT = "model.safetensors", "model.json"
 UNITS = "units."  # begins the names of the units of least squares
-#: Begin the names of the tensors of a base, and of the model in a `Pooled`.
-BASE, INNER = "base.", "inner."
+INNER = "inner."  # begins the names of the tensors of a model that sees the flag
 
 
 def refuse_folder(folder: str | Path, body: Body, force: bool = False) -> None:
@@ -101,12 +100,10 @@ def write_model(model: Model, folder: str | Path, force: bool = False) -> None:
         for name, tensor in module_tensors(model.predictor).items()
         if ".expert." not in name
     }
-    inner = model.predictor
-    if isinstance(inner, Pooled):
-        inner = inner.inner
-    if isinstance(inner, LeastSquares):
-        units = inner.units._asdict()
-        tensors |= {UNITS + name: tensor for name, tensor in units.items()}
+    for module in model.predictor.modules():
+        if isinstance(module, LeastSquares):  # a base has the units of its correction
+            units = module.units._asdict()
+            tensors |= {UNITS + name: tensor for name, tensor in units.items()}
     network = {
         name: value
         for name, value in to_mapping(model.network).items()
@@ -196,8 +193,7 @@ def _predictor(
     if config.pooled:
         tensors = {name.removeprefix(INNER): t for name, t in tensors.items()}
     model = _empty(method, network, tensors, scale)
-    if config.fit == "least_squares":
-        tensors = {n: t for n, t in tensors.items() if not n.startswith(UNITS)}
+    tensors = {n: t for n, t in tensors.items() if not n.startswith(UNITS)}
     model.load_state_dict(tensors)
     return Pooled(model) if config.pooled else model
 
@@ -214,27 +210,19 @@ def _empty(
         return Trivial(name, body, scale)
     if config.fit == "trees":
         return Trees(body, Forest(*(tensors[n] for n in Forest._fields)), scale)
-    if config.fit == "least_squares":
-        units = Standardisation(*(tensors[UNITS + n] for n in Standardisation._fields))
-        base: Predictor | None = None
-        if config.pretrained:
-            base = DynamicsModel(network, roles=["novice"])
-        elif config.residual:
-            base = LeastSquares(units, None, scale)
-        return LeastSquares(units, base, scale)
+    if config.fit == "gradients":
+        return DynamicsModel(network, roles=["novice"])
+    base: Predictor | None = None
+    if config.pretrained:
+        base = DynamicsModel(network, roles=["novice"])
+    elif config.residual:
+        base = LeastSquares(_units(tensors), None, scale)
     if config.fit == "gaussian_process":
-        base = _processes(body, tensors, BASE) if config.residual else None
-        return _processes(body, tensors, "", base, scale)
-    return DynamicsModel(network, roles=["novice"])
+        posterior = Posterior(*(tensors[name] for name in Posterior._fields))
+        return GaussianProcess(body, posterior, base, scale)
+    return LeastSquares(_units(tensors), base, scale)
 
 
-def _processes(
-    body: Body,
-    tensors: dict[str, Tensor],
-    prefix: str,
-    base: GaussianProcess | None = None,
-    scale: Tensor | None = None,
-) -> GaussianProcess:
-    """Gaussian processes from tensors whose names begin with a prefix."""
-    posterior = Posterior(*(tensors[prefix + name] for name in Posterior._fields))
-    return GaussianProcess(body, posterior, base, scale)
+def _units(tensors: dict[str, Tensor]) -> Standardisation:
+    """The units of least squares from the tensors of a file."""
+    return Standardisation(*(tensors[UNITS + n] for n in Standardisation._fields))

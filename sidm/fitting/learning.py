@@ -34,14 +34,8 @@ from sidm.rivals.methods import METHODS, Method
 from sidm.rivals.pooled import Pooled, pooled_datasets, pooled_units
 from sidm.settings import Network
 
-
-#: The method of each way to fit that needs no expert, and what it fits.
+#: The method of each way to fit that needs no expert.
 ALONE = {"least_squares": "least_squares", "trees": "trees", "gaussian_process": "gp"}
-KIND = {
-    "least_squares": "least squares",
-    "trees": "trees",
-    "gaussian_process": "Gaussian process",
-}
 
 
 def refuse_method(method: str, novice: Body, expert: Body | None) -> None:
@@ -63,7 +57,8 @@ def refuse_method(method: str, novice: Body, expert: Body | None) -> None:
             others = "sidm or core_finetune"
         else:
             others = ALONE[config.fit]
-            needed = f"corrects the expert's {KIND[config.fit]}"
+            kind = "trees" if config.fit == "trees" else "least squares"
+            needed = f"corrects the expert's {kind}"
             if config.pooled:
                 needed = "learns from the samples of both robots as one"
         raise ConfigError(
@@ -229,16 +224,18 @@ def _learn_regression(
     """A regression of the novice, on the expert's, or of both robots' samples."""
     if config.pooled:
         sets, units = pooled_datasets(sets, seed), pooled_units(units)
-    if config.fit == "least_squares":
-        base = None
-        if config.residual:
-            expert = pretraining_datasets(sets, seed)
-            base = fit_least_squares(expert, units, scale=scale).model
-        further = sets.expert if config.pooled else None
-        trained = fit_least_squares(sets, units, base, scale=scale, further=further)
+    base = None
+    if config.residual and config.fit != "trees":
+        expert = pretraining_datasets(sets, seed)
+        base = fit_least_squares(expert, units, scale=scale).model.requires_grad_(False)
+    pooled = config.pooled
+    if config.fit == "trees":
+        trained = boosting.learn(sets, body, scale, config.residual, pooled, seed)
+    elif config.fit == "gaussian_process":
+        trained = gaussian_fitting.learn(sets, body, scale, base, pooled, seed)
     else:
-        fit = boosting.learn if config.fit == "trees" else gaussian_fitting.learn
-        trained = fit(sets, body, scale, config.residual, config.pooled, seed)
-    if config.pooled:
+        further = sets.expert if pooled else None
+        trained = fit_least_squares(sets, units, base, scale=scale, further=further)
+    if pooled:
         return trained._replace(model=Pooled(trained.model).eval())
     return trained

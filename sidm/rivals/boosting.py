@@ -89,8 +89,7 @@ def learn(
         if pooled:
             train = joined(datasets.train, expert_windows(datasets))
             datasets = datasets._replace(train=train)
-        growth = EXPERT if pooled else NOVICE
-        grown = grow(datasets, body, base, growth, seed)
+        grown = grow(datasets, body, base, NOVICE, seed)
     weights = torch.ones(len(body.targets)) if scale is None else scale
     train_loss, test_loss = (
         float((weights * errors).sum())

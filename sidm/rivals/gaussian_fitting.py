@@ -14,16 +14,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
+from scipy.linalg import cho_factor, cho_solve
 from torch import Tensor
 
 from sidm.body import Body
 from sidm.learning.dataset import Datasets, Windows
+from sidm.learning.model import Predictor
 from sidm.learning.stopping import CurvePoint
 from sidm.learning.training import Trained
-from sidm.rivals.fine_tuning import pretraining_datasets
-from sidm.rivals.gaussian_process import GaussianProcess, Posterior
+from sidm.rivals.boosting import require_scikit_learn
+from sidm.rivals.gaussian_process import GaussianProcess, Posterior, first_guess
 from sidm.rivals.pooled import expert_windows
-from sidm.rivals.trees import features, kept_columns
+from sidm.rivals.trees import features
 
 #: Samples that a process learns from, at most: time grows with the third power.
 MOST_SAMPLES = 3_000
@@ -35,6 +37,7 @@ FACTORS = (1.0, 2.0, 4.0)
 LENGTH_SCALE, LENGTH_SCALES = 3.0, (0.3, 1e3)
 #: Ranges of a kernel's variance and noise, in variances of a component.
 VARIANCES, NOISES = (1e-3, 1e4), (1e-5, 2.0)
+JITTER = 1e-10  # is added to the diagonal of a covariance, as scikit-learn does
 #: Standard deviation below which a component or a feature counts as constant.
 SMALLEST_STD = 1e-9
 
@@ -70,7 +73,7 @@ def learn(
     datasets: Datasets,
     body: Body,
     scale: Tensor | None = None,
-    corrects_expert: bool = False,
+    base: Predictor | None = None,
     pooled: bool = False,
     seed: int = 0,
 ) -> Trained:
@@ -80,26 +83,25 @@ def learn(
     kernels come from 500 of these. Train and test split are learnt from together.
 
     Args:
-        datasets: the novice's train and test split, and the expert's data for a
-            correction or further samples; the validation set is not used.
+        datasets: the novice's train and test split, and the expert's data for further
+            samples; the validation set is not used.
         body: the robot's body.
         scale: weights (Y,) of the components in equation (1); all 1 by default.
-        corrects_expert: whether the processes correct those of the expert's motion.
+        base: the expert's model, without a memory, which the processes correct; none
+            by default.
         pooled: whether the expert's samples are learnt from beside the novice's. They
             are half of the samples, or more where there are few of the novice.
-        seed: of the random samples, and of the split of the expert's data.
+        seed: of the random samples.
 
     Returns:
         The model and its training; the test loss is that of processes of the train
         split, which have at most 1,500 samples.
 
     Raises:
-        ConfigError: there are no data of the expert to be corrected; one line.
+        ConfigError: scikit-learn is not installed, or there are no data of the expert
+            where its samples are learnt from; one line.
     """
-    base = None
-    if corrects_expert:
-        expert = pretraining_datasets(datasets, seed)
-        base = learn(expert, body, scale, seed=seed).model
+    require_scikit_learn("gp")
     further = expert_windows(datasets) if pooled else None
     with _quiet_and_on_one_thread():
         train, test = (
@@ -121,13 +123,11 @@ def learn(
     return Trained(model, curve, steps, 0, test_loss, steps, True)
 
 
-def samples(windows: Windows, body: Body, base: GaussianProcess | None) -> Samples:
-    """Features of all steps, and what `base` leaves of the changes of columns."""
+def samples(windows: Windows, body: Body, base: Predictor | None) -> Samples:
+    """Features of all steps, and what is left of their transitions."""
     rows = features(windows.inputs, windows.maps, body).flatten(0, 1)
-    changes = windows.targets.double() - kept_columns(windows.inputs, body)
-    residuals = changes.flatten(0, 1)
-    if base is not None:
-        residuals = residuals - base.changes(rows)
+    begun = first_guess(windows.inputs, windows.maps, body, base)
+    residuals = (windows.targets.double() - begun).flatten(0, 1)
     return Samples(rows.numpy(), residuals.numpy())
 
 
@@ -156,7 +156,8 @@ def fit_kernels(
         A scikit-learn kernel for each component, None for a constant one, and the mean
         squared errors (Y,) on the test split.
     """
-    kernels, errors = [], []
+    kernels: list[Any] = []
+    errors: list[float] = []
     for component in range(train.residuals.shape[1]):
         one, test_one = train.component(component), test.component(component)
         few, some = one.first(KERNEL_SAMPLES), one.first(FACTOR_SAMPLES)
@@ -207,26 +208,25 @@ def condition(data: Samples, kernels: Sequence[Any], units: FeatureUnits) -> Pos
 
     Args:
         data: n samples.
-        kernels: a scikit-learn kernel for each component of the residuals; a component
-            of kernel None is predicted as its mean.
+        kernels: a scikit-learn kernel for each component of the residuals, in units of
+            its variance; a component of kernel None is predicted as its mean.
         units: in which a kernel sees the features.
     """
-    from sklearn.gaussian_process import GaussianProcessRegressor
-
     mean, std = units
     rows = (data.features - mean) / std
     lengths = np.ones((len(kernels), len(mean)))
     weights = np.zeros((len(rows), len(kernels)))
+    baseline = data.residuals.mean(0)
     for component, kernel in enumerate(kernels):
         if kernel is None:
             continue
-        regressor = GaussianProcessRegressor(kernel, optimizer=None, normalize_y=True)
-        regressor.fit(rows, data.residuals[:, component])
         lengths[component] = kernel.k1.k2.length_scale
-        variance = kernel.k1.k1.constant_value
-        factor = variance * data.residuals[:, component].std()
-        weights[:, component] = factor * regressor.alpha_.ravel()
-    arrays = mean, std, rows, lengths, weights, data.residuals.mean(0)
+        covariance = kernel(rows)
+        covariance[np.diag_indices_from(covariance)] += JITTER
+        factor = cho_factor(covariance, lower=True, overwrite_a=True)
+        solved = cho_solve(factor, data.residuals[:, component] - baseline[component])
+        weights[:, component] = kernel.k1.k1.constant_value * solved
+    arrays = mean, std, rows, lengths, weights, baseline
     return Posterior(*(torch.from_numpy(array) for array in arrays))
 
 

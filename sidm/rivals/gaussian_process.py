@@ -72,8 +72,8 @@ class GaussianProcess(Predictor):
     Args:
         body: the robot's body.
         posterior: the processes.
-        base: the expert's Gaussian processes, which these correct; None if these
-            predict the whole changes of columns.
+        base: the expert's model, without a memory, which the processes correct; None
+            if they predict the changes of columns.
         scale: weights (Y,) of the components in equation (1); all 1 by default.
     """
 
@@ -83,7 +83,7 @@ class GaussianProcess(Predictor):
         self,
         body: Body,
         posterior: Posterior,
-        base: GaussianProcess | None = None,
+        base: Predictor | None = None,
         scale: Tensor | None = None,
     ):
         super().__init__()
@@ -107,11 +107,18 @@ class GaussianProcess(Predictor):
     ):
         """Transitions (B, T, Y) in raw units, and the last x (B, 1, X)."""
         rows = features(inputs, maps, self.body, memory)
-        predicted = self.changes(rows.flatten(0, 1)).unflatten(0, rows.shape[:2])
-        predicted = (predicted + kept_columns(inputs, self.body)).to(inputs.dtype)
-        return predicted, inputs[:, -1:]
+        changes = self.posterior.predict(rows.flatten(0, 1))
+        begun = first_guess(inputs, maps, self.body, self.base)
+        predicted = begun + changes.unflatten(0, rows.shape[:2])
+        return predicted.to(inputs.dtype), inputs[:, -1:]
 
-    def changes(self, rows: Tensor) -> Tensor:
-        """Changes (N, Y), float64, at features (N, F): these and those of the base."""
-        changes = self.posterior.predict(rows)
-        return changes if self.base is None else changes + self.base.changes(rows)
+
+def first_guess(
+    inputs: Tensor, maps: Tensor, body: Body, base: Predictor | None
+) -> Tensor:
+    """What the processes add to, (B, T, Y), float64: a base, or columns as they are."""
+    if base is None:
+        return kept_columns(inputs, body)
+    with torch.inference_mode():
+        predicted, _ = base("novice", inputs, maps)
+    return predicted.double()

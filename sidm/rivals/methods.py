@@ -32,7 +32,7 @@ class Method(NamedTuple):
         pretrained: whether it starts from weights that were trained on the expert alone
         carried: which of these weights it starts from; 'sidm': the shared part alone
         residual: whether it learns a correction of the expert's model instead: of the
-            pretrained network, or, if it is not pretrained, of a model of its own kind
+            pretrained network, of its trees for trees, or else of its least squares
         pooled: whether it learns from the samples of both robots as one, with an input
             that tells them apart
         fit: how it learns
@@ -150,10 +150,12 @@ METHODS: dict[str, Method] = {
     "trees_pooled": Method(
         "boosted trees of both robots", "", pooled=True, fit="trees"
     ),
-    # Gaussian processes, in the same three ways.
+    # Gaussian processes: of the novice alone, on the expert's least squares, which are
+    # as good a base as its Gaussian processes and know more beyond its samples, or of
+    # both robots.
     "gp": Method("Gaussian process", "", fit="gaussian_process"),
     "gp_corrected": Method(
-        "expert's Gaussian process, corrected",
+        "expert's least squares, corrected by a Gaussian process",
         "",
         residual=True,
         fit="gaussian_process",

@@ -59,8 +59,8 @@ def pooled_datasets(datasets: Datasets, seed: int) -> Datasets:
     most = max(1, MOST_EXPERT_SAMPLES // expert.stored_inputs.shape[1])
     order = np.random.default_rng(seed).permutation(len(expert))
     expert = expert.take(np.sort(order[:most]))
-    novice = (_flagged(part, True) for part in datasets[:3])
-    return Datasets(*novice, _flagged(expert, False))
+    train, test, validation = (_flagged(part, True) for part in datasets[:3])
+    return Datasets(train, test, validation, _flagged(expert, False))
 
 
 def expert_windows(datasets: Datasets) -> Windows:
