@@ -1,5 +1,6 @@
 """Parameters that a person types are checked before anything runs."""
 
+import argparse
 import os
 from pathlib import Path
 from typing import Any, Optional
@@ -8,7 +9,7 @@ import nbformat
 import pytest
 
 from companion.__main__ import main
-from companion.pages import notebook
+from companion.pages import notebook, notebook_command
 from sidm.config import ConfigError
 
 
@@ -271,3 +272,21 @@ def test_the_project_is_found_from_below_and_from_elsewhere(
         notebook.project_root(tmp_path_factory.mktemp("away"))
         == Path(notebook.__file__).parents[2]
     )
+
+
+def test_paths_are_read_from_where_the_user_stands(tmp_path, monkeypatch):
+    """Files that are there, and folders; other texts stay as they are."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "drives.csv").write_text("")
+    given = {"novice": "drives.csv", "expert": "system1 expert", "data": "mine"}
+    words = [word for item in given.items() for word in ("-p", *item)]
+    parser = argparse.ArgumentParser()
+    notebook_command.add_arguments(parser)
+    arguments = parser.parse_args(["own-data", "out.ipynb", *words])
+    path = notebook.find_notebook("own-data")
+    values = notebook_command._run_of(path, arguments).values
+    assert values["novice"] == str(tmp_path / "drives.csv")
+    assert values["data"] == str(tmp_path / "mine")
+    assert values["expert"] == "system1 expert"
+    monkeypatch.chdir(Path(__file__).parents[2])
+    assert notebook_command._run_of(path, arguments).values["novice"] == "drives.csv"
