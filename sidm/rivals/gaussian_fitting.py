@@ -30,8 +30,8 @@ from sidm.rivals.trees import features
 #: Samples that a process learns from, at most: time grows with the third power.
 MOST_SAMPLES = 3_000
 #: Samples that find the kernel, and those that choose the factor of its length scales.
-KERNEL_SAMPLES, FACTOR_SAMPLES = 500, 1_500
-KERNEL_ITERATIONS = 15  # of L-BFGS-B, at most
+KERNEL_SAMPLES, FACTOR_SAMPLES = 400, 800
+KERNEL_ITERATIONS = 12  # of L-BFGS-B, at most
 FACTORS = (1.0, 2.0, 4.0)
 #: First length scale, and the range of all, in standard deviations of a feature.
 LENGTH_SCALE, LENGTH_SCALES = 3.0, (0.3, 1e3)
@@ -80,7 +80,7 @@ def learn(
     """Fit the Gaussian processes of a novice.
 
     They are exact up to 3,000 samples; of more, a random 3,000 are learnt from. The
-    kernels come from 500 of these. Train and test split are learnt from together.
+    kernels come from 400 of these. Train and test split are learnt from together.
 
     Args:
         datasets: the novice's train and test split, and the expert's data for further
@@ -95,7 +95,7 @@ def learn(
 
     Returns:
         The model and its training; the test loss is that of processes of the train
-        split, which have at most 1,500 samples.
+        split, which have at most 800 samples.
 
     Raises:
         ConfigError: scikit-learn is not installed, or there are no data of the expert
@@ -103,7 +103,7 @@ def learn(
     """
     require_scikit_learn("gp")
     further = expert_windows(datasets) if pooled else None
-    with _quiet_and_on_one_thread():
+    with _quiet_on_one_thread():
         train, test = (
             samples(part, body, base) for part in (datasets.train, datasets.test)
         )
@@ -114,7 +114,8 @@ def learn(
         kernels, test_errors = fit_kernels(drawn, test, units)
         both = train.and_those(test)
         posterior = condition(_draw(both, more, rng), kernels, units)
-        train_errors = _errors(posterior, both)
+        # Of hours of motion, these are enough for a number that only tells of the fit.
+        train_errors = _errors(posterior, both.first(MOST_SAMPLES))
     model = GaussianProcess(body, posterior, base, scale).eval()
     weights = np.ones(len(body.targets)) if scale is None else scale.double().numpy()
     train_loss, test_loss = float(train_errors @ weights), float(test_errors @ weights)
@@ -251,7 +252,7 @@ def _climb(
 
 
 @contextlib.contextmanager
-def _quiet_and_on_one_thread() -> Iterator[None]:
+def _quiet_on_one_thread() -> Iterator[None]:
     """A length scale at its bound is no fault, and one thread gives the same bits."""
     from sklearn.exceptions import ConvergenceWarning
     from threadpoolctl import threadpool_limits
