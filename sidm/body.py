@@ -206,7 +206,10 @@ class Body:
             if given.count(name) > 1:
                 return f"two resolutions of '{name}'"
             if not 0 <= value <= LARGEST:
-                return f"the resolution of '{name}' must be 0 or more, not {value:g}"
+                return (
+                    f"the resolution of '{name}' must be from 0 to {LARGEST:g}, "
+                    f"not {value:g}"
+                )
         return ""
 
     @property

@@ -52,6 +52,10 @@ def write_atomically(path: Path, write: Callable[[IO[bytes]], object]) -> None:
         OSError: the file cannot be written, as on a full disk; one line that names
             `path`. A file that was there before stays.
     """
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        with open(path, "wb") as stream:  # a device or a pipe is not replaced
+            write(stream)
+        return
     part = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -67,7 +71,7 @@ def write_atomically(path: Path, write: Callable[[IO[bytes]], object]) -> None:
         raise OSError(f"{path}: cannot be written ({reason})") from error
     finally:
         if part is not None:
-            with contextlib.suppress(FileNotFoundError):
+            with contextlib.suppress(OSError):  # nothing is left, or the disk is gone
                 os.unlink(part)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from sidm.command_line import AddCommand, whole_number
 from sidm.commands.options import add_comparison_options, methods_text
 from sidm.commands.tables import write_csv
-from sidm.config import parse_changes
+from sidm.config import ConfigError, parse_changes
 
 EXAMPLES = """\
   sidm compare drives/ --body robot.yaml
@@ -61,6 +61,10 @@ def run_compare(arguments: argparse.Namespace) -> int:
     from sidm.comparison.run import compare
 
     out = Path(arguments.out)
+    if not arguments.out.strip() or (out.exists() and not out.is_dir()):
+        raise ConfigError(f"'{out}' is no folder; name one for the comparison")
+    if (out / "model.json").exists():
+        raise ConfigError(f"{out} has a model; name another folder for the comparison")
     comparison = compare(
         arguments.drives,
         arguments.expert,

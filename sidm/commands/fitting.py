@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sidm.command_line import AddCommand, whole_number
 from sidm.commands.options import (
     add_fit_options,
     add_model_options,
     methods_text,
+    refuse_inputs,
     seconds,
 )
 from sidm.commands.tables import csv_text, errors_text, worst_text, write_csv
-from sidm.config import ConfigError, first_line, parse_changes
+from sidm.config import ConfigError, hint, parse_changes
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 TEST_SHARE = 0.25  # of the sessions, held out by `sidm fit`
 FIT_EXAMPLES = """\
@@ -61,7 +67,7 @@ def add_fit(add: AddCommand) -> None:
     text = "where networks are trained, as cpu or cuda (%(default)s)"
     fit.add_argument("--device", metavar="NAME", default="cpu", help=text)
     fit.add_argument("--out", metavar="DIR", required=True, help="folder of the model")
-    text = "replace the model of another robot in the folder"
+    text = "replace the model of a robot with another body in the folder"
     fit.add_argument("--force", action="store_true", help=text)
 
 
@@ -119,7 +125,7 @@ def run_fit(arguments: argparse.Namespace) -> int:
         progress=True,
     )
     print(
-        f"{arguments.out}: {model.method}, from {model.minutes:.2g} min "
+        f"{arguments.out}: {model.method}, from {model.minutes:.3g} min "
         f"in windows of {model.steps} steps"
     )
     if model.held_out:
@@ -139,8 +145,10 @@ def run_evaluate(arguments: argparse.Namespace) -> int:
     """
     from sidm.fitting.files import load
     from sidm.recordings import read_drives
-    from sidm.storage import write_atomically
 
+    outputs = arguments.figure, arguments.csv, arguments.drives_csv
+    refuse_inputs(outputs, arguments.drives)
+    draw = _figure_of(arguments.figure)
     model = load(arguments.model)
     drives = read_drives(
         arguments.drives,
@@ -150,28 +158,47 @@ def run_evaluate(arguments: argparse.Namespace) -> int:
         skip_bad=arguments.skip_bad,
     )
     table, by_drive = model.evaluate(drives), model.evaluate_drives(drives)
-    print(f"{arguments.model}: {model.score(drives)}")
-    print(errors_text(table))
-    print(worst_text(by_drive))
     if arguments.csv:
         write_csv(arguments.csv, table)
     if arguments.drives_csv:
         write_csv(arguments.drives_csv, by_drive)
+    if draw:
+        draw(table)
+    print(f"{arguments.model}: {model.score(drives)}")
+    print(errors_text(table))
+    print(worst_text(by_drive))
+    if draw:
+        print(f"figure: {arguments.figure}")
+    return 0
+
+
+def _figure_of(name: str) -> Callable[[pd.DataFrame], None] | None:
+    """A function that draws errors into a file; None where Matplotlib is missing.
+
+    Raises:
+        ConfigError: the file's kind is none of a figure.
+    """
+    from sidm.storage import write_atomically
+
     try:
+        from matplotlib.figure import Figure
+
         from sidm.fitting.report import figure
     except ImportError:
         text = "note: no figure is drawn without Matplotlib: pip install 'sidm[plots]'"
         print(text, file=sys.stderr)
-        return 0
-    path = Path(arguments.figure)
-    kind = path.suffix.lstrip(".") or "png"
-    try:
+        return None
+    path = Path(name)
+    kind = path.suffix.lstrip(".").lower() or "png"
+    known = Figure().canvas.get_supported_filetypes()
+    if kind not in known:
+        raise ConfigError(f"{path}: no kind of figure; {hint(kind, known)}")
+
+    def draw(table: pd.DataFrame) -> None:
         drawn = figure(table)
-        write_atomically(path, lambda file: drawn.savefig(file, format=kind))
-    except ValueError as error:  # Matplotlib does not know the type of file
-        raise ConfigError(f"{path}: {first_line(error)}") from None
-    print(f"figure: {path}")
-    return 0
+        write_atomically(path.resolve(), lambda file: drawn.savefig(file, format=kind))
+
+    return draw
 
 
 def run_predict(arguments: argparse.Namespace) -> int:
@@ -181,6 +208,7 @@ def run_predict(arguments: argparse.Namespace) -> int:
 
     if arguments.every and arguments.horizon is None:
         raise ConfigError("--every is of open-loop predictions: give --horizon, too")
+    refuse_inputs([arguments.out], arguments.drives)
     model = load(arguments.model)
     drives = read_drives(
         arguments.drives,
@@ -193,5 +221,5 @@ def run_predict(arguments: argparse.Namespace) -> int:
     if arguments.out:
         write_csv(arguments.out, table)
     else:
-        sys.stdout.write(csv_text(table))
+        print(csv_text(table), end="")
     return 0

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Iterable
+from pathlib import Path
+
+from sidm.config import ConfigError
 
 _DRIVES = "drives: files, ROS bags, or folders of files"
 
@@ -47,6 +51,21 @@ def add_reading_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--topics", metavar="NAME", nargs="+", default=[], help=text)
     text = "leave out drives that have a fault, and name them"
     command.add_argument("--skip-bad", action="store_true", help=text)
+
+
+def refuse_inputs(outputs: Iterable[str | None], inputs: Iterable[str | None]) -> None:
+    """Raise ConfigError for a file to write that has no name or is read, too."""
+    read = [Path(path) for path in inputs if path and Path(path).exists()]
+    for output in outputs:
+        if output is None:
+            continue
+        if not output.strip():
+            raise ConfigError("a file to write has no name; pass a path")
+        path = Path(output)
+        if path.is_dir():
+            raise ConfigError(f"{output} is a folder; name a file to write")
+        if path.exists() and any(path.samefile(other) for other in read):
+            raise ConfigError(f"{output} is read, too; name another file to write")
 
 
 def methods_text() -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from sidm.command_line import AddCommand
+from sidm.commands.options import refuse_inputs
 from sidm.config import ConfigError
 
 EXAMPLES = """\
@@ -41,6 +42,7 @@ def run_replay(arguments: argparse.Namespace) -> int:
     from sidm.replay.viewer import View
 
     path = Path(arguments.ride)
+    refuse_inputs([arguments.html], [arguments.ride, arguments.body])
     View(_scene(path, arguments), arguments.title or path.name).write(arguments.html)
     print(f"{arguments.html}: open it in a browser")
     return 0

@@ -26,7 +26,8 @@ def write_csv(path: str, table: Any) -> None:
     from sidm.storage import write_atomically  # which imports NumPy
 
     content = csv_text(table).encode()
-    write_atomically(Path(path), lambda file: file.write(content))
+    # A link of the user stays a link.
+    write_atomically(Path(path).resolve(), lambda file: file.write(content))
 
 
 def errors_text(table: Any) -> str:

@@ -41,7 +41,10 @@ def losses_figure(comparison: Comparison) -> Figure:
     losses.set(xlabel="loss on sessions held out", title="all data, 95 % intervals")
     if (table.loss > 0).all():
         losses.set_xscale("log")
-        losses.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        wide = table.loss.max() > 100 * table.loss.min()
+        losses.xaxis.set_major_locator(
+            LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0))
+        )
     finish(losses, legend=False)
     losses.xaxis.set_major_formatter("{x:g}")
     curve = comparison.curve

@@ -109,6 +109,8 @@ def plan_for(
         )
     if fold_count < 2:
         raise ConfigError(f"folds must be at least 2, not {fold_count}")
+    if seed < 0:
+        raise ConfigError(f"seed must be 0 or more, not {seed}")
     if repeats < 1:
         raise ConfigError(f"repeats must be at least 1, not {repeats}")
     shares = sorted({1.0, *shares})

@@ -200,6 +200,7 @@ class Comparison:
         for name in ("spread", "position", "heading", "seconds"):
             if name in self.table:
                 shown[name] = [f"{value:.2g}" for value in self.table[name]]
+        shown = shown[[c for c in shown if not (shown[c] == "nan").all()]]
         titles_of_errors = {
             "spread": "over repeats",
             "position": f"position after {AHEAD:g} s [m]",
@@ -213,31 +214,36 @@ class Comparison:
         best = self.methods[0]
         # The first row is the best by chance too: whoever may equal it is named.
         near = [m for m in self.methods[1:] if not self.ratio(m, best).low > 1]
-        method = min((best, *near), key=_complexity)
-        if method in TRIVIAL:
-            sentence = f"No method is surely better than '{method}'."
-        else:
-            sentence = f"{self._choice(method, near)}; {self._more_data(method)}."
+        trivial = next((m for m in self.methods if m in TRIVIAL), "")
+        sure = [
+            method
+            for method in (best, *near)
+            if not trivial or self.ratio(method, trivial).high < 1
+        ]
+        if not sure:
+            sentence = f"No method is surely better than '{trivial}'."
+            return Verdict(trivial, tuple(near), sentence)
+        method = min(sure, key=_complexity)
+        sentence = f"{self._choice(method, near, trivial)}; {self._more_data(method)}."
         return Verdict(method, tuple(near), sentence)
 
-    def _choice(self, method: str, near: Sequence[str]) -> str:
+    def _choice(self, method: str, near: Sequence[str], trivial: str) -> str:
         """Which method, and by how much."""
-        best, words = self.methods[0], []
-        if "mean" in self.methods:
-            words.append(f"{self.ratio(method, 'mean')} times that of the mean")
+        best, others = self.methods[0], [trivial] if trivial else []
         if method != best:
-            words.append(f"{self.ratio(method, best)} times that of {best}")
-        elif not near and len(self.methods) > 1:
-            second = self.methods[1]
-            words.append(f"{self.ratio(best, second)} times that of {second}")
-        loss = " and ".join(words) or resampled_loss(
-            self.losses(method), self.plan.folds
-        )
+            others.append(best)
+        elif not near:
+            others += self.methods[1:2]
+        words = [
+            f"{self.ratio(method, other)} times that of {other}"
+            for other in dict.fromkeys(others)
+        ]
+        loss = resampled_loss(self.losses(method), self.plan.folds)
         why = ""
         if near:
             alike = ", ".join(m for m in (best, *near) if m != method)
             why = f", the simplest of those not surely apart (beside {alike})"
-        return f"Take {method}{why}: its loss is {loss}"
+        return f"Take {method}{why}: its loss is {' and '.join(words) or loss}"
 
     def _more_data(self, method: str) -> str:
         """Whether more data would help a method."""

@@ -12,10 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 CONFIDENCE = 0.95
+FEWEST = 4  # fits of an interval
 
 
 class Interval(NamedTuple):
-    """A mean and its 95 % interval; the bounds are NaN with a single value."""
+    """A mean and its 95 % interval; the bounds are NaN below FEWEST values."""
 
     value: float
     low: float
@@ -37,7 +38,7 @@ def resampled_mean(values: np.ndarray, folds: int) -> Interval:
     from scipy import stats  # here, since it takes long to import
 
     count, mean = len(values), float(np.mean(values))
-    if count < 2:
+    if count < FEWEST:
         return Interval(mean, np.nan, np.nan)
     spread = float(np.std(values, ddof=1))
     error = spread * np.sqrt(1 / count + 1 / (folds - 1))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
 
 from sidm.body import Body
 from sidm.body_file import as_body
-from sidm.config import ConfigError, replace
+from sidm.config import ConfigError, Notice, replace
 from sidm.drives import Drive
 from sidm.recordings.reading import drives_from_frame, has_bags, read_drives
 
@@ -58,7 +59,8 @@ def drives_from(
     if _is_paths(source):
         if argument in ("expert", "test") and not has_bags(source):
             topics = ()  # are of the novice's bags
-        return read_drives(source, _required(file_body, argument), topics, **reading)
+        read = read_drives(source, _required(file_body, argument), topics, **reading)
+        return _each_once(read, argument)
     if isinstance(source, Drive):
         source = [source]
     if hasattr(source, "columns") and hasattr(source, "to_numpy"):
@@ -88,7 +90,20 @@ def drives_from(
             f"{argument} has drives of several bodies ({names}); "
             "all drives of a robot have the same body"
         )
-    return drives
+    return _each_once(drives, argument)
+
+
+def _each_once(drives: list[Drive], argument: str) -> list[Drive]:
+    """The drives without those that are given twice, which are told by a `Notice`."""
+    different: dict[tuple[bytes, bytes], Drive] = {}
+    for drive in drives:
+        key = drive.states.tobytes(), drive.actions.tobytes()
+        different.setdefault(key, drive)
+    if len(different) < len(drives):
+        twice = len(drives) - len(different)
+        text = f"{argument} has {twice} drives that are given twice; each counts once"
+        warnings.warn(Notice(text), stacklevel=4)
+    return list(different.values())
 
 
 def _is_paths(source: Drives) -> TypeGuard[str | Path | Sequence[str | Path]]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,8 @@ def refuse_folder(folder: str | Path, body: Body, force: bool = False) -> None:
             if not path.is_dir():
                 raise ConfigError(f"{path} is a file; name a folder for the model")
             break
+    if folder.exists() and not os.access(folder, os.W_OK):
+        raise ConfigError(f"{folder} cannot be written; name another folder")
     there = _body_there(folder)
     if force or there is None or _without_weights(there) == _without_weights(body):
         return
@@ -123,6 +126,7 @@ def write_model(model: Model, folder: str | Path, force: bool = False) -> None:
         "network": network,
         "sha256": hashlib.sha256(content).hexdigest(),  # of the weights' file
     }
+    about["checksum"] = _checksum_of(about)
     write_atomically(folder / WEIGHTS, lambda file: file.write(content))
     text = json.dumps(about, indent=1) + "\n"
     write_atomically(folder / ABOUT, lambda file: file.write(text.encode()))
@@ -148,6 +152,8 @@ def load(folder: str | Path) -> Model:
             raise ConfigError(f"{folder}: no model is there, {name} is missing")
     try:
         about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+        if about.get("checksum", _checksum_of(about)) != _checksum_of(about):
+            raise ValueError(f"{ABOUT} was changed")  # older versions have no checksum
         body = body_from_mapping(about["body"], "")
         network = from_mapping(
             Network, about["network"] | {"novice_body": body, "expert_body": body}
@@ -175,6 +181,12 @@ def load(folder: str | Path) -> Model:
         target_mean=mean,
         **values,
     )
+
+
+def _checksum_of(about: dict[str, Any]) -> str:
+    """Checksum of all values of a model's JSON file."""
+    values = {name: value for name, value in about.items() if name != "checksum"}
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 
 def _as_list(values: Tensor | None) -> list[float] | None:

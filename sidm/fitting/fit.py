@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 
-from sidm.config import ConfigError, first_line
+from sidm.config import ConfigError, Notice, first_line
 from sidm.drives import Drive
 from sidm.fitting.arguments import drives_from, refuse_swapped
-from sidm.fitting.files import refuse_folder
+from sidm.fitting.files import ABOUT, refuse_folder
 from sidm.fitting.learning import refuse_method
 from sidm.fitting.model import Model
 from sidm.fitting.score import DriveLosses
@@ -72,7 +73,7 @@ def fit(
         seed: seed of the choice of drives, the initial weights and the batches.
         out: a folder for the model. An unfinished training is kept there, too; the same
             call resumes it.
-        force: whether the model may replace another robot's model in `out`.
+        force: whether the model may replace a model of another body in `out`.
         topics: topics of ROS bags, needed if a bag has several matching topics.
         skip_bad: whether to leave out drives that have a fault, with a `Notice` each.
         device: where networks are trained, as 'cpu' or 'cuda'.
@@ -128,6 +129,8 @@ def fit(
     if losses:
         model = replace(model, held_out=DriveLosses.joined(losses).score(len(losses)))
     if out is not None:
+        if (Path(out) / ABOUT).exists():
+            warnings.warn(Notice(f"{out}: the model there is replaced"), stacklevel=2)
         model.save(out, force=force)
         shutil.rmtree(Path(out) / UNFINISHED, ignore_errors=True)
     return model

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -226,6 +227,8 @@ class Model:
         checked = self._drives(drives, topics)
         if horizon is None:
             return one_step_table(checked, self._one_step(checked))
+        if not math.isfinite(horizon):
+            raise ConfigError(f"a horizon is a number of seconds, not {horizon}")
         steps = round(horizon * self.body.rate)
         if steps < 1:
             raise ConfigError(

@@ -84,6 +84,11 @@ def fit_drives(
     _refuse_not_finite(method, trained)
     body = novice[0].body
     scale = loss_weights(body, role_units(units_in(sets, network), "novice"))
+    if scale is not None and not scale.any():
+        raise ConfigError(
+            f"nothing of body '{body.name}' varies by more than its sensors resolve; "
+            "look at the units, or at 'resolution' in the body"
+        )
     model = Model(
         predictor=trained.model.cpu().eval(),
         body=body,
@@ -204,8 +209,8 @@ def _notify(
     names = [n for n, w in zip(model.body.targets, model.scale, strict=True) if not w]
     if names:
         text = (
-            f"{', '.join(names)} of body '{model.body.name}' varies by less than its "
-            "sensor resolves: it has no weight in the loss; 'resolution' in the body "
-            "says what a sensor resolves"
+            f"of body '{model.body.name}', {', '.join(names)}: varies by less than the "
+            "sensor resolves, and so has no weight in the loss; 'resolution' in the "
+            "body says what a sensor resolves"
         )
         warnings.warn(Notice(text), stacklevel=4)

@@ -61,14 +61,19 @@ class TextTable(NamedTuple):
     first: int  # number of the line with the first cells
     decimal_commas: bool
 
-    def numbers(self, name: str) -> np.ndarray:
-        """The numbers (R,) of a column; RecordingError names the first that is none."""
+    def numbers(self, name: str, lenient: bool = False) -> np.ndarray:
+        """The numbers (R,) of a column; RecordingError names the first that is none.
+
+        If `lenient`, a cell that is no number is NaN.
+        """
         cells = self.cells[self.names.index(name)]
         if self.decimal_commas:
             cells = [cell.replace(",", ".") for cell in cells]
         values = np.array([_float(cell) for cell in cells])
         bad = np.flatnonzero(~(np.abs(values) <= LARGEST)).tolist()
-        if bad:
+        if lenient:
+            values[bad] = np.nan
+        elif bad:
             line, cell = self.first + bad[0], cells[bad[0]]
             beyond = np.isfinite(values[bad[0]])
             fault = "beyond 1e15" if beyond else "no finite number"
@@ -79,8 +84,15 @@ class TextTable(NamedTuple):
         return values
 
 
-def read_csv(path: Path, body: Body) -> Table:
-    """Read the columns of a body from a file; RecordingError names the first fault."""
+def read_csv(path: Path, body: Body, lenient: bool = False) -> Table:
+    """Read the columns of a body from a file; RecordingError names the first fault.
+
+    Args:
+        path: of the file.
+        body: whose columns are read.
+        lenient: whether a cell that is no number is read as NaN in a file of several
+            drives; its drive alone is then refused.
+    """
     text = read_text(path)
     header, names = text.header, text.names
     timed = "time" in names
@@ -89,7 +101,10 @@ def read_csv(path: Path, body: Body) -> Table:
             f"{path}: it has neither a line '# rate: 10 Hz' nor a column 'time [s]'"
         )
     factors = unit_factors(str(path), names, text.units, body, timed)
-    columns = {name: text.numbers(name) * factor for name, factor in factors.items()}
+    lenient = lenient and bool({"drive", "session"} & set(names))
+    columns = {
+        name: text.numbers(name, lenient) * factor for name, factor in factors.items()
+    }
     labels: dict[str, np.ndarray] = {
         name: np.array(text.cells[names.index(name)])
         for name in ("drive", "session")

@@ -96,7 +96,7 @@ def drives_of_paths(
     drives = []
     for file in files:
         try:
-            tables = list(_tables(file, body, topics))
+            tables = list(_tables(file, body, topics, findings.skip))
         except RecordingError as error:
             findings.add(error)
             continue
@@ -199,7 +199,9 @@ def _files_in(folder: Path) -> list[Path]:
     return [file for file in files if file.resolve() not in heights]
 
 
-def _tables(path: Path, body: Body, topics: Sequence[str]) -> Iterable[Table]:
+def _tables(
+    path: Path, body: Body, topics: Sequence[str], lenient: bool = False
+) -> Iterable[Table]:
     """The tables of a file or a bag."""
     if is_bag(path):
         from sidm.recordings.bags import read_bag  # its library is optional
@@ -208,7 +210,7 @@ def _tables(path: Path, body: Body, topics: Sequence[str]) -> Iterable[Table]:
     if path.suffix == ".npz":
         return read_npz(path, body)
     if path.name.endswith(SUFFIXES):
-        return [read_csv(path, body)]
+        return [read_csv(path, body, lenient)]
     raise RecordingError(f"{path}: drives are {', '.join(SUFFIXES)} or ROS bags")
 
 

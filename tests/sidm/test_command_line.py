@@ -23,7 +23,8 @@ FIT = f"fit --novice {WARTHOG} --body {SKID} --out model"
 @pytest.fixture(autouse=True)
 def empty_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "file").write_text("")
+    for name in ("file", "drive.csv"):
+        (tmp_path / name).write_text("")
 
 
 def said_by(words, capsys):
@@ -51,9 +52,16 @@ def said_by(words, capsys):
         (f"fit --novice file --body {SKID} --out m", "file: drives are"),
         (f"fit --novice {WARTHOG} --body none.yaml --out m", "none.yaml: there is no"),
         (f"evaluate nowhere {WARTHOG}", "nowhere: no model is there"),
-        (f"evaluate {MODEL} {WARTHOG} --figure a.foo", "a.foo: Format 'foo'"),
+        (f"evaluate {MODEL} {WARTHOG} --figure a.foo", "a.foo: no kind of figure"),
         (f"evaluate {MODEL} {WARTHOG} --csv file/a.csv", "file/a.csv"),
         (f"predict {MODEL} {WARTHOG} --topics /a", "topics are of ROS bags"),
+        (f"predict {MODEL} drive.csv --out drive.csv", "drive.csv is read, too"),
+        (f"evaluate {MODEL} drive.csv --csv drive.csv", "drive.csv is read, too"),
+        (f"replay drive.csv --body {SKID} --html drive.csv", "drive.csv is read, too"),
+        (f"compare {WARTHOG} --body {SKID} --out file", "'file' is no folder"),
+        (f"compare {WARTHOG} --body {SKID} --out {MODEL}", "has a model; name another"),
+        (f"compare {WARTHOG} --body {SKID} --seed -1", "seed must be 0 or more"),
+        (f"predict {MODEL} {WARTHOG} --horizon nans", "a time is as 3s"),
         (f"predict {MODEL} {WARTHOG} --horizon 0.001s", "below one step of 0.1 s"),
         (f"replay {WARTHOG} --body {SKID} --html a --drive 999", "drives 0 to 286"),
         (
@@ -156,7 +164,7 @@ def ideal_drives():
 def test_rounding_noise_has_no_weight_in_the_loss():
     """Without a resolution, noise of 1e-6 m would be most of what is left to learn."""
     drives = ideal_drives()
-    with pytest.warns(Notice, match="^left of body 'ideal' varies by less than its"):
+    with pytest.warns(Notice, match="^of body 'ideal', left: varies by less than the"):
         model = sidm.fit(drives, method="least_squares", test=0.25)
     targets = model.body.targets
     weights = dict(zip(targets, model.scale.tolist(), strict=True))
@@ -174,7 +182,7 @@ def test_a_written_resolution_is_used():
         sidm.Drive(d.states, d.actions, coarse, session=d.session)
         for d in ideal_drives()
     ]
-    with pytest.warns(Notice, match="forward, left of body"):
+    with pytest.warns(Notice, match="ideal', forward, left: varies"):
         model = sidm.fit(drives, method="mean")
     assert model.scale[:2].tolist() == [0, 0]
 
@@ -215,3 +223,50 @@ def test_several_paths_are_read_together(tmp_path):
     words = "fit --novice 0.csv 1.csv --body body.yaml --out model --method mean"
     assert main(words.split()) == 0
     assert sidm.load("model").minutes == pytest.approx(18 * 3 / 60)
+
+
+def test_drives_that_are_given_twice_count_once():
+    drives = ideal_drives()
+    with pytest.warns(Notice, match="novice has 24 drives that are given twice"):
+        twice = sidm.fit([*drives, *drives], method="least_squares")
+    once = sidm.fit(drives, method="least_squares")
+    assert twice.minutes == once.minutes
+    assert twice.loss(drives) == once.loss(drives)
+
+
+def test_a_body_without_any_weight_is_refused():
+    names = ("forward", "left", "turn", "wheel_left", "wheel_right")
+    blind = replace(ideal_drives()[0].body, resolution=tuple((n, 1e6) for n in names))
+    drives = [
+        sidm.Drive(d.states, d.actions, blind, session=d.session)
+        for d in ideal_drives()
+    ]
+    with pytest.raises(sidm.config.ConfigError, match="nothing of body 'ideal' varies"):
+        sidm.fit(drives, method="least_squares")
+
+
+def test_a_link_stays_a_link():
+    Path("target.csv").write_text("old")
+    Path("link.csv").symlink_to("target.csv")
+    assert main(["predict", str(MODEL), str(WARTHOG), "--out", "link.csv"]) == 0
+    assert Path("link.csv").is_symlink()
+    assert Path("target.csv").read_text().startswith("drive,")
+
+
+def test_replacing_a_model_is_told():
+    drives = ideal_drives()
+    sidm.fit(drives, method="mean", out="m")
+    with pytest.warns(Notice, match="m: the model there is replaced"):
+        sidm.fit(drives, method="least_squares", out="m")
+
+
+def test_one_bad_cell_leaves_out_one_drive(tmp_path):
+    drives = ideal_drives()
+    write_drives(tmp_path / "a.csv", drives, "tests")
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    cells = lines[40].split(",")
+    lines[40] = ",".join([*cells[:-1], "nan"])
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    with pytest.warns(Notice, match="left out: a.csv: drive .* is not finite"):
+        left = sidm.read_drives("a.csv", drives[0].body, skip_bad=True)
+    assert len(left) == 23

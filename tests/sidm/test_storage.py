@@ -194,3 +194,12 @@ def test_what_killed_writers_left_is_swept(tmp_path):
     sweep(tmp_path)
     assert sorted(os.listdir(tmp_path)) == [".b.npz.x2.part", "c.part"]
     sweep(tmp_path / "none")
+
+
+def test_a_pipe_stays_a_pipe(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    write_atomically(pipe, lambda stream: stream.write(b"through"))
+    assert os.read(reader, 100) == b"through" and pipe.is_fifo()
+    os.close(reader)

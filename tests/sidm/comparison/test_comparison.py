@@ -209,7 +209,7 @@ NOISE = np.exp(0.02 * np.random.default_rng(0).standard_normal((4, 8)))
                 "novice_only": (0.9 * NOISE[2], 0.8 * NOISE[3]),
             },
             "least_squares",
-            ("0.5", "times that of the mean", "novice_only", "more data would help"),
+            ("0.4", "times that of mean", "novice_only", "more data would help"),
         ),
         (
             {
@@ -226,6 +226,15 @@ NOISE = np.exp(0.02 * np.random.default_rng(0).standard_normal((4, 8)))
             },
             "mean",
             ("No method is surely better than 'mean'",),
+        ),
+        (  # least squares are not surely worse than trees, nor better than no change
+            {
+                "nothing_changes": (NOISE[0], NOISE[0]),
+                "least_squares": (NOISE[1] ** 30, 0.9 * NOISE[1] ** 30),
+                "trees": (0.8 * NOISE[2], 0.75 * NOISE[2]),
+            },
+            "trees",
+            ("Take trees", "times that of nothing_changes"),
         ),
     ],
 )

@@ -39,7 +39,7 @@ def test_a_flipped_bit_is_found(model, tmp_path):
 def test_models_of_older_versions_have_no_checksum(model, tmp_path):
     model.save(tmp_path)
     about = json.loads((tmp_path / "model.json").read_text())
-    assert len(about.pop("sha256")) == 64
+    assert len(about.pop("sha256")) == len(about.pop("checksum")) == 64
     (tmp_path / "model.json").write_text(json.dumps(about))
     assert sidm.load(tmp_path).body == SKID
 
@@ -82,3 +82,20 @@ def test_a_file_is_no_folder(model, tmp_path):
             model.save(folder, force=True)
     assert path.read_text() == "mine"
     refuse_folder(tmp_path / "new" / "folder", SKID)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("held_out", 5),
+        ("scale", [0, 0, 0, 0, 0, -1]),
+        ("steps", "a"),
+        ("method", "foo"),
+    ],
+)
+def test_a_changed_file_of_a_model_is_found(model, tmp_path, name, value):
+    model.save(tmp_path)
+    about = json.loads((tmp_path / "model.json").read_text())
+    (tmp_path / "model.json").write_text(json.dumps(about | {name: value}))
+    with pytest.raises(ConfigError, match="model.json was changed"):
+        sidm.load(tmp_path)

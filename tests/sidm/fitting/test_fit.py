@@ -225,7 +225,7 @@ def test_the_commands_lead_from_file_to_predictions(tmp_path, monkeypatch, capsy
         )
         == 2
     )
-    assert "found.foo: Format 'foo' is not supported" in capsys.readouterr().err
+    assert "found.foo: no kind of figure" in capsys.readouterr().err
     assert (
         command_line.main(["predict", out, path, "--out", str(tmp_path / "found.csv")])
         == 0
