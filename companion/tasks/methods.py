@@ -89,7 +89,7 @@ class Method(NamedTuple):
     """A method as it is named on the command line.
 
     Attributes:
-        name: of a library's method, or 'file.py:Class'
+        name: of a library's method, or of a file and a class, joined by a colon
         code: digest of the file, 12 hexadecimal digits; '' for the library's
     """
 

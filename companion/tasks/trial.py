@@ -47,7 +47,7 @@ class Entry:
     """A method on a task with a seed.
 
     Attributes:
-        method: name of a library's method, or 'file.py:Class'
+        method: name of a library's method, or a file and a class, joined by a colon
         code: digest of the method's file; '' for the library's
         task: the task
         seed: of the drives that are drawn, and of the method

@@ -25,7 +25,7 @@ from companion.tasks.scores import (
     score_table,
     task_scores,
 )
-from companion.tasks.trial import Entry, EntryResult
+from companion.tasks.trial import Entry, EntryResult, measure
 from sidm.config import ConfigError
 from sidm.drives import minutes_of
 
@@ -345,3 +345,9 @@ def test_the_example_of_the_page_beats_the_mean(tmp_path):
     nearest, mean = run(names, [TASK], seeds=1, results=tmp_path, progress=False)
     assert nearest.status == mean.status == "ok", nearest.message
     assert nearest.loss < 0.5 * mean.loss and nearest.position < 0.7 * mean.position
+
+
+def test_a_method_keeps_its_figures(golden):
+    values = measure("least_squares", TASK, 0, "data")
+    figures = {name: values[name] for name in ("loss", "position", "heading")}
+    golden.hold("benchmark", "benchmark", figures, rel=1e-3)

@@ -87,7 +87,10 @@ def test_lines_of_a_body_read_back_as_the_same(body):
         ),
         (WARTHOG + "resolution: {turn: 1 mm}\n", "'turn' is a number in rad or deg"),
         (WARTHOG + "resolution: {turn: fine}\n", "'turn' is a number in rad or deg"),
-        (WARTHOG + "resolution: {left: -1 mm}\n", "must be 0 or more, not -0.001"),
+        (
+            WARTHOG + "resolution: {left: -1 mm}\n",
+            "must be from 0 to 1e+12, not -0.001",
+        ),
         (WARTHOG + "rate: 20 Hz\n", "line 6: 'rate' is given twice; leave one out"),
         (
             WARTHOG.replace("yaw_rate:", "wheel_left:"),
