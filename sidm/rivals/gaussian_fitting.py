@@ -65,7 +65,7 @@ class Samples(NamedTuple):
         return self._replace(residuals=self.residuals[:, [number]])
 
     def and_those(self, other: Samples) -> Samples:
-        """These samples, then those of `other`."""
+        """Samples of both sets, of this set first."""
         return Samples(*map(np.concatenate, zip(self, other, strict=True)))
 
 
