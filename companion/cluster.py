@@ -44,3 +44,18 @@ def dask_executor(address: str) -> Iterator[Executor]:
         ) from None
     with client:
         yield client.get_executor(pure=False, retries=RETRIES)
+
+
+@contextlib.contextmanager
+def executor_at(address: str | None) -> Iterator[Executor | None]:
+    """The executor of a Dask cluster, closed at the end of the block.
+
+    Args:
+        address: as in `dask_executor`; None: no cluster is used, and the block gets
+            None.
+    """
+    if address is None:
+        yield None
+        return
+    with dask_executor(address) as executor:
+        yield executor

@@ -7,25 +7,13 @@ returns the command's exit status.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import math
-from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
+from companion.cluster import executor_at
 from sidm.config import ConfigError, parse_changes
 from sidm.systems import SYSTEMS
-
-
-def _executor(
-    arguments: argparse.Namespace,
-) -> contextlib.AbstractContextManager[Executor | None]:
-    """The executor of the cluster that --dask names; None without --dask."""
-    if arguments.dask is None:
-        return contextlib.nullcontext()
-    from companion.cluster import dask_executor
-
-    return dask_executor(arguments.dask)
 
 
 def _preset(arguments: argparse.Namespace):
@@ -74,7 +62,7 @@ def run_collect(arguments: argparse.Namespace) -> int:
 
     preset = _preset(arguments)
     needed = _datasets(arguments, preset)
-    with _executor(arguments) as executor:
+    with executor_at(arguments.dask) as executor:
         digests = collect_datasets(
             preset,
             data=arguments.data,
@@ -134,7 +122,7 @@ def run_run(arguments: argparse.Namespace) -> int:
     else:
         return _run_study(arguments)
     store = Results(arguments.results)
-    with _executor(arguments) as executor:
+    with executor_at(arguments.dask) as executor:
         run(
             trials,
             executor,

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 from pathlib import Path
 
+from companion.cluster import executor_at
 from sidm.command_line import whole_number
 from sidm.config import ConfigError
 
@@ -52,29 +52,21 @@ def run_bench(arguments: argparse.Namespace) -> int:
         return _check(arguments, store.all())
     status = 0
     if arguments.methods:
-        run(
-            arguments.methods,
-            tasks,
-            seeds=seeds,
-            data=arguments.data,
-            results=arguments.results,
-            workers=arguments.workers,
-            executor=_executor(arguments),
-            **({} if arguments.limit is None else {"limit": arguments.limit}),
-        )
+        with executor_at(arguments.dask) as executor:
+            run(
+                arguments.methods,
+                tasks,
+                seeds=seeds,
+                data=arguments.data,
+                results=arguments.results,
+                workers=arguments.workers,
+                executor=executor,
+                **({} if arguments.limit is None else {"limit": arguments.limit}),
+            )
         wanted = entries(arguments.methods, tasks, seeds)
         status = int(any(store.get(entry) is None for entry in wanted))
     _print_table(arguments, store.all())
     return status
-
-
-def _executor(arguments: argparse.Namespace):
-    """The executor of a Dask cluster; None for this machine."""
-    if arguments.dask is None:
-        return None
-    from companion.cluster import dask_executor
-
-    return contextlib.ExitStack().enter_context(dask_executor(arguments.dask))
 
 
 def _print_table(arguments: argparse.Namespace, results) -> None:

@@ -71,7 +71,7 @@ class EntryResult:
             over its variance there unless the body says otherwise
         components: (Y,) terms of the loss
         position: root mean square of the position error after AHEAD seconds, m
-        heading: the same of the heading, rad
+        heading: root mean square of the heading error after AHEAD seconds, rad
         seconds: of the fit
         memory: most memory of the process, MiB
         provenance: how it was made

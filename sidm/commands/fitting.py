@@ -22,6 +22,9 @@ from sidm.config import ConfigError, hint, parse_changes
 if TYPE_CHECKING:
     import pandas as pd
 
+    from sidm.drives import Drive
+    from sidm.fitting.model import Model
+
 TEST_SHARE = 0.25  # of the sessions, held out by `sidm fit`
 FIT_EXAMPLES = """\
   sidm fit --novice drives/ --body robot.yaml --out model
@@ -138,17 +141,11 @@ def run_fit(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def run_evaluate(arguments: argparse.Namespace) -> int:
-    """Run `sidm evaluate`: it prints the tables of errors and draws their figure.
-
-    It draws nothing where Matplotlib is not installed.
-    """
+def _model_and_drives(arguments: argparse.Namespace) -> tuple[Model, list[Drive]]:
+    """The model that a command names, and the drives of its robot."""
     from sidm.fitting.files import load
     from sidm.recordings import read_drives
 
-    outputs = arguments.figure, arguments.csv, arguments.drives_csv
-    refuse_inputs(outputs, arguments.drives)
-    draw = _figure_of(arguments.figure)
     model = load(arguments.model)
     drives = read_drives(
         arguments.drives,
@@ -157,6 +154,18 @@ def run_evaluate(arguments: argparse.Namespace) -> int:
         held=True,
         skip_bad=arguments.skip_bad,
     )
+    return model, drives
+
+
+def run_evaluate(arguments: argparse.Namespace) -> int:
+    """Run `sidm evaluate`: it prints the tables of errors and draws their figure.
+
+    It draws nothing where Matplotlib is not installed.
+    """
+    outputs = arguments.figure, arguments.csv, arguments.drives_csv
+    refuse_inputs(outputs, arguments.drives)
+    draw = _figure_of(arguments.figure)
+    model, drives = _model_and_drives(arguments)
     table, by_drive = model.evaluate(drives), model.evaluate_drives(drives)
     if arguments.csv:
         write_csv(arguments.csv, table)
@@ -203,20 +212,10 @@ def _figure_of(name: str) -> Callable[[pd.DataFrame], None] | None:
 
 def run_predict(arguments: argparse.Namespace) -> int:
     """Run `sidm predict`: it writes the predictions as CSV."""
-    from sidm.fitting.files import load
-    from sidm.recordings import read_drives
-
     if arguments.every and arguments.horizon is None:
         raise ConfigError("--every is of open-loop predictions: give --horizon, too")
     refuse_inputs([arguments.out], arguments.drives)
-    model = load(arguments.model)
-    drives = read_drives(
-        arguments.drives,
-        model.body,
-        arguments.topics,
-        held=True,
-        skip_bad=arguments.skip_bad,
-    )
+    model, drives = _model_and_drives(arguments)
     table = model.predict(drives, horizon=arguments.horizon, every=arguments.every)
     if arguments.out:
         write_csv(arguments.out, table)

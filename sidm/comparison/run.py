@@ -33,6 +33,7 @@ from sidm.drives import Drive, minutes_of
 from sidm.fitting.arguments import drives_from, refuse_swapped
 from sidm.fitting.settings import Settings, settings_with
 from sidm.fitting.single import fit_drives, pretrained
+from sidm.fitting.windows import common_length
 from sidm.learning.arithmetic import one_thread
 from sidm.learning.stopping import TrainingError
 from sidm.pool import local_pool
@@ -242,7 +243,9 @@ def _start(
     config = METHODS[method]
     if not config.pretrained:
         return None
-    key = _digest(task), config.fit == "trees", config.all_changes, seed
+    assert task.expert is not None  # the plan has refused the method without one
+    steps = common_length(learn, task.expert)  # of the expert's windows
+    key = _digest(task), config.all_changes, steps, seed
     if key not in _STARTS:
         _STARTS.clear()  # the fits of one repeat follow each other
         _STARTS[key] = pretrained(learn, task.expert, method, task.settings, seed)

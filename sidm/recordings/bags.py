@@ -202,7 +202,7 @@ def bag_columns(
 def _times_in_common(
     path: Path, poses: np.ndarray, sensors: Series, commands: Series
 ) -> np.ndarray:
-    """Those times of poses, s, at which sensors and commands are known."""
+    """Times of poses, s, at which sensors and commands are known."""
     others = [samples.times for samples in (*sensors.values(), *commands.values())]
     first, last = max(t[0] for t in others), min(t[-1] for t in others)
     inside = (poses >= first) & (poses <= last)

@@ -17,6 +17,7 @@ from crash import SETTINGS
 from companion import Results, Study, load_preset
 from companion.__main__ import main
 from companion.cluster import dask_executor
+from companion.tasks.run import records
 from sidm.shards import digest
 from sidm.simulation import collect
 
@@ -135,3 +136,16 @@ def test_without_dask_it_says_so(monkeypatch):
         contextlib.ExitStack() as stack,
     ):
         stack.enter_context(dask_executor("tcp://127.0.0.1:1"))
+
+
+def test_the_benchmark_runs_on_a_cluster(cluster, tmp_path, capsys):
+    """The rows of a method are those that this machine gives."""
+    task = ["--tasks", "husky to warthog, 0.8 min", "--seeds", "1"]
+    losses = []
+    for place, dask in (("there", ["--dask", cluster[0]]), ("here", [])):
+        results = tmp_path / place
+        words = ["bench", "mean", *task, "--results", str(results), *dask]
+        assert main(words) == 0
+        (row,) = records(results).all()
+        losses.append((row.about, row.status, row.loss, row.position))
+    assert losses[0] == losses[1] and losses[0][1] == "ok"

@@ -140,7 +140,7 @@ def test_each_kind_of_failure_is_a_row(file, tmp_path, name, status, words):
 
 
 def test_a_method_gets_what_the_librarys_own_gets(file, tmp_path):
-    """The same predictions have the same row, in one process or in two."""
+    """Equal predictions have equal rows, in one process or in two."""
     names = [f"{file}:Still", "nothing_changes"]
     one, two = (
         run(names, [TASK], seeds=2, results=tmp_path / f"{workers}", workers=workers)

@@ -134,7 +134,7 @@ def test_the_table_is_that_of_fits_by_hand(drives, comparison):
 
 
 def test_an_interval_knows_that_folds_share_data():
-    """It covers the loss on new data; a plain standard error is too small.
+    """The interval covers the loss on new data; a plain standard error is too small.
 
     A slope is learnt from 30 of 40 points and evaluated on the others, in three repeats
     of four folds. The variance of the noise is 1, so the loss on new data is 1 + 1/30.
