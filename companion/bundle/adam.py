@@ -11,7 +11,9 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-BETA1, BETA2, EPSILON = 0.9, 0.999, 1e-8  # PyTorch's defaults
+from companion.bundle.fused import fits_kernels
+
+BETAS, EPSILON = (0.9, 0.999), 1e-8  # PyTorch's defaults
 
 
 class AdamState(NamedTuple):
@@ -93,11 +95,24 @@ class StackedAdam:
         self, weights: Tensor, gradient: Tensor, state: AdamState, active: Tensor
     ) -> None:
         state.step.add_(active)
+        if fits_kernels(weights):
+            from companion.bundle.kernels import adam_step
+
+            adam_step(
+                weights,
+                gradient.contiguous(),
+                state,
+                active,
+                (self.learning_rate, self.decay),
+                (*BETAS, EPSILON),
+                self.decoupled,
+            )
+            return
         shape = (-1, *[1] * (weights.ndim - 1))  # (M, 1, ...)
         # double: 1 - 0.999 in single precision has lost four digits
         count = state.step.clamp_min(1).double()
         correction1, correction2 = (
-            (1 - beta**count).to(weights.dtype).view(shape) for beta in (BETA1, BETA2)
+            (1 - beta**count).to(weights.dtype).view(shape) for beta in BETAS
         )
         # the gradient of a trial that is not active may be anything, also NaN
         gradient = torch.where(active.view(shape), gradient, 0.0)
@@ -107,7 +122,7 @@ class StackedAdam:
             weights.mul_(1 - rate * decay)
         else:
             gradient = gradient + decay * weights
-        state.exp_avg.lerp_(gradient, (1 - BETA1) * factor)
-        state.exp_avg_sq.lerp_(gradient.square(), (1 - BETA2) * factor)
+        state.exp_avg.lerp_(gradient, (1 - BETAS[0]) * factor)
+        state.exp_avg_sq.lerp_(gradient.square(), (1 - BETAS[1]) * factor)
         denominator = (state.exp_avg_sq / correction2).sqrt_().add_(EPSILON)
         weights.sub_(rate / correction1 * state.exp_avg / denominator)

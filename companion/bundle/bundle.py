@@ -22,6 +22,7 @@ from sidm.settings import Network, Training
 
 #: called after a test with the trial's number among the runs, and the test
 Progress = Callable[[int, CurvePoint], None]
+TESTED = 2048  # trajectories of all trials that are tested at a time, at least
 
 
 class Bundle:
@@ -126,10 +127,11 @@ class Bundle:
         active = self._flags(running)
         rows = self._stack({slot: rows for slot, (rows, _) in batches.items()})
         of_expert = self._stack({slot: flags for slot, (_, flags) in batches.items()})
+        experts = {slot: flags.sum(1).tolist() for slot, (_, flags) in batches.items()}
         for iteration in range(iterations):
             self.stacked.predict(active, rows[iteration], of_expert[iteration])
             for slot, trial in running.items():
-                trial.count(batches[slot][1][iteration])
+                trial.count(experts[slot][iteration])
             due = [slot for slot, t in running.items() if t.trainer.test_is_due]
             self.take_tests(due, progress)
             if any(trial.ended for trial in running.values()):
@@ -221,8 +223,7 @@ class Bundle:
         """
         if not rows:
             return {}
-        # parts as large as a training batch, which fits into the device's memory
-        size = self.training.batch
+        size = max(self.training.batch, TESTED // len(self.slots))
         length = -(-max(map(len, rows.values())) // size) * size
         padded = torch.zeros(len(self.slots), length, dtype=torch.long)
         counted = torch.zeros(len(self.slots), length, dtype=torch.bool)

@@ -15,6 +15,7 @@ from sidm.learning.resuming import Checkpoint
 from sidm.learning.stopping import Components, TrainingError
 from sidm.learning.trainer import Trainer
 from sidm.settings import Network, Training
+from sidm.systems import ROLES
 
 
 class Run(NamedTuple):
@@ -70,22 +71,17 @@ class BundledTrial:
             Rows of the trajectories in their system's data, and which of them are the
             expert's: (iterations, b) int64 and bool.
         """
-        rows, of_expert = [], []
-        for _ in range(iterations):
-            for role, indices in self.trainer.sampler.batch_indices().items():
-                rows.append(self.rows[role][indices])
-                of_expert.append(torch.full((len(indices),), role == "expert"))
-        return tuple(
-            torch.cat(parts).unflatten(0, (iterations, -1))
-            for parts in (rows, of_expert)
-        )
+        indices, of_expert = self.trainer.sampler.batches(iterations)
+        rows = torch.empty_like(indices)
+        for role, own in zip(ROLES, (~of_expert, of_expert), strict=True):
+            if role in self.rows:
+                rows[own] = self.rows[role][indices[own]]
+        return rows, of_expert
 
     def draw(self, iterations: int, role: str, count: int, purpose: str) -> Tensor:
         """Rows (iterations, count) of random trajectories of one system."""
-        sampler = self.trainer.sampler
-        drawn = [sampler.indices(role, count, purpose) for _ in range(iterations)]
-        none = torch.zeros(0, count, dtype=torch.long)
-        return self.rows[role][torch.stack(drawn) if drawn else none]
+        drawn = self.trainer.sampler.indices(role, iterations * count, purpose)
+        return self.rows[role][drawn].unflatten(0, (iterations, count))
 
     def draw_single_system(self, iterations: int, count: int) -> tuple[Tensor, Tensor]:
         """Discriminator batches with one system each, for `discriminator_draw` 'one'.
@@ -94,21 +90,19 @@ class BundledTrial:
             Rows of the trajectories (iterations, count), and whether a batch is the
             expert's (iterations,).
         """
-        rows, of_expert = [torch.zeros(0, count, dtype=torch.long)], []
-        for _ in range(iterations):
-            (role,) = self.trainer.sampler.discriminator_systems()
-            rows.append(self.draw(1, role, count, f"discriminator {role}"))
-            of_expert.append(role == "expert")
-        return torch.cat(rows), torch.tensor(of_expert, dtype=torch.bool)
+        of_expert = self.trainer.sampler.discriminated_systems(iterations)
+        rows = torch.zeros(iterations, count, dtype=torch.long)
+        for role, own in zip(ROLES, (~of_expert, of_expert), strict=True):
+            rows[own] = self.draw(int(own.sum()), role, count, f"discriminator {role}")
+        return rows, of_expert
 
-    def count(self, of_expert: Tensor) -> None:
+    def count(self, experts: int) -> None:
         """Count one iteration of prediction in the trainer.
 
         Args:
-            of_expert: (b,) bool, which trajectories of the batch are the expert's.
+            experts: trajectories of the batch that are the expert's.
         """
-        experts = int(of_expert.sum())
-        novices = len(of_expert) - experts
+        novices = self.trainer.training.batch - experts
         samples = {"novice": novices * self.steps, "expert": experts * self.steps}
         self.trainer.count_samples(samples)
 

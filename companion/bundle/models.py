@@ -13,6 +13,7 @@ import torch
 from torch import Tensor, nn
 from torch.func import functional_call, vmap
 
+from companion.bundle.fused import FusedConvolutions, fuses_convolutions
 from companion.bundle.recurrence import lstm
 from sidm.learning.model import DynamicsModel
 from sidm.learning.networks import Discriminator
@@ -49,7 +50,7 @@ class StackedModels:
         device: torch.device,
         low: bool = False,
     ):
-        self.device, self.low = device, low
+        self.device, self.low, self.slope = device, low, network.slope
         with torch.device("meta"):  # shapes only, no memory
             model = DynamicsModel(network, roles=roles)
             discriminator = Discriminator(network)
@@ -137,6 +138,9 @@ class StackedModels:
             kernels[name] = kernel.flatten(0, 1)  # (M B, ...)
         module = self.modules.get_submodule(path)
         rows = pixels.flatten(0, 1).unsqueeze(2)  # (M B, T, 1, P, P)
+        if fuses_convolutions(module, rows):
+            features = FusedConvolutions.apply(rows, self.slope, *kernels.values())
+            return features.unflatten(0, pixels.shape[:2])
         # upper bound of a layer's output, elements per step
         widest = len(rows) * kernels["0.weight"].shape[1] * pixels.shape[-1] ** 2
         pieces = [

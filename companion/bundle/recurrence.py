@@ -12,6 +12,8 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from companion.bundle.fused import FusedRecurrence, fuses_steps
+
 
 class Recurrence(torch.autograd.Function):
     """One LSTM layer over all steps, from zero states.
@@ -102,5 +104,7 @@ def lstm(weights: Mapping[str, Tensor], inputs: Tensor) -> Tensor:
         w_ih, w_hh, b_ih, b_hh = (weights[f"{name}_l{layer}"] for name in names)
         bias = (b_ih + b_hh).unsqueeze(1)
         gates = torch.baddbmm(bias, hidden.flatten(1, 2), w_ih.mT)
-        hidden = Recurrence.apply(gates.unflatten(1, hidden.shape[1:3]), w_hh)
+        gates = gates.unflatten(1, hidden.shape[1:3])
+        fused = fuses_steps(gates)
+        hidden = (FusedRecurrence if fused else Recurrence).apply(gates, w_hh)
     return hidden.transpose(1, 2)

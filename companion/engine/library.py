@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+import torch
+from torch import Tensor
+
 from companion.engine.datasets import load_dataset
 from companion.trials import Dataset, Trial
 from sidm.body import ROVER, Body
 from sidm.drives import Drive
 from sidm.learning.dataset import Datasets, Windows, load_windows, novice_split
+from sidm.shards import simulated_ground
 from sidm.systems import find_system
 
 
@@ -35,6 +40,7 @@ class Library:
     def __init__(self, data: str | Path = "data"):
         self.data = Path(data)
         self._rollouts: dict[tuple, list[Drive]] = {}
+        self._heights: dict[tuple, Tensor] = {}
         self._windows: dict[tuple, Windows] = {}
 
     def rollouts(self, trial: Trial) -> list[Drive]:
@@ -43,6 +49,14 @@ class Library:
         if key not in self._rollouts:
             self._rollouts[key] = load_dataset(*key, self.data)
         return self._rollouts[key]
+
+    def rollout_heights(self, trial: Trial) -> Tensor:
+        """Heights (B, H, W), m, of the ground of the drives of the 25-step test."""
+        key = trial.datasets["rollout"], trial.digests["rollout"]
+        if key not in self._heights:
+            grounds = map(simulated_ground, self.rollouts(trial))
+            self._heights[key] = torch.tensor(np.stack([g.heights for g in grounds]))
+        return self._heights[key]
 
     def motion(self, trial: Trial, kind: str) -> Windows:
         """Windows of a trial's dataset; ShardError as in `load_checked`."""

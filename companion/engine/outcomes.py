@@ -11,13 +11,11 @@ from torch import Tensor
 from companion.engine.library import Library
 from companion.engine.store import Outcome
 from companion.trials import Trial
-from sidm.drives import Drive
 from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
 from sidm.learning.model import Predictor
 from sidm.learning.observation import convert_to_body
 from sidm.learning.training import Trained
 from sidm.learning.units import Standardisation, loss_weights
-from sidm.shards import simulated_ground
 from sidm.systems import find_system
 
 ROLLOUT_STEPS = 25  # control steps of Figure 4's rollouts, 2.5 s
@@ -44,20 +42,18 @@ def evaluate(model: Predictor, trial: Trial, library: Library) -> Evaluation:
     body, motion = trial.network.body("novice"), library.motion(trial, "validation")
     weights = loss_weights(body, Standardisation.fit(motion, maps_from=1))
     losses = validation_loss(model, motion, weights=weights)
-    predicted, actual = roll_out(model, trial, library.rollouts(trial))
+    predicted, actual = roll_out(model, trial, library)
     position, heading = rollout_errors(predicted, actual, body)
     return Evaluation(losses, position.mean(0), heading.mean(0), predicted, actual)
 
 
-def roll_out(
-    model: Predictor, trial: Trial, drives: list[Drive]
-) -> tuple[Tensor, Tensor]:
-    """Predicted and actual states, each (B, ROLLOUT_STEPS + 1, S), of B drives.
+def roll_out(model: Predictor, trial: Trial, library: Library) -> tuple[Tensor, Tensor]:
+    """Predicted and actual states, each (B, ROLLOUT_STEPS + 1, S), of a trial's drives.
 
     The model gets the first state, the ground and the drive's own actions.
     """
     terrain, body = find_system(trial.system).terrain, trial.network.body("novice")
-    heights = _stacked([simulated_ground(drive).heights for drive in drives])
+    drives, heights = library.rollouts(trial), library.rollout_heights(trial)
     states = _stacked([drive.states[: ROLLOUT_STEPS + 1] for drive in drives])
     actions = _stacked([drive.actions[:ROLLOUT_STEPS] for drive in drives])
     # `convert_to_body` wants an action for every state; the added one is not used.

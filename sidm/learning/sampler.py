@@ -10,7 +10,6 @@ from torch import Tensor
 from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.seeds import generator
 from sidm.settings import Training
-from sidm.systems import ROLES
 
 #: Purposes of random draws. Each has its own generator, so that one seed gives all
 #: methods the same novice windows.
@@ -97,22 +96,35 @@ class Sampler:
         and an expert index are drawn for every window and one is discarded: all methods
         thus see the same novice windows. Without it, only used indices are drawn.
         """
-        count = self.training.batch
-        draws = torch.rand(count, generator=self.generators["system"])
+        indices, of_expert = (part[0] for part in self.batches(1))
+        batch = {"novice": indices[~of_expert], "expert": indices[of_expert]}
+        return {role: drawn for role, drawn in batch.items() if len(drawn)}
+
+    def batches(self, iterations: int) -> tuple[Tensor, Tensor]:
+        """Indices of the windows of several batches of Algorithm 1.
+
+        Returns:
+            Indices (iterations, b_pred) in the windows of each one's system, the
+            novice's first, and which of them are the expert's: int64 and bool.
+        """
+        shape = iterations, self.training.batch
+        draws = torch.rand(shape, generator=self.generators["system"])
         is_expert = draws < self.training.p_expert
         if self.training.system_draw == "iteration":
-            is_expert = is_expert[:1].expand(count)
-        batch = {}
-        for role, used in zip(ROLES, (~is_expert, is_expert), strict=True):
+            is_expert = is_expert[:, :1].expand(shape)
+        of_expert = is_expert.sort(dim=1).values
+        batches = torch.zeros(shape, dtype=torch.long)
+        for role, used, to in (
+            ("novice", ~is_expert, ~of_expert),
+            ("expert", is_expert, of_expert),
+        ):
             if role not in self.windows:
                 continue
             if self.training.replacement:
-                indices = self.indices(role, count, role)[used]
+                batches[to] = self.indices(role, used.numel(), role)[used.flatten()]
             else:
-                indices = self.indices(role, int(used.sum()), role)
-            if len(indices):
-                batch[role] = indices
-        return batch
+                batches[to] = self.indices(role, int(used.sum()), role)
+        return batches, of_expert
 
     def batch(self) -> dict[str, Windows]:
         """The windows of a batch of Algorithm 1, by system, on the device."""
@@ -123,8 +135,15 @@ class Sampler:
         """The systems in a discriminator's batch, the expert first (Algorithm 2)."""
         if self.training.discriminator_draw == "both":
             return "expert", "novice"
-        draw = torch.rand(1, generator=self.generators[DISCRIMINATOR_SYSTEM])
-        return ("expert",) if draw < 0.5 else ("novice",)
+        return ("expert",) if self.discriminated_systems(1) else ("novice",)
+
+    def discriminated_systems(self, iterations: int) -> Tensor:
+        """Whether each of several discriminator's batches is the expert's.
+
+        It is for `discriminator_draw` 'one': (iterations,) bool.
+        """
+        source = self.generators[DISCRIMINATOR_SYSTEM]
+        return torch.rand(iterations, generator=source) < 0.5
 
     def discriminator_batch(self) -> dict[str, Windows]:
         """Windows of a discriminator's batch, by system, on the device (Algorithm 2).

@@ -1,0 +1,113 @@
+"""The kernels of a bundle on a GPU, computed by Triton's interpreter on a CPU."""
+
+import dataclasses
+import os
+
+import pytest
+import torch
+import torch.nn.functional as F
+
+from companion.bundle import adam, fused, train_bundle
+from companion.bundle.recurrence import Recurrence
+from sidm.learning import train
+from tests.companion.bundle.test_bundle import RECIPE, assert_same
+
+DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
+if DEVICE == "cpu":  # where kernels are imported first, this is read once
+    os.environ["TRITON_INTERPRET"] = "1"
+kernels = pytest.importorskip("companion.bundle.kernels")
+
+
+def close(computed, expected):
+    """Whether two tensors differ by rounding of sums in another order alone."""
+    size = expected.abs().max().item()
+    return torch.allclose(computed, expected, rtol=1e-4, atol=1e-6 * size)
+
+
+def random(*shape, scale=1.0):
+    generator = torch.Generator().manual_seed(sum(shape))
+    return (torch.randn(*shape, generator=generator) * scale).to(DEVICE)
+
+
+@pytest.mark.parametrize("batch", fused.BATCHES)
+def test_the_steps_of_an_lstm(batch):
+    inputs = random(2, 5, batch, 256).requires_grad_()
+    recurrent = random(2, 256, 64, scale=0.1).requires_grad_()
+    results = []
+    for layer in (Recurrence, fused.FusedRecurrence):
+        hidden = layer.apply(inputs, recurrent)
+        upwards = random(*hidden.shape)
+        results.append(
+            [hidden, *torch.autograd.grad(hidden, (inputs, recurrent), upwards)]
+        )
+    for expected, computed in zip(*results, strict=True):
+        assert close(computed, expected)
+
+
+@pytest.mark.parametrize(("steps", "pixels"), [(1, 7), (3, 12), (2, 40)])
+def test_the_convolutions(steps, pixels):
+    """Pixels of a program end within a trajectory, or the trajectory within them."""
+    maps, slope = random(3, steps, 1, pixels, pixels), 0.01
+    shapes = (3, 8, 1, 4, 4), (3, 8), (3, 4, 8, 4, 4), (3, 4)
+    weights = [random(*shape).requires_grad_() for shape in shapes]
+    layers = []
+    for one, *own in zip(maps, *weights, strict=True):
+        hidden = F.leaky_relu(F.conv2d(one, *own[:2]), slope)
+        layers.append(F.leaky_relu(F.conv2d(hidden, *own[2:]), slope))
+    expected = torch.stack(layers).movedim(2, -1).flatten(2)
+    computed = fused.FusedConvolutions.apply(maps, slope, *weights)
+    assert close(computed, expected)
+    upwards = random(*expected.shape)
+    for gradient, reference in zip(
+        torch.autograd.grad(computed, weights, upwards),
+        torch.autograd.grad(expected, weights, upwards),
+        strict=True,
+    ):
+        assert close(gradient, reference)
+
+
+@pytest.mark.parametrize("decoupled", [True, False])
+def test_adam(decoupled, monkeypatch):
+    """Both ways take the same steps, early and late, and leave a waiting trial alone.
+
+    The gradient of a waiting trial may be anything.
+    """
+    start, moving = random(3, 5, 7), torch.tensor([True, False, True], device=DEVICE)
+    results = []
+    for by_kernels in (False, True):
+        monkeypatch.setattr(adam, "fits_kernels", lambda weights, on=by_kernels: on)
+        weights = start.clone()
+        optimiser = adam.StackedAdam({"w": weights}, decoupled)
+        for trial, (rate, taken) in enumerate([(1e-2, 0.0), (1e-2, 3.0), (0.1, 5e4)]):
+            state = {"w/step": torch.tensor(taken, device=DEVICE)}
+            optimiser.put(trial, rate, 0.1 * trial, state)
+        for step in range(4):
+            gradient = random(3, 5, 7 + step)[..., :7]
+            gradient[1] = float("nan")
+            optimiser.step({"w": gradient}, moving)
+        results.append([weights, *optimiser.states["w"]])
+    for expected, computed in zip(*results, strict=True):
+        assert close(computed, expected)
+    assert torch.equal(weights[1], start[1]) and not torch.equal(weights[0], start[0])
+
+
+@pytest.mark.parametrize("changes", [{}, RECIPE], ids=["sidm", "the released recipe"])
+def test_a_bundle_by_kernels_is_its_trials(
+    make_run, small_network, monkeypatch, changes
+):
+    """Trials of a bundle have the results of trials alone, which know no kernels."""
+    network = dataclasses.replace(small_network, hidden=64)
+    runs = [make_run(seed, max_samples=24 * 6, **changes) for seed in range(2)]
+    used = []
+
+    def fits(tensor):
+        used.append(tensor.shape)
+        return tensor.dtype == torch.float32
+
+    for module in (fused, adam):
+        monkeypatch.setattr(module, "fits_kernels", fits)
+    ended = list(train_bundle(runs, network, 2, DEVICE))
+    assert len(ended) == 2 and used
+    for number, bundled, _ in ended:
+        run = runs[number]
+        assert_same(bundled, train(run.datasets, network, run.training, run.seed))
