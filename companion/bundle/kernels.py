@@ -141,7 +141,7 @@ def lstm_forward(inputs: Tensor, recurrent: Tensor) -> tuple[Tensor, Tensor, Ten
     for step in range(steps):
         _forward_step[grid](
             inputs, turned, gates, hidden, cells, step, steps, width // 4, batch, UNITS,
-            128 // batch, num_warps=8,
+            64 // batch, num_warps=4,
         )  # fmt: skip
     return gates, hidden, cells
 
@@ -166,7 +166,7 @@ def lstm_backward(
     for step in reversed(range(steps)):
         _backward_step[grid](
             hidden_gradient, recurrent, gates, cells, gradients, cell_gradient, step,
-            steps, width // 4, batch, UNITS, 256 // batch,
+            steps, width // 4, batch, UNITS, 128 // batch,
             num_warps=8,
         )  # fmt: skip
     return gradients
