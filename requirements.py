@@ -55,7 +55,7 @@ def announcement() -> str:
     compiling = "" if pybullet_has_wheel() else ", and ten more to compile PyBullet"
     return (
         f"setting up .venv with Python {platform.python_version()}: {count} packages, "
-        f"2.3 GB (6 GB with CUDA), one to three minutes{compiling}"
+        f"2.9 GB (6 GB with CUDA), one to three minutes{compiling}"
     )
 
 

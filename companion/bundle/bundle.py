@@ -22,7 +22,8 @@ from sidm.settings import Network, Training
 
 #: called after a test with the trial's number among the runs, and the test
 Progress = Callable[[int, CurvePoint], None]
-TESTED = 2048  # trajectories of all trials that are tested at a time, at least
+#: Trajectories that are tested at a time: of each trial, at most; of all trials
+TESTED, TESTED_OF_ALL = 32, 2048
 
 
 class Bundle:
@@ -223,7 +224,8 @@ class Bundle:
         """
         if not rows:
             return {}
-        size = max(self.training.batch, TESTED // len(self.slots))
+        size = min(TESTED, TESTED_OF_ALL // len(self.slots))
+        size = max(size, self.training.batch)
         length = -(-max(map(len, rows.values())) // size) * size
         padded = torch.zeros(len(self.slots), length, dtype=torch.long)
         counted = torch.zeros(len(self.slots), length, dtype=torch.bool)

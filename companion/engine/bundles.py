@@ -71,7 +71,7 @@ def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:
         )
         groups.setdefault((trial.system, trial.network, shared), []).append(trial)
     return [
-        sorted(group, key=lambda trial: -trial.novice_minutes)
+        sorted(group, key=lambda t: (-t.training.max_samples, -t.novice_minutes))
         for group in groups.values()
     ]
 

@@ -21,6 +21,7 @@ from companion.grids import grid
 from companion.methods import COMPARED, FIGURE3, FOR_LITTLE
 from companion.statistics.claims import data_saving_claim
 from companion.statistics.savings import savings
+from companion.studies.decisive import verdicts
 from companion.studies.tuning import best_novice_only, little_data_results
 from companion.study import Study
 from sidm.systems import SYSTEMS
@@ -35,26 +36,40 @@ GLUED = re.compile(r"\{glue:text\}`\.\./notebooks/([\w-]+)\.ipynb::([\w-]+):s`")
 AGAIN = re.compile(r"again: (?:`|<code>)(.*?)(?:`|</code>)")
 
 
-def headline_numbers(frame: pd.DataFrame, little: pd.DataFrame) -> list[str]:
-    """The README's numbers: how many times less novice data the methods need.
+class Stored(NamedTuple):
+    """Stored results behind the README's numbers: a row for each trial."""
 
-    Args:
-        frame: results of Figure 3.
-        little: results of the methods that were tuned for little data.
+    frame: pd.DataFrame  # of Figure 3 with CLOSED_FORM
+    little: pd.DataFrame  # of the methods tuned for little data
+    decisive: pd.DataFrame  # of the decisive experiment
+
+
+def as_released(decisive: pd.DataFrame) -> pd.DataFrame:
+    """Verdict R1 of the decisive experiment, for the systems that have its value."""
+    ratios = verdicts.data_ratios(decisive)
+    return ratios[ratios.verdict == "R1"].dropna(subset="value")
+
+
+def headline_numbers(stored: Stored) -> list[str]:
+    """The README's numbers: how many times less novice data the methods need.
 
     Returns:
         The numbers, each for one system after the other: ratio and ends of its interval
-        for an SIDM with 5 min; the same for an SIDM that was tuned for little data, at
-        its smallest size; the ratio for fine-tuning at its smallest size.
+        for an SIDM with 5 min, trained as the authors' code trains; the same as Figure
+        3 trains it; the same for an SIDM that was tuned for little data, at its
+        smallest size; the ratio for fine-tuning at its smallest size.
     """
+    frame, little, decisive = stored
+    released = as_released(decisive)[["value", "low", "high"]]
     claims = [data_saving_claim(frame, system) for system in SYSTEMS]
     sidm = pd.concat(claims)[["value", "low", "high"]]
     tuned = savings(
         pd.concat([little, best_novice_only(frame, little)]), ["sidm" + FOR_LITTLE]
     ).drop_duplicates("system")[["ratio", "low", "high"]]
     finetuned = savings(frame, ["pretrain_finetune"]).drop_duplicates("system").ratio
-    values = (*sidm.to_numpy().ravel(), *tuned.to_numpy().ravel(), *finetuned)
-    return [f"{value:.2g}" for value in values]
+    tables = released, sidm, tuned
+    values = [value for table in tables for value in table.to_numpy().ravel()]
+    return [f"{value:.2g}" for value in [*values, *finetuned]]
 
 
 def bold_numbers(text: str) -> list[str]:
@@ -62,25 +77,22 @@ def bold_numbers(text: str) -> list[str]:
     return re.findall(r"\*\*([\d.]+)\*\*", text)
 
 
-def stored_results(
-    data: str | Path = "data",
-) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """Stored results behind the README's numbers and figures.
+def stored_results(data: str | Path = "data") -> Stored:
+    """Stored results behind the README's numbers.
 
     Args:
         data: the folder of simulated motion.
-
-    Returns:
-        A row for each trial: of Figure 3 with CLOSED_FORM, of the methods tuned for
-        little data, and of Figure 4.
     """
     study, store = Study(PRESET, data), Results("results")
-    trials = {name: grid(PRESET, name, data=data) for name in ("3", "references", "4")}
-    closed_form = [
-        trial for trial in trials["references"] if trial.method == CLOSED_FORM
+    trials = [
+        *grid(PRESET, "3", data=data),
+        *(t for t in grid(PRESET, "references", data=data) if t.method == CLOSED_FORM),
     ]
-    little = little_data_results(study, store, SYSTEMS)
-    return store.frame([*trials["3"], *closed_form]), little, store.frame(trials["4"])
+    return Stored(
+        store.frame(trials),
+        little_data_results(study, store, SYSTEMS),
+        verdicts.results(study, store),
+    )
 
 
 class Headline(NamedTuple):
@@ -92,30 +104,28 @@ class Headline(NamedTuple):
     command: str  # runs these trials again
 
 
-def headlines(frame: pd.DataFrame, little: pd.DataFrame) -> list[Headline]:
-    """The README's numbers with their origin, in the order of `headline_numbers`.
-
-    Args:
-        frame: results of Figure 3.
-        little: results of the methods that were tuned for little data.
-    """
+def headlines(stored: Stored) -> list[Headline]:
+    """The README's numbers with their origin, in the order of `headline_numbers`."""
+    frame, little, decisive = stored
     ratio = "times the novice data that training alone needs, against"
     ends = ("", ", lower end of the 95 % interval", ", upper end of it")
     sidm = frame[frame.method.isin(COMPARED)]
     finetuned = frame[frame.method.isin((COMPARED[1], FIGURE3[-1]))]
+    released, tuned = as_released(decisive).system, "both tuned for little data"
     groups = [
-        ("an SIDM with 5 min", ends, sidm, "3"),
-        ("an SIDM with 1 min, both tuned for little data", ends, little, "little-data"),
-        ("fine-tuning with 1 min", ends[:1], finetuned, "3"),
+        ("an SIDM with 5 min, both as released", ends, decisive, "decisive", released),
+        ("an SIDM with 5 min", ends, sidm, "3", SYSTEMS),
+        (f"an SIDM with 1 min, {tuned}", ends, little, "little-data", SYSTEMS),
+        ("fine-tuning with 1 min", ends[:1], finetuned, "3", SYSTEMS),
     ]
     origins = []
-    for method, group_ends, trials, figure in groups:
+    for method, group_ends, trials, figure, systems in groups:
         command = f"companion run --preset {PRESET} --figure {figure}"
-        for system in SYSTEMS:
+        for system in systems:
             count = int((trials.system == system).sum())
             for end in group_ends:
                 origins.append((f"{system}: {ratio} {method}{end}", count, command))
-    numbers = headline_numbers(frame, little)
+    numbers = headline_numbers(stored)
     return [
         Headline(number, *origin)
         for number, origin in zip(numbers, origins, strict=True)
@@ -161,8 +171,7 @@ def _outputs(notebook: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
 
 def show() -> None:
     """Print each number of the README and the first page, and what makes it again."""
-    frame, little, _ = stored_results()
-    for headline in headlines(frame, little):
+    for headline in headlines(stored_results()):
         print(f"{headline.number:>6}  {headline.quantity}")
         print(f"        {headline.rows} rows of results/; again: {headline.command}")
     for number, chapter, name, command in glued_numbers(FIRST_PAGE.read_text()):
@@ -172,7 +181,8 @@ def show() -> None:
 
 def main(figures: Path = Path("_build/figures")) -> None:
     """Draw Figures 3 and 4 into a folder, and Figure 3 for the README."""
-    frame, little, frame4 = stored_results()
+    frame, little, _ = stored_results()
+    frame4 = Results("results").frame(grid(PRESET, "4"))
     figures.mkdir(parents=True, exist_ok=True)
     for path in (figures / "figure3.png", FIGURE):
         figure3(pd.concat([frame, little]), methods=DRAWN).savefig(path)

@@ -10,6 +10,7 @@ from companion.methods import FOR_LITTLE
 from companion.pages.headline import (
     FIGURE,
     FIRST_PAGE,
+    Stored,
     bold_numbers,
     glued_numbers,
     headline_numbers,
@@ -22,44 +23,48 @@ ROOT = Path(__file__).parents[2]
 
 def test_the_readme_says_what_is_stored(monkeypatch):
     monkeypatch.chdir(ROOT)
-    frame, little, _ = stored_results("no data")
-    assert bold_numbers(
-        (ROOT / "README.md").read_text(encoding="utf-8")
-    ) == headline_numbers(frame, little), "write its sentences anew"
+    numbers = headline_numbers(stored_results("no data"))
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert bold_numbers(text) == numbers, "write its sentences anew"
     assert (ROOT / FIGURE).stat().st_size < 200_000
 
 
 def test_another_store_would_have_other_numbers(monkeypatch):
     monkeypatch.chdir(ROOT)
-    frame, little, _ = stored_results("no data")
+    stored = stored_results("no data")
 
     def with_half(method):
-        both = ((table, 1 + (table.method == method)) for table in (frame, little))
         return headline_numbers(
-            *(
-                table.assign(validation_loss=table.validation_loss / parts)
-                for table, parts in both
+            Stored(
+                *(
+                    table.assign(
+                        validation_loss=table.validation_loss
+                        / (1 + (table.method == method))
+                    )
+                    for table in stored
+                )
             )
         )
 
-    usual = headline_numbers(frame, little)
-    assert len(usual) == 14
-    assert with_half("sidm")[:6] != usual[:6]
-    assert with_half("sidm")[6:] == usual[6:]
-    assert with_half("sidm" + FOR_LITTLE)[6:12] != usual[6:12]
-    assert with_half("sidm" + FOR_LITTLE)[:6] == usual[:6]
-    assert headline_numbers(frame[:0], little[:0]) == []
+    usual = headline_numbers(stored)
+    assert len(usual) == 17
+    assert with_half("sidm")[3:9] != usual[3:9]
+    assert with_half("sidm")[9:] == usual[9:]
+    assert with_half("sidm" + FOR_LITTLE)[9:15] != usual[9:15]
+    assert with_half("sidm" + FOR_LITTLE)[:9] == usual[:9]
+    few = stored.decisive[stored.decisive.seed < 3]
+    assert headline_numbers(stored._replace(decisive=few))[:3] != usual[:3]
+    assert headline_numbers(Stored(*(table[:0] for table in stored))) == []
 
 
 def test_every_number_has_its_rows_and_its_command(monkeypatch):
     monkeypatch.chdir(ROOT)
-    frame, little, _ = stored_results("no data")
-    rows = headlines(frame, little)
+    rows = headlines(stored_results("no data"))
     assert [one.number for one in rows] == bold_numbers(
         (ROOT / "README.md").read_text(encoding="utf-8")
     )
     assert all(one.rows > 10 for one in rows)
-    assert len({one.quantity for one in rows}) == 14
+    assert len({one.quantity for one in rows}) == 17
     parser = build_parser()
     for command in {row.command for row in rows}:
         parser.parse_args(command.split()[1:])

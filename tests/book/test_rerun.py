@@ -57,3 +57,7 @@ def test_what_a_bundle_gains_on_a_gpu_is_what_was_measured():
     together = int(re.search(r"(\d+) samples/s; when", measured)[1])
     assert f"made {together:,} samples a second together" in page
     assert "128 trainings" in page
+    kernels = re.findall(r"(\d{5,}) /\s+(\d{5,}) samples/s", measured.replace("# ", ""))
+    of_two, of_eight = (int(after) / int(before) for before, after in kernels)
+    assert f"recipe R are {of_two:.1f} times as fast as before" in page
+    assert f"16 with batches of 8 {of_eight:.1f} times" in page

@@ -115,17 +115,17 @@ def kept_losses(frame: pd.DataFrame, rule: StoppingRule) -> pd.DataFrame:
 def by_length(table: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
     """Data ratio and loss ratio at AT minutes against samples seen in training.
 
-    A panel per system and quantity, a curve per recipe; shades are 95 % intervals, and
-    the points are what stopping rules give.
+    A row of panels per system, a curve per recipe; shades are 95 % intervals, and the
+    points are what stopping rules give.
     """
-    figure, panels = side_by_side(2 * len(systems), len(systems))
+    figure, panels = side_by_side(2 * len(systems), 2)
     quantities = (
         ("data", "data without SIDM / with SIDM, same loss"),
         ("loss", "loss with SIDM / without SIDM"),
     )
-    for row, (quantity, ylabel) in enumerate(quantities):
-        for column, system in enumerate(systems):
-            axes = panels[row * len(systems) + column]
+    for row, system in enumerate(systems):
+        for column, (quantity, ylabel) in enumerate(quantities):
+            axes = panels[2 * row + column]
             axes.set(
                 xscale="log",
                 yscale="log",

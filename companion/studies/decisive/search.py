@@ -33,9 +33,9 @@ FIRST_SEED = MOST_SEEDS  # seed of draw 0; no figure has it
 #: seeds of the repeated best draws, and of the comparison of units
 REPEAT_SEEDS = (FIRST_SEED + 100, FIRST_SEED + 101)
 
-#: Numbers of each method's two best draws on system 1 by `scores`; empty until the
-#: search has been run.
-BEST: dict[str, tuple[int, ...]] = {}
+#: Numbers of each method's two best draws on system 1 by `scores`; a method is missing
+#: until its search has been run.
+BEST: dict[str, tuple[int, ...]] = {"novice_only": (0, 3), "sidm": (3, 10)}
 #: System -> method -> number of the draw chosen for recipe T; empty until the search
 #: has been run.
 CHOSEN: dict[str, dict[str, int]] = {}

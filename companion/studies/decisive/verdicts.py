@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from companion.engine.store import Results
+from companion.figures.style import system_label
 from companion.statistics.claims import (
     CONTRARY,
     DIRECTION,
@@ -69,7 +70,8 @@ def results(study: Study, store: Results) -> pd.DataFrame:
         for recipe, caps in RECIPES.items()
         for system in SYSTEMS
     ]
-    return pd.concat(parts)
+    # a part without rows has no types, and would take those of the others away
+    return pd.concat([part for part in parts if len(part)] or parts)
 
 
 def losses_by(frame: pd.DataFrame, rule: str) -> pd.DataFrame:
@@ -177,3 +179,30 @@ def small_data(frame: pd.DataFrame) -> pd.DataFrame:
 def verdicts(frame: pd.DataFrame) -> pd.DataFrame:
     """All verdicts of `results`."""
     return pd.concat([data_ratios(frame), small_data(frame)], ignore_index=True)
+
+
+def _text(ratio: Interval) -> str:
+    """A ratio with its interval; a bound has one end alone."""
+    if not np.isnan(ratio.value):
+        return ratio.text(3)
+    return f"at least {ratio.low:.3g}" if ratio.low > 0 else f"at most {ratio.high:.3g}"
+
+
+def page_table(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows of `verdicts` that have enough seeds, with the headings of a page."""
+    enough = table[table.seeds >= FEWEST_SEEDS]
+    words = {"sidm": "SIDM", FINETUNING: "fine-tuning"}
+    rows = [
+        {
+            "Verdict": row.verdict,
+            "System": system_label(row.system),
+            "Recipe, stopped by": f"{row.recipe}, {row.rule}",
+            "Of": f"{words[row.method]}, {row.minutes:g} min",
+            "Quantity": "loss ratio" if row.verdict == "S" else "data ratio",
+            "Ours [95 % interval]": _text(Interval(row.value, row.low, row.high)),
+            "Seeds": row.seeds,
+            "Says": row.says,
+        }
+        for row in enough.itertuples()
+    ]
+    return pd.DataFrame(rows)

@@ -295,6 +295,34 @@ SIZES = (1.0, 5.0, 20.0, 60.0, 120.0)
 CURVE = np.array([0.5, 0.4, 0.3, 0.25, 0.2])
 
 
+def test_a_recipe_without_rows_takes_no_types_away(study, make_row, tmp_path):
+    """Results of one recipe alone have the types that figures compute with."""
+    trials = arm(study, "R", "system1", RECIPES["R"], range(3))
+    store = Results(tmp_path)
+    for trial in trials:
+        store.put(make_row(trial, 0.3))
+    stored = verdicts.results(study, store)
+    assert len(stored) == len(trials) and stored.validation_loss.dtype == float
+    assert len(verdicts.page_table(verdicts.verdicts(stored))) == 0
+
+
+def test_a_table_of_verdicts_for_a_page(make_results):
+    """Bounds are in words, and what is not run is left out."""
+
+    rival = power({})
+
+    def loss(trial, recipe):
+        """The SIDM is better than its rival can be, fine-tuning much worse."""
+        others = {"sidm": 0.01, FINETUNING: 9.0}
+        return others.get(trial.method) or rival(trial, recipe)
+
+    table = verdicts.page_table(verdicts.verdicts(make_results(loss, loss)))
+    ratios = table[table.Quantity == "data ratio"].set_index("Of")
+    ratios = ratios["Ours [95 % interval]"]
+    assert set(ratios["SIDM, 5 min"]) == {"at least 24"}
+    assert set(ratios["fine-tuning, 5 min"]) == {"at most 0.2"}
+
+
 def test_a_data_ratio_by_hand():
     """Training alone has the loss at 10 min, the geometric mean of 5 and 20 min."""
     seeds = np.array([1, 1.1, 0.9])
