@@ -56,6 +56,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_preset(collect)
     _add_system(collect)
     collect.add_argument("--figure", help="what this one needs alone; names as of run")
+    _add_steps(collect)
     collect.add_argument(
         "--verify",
         action="store_true",
@@ -99,6 +100,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     _add_preset(run)
     _add_grid(run)
+    _add_steps(run)
     _add_workers(run)
     run.add_argument(
         "--bundle",
@@ -133,6 +135,7 @@ def build_parser() -> argparse.ArgumentParser:
     pack.add_argument("file", type=Path, metavar="FILE", help="a .tar file")
     _add_preset(pack)
     _add_grid(pack)
+    _add_steps(pack)
     pack.add_argument(
         "--limit",
         type=whole_number,
@@ -267,6 +270,15 @@ def _add_grid(parser: argparse.ArgumentParser) -> None:
         help="only these novice dataset sizes, minutes of motion",
     )
     parser.add_argument("--seeds", type=int, nargs="+", help="only these seeds")
+
+
+def _add_steps(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--steps",
+        nargs="+",
+        metavar="STEP",
+        help="only these steps of the figure decisive, such as A1",
+    )
 
 
 def _device(name: str) -> str:

@@ -24,7 +24,7 @@ def _preset(arguments: argparse.Namespace):
 
 
 def _trials(arguments: argparse.Namespace, preset: Any) -> list:
-    """The trials that --figure, --system, --minutes and --seeds name."""
+    """The trials that --figure, --system, --minutes, --seeds and --steps name."""
     from companion import grid
 
     return grid(
@@ -35,6 +35,7 @@ def _trials(arguments: argparse.Namespace, preset: Any) -> list:
         seeds=arguments.seeds,
         data=arguments.data,
         results=arguments.results,
+        steps=getattr(arguments, "steps", None),  # which `show` does not have
     )
 
 
@@ -45,8 +46,14 @@ def _datasets(arguments: argparse.Namespace, preset: Any) -> list:
         return [dataset for name in systems for dataset in preset.all_datasets(name)]
     from companion import grid
 
-    folders = dict(data=arguments.data, results=arguments.results)
-    trials = grid(preset, arguments.figure, arguments.system, **folders)
+    trials = grid(
+        preset,
+        arguments.figure,
+        arguments.system,
+        data=arguments.data,
+        results=arguments.results,
+        steps=arguments.steps,
+    )
     datasets = (dataset for trial in trials for dataset in trial.datasets.values())
     return list(dict.fromkeys(datasets))
 

@@ -77,6 +77,7 @@ def grid(
     seeds: Sequence[int] | None = None,
     data: str | Path = "data",
     results: str | Path = "results",
+    steps: Sequence[str] | None = None,
 ) -> list[Trial]:
     """The trials of a figure, each once.
 
@@ -88,10 +89,11 @@ def grid(
         seeds: only trials with these seeds.
         data: folder of the data, whose digests are part of a trial.
         results: folder of the results, which also has digests.
+        steps: only trials of these steps of the figure 'decisive'.
 
     Raises:
-        ConfigError: a name does not exist, or the figure does not have a system, a size
-            or a seed.
+        ConfigError: a name does not exist, or the figure does not have a system, a
+            size, a seed or steps.
     """
     if figure in FORMER:
         raise ConfigError(f"figure '{figure}' is called '{FORMER[figure]}' now")
@@ -110,7 +112,9 @@ def grid(
                 by_key |= {trial.key: trial for trial in made}
     trials = list(by_key.values())
     if figure == "decisive":
-        trials = decisive.in_order(trials, study)  # across systems
+        trials = decisive.in_order(trials, study, steps)  # across systems
+    elif steps is not None:
+        raise ConfigError(f"the figure decisive alone has steps, not {figure}")
     if not trials:
         known = dict.fromkeys(known for name in names for known in FIGURES[name][1])
         raise ConfigError(

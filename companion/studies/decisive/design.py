@@ -7,7 +7,7 @@ and 20, then 60 and 120.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import pandas as pd
@@ -22,6 +22,7 @@ from companion.studies.decisive.recipes import (
 )
 from companion.study import Study
 from companion.trials import Trial
+from sidm.config import unknown_name
 from sidm.systems import FREE_STRUTS, SYSTEMS
 
 FINETUNING = "pretrain_finetune"
@@ -170,13 +171,30 @@ def trials(study: Study, system: str) -> list[Trial]:
     ]
 
 
-def in_order(trials: Iterable[Trial], study: Study) -> list[Trial]:
-    """Trials of the experiment, sorted into the order in which they are run."""
+def in_order(
+    trials: Iterable[Trial], study: Study, steps: Sequence[str] | None = None
+) -> list[Trial]:
+    """Trials of the experiment, sorted into the order in which they are run.
+
+    Args:
+        trials: some of the experiment's.
+        study: preset, data and results.
+        steps: names of steps whose trials are kept; by default all.
+
+    Raises:
+        ConfigError: there is no step of a name.
+    """
+    known = [step.name for step in STEPS]
+    for name in steps or ():
+        if name not in known:
+            raise unknown_name(name, known, kind="step")
     ranks: dict[str, int] = {}
     for step in STEPS:
-        for trial in step.trials(study):
-            ranks.setdefault(trial.key, len(ranks))
-    return sorted(trials, key=lambda trial: ranks[trial.key])
+        if steps is None or step.name in steps:
+            for trial in step.trials(study):
+                ranks.setdefault(trial.key, len(ranks))
+    kept = (trial for trial in trials if trial.key in ranks)
+    return sorted(kept, key=lambda trial: ranks[trial.key])
 
 
 def progress(study: Study, store: Results) -> pd.DataFrame:

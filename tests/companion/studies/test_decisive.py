@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from companion import Results, Study
+from companion import Results, Study, grid
 from companion.engine.frame import frame_of
 from companion.statistics.claims import (
     CONTRARY,
@@ -18,6 +18,7 @@ from companion.statistics.data_ratio import data_ratio
 from companion.studies.decisive import design, figures, search, verdicts
 from companion.studies.decisive.design import FINETUNING, RECIPES, SEEDS, STEPS, arm
 from companion.studies.decisive.verdicts import verdict_of
+from sidm.config import ConfigError
 
 SPACING = 12_800  # samples between two tests
 EARLY = 40  # tests until the released rule has seen the first minimum
@@ -362,3 +363,17 @@ def test_progress_counts_trainings_and_their_hours(study, make_row, tmp_path):
     assert unknown == planned - sum(
         not trial.solved for step in STEPS for trial in step.trials(study)
     )
+
+
+def test_steps_can_be_run_alone(study):
+    """Trials keep their order; other figures and other names have no steps."""
+    folders = dict(data=study.data, results=study.results)
+    some = grid("study", "decisive", steps=["A2", "A1"], **folders)
+    first, second = (design.STEPS[i].trials(study) for i in (3, 5))
+    assert some == first + second
+    one = grid("study", "decisive", "system2", steps=["A2", "A1"], **folders)
+    assert one == second
+    with pytest.raises(ConfigError, match="unknown step 'A3'"):
+        grid("study", "decisive", steps=["A3"], **folders)
+    with pytest.raises(ConfigError, match="the figure decisive alone has steps"):
+        grid("study", "3", steps=["A1"], **folders)
