@@ -24,6 +24,9 @@ from sidm.systems import Terrain
 from sidm.terrain import generate_terrain
 from tests.golden import Golden
 
+if not torch.cuda.is_available():  # Triton reads it where a kernel is first imported
+    os.environ["TRITON_INTERPRET"] = "1"
+
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(

@@ -29,7 +29,7 @@ PARSERS = {
     "sidm": sidm.__main__.build_parser,
     "companion": companion.__main__.build_parser,
 }
-PIN = re.compile(r"^([A-Za-z0-9_.-]+)==([^\s#]+)(?:\s+# (.+))?$")
+PIN = re.compile(r"^([A-Za-z0-9_.-]+)==([^\s#;]+)(?:; [^#]+?)?(?:\s+# (.+))?$")
 
 
 def source(name: str) -> str:

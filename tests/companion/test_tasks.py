@@ -131,8 +131,14 @@ def test_a_simulated_task_sees_the_body_it_names(tmp_path):
     ],
 )
 def test_each_kind_of_failure_is_a_row(file, tmp_path, name, status, words):
+    limit = 12 if status == "limit" else 600  # s
     (result,) = run(
-        [f"{file}:{name}"], [TASK], seeds=1, results=tmp_path, limit=12, progress=False
+        [f"{file}:{name}"],
+        [TASK],
+        seeds=1,
+        results=tmp_path,
+        limit=limit,
+        progress=False,
     )
     assert (result.status, words in result.message) == (status, True), result.message
     assert (result.loss is None) == (status != "ok")

@@ -1,7 +1,6 @@
 """The kernels of a bundle on a GPU, computed by Triton's interpreter on a CPU."""
 
 import dataclasses
-import os
 
 import pytest
 import torch
@@ -15,8 +14,6 @@ from companion.bundle.training import device_data
 from sidm.systems import ROLES
 
 DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
-if DEVICE == "cpu":  # where kernels are imported first, this is read once
-    os.environ["TRITON_INTERPRET"] = "1"
 kernels = pytest.importorskip("companion.bundle.kernels")
 
 
