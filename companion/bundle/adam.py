@@ -96,7 +96,7 @@ class StackedAdam:
     ) -> None:
         state.step.add_(active)
         if fits_kernels(weights):
-            from companion.bundle.kernels import adam_step
+            from companion.bundle.kernels.adam import adam_step
 
             adam_step(
                 weights,

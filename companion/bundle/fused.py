@@ -14,8 +14,8 @@ from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 
 BATCHES = (2, 4, 8)  # trajectories of a trial for which a step is one kernel
-CHANNELS = 4  # numbers of channels that the kernels take are multiples of this
-UNITS = 64  # numbers of hidden units that the kernels take are multiples of this
+#: The kernels take numbers of channels and of hidden units that are multiples of these.
+CHANNEL_MULTIPLE, HIDDEN_MULTIPLE = 4, 64
 
 
 @functools.cache
@@ -32,7 +32,9 @@ def fits_kernels(tensor: Tensor) -> bool:
 def fuses_steps(inputs: Tensor) -> bool:
     """Whether the kernels compute an LSTM layer with inputs (M, T, B, 4 H)."""
     *_, batch, width = inputs.shape
-    return fits_kernels(inputs) and batch in BATCHES and width % (4 * UNITS) == 0
+    return (
+        fits_kernels(inputs) and batch in BATCHES and width % (4 * HIDDEN_MULTIPLE) == 0
+    )
 
 
 def fuses_convolutions(layers: nn.Module, maps: Tensor) -> bool:
@@ -46,7 +48,7 @@ def fuses_convolutions(layers: nn.Module, maps: Tensor) -> bool:
         layer for layer in layers.children() if isinstance(layer, nn.Conv2d)
     ]
     return len(convolutions) == 2 and all(
-        layer.kernel_size == (4, 4) and layer.out_channels % CHANNELS == 0
+        layer.kernel_size == (4, 4) and layer.out_channels % CHANNEL_MULTIPLE == 0
         for layer in convolutions
     )
 
@@ -57,7 +59,7 @@ class FusedRecurrence(torch.autograd.Function):
     @staticmethod
     def forward(ctx, inputs: Tensor, recurrent: Tensor) -> Tensor:
         """Hidden states (M, T, B, H) from gates (M, T, B, 4 H), weights (M, 4 H, H)."""
-        from companion.bundle.kernels import lstm_forward
+        from companion.bundle.kernels.recurrence import lstm_forward
 
         gates, hidden, cells = lstm_forward(inputs.contiguous(), recurrent)
         ctx.save_for_backward(gates, hidden, cells, recurrent)
@@ -67,7 +69,7 @@ class FusedRecurrence(torch.autograd.Function):
     @once_differentiable
     def backward(ctx, hidden_gradient: Tensor) -> tuple[Tensor, Tensor]:
         """Gradients of both inputs of `forward`."""
-        from companion.bundle.kernels import lstm_backward
+        from companion.bundle.kernels.recurrence import lstm_backward
 
         gates, hidden, cells, recurrent = ctx.saved_tensors
         gradients = lstm_backward(
@@ -91,7 +93,7 @@ class FusedConvolutions(torch.autograd.Function):
             *weights: kernels (N, C, 1, 4, 4), biases (N, C), kernels (N, D, C, 4, 4),
                 biases (N, D).
         """
-        from companion.bundle.kernels import convolve
+        from companion.bundle.kernels.convolution import convolve
 
         maps = maps.contiguous()
         kernels1, bias1, kernels2, bias2 = (part.contiguous() for part in weights)
@@ -105,7 +107,10 @@ class FusedConvolutions(torch.autograd.Function):
     @once_differentiable
     def backward(ctx, features_gradient: Tensor) -> tuple[Tensor | None, ...]:
         """Gradients of the kernels and biases."""
-        from companion.bundle.kernels import convolve_backward, kernel_gradient
+        from companion.bundle.kernels.convolution import (
+            convolve_backward,
+            kernel_gradient,
+        )
 
         maps, hidden, features, kernels2 = ctx.saved_tensors
         gradient = features_gradient.view_as(features)

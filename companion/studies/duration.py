@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from companion.figures.style import LOSS_BY_SIZE, METHOD_STYLES, mean_and_range
+from companion.figures.style import METHOD_STYLES, mean_and_range
 from companion.methods import ALL_RELEASED, COMPARED, METHODS, RELEASED
 from companion.study import Study
 from companion.trials import Trial
@@ -136,26 +136,4 @@ def figure(curves: pd.DataFrame, minutes: float = MINUTES[0]) -> Figure:
             highest = rows[rows.samples > 3e4].loss.max()
             axes.set_ylim(0.95 * rows.loss.min(), 1.05 * highest)
         finish(axes)
-    return figure
-
-
-@styled
-def by_size(frame: pd.DataFrame, figure3: pd.DataFrame) -> Figure:
-    """Validation loss by novice data as the authors train, beside Figure 3's.
-
-    Lines are means over seeds; shades reach from the minimum to the maximum.
-    """
-    figure, panels = side_by_side(2)
-    parts = {BY_AUTHORS: by_authors(frame), "as in Figure 3": figure3}
-    for axes, (title, results) in zip(panels, parts.items(), strict=True):
-        axes.set(title=title, **LOSS_BY_SIZE)
-        paper = results[results.method.isin(COMPARED)]
-        for method, rows in paper.groupby("method", sort=False):
-            sizes = rows.groupby("novice_minutes").validation_loss
-            losses = sizes.agg(["mean", "min", "max"])
-            mean_and_range(axes, losses, **METHOD_STYLES[method])
-        finish(axes, results.novice_minutes.unique())
-    ends = [end for axes in panels if axes.has_data() for end in axes.get_ylim()]
-    for axes in panels:
-        axes.set_ylim(min(ends, default=None), max(ends, default=None))
     return figure

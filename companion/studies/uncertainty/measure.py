@@ -47,7 +47,6 @@ from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.seeds import generator
 from sidm.learning.training import Trained
 from sidm.learning.units import Standardisation
-from sidm.shards import simulated_ground
 
 SIZES = (1.0, 5.0, 60.0)  # novice data, min
 PARTICLES = 64  # of a rollout
@@ -248,8 +247,8 @@ def rollout_coverage(
     """How the particles' intervals fit the actual paths, mean over the rollouts."""
     noise = generator(trial.seed, "particles")
     coverages = []
-    for drive in library.rollouts(trial):
-        heights = torch.from_numpy(simulated_ground(drive).heights)
+    grounds = library.rollout_heights(trial)
+    for drive, heights in zip(library.rollouts(trial), grounds, strict=True):
         states = np.asarray(drive.states[: ROLLOUT_STEPS + 1], float)
         actions = np.asarray(drive.actions[:ROLLOUT_STEPS], float)
         actual = torch.from_numpy(states)

@@ -28,18 +28,3 @@ def test_the_two_ways_to_train_are_told_apart(every):
     by_authors = duration.by_authors(every)
     assert len(by_authors) == (table.trained == duration.BY_AUTHORS).sum()
     assert set(by_authors.batch) == {2}
-
-
-def test_losses_by_size_stand_beside_figure_3(every, tmp_path):
-    """On the left, training without SIDM needs four times the data.
-
-    On the right nothing is stored.
-    """
-    figure = duration.by_size(every, every[:0])
-    left, right = figure.axes
-    curves = {line.get_label(): line.get_xydata() for line in left.lines}
-    assert [minutes for minutes, _ in curves["with SIDM"]] == sorted(
-        duration.RELEASED_SEEDS["sidm"]
-    )
-    assert curves["without SIDM"][:, 1] == pytest.approx(2 * curves["with SIDM"][:, 1])
-    assert not right.lines and right.texts[0].get_text() == "no trials stored"
