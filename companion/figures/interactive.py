@@ -9,6 +9,7 @@ import altair as alt
 import pandas as pd
 
 from companion.figures.style import METHOD_STYLES, system_label
+from companion.figures.themed import themed
 from companion.statistics.savings import ratio_texts
 
 #: Matplotlib's line style -> dashes of Vega.
@@ -87,14 +88,7 @@ def figure3(
         lines.properties(data=points),
         means.properties(data=points),
     )
-    return (
-        chart.add_params(system, shown)
-        .properties(width="container", height=330, description=words)
-        .configure(background="white", font="sans-serif")
-        .configure_axis(labelFontSize=13, titleFontSize=13)
-        .configure_legend(labelFontSize=13, titleFontSize=12)
-        .to_dict(validate=False)
-    )
+    return themed(chart.add_params(system, shown).properties(height=330), words)
 
 
 def _dashes(line: Any) -> list[int]:

@@ -106,9 +106,14 @@ def html_chart(specification: dict[str, Any], figure: Figure, words: str) -> str
         figure: shown until the chart is drawn.
         words: what the figure shows, for readers who cannot see it.
     """
-    text = json.dumps(specification, separators=(",", ":")).replace("</", "<\\/")
-    script = f'<script type="application/json">{text}</script>'
-    return f'<div class="vega-chart">{html_picture(figure, words)}{script}</div>'
+    picture, script = html_picture(figure, words), json_script(specification, "chart")
+    return f'<div class="vega-chart">{picture}{script}</div>'
+
+
+def json_script(content: Any, name: str) -> str:
+    """JSON types as a script element of a class, for a page's own scripts to read."""
+    text = json.dumps(content, separators=(",", ":")).replace("</", "<\\/")
+    return f'<script type="application/json" class="{name}">{text}</script>'
 
 
 def half_width(heights: np.ndarray) -> float:

@@ -5,6 +5,7 @@ This is early stopping (section 4).
 
 from __future__ import annotations
 
+import bisect
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
@@ -176,6 +177,36 @@ def kept_weights(curve: Curve, rule: StoppingRule) -> KeptWeights:
     ended = ended or stopper.finished(last, last // rule.samples_per_iteration)
     validation_loss = curve.validation_loss[best]
     return KeptWeights(curve.samples[best], stopper.best, validation_loss, last, ended)
+
+
+def kept_after(
+    curve: Curve, lengths: Sequence[int], smoothing: float = StoppingRule().smoothing
+) -> list[KeptWeights]:
+    """The weights that a training would have kept, had it ended after so many samples.
+
+    This is `kept_weights` with each of the `lengths` as the `max_samples` of a rule
+    without patience, in one pass.
+
+    Raises:
+        ValueError: a length ends before the first test.
+    """
+    smoothed, best = [], []
+    for test, loss in enumerate(curve.test_loss):
+        smoothed.append(_smooth(smoothed[-1] if smoothed else None, loss, smoothing))
+        lower = not best or smoothed[test] < smoothed[best[-1]]
+        best.append(test if lower else best[-1])
+    # a training that ends between two tests is not tested again
+    starts = [samples - curve.iteration for samples in curve.samples]
+    kept = []
+    for length in lengths:
+        tests = bisect.bisect_left(starts, length)
+        if tests == 0:
+            raise ValueError("a training without a test keeps nothing")
+        last, at = curve.samples[tests - 1], best[tests - 1]
+        ended = tests < len(starts) or last >= length
+        losses = smoothed[at], curve.validation_loss[at]
+        kept.append(KeptWeights(curve.samples[at], *losses, last, ended))
+    return kept
 
 
 def _smooth(past: float | None, now: float, weight: float) -> float:

@@ -21,94 +21,18 @@ from companion.figures.style import (
     mean_and_range,
     system_label,
 )
-from companion.statistics.stopping_rules import RULES, apply_rule
-from companion.studies.decisive.verdicts import (
-    AT,
-    END,
-    RELEASED,
-    loss_ratio,
-    losses_by,
-    ratio_of_data,
-)
-from sidm.learning.stopping import StoppingRule
+from companion.statistics.stopping_rules import RULES
+from companion.studies.decisive.along import MARKED
+from companion.studies.decisive.verdicts import AT, END, losses_by
 from sidm.plots import finish, side_by_side, styled
 from sidm.systems import SYSTEMS
 
-SIZES = (1.0, 5.0, 20.0)  # min at which losses are compared along the training
-LENGTHS = tuple(
-    int(samples) for samples in np.geomspace(100_000, 8_000_000, 25).round(-3)
-)
-MARKED = ("this book's", RELEASED, END)  # rules that have a point on the curves
 RECIPE_STYLES: dict[str, dict[str, Any]] = {
     "R": {"color": "#0072B2", "linestyle": "-"},
     "T": {"color": "#D55E00", "linestyle": "--"},
 }
 RECIPE_LABELS = {"R": "as released (R)", "T": "each as well as we can (T)"}
 RULE_MARKERS = dict(zip(MARKED, ("^", "s", "o"), strict=True))
-#: Columns of the table of `along_training`.
-COLUMNS = (
-    "recipe",
-    "system",
-    "quantity",
-    "minutes",
-    "rule",
-    "samples",
-    "seeds",
-    "value",
-    "low",
-    "high",
-)
-
-
-def lengths_of(frame: pd.DataFrame) -> list[int]:
-    """The LENGTHS, in samples, from the first test of all trainings to the last end."""
-    if not len(frame):
-        return []
-    first, last = frame.test_spacing.max(), frame.max_samples.max()
-    return [samples for samples in LENGTHS if first <= samples <= last]
-
-
-def along_training(frame: pd.DataFrame) -> pd.DataFrame:
-    """What an SIDM saves, had all trainings been stopped after n samples or by a rule.
-
-    Args:
-        frame: rows of `verdicts.results`.
-
-    Returns:
-        A row per `recipe`, `system`, `quantity` ('data' or 'loss'), `minutes` of the
-        SIDM, and `rule`. The rule is empty where all trainings were stopped after the
-        same number of `samples`; of a rule, `samples` are the median over the SIDM's
-        trainings. `value`, `low` and `high` are the data ratio at AT minutes, or the
-        ratio of the losses with and without SIDM, from so many `seeds`.
-    """
-    rows: list[tuple] = []
-    for (recipe, system), group in frame.groupby(["recipe", "system"], sort=False):
-        stopped = [
-            (samples, "", kept_losses(group, StoppingRule(max_samples=samples)))
-            for samples in lengths_of(group)
-        ]
-        sidm = group[(group.method == "sidm") & (group.novice_minutes == AT)]
-        for rule in MARKED:
-            kept = apply_rule(sidm, RULES[rule])
-            if len(kept):
-                samples = int(kept.seen.median())
-                stopped.append((samples, rule, losses_by(group, rule)))
-        for samples, rule, losses in stopped:
-            ratio = ratio_of_data(losses, "sidm")
-            rows.append((recipe, system, "data", AT, rule, samples, *ratio))
-            for size in SIZES:
-                ratio = loss_ratio(losses, size)
-                rows.append((recipe, system, "loss", size, rule, samples, *ratio))
-    return pd.DataFrame(rows, columns=list(COLUMNS))
-
-
-def kept_losses(frame: pd.DataFrame, rule: StoppingRule) -> pd.DataFrame:
-    """Results with the validation `loss` of the weights that a stopping rule keeps.
-
-    The loss is on the validation motion that every test during training has.
-    """
-    kept = apply_rule(frame, rule)
-    return kept.assign(loss=kept.kept_validation)
 
 
 @styled
@@ -161,7 +85,8 @@ def _draw(axes: Axes, ratios: pd.DataFrame, recipe: str) -> None:
         alpha=0.15,
         lw=0,
     )
-    for rule, point in ratios[ratios.rule != ""].set_index("rule").iterrows():
+    marked = ratios[ratios.rule.isin(MARKED)]
+    for rule, point in marked.set_index("rule").iterrows():
         label = f"{recipe}: {'' if rule == END else 'by the rule of '}{rule}"
         reach = np.abs([[point.value - point.low], [point.high - point.value]])
         axes.errorbar(

@@ -1,6 +1,8 @@
 """The decisive experiment: its table, and both verdicts on made-up results."""
 
+import base64
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -15,7 +17,16 @@ from companion.statistics.claims import (
     REPRODUCED,
 )
 from companion.statistics.data_ratio import data_ratio
-from companion.studies.decisive import design, figures, search, verdicts
+from companion.statistics.stopping_rules import RULES
+from companion.studies.decisive import (
+    along,
+    design,
+    figures,
+    search,
+    stopping_charts,
+    stopping_point,
+    verdicts,
+)
 from companion.studies.decisive.design import FINETUNING, RECIPES, SEEDS, STEPS, arm
 from companion.studies.decisive.verdicts import verdict_of
 from sidm.config import ConfigError
@@ -249,7 +260,7 @@ def test_the_saving_shrinks_along_the_training(make_results, tmp_path):
     """An early saving is gone at the end: the line ends at the point of the end."""
     worth = {(recipe, "sidm"): 4.0 for recipe in RECIPES}
     results = make_results(power(worth), power({}, level=0.5))
-    table = figures.along_training(results)
+    table = along.along_training(results)
     line = table[
         (table.recipe == "R") & (table.system == "system1") & (table.quantity == "data")
     ]
@@ -258,7 +269,7 @@ def test_the_saving_shrinks_along_the_training(make_results, tmp_path):
         line[line.rule == ""].set_index("samples"),
     )
     assert line.value[line.index > 1e6].iloc[0] == pytest.approx(4, rel=0.1)
-    assert set(points.index) == set(figures.MARKED)
+    assert set(points.index) == set(RULES)
     assert (
         line.value.iloc[-1]
         == pytest.approx(1, rel=0.1)
@@ -274,7 +285,49 @@ def test_the_saving_shrinks_along_the_training(make_results, tmp_path):
     drawn = figures.by_rule(results, "T", "system2")
     assert [len(axes.lines) for axes in drawn.axes] == [3] * 4
     assert len(figures.by_length(table).axes) == 4
-    assert not len(figures.along_training(results[:0]))
+    assert not len(along.along_training(results[:0]))
+
+
+def unpacked(text):
+    return np.frombuffer(base64.b64decode(text), "<u2") / stopping_point.SCALE
+
+
+def test_the_page_has_the_published_numbers(make_results):
+    """What a rule keeps, Figure 3 and the savings are those of figures and verdicts."""
+    worth = {(recipe, "sidm"): 4.0 for recipe in RECIPES}
+    results = make_results(power(worth), power({}, level=0.5))
+    draws = results[(results.recipe == "T") & (results.system == "system1")]
+    contents = stopping_point.contents(results, draws.assign(seed=draws.seed + 1000))
+    judged = verdicts.verdicts(results)
+    recipe = next(one for one in contents["recipes"] if one["id"] == "R-system1")
+    chosen = results[(results.recipe == "R") & (results.system == "system1")]
+    for verdict, rule in (("R1", verdicts.RELEASED), ("R2", verdicts.END)):
+        published = line(judged, verdict, "system1")
+        (shown,) = recipe["rules"][rule]["saving"]["data 5"]
+        assert shown == pytest.approx(
+            [published.value, published.low, published.high], rel=1e-3
+        )
+        losses = verdicts.losses_by(chosen, rule).loss
+        kept = [loss for loss, _, _ in recipe["rules"][rule]["kept"]]
+        assert kept == pytest.approx(losses.tolist(), abs=1e-4)
+    after = along.losses_after(chosen, contents["lengths"])
+    for place, length in enumerate(contents["lengths"]):
+        kept = [unpacked(one["kept"])[place] for one in recipe["trainings"]]
+        assert kept == pytest.approx(after[length].loss.tolist(), abs=1e-4)
+    assert len(contents["search"]) == len(draws)
+    assert json.loads(json.dumps(contents, allow_nan=False))["rules"] == list(RULES)
+
+
+def test_the_page_without_results_is_empty(make_results):
+    none = make_results(power({}), power({}))[:0]
+    contents = stopping_point.contents(none, none)
+    assert contents["recipes"] == contents["lengths"] == contents["search"] == []
+    assert set(stopping_charts.charts(contents["methods"])) == {
+        "losses",
+        "figure3",
+        "saving",
+        "search",
+    }
 
 
 def test_harm_is_contrary(make_results):

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 from sidm.learning import train
@@ -12,6 +13,7 @@ from sidm.learning.stopping import (
     EarlyStopping,
     KeptWeights,
     StoppingRule,
+    kept_after,
     kept_weights,
 )
 
@@ -132,6 +134,17 @@ def test_the_released_rule_waits_for_overfitting(training_loss, samples, monkeyp
 def test_nothing_is_kept_without_a_test():
     with pytest.raises(ValueError, match="without a test"):
         kept_weights(curve([]), StoppingRule())
+    with pytest.raises(ValueError, match="without a test"):
+        kept_after(curve([1.0]), [9])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_lengths_keep_what_a_cap_keeps(seed):
+    rng = np.random.default_rng(seed)
+    run = curve(rng.uniform(1, 2, 40).round(1).tolist(), iteration=3)
+    lengths = list(range(10, 420))
+    kept = [kept_weights(run, StoppingRule(max_samples=length)) for length in lengths]
+    assert kept_after(run, lengths) == kept
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,116 @@
+"""What an SIDM saves, had all trainings been stopped earlier: along the training."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pandas as pd
+
+from companion.statistics.stopping_rules import RULES, apply_rule, stored_curve
+from companion.studies.decisive.verdicts import (
+    AT,
+    END,
+    RELEASED,
+    loss_ratio,
+    losses_by,
+    ratio_of_data,
+)
+from sidm.learning.stopping import kept_after
+
+SIZES = (1.0, 5.0, 20.0)  # min at which losses are compared along the training
+#: Samples after which all trainings are stopped: 24 values a decade, rounded to two
+#: digits (the E24 series), and the longest training.
+DECADE = (
+    *(10, 11, 12, 13, 15, 16, 18, 20, 22, 24, 27, 30),
+    *(33, 36, 39, 43, 47, 51, 56, 62, 68, 75, 82, 91),
+)
+LENGTHS = (
+    *(10_000 * digits for digits in DECADE),
+    *(100_000 * digits for digits in DECADE if digits < 80),
+    8_000_000,
+)
+MARKED = ("this book's", RELEASED, END)  # rules that have a point on the curves
+#: Columns of the table of `along_training`.
+COLUMNS = (
+    "recipe",
+    "system",
+    "quantity",
+    "minutes",
+    "rule",
+    "samples",
+    "seeds",
+    "value",
+    "low",
+    "high",
+)
+
+
+def lengths_of(frame: pd.DataFrame) -> list[int]:
+    """The LENGTHS, in samples, from the first test of all trainings to the last end."""
+    if not len(frame):
+        return []
+    first, last = frame.test_spacing.max(), frame.max_samples.max()
+    return [samples for samples in LENGTHS if first <= samples <= last]
+
+
+def along_training(
+    frame: pd.DataFrame, rules: Sequence[str] = tuple(RULES)
+) -> pd.DataFrame:
+    """What an SIDM saves, had all trainings been stopped after n samples or by a rule.
+
+    Args:
+        frame: rows of `verdicts.results`.
+        rules: stopping rules, keys of RULES.
+
+    Returns:
+        A row per `recipe` and `system` that have SIDMs, `quantity` ('data' or 'loss'),
+        `minutes` of the SIDM, and `rule`. The rule is empty where all trainings were
+        stopped after the same number of `samples`; of a rule, `samples` are the median
+        over the SIDM's trainings. `value`, `low` and `high` are the data ratio at AT
+        minutes, or the ratio of the losses with and without SIDM, from so many `seeds`.
+    """
+    rows: list[tuple] = []
+    for (recipe, system), group in frame.groupby(["recipe", "system"], sort=False):
+        if not (group.method == "sidm").any():
+            continue
+        stopped = [
+            (samples, "", losses)
+            for samples, losses in losses_after(group, lengths_of(group)).items()
+        ]
+        sidm = group[(group.method == "sidm") & (group.novice_minutes == AT)]
+        for rule in rules:
+            kept = apply_rule(sidm, RULES[rule])
+            if len(kept):
+                samples = int(kept.seen.median())
+                stopped.append((samples, rule, losses_by(group, rule)))
+        for samples, rule, losses in stopped:
+            ratio = ratio_of_data(losses, "sidm")
+            rows.append((recipe, system, "data", AT, rule, samples, *ratio))
+            for size in SIZES:
+                ratio = loss_ratio(losses, size)
+                rows.append((recipe, system, "loss", size, rule, samples, *ratio))
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def losses_after(
+    frame: pd.DataFrame, lengths: Sequence[int]
+) -> dict[int, pd.DataFrame]:
+    """The validation `loss` that trainings of so many samples keep.
+
+    The loss is on the validation motion that every test during training has.
+
+    Args:
+        frame: results.
+        lengths: samples after which all trainings are stopped.
+
+    Returns:
+        Length -> a row per training with its `method`, `novice_minutes`, `seed` and
+        `loss`.
+    """
+    whole = frame[frame.test_spacing > 0]
+    points = whole[["method", "novice_minutes", "seed"]]
+    kept = [kept_after(stored_curve(row), lengths) for _, row in whole.iterrows()]
+    return {
+        samples: points.assign(loss=[along[at].validation_loss for along in kept])
+        for at, samples in enumerate(lengths)
+    }

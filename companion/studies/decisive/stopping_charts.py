@@ -1,0 +1,156 @@
+"""Charts of the page with a movable stopping point, as Vega draws them.
+
+book/static/stopping.js fills in the data; `stopping_point` has the numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import altair as alt
+from matplotlib.figure import Figure
+
+from companion.figures.style import html_picture, json_script
+from companion.figures.themed import themed
+from companion.studies.decisive.figures import RECIPE_STYLES
+from companion.studies.decisive.verdicts import END
+
+HEIGHT = 250  # pixels
+LOSSES = (0.18, 0.8)  # ends of the axes of losses
+SAMPLES = (1e5, 8e6)
+SAVINGS = (0.1, 30)
+LOSS_TICKS = (0.2, 0.25, 0.3, 0.4, 0.5, 0.7)
+SAVING_TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20)
+SAMPLE_TICKS = (1e5, 3e5, 1e6, 3e6, 8e6)
+DECAY_TICKS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
+COLOUR = RECIPE_STYLES["R"]["color"]  # of a saving
+INK = alt.ExprRef("ink")
+
+
+def axis(
+    kind: Any, field: str, title: str, ends: Any, ticks: Any, form: str = "~g"
+) -> Any:
+    """A logarithmic axis, `alt.X` or `alt.Y`."""
+    scale = alt.Scale(type="log", domain=list(ends), nice=False)
+    shown = alt.Axis(values=list(ticks), format=form, labelOverlap=True)
+    return kind(field, title=title, scale=scale, axis=shown)
+
+
+def named(name: str) -> alt.Chart:
+    """A chart of data that the page fills in."""
+    return alt.Chart(alt.NamedData(name=name))
+
+
+def _samples() -> Any:
+    return axis(alt.X, "x:Q", "samples seen in training", SAMPLES, SAMPLE_TICKS, "~s")
+
+
+def _losses() -> Any:
+    return axis(alt.Y, "y:Q", "validation loss", LOSSES, LOSS_TICKS)
+
+
+def _cursor() -> alt.Chart:
+    """The stopping point, a vertical line."""
+    return (
+        named("stop")
+        .mark_rule(color=INK, strokeWidth=1.5, tooltip=None)
+        .encode(x="x:Q")
+    )
+
+
+def charts(methods: Mapping[str, Mapping[str, str]]) -> dict[str, dict[str, Any]]:
+    """Specifications by the name of the chart.
+
+    Args:
+        methods: name -> `label` and `color` of each method.
+    """
+    names = [method["label"] for method in methods.values()]
+    scale = alt.Scale(
+        domain=names, range=[method["color"] for method in methods.values()]
+    )
+    colour = alt.Color("m:N", scale=scale, legend=None)
+    return {
+        "losses": themed(_training(colour), "Validation loss along the training"),
+        "figure3": themed(_figure3(colour), "Validation loss by novice data"),
+        "saving": themed(_saving(), "Data saved by an SIDM by length of training"),
+        "search": themed(
+            _search(colour), "Validation loss of each draw by weight decay"
+        ),
+    }
+
+
+def _training(colour: Any) -> alt.LayerChart:
+    """Loss along each training, and the weights that it keeps."""
+    lines = named("curves").mark_line(clip=True, strokeWidth=1.2, opacity=0.55)
+    lines = lines.encode(x=_samples(), y=_losses(), color=colour, detail="s:N")
+    kept = named("kept").mark_point(filled=True, size=60, clip=True, opacity=1)
+    kept = kept.encode(x="x:Q", y="y:Q", color=colour)
+    drawn = named("draw").mark_line(clip=True, color=INK, strokeWidth=2)
+    drawn = drawn.encode(x="x:Q", y="y:Q")
+    return alt.layer(lines, drawn, kept, _cursor()).properties(height=HEIGHT)
+
+
+def _figure3(colour: Any) -> alt.LayerChart:
+    """Loss against novice data: mean over seeds, from minimum to maximum."""
+    sizes = axis(alt.X, "x:Q", "novice data (min)", (0.9, 135), (1, 5, 20, 60, 120))
+    base = named("sizes")
+    band = base.mark_area(clip=True, opacity=0.2).encode(
+        x=sizes, y=_losses(), y2="high:Q", color=colour
+    )
+    means = base.mark_line(clip=True, point={"filled": True, "size": 60}).encode(
+        x="x:Q", y="mean:Q", color=colour
+    )
+    return alt.layer(band, means).properties(height=HEIGHT)
+
+
+def _saving() -> alt.LayerChart:
+    """Data ratio against the length of training, with rules and the stopping point."""
+    ratio = axis(alt.Y, "y:Q", "data without SIDM / with SIDM", SAVINGS, SAVING_TICKS)
+    line = named("saving").mark_line(clip=True, color=COLOUR)
+    line = line.encode(x=_samples(), y=ratio)
+    band = named("saving").mark_area(clip=True, opacity=0.2, color=COLOUR)
+    band = band.encode(x="x:Q", y=alt.Y("low:Q"), y2="high:Q")
+    one = alt.Chart(alt.Data(values=[{"y": 1}])).mark_rule(color=INK, strokeDash=[4, 3])
+    rules = named("rules").mark_point(filled=True, size=80, color=COLOUR, opacity=1)
+    rules = rules.encode(x="x:Q", y="y:Q")
+    names = [
+        named("rules")
+        .transform_filter(f"(datum.rule == '{END}') == {str(above).lower()}")
+        .mark_text(align="right", dy=-12 if above else 16, color=INK)
+        .encode(x="x:Q", y="y:Q", text="rule:N")
+        for above in (True, False)
+    ]
+    whisker = named("here").mark_rule(color=INK, strokeWidth=2, clip=True)
+    whisker = whisker.encode(x="x:Q", y="low:Q", y2="high:Q")
+    here = named("here").mark_point(filled=True, size=110, color=INK, opacity=1)
+    here = here.encode(x="x:Q", y="y:Q")
+    parts = line, band, one.encode(y="y:Q"), rules, *names, whisker, here, _cursor()
+    return alt.layer(*parts).properties(height=HEIGHT)
+
+
+def _search(colour: Any) -> alt.LayerChart:
+    """What each draw of the search keeps, against its weight decay."""
+    decay = axis(alt.X, "x:Q", "weight decay", (8e-7, 0.4), DECAY_TICKS, "~e")
+    losses = axis(alt.Y, "y:Q", "validation loss", (0.12, 0.8), (0.15, *LOSS_TICKS))
+    points = named("draws").mark_point(filled=True, size=90, clip=True, opacity=0.9)
+    points = points.encode(
+        x=decay, y=losses, color=colour, tooltip=alt.Tooltip("words:N", title="draw")
+    )
+    ring = named("picked").mark_point(size=260, color=INK, strokeWidth=2, filled=False)
+    return alt.layer(points, ring.encode(x="x:Q", y="y:Q")).properties(height=HEIGHT)
+
+
+def html(contents: Mapping[str, Any], figure: Figure, words: str) -> str:
+    """The charts with their numbers, which book/static/stopping.js puts together.
+
+    Args:
+        contents: of `stopping_point.contents`.
+        figure: shown where there is no script.
+        words: what the figure shows, for readers who cannot see it.
+    """
+    parts = {"numbers": contents, "charts": charts(contents["methods"])}
+    scripts = "".join(
+        json_script(part, f"stopping-{name}") for name, part in parts.items()
+    )
+    return f'<div class="stopping">{html_picture(figure, words)}{scripts}</div>'

@@ -1,0 +1,190 @@
+"""How long to train, to touch: the numbers behind a stopping point that moves.
+
+The reader stops all trainings of a recipe after a number of samples or by a rule, and
+sees what each training keeps, Figure 3 and the saving. book/static/stopping.js draws
+this. Losses are rounded to a ten-thousandth; savings are those of `along` and
+`verdicts`.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from companion.figures.style import METHOD_STYLES, system_label
+from companion.statistics.stopping_rules import RULES, apply_rule, stored_curve
+from companion.studies.decisive.along import along_training, lengths_of
+from companion.studies.decisive.figures import RECIPE_LABELS
+from companion.studies.decisive.search import FIRST_SEED
+from companion.studies.decisive.verdicts import AT, losses_by
+from sidm.learning.stopping import kept_after
+
+SCALE = 10_000  # stored numbers in a unit of loss
+DRAWN_TESTS = 160  # tests of a training that are drawn, evenly spread in its logarithm
+DIGITS = 4  # of a saving
+
+
+def packed(losses: Sequence[float]) -> str:
+    """Losses as text: Base64 of 16-bit integers, least significant byte first.
+
+    A loss above 6.5535 is stored as that.
+    """
+    numbers = np.clip(np.rint(np.asarray(losses) * SCALE), 0, 2**16 - 1)
+    return base64.b64encode(numbers.astype("<u2").tobytes()).decode()
+
+
+def drawn_tests(count: int) -> list[int]:
+    """Which of `count` tests of a training are drawn, from 0."""
+    if count == 0:
+        return []
+    return np.unique(
+        np.geomspace(1, count, DRAWN_TESTS).round().astype(int) - 1
+    ).tolist()
+
+
+def training_contents(row: pd.Series, lengths: Sequence[int]) -> dict[str, Any]:
+    """A training's curve, and what it keeps when it is stopped.
+
+    Args:
+        row: of the results.
+        lengths: samples after which the reader can stop it.
+
+    Returns:
+        `method`, `minutes` and `seed`; the number of `tests` and their `spacing` in
+        samples; the `curve` of the validation loss at `drawn_tests`; after each length
+        the `kept` validation loss, and the number of the test `at` which the kept
+        weights were reached.
+    """
+    curve = stored_curve(row)
+    shown = drawn_tests(len(curve.samples))
+    kept = kept_after(curve, lengths)
+    return {
+        "method": row.method,
+        "minutes": row.novice_minutes,
+        "seed": int(row.seed),
+        "spacing": int(row.test_spacing),
+        "tests": len(curve.samples),
+        "curve": packed([curve.validation_loss[test] for test in shown]),
+        "kept": packed([weights.validation_loss for weights in kept]),
+        "at": [round(weights.samples / row.test_spacing) for weights in kept],
+    }
+
+
+def rule_contents(group: pd.DataFrame, rule: str) -> list[list[float]]:
+    """What a stopping rule keeps of each training of a group.
+
+    Returns:
+        For each training the validation loss of the kept weights, as it is published;
+        the samples at which they were reached, and those at which training ended.
+    """
+    kept, losses = apply_rule(group, RULES[rule]), losses_by(group, rule).loss
+    return [
+        [round(float(loss), DIGITS), int(samples), int(seen)]
+        for loss, samples, seen in zip(
+            losses, kept.kept_samples, kept.seen, strict=True
+        )
+    ]
+
+
+def saving_contents(table: pd.DataFrame) -> dict[str, list[Any]]:
+    """Rows of `along_training`: ratios with their ends, by quantity and minutes.
+
+    Returns:
+        'data 5', 'loss 1', 'loss 5' and 'loss 20' -> [value, low, high] per row; what
+        is unknown, or has no bound, is None.
+    """
+    return {
+        f"{quantity} {minutes:g}": [
+            [_number(number) for number in (row.value, row.low, row.high)]
+            for row in rows.itertuples()
+        ]
+        for (quantity, minutes), rows in table.groupby(["quantity", "minutes"])
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None
+
+
+def recipe_contents(group: pd.DataFrame, saved: pd.DataFrame) -> dict[str, Any]:
+    """All that the page needs of a recipe on a system.
+
+    Args:
+        group: results of the recipe on the system.
+        saved: the rows of `along_training` about them.
+    """
+    lengths = lengths_of(group)
+    recipe, system = group.recipe.iloc[0], system_label(group.system.iloc[0])
+    return {
+        "name": f"{system}, {RECIPE_LABELS[recipe]}",
+        "id": f"{recipe}-{group.system.iloc[0]}",
+        "system": system,
+        "trainings": [training_contents(row, lengths) for _, row in group.iterrows()],
+        "saving": saving_contents(saved[saved.rule == ""]),
+        "rules": {
+            rule: {
+                "kept": rule_contents(group, rule),
+                "samples": int(marked.samples.iloc[0]),
+                "saving": saving_contents(marked),
+            }
+            for rule, marked in saved[saved.rule != ""].groupby("rule", sort=False)
+        },
+    }
+
+
+def search_contents(search: pd.DataFrame, lengths: Sequence[int]) -> list[dict]:
+    """The trainings of the search with their number of the draw and their settings."""
+    return [
+        training_contents(row, [min(length, row.max_samples) for length in lengths])
+        | {
+            "number": int(row.seed) - FIRST_SEED,
+            "rate": row.learning_rate,
+            "decay": row.weight_decay,
+            "batch": int(row.batch),
+        }
+        for _, row in search.iterrows()
+    ]
+
+
+def contents(frame: pd.DataFrame, search: pd.DataFrame) -> dict[str, Any]:
+    """All numbers of the page, as JSON types.
+
+    Args:
+        frame: rows of `verdicts.results`.
+        search: rows of the search on system 1.
+    """
+    saved = along_training(frame)
+    groups = {
+        key: group
+        for key, group in frame.groupby(["recipe", "system"], sort=False)
+        if set(group.method) >= {"sidm", "novice_only"}
+    }
+    lengths = max((lengths_of(group) for group in groups.values()), key=len, default=[])
+    recipes = []
+    for (recipe, system), group in groups.items():
+        rows = saved[(saved.recipe == recipe) & (saved.system == system)]
+        recipes.append(recipe_contents(group, rows))
+    counts = {len(row) for row in (*frame.every_test_loss, *search.every_test_loss)}
+    return {
+        "scale": SCALE,
+        "drawn": {count: drawn_tests(count) for count in sorted(counts)},
+        "minutes": AT,
+        "lengths": lengths,
+        "rules": list(RULES),
+        "methods": _methods(frame, search),
+        "recipes": recipes,
+        "search": search_contents(search, lengths),
+    }
+
+
+def _methods(*frames: pd.DataFrame) -> Mapping[str, dict[str, Any]]:
+    """Label and colour of each method that is drawn."""
+    names = dict.fromkeys(name for frame in frames for name in frame.method)
+    return {
+        name: {key: METHOD_STYLES[name][key] for key in ("label", "color")}
+        for name in names
+    }
