@@ -15,7 +15,7 @@ export OMP_NUM_THREADS ?= 1
 
 help:
 	@echo 'make book [PARAMS=params/smoke.yaml]             run copies of the notebooks and render the book: _build/html'
-	@echo 'make page NAME=05-figure3 [PARAMS=...]           run one copy again and render what changed'
+	@echo 'make page NAME=04-figure3 [PARAMS=...]           run one copy again and render what changed'
 	@echo 'make notebooks                                   refresh the outputs in notebooks/ themselves'
 	@echo "make headline                                    every number of the README and the first page, and what makes it"
 	@echo "make figures                                     Figures 3 and 4 into _build/figures, and that of the README"
@@ -74,7 +74,7 @@ pdf: $(STAMP)
 	$(BIN)/python book/pdf.py _build/html _build/sidm-companion.pdf
 
 explore: $(STAMP)
-	$(BIN)/voila notebooks/23-explorer.ipynb $(VOILA)
+	$(BIN)/voila notebooks/21-explorer.ipynb $(VOILA)
 
 # One call of pytest, so that one exit status and one closing line speak for all: the unit tests; each notebook with
 # params/smoke.yaml, and a book built with warnings as errors, which are tests themselves (tests/book); and nbval over the

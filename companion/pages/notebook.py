@@ -97,7 +97,7 @@ def find_notebook(name: str) -> Path:
     """The notebook with this path or name.
 
     Args:
-        name: a path; or a name with or without its number, as `05-figure3` or
+        name: a path; or a name with or without its number, as `04-figure3` or
             `figure3`. The number is ignored, and former names of chapters are known.
 
     Raises:

@@ -17,13 +17,13 @@ from sidm.progress import progress_bar
 #: Run time of the longest notebooks, s, roughly. They start first; the progress bar
 #: computes the time left from it.
 SECONDS = {
-    "04-training": 50,
-    "21-own-data": 35,
+    "03-training": 50,
+    "19-own-data": 35,
     "02-collecting": 15,
-    "18-suspension": 15,
+    "17-suspension": 15,
     "01-robots": 10,
-    "12-driving": 8,
-    "05-figure3": 6,
+    "13-driving": 8,
+    "04-figure3": 6,
 }
 OTHER_SECONDS = 4  # run time of any other notebook, s
 #: Without it the kernel would warn that it listens on local ports.

@@ -190,7 +190,8 @@ def kept_after(
     Raises:
         ValueError: a length ends before the first test.
     """
-    smoothed, best = [], []
+    smoothed: list[float] = []
+    best: list[int] = []  # test with the lowest smoothed loss so far
     for test, loss in enumerate(curve.test_loss):
         smoothed.append(_smooth(smoothed[-1] if smoothed else None, loss, smoothing))
         lower = not best or smoothed[test] < smoothed[best[-1]]

@@ -78,5 +78,5 @@ def test_every_number_of_the_first_page_has_its_chapter_and_its_command(monkeypa
     for number in numbers:
         assert re.match(r"\d", number.number), number
         build_parser().parse_args(number.command.split()[1:])
-    with pytest.raises(ValueError, match="05-figure3 glues no 'nothing'"):
-        glued_numbers("{glue:text}`../notebooks/05-figure3.ipynb::nothing:s`")
+    with pytest.raises(ValueError, match="04-figure3 glues no 'nothing'"):
+        glued_numbers("{glue:text}`../notebooks/04-figure3.ipynb::nothing:s`")

@@ -67,7 +67,7 @@ def test_its_links_stay_in_the_book_or_lead_to_the_web(bound):
 
 
 def test_what_is_folded_is_printed_whole(book, context):
-    page = pdf.prepare(context.browser, book / "notebooks" / "05-figure3.html")
+    page = pdf.prepare(context.browser, book / "notebooks" / "04-figure3.html")
     assert page.locator("details[open] table").count() > 0
     assert page.evaluate("() => document.getAnimations().length") == 0, (
         "still fading in"

@@ -159,7 +159,7 @@ def test_no_size_is_nonsense(value):
 @settings(max_examples=150, **IN_FOLDER)
 def test_any_parameter_file(folder, document):
     path = folder / "inside" / "any.yaml"
-    chapter = ROOT / "notebooks" / "05-figure3.ipynb"
+    chapter = ROOT / "notebooks" / "04-figure3.ipynb"
     path.write_text(document, encoding="utf-8", errors="replace")
     try:
         notebook.merge_parameters(chapter, {}, [path])
