@@ -74,7 +74,7 @@ pdf: $(STAMP)
 	$(BIN)/python book/pdf.py _build/html _build/sidm-companion.pdf
 
 explore: $(STAMP)
-	$(BIN)/voila notebooks/21-explorer.ipynb $(VOILA)
+	$(BIN)/voila notebooks/22-explorer.ipynb $(VOILA)
 
 # One call of pytest, so that one exit status and one closing line speak for all: the unit tests; each notebook with
 # params/smoke.yaml, and a book built with warnings as errors, which are tests themselves (tests/book); and nbval over the

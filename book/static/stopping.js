@@ -40,6 +40,7 @@
   function build(root) {
     const data = JSON.parse(root.querySelector(".stopping-numbers").textContent);
     const specs = JSON.parse(root.querySelector(".stopping-charts").textContent);
+    if (!data.recipes.length) return; // the picture stays
     const label = (training) => data.methods[training.method].label;
 
     /** Losses that were packed as text. */
@@ -165,9 +166,11 @@
     const grid = element("div", { class: "stopping-grid" });
     const drawn = choice("draw with the dark line", draws);
     for (const [name, panel] of Object.entries(panels)) grid.append(element("div", {}, element("p", {}, HEADINGS[name]), panel));
-    grid.lastChild.append(drawn);
-    const legend = element("p", { class: "stopping-legend" }, ...Object.values(data.methods).map(({ label: name, color }) =>
-      element("span", { style: `--colour: ${color}` }, name)));
+    if (panels.search) grid.lastChild.append(drawn);
+    const used = new Set([...recipe().trainings, ...data.search].map(({ method }) => method));
+    const legend = element("p", { class: "stopping-legend" }, ...Object.entries(data.methods)
+      .filter(([name]) => used.has(name))
+      .map(([, method]) => element("span", { style: `--colour: ${method.color}` }, method.label)));
 
     function set(changes) {
       Object.assign(state, changes);
@@ -269,10 +272,9 @@
       root.append(form, said, legend, grid);
       recall();
       for (const [name, panel] of Object.entries(panels)) views[name] = await window.bookCharts.embed(panel, specs[name]);
-      drag("losses");
-      drag("saving");
-      panels.search.addEventListener("pointermove", pick);
-      panels.search.addEventListener("pointerdown", pick);
+      ["losses", "saving"].filter((name) => panels[name]).forEach(drag);
+      panels.search?.addEventListener("pointermove", pick);
+      panels.search?.addEventListener("pointerdown", pick);
       await show();
       begun = true;
       new ResizeObserver(() => window.dispatchEvent(new Event("resize"))).observe(grid);

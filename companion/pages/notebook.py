@@ -39,6 +39,11 @@ RENAMED = {
     "variants": "least-squares",
     "released": "choices",
     "elsewhere": "recorded-robot",
+    "training": "method",
+    "why": "how-long",
+    "baselines": "rivals",
+    "ablation-p-expert": "p-expert-and-phases",
+    "ablation-phases": "p-expert-and-phases",
 }
 
 

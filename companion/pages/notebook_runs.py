@@ -17,8 +17,8 @@ from sidm.progress import progress_bar
 #: Run time of the longest notebooks, s, roughly. They start first; the progress bar
 #: computes the time left from it.
 SECONDS = {
-    "03-training": 50,
-    "19-own-data": 35,
+    "03-method": 55,
+    "20-own-data": 35,
     "02-collecting": 15,
     "17-suspension": 15,
     "01-robots": 10,

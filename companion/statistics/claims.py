@@ -40,7 +40,7 @@ COLUMNS = (
 )
 CLAIMED_AT = 5.0  # min of novice data for the verdicts on claims 1 and 2
 #: System -> the paper's words and number for claims 1 and 2.
-PAPER_SAVINGS = {"system1": ("up to 20 x", 20.0), "system2": ("about 5 x", 5.0)}
+PAPER_SAVINGS = {"system1": ("up to 20 ×", 20.0), "system2": ("about 5 ×", 5.0)}
 
 
 def verdict(
@@ -134,7 +134,7 @@ def data_saving_claim(frame: pd.DataFrame, system: str) -> pd.DataFrame:
     claim = (
         f"data without SIDM / with SIDM, same loss, {row.novice_minutes:g} min with it"
     )
-    ours = f"{bound}{estimate.text(3)} x"
+    ours = f"{bound}{estimate.text(3)} ×"
     says = verdict(estimate, 1.0, number)
     values = (claim, system, words, *estimate, ours, int(row.seeds), says)
     return pd.DataFrame([values], columns=list(COLUMNS))
@@ -223,7 +223,7 @@ def page_table(table: pd.DataFrame) -> pd.DataFrame:
         "claim": "Claim",
         "system": "System",
         "paper": "The paper",
-        "ours": "Ours [95 % interval]",
+        "ours": "Ours (95 % interval)",
         "seeds": "Seeds",
         "verdict": "Verdict",
     }

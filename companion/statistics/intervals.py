@@ -6,6 +6,7 @@ the methods and the sizes, so resampling draws whole seeds and keeps these pairs
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -37,16 +38,25 @@ class Interval(NamedTuple):
         Args:
             digits: number of significant digits; there are no powers of ten.
         """
-        value, low, high = (
-            np.format_float_positional(float(f"{number:.{digits}g}"), trim="-")
-            for number in self
-        )
+        value, low, high = (significant(number, digits) for number in self)
         known = np.isfinite([self.low, self.high]).all()
-        return f"{value} [{low}, {high}]" if known else value
+        return f"{value} ({low} to {high})" if known else value
 
     def side(self, value: float) -> int:
         """1 if the whole interval lies above a value, -1 if below, otherwise 0."""
         return int(self.low > value) - int(self.high < value)
+
+
+def significant(number: float, digits: int) -> str:
+    """A number with so many significant digits, trailing zeros included.
+
+    There are no powers of ten: from 10 ** digits on it is a whole number.
+    """
+    rounded = float(f"{number:.{digits}g}")
+    if rounded == 0 or not np.isfinite(rounded):
+        return f"{rounded:g}"
+    decimals = digits - 1 - math.floor(math.log10(abs(rounded)))
+    return f"{rounded:.{max(decimals, 0)}f}"
 
 
 def bootstrap(

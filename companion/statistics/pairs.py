@@ -199,6 +199,6 @@ def page_table(table: pd.DataFrame, digits: int = 3, **names: str) -> pd.DataFra
     page = table.drop(columns=["lower", value, "low", "high"], errors="ignore")
     headings = {
         "novice_minutes": "novice data (min)",
-        value: f"{value} [95 % interval]",
+        value: f"{value} (95 % interval)",
     }
     return page.assign(**{value: texts}).rename(columns=headings | names)

@@ -145,7 +145,7 @@ def with_savings(
 
 
 def ratio_texts(table: pd.DataFrame) -> list[str]:
-    """The ratios of a table of `savings` for a page: 'at least 3.2 [1.9, 5.4]'.
+    """The ratios of a table of `savings` for a page: 'at least 3.2 (1.9 to 5.4)'.
 
     A ratio without an interval has no brackets.
     """

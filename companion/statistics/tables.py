@@ -47,7 +47,11 @@ def wide(
         columns: the column whose values become columns.
         value: the column whose texts fill the cells; an empty cell is a dash.
     """
-    unbroken = table[value].astype(str).str.replace(", ", ",\N{NO-BREAK SPACE}")
+    unbroken = (
+        table[value]
+        .astype(str)
+        .str.replace(" to ", "\N{NO-BREAK SPACE}to\N{NO-BREAK SPACE}")
+    )
     pivot = table.assign(**{value: unbroken}).pivot_table(
         value, list(rows), columns, aggfunc="first", sort=False, fill_value="-"
     )

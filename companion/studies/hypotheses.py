@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from companion.engine.store import Results
 from companion.methods import (
@@ -28,6 +29,7 @@ from companion.statistics.pairs import paired_comparison
 from companion.studies import ablations
 from companion.study import Study
 from companion.trials import Trial
+from sidm.plots import side_by_side, styled
 
 # The hypotheses: what might limit the SIDM.
 ALIKE = "how alike the robots are"
@@ -196,6 +198,38 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
         greatest=("ratio", "max"),
     )
     return counts.sort_values("least").reset_index()
+
+
+@styled
+def figure(ranked: pd.DataFrame) -> Figure:
+    """The range of each change's ratios, the greatest gain on top.
+
+    Args:
+        ranked: rows of `ranking`.
+    """
+    rows = ranked[ranked.comparisons > 1].iloc[::-1].reset_index(drop=True)
+    drawn, (axes,) = side_by_side(1)
+    drawn.set_size_inches(9.6, 0.8 + 0.24 * len(rows))
+    axes.hlines(rows.index, rows.least, rows.greatest, color="#0072B2", lw=2)
+    always = rows.better == rows.comparisons
+    for chosen, face in ((always, "#0072B2"), (~always, "white")):
+        for end in ("least", "greatest"):
+            axes.plot(
+                rows[end][chosen],
+                rows.index[chosen],
+                color="#0072B2",
+                linestyle="",
+                marker="o",
+                markerfacecolor=face,
+            )
+    axes.axvline(1, color="0.5", lw=1, linestyle="-", marker="")
+    axes.set(xscale="log", xlabel="loss after the change / loss of the SIDM")
+    axes.set_yticks(rows.index, rows.change)
+    axes.set_ylim(-0.7, len(rows) - 0.3)
+    ticks = [0.6, 0.7, 0.8, 0.9, 1, 1.2, 1.5, 2]
+    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes.minorticks_off()
+    return drawn
 
 
 def memorised(frame: pd.DataFrame) -> pd.DataFrame:

@@ -25,7 +25,7 @@ class Interval(NamedTuple):
     def __str__(self) -> str:
         if not np.isfinite(self.low):
             return f"{self.value:.3g}"
-        return f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}]"
+        return f"{self.value:.3g} ({self.low:.3g} to {self.high:.3g})"
 
 
 def resampled_mean(values: np.ndarray, folds: int) -> Interval:

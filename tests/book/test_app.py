@@ -10,7 +10,7 @@ import urllib.request
 import pytest
 from pages import ROOT
 
-APP = "notebooks/21-explorer.ipynb"
+APP = "notebooks/22-explorer.ipynb"
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,12 @@ from urllib.parse import unquote, urlsplit
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from pages import DESK, contents, watched
+
+from companion import Results, Study
+from companion.statistics.intervals import Interval
+from companion.statistics.stopping_rules import RULES
+from companion.studies.decisive import verdicts
+from companion.studies.decisive.along import along_training
 from pdf import chromium
 
 PHONE = {"width": 375, "height": 800}
@@ -171,7 +177,7 @@ def barriers(page, rules) -> list[str]:
     [
         ("least squares", "least-squares"),
         ("Warthog", "when-it-pays"),
-        ("p_e", "ablation-p-expert"),
+        ("p_e", "p-expert-and-phases"),
     ],
 )
 def test_a_search_finds_the_chapter_first(book, context, words, chapter):
@@ -259,3 +265,103 @@ def test_figure_3_can_be_touched(visit):
         page.evaluate("() => document.querySelector('.vega-chart canvas').toDataURL()")
         != first
     )
+
+
+HOW_LONG = "notebooks/05-how-long"
+
+
+@pytest.fixture
+def stopping(visit):
+    """Function that opens the page with the stopping point, at an address's state."""
+
+    def open_page(state=""):
+        page = visit(HOW_LONG)
+        if state:
+            page.evaluate("state => (location.hash = state)", state)
+        page.wait_for_selector(".stopping[data-shown]")
+        page.evaluate(FRAMES)
+        return page
+
+    return open_page
+
+
+def sentence(page) -> str:
+    """What the page says about the stopping point."""
+    return page.locator(".stopping-words").inner_text()
+
+
+def spoken(row) -> str:
+    """A ratio of a table of verdicts in the page's words."""
+    value, ends = Interval(row.value, row.low, row.high).text(2).split(" ", 1)
+    return f"{value} times {ends}"
+
+
+def test_each_rule_gives_the_published_numbers(stopping):
+    """The words at a button are the ratios of the verdicts and of the figure."""
+    results = verdicts.results(Study("study", "data", "results"), Results("results"))
+    table = along_training(results[results.system == "system1"])
+    table = table[table.recipe == "R"]
+    page = stopping()
+    for rule in RULES:
+        page.get_by_role("button", name=rule, exact=True).click()
+        for minutes in (1, 5, 20):
+            page.select_option("#stopping-minutes", f"{minutes}")
+            rows = table[(table.rule == rule) & ~table.value.isna()]
+            data = rows[rows.quantity == "data"]
+            loss = rows[(rows.quantity == "loss") & (rows.minutes == minutes)]
+            for row in (*data.itertuples(), *loss.itertuples()):
+                assert spoken(row) in sentence(page), (rule, minutes)
+    judged = verdicts.data_ratios(results)
+    published = judged[(judged.verdict == "R1") & (judged.system == "system1")]
+    page.get_by_role("button", name=verdicts.RELEASED, exact=True).click()
+    assert spoken(published.iloc[0]) in sentence(page)
+
+
+def test_the_stopping_point_moves_by_key_pointer_and_address(stopping):
+    page = stopping("recipe=R-system1&minutes=5&stop=1500000")
+    page.wait_for_function(
+        "() => document.querySelector('.stopping').dataset.shown.includes('1.5 million')"
+    )
+    page.locator("#stopping-stop").press("ArrowRight")
+    assert "1.6 million" in sentence(page) and "stop=1600000" in page.url
+    page.locator(".stopping-saving canvas").scroll_into_view_if_needed()
+    box = page.locator(".stopping-saving canvas").bounding_box()
+    middle = box["y"] + box["height"] / 2
+    before = sentence(page)
+    page.mouse.move(box["x"] + 0.5 * box["width"], middle)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.95 * box["width"], middle, steps=4)
+    page.mouse.up()
+    assert sentence(page) != before and "million samples" in sentence(page)
+    before = sentence(page)
+    page.evaluate(
+        """([x, y]) => {
+            const place = document.querySelector(".stopping-saving");
+            place.setPointerCapture = () => {};  // no such finger is on the screen
+            place.dispatchEvent(new PointerEvent("pointerdown", {
+                pointerType: "touch", buttons: 1, clientX: x, clientY: y, bubbles: true,
+            }));
+        }""",
+        [box["x"] + 0.4 * box["width"], middle],
+    )
+    assert sentence(page) != before
+
+
+def test_a_draw_of_the_search_is_drawn(stopping):
+    """Choosing a draw, or pointing at its dot, changes the first chart."""
+    page = stopping()
+    picture = "() => document.querySelector('.stopping-losses canvas').toDataURL()"
+    before = page.evaluate(picture)
+    page.select_option("#stopping-draw", index=1)
+    page.evaluate(FRAMES)
+    chosen = page.evaluate(picture)
+    assert chosen != before
+    page.locator(".stopping-search canvas").scroll_into_view_if_needed()
+    box = page.locator(".stopping-search canvas").bounding_box()
+    draw = page.input_value("#stopping-draw")
+    for share in (0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7):
+        for down in (0.35, 0.4, 0.45, 0.5, 0.55):
+            page.mouse.move(
+                box["x"] + share * box["width"], box["y"] + down * box["height"]
+            )
+    assert page.input_value("#stopping-draw") != draw

@@ -207,3 +207,22 @@ def scores(frame: pd.DataFrame) -> pd.DataFrame:
     )
     table = means.assign(score=np.exp(means.score)).reset_index()
     return table.sort_values(["system", "method", "score"])
+
+
+def draws_of(frame: pd.DataFrame) -> pd.DataFrame:
+    """Stored draws of the first search, one training each: a row per draw.
+
+    Args:
+        frame: rows of `first_search`.
+
+    Returns:
+        `method`, `number` of the draw, `score` as in `scores`, and `validation_loss`.
+    """
+    solved = frame.method == "least_squares"
+    references = frame[solved].set_index("seed").best_test_loss
+    trained = frame[~solved]
+    table = trained[["method", "validation_loss"]].assign(
+        number=trained.seed - FIRST_SEED,
+        score=trained.best_test_loss / trained.seed.map(references),
+    )
+    return table.sort_values(["method", "number"]).reset_index(drop=True)

@@ -5,7 +5,7 @@ book/static/stopping.js fills in the data; `stopping_point` has the numbers.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import altair as alt
@@ -141,15 +141,23 @@ def _search(colour: Any) -> alt.LayerChart:
     return alt.layer(points, ring.encode(x="x:Q", y="y:Q")).properties(height=HEIGHT)
 
 
-def html(contents: Mapping[str, Any], figure: Figure, words: str) -> str:
+def html(
+    contents: Mapping[str, Any], figure: Figure, words: str, names: Sequence[str] = ()
+) -> str:
     """The charts with their numbers, which book/static/stopping.js puts together.
 
     Args:
         contents: of `stopping_point.contents`.
         figure: shown where there is no script.
         words: what the figure shows, for readers who cannot see it.
+        names: the charts to show, in their order; all by default. Without `search` its
+            numbers are left out.
     """
-    parts = {"numbers": contents, "charts": charts(contents["methods"])}
+    drawn = charts(contents["methods"])
+    names = names or list(drawn)
+    if "search" not in names:
+        contents = {**contents, "search": []}
+    parts = {"numbers": contents, "charts": {name: drawn[name] for name in names}}
     scripts = "".join(
         json_script(part, f"stopping-{name}") for name, part in parts.items()
     )

@@ -181,10 +181,12 @@ def verdicts(frame: pd.DataFrame) -> pd.DataFrame:
     return pd.concat([data_ratios(frame), small_data(frame)], ignore_index=True)
 
 
-def _text(ratio: Interval) -> str:
+def ratio_text(ratio: Interval) -> str:
     """A ratio with its interval; a bound has one end alone."""
     if not np.isnan(ratio.value):
         return ratio.text(3)
+    if np.isnan([ratio.low, ratio.high]).any():
+        return "too few seeds"
     return f"at least {ratio.low:.3g}" if ratio.low > 0 else f"at most {ratio.high:.3g}"
 
 
@@ -199,7 +201,7 @@ def page_table(table: pd.DataFrame) -> pd.DataFrame:
             "Recipe, stopped by": f"{row.recipe}, {row.rule}",
             "Of": f"{words[row.method]}, {row.minutes:g} min",
             "Quantity": "loss ratio" if row.verdict == "S" else "data ratio",
-            "Ours [95 % interval]": _text(Interval(row.value, row.low, row.high)),
+            "Ours (95 % interval)": ratio_text(Interval(row.value, row.low, row.high)),
             "Seeds": row.seeds,
             "Says": row.says,
         }

@@ -154,7 +154,7 @@ def page_table(rows: pd.DataFrame) -> pd.DataFrame:
             "seeds": rows.seeds,
             "loss": rows.loss.map("{:.3f}".format),
             "after 2.5 s (m)": rows.error.map("{:.3f}".format),
-            "ratio [95 % interval]": ratios,
+            "ratio (95 % interval)": ratios,
             "times the data": times,
         }
     )

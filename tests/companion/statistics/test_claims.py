@@ -45,10 +45,10 @@ def test_ratios_are_better_or_worse_by_their_whole_interval():
 
 
 def test_a_saving_of_four_is_in_the_papers_direction(figure3_frame):
-    """Neither the paper's 20 x nor its 5 x is in the interval."""
+    """Neither the paper's 20 × nor its 5 × is in the interval."""
     rows = figure3_claims(figure3_frame)
     assert rows.value[:2].tolist() == pytest.approx([4, 4])
-    assert rows.ours[0] == "4 [4, 4] x"
+    assert rows.ours[0] == "4.00 (4.00 to 4.00) ×"
     assert rows.verdict.tolist() == [DIRECTION] * 2 + [UNCLEAR] * 2 + [DIRECTION] * 2
     assert rows.ours[2] == "with SIDM better from 1 min on"
     expected = 5**-0.5 * (1 - 0.5) * 1.01
@@ -67,7 +67,7 @@ def test_nothing_run_or_one_seed_gives_no_verdict(figure3_frame):
     assert list(figure3_claims(nothing)) == list(COLUMNS)
     assert not len(figure4_claims(nothing))
     single = figure3_claims(figure3_frame[figure3_frame.seed == 0])
-    assert single.ours[0] == "4 x"
+    assert single.ours[0] == "4.00 ×"
     assert set(single.verdict) == {NO_VERDICT, UNCLEAR}
     assert set(single.seeds) == {1}
     assert single.ours[2] == "-"

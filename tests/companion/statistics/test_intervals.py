@@ -97,7 +97,7 @@ def test_intervals_of_repeated_splits_hold_the_truth():
 def test_intervals_of_degenerate_samples():
     """Few seeds give no interval, ties one of no width, unreached levels none."""
     for few in ([2.0], [1.5, 2.5]):
-        assert interval(np.mean, np.array(few)).text(3) == "2"
+        assert interval(np.mean, np.array(few)).text(3) == "2.00"
     assert interval(np.mean, np.full(4, 2.0)) == (2, 2, 2)
     assert interval(np.mean, np.full(40, 2.0)) == (2, 2, 2)
     assert np.isnan(interval(lambda some: float("nan"), np.ones((5, 2)))).all()

@@ -72,9 +72,9 @@ def test_a_table_for_a_page_has_intervals_as_text(frame):
         "seeds",
         "without",
         "with",
-        "ratio [95 % interval]",
+        "ratio (95 % interval)",
     ]
-    assert page.iloc[0, -1] == "0.5 [0.5, 0.5]"
+    assert page.iloc[0, -1] == "0.500 (0.500 to 0.500)"
 
 
 def test_differences_are_of_pairs(frame):
@@ -82,7 +82,7 @@ def test_differences_are_of_pairs(frame):
     sides = frame[frame.method == "sidm"], frame[frame.method == "novice_only"]
     row = paired_comparison(*sides, difference=True).iloc[0]
     assert row.difference == pytest.approx(-1) and row.low < -1 < row.high
-    assert "difference [95 % interval]" in page_table(
+    assert "difference (95 % interval)" in page_table(
         paired_comparison(*sides, difference=True)
     )
 

@@ -80,13 +80,13 @@ def test_a_wide_table_has_rows_and_columns_in_their_order_and_a_dash_where_nothi
         {
             "size": [5, 5, 1],
             "method": ["sidm", "alone", "sidm"],
-            "loss": ["0.3 [0, 1]", "0.4", "0.5"],
+            "loss": ["0.3 (0 to 1)", "0.4", "0.5"],
         }
     )
     table = wide(long, ["size"], "method", "loss")
     assert table.columns.tolist() == ["size", "sidm", "alone"]
     assert table.to_numpy().tolist() == [
-        [5, "0.3 [0,\N{NO-BREAK SPACE}1]", "0.4"],
+        [5, "0.3 (0\N{NO-BREAK SPACE}to\N{NO-BREAK SPACE}1)", "0.4"],
         [1, "0.5", "-"],
     ]
     assert len(wide(long[:0], ["size"], "method", "loss")) == 0

@@ -372,7 +372,7 @@ def test_a_table_of_verdicts_for_a_page(make_results):
 
     table = verdicts.page_table(verdicts.verdicts(make_results(loss, loss)))
     ratios = table[table.Quantity == "data ratio"].set_index("Of")
-    ratios = ratios["Ours [95 % interval]"]
+    ratios = ratios["Ours (95 % interval)"]
     assert set(ratios["SIDM, 5 min"]) == {"at least 24"}
     assert set(ratios["fine-tuning, 5 min"]) == {"at most 0.2"}
 

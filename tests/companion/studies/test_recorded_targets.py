@@ -254,13 +254,13 @@ def test_a_size_is_held_against_the_best_alone(made_up):
     assert np.isnan(nothing.saved) and nothing.worth == "at most 1 min"
     assert np.isnan(rows.saved["least_squares", "none", 1.0])
     page = page_table(by_size(made_up, best)).set_index(["method", "recorded (min)"])
-    assert page["times the data"][label("sidm", "expert"), 2.0] == "1.6 [1.6, 1.6]"
+    assert page["times the data"][label("sidm", "expert"), 2.0] == "1.6 (1.6 to 1.6)"
     assert (
         page["times the data"][label("pretrain_finetune", "expert"), 0.0]
         == "at most 1 min"
     )
     assert (
-        page["ratio [95 % interval]"][label(*best), 1.0]
+        page["ratio (95 % interval)"][label(*best), 1.0]
         == page["times the data"][label(*best), 1.0]
         == "-"
     )
@@ -269,7 +269,7 @@ def test_a_size_is_held_against_the_best_alone(made_up):
 def test_the_hope_can_come_true_and_be_disappointed(made_up):
     """The loss is surely halved; it is doubled; two seeds or none give no verdict."""
     rows = claims(made_up)
-    assert rows.ours.tolist() == ["0.5 [0.5, 0.5]"] * 2
+    assert rows.ours.tolist() == ["0.500 (0.500 to 0.500)"] * 2
     assert set(rows.verdict) == {"In the same direction"}
     worse = made_up.assign(
         loss=made_up.loss.where(made_up.method != "sidm", 4 * made_up.loss)
@@ -277,7 +277,7 @@ def test_the_hope_can_come_true_and_be_disappointed(made_up):
     assert claims(worse).verdict.tolist() == ["Contrary"] * 2
     two = claims(made_up[made_up.seed < 2])
     assert two.verdict.tolist() == ["No verdict"] * 2
-    assert two.ours.tolist() == ["0.5"] * 2
+    assert two.ours.tolist() == ["0.500"] * 2
     assert not len(claims(made_up[:0]))
 
 

@@ -37,6 +37,7 @@ def test_the_command_line_holds_results_against_others(tmp_path, make_row, capsy
     line, last = capsys.readouterr().out.splitlines()
     assert (
         line.split()
-        == "system1 sidm 5 min seeds 3 stored 2 here 3 ratio 1.5 [1.5, 1.5]".split()
+        == "system1 sidm 5 min seeds 3 stored 2 here 3 "
+        "ratio 1.50 (1.50 to 1.50)".split()
     )
     assert last == "points in both: 1"

@@ -218,7 +218,10 @@ def test_the_claims_are_of_most_experts_and_one(made_up, joint):
         rows.claim[1] == "loss after 2 experts / after 1 of the family; "
         "all parts, from the nearest expert's"
     )
-    assert rows.ours[1] == "0.5 [0.5, 0.5]" and rows.ours[7] == "6.67 [6.67, 6.67]"
+    assert (
+        rows.ours[1] == "0.500 (0.500 to 0.500)"
+        and rows.ours[7] == "6.67 (6.67 to 6.67)"
+    )
     assert len(claims(table(made_up), joint[:0])) == 6
     alone = claims(table(made_up[made_up.paper]), joint)
     assert not alone.claim.str.contains("of the family").any()
