@@ -146,7 +146,7 @@
       .forEach((size) => minutes.append(element("option", { value: size }, `${size} min`)));
     const slider = element("input", { id: "stopping-stop", type: "range", min: 0, max: data.lengths.length - 1, step: 1 });
     const value = element("output", { for: slider.id });
-    const buttons = data.rules.map((rule) => element("button", { type: "button", class: "btn btn-sm btn-outline-primary" }, rule));
+    const buttons = data.rules.map((rule) => element("button", { type: "button" }, rule));
     const draws = element("select", { id: "stopping-draw" }, element("option", { value: "" }, "none"));
     data.search
       .map((draw, at) => [settings(draw), at])

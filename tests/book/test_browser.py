@@ -250,7 +250,7 @@ def test_choosing_a_robot_sets_the_sliders_and_draws_both(visit):
 
 def test_figure_3_can_be_touched(visit):
     """The chart replaces its picture, and another pair of robots is another picture."""
-    page = visit("book/intro")
+    page = visit("notebooks/04-figure3")
     page.wait_for_selector(".vega-chart[data-drawn] canvas")
     assert page.locator(".vega-chart > img").count() == 0
     assert "novice data" in page.locator(".vega-chart canvas").get_attribute(
