@@ -34,7 +34,6 @@ from companion.explorer.grid import (
     Knob,
     ground,
 )
-from companion.explorer.views import LINES
 from companion.figures.style import half_width
 from sidm.drives import CONTROL_STEP, Ground
 from sidm.replay.packing import text
@@ -45,6 +44,7 @@ from sidm.replay.viewer import SCRIPTS, STYLE, static
 from sidm.systems import GRID_SPACING, Robot
 
 WHO = ("your robot", "the robot named")
+COLOURS = ("#0072B2", "#D55E00")  # of the two, in the replay, too
 #: Left, right, low and high end of the ground that the charts show, m.
 VIEW = (-1.5, 14.5, -5.0, 5.0)
 REPLAYED = (-4.0, 14.9, -9.0, 9.0)  # the same for the replay, m
@@ -59,7 +59,7 @@ def _axis(kind: Any, field: str, title: str, start: float, end: float) -> Any:
 
 def _lines() -> alt.Chart:
     """Lines of both robots, told apart by colour and dashes."""
-    colours = alt.Scale(domain=list(WHO), range=[line["color"] for line in LINES])
+    colours = alt.Scale(domain=list(WHO), range=list(COLOURS))
     dashes = alt.Scale(domain=list(WHO), range=[[1, 0], [6, 3]])
     lines = alt.Chart(alt.NamedData(name="ride")).mark_line(clip=True)
     return lines.encode(
@@ -191,7 +191,7 @@ def contents() -> dict[str, Any]:
         "view": [*VIEW, CELL],
         "grounds": [_ground(scale) for scale in _knob("roughness").values],
         "charts": charts(),
-        "colours": [line["color"] for line in LINES],
+        "colours": COLOURS,
         "bodies": _bodies([BODY.replace(travel_lower=value) for value in lowest]),
         "robotBodies": _bodies(list(PAPER_ROBOTS.values())),
     }

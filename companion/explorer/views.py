@@ -11,15 +11,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from companion.figures.style import draw_ground
+from companion.figures.style import ROLE_STYLES, draw_ground
 from sidm.drives import POSITION
 from sidm.plots import STYLE
 from sidm.replay.rides import Ride, tilt
 
-#: Line styles of the first and the second robot.
-LINES: tuple[dict[str, Any], ...] = (
-    {"color": "#0072B2", "linestyle": "-"},
-    {"color": "#D55E00", "linestyle": "--"},
+#: Line styles of the first and the second robot, in the neutral colours of novice and
+#: expert.
+LINES = tuple(
+    {"color": ROLE_STYLES[role]["color"], "linestyle": line}
+    for role, line in (("novice", "-"), ("expert", "--"))
 )
 PALER = 0.45  # opacity of a robot's second line in a plot
 MARGIN = 1.0  # m of ground shown around the paths

@@ -64,6 +64,12 @@ METHOD_STYLES |= {  # with settings for little data: see `studies.tuning`
         ("novice_only", "#E69F00", "^"),
     )
 }
+#: Styles of the two robots where a figure tells them apart: neutral, since colours are
+#: those of methods.
+ROLE_STYLES: dict[str, dict[str, Any]] = {
+    "novice": _style("#1A1A1A", "-", "o"),
+    "expert": _style("#8C8C8C", "--", "s"),
+}
 #: Styles of the sizes of novice data, where a figure tells sizes apart.
 SIZE_STYLES: tuple[dict[str, Any], ...] = (
     _style("#0072B2", "-", "o"),

@@ -11,13 +11,13 @@ from urllib.parse import unquote, urlsplit
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from pages import DESK, contents, watched
+from pdf import chromium
 
 from companion import Results, Study
 from companion.statistics.intervals import Interval
 from companion.statistics.stopping_rules import RULES
 from companion.studies.decisive import verdicts
 from companion.studies.decisive.along import along_training
-from pdf import chromium
 
 PHONE = {"width": 375, "height": 800}
 EXPLORER = "book/explorer"
@@ -320,7 +320,7 @@ def test_each_rule_gives_the_published_numbers(stopping):
 def test_the_stopping_point_moves_by_key_pointer_and_address(stopping):
     page = stopping("recipe=R-system1&minutes=5&stop=1500000")
     page.wait_for_function(
-        "() => document.querySelector('.stopping').dataset.shown.includes('1.5 million')"
+        "() => document.querySelector('.stopping').dataset.shown.includes('1.5 mill')"
     )
     page.locator("#stopping-stop").press("ArrowRight")
     assert "1.6 million" in sentence(page) and "stop=1600000" in page.url

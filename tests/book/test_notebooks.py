@@ -84,7 +84,7 @@ def test_its_pictures_have_words(path):
 
 
 #: cells with tables of settings, which are not results
-SETTINGS = {"05-04", "05-70", "14-05", "22-10"}
+SETTINGS = {"04-04", "04-70", "15-05", "21-10"}
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS)
@@ -139,3 +139,15 @@ def kept(path: str, key: str) -> str:
         output for cell in cells for output in cell.get("outputs", []) if glued(output)
     ]
     return next(str(o.data) for o in outputs if o.metadata["scrapbook"]["name"] == key)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS)
+def test_code_is_folded_with_the_same_words(path):
+    for cell in nbformat.read(path, as_version=4).cells:
+        tags = cell.metadata.get("tags", [])
+        if "parameters" in tags:
+            assert "hide-input" in tags
+        if "hide-input" in tags:
+            words = "parameters" if "parameters" in tags else "code"
+            assert cell.metadata.mystnb.code_prompt_show == f"Show: {words}"
+            assert cell.metadata.mystnb.code_prompt_hide == f"Hide: {words}"

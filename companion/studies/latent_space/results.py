@@ -13,7 +13,7 @@ from companion.figures.curves import size_style
 from companion.figures.style import (
     LOSS_LABEL,
     METHOD_STYLES,
-    SIZE_STYLES,
+    ROLE_STYLES,
     legend_below,
     system_panels,
 )
@@ -68,7 +68,8 @@ def figure(frame: pd.DataFrame) -> Figure:
         axes.set(xlabel="first component (-)", ylabel="second component (-)")
         label = METHOD_STYLES[row.method]["label"]
         axes.set_title(f"{row.system}, {row.novice_minutes:g} min, {label}")
-        for role, style in zip(ROLES, SIZE_STYLES, strict=False):
+        for role in ROLES:
+            style = ROLE_STYLES[role]
             points = np.array(getattr(row, f"{role}_picture")).T
             axes.plot(
                 *points,
