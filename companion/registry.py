@@ -87,6 +87,7 @@ def _study(
 
 STUDIES = {
     "latent-space": _study("latent_space", ("collect_preset", "collect_held_out")),
+    "adversary": _study("adversary", ("collect_fresh",)),
     "recorded-targets": _study("recorded_targets", ("collect_proxies",)),
     "driving": _study("driving"),
     "uncertainty": _study("uncertainty"),

@@ -1,0 +1,88 @@
+"""The adversary made stronger: what becomes of the latents and of the loss.
+
+`companion run --figure adversary` trains SIDMs with more and more iterations of the
+discriminator and of the matching in each phase, and measures their latents as the study
+of the latent space does. All else is as in Figure 3, on motion of the decisive
+experiment.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+from typing import NamedTuple
+
+from companion.engine.datasets import collect_dataset, collect_datasets
+from companion.engine.records import records_of
+from companion.studies.decisive.recipes import on_fresh_motion
+from companion.studies.latent_space.measure import Diagnosis, held_out_expert, measure
+from companion.study import Study
+from companion.trials import Trial
+
+__all__ = ["jobs", "measure", "records"]
+
+MINUTES = 5.0  # of novice data
+SEEDS = range(3)
+
+
+class Strength(NamedTuple):
+    """Iterations in each phase, after 100 prediction iterations."""
+
+    discriminator: int
+    matching: int
+
+    @property
+    def words(self) -> str:
+        """The two numbers as a figure writes them."""
+        return f"{self.discriminator} / {self.matching}" if self.matching else "none"
+
+
+NONE = Strength(0, 0)  # without the adversary
+PAPER = Strength(20, 20)  # the paper has 20 matching iterations
+STRENGTHS = (
+    NONE,
+    PAPER,
+    Strength(20, 100),
+    Strength(100, 100),
+    Strength(20, 500),
+    Strength(100, 500),
+)
+
+#: the stored results, under a folder of results
+records = records_of(Diagnosis, "adversary")
+
+
+def jobs(study: Study, system: str) -> list[Trial]:
+    """The trials whose latents are measured, seed by seed."""
+    fresh = on_fresh_motion(study)
+    return [
+        _with_strength(fresh, strength).trial(
+            system, "sidm" if strength.matching else "no_regularisation", MINUTES, seed
+        )
+        for seed in SEEDS
+        for strength in STRENGTHS
+    ]
+
+
+def _with_strength(study: Study, strength: Strength) -> Study:
+    if not strength.matching:
+        return study
+    return study.changed(
+        discriminator_iterations=strength.discriminator,
+        matching_iterations=strength.matching,
+    )
+
+
+def strength_of(trial: Trial) -> Strength:
+    """The strength of a trial's adversary."""
+    training = trial.training
+    if not training.regularise:
+        return NONE
+    return Strength(training.discriminator_iterations, training.matching_iterations)
+
+
+def collect_fresh(study: Study, system: str, executor: Executor | None = None) -> None:
+    """Simulate what is missing of the motion, the expert's held-out part included."""
+    fresh = on_fresh_motion(study)
+    collect_datasets(fresh.preset, [system], study.data, executor=executor)
+    for dataset in {held_out_expert(trial) for trial in jobs(study, system)}:
+        collect_dataset(dataset, study.data, executor)
