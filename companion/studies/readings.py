@@ -1,0 +1,307 @@
+"""The paper's statements, a row for each reading that was measured.
+
+A statement of sections 3 to 5 may be read in more than one way; each reading has a
+comparison, and the verdict follows the rule of the page on claims.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from companion.engine.store import Results
+from companion.figures.style import system_label
+from companion.grids import grid
+from companion.methods import METHODS
+from companion.statistics import claims
+from companion.statistics.intervals import Interval
+from companion.statistics.pairs import paired_comparison
+from companion.studies import ablations
+from companion.studies.decisive import verdicts
+from companion.studies.latent_space import measure
+from companion.study import Study
+from sidm.systems import SYSTEMS
+
+LITTLE = 5.0  # min of novice data
+#: Presets whose results are read: the book's.
+BOOK, SMALL = "study", "laptop"
+SAVED = {
+    "system1": 'without SIDM, "up to 20 times the amount of data"',
+    "system2": 'without SIDM, "about 5 times the amount of data"',
+}
+PRETRAINED = '"cannot be pretrained using just expert data"'
+AS_RELEASED, EARLY = "trained and stopped as released", "stopped early, as Figure 3"
+
+
+ELSEWHERE = (" 1 min", "120 min", "largest dataset")  # ends of readings at other sizes
+LESS_EXPERT = f"p_e of {ablations.MOST_DATA_P_EXPERT:g}"
+NO_ADVERSARY = METHODS["no_regularisation"].label
+
+
+class Reading(NamedTuple):
+    """A row: a statement of the paper, how it is read, and what was measured."""
+
+    statement: str
+    section: str  # of the paper
+    reading: str
+    system: str
+    ours: str  # the quantity with its interval
+    seeds: int
+    verdict: str
+
+
+def _ratio_rows(
+    table: pd.DataFrame,
+    statement: str,
+    section: str,
+    reading: str,
+    above: bool = False,
+    quantity: str = "loss",
+) -> list[Reading]:
+    """Readings of a table of `paired_comparison`, whose claim is a ratio beside 1."""
+    name = "difference" if "difference" in table else "ratio"
+    none = 0.0 if name == "difference" else 1.0
+    rows = []
+    for row in table.itertuples():
+        estimate = Interval(getattr(row, name), row.low, row.high)
+        says = claims.verdict(estimate, none, above=above)
+        ours = f"{quantity} {estimate.text(2)}{'' if none == 0.0 else ' ×'}"
+        label = system_label(row.system)
+        rows.append(
+            Reading(statement, section, reading, label, ours, int(row.seeds), says)
+        )
+    return rows
+
+
+def savings(figure3: pd.DataFrame, decisive: pd.DataFrame) -> list[Reading]:
+    """How much data an SIDM saves with 5 minutes, and its loss with little data."""
+    rows = []
+    judged = verdicts.verdicts(decisive)
+    for row in judged[judged.verdict == "R1"].dropna(subset="value").itertuples():
+        estimate = Interval(row.value, row.low, row.high)
+        statement = SAVED[row.system]
+        ours = f"data {estimate.text(2)} ×"
+        label = system_label(row.system)
+        rows.append(
+            Reading(statement, "5", AS_RELEASED, label, ours, row.seeds, row.says)
+        )
+    for system in SYSTEMS:
+        for row in claims.data_saving_claim(figure3, system).itertuples():
+            estimate = Interval(row.value, row.low, row.high)
+            statement = SAVED[system]
+            ours = f"data {estimate.text(2)} ×"
+            label = system_label(system)
+            rows.append(
+                Reading(statement, "5", EARLY, label, ours, row.seeds, row.verdict)
+            )
+    improvement = '"significant improvement" with little data'
+    small = judged[(judged.verdict == "S") & (judged.recipe == "R")]
+    for row in small.dropna(subset="value").itertuples():
+        reading = f"{AS_RELEASED}, {row.minutes:g} min"
+        ours = f"loss {Interval(row.value, row.low, row.high).text(2)} ×"
+        label = system_label(row.system)
+        rows.append(
+            Reading(improvement, "5", reading, label, ours, row.seeds, row.says)
+        )
+    sidm, alone = (figure3[figure3.method == n] for n in ("sidm", "novice_only"))
+    for minutes in (1.0, LITTLE):
+        table = paired_comparison(sidm[sidm.novice_minutes == minutes], alone)
+        reading = f"{EARLY}, {minutes:g} min"
+        rows += _ratio_rows(table, improvement, "5", reading)
+    return rows
+
+
+def hours(figure3: pd.DataFrame) -> list[Reading]:
+    """Whether the curves meet with hours of data."""
+    return [
+        Reading(
+            '"comparable" with 2 h and 5 h',
+            "5",
+            EARLY,
+            system_label(system),
+            row.ours,
+            row.seeds,
+            row.verdict,
+        )
+        for system in SYSTEMS
+        for row in claims.convergence_claim(figure3, system).itertuples()
+    ]
+
+
+def paths(figure4: pd.DataFrame) -> list[Reading]:
+    """Predicted paths over 25 steps."""
+    return [
+        Reading(
+            "smaller deviation over 25 steps",
+            "5",
+            row.claim.rpartition(", ")[2],
+            system_label(row.system),
+            row.ours,
+            row.seeds,
+            row.verdict,
+        )
+        for row in claims.figure4_claims(figure4).itertuples()
+    ]
+
+
+def pretraining(baselines: pd.DataFrame, bodies: pd.DataFrame) -> list[Reading]:
+    """Whether an SIDM can be learnt from the expert alone, in three readings."""
+    few = baselines[baselines.novice_minutes == LITTLE]
+    sidm = few[few.method == "sidm"]
+    rows = []
+    for method, reading in (
+        ("pretrain_finetune", "all parts copied and trained on"),
+        ("finetune_parts", "SIDM kept, encoder and decoder trained on"),
+    ):
+        table = paired_comparison(few[few.method == method], sidm)
+        rows += _ratio_rows(
+            table, PRETRAINED, "4", reading, above=True, quantity="loss / SIDM's"
+        )
+    few = _mean_over_bodies(bodies[bodies.novice_minutes == LITTLE])
+    core, sidm = (few[few.method == name] for name in ("core_finetune", "sidm"))
+    table = paired_comparison(core, sidm)
+    reading = "SIDM alone pretrained, another encoder and decoder"
+    return rows + _ratio_rows(
+        table, PRETRAINED, "4", reading, above=True, quantity="loss / SIDM's"
+    )
+
+
+def _mean_over_bodies(frame: pd.DataFrame) -> pd.DataFrame:
+    """The geometric mean loss over the novices of each seed, method and size."""
+    logs = frame.assign(validation_loss=np.log(frame.validation_loss))
+    keys = ["system", "novice_minutes", "method", "seed"]
+    return np.exp(logs.groupby(keys).validation_loss.mean()).reset_index()
+
+
+def more_data(figure3: pd.DataFrame, changed: dict[str, pd.DataFrame]) -> list[Reading]:
+    """Whether an SIDM should learn less from the expert as the novice's data grow.
+
+    Args:
+        figure3: results of Figure 3.
+        changed: name of a change -> its results on the largest novice dataset.
+    """
+    rows, sidm = [], figure3[figure3.method == "sidm"]
+    for name, frame in changed.items():
+        rows += _ratio_rows(
+            paired_comparison(frame, sidm),
+            "with more novice data less of the expert and of matching",
+            "5",
+            f"{name}, on the largest dataset",
+        )
+    return rows
+
+
+def advice(
+    latents: pd.DataFrame, p_expert: pd.DataFrame, phases: pd.DataFrame, study: Study
+) -> list[Reading]:
+    """The latents, p_e and the phases."""
+    rows = []
+    few = latents[latents.novice_minutes == LITTLE]
+    matched, free = (few[few.method == n] for n in ("sidm", "no_regularisation"))
+    for name, quantity in (
+        ("network_accuracy", "a fresh classifier's accuracy"),
+        ("mmd", "squared MMD"),
+    ):
+        table = paired_comparison(matched, free, value=name, difference=True)
+        rows += _ratio_rows(
+            table,
+            "latents become alike",
+            "3",
+            f"{quantity}, with the adversary less without",
+            quantity="",
+        )
+    few = p_expert[p_expert.novice_minutes == LITTLE]
+    papers = few.system.map(study.preset.p_expert).astype(float)
+    most = ablations.proportional(study.preset, LITTLE)
+    table = paired_comparison(few[few.p_expert == most], few[few.p_expert == papers])
+    rows += _ratio_rows(
+        table,
+        "a p_e proportional to the data is too high",
+        "4",
+        "loss at that p_e / at the paper's",
+        above=True,
+    )
+    few = phases[(phases.novice_minutes == LITTLE) & (phases.method == "sidm")]
+    usual = (few.discriminator_iterations == 20) & (few.matching_iterations == 5)
+    usual &= few.prediction_iterations == 100
+    table = paired_comparison(few[few.prediction_iterations == 500], few[usual])
+    return rows + _ratio_rows(
+        table,
+        "too long a phase leads to high losses",
+        "4",
+        "loss with 500 prediction iterations a phase / with 100",
+        above=True,
+    )
+
+
+def readings(results: Results, data: str = "data") -> list[Reading]:
+    """All readings, from the stored results."""
+
+    def frame(preset: str, figure: str) -> pd.DataFrame:
+        return results.frame(
+            grid(preset, figure, data=data, results=str(results.folder))
+        )
+
+    small = Study(SMALL, data, results.folder)
+    figure3 = frame(BOOK, "3")
+    decisive = verdicts.results(Study(BOOK, data, results.folder), results)
+    models = [trial for system in SYSTEMS for trial in measure.jobs(small, system)]
+    latents = measure.records(results.folder).frame(models)
+    changed: dict[str, list] = {}
+    for system in SYSTEMS:
+        for name, trials in ablations.most_data(small, system).items():
+            if name in (LESS_EXPERT, NO_ADVERSARY):
+                changed.setdefault(name, []).extend(trials)
+    parts: Iterable[Callable[[], list[Reading]]] = (
+        lambda: savings(figure3, decisive),
+        lambda: hours(figure3),
+        lambda: paths(frame(BOOK, "4")),
+        lambda: pretraining(frame(SMALL, "baselines"), frame(SMALL, "other-bodies")),
+        lambda: more_data(
+            frame(SMALL, "3"), {n: results.frame(t) for n, t in changed.items()}
+        ),
+        lambda: advice(
+            latents, frame(SMALL, "p-expert"), frame(SMALL, "iterations"), small
+        ),
+    )
+    return [row for part in parts for row in part()]
+
+
+def page_table(rows: Iterable[Reading]) -> pd.DataFrame:
+    """Readings as a table with the headings of a page."""
+    names = {
+        "statement": "The paper says",
+        "reading": "Read as",
+        "system": "Pair",
+        "ours": "Here (95 % interval)",
+        "seeds": "Seeds",
+        "verdict": "Verdict",
+    }
+    table = pd.DataFrame(rows, columns=list(Reading._fields))
+    return table[list(names)].rename(columns=names)
+
+
+def short_table(rows: Iterable[Reading]) -> pd.DataFrame:
+    """The main readings: the results of section 5 with 5 minutes, and pretraining.
+
+    A row per reading, a column of verdicts per pair of robots.
+    """
+    main = [
+        row
+        for row in rows
+        if row.statement == PRETRAINED
+        or (row.section == "5" and not row.reading.endswith(ELSEWHERE))
+    ]
+    table = pd.DataFrame(main, columns=list(Reading._fields))
+    points = table.groupby(["statement", "reading"], sort=False)
+    lines = [
+        {"The paper says": statement, "Read as": reading}
+        | {system: "-" for system in map(system_label, SYSTEMS)}
+        | dict(zip(point.system, point.verdict, strict=True))
+        for (statement, reading), point in points
+    ]
+    columns = ["The paper says", "Read as", *map(system_label, SYSTEMS)]
+    return pd.DataFrame(lines, columns=columns)
