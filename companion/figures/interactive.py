@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from typing import Any
 
@@ -58,7 +59,12 @@ def figure3(
                 "method:N",
                 title="click to show one",
                 scale=alt.Scale(domain=labels, range=colours),
-                legend=alt.Legend(orient="bottom", columns=columns, labelLimit=300),
+                legend=alt.Legend(
+                    orient="bottom",
+                    columns=columns,
+                    labelLimit=300,
+                    values=_drawn_methods(frame, methods),
+                ),
             ),
             opacity=alt.condition(shown, alt.value(1), alt.value(0.06)),
         )
@@ -89,6 +95,15 @@ def figure3(
         means.properties(data=points),
     )
     return themed(chart.add_params(system, shown).properties(height=330), words)
+
+
+def _drawn_methods(frame: pd.DataFrame, methods: Sequence[str]) -> Any:
+    """The labels of the methods that the chosen system has, as Vega computes them."""
+    labels = {
+        system: [METHOD_STYLES[name]["label"] for name in methods if name in set(of)]
+        for system, of in frame.groupby("system").method
+    }
+    return alt.ExprRef(f"({json.dumps(labels)})[system]")
 
 
 def _dashes(line: Any) -> list[int]:
