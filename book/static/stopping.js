@@ -14,7 +14,7 @@
   const HEADINGS = {
     losses: "Along the training",
     figure3: "Figure 3, had all stopped there",
-    saving: "What an SIDM saves",
+    saving: "What an SIDM with 5 minutes saves",
     search: "The search for settings",
   };
   const RULES = { "the end": "At the end" };
@@ -30,12 +30,9 @@
   const million = (samples) =>
     samples < 1e6 ? samples.toLocaleString("en") : `${(samples / 1e6).toLocaleString("en", { maximumFractionDigits: 1 })} million`;
 
-  /** A ratio with its interval in words; where it is only a bound, the bound. */
-  function times([value, low, high]) {
-    if (value !== null) return `${digits(value)} times (${digits(low)} to ${digits(high)})`;
-    if (low) return `at least ${digits(low)} times`;
-    return high === null ? null : `at most ${digits(high)} times`;
-  }
+  /** A ratio with its interval in words; null where a seed's curve gives only a bound. */
+  const times = ([value, low, high]) =>
+    value === null ? null : `${digits(value)} times (${digits(low)} to ${digits(high)})`;
 
   function build(root) {
     const data = JSON.parse(root.querySelector(".stopping-numbers").textContent);
@@ -55,7 +52,7 @@
       training.points = data.drawn[training.tests].map((test, at) => [(test + 1) * training.spacing, losses[at]]);
     }
 
-    const state = { recipe: 0, minutes: data.minutes, stop: data.lengths.length - 1, rule: null, draw: null };
+    const state = { recipe: 0, minutes: data.minutes, stop: data.lengths.length - 1, rule: data.opens, draw: null };
     const recipe = () => data.recipes[state.recipe];
 
     // what the trainings keep
@@ -93,7 +90,7 @@
       const first = needed
         ? `${stopped}, training without an SIDM needs ${needed} the data of an SIDM with ${data.minutes} minutes.`
         : `${stopped}, the trainings do not tell how much data an SIDM saves.`;
-      return ratio ? `${first} With ${state.minutes} min, its loss is ${ratio} that without one.` : first;
+      return ratio ? `${first} With ${state.minutes} min, the loss with an SIDM is ${ratio} that without one.` : first;
     }
 
     // rows of the charts
@@ -164,7 +161,7 @@
       Object.keys(specs).map((name) => [name, element("div", { class: `stopping-chart stopping-${name}` })]),
     );
     const grid = element("div", { class: "stopping-grid" });
-    const drawn = choice("draw with the dark line", draws);
+    const drawn = choice("as a dark line above", draws);
     for (const [name, panel] of Object.entries(panels)) grid.append(element("div", {}, element("p", {}, HEADINGS[name]), panel));
     if (panels.search) grid.lastChild.append(drawn);
     const used = new Set([...recipe().trainings, ...data.search].map(({ method }) => method));
@@ -199,7 +196,7 @@
       state.recipe = at;
       if ([...minutes.options].some((option) => option.value === told.get("minutes"))) state.minutes = Number(told.get("minutes"));
       if (data.rules.includes(told.get("rule"))) state.rule = told.get("rule");
-      else if (told.has("stop")) state.stop = nearest(Number(told.get("stop")));
+      else if (told.has("stop")) Object.assign(state, { rule: null, stop: nearest(Number(told.get("stop"))) });
       if (told.has("draw") && data.search[told.get("draw")]) state.draw = Number(told.get("draw"));
     }
 

@@ -36,7 +36,7 @@ PRETRAINED = '"cannot be pretrained using just expert data"'
 AS_RELEASED, EARLY = "as released", "stopped early, as Figure 3"
 
 
-KEPT = "SIDM kept, encoder and decoder trained on"
+KEPT = "SIDM kept, encoder and decoder trained further"
 ELSEWHERE = (" 1 min", "120 min", "largest dataset")  # ends of readings at other sizes
 LESS_EXPERT = f"p_e of {ablations.MOST_DATA_P_EXPERT:g}"
 NO_ADVERSARY = METHODS["no_regularisation"].label
@@ -69,7 +69,7 @@ def _ratio_rows(
     for row in table.itertuples():
         estimate = Interval(getattr(row, name), row.low, row.high)
         says = claims.verdict(estimate, none, above=above)
-        ours = f"{quantity} {estimate.text(2)}{'' if none == 0.0 else ' ×'}"
+        ours = f"{quantity} {estimate.text(3)}{'' if none == 0.0 else ' ×'}"
         label = system_label(row.system)
         rows.append(
             Reading(statement, section, reading, label, ours, int(row.seeds), says)
@@ -138,7 +138,7 @@ def paths(figure4: pd.DataFrame) -> list[Reading]:
         Reading(
             "smaller deviation over 25 steps",
             "5",
-            row.claim.rpartition(", ")[2],
+            f"{EARLY}, {row.claim.rpartition(', ')[2]}",
             system_label(row.system),
             row.ours,
             row.seeds,
@@ -154,17 +154,18 @@ def pretraining(baselines: pd.DataFrame, bodies: pd.DataFrame) -> list[Reading]:
     sidm = few[few.method == "sidm"]
     rows = []
     for method, reading in (
-        ("pretrain_finetune", "all parts copied and trained on"),
+        ("pretrain_finetune", "all parts copied and trained further"),
         ("finetune_parts", KEPT),
     ):
         table = paired_comparison(few[few.method == method], sidm)
+        reading = f"{reading} (held struts)"
         rows += _ratio_rows(
             table, PRETRAINED, "4", reading, above=True, quantity="loss / SIDM's"
         )
     few = _mean_over_bodies(bodies[bodies.novice_minutes == LITTLE])
     core, sidm = (few[few.method == name] for name in ("core_finetune", "sidm"))
     table = paired_comparison(core, sidm)
-    reading = "SIDM alone pretrained, another encoder and decoder"
+    reading = "SIDM alone pretrained, novices of five other bodies"
     return rows + _ratio_rows(
         table, PRETRAINED, "4", reading, above=True, quantity="loss / SIDM's"
     )
@@ -211,7 +212,7 @@ def advice(
             table,
             "latents become alike",
             "3",
-            f"{quantity}, with the adversary less without",
+            f"{quantity}, with 5 matching iterations less with none",
             quantity="",
         )
     few = p_expert[p_expert.novice_minutes == LITTLE]
@@ -222,7 +223,7 @@ def advice(
         table,
         "a p_e proportional to the data is too high",
         "4",
-        "loss at that p_e / at the paper's",
+        "loss at that p_e (0.96, 2 h of expert) / at the paper's",
         above=True,
     )
     few = phases[(phases.novice_minutes == LITTLE) & (phases.method == "sidm")]
@@ -295,7 +296,7 @@ def short_table(rows: Iterable[Reading]) -> pd.DataFrame:
     main = [
         row
         for row in rows
-        if (row.statement == PRETRAINED and row.reading != KEPT)
+        if (row.statement == PRETRAINED and not row.reading.startswith(KEPT))
         or (row.section == "5" and not row.reading.endswith(ELSEWHERE))
     ]
     table = pd.DataFrame(main, columns=list(Reading._fields))

@@ -20,7 +20,7 @@ from companion.statistics.stopping_rules import RULES, apply_rule, stored_curve
 from companion.studies.decisive.along import along_training, lengths_of
 from companion.studies.decisive.figures import RECIPE_LABELS
 from companion.studies.decisive.search import FIRST_SEED
-from companion.studies.decisive.verdicts import AT, losses_by
+from companion.studies.decisive.verdicts import AT, RELEASED, losses_by
 from sidm.learning.stopping import kept_after
 
 SCALE = 10_000  # stored numbers in a unit of loss
@@ -173,6 +173,7 @@ def contents(frame: pd.DataFrame, search: pd.DataFrame) -> dict[str, Any]:
         "scale": SCALE,
         "drawn": {count: drawn_tests(count) for count in sorted(counts)},
         "minutes": AT,
+        "opens": RELEASED,
         "lengths": lengths,
         "rules": list(RULES),
         "methods": _methods(frame, search),

@@ -123,6 +123,16 @@ def ratio_of_data(frame: pd.DataFrame, method: str) -> tuple[int, float, float, 
     return len(seeds), *ratio
 
 
+def one_minute(frame: pd.DataFrame, recipe: str, system: str, rule: str) -> Interval:
+    """The SIDM's data ratio at 1 min, a size that no verdict judges."""
+    losses = _losses_of(frame, recipe, system, rule)
+    alone, sidm = wide(losses, "novice_only", ALONE_SIZES), wide(losses, "sidm", [1.0])
+    seeds = alone.index.intersection(sidm.index)
+    return data_ratio(
+        ALONE_SIZES, alone.loc[seeds].to_numpy(), sidm.loc[seeds, 1.0].to_numpy(), 1.0
+    )
+
+
 def loss_ratio(frame: pd.DataFrame, minutes: float) -> tuple[int, float, float, float]:
     """The SIDM's loss / that of training alone: number of seeds, value, low and high.
 
