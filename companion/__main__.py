@@ -32,7 +32,7 @@ DESCRIPTION = (
 _FIGURES = (
     "decisive, duration, 3, references, 4, tuning, little-data, choices, released, "
     "baselines, variants, p-expert, iterations, pixels, patience, other-bodies, "
-    "free-struts, network-size, corrected-claim, most-data, latent-space, "
+    "free-struts, network-size, corrected-claim, most-data, latent-space, adversary, "
     "recorded-targets, driving, uncertainty, several-experts, real-robots, gap, "
     "overlap, payoff, throughput, coverage, explorer or all"
 )

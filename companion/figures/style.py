@@ -70,13 +70,13 @@ ROLE_STYLES: dict[str, dict[str, Any]] = {
     "novice": _style("#1A1A1A", "-", "o"),
     "expert": _style("#8C8C8C", "--", "s"),
 }
-#: Styles of the sizes of novice data, where a figure tells sizes apart.
+#: Styles of the sizes of novice data, where a figure tells sizes apart: neutral, too.
 SIZE_STYLES: tuple[dict[str, Any], ...] = (
-    _style("#0072B2", "-", "o"),
-    _style("#D55E00", "--", "s"),
-    _style("#009E73", "-.", "^"),
-    _style("#CC79A7", ":", "D"),
-    _style("#E69F00", (0, (6, 1, 1, 1)), "v"),
+    _style("#1A1A1A", "-", "o"),
+    _style("#7A7A7A", "--", "s"),
+    _style("#A6A6A6", "-.", "^"),
+    _style("#4D4D4D", ":", "D"),
+    _style("#BFBFBF", (0, (6, 1, 1, 1)), "v"),
 )
 LOSS_LABEL = "validation loss, equation (1)\n(squared m, m/s and rad/s, summed)"
 #: Axes of a plot of losses against novice data.

@@ -6,11 +6,11 @@ import pandas as pd
 import pytest
 
 from companion import Results, Study
+from companion.pages import readings
 from companion.statistics.claims import CONTRARY, DIRECTION, NOT_SEEN
-from companion.studies import readings
 from companion.studies.decisive import verdicts
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 
 
 def losses(method, factor, **columns):
