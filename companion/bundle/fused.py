@@ -54,7 +54,7 @@ def fuses_convolutions(layers: nn.Module, maps: Tensor) -> bool:
 
 
 class FusedRecurrence(torch.autograd.Function):
-    """One LSTM layer over all steps, as `recurrence.Recurrence`."""
+    """An LSTM layer over all steps, as `recurrence.Recurrence`."""
 
     @staticmethod
     def forward(ctx, inputs: Tensor, recurrent: Tensor) -> Tensor:

@@ -16,7 +16,7 @@ from companion.bundle.fused import FusedRecurrence, fuses_steps
 
 
 class Recurrence(torch.autograd.Function):
-    """One LSTM layer over all steps, from zero states.
+    """An LSTM layer over all steps, from zero states.
 
     The gradient of the recurrent weights is one product over all steps; autograd would
     add up T products.

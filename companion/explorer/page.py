@@ -36,6 +36,7 @@ from companion.explorer.grid import (
 )
 from companion.figures.style import half_width
 from sidm.drives import CONTROL_STEP, Ground
+from sidm.replay import scene
 from sidm.replay.packing import text
 from sidm.replay.rides import SAMPLE_TIME, STRUTS
 from sidm.replay.scene_file import cropped, ground_json, read_scene, scene_json
@@ -44,7 +45,7 @@ from sidm.replay.viewer import SCRIPTS, STYLE, static
 from sidm.systems import GRID_SPACING, Robot
 
 WHO = ("your robot", "the robot named")
-COLOURS = ("#0072B2", "#D55E00")  # of the two, in the replay, too
+COLOURS = scene.COLOURS[: len(WHO)]  # as in the replay
 #: Left, right, low and high end of the ground that the charts show, m.
 VIEW = (-1.5, 14.5, -5.0, 5.0)
 REPLAYED = (-4.0, 14.9, -9.0, 9.0)  # the same for the replay, m

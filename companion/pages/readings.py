@@ -7,7 +7,7 @@ comparison, and the verdict follows the rule of the page on claims.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -69,7 +69,7 @@ def _ratio_rows(
     for row in table.itertuples():
         estimate = Interval(getattr(row, name), row.low, row.high)
         says = claims.verdict(estimate, none, above=above)
-        ours = f"{quantity} {estimate.text(3)}{'' if none == 0.0 else ' ×'}"
+        ours = f"{quantity} {estimate.text(3)}{'' if none == 0.0 else ' ×'}".strip()
         label = system_label(row.system)
         rows.append(
             Reading(statement, section, reading, label, ours, int(row.seeds), says)
@@ -77,36 +77,29 @@ def _ratio_rows(
     return rows
 
 
+def _judged_row(
+    row: Any, statement: str, reading: str, quantity: str, says: str
+) -> Reading:
+    """Reading of a ratio that has a verdict: `value`, `low`, `high` and `seeds`."""
+    ours = f"{quantity} {Interval(row.value, row.low, row.high).text(2)} ×"
+    label = system_label(row.system)
+    return Reading(statement, "5", reading, label, ours, row.seeds, says)
+
+
 def savings(figure3: pd.DataFrame, decisive: pd.DataFrame) -> list[Reading]:
     """How much data an SIDM saves with 5 minutes, and its loss with little data."""
     rows = []
     judged = verdicts.verdicts(decisive)
     for row in judged[judged.verdict == "R1"].dropna(subset="value").itertuples():
-        estimate = Interval(row.value, row.low, row.high)
-        statement = SAVED[row.system]
-        ours = f"data {estimate.text(2)} ×"
-        label = system_label(row.system)
-        rows.append(
-            Reading(statement, "5", AS_RELEASED, label, ours, row.seeds, row.says)
-        )
+        rows.append(_judged_row(row, SAVED[row.system], AS_RELEASED, "data", row.says))
     for system in SYSTEMS:
         for row in claims.data_saving_claim(figure3, system).itertuples():
-            estimate = Interval(row.value, row.low, row.high)
-            statement = SAVED[system]
-            ours = f"data {estimate.text(2)} ×"
-            label = system_label(system)
-            rows.append(
-                Reading(statement, "5", EARLY, label, ours, row.seeds, row.verdict)
-            )
+            rows.append(_judged_row(row, SAVED[system], EARLY, "data", row.verdict))
     improvement = '"significant improvement" with little data'
     small = judged[(judged.verdict == "S") & (judged.recipe == "R")]
     for row in small.dropna(subset="value").itertuples():
         reading = f"{AS_RELEASED}, {row.minutes:g} min"
-        ours = f"loss {Interval(row.value, row.low, row.high).text(2)} ×"
-        label = system_label(row.system)
-        rows.append(
-            Reading(improvement, "5", reading, label, ours, row.seeds, row.says)
-        )
+        rows.append(_judged_row(row, improvement, reading, "loss", row.says))
     sidm, alone = (figure3[figure3.method == n] for n in ("sidm", "novice_only"))
     for minutes in (1.0, LITTLE):
         table = paired_comparison(sidm[sidm.novice_minutes == minutes], alone)

@@ -30,7 +30,7 @@ def _adam(
     DECOUPLED: tl.constexpr,
     BLOCK: tl.constexpr,
 ):
-    """One step of Adam for a part of one trial's weights."""
+    """A step of Adam for a part of one trial's weights."""
     trial = tl.program_id(0).to(tl.int64)
     if tl.load(active + trial):
         index = tl.program_id(1) * BLOCK + tl.arange(0, BLOCK)
@@ -73,7 +73,7 @@ def adam_step(
     constants: tuple[float, float, float],
     decoupled: bool,
 ) -> None:
-    """One step of Adam, in place, for the active trials.
+    """A step of Adam, in place, for the active trials.
 
     Args:
         weights: (M, ...), contiguous.

@@ -26,7 +26,7 @@ def _forward_step(
     UNITS: tl.constexpr,
     CHUNK: tl.constexpr,
 ):
-    """One step of an LSTM layer for UNITS hidden units of one trial."""
+    """A step of an LSTM layer for UNITS hidden units of one trial."""
     trial = tl.program_id(0)
     unit = tl.program_id(1) * UNITS + tl.arange(0, UNITS)
     row = tl.arange(0, BATCH)
@@ -115,7 +115,7 @@ def _tanh(x):
 
 
 def lstm_forward(inputs: Tensor, recurrent: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """One LSTM layer over all steps, from zero states.
+    """An LSTM layer over all steps, from zero states.
 
     Args:
         inputs: (M, T, B, 4 H), the gates before the recurrent product is added;

@@ -72,14 +72,6 @@ def _with_strength(study: Study, strength: Strength) -> Study:
     )
 
 
-def strength_of(trial: Trial) -> Strength:
-    """The strength of a trial's adversary."""
-    training = trial.training
-    if not training.regularise:
-        return NONE
-    return Strength(training.discriminator_iterations, training.matching_iterations)
-
-
 def collect_fresh(study: Study, system: str, executor: Executor | None = None) -> None:
     """Simulate what is missing of the motion, the expert's held-out part included."""
     fresh = on_fresh_motion(study)

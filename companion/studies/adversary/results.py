@@ -7,17 +7,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from companion.figures.style import system_label
-from companion.studies.adversary.measure import STRENGTHS, Strength
+from companion.studies.adversary.measure import NONE, STRENGTHS, Strength
 from sidm.plots import finish, side_by_side, styled
 
-#: Measures that the table has, and their names on a page.
-MEASURES = {
-    "validation_loss": "validation loss",
-    "discriminator_accuracy": "told apart by its own discriminator",
-    "network_accuracy": "told apart by a fresh network",
-    "linear_accuracy": "told apart by a fresh logistic regression",
-    "mmd": "squared MMD",
-}
+#: Classifier -> colour, line, marker and label of its accuracy.
 LINES = {
     "discriminator_accuracy": ("#7A3E9D", "--", "s", "its own discriminator"),
     "network_accuracy": ("#009E73", "-", "o", "a fresh network"),
@@ -32,9 +25,11 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
         frame: records of the study.
     """
     strengths = [
-        Strength(row.discriminator_iterations, row.matching_iterations)
-        if row.regularise
-        else STRENGTHS[0]
+        Strength(
+            row.training_discriminator_iterations, row.training_matching_iterations
+        )
+        if row.training_regularise
+        else NONE
         for row in frame.itertuples()
     ]
     rows = frame.assign(
@@ -46,7 +41,7 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
         seeds=("seed", "nunique"),
         lowest=("validation_loss", "min"),
         highest=("validation_loss", "max"),
-        **{name: (name, "mean") for name in MEASURES},
+        **{name: (name, "mean") for name in ("validation_loss", "mmd", *LINES)},
     )
     return table.reset_index()
 

@@ -35,7 +35,11 @@ REPEAT_SEEDS = (FIRST_SEED + 100, FIRST_SEED + 101)
 
 #: Numbers of each method's two best draws on system 1 by `scores`; a method is missing
 #: until its search has been run.
-BEST: dict[str, tuple[int, ...]] = {"novice_only": (0, 3), "sidm": (3, 10)}
+BEST: dict[str, tuple[int, ...]] = {
+    "novice_only": (0, 3),
+    "sidm": (3, 10),
+    "pretrain_finetune": (3, 9),
+}
 #: System -> method -> number of the draw chosen for recipe T; empty until the search
 #: has been run.
 CHOSEN: dict[str, dict[str, int]] = {}

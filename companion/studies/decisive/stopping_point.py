@@ -17,7 +17,7 @@ import pandas as pd
 
 from companion.figures.style import METHOD_STYLES, system_label
 from companion.statistics.stopping_rules import RULES, apply_rule, stored_curve
-from companion.studies.decisive.along import along_training, lengths_of
+from companion.studies.decisive.along import lengths_of
 from companion.studies.decisive.figures import RECIPE_LABELS
 from companion.studies.decisive.search import FIRST_SEED
 from companion.studies.decisive.verdicts import AT, RELEASED, losses_by
@@ -150,14 +150,16 @@ def search_contents(search: pd.DataFrame, lengths: Sequence[int]) -> list[dict]:
     ]
 
 
-def contents(frame: pd.DataFrame, search: pd.DataFrame) -> dict[str, Any]:
+def contents(
+    frame: pd.DataFrame, search: pd.DataFrame, saved: pd.DataFrame
+) -> dict[str, Any]:
     """All numbers of the page, as JSON types.
 
     Args:
         frame: rows of `verdicts.results`.
         search: rows of the search on system 1.
+        saved: `along_training` of the first.
     """
-    saved = along_training(frame)
     groups = {
         key: group
         for key, group in frame.groupby(["recipe", "system"], sort=False)

@@ -297,7 +297,9 @@ def test_the_page_has_the_published_numbers(make_results):
     worth = {(recipe, "sidm"): 4.0 for recipe in RECIPES}
     results = make_results(power(worth), power({}, level=0.5))
     draws = results[(results.recipe == "T") & (results.system == "system1")]
-    contents = stopping_point.contents(results, draws.assign(seed=draws.seed + 1000))
+    saved = along.along_training(results)
+    draws = draws.assign(seed=draws.seed + 1000)
+    contents = stopping_point.contents(results, draws, saved)
     judged = verdicts.verdicts(results)
     recipe = next(one for one in contents["recipes"] if one["id"] == "R-system1")
     chosen = results[(results.recipe == "R") & (results.system == "system1")]
@@ -320,7 +322,7 @@ def test_the_page_has_the_published_numbers(make_results):
 
 def test_the_page_without_results_is_empty(make_results):
     none = make_results(power({}), power({}))[:0]
-    contents = stopping_point.contents(none, none)
+    contents = stopping_point.contents(none, none, along.along_training(none))
     assert contents["recipes"] == contents["lengths"] == contents["search"] == []
     assert set(stopping_charts.charts(contents["methods"])) == {
         "losses",
