@@ -11,16 +11,22 @@ import numpy as np
 
 from companion.engine.provenance import here
 from companion.engine.store import Results
+from companion.figures.style import system_label
 from companion.trials import Trial
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
+#: A cell that is the name of a pair of robots.
+_SYSTEM = re.compile(r"system\d(_[a-z_]+)?")
+
+
 def markdown_table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """A table in Markdown, or a notice where there are no rows.
 
-    Floats have 3 significant digits; NaN is a dash.
+    Floats have 3 significant digits; NaN is a dash. A pair of robots has its name in
+    words.
     """
     body = [[_cell_text(cell).replace("|", r"\|") for cell in row] for row in rows]
     if not body:
@@ -32,6 +38,11 @@ def markdown_table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str
 def table_markdown(table: pd.DataFrame) -> str:
     """A pandas table in Markdown, in the form of `markdown_table`."""
     return markdown_table(list(table.columns), table.itertuples(index=False))
+
+
+def titled_table(title: str, table: pd.DataFrame) -> str:
+    """A pandas table in Markdown below a title, which may name a pair of robots."""
+    return f"**{_cell_text(title)}**\n\n{table_markdown(table)}"
 
 
 def table_html(table: pd.DataFrame) -> str:
@@ -51,7 +62,8 @@ def _html_row(cells: Iterable[object], tag: str) -> str:
 def _cell_text(cell: object) -> str:
     if isinstance(cell, float):
         return "-" if np.isnan(cell) else f"{cell:.3g}"
-    return str(cell)
+    text = str(cell)
+    return system_label(text) if _SYSTEM.fullmatch(text) else text
 
 
 def provenance_line(frame: pd.DataFrame, command: str = "") -> str:
@@ -132,7 +144,9 @@ def stored_line(store: Results, trials: Sequence[Trial], command: str) -> str:
     counts = dict.fromkeys((trial.system for trial in trials), 0)
     for trial in missing:
         counts[trial.system] += 1
-    by_system = ", ".join(f"{count} of {system}" for system, count in counts.items())
+    by_system = ", ".join(
+        f"{count} of {system_label(system)}" for system, count in counts.items()
+    )
     return (
         f"{len(missing)} of {len(trials)} trials are missing ({by_system}); "
         f"`{command}` runs them."

@@ -33,7 +33,7 @@ SAVED = {
     "system2": 'without SIDM, "about 5 times the amount of data"',
 }
 PRETRAINED = '"cannot be pretrained using just expert data"'
-AS_RELEASED, EARLY = "as released", "stopped early, as Figure 3"
+AS_RELEASED, EARLY = "as released", "stopped early"
 
 
 KEPT = "SIDM kept, encoder and decoder trained further"
@@ -284,7 +284,8 @@ def short_table(rows: Iterable[Reading]) -> pd.DataFrame:
 
     Of pretraining, they are its widest and its narrowest reading.
 
-    A row per reading, a column of verdicts per pair of robots.
+    A row per reading, a column of verdicts per pair of robots. A statement stands in
+    the first of its rows.
     """
     main = [
         row
@@ -301,4 +302,6 @@ def short_table(rows: Iterable[Reading]) -> pd.DataFrame:
         for (statement, reading), point in points
     ]
     columns = ["The paper says", "Read as", *map(system_label, SYSTEMS)]
-    return pd.DataFrame(lines, columns=columns)
+    table = pd.DataFrame(lines, columns=columns)
+    table.loc[table["The paper says"].duplicated(), "The paper says"] = ""
+    return table

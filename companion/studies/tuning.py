@@ -14,6 +14,7 @@ from typing import Any
 import pandas as pd
 
 from companion.engine.store import Results
+from companion.figures.style import system_label
 from companion.methods import FOR_LITTLE, METHODS
 from companion.presets import MOST_SEEDS, Preset
 from companion.study import Study
@@ -292,7 +293,8 @@ def _p_expert_text(preset: Preset, method: str) -> str:
     """The p_e of a method for each system; '-' where it does not use the expert."""
     if not METHODS[method].expert:
         return "-"
-    return ", ".join(
-        f"{preset.training_of(METHODS[method], system).p_expert:g} ({system})"
+    values = {
+        system_label(system): preset.training_of(METHODS[method], system).p_expert
         for system in SYSTEMS
-    )
+    }
+    return ", ".join(f"{value:g} ({name})" for name, value in values.items())

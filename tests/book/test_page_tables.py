@@ -14,6 +14,7 @@ from companion.pages.markdown import (
     stored_line,
     table_html,
     table_markdown,
+    titled_table,
 )
 from companion.statistics.claims import figure3_claims, page_table
 
@@ -30,16 +31,29 @@ def test_what_is_missing_is_counted_by_system_with_the_command_that_runs_it(
 ):
     store = Results(tmp_path)
     assert stored_line(store, trials, "run it") == (
-        "9 of 9 trials are missing (6 of system1, 3 of system2); `run it` runs them."
+        "9 of 9 trials are missing (6 of system 1, 3 of system 2); `run it` runs them."
     )
     for trial in trials[:6]:
         store.put(make_row(trial))
-    assert "3 of 9 trials are missing (0 of system1, 3 of system2)" in stored_line(
+    assert "3 of 9 trials are missing (0 of system 1, 3 of system 2)" in stored_line(
         store, trials, "run it"
     )
     for trial in trials[6:]:
         store.put(make_row(trial))
     assert stored_line(store, trials, "run it") == "All 9 trials are stored."
+
+
+def test_pairs_of_robots_have_names_in_words():
+    table = pd.DataFrame({"system": ["system1", "system2_free_struts", "systems"]})
+    names = ["system 1", "system 2, free struts", "systems"]
+    assert titled_table("system1", table).splitlines() == [
+        "**system 1**",
+        "",
+        "| system |",
+        "| --- |",
+        *(f"| {name} |" for name in names),
+    ]
+    assert all(f"<td>{name}</td>" in table_html(table) for name in names)
 
 
 def test_what_a_study_lacks_is_counted_with_the_command_that_makes_it():
