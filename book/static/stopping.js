@@ -90,7 +90,7 @@
       const first = needed
         ? `${stopped}, training without an SIDM needs ${needed} the data of an SIDM with ${data.minutes} minutes.`
         : `${stopped}, the trainings do not tell how much data an SIDM saves.`;
-      return ratio ? `${first} With ${state.minutes} min, the loss with an SIDM is ${ratio} that without one.` : first;
+      return ratio && specs.losses ? `${first} With ${state.minutes} min, the loss with an SIDM is ${ratio} that without one.` : first;
     }
 
     // rows of the charts
@@ -152,7 +152,7 @@
     const choice = (text, control, ...more) => element("div", {}, element("label", { for: control.id }, text), control, ...more);
     form.append(
       choice("recipe and robots", recipes),
-      choice("novice data", minutes),
+      ...(specs.losses ? [choice("novice data", minutes)] : []),
       choice("stop after", slider, value),
       element("div", { role: "group", "aria-label": "stopping rules" }, element("span", {}, "or by the rule of"), ...buttons),
     );

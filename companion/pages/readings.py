@@ -28,10 +28,7 @@ from sidm.systems import SYSTEMS
 LITTLE = 5.0  # min of novice data
 #: Presets whose results are read: the book's.
 BOOK, SMALL = "study", "laptop"
-SAVED = {
-    "system1": 'without SIDM, "up to 20 times the amount of data"',
-    "system2": 'without SIDM, "about 5 times the amount of data"',
-}
+SAVED = '"up to 20 times the amount of data" (system 2: "about 5")'
 PRETRAINED = '"cannot be pretrained using just expert data"'
 AS_RELEASED, EARLY = "as released", "stopped early"
 
@@ -91,10 +88,10 @@ def savings(figure3: pd.DataFrame, decisive: pd.DataFrame) -> list[Reading]:
     rows = []
     judged = verdicts.verdicts(decisive)
     for row in judged[judged.verdict == "R1"].dropna(subset="value").itertuples():
-        rows.append(_judged_row(row, SAVED[row.system], AS_RELEASED, "data", row.says))
+        rows.append(_judged_row(row, SAVED, AS_RELEASED, "data", row.says))
     for system in SYSTEMS:
         for row in claims.data_saving_claim(figure3, system).itertuples():
-            rows.append(_judged_row(row, SAVED[system], EARLY, "data", row.verdict))
+            rows.append(_judged_row(row, SAVED, EARLY, "data", row.verdict))
     improvement = '"significant improvement" with little data'
     small = judged[(judged.verdict == "S") & (judged.recipe == "R")]
     for row in small.dropna(subset="value").itertuples():
@@ -147,7 +144,7 @@ def pretraining(baselines: pd.DataFrame, bodies: pd.DataFrame) -> list[Reading]:
     sidm = few[few.method == "sidm"]
     rows = []
     for method, reading in (
-        ("pretrain_finetune", "all parts copied and trained further"),
+        ("pretrain_finetune", "all parts copied"),
         ("finetune_parts", KEPT),
     ):
         table = paired_comparison(few[few.method == method], sidm)
@@ -158,7 +155,7 @@ def pretraining(baselines: pd.DataFrame, bodies: pd.DataFrame) -> list[Reading]:
     few = _mean_over_bodies(bodies[bodies.novice_minutes == LITTLE])
     core, sidm = (few[few.method == name] for name in ("core_finetune", "sidm"))
     table = paired_comparison(core, sidm)
-    reading = "SIDM alone pretrained, novices of five other bodies"
+    reading = "SIDM alone copied, five other bodies"
     return rows + _ratio_rows(
         table, PRETRAINED, "4", reading, above=True, quantity="loss / SIDM's"
     )
