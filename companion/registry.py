@@ -102,6 +102,11 @@ STUDIES = {
 MEASUREMENTS = {
     "gap": Measurement("companion.studies.gap", "gap.json", "free_struts"),
     "overlap": Measurement("companion.studies.overlap", "overlap.json", "simulation"),
+    "untrained-latents": Measurement(
+        "companion.studies.latent_space.untrained",
+        "untrained_latents.json",
+        "diagnosis",
+    ),
     "payoff": Measurement("companion.studies.payoff", "payoff.json", "free_struts"),
     "throughput": Measurement("companion.studies.throughput", "pace.json"),
     "coverage": Measurement("companion.statistics.coverage", "coverage.json"),

@@ -7,7 +7,8 @@ from sklearn.linear_model import LogisticRegression
 
 from companion import run_trial
 from companion.engine.library import Library
-from companion.studies.latent_space import latents, measure, results
+from companion.studies.latent_space import latents, measure, results, untrained
+from companion.study import Study
 from sidm.config import ConfigError
 from sidm.learning import DynamicsModel, validation_loss
 from sidm.systems import ROLES
@@ -152,3 +153,20 @@ def test_what_is_held_out_was_not_learnt_from(study, data, monkeypatch):
 def test_a_novice_alone_has_nothing_to_compare(study, data):
     with pytest.raises(ConfigError, match="no expert whose latents"):
         measure.measure(study.trial("system1", "novice_only", 0.25), data)
+
+
+def test_two_untrained_encoders_are_farther_apart_than_one(
+    tiny, data, tmp_path, monkeypatch
+):
+    """With one encoder the latents differ as much as the robots' motion does."""
+    monkeypatch.setattr(
+        "companion.studies.latent_space.untrained.SYSTEMS", ("system1",)
+    )
+    study = Study(tiny, data, tmp_path)
+    assert untrained.read(tmp_path) == {}
+    untrained.make(study, workers=1)
+    measured = untrained.read(tmp_path)["system1"]
+    own, one = (measured[name] for name in ("own encoders", "one encoder"))
+    assert len(own) == len(one) == tiny.seeds
+    assert all(two.mmd > 2 * same.mmd for two, same in zip(own, one, strict=True))
+    assert all(0 <= apart.network_accuracy <= 1 for apart in own + one)

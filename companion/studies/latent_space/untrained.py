@@ -1,0 +1,109 @@
+"""How far apart the latents of two robots are before any training.
+
+An encoder for each robot draws its own initial weights, so the same physical situation
+has two latents from the start. For comparison both robots also go through one encoder.
+
+`companion run --figure untrained-latents` measures it and writes
+`results/untrained_latents.json`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+from companion.engine.records import read_or_empty
+from companion.numerics import versions
+from companion.studies.latent_space.latents import (
+    classifier_accuracy,
+    latents_of,
+    small_network,
+    squared_mmd,
+)
+from companion.studies.latent_space.measure import jobs
+from companion.study import Study
+from companion.trials import Trial
+from sidm.learning.arithmetic import one_thread
+from sidm.learning.dataset import load_windows
+from sidm.learning.model import DynamicsModel
+from sidm.learning.units import Standardisation
+from sidm.storage import write_record
+from sidm.systems import SYSTEMS, find_system
+
+NAME = "untrained_latents.json"
+#: Name in the file -> the role whose encoder the novice's motion goes through.
+ENCODERS = {"own encoders": "novice", "one encoder": "expert"}
+
+
+class Apart(NamedTuple):
+    """How far apart the latents of the two robots are, measured as of a trained model.
+
+    Attributes:
+        network_accuracy: of a fresh small network on held-out steps, 0.5 by chance
+        mmd: squared maximum mean discrepancy, 0 where the latents are alike
+    """
+
+    network_accuracy: float
+    mmd: float
+
+
+def measure(trial: Trial, data: Path) -> dict[str, Apart]:
+    """The latents of a trial's encoders with their initial weights.
+
+    The novice's motion is the validation set, the expert's as many trajectories.
+
+    Raises:
+        ShardError: data are missing.
+    """
+    terrain, pixels = find_system(trial.system).terrain, trial.network.pixels
+    validation, expert = (
+        load_windows(data, dataset.collection, dataset.count, terrain, pixels)
+        for dataset in (trial.datasets[kind] for kind in ("validation", "expert"))
+    )
+    model = DynamicsModel(trial.network, Standardisation.fit(expert), trial.seed)
+    experts = latents_of(model, "expert", expert.take(range(len(validation))))
+    apart = {}
+    for name, role in ENCODERS.items():
+        both = latents_of(model, role, validation), experts
+        accuracy = classifier_accuracy(both, small_network())
+        apart[name] = Apart(accuracy, squared_mmd(*both))
+    return apart
+
+
+def _trials(study: Study, system: str) -> list[Trial]:
+    """The SIDMs of the smallest size, one for each seed; all sizes start alike."""
+    trials = [trial for trial in jobs(study, system) if trial.method == "sidm"]
+    least = min(trial.novice_minutes for trial in trials)
+    return [trial for trial in trials if trial.novice_minutes == least]
+
+
+def make(study: Study, workers: int) -> None:
+    """Measure and store, for `companion run --figure untrained-latents`.
+
+    It runs in one process; `workers` is not used.
+    """
+    stored: dict[str, object] = {}
+    with one_thread():
+        for system in SYSTEMS:
+            seeds = [measure(trial, study.data) for trial in _trials(study, system)]
+            stored[system] = {
+                name: [[round(value, 4) for value in seed[name]] for seed in seeds]
+                for name in ENCODERS
+            }
+    made = {"preset": study.preset.name, "numerics": versions("diagnosis")}
+    write_record(study.results / NAME, {**stored, **made})
+
+
+def read(results: Path | str) -> dict[str, dict[str, list[Apart]]]:
+    """The stored measures by system and name of ENCODERS, one for each seed."""
+    stored = read_or_empty(Path(results) / NAME)
+    return {
+        system: {name: _all(values) for name, values in stored[system].items()}
+        for system in SYSTEMS
+        if system in stored
+    }
+
+
+def _all(values: Iterable[Iterable[float]]) -> list[Apart]:
+    return [Apart(*value) for value in values]
