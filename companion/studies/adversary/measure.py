@@ -2,8 +2,8 @@
 
 `companion run --figure adversary` trains SIDMs with more and more iterations of the
 discriminator and of the matching in each phase, and measures their latents as the study
-of the latent space does. All trainings have SAMPLES samples; all else is as in Figure 3,
-on motion of the decisive experiment.
+of the latent space does. All trainings have SAMPLES samples; all else is as in
+Figure 3, on motion of the decisive experiment.
 """
 
 from __future__ import annotations
@@ -21,9 +21,7 @@ from companion.trials import Trial
 __all__ = ["jobs", "measure", "records"]
 
 MINUTES = 5.0  # of novice data
-SAMPLES = (
-    500_000  # half the cap of Figure 3, since the strongest take six times as long
-)
+SAMPLES = 500_000  # half the cap of Figure 3; the strongest take five times as long
 SEEDS = range(3)
 
 
