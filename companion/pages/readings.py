@@ -19,7 +19,7 @@ from companion.methods import METHODS
 from companion.statistics import claims
 from companion.statistics.intervals import Interval
 from companion.statistics.pairs import paired_comparison
-from companion.studies import ablations
+from companion.studies import ablations, duration
 from companion.studies.decisive import verdicts
 from companion.studies.latent_space import measure
 from companion.study import Study
@@ -31,6 +31,8 @@ BOOK, SMALL = "study", "laptop"
 SAVED = '"up to 20 times the amount of data" (system 2: "about 5")'
 PRETRAINED = '"cannot be pretrained using just expert data"'
 AS_RELEASED, EARLY = "as released", "stopped early"
+TO_THE_END = "this book's settings, to the end"
+IMPROVEMENT = '"significant improvement" with little data'
 
 
 KEPT = "SIDM kept, encoder and decoder trained further"
@@ -92,17 +94,31 @@ def savings(figure3: pd.DataFrame, decisive: pd.DataFrame) -> list[Reading]:
     for system in SYSTEMS:
         for row in claims.data_saving_claim(figure3, system).itertuples():
             rows.append(_judged_row(row, SAVED, EARLY, "data", row.verdict))
-    improvement = '"significant improvement" with little data'
     small = judged[(judged.verdict == "S") & (judged.recipe == "R")]
     for row in small.dropna(subset="value").itertuples():
         reading = f"{AS_RELEASED}, {row.minutes:g} min"
-        rows.append(_judged_row(row, improvement, reading, "loss", row.says))
+        rows.append(_judged_row(row, IMPROVEMENT, reading, "loss", row.says))
     sidm, alone = (figure3[figure3.method == n] for n in ("sidm", "novice_only"))
     for minutes in (1.0, LITTLE):
         table = paired_comparison(sidm[sidm.novice_minutes == minutes], alone)
         reading = f"{EARLY}, {minutes:g} min"
-        rows += _ratio_rows(table, improvement, "5", reading)
+        rows += _ratio_rows(table, IMPROVEMENT, "5", reading)
     return rows
+
+
+def to_the_end(long: pd.DataFrame) -> list[Reading]:
+    """Losses of long trainings with this book's settings, at the paper's p_e.
+
+    Args:
+        long: results of the grid `duration`.
+    """
+    ended = duration.table(long)
+    of_book = ended[ended.trained == duration.BY_BOOK]
+    few = of_book[of_book.novice_minutes == LITTLE]
+    sidm = few[(few.method == "sidm") & (few.p_expert != duration.MANY_EXPERTS)]
+    table = paired_comparison(sidm, few[few.method == "novice_only"])
+    reading = f"{TO_THE_END}, {LITTLE:g} min"
+    return _ratio_rows(table, IMPROVEMENT, "5", reading)
 
 
 def hours(figure3: pd.DataFrame) -> list[Reading]:
@@ -139,7 +155,10 @@ def paths(figure4: pd.DataFrame) -> list[Reading]:
 
 
 def pretraining(baselines: pd.DataFrame, bodies: pd.DataFrame) -> list[Reading]:
-    """Whether an SIDM can be learnt from the expert alone, in three readings."""
+    """Whether an SIDM can be learnt from the expert alone, in three readings.
+
+    The narrowest, which is nearest to the paper's words, comes first.
+    """
     few = baselines[baselines.novice_minutes == LITTLE]
     sidm = few[few.method == "sidm"]
     rows = []
@@ -152,13 +171,16 @@ def pretraining(baselines: pd.DataFrame, bodies: pd.DataFrame) -> list[Reading]:
         rows += _ratio_rows(
             table, PRETRAINED, "4", reading, above=True, quantity="loss / SIDM's"
         )
-    few = _mean_over_bodies(bodies[bodies.novice_minutes == LITTLE])
-    core, sidm = (few[few.method == name] for name in ("core_finetune", "sidm"))
-    table = paired_comparison(core, sidm)
-    reading = "SIDM alone copied, five other bodies"
-    return rows + _ratio_rows(
-        table, PRETRAINED, "4", reading, above=True, quantity="loss / SIDM's"
-    )
+    narrow = []
+    for minutes in (1.0, LITTLE):
+        means = _mean_over_bodies(bodies[bodies.novice_minutes == minutes])
+        core, sidm = (means[means.method == name] for name in ("core_finetune", "sidm"))
+        table = paired_comparison(core, sidm)
+        reading = f"SIDM alone copied, five other bodies, {minutes:g} min"
+        narrow += _ratio_rows(
+            table, PRETRAINED, "4", reading, above=True, quantity="loss / SIDM's"
+        )
+    return narrow + rows
 
 
 def _mean_over_bodies(frame: pd.DataFrame) -> pd.DataFrame:
@@ -249,6 +271,11 @@ def readings(results: Results, data: str = "data") -> list[Reading]:
                 changed.setdefault(name, []).extend(trials)
     parts: Iterable[Callable[[], list[Reading]]] = (
         lambda: savings(figure3, decisive),
+        lambda: to_the_end(
+            results.frame(
+                grid(BOOK, "duration", "system1", data=data, results=results.folder)
+            )
+        ),
         lambda: hours(figure3),
         lambda: paths(frame(BOOK, "4")),
         lambda: pretraining(frame(SMALL, "baselines"), frame(SMALL, "other-bodies")),
@@ -287,8 +314,9 @@ def short_table(rows: Iterable[Reading]) -> pd.DataFrame:
     main = [
         row
         for row in rows
-        if (row.statement == PRETRAINED and not row.reading.startswith(KEPT))
-        or (row.section == "5" and not row.reading.endswith(ELSEWHERE))
+        if (row.section == "5" or row.statement == PRETRAINED)
+        and not row.reading.startswith(KEPT)
+        and not row.reading.endswith(ELSEWHERE)
     ]
     table = pd.DataFrame(main, columns=list(Reading._fields))
     points = table.groupby(["statement", "reading"], sort=False)

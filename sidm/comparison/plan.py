@@ -33,6 +33,7 @@ DEFAULT_METHODS = (
     "corrected",
     "trees",
     "novice_only",
+    "pretrain_finetune",
     "core_finetune",
     "sidm",
 )

@@ -30,9 +30,9 @@ def losses(method, factor, **columns):
 @pytest.mark.parametrize(
     ("tuned", "kept", "core", "verdict"),
     [
-        (0.5, 0.6, 0.7, [CONTRARY] * 3),
-        (2.0, 1.5, 1.2, [DIRECTION] * 3),
-        (1.0, 1.0, 1.0, [NOT_SEEN] * 3),
+        (0.5, 0.6, 0.7, [CONTRARY] * 4),
+        (2.0, 1.5, 1.2, [DIRECTION] * 4),
+        (1.0, 1.0, 1.0, [NOT_SEEN] * 4),
     ],
 )
 def test_pretraining_has_three_readings(tuned, kept, core, verdict):
@@ -44,13 +44,17 @@ def test_pretraining_has_three_readings(tuned, kept, core, verdict):
         ]
     )
     bodies = pd.concat(
-        losses(method, factor * scale, novice_body=body)
+        losses(method, factor * scale, novice_body=body, novice_minutes=minutes)
         for method, factor in (("sidm", 1.0), ("core_finetune", core))
         for body, scale in (("no map", 1.0), ("planar", 3.0))
+        for minutes in (1.0, 5.0)
     )
     rows = readings.pretraining(baselines, bodies)
     assert [row.verdict for row in rows] == verdict
-    assert len({row.reading for row in rows}) == 3
+    assert len({row.reading for row in rows}) == 4  # the narrowest at two sizes
+    assert [row.reading.startswith("SIDM alone") for row in rows] == [True] * 2 + [
+        False
+    ] * 2
 
 
 def test_the_books_readings_are_those_of_its_parts():
