@@ -306,7 +306,8 @@ def page_table(rows: Iterable[Reading]) -> pd.DataFrame:
 def short_table(rows: Iterable[Reading]) -> pd.DataFrame:
     """The main readings: the results of section 5 with 5 minutes, and pretraining.
 
-    Of pretraining, they are its widest and its narrowest reading.
+    Of pretraining, they are its widest and its narrowest reading. What is unclear in
+    the paper is left out.
 
     A row per reading, a column of verdicts per pair of robots. A statement stands in
     the first of its rows.
@@ -317,6 +318,7 @@ def short_table(rows: Iterable[Reading]) -> pd.DataFrame:
         if (row.section == "5" or row.statement == PRETRAINED)
         and not row.reading.startswith(KEPT)
         and not row.reading.endswith(ELSEWHERE)
+        and row.verdict != claims.UNCLEAR
     ]
     table = pd.DataFrame(main, columns=list(Reading._fields))
     points = table.groupby(["statement", "reading"], sort=False)
