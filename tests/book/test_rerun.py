@@ -60,4 +60,4 @@ def test_what_a_bundle_gains_on_a_gpu_is_what_was_measured():
     kernels = re.findall(r"(\d{5,}) /\s+(\d{5,}) samples/s", measured.replace("# ", ""))
     of_two, of_eight = (int(after) / int(before) for before, after in kernels)
     assert f"recipe R are {of_two:.1f} times as fast as before" in page
-    assert f"16 with batches of 8 {of_eight:.1f} times" in page
+    assert f"16 trainings with batches of 8 are {of_eight:.1f} times as fast" in page

@@ -168,7 +168,7 @@ def test_the_settings_that_each_method_came_to():
     assert rows.novice_only.weight_decay == "0.1"
     assert rows.novice_only.matching_iterations == "-"
     assert rows.sidm.matching_iterations == "5"
-    assert rows.sidm.p_expert == "0.75 (system1), 0.5 (system2)"
+    assert rows.sidm.p_expert == "0.75 (system 1), 0.5 (system 2)"
     assert rows.pretrain_finetune.learning_rate == "0.001, then 0.0001"
     assert rows.novice_only.p_expert == "-"
     assert rows.pretrain_finetune.patience == "150,000"
