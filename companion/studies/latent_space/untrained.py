@@ -9,7 +9,6 @@ has two latents from the start. For comparison both robots also go through one e
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -51,7 +50,8 @@ class Apart(NamedTuple):
 def measure(trial: Trial, data: Path) -> dict[str, Apart]:
     """The latents of a trial's encoders with their initial weights.
 
-    The novice's motion is the validation set, the expert's as many trajectories.
+    The novice's motion is the validation set, the expert's as many trajectories. No
+    digest is asked for: any motion of the two robots will do.
 
     Raises:
         ShardError: data are missing.
@@ -99,11 +99,10 @@ def read(results: Path | str) -> dict[str, dict[str, list[Apart]]]:
     """The stored measures by system and name of ENCODERS, one for each seed."""
     stored = read_or_empty(Path(results) / NAME)
     return {
-        system: {name: _all(values) for name, values in stored[system].items()}
+        system: {
+            name: [Apart(*seed) for seed in seeds]
+            for name, seeds in stored[system].items()
+        }
         for system in SYSTEMS
         if system in stored
     }
-
-
-def _all(values: Iterable[Iterable[float]]) -> list[Apart]:
-    return [Apart(*value) for value in values]
