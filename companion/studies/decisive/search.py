@@ -40,9 +40,11 @@ BEST: dict[str, tuple[int, ...]] = {
     "sidm": (3, 10),
     "pretrain_finetune": (3, 9),
 }
-#: System -> method -> number of the draw chosen for recipe T; empty until the search
-#: has been run.
-CHOSEN: dict[str, dict[str, int]] = {}
+#: System -> method -> number of the draw chosen for recipe T, the better of the two
+#: by the mean of three `scores`; a system is missing until its search has been run.
+CHOSEN: dict[str, dict[str, int]] = {
+    "system1": {"novice_only": 0, "sidm": 10, "pretrain_finetune": 3},
+}
 
 #: Columns of `frame.frame_of` in which two settings of a method can differ.
 KNOBS = (
