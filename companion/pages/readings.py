@@ -19,7 +19,7 @@ from companion.methods import METHODS
 from companion.statistics import claims
 from companion.statistics.intervals import Interval
 from companion.statistics.pairs import paired_comparison
-from companion.studies import ablations, duration
+from companion.studies import ablations
 from companion.studies.decisive import verdicts
 from companion.studies.latent_space import measure
 from companion.study import Study
@@ -31,7 +31,7 @@ BOOK, SMALL = "study", "laptop"
 SAVED = '"up to 20 times the amount of data" (system 2: "about 5")'
 PRETRAINED = '"cannot be pretrained using just expert data"'
 AS_RELEASED, EARLY = "as released", "stopped early"
-TO_THE_END = "this book's settings, to the end"
+AT_ITS_BEST = "each at its best, to the end"
 IMPROVEMENT = '"significant improvement" with little data'
 
 
@@ -88,15 +88,17 @@ def _judged_row(
 def savings(figure3: pd.DataFrame, decisive: pd.DataFrame) -> list[Reading]:
     """How much data an SIDM saves with 5 minutes, and its loss with little data."""
     rows = []
-    judged = verdicts.verdicts(decisive)
-    for row in judged[judged.verdict == "R1"].dropna(subset="value").itertuples():
-        rows.append(_judged_row(row, SAVED, AS_RELEASED, "data", row.says))
+    judged = verdicts.verdicts(decisive).query("method == 'sidm'")
+    judged = judged.dropna(subset="value")
+    for verdict, reading in (("R1", AS_RELEASED), ("T2", AT_ITS_BEST)):
+        for row in judged[judged.verdict == verdict].itertuples():
+            rows.append(_judged_row(row, SAVED, reading, "data", row.says))
     for system in SYSTEMS:
         for row in claims.data_saving_claim(figure3, system).itertuples():
             rows.append(_judged_row(row, SAVED, EARLY, "data", row.verdict))
-    small = judged[(judged.verdict == "S") & (judged.recipe == "R")]
-    for row in small.dropna(subset="value").itertuples():
-        reading = f"{AS_RELEASED}, {row.minutes:g} min"
+    trained = {"R": AS_RELEASED, "T": AT_ITS_BEST}
+    for row in judged[judged.verdict == "S"].itertuples():
+        reading = f"{trained[row.recipe]}, {row.minutes:g} min"
         rows.append(_judged_row(row, IMPROVEMENT, reading, "loss", row.says))
     sidm, alone = (figure3[figure3.method == n] for n in ("sidm", "novice_only"))
     for minutes in (1.0, LITTLE):
@@ -104,21 +106,6 @@ def savings(figure3: pd.DataFrame, decisive: pd.DataFrame) -> list[Reading]:
         reading = f"{EARLY}, {minutes:g} min"
         rows += _ratio_rows(table, IMPROVEMENT, "5", reading)
     return rows
-
-
-def to_the_end(long: pd.DataFrame) -> list[Reading]:
-    """Losses of long trainings with this book's settings, at the paper's p_e.
-
-    Args:
-        long: results of the grid `duration`.
-    """
-    ended = duration.table(long)
-    of_book = ended[ended.trained == duration.BY_BOOK]
-    few = of_book[of_book.novice_minutes == LITTLE]
-    sidm = few[(few.method == "sidm") & (few.p_expert != duration.MANY_EXPERTS)]
-    table = paired_comparison(sidm, few[few.method == "novice_only"])
-    reading = f"{TO_THE_END}, {LITTLE:g} min"
-    return _ratio_rows(table, IMPROVEMENT, "5", reading)
 
 
 def hours(figure3: pd.DataFrame) -> list[Reading]:
@@ -271,11 +258,6 @@ def readings(results: Results, data: str = "data") -> list[Reading]:
                 changed.setdefault(name, []).extend(trials)
     parts: Iterable[Callable[[], list[Reading]]] = (
         lambda: savings(figure3, decisive),
-        lambda: to_the_end(
-            results.frame(
-                grid(BOOK, "duration", "system1", data=data, results=results.folder)
-            )
-        ),
         lambda: hours(figure3),
         lambda: paths(frame(BOOK, "4")),
         lambda: pretraining(frame(SMALL, "baselines"), frame(SMALL, "other-bodies")),

@@ -320,7 +320,7 @@ def test_the_study_has_grids_of_its_own():
     assert len(novices[0]) == 3 and not novices[0] & (novices[1] | novices[2])
     every = {d for t in [*figures.values(), *tried] for d in t.datasets.values()}
     assert set(study.preset.all_datasets("system1")) == every
-    assert Counter(t.training.batch for t in long) == {8: 9, 2: 14}
+    assert {t.training.batch for t in long} == {8}
     assert all(t.training.patience == 2_500_000 for t in long)
     chosen_by = [*tried, *long]
     assert {t.key for t in chosen_by} < {t.key for t in grid("study", "all", "system1")}

@@ -1,7 +1,7 @@
-"""Figures of the decisive experiment: savings along the training, and stopping rules.
+"""Figures of the decisive experiment, all about the length of training.
 
-The first shows what an SIDM saves against how long it and its rival are trained, the
-second Figure 3 by each stopping rule.
+They show the loss along the training, what an SIDM saves along it, and Figure 3 by each
+stopping rule.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from companion.figures.style import (
     mean_and_range,
     system_label,
 )
-from companion.statistics.stopping_rules import RULES
+from companion.statistics.stopping_rules import RULES, stored_curve
 from companion.studies.decisive.along import MARKED
 from companion.studies.decisive.verdicts import AT, END, losses_by
 from sidm.plots import finish, side_by_side, styled
@@ -99,6 +99,44 @@ def _draw(axes: Axes, ratios: pd.DataFrame, recipe: str) -> None:
             capsize=2,
             label=label.replace("'s", ""),
         )
+
+
+@styled
+def losses_along(frame: pd.DataFrame) -> Figure:
+    """Validation loss with AT minutes against samples seen: a panel per arm.
+
+    An arm is a recipe on a system that has SIDMs. Lines are means over seeds, shades
+    reach from minimum to maximum.
+    """
+    few = frame[frame.novice_minutes == AT]
+    arms = [
+        (recipe, system, arm)
+        for (system, recipe), arm in few.groupby(["system", "recipe"])
+        if (arm.method == "sidm").any()
+    ]
+    figure, panels = side_by_side(max(len(arms), 2), 2)
+    for axes in panels[len(arms) :]:
+        axes.set_axis_off()
+    for axes, (recipe, system, arm) in zip(panels, arms, strict=False):
+        axes.set(xscale="log", yscale="log", xlabel="samples seen (control steps)")
+        axes.set(ylabel="validation loss")
+        axes.set_title(f"{system_label(system)}, {RECIPE_LABELS[recipe]}")
+        for method, group in arm.groupby("method", sort=False):
+            curves = [stored_curve(row) for _, row in group.iterrows()]
+            shortest = min(len(curve.samples) for curve in curves)
+            losses = np.array([curve.validation_loss[:shortest] for curve in curves])
+            table = pd.DataFrame(
+                {
+                    "mean": losses.mean(0),
+                    "min": losses.min(0),
+                    "max": losses.max(0),
+                },
+                index=curves[0].samples[:shortest],
+            )
+            mean_and_range(axes, table, **METHOD_STYLES[str(method)] | {"marker": ""})
+        finish(axes, legend=False)
+    legend_below(figure, panels[: len(arms)])
+    return figure
 
 
 @styled
