@@ -31,7 +31,7 @@ RECIPE_STYLES: dict[str, dict[str, Any]] = {
     "R": {"color": "#0072B2", "linestyle": "-"},
     "T": {"color": "#D55E00", "linestyle": "--"},
 }
-RECIPE_LABELS = {"R": "as released (R)", "T": "each as well as we can (T)"}
+RECIPE_LABELS = {"R": "as released (R)", "T": "each at its best (T)"}
 RULE_MARKERS = dict(zip(MARKED, ("^", "s", "o"), strict=True))
 
 
