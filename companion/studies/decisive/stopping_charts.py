@@ -17,10 +17,10 @@ from companion.studies.decisive.figures import RECIPE_STYLES
 from companion.studies.decisive.verdicts import END
 
 HEIGHT = 250  # pixels
-LOSSES = (0.18, 0.8)  # ends of the axes of losses
+LOSSES = (0.12, 0.8)  # ends of the axes of losses
 SAMPLES = (1e5, 8e6)
 SAVINGS = (0.1, 30)
-LOSS_TICKS = (0.2, 0.25, 0.3, 0.4, 0.5, 0.7)
+LOSS_TICKS = (0.15, 0.2, 0.3, 0.4, 0.5, 0.7)
 SAVING_TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20)
 SAMPLE_TICKS = (1e5, 3e5, 1e6, 3e6, 8e6)
 DECAY_TICKS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
@@ -132,10 +132,9 @@ def _saving() -> alt.LayerChart:
 def _search(colour: Any) -> alt.LayerChart:
     """What each draw of the search keeps, against its weight decay."""
     decay = axis(alt.X, "x:Q", "weight decay", (8e-7, 0.4), DECAY_TICKS, "~e")
-    losses = axis(alt.Y, "y:Q", "validation loss", (0.12, 0.8), (0.15, *LOSS_TICKS))
     points = named("draws").mark_point(filled=True, size=90, clip=True, opacity=0.9)
     points = points.encode(
-        x=decay, y=losses, color=colour, tooltip=alt.Tooltip("words:N", title="draw")
+        x=decay, y=_losses(), color=colour, tooltip=alt.Tooltip("words:N", title="draw")
     )
     ring = named("picked").mark_point(size=260, color=INK, strokeWidth=2, filled=False)
     return alt.layer(points, ring.encode(x="x:Q", y="y:Q")).properties(height=HEIGHT)
