@@ -1,7 +1,9 @@
 """The adversary made stronger: what becomes of the latents and of the loss.
 
-`companion run --figure adversary` trains SIDMs with more and more iterations of the
-discriminator and of the matching in each phase, and measures their latents as the study
+`companion run --figure adversary` makes the adversary stronger in two ways: with more
+and more iterations of the discriminator and of the matching in each phase (Algorithm
+2), and with a growing weight of the reversed gradient (Ganin and Lempitsky, 2015),
+which moves both encoders in every prediction step. It measures the latents as the study
 of the latent space does. All trainings have SAMPLES samples; all else is as in
 Figure 3, on motion of the decisive experiment.
 """
@@ -46,6 +48,9 @@ STRENGTHS = (
     Strength(100, 100),
     Strength(20, 500),
 )
+#: Weights of the discriminator's loss in the encoders' gradient; Figure 3's rivals
+#: have 0.1.
+REVERSAL_WEIGHTS = (0.01, 0.1, 1.0, 10.0)
 
 #: the stored results, under a folder of results
 records = records_of(Diagnosis, "adversary")
@@ -54,12 +59,20 @@ records = records_of(Diagnosis, "adversary")
 def jobs(study: Study, system: str) -> list[Trial]:
     """The trials whose latents are measured, seed by seed."""
     fresh = on_fresh_motion(study).changed(**without_early_stopping(SAMPLES))
-    return [
-        _with_strength(fresh, strength).trial(
-            system, "sidm" if strength.matching else "no_regularisation", MINUTES, seed
+    variants = [
+        (
+            "sidm" if strength.matching else "no_regularisation",
+            _with_strength(fresh, strength),
         )
-        for seed in SEEDS
         for strength in STRENGTHS
+    ] + [
+        ("gradient_reversal", fresh.changed(reversal_weight=weight))
+        for weight in REVERSAL_WEIGHTS
+    ]
+    return [
+        variant.trial(system, method, MINUTES, seed)
+        for seed in SEEDS
+        for method, variant in variants
     ]
 
 

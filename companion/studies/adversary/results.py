@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
+
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from companion.figures.style import system_label
-from companion.studies.adversary.measure import NONE, STRENGTHS, Strength
+from companion.figures.style import METHOD_STYLES, system_label
+from companion.studies.adversary.measure import (
+    NONE,
+    REVERSAL_WEIGHTS,
+    STRENGTHS,
+    Strength,
+)
 from sidm.plots import finish, side_by_side, styled
 
 #: Classifier -> colour, line, marker and label of its accuracy.
@@ -16,27 +23,34 @@ LINES = {
     "network_accuracy": ("#009E73", "-", "o", "a fresh network"),
     "linear_accuracy": ("#E69F00", ":", "^", "a fresh logistic regression"),
 }
+#: Way of matching -> its strengths as a figure writes them, the weakest first.
+STRENGTHS_OF = {
+    "adversary": [strength.words for strength in STRENGTHS],
+    "reversal": [NONE.words, *(f"{weight:g}" for weight in REVERSAL_WEIGHTS)],
+}
+#: Way of matching -> what its strength is.
+AXIS_LABELS = {
+    "adversary": "discriminator / matching iterations a phase",
+    "reversal": "weight of the reversed gradient",
+}
+CHANCE = 0.5
 
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
-    """Means over seeds: a row per system and strength, from the weakest.
+    """Means over seeds: a row per system, way of matching and strength.
+
+    Each way begins with its weakest strength, which is no matching.
 
     Args:
         frame: records of the study.
     """
-    strengths = [
-        Strength(
-            row.training_discriminator_iterations, row.training_matching_iterations
-        )
-        if row.training_regularise
-        else NONE
-        for row in frame.itertuples()
-    ]
-    rows = frame.assign(
-        order=[STRENGTHS.index(strength) for strength in strengths],
-        strength=[strength.words for strength in strengths],
-    )
-    means = rows.groupby(["system", "order", "strength"])
+    parts = []
+    for way, strengths in STRENGTHS_OF.items():
+        rows = frame[~frame.training_regularise | (frame.training_matching == way)]
+        names = [_strength(row) for row in rows.itertuples()]
+        places = [strengths.index(name) for name in names]
+        parts.append(rows.assign(way=way, order=places, strength=names))
+    means = pd.concat(parts).groupby(["system", "way", "order", "strength"])
     table = means.agg(
         seeds=("seed", "nunique"),
         lowest=("validation_loss", "min"),
@@ -46,42 +60,58 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     return table.reset_index()
 
 
+def _strength(row: Any) -> str:
+    """A record's strength as STRENGTHS_OF has it."""
+    if not row.training_regularise:
+        return NONE.words
+    if row.training_matching == "reversal":
+        return f"{row.training_reversal_weight:g}"
+    return Strength(
+        row.training_discriminator_iterations, row.training_matching_iterations
+    ).words
+
+
 @styled
 def figure(table: pd.DataFrame) -> Figure:
-    """Loss and accuracies of classifiers against the adversary's strength.
+    """Loss and accuracies of classifiers against the strength, a row for each way.
 
     Args:
         table: made by `table`.
     """
-    systems = list(dict.fromkeys(table.system))
-    drawn, panels = side_by_side(2 * max(len(systems), 1), 2)
-    for row, system in enumerate(systems):
+    groups = list(table.groupby(["way", "system"]))
+    drawn, panels = side_by_side(2 * max(len(groups), 1), 2)
+    for row, ((way, system), means) in enumerate(groups):
         left, right = panels[2 * row : 2 * row + 2]
-        means = table[table.system == system].reset_index(drop=True)
-        reach = np.abs(
-            [
-                means.validation_loss - means.lowest,
-                means.highest - means.validation_loss,
-            ]
-        )
-        left.errorbar(
-            means.index, means.validation_loss, yerr=reach, color="#0072B2", capsize=3
-        )
-        left.set(ylabel="validation loss")
-        for name, (colour, line, marker, label) in LINES.items():
-            right.plot(
-                means.index,
-                means[name].astype(float),
-                color=colour,
-                linestyle=line,
-                marker=marker,
-                label=label,
-            )
-        right.axhline(0.5, color="0.5", linestyle="-", marker="", lw=1)
-        right.set(ylabel="latents told apart by", ylim=(0.45, 1.02))
+        _draw_losses(left, means.reset_index(drop=True))
+        _draw_accuracies(right, means.reset_index(drop=True))
         for axes in (left, right):
             axes.set_title(f"{system_label(system)}, 5 min of novice data")
-            axes.set_xticks(means.index, means.strength)
-            axes.set_xlabel("discriminator / matching iterations a phase")
+            axes.set_xticks(range(len(means)), means.strength)
+            axes.set_xlabel(AXIS_LABELS[way])
             finish(axes, legend=axes is right)
     return drawn
+
+
+def _draw_losses(axes: Axes, means: pd.DataFrame) -> None:
+    """The mean loss of each strength, with a bar from the lowest to the highest."""
+    reach = [
+        means.validation_loss - means.lowest,
+        means.highest - means.validation_loss,
+    ]
+    colour = METHOD_STYLES["sidm"]["color"]
+    axes.errorbar(
+        means.index, means.validation_loss, yerr=reach, color=colour, capsize=3
+    )
+    axes.set(ylabel="validation loss")
+
+
+def _draw_accuracies(axes: Axes, means: pd.DataFrame) -> None:
+    """How often each classifier tells the robots' latents apart, and chance."""
+    for name, (colour, line, marker, label) in LINES.items():
+        accuracy = means[name].astype(float)
+        if accuracy.isna().all():  # gradient reversal stores none of its own
+            continue
+        style = {"color": colour, "linestyle": line, "marker": marker}
+        axes.plot(means.index, accuracy, label=label, **style)
+    axes.axhline(CHANCE, color="0.5", linestyle="-", marker="", lw=1)
+    axes.set(ylabel="latents told apart by", ylim=(CHANCE - 0.05, 1.02))
