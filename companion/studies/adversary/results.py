@@ -111,7 +111,7 @@ def _draw_accuracies(axes: Axes, means: pd.DataFrame) -> None:
         accuracy = means[name].astype(float)
         if accuracy.isna().all():  # gradient reversal stores none of its own
             continue
-        style = {"color": colour, "linestyle": line, "marker": marker}
+        style: dict[str, Any] = {"color": colour, "linestyle": line, "marker": marker}
         axes.plot(means.index, accuracy, label=label, **style)
     axes.axhline(CHANCE, color="0.5", linestyle="-", marker="", lw=1)
     axes.set(ylabel="latents told apart by", ylim=(CHANCE - 0.05, 1.02))
