@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from companion.figures.style import ROLE_STYLES, draw_ground
+from companion.figures.style import ROLE_STYLES, draw_ground, system_label
 from sidm.drives import POSITION
 from sidm.plots import STYLE
 from sidm.replay.rides import Ride, tilt
@@ -50,7 +50,7 @@ def rides_figure(rides: Mapping[str, Ride]) -> Figure:
             PLOTS, figsize=(9.6, 8.0), layout="none", gridspec_kw=ROOM
         )
         for (name, ride), line in zip(rides.items(), LINES, strict=False):
-            _draw_ride(plots, name, ride, line | {"marker": ""})
+            _draw_ride(plots, system_label(name), ride, line | {"marker": ""})
         _set_ground(plots["path"], list(rides.values()))
         plots["height"].set(xlabel="time (s)", ylabel="height of the body (m)")
         plots["tilt"].set(xlabel="time (s)", ylabel="tilt (degrees)\npitch, roll paler")

@@ -31,7 +31,7 @@ BOOK, SMALL = "study", "laptop"
 SAVED = '"up to 20 times the amount of data" (system 2: "about 5")'
 PRETRAINED = '"cannot be pretrained using just expert data"'
 AS_RELEASED, EARLY = "as released", "stopped early"
-AT_ITS_BEST = "each at its best, to the end"
+AT_ITS_BEST = "each at its best"
 IMPROVEMENT = '"significant improvement" with little data'
 
 

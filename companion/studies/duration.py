@@ -22,15 +22,6 @@ MOTION: dict[str, Any] = {
 LONG: dict[str, Any] = {"patience": 2_500_000, "max_samples": 6_000_000}
 MINUTES, SEEDS = (5.0,), 3
 MANY_EXPERTS = 0.9  # p_e
-#: Batches and learning rate of the authors' code; the test loss is taken after as many
-#: samples as in this book's trainings.
-RELEASED_PACE = dict(
-    batch=2,
-    discriminator_batch=2,
-    matching_batch=2,
-    learning_rate=1e-4,
-    test_interval=100,
-)
 
 
 def trials(study: Study, system: str) -> list[Trial]:

@@ -110,27 +110,31 @@ def wide(frame: pd.DataFrame, method: str, sizes: Sequence[float]) -> pd.DataFra
     return losses.reindex(columns=list(sizes)).dropna()
 
 
-def ratio_of_data(frame: pd.DataFrame, method: str) -> tuple[int, float, float, float]:
-    """The data ratio of a method at AT minutes: number of seeds, value, low and high.
+def ratio_of_data(
+    frame: pd.DataFrame, method: str, minutes: float = AT
+) -> tuple[int, float, float, float]:
+    """The data ratio of a method: number of seeds, value, low and high.
 
-    `frame` has the losses of one recipe on one system.
+    Args:
+        frame: losses of one recipe on one system.
+        method: whose loss is to be reached.
+        minutes: novice data of that loss; verdicts are on AT alone.
     """
-    alone, other = wide(frame, "novice_only", ALONE_SIZES), wide(frame, method, [AT])
+    alone = wide(frame, "novice_only", ALONE_SIZES)
+    other = wide(frame, method, [minutes])
     seeds = alone.index.intersection(other.index)
-    ratio = data_ratio(
-        ALONE_SIZES, alone.loc[seeds].to_numpy(), other.loc[seeds, AT].to_numpy(), AT
-    )
+    losses = other.loc[seeds, minutes].to_numpy()
+    ratio = data_ratio(ALONE_SIZES, alone.loc[seeds].to_numpy(), losses, minutes)
     return len(seeds), *ratio
 
 
-def one_minute(frame: pd.DataFrame, recipe: str, system: str, rule: str) -> Interval:
-    """The SIDM's data ratio at 1 min, a size that no verdict judges."""
+def sidm_saving(
+    frame: pd.DataFrame, recipe: str, system: str, rule: str, minutes: float
+) -> Interval:
+    """The SIDM's data ratio at any of its sizes, from `results`."""
     losses = _losses_of(frame, recipe, system, rule)
-    alone, sidm = wide(losses, "novice_only", ALONE_SIZES), wide(losses, "sidm", [1.0])
-    seeds = alone.index.intersection(sidm.index)
-    return data_ratio(
-        ALONE_SIZES, alone.loc[seeds].to_numpy(), sidm.loc[seeds, 1.0].to_numpy(), 1.0
-    )
+    _, *ratio = ratio_of_data(losses, "sidm", minutes)
+    return Interval(*ratio)
 
 
 def loss_ratio(frame: pd.DataFrame, minutes: float) -> tuple[int, float, float, float]:
@@ -191,13 +195,17 @@ def verdicts(frame: pd.DataFrame) -> pd.DataFrame:
     return pd.concat([data_ratios(frame), small_data(frame)], ignore_index=True)
 
 
-def ratio_text(ratio: Interval) -> str:
+TOO_FEW = "too few seeds"
+
+
+def ratio_text(ratio: Interval, digits: int = 3) -> str:
     """A ratio with its interval; a bound has one end alone."""
     if not np.isnan(ratio.value):
-        return ratio.text(3)
+        return ratio.text(digits)
     if np.isnan([ratio.low, ratio.high]).any():
-        return "too few seeds"
-    return f"at least {ratio.low:.3g}" if ratio.low > 0 else f"at most {ratio.high:.3g}"
+        return TOO_FEW
+    side, end = ("least", ratio.low) if ratio.low > 0 else ("most", ratio.high)
+    return f"at {side} {end:.{digits}g}"
 
 
 def page_table(table: pd.DataFrame) -> pd.DataFrame:
