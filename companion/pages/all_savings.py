@@ -1,0 +1,89 @@
+"""Every data ratio of an SIDM in this book, under all settings, side by side.
+
+A data ratio is how many times the novice data training alone needs for an SIDM's loss.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pandas as pd
+
+from companion.engine.store import Results
+from companion.figures.style import system_label
+from companion.grids import grid
+from companion.methods import FOR_LITTLE
+from companion.statistics import savings
+from companion.studies import tuning
+from companion.studies.decisive import verdicts
+from companion.studies.decisive.recipes import on_fresh_motion
+from companion.study import Study
+from sidm.systems import FREE_STRUTS, SYSTEMS
+
+PRESET = "study"  # whose results the book shows
+SIZES = (1.0, 5.0, 20.0)  # min of novice data
+#: Recipe, stopping rule -> settings and end of a training in words, in this order.
+DECISIVE = {
+    ("R", verdicts.RELEASED): ("as released", "the released code's rule"),
+    ("R", verdicts.END): ("as released", "the end"),
+    ("T", verdicts.RELEASED): ("each at its best", "the released code's rule"),
+    ("T", verdicts.END): ("each at its best", "the end"),
+}
+EARLY = "this book's patience"
+COLUMNS = ["Settings", "Stopped by", "Expert (h)", "Pair"]
+COLUMNS += [f"{size:g} min" for size in SIZES]
+
+
+def table(store: Results, data: str = "data") -> pd.DataFrame:
+    """A row for each settings, stopping rule and pair of robots; a column a size."""
+    study = Study(PRESET, data, store.folder)
+    hours = f"{study.preset.expert_minutes / 60:g}"
+    rows = [
+        {"Settings": settings, "Stopped by": EARLY, "Expert (h)": hours}
+        | _pair_and_sizes(system, texts)
+        for settings, ratios in _stopped_early(study, store, data)
+        for system, texts in _texts(ratios)
+    ]
+    return pd.DataFrame([*rows, *_decisive(study, store)], columns=COLUMNS)
+
+
+def _stopped_early(
+    study: Study, store: Results, data: str
+) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Settings in words and their savings, of trainings that stop early."""
+    figure3 = store.frame(grid(PRESET, "3", data=data, results=str(store.folder)))
+    yield "Figure 3", savings.savings(figure3)
+    little = tuning.little_data_results(study, store, SYSTEMS)
+    both = pd.concat([little, tuning.best_novice_only(figure3, little)])
+    yield "tuned for little data", savings.savings(both, ["sidm" + FOR_LITTLE])
+    free = [study.free_struts(system + FREE_STRUTS) for system in SYSTEMS]
+    yield "Figure 3", savings.savings(store.frame(sum(free, [])))
+
+
+def _texts(ratios: pd.DataFrame) -> Iterator[tuple[str, dict[float, str]]]:
+    """System and its savings as texts by size."""
+    ratios = ratios.assign(text=savings.ratio_texts(ratios))
+    for system, rows in ratios.groupby("system", sort=False):
+        yield str(system), dict(zip(rows.novice_minutes, rows.text, strict=True))
+
+
+def _pair_and_sizes(system: str, texts: dict[float, str]) -> dict[str, str]:
+    """The columns that name the robots, and those of the sizes."""
+    return {"Pair": system_label(system)} | {
+        f"{size:g} min": texts.get(size, "-") for size in SIZES
+    }
+
+
+def _decisive(study: Study, store: Results) -> Iterator[dict[str, str]]:
+    """The rows of the decisive experiment, of what has been run."""
+    frame = verdicts.results(study, store)
+    hours = f"{on_fresh_motion(study).preset.expert_minutes / 60:.0f}"
+    for (recipe, rule), (settings, stopped) in DECISIVE.items():
+        for system in SYSTEMS:
+            texts = {}
+            for size in SIZES:
+                ratio = verdicts.sidm_saving(frame, recipe, system, rule, size)
+                texts[size] = verdicts.ratio_text(ratio, 2)
+            if set(texts.values()) != {verdicts.TOO_FEW}:
+                about = {"Settings": settings, "Stopped by": stopped}
+                yield about | {"Expert (h)": hours} | _pair_and_sizes(system, texts)
