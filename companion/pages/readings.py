@@ -33,6 +33,7 @@ PRETRAINED = '"cannot be pretrained using just expert data"'
 AS_RELEASED, EARLY = "as released", "stopped early"
 AT_ITS_BEST = "each at its best"
 IMPROVEMENT = '"significant improvement" with little data'
+READ = f"Read as ({LITTLE:g} min)"  # heading of the short table
 
 
 KEPT = "SIDM kept, encoder and decoder trained further"
@@ -286,10 +287,10 @@ def page_table(rows: Iterable[Reading]) -> pd.DataFrame:
 
 
 def short_table(rows: Iterable[Reading]) -> pd.DataFrame:
-    """The main readings: the results of section 5 with 5 minutes, and pretraining.
+    """The main readings, all with 5 minutes: results of section 5, and pretraining.
 
     Of pretraining, they are its widest and its narrowest reading. What is unclear in
-    the paper is left out.
+    the paper is left out. Words are shorter than those of `page_table`.
 
     A row per reading, a column of verdicts per pair of robots. A statement stands in
     the first of its rows.
@@ -303,14 +304,16 @@ def short_table(rows: Iterable[Reading]) -> pd.DataFrame:
         and row.verdict != claims.UNCLEAR
     ]
     table = pd.DataFrame(main, columns=list(Reading._fields))
+    table["reading"] = table.reading.str.removesuffix(f", {LITTLE:g} min")
+    table["verdict"] = table.verdict.replace(claims.DIRECTION, "Same direction")
     points = table.groupby(["statement", "reading"], sort=False)
     lines = [
-        {"The paper says": statement, "Read as": reading}
+        {"The paper says": statement, READ: reading}
         | {system: "-" for system in map(system_label, SYSTEMS)}
         | dict(zip(point.system, point.verdict, strict=True))
         for (statement, reading), point in points
     ]
-    columns = ["The paper says", "Read as", *map(system_label, SYSTEMS)]
+    columns = ["The paper says", READ, *map(system_label, SYSTEMS)]
     table = pd.DataFrame(lines, columns=columns)
     table.loc[table["The paper says"].duplicated(), "The paper says"] = ""
     return table

@@ -69,6 +69,9 @@ def test_the_books_readings_are_those_of_its_parts():
     assert rows[0].verdict == first.says and f"{first.value:.1f}" in rows[0].ours
     short = readings.short_table(rows)
     assert len(short) <= 10 < len(readings.page_table(rows)) == len(rows)
+    assert not short[readings.READ].str.contains(" min").any()
+    verdict = short["system 1"][0].lower()
+    assert rows[0].verdict.lower().endswith(verdict)
 
 
 def test_without_results_there_are_no_readings(tmp_path):
