@@ -74,9 +74,9 @@ ROLE_STYLES: dict[str, dict[str, Any]] = {
 SIZE_STYLES: tuple[dict[str, Any], ...] = (
     _style("#1A1A1A", "-", "o"),
     _style("#7A7A7A", "--", "s"),
-    _style("#A6A6A6", "-.", "^"),
+    _style("#949494", "-.", "^"),
     _style("#4D4D4D", ":", "D"),
-    _style("#BFBFBF", (0, (6, 1, 1, 1)), "v"),
+    _style("#666666", (0, (6, 1, 1, 1)), "v"),
 )
 LOSS_LABEL = "validation loss, equation (1)\n(squared m, m/s and rad/s, summed)"
 #: Axes of a plot of losses against novice data.
