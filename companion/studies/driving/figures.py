@@ -28,7 +28,7 @@ from sidm.systems import SYSTEMS
 SHOWN = 4  # episodes whose paths are drawn
 #: Styles of the drivers that have no learned model.
 DRIVER_STYLES: dict[str, dict[str, Any]] = {
-    "simulator": {"color": "#009E73", "linestyle": "-."},
+    "simulator": {"color": "#1A1A1A", "linestyle": "-."},
     "straight": {"color": "#555555", "linestyle": ":"},
 }
 

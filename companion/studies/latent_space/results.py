@@ -15,6 +15,7 @@ from companion.figures.style import (
     METHOD_STYLES,
     ROLE_STYLES,
     legend_below,
+    system_label,
     system_panels,
 )
 from sidm.plots import finish, side_by_side, styled
@@ -67,7 +68,9 @@ def figure(frame: pd.DataFrame) -> Figure:
             continue
         axes.set(xlabel="first component (-)", ylabel="second component (-)")
         label = METHOD_STYLES[row.method]["label"]
-        axes.set_title(f"{row.system}, {row.novice_minutes:g} min, {label}")
+        axes.set_title(
+            f"{system_label(row.system)}, {row.novice_minutes:g} min, {label}"
+        )
         for role in ROLES:
             style = ROLE_STYLES[role]
             points = np.array(getattr(row, f"{role}_picture")).T

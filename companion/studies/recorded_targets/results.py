@@ -213,7 +213,7 @@ def claims(table: pd.DataFrame) -> pd.DataFrame:
 def figure(table: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
     """Loss against minutes of recorded data, a curve per method and proxy.
 
-    Level lines are models without recorded data.
+    Level lines are models that learnt from the simulated novice alone.
     """
     axis = LOSS_BY_SIZE | {"xlabel": "recorded data (min)"}
     figure, plots = system_panels(table, systems, "recorded novice of {}", **axis)
@@ -228,7 +228,8 @@ def figure(table: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figu
 def _draw(axes: Axes, table: pd.DataFrame, way: Way) -> None:
     """Draw a way's curve of means and its range from minimum to maximum.
 
-    For fine-tuning, also a level line at the loss without recorded data.
+    With the simulated novice as the expert, also a level line at the loss without
+    recorded data, where the method has one.
     """
     method, proxy = way
     rows = table[_is(table, way)]
@@ -241,7 +242,6 @@ def _draw(axes: Axes, table: pd.DataFrame, way: Way) -> None:
     losses = recorded.groupby("novice_minutes").loss.agg(["mean", "min", "max"])
     mean_and_range(axes, losses, **style)
     without_data = rows[rows.novice_minutes == 0].loss
-    if len(without_data) and method == "pretrain_finetune":
+    if len(without_data) and proxy == "novice":
         text = f"the same, no recorded data{PROXY_WORDS[proxy]}"
-        level_style = style | {"label": text, "marker": ""}
-        axes.axhline(without_data.mean(), **level_style, alpha=0.5)
+        axes.axhline(without_data.mean(), **style | {"label": text, "marker": ""})
