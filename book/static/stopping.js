@@ -17,7 +17,7 @@
     saving: "What an SIDM with 5 minutes saves",
     search: "The search for settings",
   };
-  const RULES = { "the end": "At the end" };
+  const RULES = { "the end": "At the end", "the first rise": "At the first rise" };
   const FLOOR = 0.01; // where the band of a saving without a lower bound ends, below the axis
   const CEILING = 1000;
 
@@ -154,7 +154,7 @@
       choice("recipe and robots", recipes),
       ...(specs.losses ? [choice("novice data", minutes)] : []),
       choice("stop after", slider, value),
-      element("div", { role: "group", "aria-label": "stopping rules" }, element("span", {}, "or by the rule of"), ...buttons),
+      element("div", { role: "group", "aria-label": "stopping rules" }, element("span", {}, "or stopped by"), ...buttons),
     );
     const said = element("p", { class: "stopping-words", "aria-live": "polite" });
     const panels = Object.fromEntries(

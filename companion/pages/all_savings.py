@@ -5,6 +5,7 @@ A data ratio is how many times the novice data training alone needs for an SIDM'
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 
 import pandas as pd
@@ -14,6 +15,7 @@ from companion.figures.style import system_label
 from companion.grids import grid
 from companion.methods import FOR_LITTLE
 from companion.statistics import savings
+from companion.statistics.stopping_rules import RULES
 from companion.studies import tuning
 from companion.studies.decisive import verdicts
 from companion.studies.decisive.recipes import on_fresh_motion
@@ -22,14 +24,9 @@ from sidm.systems import FREE_STRUTS, SYSTEMS
 
 PRESET = "study"  # whose results the book shows
 SIZES = (1.0, 5.0, 20.0)  # min of novice data
-#: Recipe, stopping rule -> settings and end of a training in words, in this order.
-DECISIVE = {
-    ("R", verdicts.RELEASED): ("as released", "the released code's rule"),
-    ("R", verdicts.END): ("as released", "the end"),
-    ("T", verdicts.RELEASED): ("each at its best", "the released code's rule"),
-    ("T", verdicts.END): ("each at its best", "the end"),
-}
-EARLY = "this book's patience"
+#: Recipe of the decisive experiment -> settings in words.
+SETTINGS = {"R": "as released", "T": "each at its best"}
+OWN = "this book's"  # stopping rule
 COLUMNS = ["Settings", "Stopped by", "Expert (h)", "Pair"]
 COLUMNS += [f"{size:g} min" for size in SIZES]
 
@@ -39,7 +36,7 @@ def table(store: Results, data: str = "data") -> pd.DataFrame:
     study = Study(PRESET, data, store.folder)
     hours = f"{study.preset.expert_minutes / 60:g}"
     rows = [
-        {"Settings": settings, "Stopped by": EARLY, "Expert (h)": hours}
+        {"Settings": settings, "Stopped by": OWN, "Expert (h)": hours}
         | _pair_and_sizes(system, texts)
         for settings, ratios in _stopped_early(study, store, data)
         for system, texts in _texts(ratios)
@@ -78,12 +75,12 @@ def _decisive(study: Study, store: Results) -> Iterator[dict[str, str]]:
     """The rows of the decisive experiment, of what has been run."""
     frame = verdicts.results(study, store)
     hours = f"{on_fresh_motion(study).preset.expert_minutes / 60:.0f}"
-    for (recipe, rule), (settings, stopped) in DECISIVE.items():
-        for system in SYSTEMS:
+    for recipe, settings in SETTINGS.items():
+        for rule, system in itertools.product(RULES, SYSTEMS):
             texts = {}
             for size in SIZES:
                 ratio = verdicts.sidm_saving(frame, recipe, system, rule, size)
                 texts[size] = verdicts.ratio_text(ratio, 2)
-            if set(texts.values()) != {verdicts.TOO_FEW}:
-                about = {"Settings": settings, "Stopped by": stopped}
+            if set(texts.values()) != {verdicts.NO_VALUE}:
+                about = {"Settings": settings, "Stopped by": rule}
                 yield about | {"Expert (h)": hours} | _pair_and_sizes(system, texts)

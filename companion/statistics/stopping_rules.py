@@ -15,11 +15,12 @@ from sidm.learning.stopping import (
     kept_weights,
 )
 
-#: Rules by name. The paper says that the test loss 'starts increasing': here it is
-#: smoothed as in the released code, and training stops at the first test that rises. A
+#: Rules by name. The paper stops once the test loss 'started increasing indicating
+#: overfitting': the first rise is the strictest reading, which noise can end. The loss
+#: is smoothed as in the released code. A
 #: rule that counts iterations of the released code counts 128 samples as one.
 RULES: dict[str, StoppingRule] = {
-    "the paper's": StoppingRule(smoothing=RELEASED_SMOOTHING, patience=0),
+    "the first rise": StoppingRule(smoothing=RELEASED_SMOOTHING, patience=0),
     "this book's": StoppingRule(patience=150_000),
     "the released code's": StoppingRule(stopping="released"),
     "the end": StoppingRule(),

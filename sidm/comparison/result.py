@@ -214,6 +214,12 @@ class Comparison:
         best = self.methods[0]
         # The first row is the best by chance too: whoever may equal it is named.
         near = [m for m in self.methods[1:] if not self.ratio(m, best).low > 1]
+        if near and np.isnan(self.ratio(near[0], best).low):
+            sentence = (
+                f"{best} has the lowest loss, but {len(self.losses(best))} fits are "
+                "too few to compare methods: take more folds or repeats"
+            )
+            return Verdict(best, tuple(near), f"{sentence}; {self._more_data(best)}.")
         trivial = next((m for m in self.methods if m in TRIVIAL), "")
         sure = [
             method

@@ -195,7 +195,7 @@ def verdicts(frame: pd.DataFrame) -> pd.DataFrame:
     return pd.concat([data_ratios(frame), small_data(frame)], ignore_index=True)
 
 
-TOO_FEW = "too few seeds"
+NO_VALUE = "no value"
 
 
 def ratio_text(ratio: Interval, digits: int = 3) -> str:
@@ -203,7 +203,7 @@ def ratio_text(ratio: Interval, digits: int = 3) -> str:
     if not np.isnan(ratio.value):
         return ratio.text(digits)
     if np.isnan([ratio.low, ratio.high]).any():
-        return TOO_FEW
+        return NO_VALUE
     side, end = ("least", ratio.low) if ratio.low > 0 else ("most", ratio.high)
     return f"at {side} {end:.{digits}g}"
 

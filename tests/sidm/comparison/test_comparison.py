@@ -173,9 +173,9 @@ def test_a_ratio_is_paired():
     assert str(resampled_mean(np.array([2.0]), 4)) == "2"
 
 
-def made_comparison(losses, minutes=(1.0, 2.0)):
+def made_comparison(losses, minutes=(1.0, 2.0), folds=4, repeats=2):
     """A comparison with these losses (method -> two shares of (n,) losses)."""
-    plan = plan_for(cart_drives(), None, list(losses), 4, 2, [0.5, 1.0])
+    plan = plan_for(cart_drives(), None, list(losses), folds, repeats, [0.5, 1.0])
     table = pd.DataFrame(
         columns=["prediction", "quantity", "horizon", "unit", "rmse"]
         + ["average", "median", "nothing_changes", "mean"]
@@ -184,7 +184,7 @@ def made_comparison(losses, minutes=(1.0, 2.0)):
     for method, parts in losses.items():
         for share, values, of_minutes in zip((0.5, 1.0), parts, minutes, strict=True):
             for number, value in enumerate(values):
-                fit = Fit(method, number // 4, number % 4, share)
+                fit = Fit(method, number // folds, number % folds, share)
                 one = DriveLosses(
                     np.array([[value]]),
                     None,
@@ -244,6 +244,17 @@ def test_one_sentence_says_which_and_by_how_much(losses, method, words):
     assert verdict.method == method
     assert all(word in verdict.sentence for word in words), verdict.sentence
     assert "\n" not in verdict.sentence
+
+
+def test_two_fits_decide_nothing():
+    losses = {
+        "least_squares": (NOISE[0][:2], 0.5 * NOISE[1][:2]),
+        "mean": (2 + NOISE[2][:2], 2 + NOISE[3][:2]),
+    }
+    verdict = made_comparison(losses, folds=2, repeats=1).verdict
+    assert verdict.method == "least_squares" and verdict.others == ("mean",)
+    assert "2 fits are too few" in verdict.sentence
+    assert "Take" not in verdict.sentence
 
 
 def test_an_interrupted_comparison_goes_on(drives, tmp_path, monkeypatch):
