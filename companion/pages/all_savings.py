@@ -22,10 +22,17 @@ from companion.studies.decisive.recipes import on_fresh_motion
 from companion.study import Study
 from sidm.systems import FREE_STRUTS, SYSTEMS
 
+#: Chosen after the results: both losses of an SIDM are alike.
+MIXED = "SIDM as released, rival at its best (chosen afterwards)"
 PRESET = "study"  # whose results the book shows
 SIZES = (1.0, 5.0, 20.0)  # min of novice data
-#: Recipe of the decisive experiment -> settings in words.
-SETTINGS = {"R": "as released", "T": "each at its best"}
+#: Recipes of the SIDM and of its rival in the decisive experiment, and stopping rules
+#: -> settings in words.
+SETTINGS = {
+    ("R", "R", tuple(RULES)): "as released",
+    ("T", "T", tuple(RULES)): "each at its best",
+    ("R", "T", (verdicts.END,)): MIXED,
+}
 OWN = "this book's"  # stopping rule
 COLUMNS = ["Settings", "Stopped by", "Expert (h)", "Pair"]
 COLUMNS += [f"{size:g} min" for size in SIZES]
@@ -75,11 +82,11 @@ def _decisive(study: Study, store: Results) -> Iterator[dict[str, str]]:
     """The rows of the decisive experiment, of what has been run."""
     frame = verdicts.results(study, store)
     hours = f"{on_fresh_motion(study).preset.expert_minutes / 60:.0f}"
-    for recipe, settings in SETTINGS.items():
-        for rule, system in itertools.product(RULES, SYSTEMS):
+    for (recipe, rival, rules), settings in SETTINGS.items():
+        for rule, system in itertools.product(rules, SYSTEMS):
             texts = {}
             for size in SIZES:
-                ratio = verdicts.sidm_saving(frame, recipe, system, rule, size)
+                ratio = verdicts.sidm_saving(frame, recipe, system, rule, size, rival)
                 texts[size] = verdicts.ratio_text(ratio, 2)
             if set(texts.values()) != {verdicts.NO_VALUE}:
                 about = {"Settings": settings, "Stopped by": rule}

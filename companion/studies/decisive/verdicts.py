@@ -129,10 +129,32 @@ def ratio_of_data(
 
 
 def sidm_saving(
-    frame: pd.DataFrame, recipe: str, system: str, rule: str, minutes: float
+    frame: pd.DataFrame,
+    recipe: str,
+    system: str,
+    rule: str,
+    minutes: float,
+    rival: str | None = None,
 ) -> Interval:
-    """The SIDM's data ratio at any of its sizes, from `results`."""
+    """The SIDM's data ratio at any of its sizes.
+
+    Args:
+        frame: `results`.
+        recipe: of the SIDM.
+        system: the pair of robots.
+        rule: stopping rule.
+        minutes: novice data of the SIDM.
+        rival: recipe of training alone; by default the same.
+    """
     losses = _losses_of(frame, recipe, system, rule)
+    if rival is not None:
+        alone = _losses_of(frame, rival, system, rule)
+        losses = pd.concat(
+            [
+                losses[losses.method == "sidm"],
+                alone[alone.method == "novice_only"],
+            ]
+        )
     _, *ratio = ratio_of_data(losses, "sidm", minutes)
     return Interval(*ratio)
 
