@@ -307,7 +307,7 @@ def page_table(rows: Iterable[Reading]) -> pd.DataFrame:
 
 
 def short_table(rows: Iterable[Reading]) -> pd.DataFrame:
-    """The main readings: results of section 5 with 5 minutes, and pretraining.
+    """The main readings: long trainings with 5 minutes, and pretraining.
 
     Of pretraining, they are its widest and its narrowest reading. What is unclear in
     the paper is left out. Words are shorter than those of `page_table`.
@@ -321,6 +321,7 @@ def short_table(rows: Iterable[Reading]) -> pd.DataFrame:
         if (row.section == "5" or row.statement == PRETRAINED)
         and not row.reading.startswith(KEPT)
         and not (row.reading.endswith(ELSEWHERE) and row.reading != BEST_WITH_LEAST)
+        and not row.reading.startswith(EARLY)
         and row.verdict != claims.UNCLEAR
     ]
     table = pd.DataFrame(main, columns=list(Reading._fields))
