@@ -89,6 +89,10 @@ def figure(table: pd.DataFrame) -> Figure:
             axes.set_xticks(range(len(means)), means.strength)
             axes.set_xlabel(AXIS_LABELS[way])
             finish(axes, legend=axes is right)
+    losses = panels[::2]
+    ends = [end for axes in losses for end in axes.get_ylim()]
+    for axes in losses:
+        axes.set_ylim(min(ends), max(ends))  # one scale, since one loss
     return drawn
 
 
@@ -108,10 +112,7 @@ def _draw_losses(axes: Axes, means: pd.DataFrame) -> None:
 def _draw_accuracies(axes: Axes, means: pd.DataFrame) -> None:
     """How often each classifier tells the robots' latents apart, and chance."""
     for name, (colour, line, marker, label) in LINES.items():
-        accuracy = means[name].astype(float)
-        if accuracy.isna().all():  # gradient reversal stores none of its own
-            continue
         style: dict[str, Any] = {"color": colour, "linestyle": line, "marker": marker}
-        axes.plot(means.index, accuracy, label=label, **style)
+        axes.plot(means.index, means[name].astype(float), label=label, **style)
     axes.axhline(CHANCE, color="0.5", linestyle="-", marker="", lw=1)
     axes.set(ylabel="latents told apart by", ylim=(CHANCE - 0.05, 1.02))
