@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from pathlib import Path
 
 import pandas as pd
 
 from companion.engine.store import Results
 from companion.figures.style import system_label
-from companion.grids import grid
 from companion.methods import FOR_LITTLE
 from companion.statistics import savings
 from companion.statistics.stopping_rules import RULES
@@ -38,30 +38,28 @@ COLUMNS = ["Settings", "Stopped by", "Expert (h)", "Pair"]
 COLUMNS += [f"{size:g} min" for size in SIZES]
 
 
-def table(store: Results, data: str = "data") -> pd.DataFrame:
+def table(store: Results, data: str | Path = "data") -> pd.DataFrame:
     """A row for each settings, stopping rule and pair of robots; a column a size."""
     study = Study(PRESET, data, store.folder)
     hours = f"{study.preset.expert_minutes / 60:g}"
     rows = [
         {"Settings": settings, "Stopped by": OWN, "Expert (h)": hours}
         | _pair_and_sizes(system, texts)
-        for settings, ratios in _stopped_early(study, store, data)
+        for settings, ratios in _stopped_early(study, store)
         for system, texts in _texts(ratios)
     ]
     return pd.DataFrame([*rows, *_decisive(study, store)], columns=COLUMNS)
 
 
-def _stopped_early(
-    study: Study, store: Results, data: str
-) -> Iterator[tuple[str, pd.DataFrame]]:
+def _stopped_early(study: Study, store: Results) -> Iterator[tuple[str, pd.DataFrame]]:
     """Settings in words and their savings, of trainings that stop early."""
-    figure3 = store.frame(grid(PRESET, "3", data=data, results=str(store.folder)))
+    figure3 = store.frame([t for system in SYSTEMS for t in study.figure3(system)])
     yield "Figure 3", savings.savings(figure3)
     little = tuning.little_data_results(study, store, SYSTEMS)
     both = pd.concat([little, tuning.best_novice_only(figure3, little)])
     yield "tuned for little data", savings.savings(both, ["sidm" + FOR_LITTLE])
-    free = [study.free_struts(system + FREE_STRUTS) for system in SYSTEMS]
-    yield "Figure 3", savings.savings(store.frame(sum(free, [])))
+    free = [t for s in SYSTEMS for t in study.free_struts(s + FREE_STRUTS)]
+    yield "Figure 3", savings.savings(store.frame(free))
 
 
 def _texts(ratios: pd.DataFrame) -> Iterator[tuple[str, dict[float, str]]]:

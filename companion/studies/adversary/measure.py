@@ -48,8 +48,8 @@ STRENGTHS = (
     Strength(100, 100),
     Strength(20, 500),
 )
-#: Weights of the discriminator's loss in the encoders' gradient; Figure 3's rivals
-#: have 0.1.
+#: Weights of the discriminator's loss in the encoders' gradient; 0.1 is the
+#: default, which the chapter on rivals has.
 REVERSAL_WEIGHTS = (0.01, 0.1, 1.0, 10.0)
 
 #: the stored results, under a folder of results

@@ -41,6 +41,7 @@ RATIOS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "T1": ("T", RELEASED, ("sidm", FINETUNING)),
     "T2": ("T", END, ("sidm", FINETUNING)),
 }
+NO_VALUE = "no value"  # of a ratio without an interval
 #: Recipe -> the rule by which verdict S compares its losses.
 LOSSES = {"R": RELEASED, "T": END}
 #: Columns of a table of verdicts. A claim about a loss says that the value is below 1,
@@ -215,9 +216,6 @@ def small_data(frame: pd.DataFrame) -> pd.DataFrame:
 def verdicts(frame: pd.DataFrame) -> pd.DataFrame:
     """All verdicts of `results`."""
     return pd.concat([data_ratios(frame), small_data(frame)], ignore_index=True)
-
-
-NO_VALUE = "no value"
 
 
 def ratio_text(ratio: Interval, digits: int = 3) -> str:

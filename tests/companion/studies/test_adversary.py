@@ -30,7 +30,7 @@ def test_trainings_differ_in_the_adversary_alone(tmp_path):
 
 
 def test_the_table_goes_from_the_weakest_to_the_strongest():
-    """Its figure has the same points, and each way begins without matching."""
+    """The figure has the table's points; each way begins without matching."""
     variants = [
         (strength != NONE, "adversary", strength, 0.1) for strength in STRENGTHS
     ] + [(True, "reversal", PAPER, weight) for weight in measure.REVERSAL_WEIGHTS]
