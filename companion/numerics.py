@@ -22,6 +22,7 @@ NUMERICS: dict[str, int] = {
     "experts": 1,  # several experts before the novice
     "fitting": 1,  # models fitted to recorded drives of any body
     "benchmark": 1,  # tasks, and the evaluation of methods on them
+    "trees": 1,  # boosted trees in the benchmark, and the search of their settings
 }
 
 #: Kind of work -> the other kinds that its results depend on; others than these depend
@@ -34,6 +35,7 @@ _DEPENDS_ON: dict[str, tuple[str, ...]] = {
     "driving": ("simulation", "training", "least_squares"),
     "fitting": ("training", "least_squares"),
     "benchmark": ("simulation", "training", "least_squares", "fitting"),
+    "trees": ("simulation", "training", "least_squares", "fitting", "benchmark"),
 }
 
 

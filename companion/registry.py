@@ -108,6 +108,9 @@ MEASUREMENTS = {
         "diagnosis",
     ),
     "payoff": Measurement("companion.studies.payoff", "payoff.json", "free_struts"),
+    "tree-search": Measurement(
+        "companion.studies.tree_search", "tree_search.json", "trees"
+    ),
     "throughput": Measurement("companion.studies.throughput", "pace.json"),
     "coverage": Measurement("companion.statistics.coverage", "coverage.json"),
     "explorer": Measurement(

@@ -75,11 +75,6 @@ def headline_numbers(stored: Stored) -> list[str]:
     return [significant(value, 2) for value in values]
 
 
-def bold_numbers(text: str) -> list[str]:
-    """The numbers that a Markdown text has in bold, in their order."""
-    return re.findall(r"\*\*([\d.]+)\*\*", text)
-
-
 def stored_results(data: str | Path = "data") -> Stored:
     """Stored results behind the README's numbers.
 

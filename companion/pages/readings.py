@@ -204,10 +204,8 @@ def more_data(figure3: pd.DataFrame, changed: dict[str, pd.DataFrame]) -> list[R
     return rows
 
 
-def advice(
-    latents: pd.DataFrame, p_expert: pd.DataFrame, phases: pd.DataFrame, study: Study
-) -> list[Reading]:
-    """The latents, p_e and the phases."""
+def alikeness(latents: pd.DataFrame) -> list[Reading]:
+    """Whether matching made the latents alike."""
     rows = []
     few = latents[latents.novice_minutes == LITTLE]
     matched, free = (few[few.method == n] for n in ("sidm", "no_regularisation"))
@@ -215,30 +213,38 @@ def advice(
         ("network_accuracy", "a fresh classifier's accuracy"),
         ("mmd", "squared MMD"),
     ):
-        table = paired_comparison(matched, free, value=name, difference=True)
         rows += _ratio_rows(
-            table,
+            paired_comparison(matched, free, value=name, difference=True),
             "latents become alike",
             "3",
             f"{quantity}, with 5 matching iterations less with none "
             "(after training; before it they are nearer)",
             quantity="",
         )
+    return rows
+
+
+def high_p_expert(p_expert: pd.DataFrame, study: Study) -> list[Reading]:
+    """Whether a p_e proportional to the data is too high."""
     few = p_expert[p_expert.novice_minutes == LITTLE]
     papers = few.system.map(study.preset.p_expert).astype(float)
     most = ablations.proportional(study.preset, LITTLE)
-    table = paired_comparison(few[few.p_expert == most], few[few.p_expert == papers])
-    rows += _ratio_rows(
-        table,
+    return _ratio_rows(
+        paired_comparison(few[few.p_expert == most], few[few.p_expert == papers]),
         "a p_e proportional to the data is too high",
         "4",
         "loss at that p_e (0.96, for 2 h of the expert; 14 h: 0.99) / the paper's",
         above=True,
     )
+
+
+def long_phases(phases: pd.DataFrame) -> list[Reading]:
+    """Whether too long a phase harms the other phase's loss."""
     few = phases[(phases.novice_minutes == LITTLE) & (phases.method == "sidm")]
     usual = (few.discriminator_iterations == 20) & (few.matching_iterations == 5)
     usual &= few.prediction_iterations == 100
     matching = few.prediction_iterations.eq(100) & few.discriminator_iterations.eq(20)
+    rows = []
     for long, reading in (
         (
             few[matching & few.matching_iterations.eq(100)],
@@ -285,9 +291,9 @@ def readings(results: Results, data: str = "data") -> list[Reading]:
         lambda: more_data(
             frame(SMALL, "3"), {n: results.frame(t) for n, t in changed.items()}
         ),
-        lambda: advice(
-            latents, frame(SMALL, "p-expert"), frame(SMALL, "iterations"), small
-        ),
+        lambda: alikeness(latents),
+        lambda: high_p_expert(frame(SMALL, "p-expert"), small),
+        lambda: long_phases(frame(SMALL, "iterations")),
     )
     return [row for part in parts for row in part()]
 

@@ -89,43 +89,34 @@ def _recorded(novice: str, expert: str, minutes: float) -> Task:
     )
 
 
-FOUR_PAIRS = (*SYSTEMS, *FREE_SYSTEMS)
 RECORDED_PAIRS = (("warthog", "husky"), ("husky", "warthog"))  # novice, expert
+MINUTES = (1.0, 5.0, 20.0)  # of the paper's novices
 BODIES = ("no map", "no linear velocity", "left and right")
-#: All tasks by name.
-TASKS: dict[str, Task] = {
-    task.name: task
-    for task in (
-        *(
-            _recorded(n, e, 0.8)
-            for n, e in (("warthog", "husky"), ("husky", "warthog"))
-        ),
-        *(
-            _recorded(n, e, 5.0)
-            for n, e in (("warthog", "husky"), ("husky", "warthog"))
-        ),
-        *(_simulated(pair, m) for pair in FOUR_PAIRS for m in (1.0, 5.0, 20.0)),
-        *(_simulated(pair, 5.0) for pair in FAMILY_PAIRS),
-        *(_simulated("system1", 5.0, body) for body in BODIES),
-    )
+#: Groups of tasks by name; recorded robots need no simulation.
+GROUPS: dict[str, tuple[Task, ...]] = {
+    "quick": tuple(_recorded(*pair, m) for m in (0.8, 5.0) for pair in RECORDED_PAIRS),
+    "held": tuple(_simulated(pair, m) for pair in SYSTEMS for m in MINUTES),
+    "free": tuple(_simulated(pair, m) for pair in FREE_SYSTEMS for m in MINUTES),
+    "family": tuple(_simulated(pair, 5.0) for pair in FAMILY_PAIRS),
+    "bodies": tuple(_simulated("system1", 5.0, body) for body in BODIES),
 }
-#: The tasks that take minutes: recorded robots need no simulation.
-QUICK = tuple(task.name for task in TASKS.values() if not task.pair)
+#: All tasks by name.
+TASKS = {task.name: task for group in GROUPS.values() for task in group}
 SEEDS = 3
 
 
 def find_tasks(name: str) -> list[Task]:
-    """The tasks of a name: that of one task, 'quick' or 'all'.
+    """The tasks of a name: that of one task, of a group, or 'all'.
 
     Raises:
         ConfigError: there is no such task; the message has the nearest name.
     """
     if name == "all":
         return [*TASKS.values()]
-    if name == "quick":
-        return [TASKS[quick] for quick in QUICK]
+    if name in GROUPS:
+        return [*GROUPS[name]]
     if name not in TASKS:
-        raise unknown_name(name, ("quick", "all", *TASKS), kind="task")
+        raise unknown_name(name, (*GROUPS, "all", *TASKS), kind="task")
     return [TASKS[name]]
 
 

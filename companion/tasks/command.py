@@ -9,7 +9,10 @@ from companion.cluster import executor_at
 from sidm.command_line import whole_number
 from sidm.config import ConfigError
 
-TASKS_HELP = "a task's name, 'quick' (recorded robots) or 'all' (%(default)s)"
+TASKS_HELP = (
+    "a task's name; 'quick' (recorded robots), 'held', 'free', 'family' or 'bodies' "
+    "(simulated robots); or 'all' (%(default)s)"
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -65,20 +68,24 @@ def run_bench(arguments: argparse.Namespace) -> int:
             )
         wanted = entries(arguments.methods, tasks, seeds)
         status = int(any(store.get(entry) is None for entry in wanted))
-    _print_table(arguments, store.all())
+    _print_table(arguments, [row for row in store.all() if row.about.task in tasks])
     return status
 
 
 def _print_table(arguments: argparse.Namespace, results) -> None:
-    """Print the table of all rows, and write the page and the rows."""
+    """Print the table of the tasks' rows, and write the page and the rows."""
     from companion.tasks.page import write_page
     from companion.tasks.scores import results_frame, score_table
 
     if not results:
-        raise ConfigError(f"{arguments.results}: no rows are there; name a method")
+        raise ConfigError(
+            f"{arguments.results}: no rows of these tasks are there; name a method"
+        )
     frame = results_frame(results)
     table = score_table(frame)
     print(table.to_string(index=False, float_format="{:.3g}".format, na_rep=""))
+    if table.tasks.nunique() > 1:
+        print("note: some scores are over fewer tasks; '--tasks' takes a group")
     for row in frame[frame.status != "ok"].itertuples():
         print(
             f"note: {row.method}, {row.task}, seed {row.seed}: "

@@ -8,7 +8,7 @@ the intervals: a task's seeds are averaged first, since they share motion.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -81,6 +81,31 @@ def score_table(frame: pd.DataFrame) -> pd.DataFrame:
         row["failures"] = int((trials.status != "ok").sum())
         rows.append(row)
     return pd.DataFrame(rows).sort_values("score", ignore_index=True)
+
+
+def scores_by_group(
+    frame: pd.DataFrame, groups: Mapping[str, Iterable[str]]
+) -> pd.DataFrame:
+    """Scores over groups of tasks: a row for each method, a column for each group.
+
+    Args:
+        frame: rows of trials, as `results_frame` returns them.
+        groups: name of a group -> names of its tasks.
+
+    Returns:
+        Intervals; None for a method without a score on one of the group's tasks.
+    """
+    columns = {}
+    for name, tasks in groups.items():
+        scores = task_scores(frame[frame.task.isin([*tasks])])
+        columns[name] = {
+            method: geometric_interval(scores[method].to_numpy())
+            for method in scores
+            if scores[method].notna().all()
+        }
+    methods = sorted(set().union(*columns.values()))
+    rows = [[column.get(name) for column in columns.values()] for name in methods]
+    return pd.DataFrame(rows, index=methods, columns=[*columns], dtype=object)
 
 
 def geometric_interval(logs: np.ndarray) -> Interval:

@@ -29,6 +29,7 @@ from sidm.drives import Drive
 from sidm.learning.evaluation import rollout_errors
 from sidm.learning.observation import integrate, transition
 from sidm.learning.units import Standardisation, loss_weights
+from sidm.rivals.methods import METHODS
 
 LIMIT = 3600.0  # s, for one trial
 AHEAD = 1.0  # s, of the open-loop errors
@@ -120,7 +121,9 @@ def run_trial(
                 values = json.loads(out.read_text())
         except subprocess.TimeoutExpired:
             pass
-    made = here(time.perf_counter() - started, 1, kind="benchmark")
+    known = METHODS.get(about.method)
+    kind = "trees" if known is not None and known.fit == "trees" else "benchmark"
+    made = here(time.perf_counter() - started, 1, kind=kind)
     return from_mapping(EntryResult, {"about": about, "provenance": made} | values)
 
 

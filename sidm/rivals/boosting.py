@@ -34,8 +34,9 @@ class Growth(NamedTuple):
     samples: int = 20  # steps at a leaf, at least
 
 
-#: For minutes of the novice's motion, and for the expert's, which there is more of.
-NOVICE, EXPERT = Growth(), Growth(rate=0.1, leaves=31)
+#: Of the novice alone or of both robots; of an expert, and of what corrects them.
+NOVICE = Growth()
+EXPERT, CORRECTION = Growth(rate=0.1, leaves=31), Growth()
 #: A leaf needs at most one of this many steps, so that a few seconds of motion still
 #: grow trees.
 STEPS_PER_LEAF = 10
@@ -89,7 +90,8 @@ def learn(
         if pooled:
             train = joined(datasets.train, expert_windows(datasets))
             datasets = datasets._replace(train=train)
-        grown = grow(datasets, body, base, NOVICE, seed)
+        growth = CORRECTION if corrects_expert else NOVICE
+        grown = grow(datasets, body, base, growth, seed)
     weights = torch.ones(len(body.targets)) if scale is None else scale
     train_loss, test_loss = (
         float((weights * errors).sum())

@@ -1,0 +1,154 @@
+"""A random search of the boosted trees' settings, as step 0 has it for the networks.
+
+It runs on the motion on which the networks' settings are chosen: system 1, 5 minutes of
+the novice, two hours of the expert. Draw 0 is what the trees had before. All draws have
+the same splits, and a draw's score is its test loss divided by that of least squares.
+
+`companion run --figure tree-search` measures it and writes `results/tree_search.json`.
+"""
+
+from __future__ import annotations
+
+import functools
+import zlib
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import torch
+
+from companion.engine.library import Library
+from companion.engine.records import read_or_empty
+from companion.numerics import versions
+from companion.studies.decisive.recipes import on_tuning_motion
+from companion.studies.decisive.search import FIRST_SEED, MINUTES
+from companion.study import Study
+from companion.trials import Trial
+from sidm.body import ROVER
+from sidm.learning.dataset import Datasets
+from sidm.learning.units import Standardisation
+from sidm.pool import local_pool
+from sidm.rivals import boosting, least_squares
+from sidm.rivals.boosting import Growth
+from sidm.rivals.fine_tuning import pretraining_datasets
+from sidm.rivals.forest import Forest
+from sidm.storage import write_record
+
+NAME = "tree_search.json"
+SYSTEM, EXPERT_MINUTES = "system1", 120.0
+#: Draws of each method; the correction has the settings of two forests.
+DRAWS = {"trees": 10, "trees_corrected": 20}
+SEEDS = (FIRST_SEED, FIRST_SEED + 1, FIRST_SEED + 2)  # of the splits
+ROUNDS = 600  # trees of a component at most; the test split stops most before
+LEAVES = (7, 15, 31, 63)
+RATES, SAMPLES = (0.02, 0.3), (5, 100)  # ends of the ranges, log-uniform
+#: Settings of draw 0: of the novice's trees and of the expert's.
+BEFORE = Growth(rounds=300), Growth(rounds=300, rate=0.1, leaves=31)
+
+
+class Draw(NamedTuple):
+    """Settings of a method in the search."""
+
+    method: str
+    number: int
+    novice: Growth
+    expert: Growth | None  # of the trees that are corrected
+
+
+def draw(method: str, number: int) -> Draw:
+    """A method's draw of that number."""
+    novice, expert = BEFORE
+    if number:
+        rng = np.random.default_rng([zlib.crc32(method.encode()), number])
+        novice, expert = _growth(rng), _growth(rng)
+    return Draw(method, number, novice, expert if method == "trees_corrected" else None)
+
+
+def _growth(rng: np.random.Generator) -> Growth:
+    rate, samples = (
+        float(np.exp(rng.uniform(*np.log(ends)))) for ends in (RATES, SAMPLES)
+    )
+    leaves = int(rng.choice(LEAVES))
+    return Growth(ROUNDS, float(f"{rate:.2g}"), leaves, round(samples))
+
+
+def draws() -> list[Draw]:
+    """All draws of both methods."""
+    return [
+        draw(name, number) for name, count in DRAWS.items() for number in range(count)
+    ]
+
+
+def _trial(study: Study, seed: int) -> Trial:
+    """Names the split and the motion."""
+    changed = on_tuning_motion(study).changed(expert_minutes=EXPERT_MINUTES)
+    return changed.trial(SYSTEM, "least_squares", MINUTES, seed)
+
+
+def losses(chosen: Draw, splits: dict[int, Datasets]) -> list[float]:
+    """The test loss of a draw's trees on each split, by its seed.
+
+    The expert's trees are grown once, on the split of the draw's number.
+    """
+    base = Forest.constant(torch.zeros(len(ROVER.targets)))
+    if chosen.expert is not None:
+        expert = pretraining_datasets(next(iter(splits.values())), chosen.number)
+        base = boosting.grow(expert, ROVER, base, chosen.expert, chosen.number).forest
+    return [
+        float(boosting.grow(split, ROVER, base, chosen.novice, seed).test_errors.sum())
+        for seed, split in splits.items()
+    ]
+
+
+def references(splits: dict[int, Datasets]) -> list[float]:
+    """The cross-validated loss of least squares on each split."""
+    found = []
+    for split in splits.values():
+        assert split.expert is not None
+        units = Standardisation.fit(split.expert)
+        found.append(least_squares.fit(split, units).best_test_loss)
+    return found
+
+
+def make(study: Study, workers: int) -> None:
+    """Search and store, for `companion run --figure tree-search`."""
+    library = Library(study.data)
+    splits = {seed: library.datasets(_trial(study, seed)) for seed in SEEDS}
+    with local_pool(workers) as pool:
+        found = list(pool.map(functools.partial(losses, splits=splits), draws()))
+    rows: dict[str, list[Any]] = {name: [] for name in DRAWS}
+    for chosen, of_draw in zip(draws(), found, strict=True):
+        growths = [list(g) for g in (chosen.novice, chosen.expert) if g is not None]
+        rows[chosen.method].append([growths, [round(loss, 6) for loss in of_draw]])
+    made = {"numerics": versions("trees")}
+    least = [round(loss, 6) for loss in references(splits)]
+    write_record(study.results / NAME, {**rows, "least_squares": least, **made})
+
+
+def read(results: Path | str) -> pd.DataFrame:
+    """The stored draws, from the best of each method to the worst.
+
+    Returns:
+        `method`, `number`, `novice` and `expert` (each a Growth or None), and `score`,
+        the geometric mean over the splits of the loss by that of least squares.
+    """
+    stored = read_or_empty(Path(results) / NAME)
+    rows = []
+    for method in DRAWS:
+        for number, (growths, found) in enumerate(stored.get(method, ())):
+            settings = [Growth(*growth) for growth in growths]
+            ratios = np.log(found) - np.log(stored["least_squares"])
+            expert = settings[1] if len(settings) > 1 else None
+            score = float(np.exp(ratios.mean()))
+            rows.append((method, number, settings[0], expert, score))
+    table = pd.DataFrame(
+        rows, columns=["method", "number", "novice", "expert", "score"]
+    )
+    return table.sort_values(["method", "score"]).reset_index(drop=True)
+
+
+def best(results: Path | str) -> dict[str, Draw]:
+    """Each method's draw with the lowest score."""
+    first = read(results).groupby("method").head(1)
+    return {row.method: draw(row.method, row.number) for row in first.itertuples()}
