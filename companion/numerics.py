@@ -22,7 +22,7 @@ NUMERICS: dict[str, int] = {
     "experts": 1,  # several experts before the novice
     "fitting": 1,  # models fitted to recorded drives of any body
     "benchmark": 1,  # tasks, and the evaluation of methods on them
-    "trees": 1,  # boosted trees in the benchmark, and the search of their settings
+    "trees": 1,  # boosted trees in the benchmark, with their settings
 }
 
 #: Kind of work -> the other kinds that its results depend on; others than these depend

@@ -109,7 +109,7 @@ MEASUREMENTS = {
     ),
     "payoff": Measurement("companion.studies.payoff", "payoff.json", "free_struts"),
     "tree-search": Measurement(
-        "companion.studies.tree_search", "tree_search.json", "trees"
+        "companion.studies.tree_search", "tree_search.json", "fitting"
     ),
     "throughput": Measurement("companion.studies.throughput", "pace.json"),
     "coverage": Measurement("companion.statistics.coverage", "coverage.json"),

@@ -83,15 +83,14 @@ def learn(
     """
     require_scikit_learn("trees")
     base = Forest.constant(torch.zeros(len(body.targets)))
-    with _one_openmp_thread():
-        if corrects_expert:
-            expert = pretraining_datasets(datasets, seed)
-            base = grow(expert, body, base, EXPERT, seed).forest
-        if pooled:
-            train = joined(datasets.train, expert_windows(datasets))
-            datasets = datasets._replace(train=train)
-        growth = CORRECTION if corrects_expert else NOVICE
-        grown = grow(datasets, body, base, growth, seed)
+    if corrects_expert:
+        expert = pretraining_datasets(datasets, seed)
+        base = grow(expert, body, base, EXPERT, seed).forest
+    if pooled:
+        train = joined(datasets.train, expert_windows(datasets))
+        datasets = datasets._replace(train=train)
+    growth = CORRECTION if corrects_expert else NOVICE
+    grown = grow(datasets, body, base, growth, seed)
     weights = torch.ones(len(body.targets)) if scale is None else scale
     train_loss, test_loss = (
         float((weights * errors).sum())
@@ -140,7 +139,8 @@ def grow(
     forest, errors = base, []
     for component in range(len(body.targets)):
         data = [(x, y[:, component]) for x, y in (train, test, both)]
-        trees, baseline, of_component = _grow_component(data, growth, seed)
+        with _one_openmp_thread():
+            trees, baseline, of_component = _grow_component(data, growth, seed)
         forest = forest.with_trees(component, trees, baseline)
         errors.append(of_component)
     train_errors, test_errors = torch.tensor(errors, dtype=torch.float64).T

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from companion import Study
 from companion.numerics import versions
 from companion.studies import tree_search
 from companion.studies.tree_search import best, draw, draws, read
@@ -24,7 +23,8 @@ def few(study, monkeypatch):
     monkeypatch.setattr(tree_search, "DRAWS", {"trees": 2, "trees_corrected": 2})
     monkeypatch.setattr(tree_search, "SEEDS", (0, 1))
     monkeypatch.setattr(tree_search, "ROUNDS", 50)
-    monkeypatch.setattr(tree_search, "BEFORE", (Growth(50), Growth(50)))
+    monkeypatch.setattr(tree_search, "LEAVES", (3,))
+    monkeypatch.setattr(tree_search, "BEFORE", (Growth(50, leaves=3),) * 2)
     return study
 
 
@@ -44,7 +44,7 @@ def test_draws_follow_the_number_of_knobs():
 def test_a_search_is_stored_and_read(few):
     tree_search.make(few, workers=1)
     stored = read_record(few.results / tree_search.NAME)
-    assert stored["numerics"] == versions("trees")
+    assert stored["numerics"] == versions("fitting")
     assert len(stored["least_squares"]) == 2
     table = read(few.results)
     assert table.groupby("method").number.apply(set).tolist() == [{0, 1}, {0, 1}]
@@ -52,9 +52,17 @@ def test_a_search_is_stored_and_read(few):
     row = table[(table.method == "trees") & (table.number == 1)].iloc[0]
     assert row.score == pytest.approx(np.exp(logs.mean()))
     assert row.novice == draw("trees", 1).novice
-    again = few.results / "again"
-    tree_search.make(Study(few.preset, few.data, again), workers=1)
-    assert read_record(again / tree_search.NAME) == stored
+
+
+def test_a_search_goes_on_where_it_was(few):
+    """Draws that are kept are not searched again."""
+    kept = few.data / "checkpoints" / tree_search.NAME
+    done = {f"{chosen.method} {chosen.number}": [1.0, 2.0] for chosen in draws()[:-1]}
+    write_record(kept, {"losses": done, "numerics": versions("fitting")})
+    tree_search.make(few, workers=1)
+    stored = read_record(few.results / tree_search.NAME)
+    assert [losses for _, losses in stored["trees"]] == [[1.0, 2.0]] * 2
+    assert stored["trees_corrected"][1][1] != [1.0, 2.0] and not kept.exists()
 
 
 def test_the_lowest_score_is_chosen(tmp_path):
