@@ -88,6 +88,8 @@ def scores_by_group(
 ) -> pd.DataFrame:
     """Scores over groups of tasks: a row for each method, a column for each group.
 
+    The best method of the first group is first, one without a score there last.
+
     Args:
         frame: rows of trials, as `results_frame` returns them.
         groups: name of a group -> names of its tasks.
@@ -103,7 +105,11 @@ def scores_by_group(
             for method in scores
             if scores[method].notna().all()
         }
-    methods = sorted(set().union(*columns.values()))
+    first = next(iter(columns.values()), {})
+    methods = sorted(
+        set().union(*columns.values()),
+        key=lambda name: (first[name].value if name in first else np.inf, name),
+    )
     rows = [[column.get(name) for column in columns.values()] for name in methods]
     return pd.DataFrame(rows, index=methods, columns=[*columns], dtype=object)
 

@@ -285,7 +285,8 @@ def test_a_group_is_scored_where_all_its_tasks_are():
     short = frame[(frame.method != "good") | (frame.task != names[0])]
     groups = {"first": names[:2], "rest": names[2:], "none": ["no task"]}
     table = scores_by_group(short, groups)
-    assert table.index.tolist() == ["bad", "good", "least_squares"]
+    assert table.index.tolist() == ["least_squares", "bad", "good"]
+    assert not len(scores_by_group(frame[:0], groups))
     assert table.loc["good", "first"] is None and table["none"].isna().all()
     rest = score_table(frame[frame.task.isin(names[2:])]).set_index("method")
     assert table.loc["good", "rest"] == tuple(
