@@ -34,7 +34,8 @@ _FIGURES = (
     "baselines, variants, p-expert, iterations, pixels, patience, other-bodies, "
     "free-struts, network-size, corrected-claim, most-data, latent-space, adversary, "
     "recorded-targets, driving, uncertainty, several-experts, real-robots, gap, "
-    "overlap, untrained-latents, payoff, throughput, coverage, explorer or all"
+    "overlap, untrained-latents, payoff, tree-search, throughput, coverage, explorer "
+    "or all"
 )
 _PAIRS = (*SYSTEMS, *FREE_SYSTEMS, *FAMILY_PAIRS)
 SEED = functools.partial(whole_number, least=0)
