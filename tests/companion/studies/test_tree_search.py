@@ -6,8 +6,10 @@ import pytest
 from companion.numerics import versions
 from companion.studies import tree_search
 from companion.studies.tree_search import best, draw, draws, read
+from sidm.rivals import boosting
 from sidm.rivals.boosting import Growth
 from sidm.storage import read_record, write_record
+from tests.companion.conftest import RESULTS
 
 
 @pytest.fixture
@@ -76,3 +78,9 @@ def test_the_lowest_score_is_chosen(tmp_path):
     chosen = best(tmp_path)
     assert chosen["trees"].number == 1 and chosen["trees_corrected"].number == 0
     assert read(tmp_path).score.iloc[0] == pytest.approx(np.sqrt(0.75))
+
+
+def test_trees_grow_with_what_the_search_chose():
+    chosen = best(RESULTS)
+    assert boosting.NOVICE == chosen["trees"].novice
+    assert (boosting.CORRECTION, boosting.EXPERT) == chosen["trees_corrected"][2:]
