@@ -35,7 +35,8 @@ class Growth(NamedTuple):
 
 
 #: Of the novice alone or of both robots; of an expert, and of what corrects them. They
-#: are the best of a random search on simulated robots with 5 minutes.
+#: are the best of a random search on simulated robots with 5 minutes; both robots'
+#: samples were not searched for.
 NOVICE = Growth()
 EXPERT = Growth(rate=0.03, leaves=31, samples=67)
 CORRECTION = Growth(rate=0.24, leaves=7, samples=36)
