@@ -9,7 +9,7 @@ from terrain_statistics import QUANTILES, statistics
 
 from sidm.config import ConfigError
 from sidm.systems import SYSTEMS, Terrain
-from sidm.terrain import generate_terrain, height_at, perlin
+from sidm.terrain import generate_terrain, height_at, nearest_centres, perlin
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
@@ -38,6 +38,17 @@ def test_perlin_noise_vanishes_on_its_lattice_and_is_smooth():
     assert 0.2 < np.abs(values).max() <= 1
     fine = perlin(np.linspace(0, 1, 10001), np.zeros(1), 2.0, np.random.default_rng(1))
     assert np.abs(np.diff(fine)).max() < 1e-3
+
+
+@pytest.mark.parametrize("count", [1, 7, 40, 2000])
+@pytest.mark.parametrize("size", [(1, 3), (8, 30), (61, 47)])
+def test_tiles_find_the_centre_that_is_nearest_to_each_point(count, size):
+    rng = np.random.default_rng(count)
+    x, y = (0.1 * np.arange(points) - 1 for points in size)
+    centres = rng.uniform(-4, 4, (count, 2))
+    centres[::2] *= 0.05  # many are close together: some tiles look at all centres
+    apart = [np.hypot(x - c, y[:, None] - d) for c, d in centres]
+    assert (nearest_centres(x, y, centres) == np.argmin(apart, 0)).all()
 
 
 def test_surface_passes_through_the_grid_and_is_linear_on_each_triangle():
