@@ -183,6 +183,13 @@ def system_panels(
     return figure, plots
 
 
+def share_labels(panels: Sequence[Axes]) -> None:
+    """Let plots of a row share the y axis of the first, which alone has its labels."""
+    for axes in panels[1:]:
+        axes.sharey(panels[0])
+        axes.tick_params(labelleft=False)
+
+
 def legend_entries(panels: Iterable[Axes]) -> dict[str, Any]:
     """Label -> what is drawn with this label in some plots."""
     return {

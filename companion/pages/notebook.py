@@ -85,9 +85,12 @@ def enter_project() -> Path:
     """Make the project's folder the working folder, and return it.
 
     Then `results` and `data` are the project's, however a notebook is run. Notices are
-    lines of the page, as on the command line.
+    lines of the page, as on the command line; figures can be stacked on narrow pages.
     """
+    from companion.figures.stacked import show_stackable
+
     print_notices(sys.stdout)
+    show_stackable()
     root = project_root()
     os.chdir(root)
     return root

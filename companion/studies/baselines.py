@@ -8,7 +8,12 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from companion.figures.style import METHOD_STYLES, SIZE_STYLES, system_label
+from companion.figures.style import (
+    METHOD_STYLES,
+    SIZE_STYLES,
+    share_labels,
+    system_label,
+)
 from companion.methods import BASELINES, COMPARED, FIGURE3, METHODS
 from companion.statistics.pairs import paired_comparison
 from companion.studies.throughput import Pace, seconds
@@ -114,9 +119,9 @@ def figure(
         axes.set(xlabel="validation loss, equation (1)", title=system_label(system))
         axes.set_ylim(len(methods) - 0.5, -0.5)
         finish(axes)
-        first = axes is panels[0]
-        labels = [METHOD_STYLES[name]["label"] if first else "" for name in methods]
+        labels = [METHOD_STYLES[name]["label"] for name in methods]
         axes.set_yticks(range(len(methods)), labels)
+    share_labels(panels)
     return figure
 
 

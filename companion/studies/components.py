@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from companion.figures.style import system_label
+from companion.figures.style import share_labels, system_label
 from companion.methods import COMPARED
 from companion.statistics.pairs import paired_comparison
 from companion.statistics.tables import COMPONENTS
@@ -65,6 +65,6 @@ def figure(table: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figu
         axes.grid(False)
         finish(axes, legend=False)
         if len(rows):
-            labels = NAMES if axes is panels[0] else [""] * len(NAMES)
-            axes.set_yticks(range(len(NAMES)), labels)
+            axes.set_yticks(range(len(NAMES)), NAMES)
+    share_labels([axes for axes in panels if axes.images])
     return figure
