@@ -10,6 +10,7 @@ import json
 import re
 from html import escape, unescape
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from PIL import Image
@@ -23,26 +24,31 @@ ALT = re.compile(r"\balt=\"([^\"]*)\"")
 
 
 def stacked(tag: str, address: str, file: Path) -> str:
-    """HTML of the parts of a picture, below each other; '' where they are not known."""
+    """HTML of the parts of a picture, below each other; '' where they are not known.
+
+    Plots become as wide as the page, and the rest grows with them.
+    """
     with Image.open(file) as picture:
-        places = json.loads(getattr(picture, "text", {}).get(KEY, "[]"))
+        places = json.loads(getattr(picture, "text", {}).get(KEY, "{}"))
         size = picture.size
-    if not places:
+    if not places.get("plots"):
         return ""
-    widest = max(sum(part[2] for part in row) for row in places)
+    usual = median(sum(part[2] for part in row) for row in places["plots"])
     named = ALT.search(tag)
     alt = escape(unescape(named[1])) if named else ""
-    rows = []
-    for row in places:
-        parts = [_part(part, address, size, part[2] / widest) for part in row]
-        rows.append(f"<div>{''.join(parts)}</div>")
-    return f'<div class="stacked" role="img" aria-label="{alt}">{"".join(rows)}</div>'
+    lines = []
+    for row in [*places["title"], *places["plots"], *places["legend"]]:
+        whole = usual if row in places["legend"] else sum(part[2] for part in row)
+        whole = max(whole, usual)
+        parts = [_part(part, address, size, part[2] / whole) for part in row]
+        lines.append(f"<div>{''.join(parts)}</div>")
+    return f'<div class="stacked" role="img" aria-label="{alt}">{"".join(lines)}</div>'
 
 
 def _part(part: list[int], address: str, size: tuple[int, int], share: float) -> str:
     """A part of a picture, or a spacer where its height is 0."""
     left, top, width, height = part
-    style = f'style="width:{100 * share:.2f}%"'
+    style = f'style="width:{100 * min(share, 1):.2f}%"'
     if not height:
         return f"<span {style}></span>"
     image = f'<image href="{address}" width="{size[0]}" height="{size[1]}"/>'

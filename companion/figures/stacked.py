@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import io
 import json
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
-from matplotlib.transforms import Bbox
+from matplotlib.transforms import Bbox, BboxBase
 
 KEY = "Plots"  # of the PNG file's text with the places
 GAP = 0.05  # inch, kept around each part
+Row = Sequence[BboxBase]  # boxes beside each other
 LABELS = {"x": "labelbottom", "y": "labelleft"}  # parameters of ticks
 
 
@@ -45,7 +47,10 @@ def png(figure: Figure) -> bytes:
     figure.draw_without_rendering()
     box = figure.get_tightbbox().padded(rcParams["savefig.pad_inches"])
     scale = figure.dpi
-    places = [[_in_picture(part, box, scale) for part in row] for row in rows(figure)]
+    places = {
+        name: [[_in_picture(part, box, scale) for part in row] for row in rows]
+        for name, rows in parts(figure).items()
+    }
     file = io.BytesIO()
     text = {KEY: json.dumps(places)}
     colour = figure.get_facecolor()
@@ -53,32 +58,36 @@ def png(figure: Figure) -> bytes:
     return file.getvalue()
 
 
-def _in_picture(part: Bbox, picture: Bbox, dpi: float) -> Part:
+def _in_picture(part: BboxBase, picture: BboxBase, dpi: float) -> Part:
     left = (part.x0 - picture.x0) * dpi
     top = (picture.y1 - part.y1) * dpi if part.height else 0.0
     return Part(*(round(n) for n in (left, top, part.width * dpi, part.height * dpi)))
 
 
-def rows(figure: Figure) -> list[list[Bbox]]:
-    """The rows of a narrow figure: boxes, in inches, of parts of a drawn figure.
+def parts(figure: Figure) -> dict[str, list[Row]]:
+    """Boxes, in inches, of what a drawn figure consists of, row by row.
 
-    Each plot is a row, with the labels that a neighbour has for it. A bar of colours
-    stays beside the plot next to it. What is written above all plots comes first, the
-    entries of the figure's legends come last. A box of height 0 is a spacer.
+    Returns:
+        `plots`: each plot is a row, with the labels that a neighbour has for it; a bar
+        of colours stays beside the plot next to it; a box of height 0 is a spacer.
+        `title`: what is written above all plots. `legend`: the entries of legends.
     """
     inches = figure.dpi_scale_trans.inverted()
-    plots = _plots(figure)
-    stacked = [row for axes, box in plots.items() for row in _labelled(axes, box)]
-    stacked += [_entries(legend) for legend in figure.legends]
-    stacked = [[text.get_window_extent()] for text in figure.texts] + stacked
-    boxes = [[box.transformed(inches) for box in row] for row in stacked]
-    return [_padded(row) for row in boxes]
+    found: dict[str, list[Row]] = {
+        "title": [[text.get_window_extent()] for text in figure.texts],
+        "plots": [r for axes, box in _plots(figure).items() for r in _rows(axes, box)],
+        "legend": [_entries(legend) for legend in figure.legends],
+    }
+    return {
+        name: [_padded([box.transformed(inches) for box in row]) for row in rows]
+        for name, rows in found.items()
+    }
 
 
-def _padded(row: list[Bbox]) -> list[Bbox]:
+def _padded(row: Row) -> Row:
     """A row with some room around it; its boxes stay as close as they are."""
     x0, x1 = min(box.x0 for box in row), max(box.x1 for box in row)
-    grown = []
+    grown: list[BboxBase] = []
     for box in row:
         left, right = GAP * (box.x0 == x0), GAP * (box.x1 == x1)
         up = GAP if box.height else 0.0
@@ -87,9 +96,9 @@ def _padded(row: list[Bbox]) -> list[Bbox]:
     return grown
 
 
-def _plots(figure: Figure) -> dict[Axes, Bbox]:
+def _plots(figure: Figure) -> dict[Axes, BboxBase]:
     """Each plot with its box, which includes the bar of colours next to it."""
-    boxes = {axes: axes.get_tightbbox() for axes in figure.axes}
+    boxes = {axes: _extent(axes) for axes in figure.axes}
     drawn = {axes: box for axes, box in boxes.items() if box is not None}
     bars = [axes for axes in drawn if axes.get_label() == "<colorbar>"]
     plots = {axes: box for axes, box in drawn.items() if axes not in bars}
@@ -100,26 +109,32 @@ def _plots(figure: Figure) -> dict[Axes, Bbox]:
     return plots
 
 
-def _labelled(axes: Axes, box: Bbox) -> list[list[Bbox]]:
+def _extent(axes: Axes) -> BboxBase | None:
+    """Box of a plot with its labels; of an empty one only its legend's, or None."""
+    if axes.axison or axes.has_data():
+        return axes.get_tightbbox()
+    legend = axes.get_legend()
+    return legend.get_window_extent() if legend is not None else None
+
+
+def _rows(axes: Axes, box: BboxBase) -> list[Row]:
     """The rows of a plot: left of it and below it what a plot that shares an axis has.
 
     Args:
         axes: the plot.
         box: of the plot and what belongs to it, in pixels.
     """
-    row, below, inner = [box], [], axes.get_window_extent()
-    left = _labels(axes, "y")
+    left, below = _labels(axes, "y"), _labels(axes, "x")
+    row: list[BboxBase] = [box]
+    under = [Bbox([[box.x0, below.y0], [box.x1, below.y1]])] if below else []
     if left:
         row.insert(0, Bbox([[left.x0, box.y0], [left.x1, box.y1]]))
-    bottom = _labels(axes, "x")
-    if bottom:
-        below = [Bbox([[box.x0, bottom.y0], [box.x1, bottom.y1]])]
-        if left:
-            below.insert(0, Bbox([[left.x0, inner.y0], [left.x1, inner.y0]]))
-    return [row, below] if below else [row]
+        spacer = Bbox([[left.x0, box.y0], [left.x1, box.y0]])
+        under = [spacer, *under] if under else []
+    return [row, under] if under else [row]
 
 
-def _labels(axes: Axes, which: str) -> Bbox | None:
+def _labels(axes: Axes, which: str) -> BboxBase | None:
     """Place of the labels of an axis that another plot has for this one, or None."""
     if _has_labels(axes, which):
         return None
@@ -138,7 +153,7 @@ def _has_labels(axes: Axes, which: str) -> bool:
     return axis.get_tick_params().get(LABELS[which], True)
 
 
-def _entries(legend: Legend) -> list[Bbox]:
+def _entries(legend: Legend) -> Row:
     """Boxes of the entries of a legend, in pixels: a sample with its text."""
     point = legend.figure.dpi / 72
     size = legend.prop.get_size_in_points() * point
