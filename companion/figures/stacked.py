@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -26,10 +27,10 @@ LABELS = {"x": "labelbottom", "y": "labelleft"}  # parameters of ticks
 class Part(NamedTuple):
     """A part of a picture, in pixels from its upper left; a spacer has height 0."""
 
-    left: float
-    top: float
-    width: float
-    height: float
+    left: int
+    top: int
+    width: int
+    height: int
 
 
 def show_stackable() -> None:
@@ -59,9 +60,12 @@ def png(figure: Figure) -> bytes:
 
 
 def _in_picture(part: BboxBase, picture: BboxBase, dpi: float) -> Part:
-    left = (part.x0 - picture.x0) * dpi
-    top = (picture.y1 - part.y1) * dpi if part.height else 0.0
-    return Part(*(round(n) for n in (left, top, part.width * dpi, part.height * dpi)))
+    """The pixels that a box touches; all boxes are in inches."""
+    left, right = ((x - picture.x0) * dpi for x in (part.x0, part.x1))
+    top, bottom = ((picture.y1 - y) * dpi for y in (part.y1, part.y0))
+    x, y = math.floor(left), math.floor(top)
+    height = math.ceil(bottom) - y if part.height else 0
+    return Part(x, y, math.ceil(right) - x, height)
 
 
 def parts(figure: Figure) -> dict[str, list[Row]]:

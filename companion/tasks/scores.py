@@ -39,17 +39,24 @@ def results_frame(results: Iterable[EntryResult]) -> pd.DataFrame:
     return frame.astype(dict.fromkeys(numbers, float))
 
 
-def task_scores(frame: pd.DataFrame, value: str = "loss") -> pd.DataFrame:
-    """Mean over seeds of the log ratio to the reference, tasks by methods.
-
-    A method has no score on a task where a seed failed or is missing.
-    """
+def log_ratios(frame: pd.DataFrame, value: str = "loss") -> pd.DataFrame:
+    """Log ratio to the reference, with a row for each task and seed, by method."""
     table = frame.pivot_table(
         index=["task", "seed"], columns="method", values=value, aggfunc="first"
     )
     if REFERENCE not in table:
         return pd.DataFrame()
-    logs = np.log(table).sub(np.log(table[REFERENCE]), axis=0)
+    return np.log(table).sub(np.log(table[REFERENCE]), axis=0)
+
+
+def task_scores(frame: pd.DataFrame, value: str = "loss") -> pd.DataFrame:
+    """Mean over seeds of the log ratio to the reference, tasks by methods.
+
+    A method has no score on a task where a seed failed or is missing.
+    """
+    logs = log_ratios(frame, value)
+    if not len(logs):
+        return logs
     reference = logs[REFERENCE].groupby("task").count()
     groups = logs.groupby("task")
     return groups.mean().where(groups.count().eq(reference, axis=0))
@@ -88,7 +95,8 @@ def scores_by_group(
 ) -> pd.DataFrame:
     """Scores over groups of tasks: a row for each method, a column for each group.
 
-    The best method of the first group is first, one without a score there last.
+    The best method of the first group is first, one without a score there last. The
+    interval of a group of one task is over its seeds.
 
     Args:
         frame: rows of trials, as `results_frame` returns them.
@@ -99,9 +107,11 @@ def scores_by_group(
     """
     columns = {}
     for name, tasks in groups.items():
-        scores = task_scores(frame[frame.task.isin([*tasks])])
+        trials = frame[frame.task.isin([*tasks])]
+        scores = task_scores(trials)
+        logs = log_ratios(trials) if len(scores) == 1 else scores
         columns[name] = {
-            method: geometric_interval(scores[method].to_numpy())
+            method: geometric_interval(logs[method].to_numpy())
             for method in scores
             if scores[method].notna().all()
         }
@@ -115,7 +125,7 @@ def scores_by_group(
 
 
 def geometric_interval(logs: np.ndarray) -> Interval:
-    """Geometric mean and its Student interval from logarithms (T,), one for a task."""
+    """Geometric mean and its Student interval from logarithms (n,), independent."""
     from scipy import stats
 
     if not len(logs):

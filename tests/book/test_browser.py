@@ -127,6 +127,19 @@ def weight(file: Path) -> int:
     return len(gzip.compress(content) if compressed else content)
 
 
+def test_plots_are_stacked_on_a_phone(visit):
+    page = visit("notebooks/06-rivals", PHONE)
+    picture, parts = (
+        page.locator(f"img:has(+ .stacked){end}").first for end in ("", " + .stacked")
+    )
+    assert not picture.is_visible() and parts.is_visible()
+    for part in parts.locator("svg").all():
+        box = part.bounding_box()
+        assert 0 < box["width"] and box["x"] + box["width"] <= PHONE["width"]
+    page.set_viewport_size(DESK)
+    assert picture.is_visible() and not parts.is_visible()
+
+
 @pytest.mark.parametrize("name", [*contents(), *MODULES])
 def test_a_page_has_no_serious_barriers(visit, name):
     """A page passes axe-core's rules, with its colours in light and in dark.

@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
 from companion.__main__ import main
 from companion.engine.provenance import here
@@ -291,6 +292,20 @@ def test_a_group_is_scored_where_all_its_tasks_are():
     rest = score_table(frame[frame.task.isin(names[2:])]).set_index("method")
     assert table.loc["good", "rest"] == tuple(
         rest.loc["good", ["score", "low", "high"]]
+    )
+
+
+def test_the_interval_of_one_task_is_over_its_seeds():
+    frame = made_frame()
+    task = frame.task.min()
+    found = scores_by_group(frame, {"one": [task]}).loc["good", "one"]
+    wide = frame[frame.task == task].pivot(
+        index="seed", columns="method", values="loss"
+    )
+    logs = np.log(wide.good / wide.least_squares)
+    width = stats.t.ppf(0.975, len(logs) - 1) * stats.sem(logs)
+    assert np.log(found) == pytest.approx(
+        [logs.mean(), logs.mean() - width, logs.mean() + width]
     )
 
 
