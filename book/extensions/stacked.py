@@ -16,7 +16,8 @@ from typing import Any
 from PIL import Image
 from sphinx.application import Sphinx
 
-KEY = "Plots"  # of the PNG file's text
+from companion.figures.stacked import KEY
+
 PICTURE = re.compile(
     r"<img [^>]*\bsrc=\"(?P<address>[^\"]*/(?P<name>[^\"/]+\.png))\"[^>]*>"
 )
