@@ -78,7 +78,7 @@ def nearest_centres(x: np.ndarray, y: np.ndarray, centres: np.ndarray) -> np.nda
     """Number (H, W) of the centre that is nearest to each grid point (x[j], y[i]).
 
     Each tile of the grid compares the few centres that are nearest to its middle; this
-    takes a quarter of the time of a search for each point.
+    takes a third of the time of a search for each point.
 
     Args:
         x: (W,), m, evenly spaced.
