@@ -43,7 +43,7 @@ CORRECTION = Growth(rate=0.24, leaves=7, samples=36)
 #: A leaf needs at most one of this many steps, so that a few seconds of motion still
 #: grow trees.
 STEPS_PER_LEAF = 10
-#: Trees are grown in groups of this many; a group without a lower loss on the test
+#: Trees are counted in groups of this many; a group without a lower loss on the test
 #: split is the last.
 ROUNDS_AT_A_TIME = 50
 
@@ -171,8 +171,7 @@ def _grow_component(
     train, (x_test, y_test), (x, y) = data
     if y.std() < SMALLEST_STD:
         return [], float(y.mean()), (float(y.var()), float(y_test.var()))
-    regressor = _regressor(growth, len(train[0]), seed)
-    rounds, test_error = _fit_rounds(regressor, growth.rounds, train, (x_test, y_test))
+    rounds, test_error = _best_rounds(growth, train, (x_test, y_test), seed)
     if not rounds:
         return [], 0.0, (float(np.square(y).mean()), test_error)
     regressor = _regressor(growth, len(x), seed)
@@ -183,34 +182,28 @@ def _grow_component(
     return trees, float(regressor._baseline_prediction.item()), (error, test_error)
 
 
-def _fit_rounds(
-    regressor: Any, most: int, train: Data, test: Data
+def _best_rounds(
+    growth: Growth, train: Data, test: Data, seed: int
 ) -> tuple[int, float]:
-    """Fit a regressor until its error on the test split has stopped to fall.
+    """The number of trees with the lowest error on the test split, and this error.
 
-    Args:
-        regressor: scikit-learn's.
-        most: rounds at most.
-        train: what it learns from.
-        test: what stops it.
-
-    Returns:
-        The number of rounds with the lowest error on the test split, and this error;
-        0 where no trees are better than any.
+    0 where no trees are better than any.
     """
-    best, lowest = 0, float(np.square(test[1]).mean())
-    for rounds in range(ROUNDS_AT_A_TIME, most + 1, ROUNDS_AT_A_TIME):
-        regressor.set_params(max_iter=rounds, warm_start=True).fit(*train)
-        errors = [
-            float(np.square(predicted - test[1]).mean())
-            for predicted in regressor.staged_predict(test[0])
-        ]
-        if min(errors) < lowest:
-            lowest = min(errors)
-            best = errors.index(lowest) + 1
+    regressor = _regressor(growth, len(train[0]), seed).set_params(
+        early_stopping=True,
+        scoring="loss",  # half the mean squared error
+        n_iter_no_change=2 * ROUNDS_AT_A_TIME - 1,  # the last group is whole then
+        tol=0.0,
+    )
+    regressor.fit(*train, X_val=test[0], y_val=test[1])
+    errors = -2 * np.array(regressor.validation_score_)
+    errors[0] = np.square(test[1]).mean()  # of no trees
+    best = 0
+    for rounds in range(ROUNDS_AT_A_TIME, len(errors), ROUNDS_AT_A_TIME):
+        best = int(errors[: rounds + 1].argmin())
         if best <= rounds - ROUNDS_AT_A_TIME:
             break
-    return best, lowest
+    return best, float(errors[best])
 
 
 def _features_and_residuals(
@@ -233,6 +226,7 @@ def _regressor(growth: Growth, steps: int, seed: int) -> Any:
         min_samples_leaf=max(1, min(growth.samples, steps // STEPS_PER_LEAF)),
         early_stopping=False,  # the test split stops it, not a part of the steps
         random_state=seed % 2**32,
+        max_iter=growth.rounds,
     )
 
 
