@@ -48,7 +48,7 @@ book: $(STAMP)
 	mkdir -p _build/book
 	cp -R _config.yml _toc.yml CHANGELOG.md CONTRIBUTING.md book sidm companion examples params _build/book/
 	mkdir -p _build/book/results _build/book/recordings
-	cp -R results/explorer _build/book/results/
+	cp -R results/benchmark results/explorer _build/book/results/
 	cp recordings/*.yaml _build/book/recordings/
 	$(BIN)/python -m companion notebook all _build/book/notebooks $(if $(PARAMS),-f $(PARAMS))
 	$(RENDER) --path-output . _build/book

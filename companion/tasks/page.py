@@ -12,29 +12,67 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from companion.tasks.catalogue import GROUPS, TASKS
 from companion.tasks.scores import pairwise, score_table, task_scores
 from sidm.comparison.statistics import Interval
 from sidm.storage import write_atomically
+
+#: Groups of tasks as the page calls them.
+TITLES = {
+    "quick": "recorded robots",
+    "held": "struts held by motors",
+    "free": "free struts",
+    "family": "robots of the family",
+    "bodies": "other bodies",
+}
 
 
 def write_page(frame: pd.DataFrame, path: Path) -> None:
     """Write the page of a table of results, as `scores.results_frame` returns it.
 
+    It has a table for each group of tasks with rows, and one for all.
+
     Raises:
         OSError: the file cannot be written; the message is one line.
     """
-    table = score_table(frame)
     values = {
-        "methods": [_method_row(row) for row in table.to_dict("records")],
-        "tasks": _matrix(frame, list(table.method)),
+        "groups": [_group(frame, *group) for group in groups_of(frame).items()],
         "rows": [_plain(row) for row in _sorted(frame).to_dict("records")],
     }
     template = resources.files(__package__).joinpath("page.html").read_text("utf-8")
     page = string.Template(template).substitute(
-        data=json.dumps(values, separators=(",", ":")).replace("</", "<\\/"),
-        apart=_apart(frame, list(table.method)),
+        data=json.dumps(values, separators=(",", ":")).replace("</", "<\\/")
     )
+    path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, lambda file: file.write(page.encode()))
+
+
+def groups_of(frame: pd.DataFrame) -> dict[str, list[str]]:
+    """Title of each group of tasks with rows -> its tasks; several also as all."""
+    present = set(frame.task)
+    known = {
+        TITLES[name]: [task.name for task in tasks if task.name in present]
+        for name, tasks in GROUPS.items()
+    }
+    groups = {title: tasks for title, tasks in known.items() if tasks}
+    everything = [*sum(groups.values(), []), *sorted(present - set(TASKS))]
+    if list(groups.values()) != [everything]:
+        groups["all tasks"] = everything
+    return groups
+
+
+def _group(frame: pd.DataFrame, title: str, tasks: list[str]) -> dict[str, Any]:
+    """The tables of a group of tasks."""
+    trials = frame[frame.task.isin(tasks)]
+    table = score_table(trials)
+    methods = list(table.method)
+    return {
+        "title": title,
+        "names": tasks,
+        "methods": [_method_row(row) for row in table.to_dict("records")],
+        "tasks": _matrix(trials, methods, tasks),
+        "apart": _apart(trials, methods),
+    }
 
 
 def _sorted(frame: pd.DataFrame) -> pd.DataFrame:
@@ -47,11 +85,13 @@ def _method_row(row: dict[str, Any]) -> dict[str, Any]:
     return _plain(row) | {"shown": str(interval)}
 
 
-def _matrix(frame: pd.DataFrame, methods: list[str]) -> dict[str, Any]:
+def _matrix(
+    frame: pd.DataFrame, methods: list[str], tasks: list[str]
+) -> dict[str, Any]:
     """Scores of the methods (rows) on the tasks (columns)."""
-    scores = np.exp(task_scores(frame)).T.reindex(methods)
-    values = [[_number(v) for v in row] for row in scores.to_numpy()]
-    return {"tasks": list(scores.columns), "methods": methods, "values": values}
+    scores = np.exp(task_scores(frame)).T.reindex(index=methods, columns=tasks)
+    values = [[_number(v) for v in row] for row in scores.to_numpy(float)]
+    return {"tasks": tasks, "methods": methods, "values": values}
 
 
 def _apart(frame: pd.DataFrame, methods: list[str]) -> str:

@@ -63,7 +63,7 @@ def task_scores(frame: pd.DataFrame, value: str = "loss") -> pd.DataFrame:
 
 
 def score_table(frame: pd.DataFrame) -> pd.DataFrame:
-    """A row for each method, the best first.
+    """A row for each method: the best first, those with fewer tasks last.
 
     Columns: `method`; `score` with `low` and `high`, the loss divided by that of least
     squares on the novice alone; `position` and `heading`, the same ratio of the errors
@@ -87,7 +87,10 @@ def score_table(frame: pd.DataFrame) -> pd.DataFrame:
         row["tasks"] = len(values)
         row["failures"] = int((trials.status != "ok").sum())
         rows.append(row)
-    return pd.DataFrame(rows).sort_values("score", ignore_index=True)
+    table = pd.DataFrame(rows)
+    fewer = table.tasks < table.tasks.max()
+    order = table.assign(fewer=fewer).sort_values(["fewer", "score"]).index
+    return table.loc[order].reset_index(drop=True)
 
 
 def scores_by_group(

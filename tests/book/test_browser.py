@@ -140,6 +140,25 @@ def test_plots_are_stacked_on_a_phone(visit):
     assert picture.is_visible() and not parts.is_visible()
 
 
+def test_the_benchmark_sorts_and_leads_to_its_trials(visit):
+    page = visit("book/benchmark-table", PHONE)
+    assert page.evaluate("() => document.body.scrollWidth") <= PHONE["width"]
+    first = page.locator("#methods tbody td:first-child")
+    best = first.all_inner_texts()
+    page.click("#methods th:has-text('method') button")
+    assert first.all_inner_texts() == sorted(best) != best
+    page.click("#groups >> text=struts held by motors")
+    assert "system1, 5 min" in page.inner_text("#tasks thead")
+    page.click("#tasks tr:has(button:text-is('trees')) td:nth-child(2) button")
+    trials = [
+        row.split("\t")[:2] for row in page.locator("#rows tbody tr").all_inner_texts()
+    ]
+    assert trials == 3 * [["trees", "system1, 1 min"]]
+    for scheme in ("light", "dark"):
+        page.emulate_media(color_scheme=scheme)
+        assert barriers(page, {}) == []
+
+
 @pytest.mark.parametrize("name", [*contents(), *MODULES])
 def test_a_page_has_no_serious_barriers(visit, name):
     """A page passes axe-core's rules, with its colours in light and in dark.

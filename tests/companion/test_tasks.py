@@ -17,7 +17,7 @@ from companion.tasks import run as run_module
 from companion.tasks.cards import card
 from companion.tasks.catalogue import GROUPS, TASKS, Task, find_tasks, load_task
 from companion.tasks.methods import find_method
-from companion.tasks.page import write_page
+from companion.tasks.page import groups_of, write_page
 from companion.tasks.run import check, entries, records, run
 from companion.tasks.scores import (
     data_ratio,
@@ -346,13 +346,32 @@ def test_the_page_holds_every_row(tmp_path):
     start = page.index('type="application/json">') + len('type="application/json">')
     data = json.loads(page[start : page.index("</script>", start)])
     assert len(data["rows"]) == len(frame)
-    assert [row["method"] for row in data["methods"]] == [
-        "good",
-        "least_squares",
-        "bad",
-    ]
-    assert len(data["tasks"]["values"][0]) == 5
+    (group,) = data["groups"]
+    methods = [row["method"] for row in group["methods"]]
+    assert methods == ["good", "least_squares", "bad"]
+    assert len(group["tasks"]["values"][0]) == len(group["names"]) == 5
     assert "http://" not in page and "https://" not in page
+
+
+def test_the_page_has_each_group_of_tasks_and_all():
+    names = ("system1, 5 min", "system1, 20 min", "husky to warthog, 5 min")
+    results = [made("mean", TASKS[name], 0, 1.0) for name in names]
+    groups = groups_of(results_frame(results))
+    assert groups == {
+        "recorded robots": [names[2]],
+        "struts held by motors": [*names[:2]],
+        "all tasks": [names[2], *names[:2]],
+    }
+    assert list(groups_of(results_frame(results[:2]))) == ["struts held by motors"]
+
+
+def test_methods_with_fewer_tasks_come_last():
+    tasks = [TASKS[f"system1, {minutes} min"] for minutes in (1, 5)]
+    results = [made("least_squares", task, 0, 1.0) for task in tasks]
+    results += [made("mean", task, 0, 2.0) for task in tasks]
+    results.append(made("quick_win", tasks[0], 0, 0.5))
+    table = score_table(results_frame(results))
+    assert table.method.tolist() == ["least_squares", "mean", "quick_win"]
 
 
 def test_the_command_prints_the_table_and_checks_a_row(file, tmp_path, capsys):
