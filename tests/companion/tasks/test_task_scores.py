@@ -1,0 +1,171 @@
+"""The benchmark's scores, its page and its figure."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from companion.tasks.catalogue import TASKS, Task
+from companion.tasks.figure import figure
+from companion.tasks.page import groups_of, write_page
+from companion.tasks.scores import (
+    data_ratio,
+    holm,
+    pairwise,
+    results_frame,
+    score_table,
+    scores_by_group,
+    task_scores,
+)
+from sidm.comparison.statistics import Interval
+from tests.companion.tasks.conftest import made
+
+
+def made_frame():
+    """Three methods on five tasks; each has a factor, and each task a difficulty."""
+    rng = np.random.default_rng(0)
+    results = []
+    for number in range(5):
+        task = Task(name=f"robot{number}, 5 min", pair="system1", minutes=5.0)
+        for seed in range(3):
+            level = (number + 1) * np.exp(0.5 * rng.standard_normal())
+            for method, factor in (("least_squares", 1.0), ("good", 0.5), ("bad", 2.0)):
+                noise = np.exp(0.05 * rng.standard_normal())
+                results.append(made(method, task, seed, float(level * factor * noise)))
+    return results_frame([*results, made("bad", task, 7, None, "raised")])
+
+
+def test_scores_are_ratios_to_least_squares_over_tasks():
+    frame = made_frame()
+    table = score_table(frame).set_index("method")
+    assert table.index.tolist() == ["good", "least_squares", "bad"]
+    assert table.loc["good", "score"] == pytest.approx(0.5, rel=0.1)
+    assert table.loc["good", "low"] < 0.5 < table.loc["good", "high"]
+    assert table.loc["least_squares", "score"] == 1
+    assert table.failures.to_dict() == {"good": 0, "least_squares": 0, "bad": 1}
+    logs = []  # the same by hand
+    for _, rows in frame[frame.status == "ok"].groupby("task"):
+        wide = rows.pivot(index="seed", columns="method", values="loss")
+        logs.append(np.log(wide.good / wide.least_squares).mean())
+    assert table.loc["good", "score"] == pytest.approx(np.exp(np.mean(logs)))
+    assert np.log(table.loc["good", "high"]) == pytest.approx(
+        np.mean(logs) + 2.776 * np.std(logs, ddof=1) / np.sqrt(5), rel=1e-3
+    )
+
+
+def test_a_group_is_scored_where_all_its_tasks_are():
+    frame = made_frame()
+    names = sorted(frame.task.unique())
+    short = frame[(frame.method != "good") | (frame.task != names[0])]
+    groups = {"first": names[:2], "rest": names[2:], "none": ["no task"]}
+    table = scores_by_group(short, groups)
+    assert table.index.tolist() == ["least_squares", "bad", "good"]
+    assert not len(scores_by_group(frame[:0], groups))
+    assert table.loc["good", "first"] is None and table["none"].isna().all()
+    rest = score_table(frame[frame.task.isin(names[2:])]).set_index("method")
+    assert table.loc["good", "rest"] == tuple(
+        rest.loc["good", ["score", "low", "high"]]
+    )
+
+
+def test_the_interval_of_one_task_is_over_its_seeds():
+    frame = made_frame()
+    task = frame.task.min()
+    found = scores_by_group(frame, {"one": [task]}).loc["good", "one"]
+    wide = frame[frame.task == task].pivot(
+        index="seed", columns="method", values="loss"
+    )
+    logs = np.log(wide.good / wide.least_squares)
+    width = stats.t.ppf(0.975, len(logs) - 1) * stats.sem(logs)
+    assert np.log(found) == pytest.approx(
+        [logs.mean(), logs.mean() - width, logs.mean() + width]
+    )
+
+
+def test_a_task_with_a_failed_seed_has_no_score():
+    task = Task(name="robot, 5 min", pair="system1", minutes=5.0)
+    results = [made("least_squares", task, s, 1.0) for s in (0, 1)]
+    results += [made("other", task, 0, 1.0), made("other", task, 1, None, "limit")]
+    assert task_scores(results_frame(results)).other.isna().all()
+
+
+def test_who_is_apart_is_corrected_for_all_pairs():
+    pairs = pairwise(made_frame())
+    assert len(pairs) == 3 and pairs.apart.all()
+    best = pairs[(pairs["first"] == "good") & (pairs.second == "bad")]
+    assert best.ratio.iloc[0] == pytest.approx(0.25, rel=0.1)
+    assert holm(np.array([0.01, 0.04, 0.03])).tolist() == pytest.approx(
+        [0.03, 0.06, 0.06]
+    )
+
+
+def test_a_data_ratio_is_read_on_the_curve_of_training_alone():
+    """Loss falls as 1 / minutes: half the loss is worth twice the data."""
+    results = []
+    for minutes in (1.0, 5.0, 20.0):
+        task = Task(name=f"robot, {minutes:g} min", pair="system1", minutes=minutes)
+        results.append(made("novice_only", task, 0, 1 / minutes))
+        results.append(made("other", task, 0, 0.5 / minutes))
+    frame = results_frame(results)
+    assert data_ratio(frame, "other") == pytest.approx(2.0)
+    assert data_ratio(frame, "novice_only") == pytest.approx(1.0)
+    assert np.isnan(data_ratio(frame, "none"))
+
+
+def test_the_page_holds_every_row(tmp_path):
+    frame = made_frame()
+    write_page(frame, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    start = page.index('type="application/json">') + len('type="application/json">')
+    data = json.loads(page[start : page.index("</script>", start)])
+    assert len(data["rows"]) == len(frame)
+    (group,) = data["groups"]
+    methods = [row["method"] for row in group["methods"]]
+    assert methods == ["good", "least_squares", "bad"]
+    assert len(group["tasks"]["values"][0]) == len(group["names"]) == 5
+    assert "http://" not in page and "https://" not in page
+
+
+def test_the_page_has_each_group_of_tasks_and_all():
+    names = ("system1, 5 min", "system1, 20 min", "husky to warthog, 5 min")
+    results = [made("mean", TASKS[name], 0, 1.0) for name in names]
+    groups = groups_of(results_frame(results))
+    assert groups == {
+        "recorded robots": [names[2]],
+        "struts held by motors": [*names[:2]],
+        "all tasks": [names[2], *names[:2]],
+    }
+    assert list(groups_of(results_frame(results[:2]))) == ["struts held by motors"]
+
+
+def test_methods_with_fewer_tasks_come_last():
+    tasks = [TASKS[f"system1, {minutes} min"] for minutes in (1, 5)]
+    results = [made("least_squares", task, 0, 1.0) for task in tasks]
+    results += [made("mean", task, 0, 2.0) for task in tasks]
+    results.append(made("quick_win", tasks[0], 0, 0.5))
+    table = score_table(results_frame(results))
+    assert table.method.tolist() == ["least_squares", "mean", "quick_win"]
+
+
+def test_the_figure_has_a_plot_for_each_pair_and_a_point_for_each_size():
+    sizes = ["system 1, 1 min", "system 1, 5 min", "system 2, 5 min", "recorded"]
+    scores = pd.DataFrame(None, index=["sidm", "trees"], columns=sizes, dtype=object)
+    scores.at["sidm", "system 1, 1 min"] = Interval(1.5, 1.2, 1.8)
+    scores.at["sidm", "system 1, 5 min"] = Interval(1.2, 1.1, 1.3)
+    scores.at["trees", "system 2, 5 min"] = Interval(0.9, 0.8, 1.0)
+    drawn = figure(scores, ["sidm", "trees", "gp"])
+    plots = {axes.get_title(): axes for axes in drawn.axes}
+    assert list(plots) == ["system 1", "system 2", "recorded"]
+    labels = [label.get_text() for label in drawn.axes[0].get_yticklabels()]
+    assert labels == ["boosted trees", "Gaussian process", "SIDM"]  # experts last
+    points = {
+        size.get_label(): [float(n) for n in size.lines[0].get_xydata().flat]
+        for size in plots["system 1"].containers
+    }
+    assert points == {
+        "1 min": pytest.approx([1.5, 1.9]),
+        "5 min": pytest.approx([1.2, 2.1]),
+    }
+    assert plots["recorded"].get_xlim() == plots["system 1"].get_xlim()
