@@ -40,33 +40,41 @@ def figure(scores: pd.DataFrame, methods: Sequence[str]) -> Figure:
         methods: names of the methods, in the order of the rows.
     """
     methods = sorted(methods, key=lambda name: METHODS[name].needs_expert)
-    alone = sum(not METHODS[name].needs_expert for name in methods)
-    robots = list(dict.fromkeys(_robots_and_size(group)[0] for group in scores))
-    drawn, panels = side_by_side(len(robots), min(2, len(robots)))
+    shown = scores.reindex(methods)
+    robots = list(dict.fromkeys(_robots_and_size(group)[0] for group in shown))
+    drawn, panels = side_by_side(max(1, len(robots)), min(2, len(robots)))
+    if not robots:
+        finish(panels[0])
+        return drawn
     height = 1.2 + 0.36 * len(methods)
     drawn.set_size_inches(drawn.get_figwidth(), -(-len(robots) // 2) * height)
-    shown = scores.reindex(methods)
-    low, high = _range(shown)
     for axes, name in zip(panels, robots, strict=False):
         groups = [group for group in shown if _robots_and_size(group)[0] == name]
-        for number, group in enumerate(groups):
-            shift = BESIDE * (number - (len(groups) - 1) / 2)
-            _draw(axes, shown[group], shift, _style(_robots_and_size(group)[1]))
-        axes.axvline(1.0, color="0.5", linestyle=":", marker="")
-        axes.axhline(alone - 0.5, color="0.8", linewidth=0.8, marker="")
-        label = "loss / that of least squares"
-        axes.set(title=name, xscale="log", xlabel=label)
-        finish(axes, [tick for tick in TICKS if low < tick < high], legend=False)
-        if axes.get_legend_handles_labels()[0]:
-            axes.legend()
-        axes.set(xlim=(low, high), ylim=(len(methods) - 0.5, -0.5))
-        names = [ROWS.get(name, METHODS[name].label) for name in methods]
-        axes.set_yticks(range(len(methods)), names)
+        _plot(axes, name, shown[groups], _range(shown))
     for axes in panels[len(robots) :]:
         axes.remove()
     for first in range(0, len(robots), 2):
         share_labels(panels[first : min(first + 2, len(robots))])
     return drawn
+
+
+def _plot(
+    axes: Axes, title: str, scores: pd.DataFrame, ends: tuple[float, float]
+) -> None:
+    """Draw the scores of methods (rows) in the groups of some robots (columns)."""
+    for number, group in enumerate(scores):
+        shift = BESIDE * (number - (len(scores.columns) - 1) / 2)
+        _draw(axes, scores[group], shift, _style(_robots_and_size(group)[1]))
+    alone = sum(not METHODS[name].needs_expert for name in scores.index)
+    axes.axvline(1.0, color="0.5", linestyle=":", marker="")
+    axes.axhline(alone - 0.5, color="0.8", linewidth=0.8, marker="")
+    axes.set(title=title, xscale="log", xlabel="loss / that of least squares")
+    finish(axes, [tick for tick in TICKS if ends[0] < tick < ends[1]], legend=False)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend()
+    axes.set(xlim=ends, ylim=(len(scores) - 0.5, -0.5))
+    names = [ROWS.get(name, METHODS[name].label) for name in scores.index]
+    axes.set_yticks(range(len(scores)), names)
 
 
 def _robots_and_size(group: str) -> tuple[str, str]:

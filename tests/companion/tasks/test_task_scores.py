@@ -156,7 +156,7 @@ def test_the_figure_has_a_plot_for_each_pair_and_a_point_for_each_size():
     scores.at["sidm", "system 1, 5 min"] = Interval(1.2, 1.1, 1.3)
     scores.at["trees", "system 2, 5 min"] = Interval(0.9, 0.8, 1.0)
     drawn = figure(scores, ["sidm", "trees", "gp"])
-    plots = {axes.get_title(): axes for axes in drawn.axes}
+    plots = {axes.get_title(loc="left"): axes for axes in drawn.axes}
     assert list(plots) == ["system 1", "system 2", "recorded"]
     labels = [label.get_text() for label in drawn.axes[0].get_yticklabels()]
     assert labels == ["boosted trees", "Gaussian process", "SIDM"]  # experts last
@@ -169,3 +169,5 @@ def test_the_figure_has_a_plot_for_each_pair_and_a_point_for_each_size():
         "5 min": pytest.approx([1.2, 2.1]),
     }
     assert plots["recorded"].get_xlim() == plots["system 1"].get_xlim()
+    (empty,) = figure(pd.DataFrame(), ["sidm"]).axes
+    assert [text.get_text() for text in empty.texts] == ["no trials stored"]
