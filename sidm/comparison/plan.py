@@ -30,8 +30,11 @@ YARDSTICKS = (
 DEFAULT_METHODS = (
     *YARDSTICKS,
     "least_squares",
+    "least_squares_corrected",
     "corrected",
     "trees",
+    "trees_corrected",
+    "gp",
     "novice_only",
     "pretrain_finetune",
     "core_finetune",

@@ -96,10 +96,11 @@ def test_repeats_divide_the_sessions_anew():
 
 def test_what_is_compared_by_default_can_learn_the_robot(drives):
     alone = plan_for(drives, None).methods
-    assert "least_squares" in alone and "sidm" not in alone
+    assert {"least_squares", "gp"} <= set(alone) and "sidm" not in alone
     assert "rotation_centres" not in alone  # a cart has no wheel speeds
     both = plan_for(drives, drives).methods
-    assert {"sidm", "corrected", "pretrain_finetune", *alone} <= set(both)
+    corrections = {"corrected", "least_squares_corrected", "trees_corrected"}
+    assert {"sidm", "pretrain_finetune", *corrections, *alone} <= set(both)
     lever = Body(
         name="lever",
         pose="none",
@@ -112,7 +113,7 @@ def test_what_is_compared_by_default_can_learn_the_robot(drives):
     ]
     other = plan_for(drives, expert).methods
     assert {"sidm", "core_finetune"} <= set(other)
-    assert not {"corrected", "pretrain_finetune"} & set(other)
+    assert not {"pretrain_finetune", *corrections} & set(other)
 
 
 def test_the_table_is_that_of_fits_by_hand(drives, comparison):
