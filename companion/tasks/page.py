@@ -43,7 +43,6 @@ def write_page(frame: pd.DataFrame, path: Path) -> None:
     page = string.Template(template).substitute(
         data=json.dumps(values, separators=(",", ":")).replace("</", "<\\/")
     )
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, lambda file: file.write(page.encode()))
 
 
