@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from companion.studies.other_bodies import NOVICES
-from companion.tasks.catalogue import RECORDINGS, Task
+from companion.tasks.catalogue import Task, recorded_body
 from companion.tasks.trial import EntryResult
 from sidm.body import ROVER, Body
-from sidm.body_file import read_body
 
 YARDSTICKS = {"mean": "the mean", "nothing_changes": "nothing changes"}
 
@@ -52,7 +51,7 @@ def card(task: Task, results: Sequence[EntryResult] = ()) -> str:
 def bodies(task: Task) -> tuple[Body, Body]:
     """The bodies of the expert and of the novice."""
     if not task.pair:
-        body = read_body(RECORDINGS / "skid_steer.yaml")
+        body = recorded_body()
         return body, body
     return ROVER, ROVER if task.novice == "rover" else NOVICES[task.novice]
 

@@ -9,6 +9,7 @@ other bodies; real robots are a Husky and a Warthog.
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,7 +19,7 @@ import torch
 from companion.studies.other_bodies import NOVICES
 from sidm.body import ROVER, Body
 from sidm.body_file import read_body
-from sidm.config import config, replace, unknown_name
+from sidm.config import ConfigError, config, replace, unknown_name
 from sidm.drives import Drive, minutes_of
 from sidm.fitting.splits import drives_of_sessions, session_order
 from sidm.learning.height_maps import states_for_body
@@ -120,7 +121,14 @@ def find_tasks(name: str) -> list[Task]:
     return [TASKS[name]]
 
 
-def load_task(task: Task, seed: int, data: str | Path = "data") -> TaskData:
+def load_task(
+    task: Task,
+    seed: int,
+    data: str | Path = "data",
+    *,
+    workers: int = 1,
+    progress: bool = False,
+) -> TaskData:
     """The motion of a task; simulated motion that is missing is simulated.
 
     Args:
@@ -128,26 +136,32 @@ def load_task(task: Task, seed: int, data: str | Path = "data") -> TaskData:
         seed: which of the novice's drives are learnt from; for recorded robots also
             which judge.
         data: folder of simulated motion.
+        workers: processes that simulate.
+        progress: whether to show bars while motion is simulated.
 
     Raises:
         ImportError: PyBullet is needed and not installed.
     """
-    return _simulate(task, seed, data) if task.pair else _read(task, seed)
-
-
-def _simulate(task: Task, seed: int, data: str | Path) -> TaskData:
+    if not task.pair:
+        return _read(task, seed)
     from sidm.simulation import simulate
 
     folder = Path(data) / "benchmark"
-    pool = simulate(task.pair, "novice", POOL_MINUTES, POOL_SEED, folder=folder)
+    drives_of = functools.partial(
+        simulate, task.pair, folder=folder, workers=workers, progress=progress
+    )
+    return _simulated_data(task, seed, drives_of)
+
+
+def _simulated_data(
+    task: Task, seed: int, drives_of: Callable[[str, float, int], list[Drive]]
+) -> TaskData:
+    """The motion of a simulated task; `drives_of` takes role, minutes and seed."""
+    pool = drives_of("novice", POOL_MINUTES, POOL_SEED)
     order = np.random.default_rng(seed).permutation(len(pool))
     chosen = [pool[n] for n in order[: trajectories_for(task.minutes)]]
-    validation = simulate(
-        task.pair, "novice", task.validation_minutes, VALIDATION_SEED, folder=folder
-    )
-    expert = simulate(
-        task.pair, "expert", task.expert_minutes, EXPERT_SEED, folder=folder
-    )
+    validation = drives_of("novice", task.validation_minutes, VALIDATION_SEED)
+    expert = drives_of("expert", task.expert_minutes, EXPERT_SEED)
     body = ROVER if task.novice == "rover" else NOVICES[task.novice]
     chosen, validation = (_as_body(drives, body) for drives in (chosen, validation))
     return TaskData(_own_sessions(chosen), _own_sessions(expert), validation)
@@ -174,11 +188,24 @@ def _own_sessions(drives: list[Drive]) -> list[Drive]:
     return [replace(drive, session=f"{drive.index}") for drive in drives]
 
 
+def recorded_body() -> Body:
+    """The body of the recorded robots.
+
+    Raises:
+        ConfigError: the recordings are not in this folder.
+    """
+    if not RECORDINGS.is_dir():
+        raise ConfigError(
+            f"{RECORDINGS}: there is no such folder; run this in the repository's, "
+            "or take simulated robots (--tasks held)"
+        )
+    return read_body(RECORDINGS / "skid_steer.yaml")
+
+
 @functools.cache
 def _robot(name: str) -> list[Drive]:
     """All drives of a recorded robot."""
-    body = read_body(RECORDINGS / "skid_steer.yaml")
-    return read_drives(RECORDINGS / f"{name}.csv.gz", body)
+    return read_drives(RECORDINGS / f"{name}.csv.gz", recorded_body())
 
 
 def _read(task: Task, seed: int) -> TaskData:

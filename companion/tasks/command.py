@@ -113,7 +113,7 @@ def _check(arguments: argparse.Namespace, results) -> int:
         raise ConfigError("--check needs a method, as FILE.py:CLASS")
     status = 0
     for name in arguments.methods:
-        stored, again = check(name, results, arguments.data)
+        stored, again = check(name, results, arguments.data, arguments.workers)
         same = stored.status == again.status and _close(stored.loss, again.loss)
         print(
             f"{name}, {stored.about.task.name}, seed {stored.about.seed}: "

@@ -54,16 +54,16 @@ def run(
         seeds: trials of each method on each task.
         data: folder of simulated motion; what is missing is simulated first.
         results: folder of the results.
-        workers: trials at the same time on this machine.
+        workers: trials at the same time on this machine, and simulations before.
         limit: most seconds of a trial.
         executor: where trials are started; by default threads of this process. Each
             trial has a process of its own.
-        progress: whether to show a bar.
+        progress: whether to show bars.
     """
     store, wanted = records(results), entries(methods, tasks, seeds)
     missing = [entry for entry in wanted if store.get(entry) is None]
     for task in dict.fromkeys(entry.task for entry in missing):
-        load_task(task, 0, data)  # once, before several trials would simulate it
+        _prepare(task, data, workers, progress)
     place = Path(data).absolute()
     work = functools.partial(_one, names=wanted, data=place, limit=limit)
     own = ThreadPoolExecutor(workers) if executor is None else None
@@ -81,15 +81,24 @@ def _one(
     return run_trial(about, names[about], data, limit)
 
 
+def _prepare(task: Task, data: str | Path, workers: int, progress: bool) -> None:
+    """Simulate missing motion once, outside the limit of a trial."""
+    load_task(task, 0, data, workers=workers, progress=progress)
+
+
 def check(
-    name: str, results: Sequence[EntryResult], data: str | Path = "data"
+    name: str,
+    results: Sequence[EntryResult],
+    data: str | Path = "data",
+    workers: int = 1,
 ) -> tuple[EntryResult, EntryResult]:
     """Run a stored trial of a method again, that with the quickest fit.
 
     Args:
         name: the method, as in `run`.
         results: stored results.
-        data: folder of simulated motion.
+        data: folder of simulated motion; what is missing is simulated first.
+        workers: processes that simulate.
 
     Returns:
         The stored result and the new one.
@@ -106,4 +115,5 @@ def check(
     if not stored:
         raise ConfigError(f"no trial of {name} as it is now is stored")
     chosen = min(stored, key=lambda result: result.provenance.seconds)
+    _prepare(chosen.about.task, data, workers, progress=True)
     return chosen, run_trial(chosen.about, name, Path(data).absolute())

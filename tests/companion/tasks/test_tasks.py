@@ -9,6 +9,7 @@ import pytest
 
 from companion.__main__ import main
 from companion.numerics import versions
+from companion.tasks import catalogue
 from companion.tasks import run as run_module
 from companion.tasks.cards import card
 from companion.tasks.catalogue import GROUPS, TASKS, find_tasks, load_task
@@ -95,8 +96,6 @@ def test_the_learnt_drives_never_judge():
 def test_a_simulated_task_sees_the_body_it_names(tmp_path):
     small = {"minutes": 0.3, "expert_minutes": 0.2, "validation_minutes": 0.2}
     task = dataclasses.replace(TASKS["system1, left and right, 5 min"], **small)
-    import companion.tasks.catalogue as catalogue
-
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(catalogue, "POOL_MINUTES", 0.5)
         novice, expert, validation = load_task(task, 0, tmp_path)
@@ -104,7 +103,7 @@ def test_a_simulated_task_sees_the_body_it_names(tmp_path):
     names = [name for name, _ in novice[0].body.actions]
     assert names == ["left", "right"] and expert[0].body.name == "rover"
     assert validation[0].body == novice[0].body and novice[0].ground is not None
-    assert not {d.index for d in novice} & set() and novice[0].states.shape == (65, 13)
+    assert novice[0].states.shape == (65, 13)
 
 
 @pytest.mark.parametrize(
@@ -257,6 +256,29 @@ def test_the_table_is_of_the_tasks_that_are_asked_for(tmp_path, capsys):
     assert "mean" not in said and "note" not in said
     assert main(["bench", "--tasks", "free", *words]) == 2
     assert "no rows of these tasks are there" in capsys.readouterr().err
+
+
+def test_motion_is_simulated_before_the_limit_of_a_trial_runs(tmp_path, monkeypatch):
+    monkeypatch.setattr(catalogue, "POOL_MINUTES", 0.2)
+    small = {"minutes": 0.2, "expert_minutes": 0.2, "validation_minutes": 0.2}
+    task = dataclasses.replace(TASKS["system1, 1 min"], **small)
+    stored, shards = made("mean", task, 0, 1.0), []
+
+    def run_trial(about, method, data, *_):
+        shards.append(len([*data.rglob("shard-*")]))
+        return stored
+
+    monkeypatch.setattr(run_module, "run_trial", run_trial)
+    check("mean", [stored], tmp_path / "checked")
+    run(["mean"], [task], seeds=1, data=tmp_path / "run", results=tmp_path)
+    assert shards == [3, 3]  # two of the novice, one of the expert
+
+
+def test_recorded_robots_are_in_the_repository(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["bench", "--list"]) == 2
+    said = capsys.readouterr().err
+    assert "recordings: there is no such folder" in said and "--tasks held" in said
 
 
 def test_no_row_of_a_method_is_said(file, tmp_path):
