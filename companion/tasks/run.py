@@ -64,8 +64,9 @@ def run(
     missing = [entry for entry in wanted if store.get(entry) is None]
     for task in dict.fromkeys(entry.task for entry in missing):
         _prepare(task, data, workers, progress)
-    place = Path(data).absolute()
-    work = functools.partial(_one, names=wanted, data=place, limit=limit)
+    work = functools.partial(
+        _one, names=wanted, data=data, limit=limit, folder=Path.cwd()
+    )
     own = ThreadPoolExecutor(workers) if executor is None else None
     try:
         store.run(missing, work, executor or own, "benchmark", progress)  # type: ignore[arg-type]
@@ -76,9 +77,13 @@ def run(
 
 
 def _one(
-    about: Entry, names: dict[Entry, str], data: Path, limit: float
+    about: Entry,
+    names: dict[Entry, str],
+    data: str | Path,
+    limit: float,
+    folder: Path,
 ) -> EntryResult:
-    return run_trial(about, names[about], data, limit)
+    return run_trial(about, names[about], data, limit, folder)
 
 
 def _prepare(task: Task, data: str | Path, workers: int, progress: bool) -> None:
@@ -116,4 +121,4 @@ def check(
         raise ConfigError(f"no trial of {name} as it is now is stored")
     chosen = min(stored, key=lambda result: result.provenance.seconds)
     _prepare(chosen.about.task, data, workers, progress=True)
-    return chosen, run_trial(chosen.about, name, Path(data).absolute())
+    return chosen, run_trial(chosen.about, name, data)

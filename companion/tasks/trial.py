@@ -95,26 +95,32 @@ class Refused(Exception):
 
 
 def run_trial(
-    about: Entry, method: str, data: str | Path, limit: float = LIMIT
+    about: Entry,
+    method: str,
+    data: str | Path,
+    limit: float = LIMIT,
+    folder: str | Path | None = None,
 ) -> EntryResult:
     """Run a trial in a process of its own, which is killed after `limit` seconds.
 
     Args:
         about: the trial.
-        method: the method's name with a path that exists here.
+        method: the method's name, with its path.
         data: folder of simulated motion.
         limit: most seconds.
+        folder: where the trial runs: paths are relative to it, and the recordings are
+            in it; None: the working directory.
     """
     started = time.perf_counter()
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "result.json"
+    with tempfile.TemporaryDirectory() as scratch:
+        out = Path(scratch) / "result.json"
         task = json.dumps(to_mapping(about.task))
         words = [method, task, str(about.seed), str(data), str(out)]
         command = [sys.executable, "-m", "companion.tasks.trial", *words]
         values: dict[str, Any] = {"status": "limit", "message": f"after {limit:g} s"}
         try:
             ended = subprocess.run(
-                command, capture_output=True, text=True, timeout=limit
+                command, capture_output=True, text=True, timeout=limit, cwd=folder
             )
             values = {"status": "raised", "message": _last_line(ended.stderr)}
             if out.is_file():

@@ -1,8 +1,10 @@
 """The benchmark: methods of anyone, good and bad, on the same tasks."""
 
 import dataclasses
+import multiprocessing
+import os
 import textwrap
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import pandas as pd
 import pytest
@@ -256,6 +258,16 @@ def test_the_table_is_of_the_tasks_that_are_asked_for(tmp_path, capsys):
     assert "mean" not in said and "note" not in said
     assert main(["bench", "--tasks", "free", *words]) == 2
     assert "no rows of these tasks are there" in capsys.readouterr().err
+
+
+def test_workers_elsewhere_find_the_method_and_the_recordings(file, tmp_path):
+    """A worker of a cluster has another working directory."""
+    name = f"{os.path.relpath(file)}:Still"
+    elsewhere = {"initializer": os.chdir, "initargs": (tmp_path,)}
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, context, **elsewhere) as executor:
+        (result,) = run([name], [TASK], seeds=1, results=tmp_path, executor=executor)
+    assert (result.status, result.message) == ("ok", "")
 
 
 def test_motion_is_simulated_before_the_limit_of_a_trial_runs(tmp_path, monkeypatch):
