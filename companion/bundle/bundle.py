@@ -16,6 +16,7 @@ from torch import Tensor
 from companion.bundle.bundled_trial import BundledTrial
 from companion.bundle.device_data import DeviceData
 from companion.bundle.trainers import StackedTrainers
+from companion.bundle.transfer import from_device, hand_over_losses, to_device
 from sidm.learning.resuming import Checkpoint
 from sidm.learning.stopping import CurvePoint
 from sidm.settings import Network, Training
@@ -66,12 +67,12 @@ class Bundle:
         """Put a trial into the first free slot."""
         slot = self.slots.index(None)
         self.slots[slot] = trial
-        self.stacked.copy_from_trainer(slot, trial.trainer)
+        to_device(self.stacked, slot, trial.trainer)
 
     def leave(self, slot: int) -> BundledTrial:
         """Free a slot; its trial's trainer gets the state from the device."""
         trial = self.trials[slot]
-        self.stacked.copy_to_trainer(slot, trial.trainer)
+        from_device(self.stacked, slot, trial.trainer)
         self.slots[slot] = None
         return trial
 
@@ -79,7 +80,7 @@ class Bundle:
         """Write the checkpoints of all trials that have a checkpoint folder."""
         for slot, trial in self.trials.items():
             if trial.run.checkpoint is not None:
-                self.stacked.copy_to_trainer(slot, trial.trainer)
+                from_device(self.stacked, slot, trial.trainer)
                 Checkpoint(trial.run.checkpoint).save(trial.trainer)
 
     def close(self) -> None:
@@ -206,7 +207,7 @@ class Bundle:
         )
         best = []
         for slot, trial in trials.items():
-            self.stacked.hand_over_losses(slot, trial.trainer)
+            hand_over_losses(self.stacked, slot, trial.trainer)
             if trial.add_test(test[slot], validation.get(slot)):
                 best.append(slot)
             if progress is not None and trial.error is None:

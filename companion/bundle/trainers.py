@@ -7,16 +7,15 @@ trajectories of T steps.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from companion.bundle.adam import StackedAdam
 from companion.bundle.cuda_graph import GraphedFunction
 from companion.bundle.device_data import BLANK, DeviceData
-from companion.bundle.models import StackedModels, tensors_of, with_ndim, within
-from sidm.learning import checkpoint
+from companion.bundle.models import StackedModels, with_ndim
 from sidm.learning.losses import (
     component_losses,
     discriminator_loss,
@@ -24,9 +23,7 @@ from sidm.learning.losses import (
     prediction_loss,
 )
 from sidm.learning.observation import TARGET_SIZE
-from sidm.learning.trainer import Trainer
 from sidm.settings import Network, Training
-from sidm.systems import ROLES
 
 NOVICE_ENCODER = "model.encoders.novice"
 
@@ -295,84 +292,6 @@ class StackedTrainers:
         indices = torch.tensor(trials, dtype=torch.long, device=self.totals.device)
         for name, best in self.best_weights.items():
             best[indices] = self.models.weights[name].detach()[indices]
-
-    def copy_from_trainer(self, trial: int, trainer: Trainer) -> None:
-        """Copy the state of `trainer` into slot `trial`."""
-        modules = {"model": trainer.model, "discriminator": trainer.discriminator}
-        self.models.put(trial, tensors_of(nn.ModuleDict(modules)))
-        for name, best in self.best_weights.items():
-            best[trial] = trainer.best_weights.get(
-                name.removeprefix("model."), torch.zeros(())
-            )
-        self.frozen[trial] = trainer.training.frozen == "sidm"
-        self.totals[trial] = self.accuracy[trial] = 0.0
-        settings = trainer.training
-        for stacked, single, names in self._optimisers(trainer):
-            state = {}
-            for path, tensor in checkpoint.optimiser_tensors(single).items():
-                number, field = path.split("/")
-                state[f"{names[int(number)]}/{field}"] = tensor
-            stacked.put(trial, settings.learning_rate, settings.weight_decay, state)
-
-    def copy_to_trainer(self, trial: int, trainer: Trainer) -> None:
-        """Copy slot `trial` into `trainer`, which can then go on alone or be saved."""
-        modules = {"model": trainer.model, "discriminator": trainer.discriminator}
-        for name, module in modules.items():
-            stacked_weights = within(name, self.models.weights)
-            module.load_state_dict(
-                {key: stacked_weights[key][trial] for key in module.state_dict()}
-            )
-        trainer.best_weights = {
-            key: self.best_weights[f"model.{key}"][trial].to("cpu", copy=True)
-            for key in trainer.best_weights
-        }
-        for stacked, single, names in self._optimisers(trainer):
-            state = {}
-            for path, tensor in stacked.get(trial).items():
-                name, field = path.split("/")
-                if name in names:
-                    state[f"{names.index(name)}/{field}"] = tensor
-            checkpoint.load_optimiser(single, state)
-        self.hand_over_losses(trial, trainer)
-
-    def hand_over_losses(self, trial: int, trainer: Trainer) -> None:
-        """Add a trial's sums of losses to `trainer`, and start them again from 0."""
-        for role, total in zip(ROLES, self.totals[trial].tolist(), strict=True):
-            trainer.add_losses(role, total)
-        self.totals[trial] = 0.0
-
-    def _optimisers(
-        self, trainer: Trainer
-    ) -> Iterator[tuple[StackedAdam, torch.optim.Optimizer, list[str]]]:
-        """Pairs of stacked and single optimiser.
-
-        Yields:
-            The stacked optimiser, the one of `trainer`, and the stacked names of the
-            latter's parameters in their order.
-        """
-        model, discriminator = trainer.model, trainer.discriminator
-        pairs: list[tuple[StackedAdam, torch.optim.Optimizer, str, nn.Module]] = [
-            (self.prediction_optimiser, trainer.prediction_optimiser, "model", model),
-            (
-                self.discrimination_optimiser,
-                trainer.discrimination_optimiser,
-                "discriminator",
-                discriminator,
-            ),
-        ]
-        if self.matching_optimiser is not self.prediction_optimiser:
-            encoder = model.encoders["novice"]
-            pairs.append(
-                (
-                    self.matching_optimiser,
-                    trainer.matching_optimiser,
-                    NOVICE_ENCODER,
-                    encoder,
-                )
-            )
-        for stacked, single, prefix, module in pairs:
-            trained = (n for n, p in module.named_parameters() if p.requires_grad)
-            yield stacked, single, [f"{prefix}.{name}" for name in trained]
 
 
 def select(of_expert: Tensor, by_role: Sequence[Tensor]) -> Tensor:
