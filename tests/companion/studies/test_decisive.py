@@ -247,7 +247,7 @@ def test_a_saving_that_a_longer_training_takes_away(make_results):
     assert line(table, "T1", "system1").says == REPRODUCED
     assert line(table, "T2", "system1").says == NOT_SEEN
     tuning = line(table, "T2", "system2", FINETUNING)
-    assert tuning.says == DIRECTION and tuning.value == pytest.approx(10, rel=0.2)
+    assert tuning.says == NO_VERDICT and tuning.value == pytest.approx(10, rel=0.2)
     small = table[table.verdict == "S"]
     assert set(small[small.recipe == "R"].says) == {DIRECTION}
     assert set(small[small.recipe == "T"].says) == {NOT_SEEN}
