@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+import numpy as np
+
 from companion.cluster import executor_at
 from sidm.command_line import whole_number
 from sidm.config import ConfigError
@@ -28,8 +30,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "trials at the same time (%(default)s)"
     add("--workers", type=whole_number, metavar="N", default=1, help=text)
     add("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster")
-    text = "most seconds of a trial (an hour)"
-    add("--limit", type=float, metavar="S", help=text)
+    text = "most seconds of a trial (%(default)g)"
+    add("--limit", type=float, metavar="S", default=3600.0, help=text)
+    add("--retry", action="store_true", help="run trials that failed again")
     add("--page", metavar="FILE", help="write the table as a page")
     add("--csv", metavar="FILE", help="write all rows as CSV")
     add("--list", action="store_true", help="print the tasks' cards and run nothing")
@@ -52,7 +55,9 @@ def run_bench(arguments: argparse.Namespace) -> int:
         _print_cards(tasks, store.all())
         return 0
     if arguments.check:
-        return _check(arguments, store.all())
+        return _check(
+            arguments, [row for row in store.all() if row.about.task in tasks]
+        )
     status = 0
     if arguments.methods:
         with executor_at(arguments.dask) as executor:
@@ -64,7 +69,8 @@ def run_bench(arguments: argparse.Namespace) -> int:
                 results=arguments.results,
                 workers=arguments.workers,
                 executor=executor,
-                **({} if arguments.limit is None else {"limit": arguments.limit}),
+                limit=arguments.limit,
+                retry=arguments.retry,
             )
         wanted = entries(arguments.methods, tasks, seeds)
         status = int(any(store.get(entry) is None for entry in wanted))
@@ -75,7 +81,7 @@ def run_bench(arguments: argparse.Namespace) -> int:
 def _print_table(arguments: argparse.Namespace, results) -> None:
     """Print the table of the tasks' rows, and write the page and the rows."""
     from companion.tasks.page import write_page
-    from companion.tasks.scores import results_frame, score_table
+    from companion.tasks.scores import REFERENCE, results_frame, score_table
 
     if not results:
         raise ConfigError(
@@ -83,8 +89,14 @@ def _print_table(arguments: argparse.Namespace, results) -> None:
         )
     frame = results_frame(results)
     table = score_table(frame)
+    saved = zip(table.pop("data_bound"), table.data_ratio, strict=True)
+    table["data_ratio"] = [
+        "" if np.isnan(ratio) else f"{bound}{ratio:.3g}" for bound, ratio in saved
+    ]
     print(table.to_string(index=False, float_format="{:.3g}".format, na_rep=""))
-    if table.tasks.nunique() > 1:
+    if REFERENCE not in frame[frame.status == "ok"].method.to_numpy():
+        print(f"note: scores are ratios to {REFERENCE}; run it on these tasks, too")
+    elif table.tasks.nunique() > 1:
         print("note: some scores are over fewer tasks; '--tasks' takes a group")
     for row in frame[frame.status != "ok"].itertuples():
         print(
@@ -113,7 +125,13 @@ def _check(arguments: argparse.Namespace, results) -> int:
         raise ConfigError("--check needs a method, as FILE.py:CLASS")
     status = 0
     for name in arguments.methods:
-        stored, again = check(name, results, arguments.data, arguments.workers)
+        stored, again = check(
+            name,
+            results,
+            data=arguments.data,
+            workers=arguments.workers,
+            limit=arguments.limit,
+        )
         same = stored.status == again.status and _close(stored.loss, again.loss)
         print(
             f"{name}, {stored.about.task.name}, seed {stored.about.seed}: "

@@ -106,6 +106,8 @@ def find_method(name: str) -> Method:
     if ".py:" not in name:
         from sidm.rivals.methods import METHODS
 
+        if name.endswith(".py"):
+            raise ConfigError(f"{name}: add the name of the class, as {name}:CLASS")
         if name not in METHODS:
             raise unknown_name(name, METHODS, kind="method")
         return Method(name, "")
@@ -143,4 +145,10 @@ def load_method(name: str) -> EnteredMethod:
     kinds = {n: v for n, v in vars(module).items() if hasattr(v, "fit")}
     if class_name not in kinds:
         raise unknown_name(class_name, kinds, file, "class with 'fit'")
-    return kinds[class_name]()
+    try:
+        return kinds[class_name]()
+    except Exception as error:  # as above
+        raise ConfigError(
+            f"{name}: cannot be made without arguments "
+            f"({type(error).__name__}: {first_line(error)})"
+        ) from None

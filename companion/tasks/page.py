@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import json
 import string
 from importlib import resources
@@ -79,9 +78,13 @@ def _sorted(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _method_row(row: dict[str, Any]) -> dict[str, Any]:
-    """The values of a method's row, with the interval as text."""
+    """The values of a method's row, with those that are no plain number as text."""
     interval = Interval(row["score"], row["low"], row["high"])
-    return _plain(row) | {"shown": str(interval)}
+    saved = _number(row["data_ratio"])
+    texts = {"score": str(interval), "data_ratio": f"{row['data_bound']}{saved}"}
+    if saved is None:
+        del texts["data_ratio"]
+    return _plain(row) | {"shown": texts}
 
 
 def _matrix(
@@ -105,12 +108,12 @@ def _apart(frame: pd.DataFrame, methods: list[str]) -> str:
 
 
 def _plain(row: dict[str, Any]) -> dict[str, Any]:
-    """Values that JSON has: a number that is missing is null, text is escaped."""
+    """Values that JSON has: a number that is missing is null."""
     return {name: _number(value) for name, value in row.items()}
 
 
 def _number(value: Any) -> Any:
     if isinstance(value, str):
-        return html.escape(value)
+        return value
     number = float(value)
     return float(f"{number:.4g}") if np.isfinite(number) else None

@@ -45,6 +45,7 @@ def run(
     limit: float = LIMIT,
     executor: Executor | None = None,
     progress: bool = True,
+    retry: bool = False,
 ) -> list[EntryResult]:
     """Run the trials that are not stored, and return the results of all.
 
@@ -59,9 +60,17 @@ def run(
         executor: where trials are started; by default threads of this process. Each
             trial has a process of its own.
         progress: whether to show bars.
+        retry: whether stored trials that failed run again.
     """
     store, wanted = records(results), entries(methods, tasks, seeds)
-    missing = [entry for entry in wanted if store.get(entry) is None]
+    known = {entry: store.get(entry) for entry in wanted}
+    missing = [
+        entry
+        for entry, result in known.items()
+        if result is None or (retry and result.status != "ok")
+    ]
+    for entry in missing:
+        store.path(entry).unlink(missing_ok=True)  # a failure that is run again
     for task in dict.fromkeys(entry.task for entry in missing):
         _prepare(task, data, workers, progress)
     work = functools.partial(
@@ -96,14 +105,16 @@ def check(
     results: Sequence[EntryResult],
     data: str | Path = "data",
     workers: int = 1,
+    limit: float = LIMIT,
 ) -> tuple[EntryResult, EntryResult]:
-    """Run a stored trial of a method again, that with the quickest fit.
+    """Run a stored trial of a method again: the quickest, a failed one only if all are.
 
     Args:
         name: the method, as in `run`.
         results: stored results.
         data: folder of simulated motion; what is missing is simulated first.
         workers: processes that simulate.
+        limit: most seconds of the trial.
 
     Returns:
         The stored result and the new one.
@@ -118,7 +129,7 @@ def check(
         if (result.about.method, result.about.code) == (method.name, method.code)
     ]
     if not stored:
-        raise ConfigError(f"no trial of {name} as it is now is stored")
-    chosen = min(stored, key=lambda result: result.provenance.seconds)
+        raise ConfigError(f"no trial of {name} as it is now is stored for these tasks")
+    chosen = min(stored, key=lambda row: (row.status != "ok", row.provenance.seconds))
     _prepare(chosen.about.task, data, workers, progress=True)
-    return chosen, run_trial(chosen.about, name, data)
+    return chosen, run_trial(chosen.about, name, data, limit)

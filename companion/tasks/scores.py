@@ -1,8 +1,9 @@
 """Scores of the benchmark: one row for each method, and who is apart from whom.
 
 A method's score on a task is its loss divided by that of least squares on the novice
-alone, with the same drives; over tasks it is the geometric mean. Tasks are the unit of
-the intervals: a task's seeds are averaged first, since they share motion.
+alone, with the same drives; over tasks it is the geometric mean. Intervals and tests
+are about other drives of the same robots: a seed draws drives anew, and the sizes of a
+pair of robots share them, so that a pair and a seed give one value.
 """
 
 from __future__ import annotations
@@ -13,12 +14,19 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
+from companion.tasks.catalogue import SEEDS
+from companion.tasks.intervals import holm, mean_of
 from companion.tasks.trial import EntryResult
-from sidm.comparison.statistics import CONFIDENCE, Interval
+from sidm.comparison.statistics import CONFIDENCE
 
 REFERENCE = "least_squares"  # whose loss is 1
 ALONE = "novice_only"  # whose data ratio at RATIO_MINUTES is 1
 RATIO_MINUTES = 5.0
+INDEX = "robots", "task", "seed"
+#: The logarithms of a method without trials beside the reference's.
+NONE = pd.Series(
+    dtype=float, index=pd.MultiIndex.from_arrays(3 * [[]], names=list(INDEX))
+)
 
 
 def results_frame(results: Iterable[EntryResult]) -> pd.DataFrame:
@@ -40,26 +48,29 @@ def results_frame(results: Iterable[EntryResult]) -> pd.DataFrame:
 
 
 def log_ratios(frame: pd.DataFrame, value: str = "loss") -> pd.DataFrame:
-    """Log ratio to the reference, with a row for each task and seed, by method."""
-    table = frame.pivot_table(
-        index=["task", "seed"], columns="method", values=value, aggfunc="first"
-    )
+    """Log ratio to the reference, with a row for each task and seed, by method.
+
+    A method has no value on a task where one of its trials failed, or where it lacks
+    one of the first SEEDS seeds that the reference has.
+    """
+    table = frame.pivot_table(index=[*INDEX], columns="method", values=value)
     if REFERENCE not in table:
         return pd.DataFrame()
-    return np.log(table).sub(np.log(table[REFERENCE]), axis=0)
+    table = table[table[REFERENCE].notna()]
+    logs = np.log(table).sub(np.log(table[REFERENCE]), axis=0)
+    counts = logs.groupby("task").count()
+    enough = counts.ge(counts[REFERENCE].clip(upper=SEEDS), axis=0)
+    tried = frame[frame.status != "ok"].groupby(["task", "method"]).size()
+    for task, method in tried.index:
+        if method in enough and task in enough.index:
+            enough.loc[task, method] = False
+    return logs.where(enough.reindex(logs.index.get_level_values("task")).to_numpy())
 
 
 def task_scores(frame: pd.DataFrame, value: str = "loss") -> pd.DataFrame:
-    """Mean over seeds of the log ratio to the reference, tasks by methods.
-
-    A method has no score on a task where a seed failed or is missing.
-    """
+    """Mean over seeds of the log ratio to the reference, tasks by methods."""
     logs = log_ratios(frame, value)
-    if not len(logs):
-        return logs
-    reference = logs[REFERENCE].groupby("task").count()
-    groups = logs.groupby("task")
-    return groups.mean().where(groups.count().eq(reference, axis=0))
+    return logs.groupby("task").mean() if len(logs) else logs
 
 
 def score_table(frame: pd.DataFrame) -> pd.DataFrame:
@@ -67,24 +78,22 @@ def score_table(frame: pd.DataFrame) -> pd.DataFrame:
 
     Columns: `method`; `score` with `low` and `high`, the loss divided by that of least
     squares on the novice alone; `position` and `heading`, the same ratio of the errors
-    after 1 s open loop; `data_ratio`, the minutes that training alone needs for the
-    method's loss at RATIO_MINUTES, divided by these minutes; `seconds` of a fit,
-    median; `tasks` with a score; `failures`, trials without errors.
+    after 1 s open loop; `data_ratio`, see `data_ratio`, with `data_bound`; `seconds` of
+    a fit, median; `tasks` with a score; `failures`, trials without errors.
     """
-    scores = task_scores(frame)
+    logs = log_ratios(frame)
     ahead = {name: task_scores(frame, name) for name in ("position", "heading")}
     rows = []
     for method, trials in frame.groupby("method"):
-        row = {"method": method}
-        values = scores[method].dropna() if method in scores else pd.Series(dtype=float)
-        interval = geometric_interval(values.to_numpy())
-        row |= {"score": interval.value, "low": interval.low, "high": interval.high}
+        own = logs[method] if method in logs else NONE
+        score, low, high = mean_of(own).interval
+        row = {"method": method, "score": score, "low": low, "high": high}
         for name, table in ahead.items():
             if method in table:
                 row[name] = float(np.exp(table[method].mean()))
-        row["data_ratio"] = data_ratio(frame, str(method))
+        row["data_ratio"], row["data_bound"] = data_ratio(frame, str(method))
         row["seconds"] = trials.seconds.median()
-        row["tasks"] = len(values)
+        row["tasks"] = len(own.dropna().groupby("task"))
         row["failures"] = int((trials.status != "ok").sum())
         rows.append(row)
     table = pd.DataFrame(rows)
@@ -98,8 +107,7 @@ def scores_by_group(
 ) -> pd.DataFrame:
     """Scores over groups of tasks: a row for each method, a column for each group.
 
-    The best method of the first group is first, one without a score there last. The
-    interval of a group of one task is over its seeds.
+    The best method of the first group is first, one without a score there last.
 
     Args:
         frame: rows of trials, as `results_frame` returns them.
@@ -110,13 +118,12 @@ def scores_by_group(
     """
     columns = {}
     for name, tasks in groups.items():
-        trials = frame[frame.task.isin([*tasks])]
-        scores = task_scores(trials)
-        logs = log_ratios(trials) if len(scores) == 1 else scores
+        logs = log_ratios(frame[frame.task.isin([*tasks])])
+        means = logs.groupby("task").mean() if len(logs) else logs
         columns[name] = {
-            method: geometric_interval(logs[method].to_numpy())
-            for method in scores
-            if scores[method].notna().all()
+            method: mean_of(logs[method]).interval
+            for method in means
+            if means[method].notna().all()
         }
     first = next(iter(columns.values()), {})
     methods = sorted(
@@ -127,76 +134,51 @@ def scores_by_group(
     return pd.DataFrame(rows, index=methods, columns=[*columns], dtype=object)
 
 
-def geometric_interval(logs: np.ndarray) -> Interval:
-    """Geometric mean and its Student interval from logarithms (n,), independent."""
-    from scipy import stats
-
-    if not len(logs):
-        return Interval(np.nan, np.nan, np.nan)
-    mean = float(np.mean(logs))
-    if len(logs) < 2:
-        return Interval(float(np.exp(mean)), np.nan, np.nan)
-    error = float(np.std(logs, ddof=1)) / np.sqrt(len(logs))
-    width = float(stats.t.ppf((1 + CONFIDENCE) / 2, len(logs) - 1)) * error
-    return Interval(*(float(np.exp(mean + d)) for d in (0.0, -width, width)))
-
-
-def data_ratio(frame: pd.DataFrame, method: str) -> float:
+def data_ratio(frame: pd.DataFrame, method: str) -> tuple[float, str]:
     """How much more data training alone needs for a method's loss at RATIO_MINUTES.
 
     The loss of training alone is interpolated in the logarithms of minutes and loss.
-    It is a geometric mean over robots where this loss lies within that curve; NaN where
-    it does for none.
+
+    Returns:
+        The geometric mean over robots, NaN where nothing is known; and '>' or '<' where
+        it is a bound, since a loss lies beyond what training alone was measured at.
     """
     means = frame.groupby(["robots", "minutes", "method"]).loss.mean().unstack("method")
     if method not in means or ALONE not in means:
-        return np.nan
-    ratios = []
+        return np.nan, ""
+    logs, bounds = [], set()
     for robots in means.index.get_level_values("robots").unique():
         rows = means.loc[robots].sort_index()
-        curve = rows[ALONE].dropna()
-        if RATIO_MINUTES not in rows.index or len(curve) < 2:
-            continue
+        curve = rows[ALONE].dropna().cummin()  # more data never harms
+        curve = curve[~curve.duplicated()]
         loss = rows[method].get(RATIO_MINUTES, np.nan)
-        losses = np.minimum.accumulate(curve.to_numpy())  # more data never harms
-        if not losses[-1] <= loss <= losses[0]:
+        if np.isnan(loss) or np.isnan(rows[ALONE].get(RATIO_MINUTES, np.nan)):
             continue
-        minutes = np.interp(
-            -np.log(loss), -np.log(losses), np.log(curve.index.to_numpy())
-        )
-        ratios.append(minutes - np.log(RATIO_MINUTES))
-    return float(np.exp(np.mean(ratios))) if ratios else np.nan
+        bounds |= {">"} if loss < curve.iloc[-1] else set()
+        bounds |= {"<"} if loss > curve.iloc[0] else set()
+        sizes = np.log(curve.index.to_numpy() / RATIO_MINUTES)
+        logs.append(np.interp(-np.log(loss), -np.log(curve.to_numpy()), sizes))
+    if not logs or len(bounds) > 1:
+        return np.nan, ""
+    return float(np.exp(np.mean(logs))), "".join(bounds)
 
 
 def pairwise(frame: pd.DataFrame, methods: Sequence[str] = ()) -> pd.DataFrame:
     """Which methods are apart: a row for each pair, with `first` the better one.
 
     Columns: `first`, `second`; `ratio` of the losses, geometric mean over the tasks of
-    both; `p`, of Student's paired test over tasks; `p_holm`, corrected for all pairs
-    (Holm, 1979); `apart`, whether `p_holm` is below 0.05.
+    both; `p`, of Student's test, paired by robots and seed; `p_holm`, corrected for all
+    pairs (Holm, 1979); `apart`, whether `p_holm` is below 0.05.
     """
-    from scipy import stats
-
-    scores = task_scores(frame)
-    chosen = [m for m in methods or scores.columns if m in scores]
+    logs = log_ratios(frame)
+    chosen = [m for m in methods or logs.columns if m in logs]
     rows = []
     for one, other in itertools.combinations(chosen, 2):
-        differences = (scores[one] - scores[other]).dropna().to_numpy()
-        if len(differences) < 2:
+        mean = mean_of(logs[one] - logs[other])
+        if not mean.error > 0:
             continue
-        mean = float(np.mean(differences))
-        first, second = (one, other) if mean <= 0 else (other, one)
-        p = float(stats.ttest_1samp(differences, 0.0).pvalue)
-        rows.append((first, second, float(np.exp(-abs(mean))), p))
+        first, second = (one, other) if mean.value <= 0 else (other, one)
+        rows.append((first, second, float(np.exp(-abs(mean.value))), mean.p))
     table = pd.DataFrame(rows, columns=["first", "second", "ratio", "p"])
     table["p_holm"] = holm(table.p.to_numpy())
     return table.assign(apart=table.p_holm < 1 - CONFIDENCE)
-
-
-def holm(p: np.ndarray) -> np.ndarray:
-    """P-values (n,) corrected for n tests by Holm's step-down procedure."""
-    order, count = np.argsort(p), len(p)
-    factors = count - np.arange(count)
-    corrected = np.empty(count)
-    corrected[order] = np.minimum(1, np.maximum.accumulate(factors * p[order]))
-    return corrected

@@ -9,10 +9,11 @@ from scipy import stats
 
 from companion.tasks.catalogue import TASKS, Task
 from companion.tasks.figure import figure
+from companion.tasks.intervals import holm, mean_of
 from companion.tasks.page import groups_of, write_page
 from companion.tasks.scores import (
     data_ratio,
-    holm,
+    log_ratios,
     pairwise,
     results_frame,
     score_table,
@@ -45,14 +46,62 @@ def test_scores_are_ratios_to_least_squares_over_tasks():
     assert table.loc["good", "low"] < 0.5 < table.loc["good", "high"]
     assert table.loc["least_squares", "score"] == 1
     assert table.failures.to_dict() == {"good": 0, "least_squares": 0, "bad": 1}
-    logs = []  # the same by hand
+    assert table.tasks.to_dict() == {"good": 5, "least_squares": 5, "bad": 4}
+    means, variances = [], []  # the same by hand
     for _, rows in frame[frame.status == "ok"].groupby("task"):
-        wide = rows.pivot(index="seed", columns="method", values="loss")
-        logs.append(np.log(wide.good / wide.least_squares).mean())
-    assert table.loc["good", "score"] == pytest.approx(np.exp(np.mean(logs)))
-    assert np.log(table.loc["good", "high"]) == pytest.approx(
-        np.mean(logs) + 2.776 * np.std(logs, ddof=1) / np.sqrt(5), rel=1e-3
+        wide = rows.pivot(index="seed", columns="method", values="loss").dropna()
+        logs = np.log(wide.good / wide.least_squares)
+        means.append(logs.mean())
+        variances.append(logs.var(ddof=1) / 3)
+    assert table.loc["good", "score"] == pytest.approx(np.exp(np.mean(means)))
+    freedom = sum(variances) ** 2 / sum(v**2 / 2 for v in variances)
+    reach = stats.t.ppf(0.975, freedom) * np.sqrt(sum(variances)) / 5
+    ends = table.loc["good", ["low", "high"]].to_numpy(float)
+    assert np.log(ends) == pytest.approx([np.mean(means) + d for d in (-reach, reach)])
+
+
+def losses_of(robots, sizes, losses):
+    """Rows of least squares, 1, and of another method, by size and seed."""
+    results = []
+    for minutes, row in zip(sizes, losses, strict=True):
+        task = Task(name=f"{robots}, {minutes:g} min", pair="p", minutes=minutes)
+        for seed, loss in enumerate(row):
+            results += [made("least_squares", task, seed, 1.0)]
+            results += [made("other", task, seed, loss)]
+    return results
+
+
+def test_sizes_of_a_pair_of_robots_are_no_further_evidence():
+    """The same values at two sizes have the interval of one."""
+    seeds = [0.5, 0.6, 0.8]
+    one = results_frame(losses_of("robot", [1.0], [seeds]))
+    two = results_frame(losses_of("robot", [1.0, 5.0], [seeds, seeds]))
+    means = [mean_of(log_ratios(frame).other) for frame in (one, two)]
+    assert means[0] == pytest.approx(means[1]) and means[0].freedom == 2
+    real = results_frame(losses_of("husky to warthog", [1.0], [seeds]))
+    factor = mean_of(log_ratios(real).other).error / means[0].error
+    assert factor == pytest.approx(np.sqrt(1 + 3 * 0.25 / 0.75))  # divided anew
+    lone = results_frame(losses_of("robot", [1.0], [[0.5]]))
+    assert str(mean_of(log_ratios(lone).other).interval) == "0.5"
+    assert np.isnan(mean_of(log_ratios(lone).other * np.nan).value)
+
+
+def test_the_interval_covers_and_the_test_errs_as_often_as_they_say():
+    """Two robots, two sizes, three seeds: 95 % of intervals hold the truth."""
+    rng, held, wrong = np.random.default_rng(3), 0, 0
+    index = pd.MultiIndex.from_product(
+        [["a", "b"], [0, 1, 2]], names=["robots", "seed"]
     )
+    for _ in range(1000):
+        shared = pd.Series(rng.standard_normal(6) * ([1.0] * 3 + [2.0] * 3), index)
+        logs = pd.concat(
+            {f"task{n}": shared + 0.3 * rng.standard_normal(6) for n in (1, 2)},
+            names=["task"],
+        ).reorder_levels(["robots", "task", "seed"])
+        mean = mean_of(logs)
+        held += mean.interval.low < 1 < mean.interval.high
+        wrong += mean.p < 0.05
+    assert 930 <= held <= 980 and wrong == 1000 - held
 
 
 def test_a_group_is_scored_where_all_its_tasks_are():
@@ -88,7 +137,18 @@ def test_a_task_with_a_failed_seed_has_no_score():
     task = Task(name="robot, 5 min", pair="system1", minutes=5.0)
     results = [made("least_squares", task, s, 1.0) for s in (0, 1)]
     results += [made("other", task, 0, 1.0), made("other", task, 1, None, "limit")]
-    assert task_scores(results_frame(results)).other.isna().all()
+    results += [made("short", task, 0, 1.0)]
+    scores = task_scores(results_frame(results))
+    assert scores.other.isna().all() and scores.short.isna().all()
+
+
+def test_a_further_seed_of_one_method_leaves_the_others_their_scores():
+    results = losses_of("robot", [5.0], [[0.5, 0.6, 0.7]])
+    task = results[0].about.task
+    before = mean_of(log_ratios(results_frame(results)).other)
+    for method in ("least_squares", "other"):
+        frame = results_frame([*results, made(method, task, 3, 9.0)])
+        assert mean_of(log_ratios(frame).other) == before
 
 
 def test_who_is_apart_is_corrected_for_all_pairs():
@@ -109,9 +169,28 @@ def test_a_data_ratio_is_read_on_the_curve_of_training_alone():
         results.append(made("novice_only", task, 0, 1 / minutes))
         results.append(made("other", task, 0, 0.5 / minutes))
     frame = results_frame(results)
-    assert data_ratio(frame, "other") == pytest.approx(2.0)
-    assert data_ratio(frame, "novice_only") == pytest.approx(1.0)
-    assert np.isnan(data_ratio(frame, "none"))
+    assert data_ratio(frame, "other") == (pytest.approx(2.0), "")
+    assert data_ratio(frame, "novice_only") == (pytest.approx(1.0), "")
+    assert np.isnan(data_ratio(frame, "none")[0])
+
+
+@pytest.mark.parametrize(
+    ("alone", "loss", "expected"),
+    [
+        ([1.0, 0.5, 0.2], 0.1, (4.0, ">")),  # 20 minutes alone do not reach it
+        ([1.0, 0.5, 0.2], 2.0, (0.2, "<")),
+        ([1.0, 0.5, 0.55], 0.5, (1.0, "")),  # no more than the size that reached it
+        ([1.0, 0.5, 0.55], 0.4, (1.0, ">")),
+    ],
+)
+def test_a_data_ratio_beyond_the_curve_is_a_bound(alone, loss, expected):
+    results = []
+    for minutes, value in zip((1.0, 5.0, 20.0), alone, strict=True):
+        task = Task(name=f"robot, {minutes:g} min", pair="system1", minutes=minutes)
+        results += [made("novice_only", task, 0, value)]
+        results += [made("other", task, 0, loss)]
+    found = data_ratio(results_frame(results), "other")
+    assert found == (pytest.approx(expected[0]), expected[1])
 
 
 def test_the_page_holds_every_row(tmp_path):

@@ -62,6 +62,15 @@ class Dies(Still):
         import os
         os._exit(3)
 
+class NeedsMore(Still):
+    def __init__(self, more):
+        self.more = more
+
+class FailsFirst(Still):
+    def fit(self, novice, expert, seed):
+        assert seed > 0
+        return super().fit(novice, expert, seed)
+
 class Forever(Still):
     def fit(self, novice, expert, seed):
         while True:
@@ -197,6 +206,8 @@ def test_other_code_is_another_method(file, tmp_path):
         ("nowhere.py:A", "nowhere.py: there is no such file"),
         ("{file}:Stil", "unknown class with 'fit' 'Stil'"),
         ("{broken}:A", "cannot be imported (SyntaxError"),
+        ("{file}", "entered.py: add the name of the class, as "),
+        ("{file}:NeedsMore", "cannot be made without arguments (TypeError"),
     ],
 )
 def test_what_is_no_method_is_one_line(file, tmp_path, name, words):
@@ -244,6 +255,12 @@ def test_the_command_prints_the_table_and_checks_a_row(file, tmp_path, capsys):
     assert "NOT the same" in capsys.readouterr().out
 
 
+def test_scores_need_the_reference(tmp_path, capsys):
+    records(tmp_path).put(made("mean", TASK, 0, 1.0))
+    assert main(["bench", "--results", str(tmp_path)]) == 0
+    assert "note: scores are ratios to least_squares" in capsys.readouterr().out
+
+
 def test_the_table_is_of_the_tasks_that_are_asked_for(tmp_path, capsys):
     store = records(tmp_path)
     for task, methods in (("system1, 1 min", 2), ("system1, 5 min", 1)):
@@ -284,6 +301,32 @@ def test_motion_is_simulated_before_the_limit_of_a_trial_runs(tmp_path, monkeypa
     check("mean", [stored], tmp_path / "checked")
     run(["mean"], [task], seeds=1, data=tmp_path / "run", results=tmp_path)
     assert shards == [3, 3]  # two of the novice, one of the expert
+
+
+def test_what_failed_runs_again_when_asked(file, tmp_path, monkeypatch):
+    task, ran = TASKS["system1, 1 min"], []
+    store = records(tmp_path)
+    store.put(made("mean", task, 0, None, "limit"))
+    store.put(made("mean", task, 1, 1.0))
+    monkeypatch.setattr(run_module, "load_task", lambda *_, **__: None)
+
+    def run_trial(about, *_):
+        ran.append(about.seed)
+        return made("mean", task, about.seed, 2.0)
+
+    monkeypatch.setattr(run_module, "run_trial", run_trial)
+    again = {"seeds": 2, "results": tmp_path, "progress": False}
+    assert [row.loss for row in run(["mean"], [task], **again)] == [None, 1.0]
+    rows = run(["mean"], [task], retry=True, **again)
+    assert [row.loss for row in rows] == [2.0, 1.0] and ran == [0]
+
+
+def test_a_check_runs_a_trial_that_went_well(file, tmp_path):
+    name = f"{file}:FailsFirst"
+    rows = run([name], [TASK], seeds=2, results=tmp_path)
+    assert [row.status for row in rows] == ["raised", "ok"]
+    stored, new = check(name, rows)
+    assert stored.about.seed == 1 and stored.loss == pytest.approx(new.loss)
 
 
 def test_recorded_robots_are_in_the_repository(tmp_path, monkeypatch, capsys):
