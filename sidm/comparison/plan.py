@@ -121,7 +121,9 @@ def plan_for(
     if not 0 < shares[0] or shares[-1] > 1:
         raise ConfigError(f"shares are above 0 and at most 1, not {shares}")
     chosen = tuple(dict.fromkeys(methods)) or default_methods(*bodies)
-    return Plan(chosen, min(fold_count, groups), repeats, tuple(shares), seed)
+    if fold_count >= groups:  # there is one way to hold out each session
+        fold_count, repeats = groups, 1
+    return Plan(chosen, fold_count, repeats, tuple(shares), seed)
 
 
 def default_methods(novice: Body, expert: Body | None) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ from sidm.comparison.statistics import Interval, resampled_loss, resampled_ratio
 from sidm.drives import Drive
 from sidm.fitting.errors import OPEN_LOOP
 from sidm.fitting.score import DriveLosses
+from sidm.fitting.splits import groups_of
 
 AHEAD = 1.0  # s, of the open-loop errors in the table
 
@@ -97,6 +98,11 @@ class Comparison:
         """Whether all fits of a method with a share of the data succeeded."""
         return len(self.of(method, share)) == self.plan.folds * self.plan.repeats
 
+    @property
+    def rate(self) -> float:
+        """Steps a second of the drives."""
+        return self.drives[0].body.rate
+
     @cached_property
     def methods(self) -> list[str]:
         """The methods with all fits on all data, the lowest loss first."""
@@ -115,7 +121,8 @@ class Comparison:
         interval; `ratio`, the loss divided by that of the first row, with `ratio_low`
         and `ratio_high`; `spread`, standard deviation of the loss over the repeats;
         `position` (m) and `heading` (rad), the errors after AHEAD seconds open loop,
-        where there is a pose; `seconds`, of a fit.
+        where there is a pose and this horizon; `seconds`, of a fit with its
+        pretraining.
         """
         rows = []
         for method in self.methods:
@@ -131,9 +138,9 @@ class Comparison:
             ahead = errors[errors.prediction == OPEN_LOOP]
             for name in ("position", "heading"):
                 chosen = ahead[ahead.quantity == name]
-                if len(chosen):
-                    nearest = (chosen.horizon - AHEAD).abs().argmin()
-                    row[name] = chosen.rmse.iloc[nearest]
+                at = chosen[(chosen.horizon - AHEAD).abs() <= 0.5 / self.rate]
+                if len(at):
+                    row[name] = at.rmse.iloc[0]
             row["seconds"] = np.median([result.seconds for result in self.of(method)])
             rows.append(row)
         return pd.DataFrame(rows)
@@ -215,9 +222,11 @@ class Comparison:
         # The first row is the best by chance too: whoever may equal it is named.
         near = [m for m in self.methods[1:] if not self.ratio(m, best).low > 1]
         if near and np.isnan(self.ratio(near[0], best).low):
+            once = self.plan.folds == len(np.unique(groups_of(self.drives)))
+            more = "record more sessions" if once else "take more folds or repeats"
             sentence = (
                 f"{best} has the lowest loss, but {len(self.losses(best))} fits are "
-                "too few to compare methods: take more folds or repeats"
+                f"too few to compare methods: {more}"
             )
             return Verdict(best, tuple(near), f"{sentence}; {self._more_data(best)}.")
         trivial = next((m for m in self.methods if m in TRIVIAL), "")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import functools
 import hashlib
 import json
@@ -28,11 +29,11 @@ from sidm.comparison.plan import (
 )
 from sidm.comparison.result import Comparison, FitResult
 from sidm.comparison.store import read_result, write_fault, write_result
-from sidm.config import ConfigError, Notice, first_line, to_mapping
-from sidm.drives import Drive, minutes_of
+from sidm.config import ConfigError, Notice, first_line, replace, to_mapping
+from sidm.drives import Drive, Ground, SimulatedGround, minutes_of
 from sidm.fitting.arguments import drives_from, refuse_swapped
 from sidm.fitting.settings import Settings, settings_with
-from sidm.fitting.single import fit_drives, pretrained
+from sidm.fitting.single import fit_drives, loss_scale, pretrained
 from sidm.fitting.windows import common_length
 from sidm.learning.arithmetic import one_thread
 from sidm.learning.stopping import TrainingError
@@ -143,7 +144,13 @@ def compare(
         raise ConfigError(f"workers must be at least 1, not {workers}")
     methods = [methods] if isinstance(methods, str) else methods
     sizes = folds, repeats, shares, seed
+    novice_drives = _named(novice_drives)
     plan = plan_for(novice_drives, expert_drives, methods, *sizes)
+    if plan.repeats < repeats:
+        parts = f"{plan.folds} sessions or drives"
+        text = f"{parts} can be held out in one way: 1 repeat, not {repeats}"
+        warnings.warn(Notice(text), stacklevel=2)
+        notices.append(text)
     chosen = settings_with(network, training, settings)
     kept = None if folder is None else Path(folder)
     task = Task(plan, novice_drives, expert_drives, chosen, kept)
@@ -159,9 +166,20 @@ def compare(
     faults = sorted(set(faults))
     for fault in faults:
         warnings.warn(Notice(fault), stacklevel=2)
-    if not results:
+    comparison = Comparison(plan, results, (*notices, *faults), novice_drives)
+    if not comparison.methods:
         raise ConfigError(faults[0])
-    return Comparison(plan, results, (*notices, *faults), novice_drives)
+    return comparison
+
+
+def _named(drives: list[Drive]) -> list[Drive]:
+    """Drives with names that differ: numbers are added where names are alike."""
+    if len({drive.name for drive in drives}) == len(drives):
+        return drives
+    return [
+        replace(drive, name=f"{drive.name} {number}".strip())
+        for number, drive in enumerate(drives)
+    ]
 
 
 @contextlib.contextmanager
@@ -199,6 +217,8 @@ def outcome_of(task: Task, fit: Fit) -> FitResult | str:
     if task.folder is not None:
         path = task.folder / "fits" / f"{key_of(task, fit)}.json"
         stored = read_result(path, fit)
+        if isinstance(stored, FitResult):
+            return _renamed(task, stored)
         if stored is not None:
             return stored
     try:
@@ -213,17 +233,32 @@ def outcome_of(task: Task, fit: Fit) -> FitResult | str:
     return result
 
 
+def _renamed(task: Task, result: FitResult) -> FitResult:
+    """A stored result with the drives' names of today: files may have moved."""
+    held_out = drives_of(task.plan, result.fit, task.novice).held_out
+    names = np.array([drive.name for drive in held_out])
+    worst = str(names[result.losses.losses.argmax()])
+    return result._replace(losses=result.losses._replace(drives=names), worst=worst)
+
+
 def _fitted(task: Task, fit: Fit) -> FitResult:
-    """Fit a method and evaluate it on the drives that are held out."""
+    """Fit a method and evaluate it on the drives that are held out.
+
+    The losses of all shares have the weights of all that a fold may learn from.
+    """
     learn, held_out = drives_of(task.plan, fit, task.novice)
     seed = task.plan.seed + fit.repeat
-    started = time.perf_counter()
     expert = task.expert if METHODS[fit.method].needs_expert else None
-    start = _start(task, fit.method, learn, seed)
+    start, before = _start(task, fit.method, learn, seed)
+    started = time.perf_counter()
     model = fit_drives(
         learn, expert, fit.method, task.settings, seed, start=start, notify=False
     )
-    seconds = time.perf_counter() - started
+    seconds = before + time.perf_counter() - started
+    if fit.share < 1 and model.scale is not None:
+        whole = drives_of(task.plan, fit._replace(share=1.0), task.novice).learn
+        scale = loss_scale(whole, expert, task.settings, seed)
+        model = dataclasses.replace(model, scale=scale)
     with one_thread():
         losses, errors = model.losses(held_out), model.evaluate(held_out)
         worst = held_out[int(losses.losses.argmax())]
@@ -232,23 +267,29 @@ def _fitted(task: Task, fit: Fit) -> FitResult:
     return FitResult(fit, minutes_of(learn), seconds, *evaluation)
 
 
-#: Pretrained weights of this process by what they depend on.
-_STARTS: dict[tuple[Any, ...], Pretrained | None] = {}
+#: Pretrained weights of this process, and the seconds they took, by what they depend
+#: on.
+_STARTS: dict[tuple[Any, ...], tuple[Pretrained | None, float]] = {}
 
 
 def _start(
     task: Task, method: str, learn: Sequence[Drive], seed: int
-) -> Pretrained | None:
-    """Pretrained weights of a method, which all folds of a repeat share."""
+) -> tuple[Pretrained | None, float]:
+    """Pretrained weights of a method, which all folds of a repeat share.
+
+    With them come the seconds that they took, now or before.
+    """
     config = METHODS[method]
     if not config.pretrained:
-        return None
+        return None, 0.0
     assert task.expert is not None  # the plan has refused the method without one
     steps = common_length(learn, task.expert)  # of the expert's windows
-    key = _digest(task), config.all_changes, steps, seed
+    key = _digest(task), task.settings, config.all_changes, steps, seed
     if key not in _STARTS:
         _STARTS.clear()  # the fits of one repeat follow each other
-        _STARTS[key] = pretrained(learn, task.expert, method, task.settings, seed)
+        started = time.perf_counter()
+        weights = pretrained(learn, task.expert, method, task.settings, seed)
+        _STARTS[key] = weights, time.perf_counter() - started
     return _STARTS[key]
 
 
@@ -260,6 +301,7 @@ def key_of(task: Task, fit: Fit) -> str:
         "seed": task.plan.seed,
         "settings": to_mapping(task.settings),
         "drives": _digest(task),
+        "scored": "shares alike",  # results of older versions are not
         "version": __version__,
     }
     text = json.dumps(about, sort_keys=True, default=str)
@@ -272,11 +314,25 @@ def _digest(task: Task) -> str:
 
 @functools.lru_cache(maxsize=4)
 def _digest_of(novice: tuple[Drive, ...], expert: tuple[Drive, ...]) -> str:
-    """Digest of all numbers of the drives, their sessions and their bodies."""
+    """Digest of all numbers of the drives, their ground, sessions and bodies."""
     digest = hashlib.sha256()
+    grounds: dict[int, bytes] = {}  # drives share it
     for drives in (novice, expert):
         for drive in drives:
             digest.update(f"{drive.session} {drive.body}".encode())
             for values in (drive.states, drive.actions):
                 digest.update(np.ascontiguousarray(values).tobytes())
+            if id(drive.ground) not in grounds:
+                grounds[id(drive.ground)] = _ground_digest(drive.ground)
+            digest.update(grounds[id(drive.ground)])
     return digest.hexdigest()
+
+
+def _ground_digest(ground: Ground | SimulatedGround | None) -> bytes:
+    if ground is None:
+        return b""
+    if isinstance(ground, SimulatedGround):
+        return ground.checksum.encode()
+    digest = hashlib.sha256(f"{ground.spacing} {ground.centre}".encode())
+    digest.update(np.ascontiguousarray(ground.heights).tobytes())
+    return digest.digest()

@@ -8,6 +8,8 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+from torch import Tensor
+
 from sidm.config import ConfigError, Notice
 from sidm.drives import Drive, minutes_of
 from sidm.fitting.learning import (
@@ -83,7 +85,7 @@ def fit_drives(
         )
     _refuse_not_finite(method, trained)
     body = novice[0].body
-    scale = loss_weights(body, role_units(units_in(sets, network), "novice"))
+    scale = _scale(sets, network)
     if scale is not None and not scale.any():
         raise ConfigError(
             f"nothing of body '{body.name}' varies by more than its sensors resolve; "
@@ -136,6 +138,25 @@ def pretrained(
             progress=update,
             device=device,
         )
+
+
+def loss_scale(
+    novice: Sequence[Drive],
+    expert: Sequence[Drive] | None,
+    settings: Settings,
+    seed: int = 0,
+) -> Tensor | None:
+    """Weights (Y,) of the loss's components for a model of these drives; None: all 1.
+
+    The arguments are those of `fit_drives`.
+    """
+    sets, network, _ = _datasets(novice, expert, settings, seed)
+    return _scale(sets, network)
+
+
+def _scale(sets: Datasets, network: Network) -> Tensor | None:
+    units = role_units(units_in(sets, network), "novice")
+    return loss_weights(network.body("novice"), units)
 
 
 def _refuse_not_finite(method: str, trained: Trained) -> None:

@@ -288,19 +288,21 @@ def test_workers_elsewhere_find_the_method_and_the_recordings(file, tmp_path):
 
 
 def test_motion_is_simulated_before_the_limit_of_a_trial_runs(tmp_path, monkeypatch):
-    monkeypatch.setattr(catalogue, "POOL_MINUTES", 0.2)
-    small = {"minutes": 0.2, "expert_minutes": 0.2, "validation_minutes": 0.2}
-    task = dataclasses.replace(TASKS["system1, 1 min"], **small)
-    stored, shards = made("mean", task, 0, 1.0), []
+    task, done = TASKS["system1, 1 min"], []
+    stored = made("mean", task, 0, 1.0)
 
-    def run_trial(about, method, data, *_):
-        shards.append(len([*data.rglob("shard-*")]))
+    def load_task(*_, workers, progress):
+        done.append(f"motion by {workers}")
+
+    def run_trial(*_):
+        done.append("trial")
         return stored
 
+    monkeypatch.setattr(run_module, "load_task", load_task)
     monkeypatch.setattr(run_module, "run_trial", run_trial)
-    check("mean", [stored], tmp_path / "checked")
-    run(["mean"], [task], seeds=1, data=tmp_path / "run", results=tmp_path)
-    assert shards == [3, 3]  # two of the novice, one of the expert
+    check("mean", [stored], tmp_path, workers=2)
+    run(["mean"], [task], seeds=1, results=tmp_path, workers=3)
+    assert done == ["motion by 2", "trial", "motion by 3", "trial"]
 
 
 def test_what_failed_runs_again_when_asked(file, tmp_path, monkeypatch):

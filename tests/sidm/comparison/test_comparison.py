@@ -348,3 +348,87 @@ def test_the_command_writes_tables_and_a_report(drives, tmp_path, monkeypatch, c
     assert "<iframe" in page  # the replay of the worst drive
     for outside in ('src="http', 'href="http', "url(http", "@import"):
         assert outside not in page
+
+
+def test_a_method_that_learns_nothing_has_a_level_learning_curve(drives):
+    """The losses of all shares are weighted alike."""
+    comparison = sidm.compare(drives, methods=["nothing_changes", "mean"], repeats=1)
+    still = comparison.curve[comparison.curve.method == "nothing_changes"]
+    assert still.loss.to_numpy() == pytest.approx(3 * [still.loss.iloc[0]], rel=1e-6)
+
+
+def test_few_sessions_are_held_out_in_one_way():
+    with pytest.warns(sidm.config.Notice, match="3 sessions .*: 1 repeat, not 2"):
+        comparison = sidm.compare(cart_drives(3), **QUICK, shares=[1])
+    assert comparison.plan.folds == 3 and comparison.plan.repeats == 1
+    assert any("1 repeat, not 2" in note for note in comparison.notes)
+    assert "3 fits are too few to compare methods: record more sessions" in str(
+        comparison.verdict
+    )
+
+
+def test_pretrained_weights_are_those_of_the_settings(drives, monkeypatch):
+    """Folds share them, other settings do not; a fit's seconds include them."""
+    made = []
+
+    def pretrained(learn, expert, method, settings, seed):
+        made.append(settings.training.max_samples)
+        return None
+
+    monkeypatch.setattr(run, "pretrained", pretrained)
+    monkeypatch.setattr(run, "_STARTS", {})
+    plan = plan_for(drives, drives, ["expert_only"])
+    found = []
+    for samples in (200, 200, 6000):
+        settings = run.settings_with(values={"max_samples": samples})
+        task = run.Task(plan, drives, drives, settings, None)
+        found.append(run._start(task, "expert_only", drives, 0))
+    assert made == [200, 6000] and found[0] == found[1] and found[0][1] > 0
+
+
+def test_files_may_move_while_a_comparison_is_interrupted(drives, tmp_path):
+    first = sidm.compare(drives, folder=tmp_path, **QUICK)
+    stored = {path: path.read_text() for path in (tmp_path / "fits").iterdir()}
+    moved = [dataclasses.replace(d, name=f"moved/{d.name}") for d in drives]
+    again = sidm.compare(moved, folder=tmp_path, **QUICK)
+    assert {path: path.read_text() for path in stored} == stored  # no fit was done
+    pd.testing.assert_frame_equal(again.table, first.table)
+    assert again.drive_losses("mean").drive.str.startswith("moved/").all()
+    again.report(tmp_path / "report.html")
+
+
+def test_drives_without_names_are_told_apart(drives):
+    unnamed = [dataclasses.replace(drive, name="") for drive in drives]
+    comparison = sidm.compare(unnamed, methods=["mean"], repeats=1, shares=[1])
+    assert comparison.drive_losses("mean").drive.nunique() == len(drives)
+
+
+def test_other_ground_has_other_results(drives):
+    def key(height):
+        ground = sidm.Ground(np.full((4, 4), height), spacing=0.5)
+        over = [dataclasses.replace(drive, ground=ground) for drive in drives]
+        plan = plan_for(over, None, ["mean"])
+        return run.key_of(run.Task(plan, over, None, run.settings_with(), None), fit)
+
+    fit = Fit("mean", 0, 0, 1.0)
+    assert key(0.0) == key(0.0) != key(0.1)
+
+
+def test_no_method_with_all_fits_is_one_line():
+    """One session is too short to learn from, the other is not."""
+    short = cart_drives(1, drives=1, steps=15)
+    long = [dataclasses.replace(d, session="b") for d in cart_drives(1, drives=8)]
+    with (
+        pytest.warns(sidm.config.Notice),
+        pytest.raises(ConfigError, match="with 100% of the data"),
+    ):
+        sidm.compare([*short, *long], methods=["least_squares"], shares=[1])
+
+
+def test_errors_after_a_second_are_not_those_of_another_horizon():
+    """Drives of 8 steps are followed for less."""
+    comparison = sidm.compare(
+        cart_drives(8, drives=6, steps=10), methods=["mean"], repeats=1, shares=[1]
+    )
+    assert "position" not in comparison.table and len(comparison.errors("mean"))
+    assert "after 1 s" not in comparison.text()
