@@ -80,10 +80,8 @@ def _sorted(frame: pd.DataFrame) -> pd.DataFrame:
 def _method_row(row: dict[str, Any]) -> dict[str, Any]:
     """The values of a method's row, with those that are no plain number as text."""
     interval = Interval(row["score"], row["low"], row["high"])
-    saved = _number(row["data_ratio"])
-    texts = {"score": str(interval), "data_ratio": f"{row['data_bound']}{saved}"}
-    if saved is None:
-        del texts["data_ratio"]
+    saved = f"{row['data_bound']}{row['data_ratio']:.2g}"
+    texts = {"score": str(interval), "data_ratio": saved.replace("nan", "")}
     return _plain(row) | {"shown": texts}
 
 
