@@ -185,7 +185,9 @@ class Drive:
 
     def __post_init__(self) -> None:
         """Refuse arrays whose shapes do not match the body or each other."""
-        states, actions = np.shape(self.states), np.shape(self.actions)
+        for name in ("states", "actions"):
+            object.__setattr__(self, name, np.asarray(getattr(self, name)))
+        states, actions = self.states.shape, self.actions.shape
         steps = actions[0] if actions else 0
         body, width, commands = self.body, len(self.body.state), len(self.body.actions)
         if not steps or (states, actions) != ((steps + 1, width), (steps, commands)):

@@ -17,8 +17,15 @@ TITLES = {
 
 
 def csv_text(table: Any) -> str:
-    """The table as CSV, with six digits."""
-    return table.to_csv(index=False, float_format="%.6g")
+    """The table as CSV, with six digits, and at least four after the point."""
+    return table.to_csv(index=False, float_format=_number)
+
+
+def _number(value: float) -> str:
+    """Six digits; a large number, as a position in a map's frame, has more."""
+    if abs(value) < 100:
+        return f"{value:.6g}"
+    return f"{value:.4f}".rstrip("0").rstrip(".")
 
 
 def write_csv(path: str, table: Any) -> None:

@@ -56,7 +56,9 @@ def bundled_drives() -> list[Drive]:
         # Two of the drives are off their yaw; the demonstration keeps them.
         warnings.simplefilter("ignore", Notice)
         drives = read_drives(folder / "warthog.csv.gz", folder / "skid_steer.yaml")
-    return [replace(drive, name=Path(drive.name).name) for drive in drives]
+    return [
+        replace(drive, name=drive.name.removeprefix(f"{folder}/")) for drive in drives
+    ]
 
 
 def run(folder: str | Path) -> Demo:

@@ -8,10 +8,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
 
+import numpy as np
+
 from sidm.body import Body
 from sidm.body_file import as_body
 from sidm.config import ConfigError, Notice, replace
-from sidm.drives import Drive
+from sidm.drives import Drive, Ground
 from sidm.recordings.reading import drives_from_frame, has_bags, read_drives
 
 if TYPE_CHECKING:
@@ -64,7 +66,9 @@ def drives_from(
     if isinstance(source, Drive):
         source = [source]
     if hasattr(source, "columns") and hasattr(source, "to_numpy"):
-        return drives_from_frame(source, _required(file_body, argument), skip_bad)
+        frame_body = _required(file_body, argument)
+        read = drives_from_frame(source, frame_body, skip_bad, held=allow_constant)
+        return _each_once(read, argument)
     if not isinstance(source, Sequence) or not all(
         isinstance(item, (Drive, str, Path)) for item in source
     ):
@@ -78,6 +82,8 @@ def drives_from(
     drives: list[Drive] = []
     for item in source:
         if isinstance(item, Drive):
+            _refuse_not_finite(item, argument)
+            item = _over_middle(item)
             drives.append(
                 item if expected is None else _with_body(item, expected, argument)
             )
@@ -91,6 +97,30 @@ def drives_from(
             "all drives of a robot have the same body"
         )
     return _each_once(drives, argument)
+
+
+def _refuse_not_finite(drive: Drive, argument: str) -> None:
+    """Raise ConfigError for a drive in memory with a number that is not finite."""
+    body = drive.body
+    for kind, columns in (("states", body.state), ("actions", body.actions)):
+        bad = np.argwhere(~np.isfinite(np.asarray(getattr(drive, kind), float)))
+        if len(bad):
+            step, number = bad[0]
+            raise ConfigError(
+                f"{argument} has {drive!r} in which '{columns[number][0]}' of step "
+                f"{step} is not finite; mend it, or cut the drive there"
+            )
+
+
+def _over_middle(drive: Drive) -> Drive:
+    """The drive moved so that the middle of its ground is the origin, as in files."""
+    ground = drive.ground
+    if not isinstance(ground, Ground) or ground.centre == (0.0, 0.0):
+        return drive
+    states = drive.states.copy()
+    if drive.body.pose_size:
+        states[:, :2] -= np.array(ground.centre)
+    return replace(drive, states=states, ground=ground._replace(centre=(0.0, 0.0)))
 
 
 def _each_once(drives: list[Drive], argument: str) -> list[Drive]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 import warnings
 from collections.abc import Mapping, Sequence
@@ -117,7 +118,9 @@ def fit(
     if out is not None:
         refuse_folder(out, novice_drives[0].body, force)
     learnt, held_out, folds = _split(novice_drives, test, seed, reading)
-    state = None if out is None else Path(out) / UNFINISHED
+    judging = [*held_out, *(drive for part in folds for drive in part.held_out)]
+    _note_seen(judging, expert_drives)
+    state = None if out is None else Path(out) / UNFINISHED / method
     others: dict[str, Any] = {"seed": seed, "progress": progress, "device": device}
     model = fit_drives(learnt, expert_drives, method, chosen, state=state, **others)
     losses = [model.losses(held_out)] if held_out else []
@@ -132,8 +135,22 @@ def fit(
         if (Path(out) / ABOUT).exists():
             warnings.warn(Notice(f"{out}: the model there is replaced"), stacklevel=2)
         model.save(out, force=force)
-        shutil.rmtree(Path(out) / UNFINISHED, ignore_errors=True)
+        shutil.rmtree(Path(out) / UNFINISHED / method, ignore_errors=True)
+        with contextlib.suppress(OSError):  # another method's training stays
+            (Path(out) / UNFINISHED).rmdir()
     return model
+
+
+def _note_seen(held_out: Sequence[Drive], expert: Sequence[Drive] | None) -> None:
+    """Warn where drives that are held out are among the expert's."""
+    learnt = {drive.states.tobytes() for drive in expert or ()}
+    seen = sum(drive.states.tobytes() in learnt for drive in held_out)
+    if seen:
+        text = (
+            f"{seen} of {len(held_out)} drives held out are among the expert's, too: "
+            "the loss on them looks too small"
+        )
+        warnings.warn(Notice(text), stacklevel=3)
 
 
 def _split(
@@ -155,6 +172,13 @@ def _split(
                     f"test has {drive.name}, which the model learns from; "
                     "pass other drives, or a share"
                 )
+        shared = {drive.session for drive in novice} & {d.session for d in held_out}
+        if names := sorted(shared - {""}):
+            text = (
+                f"test has sessions that the model learns from ({', '.join(names)}); "
+                "if they are the same outings, the loss looks too small"
+            )
+            warnings.warn(Notice(text), stacklevel=3)
         return novice, held_out, []
     if not 0 < test < 1:
         raise ConfigError(f"test must be drives or a share below 1, not {test}")

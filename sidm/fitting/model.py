@@ -14,7 +14,7 @@ from torch import Tensor
 
 from sidm.body import Body
 from sidm.config import ConfigError
-from sidm.drives import AnyGround, Drive
+from sidm.drives import AnyGround, Drive, Ground
 from sidm.fitting.arguments import drives_from
 from sidm.fitting.prediction import Steps, predict_steps
 from sidm.fitting.score import DriveLosses, Score
@@ -264,16 +264,24 @@ class Model:
         heights, spacing = None, 0.0
         if ground is not None:
             heights, spacing = ground.heights, ground.spacing
+        state, origin = np.array(state, float), np.zeros(2)
+        if isinstance(ground, Ground) and self.body.pose_size:
+            origin = np.array(ground.centre)
+            state[:2] -= origin  # maps are cut around the middle of the ground
         path = rollout(
             self.predictor,
             heights,
-            torch.as_tensor(np.asarray(state, float)),
+            torch.as_tensor(state),
             torch.as_tensor(np.asarray(actions, float)),
             self.network.pixels,
             spacing=spacing,
             body=self.body,
-        )
-        return path.numpy()
+        ).numpy()
+        if self.body.pose_size:
+            path[:, :2] += origin
+        if self.body.pose == "planar":
+            path[:, 2] = np.unwrap(path[:, 2])
+        return path
 
     def save(self, folder: str | Path, force: bool = False) -> None:
         """Write the model's files into a folder, which is created where it is missing.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sidm.fitting.errors import ONE_STEP
+from sidm.fitting.errors import ONE_STEP, OPEN_LOOP
 from sidm.plots import finish, side_by_side, styled
 
 if TYPE_CHECKING:
@@ -28,7 +28,8 @@ def figure(table: pd.DataFrame) -> Figure:
         table: as `Model.evaluate` returns.
     """
     components = table[table.prediction == ONE_STEP]
-    open_loop = table[table.quantity.isin(("position", "heading"))]
+    ahead = table[table.prediction == OPEN_LOOP]
+    open_loop = ahead[ahead.quantity.isin(("position", "heading"))]
     figure, panels = side_by_side(3 if len(open_loop) else 1)
     mean = components["mean"].clip(lower=SMALLEST)
     names = components.quantity

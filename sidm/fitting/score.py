@@ -79,8 +79,8 @@ class DriveLosses(NamedTuple):
 
     def score(self, folds: int = 1) -> Score:
         """The mean over all steps."""
-        drives, sessions = np.unique(self.drives), np.unique(self.sessions)
-        groups = self.sessions if len(sessions) > 1 else self.drives
+        sessions, numbers = np.unique(self.sessions), np.arange(len(self.steps))
+        groups = self.sessions if len(sessions) > 1 else numbers
         mean = self.mean_components
         return Score(
             loss=float(np.average(self.losses, weights=self.steps)),
@@ -88,7 +88,7 @@ class DriveLosses(NamedTuple):
             mean_loss=None
             if mean is None
             else float(np.average(mean.sum(1), weights=self.steps)),
-            drives=len(drives),
+            drives=len(numbers),
             sessions=len(sessions),
             folds=folds,
         )

@@ -178,10 +178,9 @@ def _datasets(
 ) -> tuple[Datasets, Network, int]:
     """Windows of both robots, the networks for them, and the windows' length."""
     steps = common_length(novice, *([expert] if expert else []))
-    drives = divided(novice, steps)
     train, test = (
         cut(part, steps, overlap=True)
-        for part in train_test_split(drives, session_order(drives, seed))
+        for part in _learnt_and_test(divided(novice, steps), steps, seed)
     )
     body = novice[0].body
     network = network_for(settings, body, expert[0].body if expert else None)
@@ -189,6 +188,17 @@ def _datasets(
     # There is no validation here: `Model.evaluate` takes drives of its own.
     sets = datasets(train, test, test, expert_windows, network.pixels)
     return sets, network, steps
+
+
+def _learnt_and_test(
+    drives: Sequence[Drive], steps: int, seed: int
+) -> tuple[list[Drive], list[Drive]]:
+    """Drives to learn from and drives to stop by; each part has a window."""
+    parts = train_test_split(drives, session_order(drives, seed))
+    if all(any(len(drive) >= steps for drive in part) for part in parts):
+        return parts
+    long = [drive for drive in drives if len(drive) >= steps]
+    return train_test_split(long, session_order(long, seed))
 
 
 @contextlib.contextmanager

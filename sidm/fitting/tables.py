@@ -8,11 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from sidm.body import SI, Columns
+from sidm.body import SI, Body, Columns
 from sidm.drives import Drive
 from sidm.fitting.prediction import Steps
 from sidm.fitting.windows import part_of, rollouts
 from sidm.learning.model import Predictor
+from sidm.learning.observation import QUATERNION
 
 
 def one_step_table(drives: Sequence[Drive], steps: Sequence[Steps]) -> pd.DataFrame:
@@ -76,9 +77,22 @@ def open_loop_table(
                     "time [s]": time,
                 }
             )
-            values = _side_by_side(body.state, path[1:].numpy(), actual)
+            predicted = _nearest_turn(path[1:].numpy(), actual, body)
+            values = _side_by_side(body.state, predicted, actual)
             tables[number, start] = pd.concat([table, values], axis=1)
     return pd.concat([tables[key] for key in starts], ignore_index=True)
+
+
+def _nearest_turn(states: np.ndarray, actual: np.ndarray, body: Body) -> np.ndarray:
+    """States (K, S) with the yaw, or the quaternion's sign, nearest to the actual."""
+    states = states.copy()
+    if body.pose == "planar":
+        turns = np.round((actual[:, 2] - states[:, 2]) / (2 * np.pi))
+        states[:, 2] += 2 * np.pi * turns
+    elif body.pose == "spatial":
+        products = states[:, QUATERNION] * actual[:, QUATERNION]
+        states[products.sum(1) < 0, QUATERNION] *= -1
+    return states
 
 
 def _side_by_side(

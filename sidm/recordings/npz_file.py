@@ -197,8 +197,7 @@ def write_npz(path: Path, drives: Sequence[Drive], origin: str) -> None:
         "origin": origin,
     }
     rows = [
-        np.hstack([d.states, np.vstack([d.actions, d.actions[-1:]])]).astype(np.float32)
-        for d in drives
+        np.hstack([d.states, np.vstack([d.actions, d.actions[-1:]])]) for d in drives
     ]
     members: dict[str, Any] = {
         "rows": np.vstack(rows),

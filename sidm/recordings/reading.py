@@ -106,7 +106,7 @@ def drives_of_paths(
 
 
 def drives_from_frame(
-    frame: pd.DataFrame, body: Body, skip_bad: bool = False
+    frame: pd.DataFrame, body: Body, skip_bad: bool = False, held: bool = False
 ) -> list[Drive]:
     """Drives from a table in memory, with columns as in a CSV file, in SI units.
 
@@ -115,6 +115,7 @@ def drives_from_frame(
             `drive` or `session` too where there are several drives.
         body: the robot's body.
         skip_bad: whether faulty drives are left out, each with a `RecordingWarning`.
+        held: whether a column may never change.
 
     Raises:
         RecordingError: a column is missing, or the first fault; the message is one
@@ -138,6 +139,8 @@ def drives_from_frame(
     findings.warn()
     if not drives:
         raise RecordingError(findings.faults[0])
+    if not held:
+        checks.refuse_constant("the table", drives, body)
     return drives
 
 
