@@ -22,6 +22,7 @@ from companion.statistics.pairs import paired_comparison
 from companion.studies import ablations
 from companion.studies.decisive import verdicts
 from companion.studies.latent_space import measure
+from companion.studies.reproduction import with_repeats
 from companion.study import Study
 from sidm.systems import SYSTEMS
 
@@ -229,8 +230,9 @@ def high_p_expert(p_expert: pd.DataFrame, study: Study) -> list[Reading]:
     few = p_expert[p_expert.novice_minutes == LITTLE]
     papers = few.system.map(study.preset.p_expert).astype(float)
     most = ablations.proportional(study.preset, LITTLE)
+    usual = with_repeats(few[few.p_expert == papers], study.results)
     return _ratio_rows(
-        paired_comparison(few[few.p_expert == most], few[few.p_expert == papers]),
+        paired_comparison(few[few.p_expert == most], usual),
         "a p_e proportional to the data is too high",
         "4",
         "loss at that p_e (0.96, for 2 h of the expert; 14 h: 0.99) / the paper's",
@@ -238,7 +240,7 @@ def high_p_expert(p_expert: pd.DataFrame, study: Study) -> list[Reading]:
     )
 
 
-def long_phases(phases: pd.DataFrame) -> list[Reading]:
+def long_phases(phases: pd.DataFrame, study: Study) -> list[Reading]:
     """Whether too long a phase harms the other phase's loss."""
     few = phases[(phases.novice_minutes == LITTLE) & (phases.method == "sidm")]
     usual = (few.discriminator_iterations == 20) & (few.matching_iterations == 5)
@@ -256,7 +258,7 @@ def long_phases(phases: pd.DataFrame) -> list[Reading]:
         ),
     ):
         rows += _ratio_rows(
-            paired_comparison(long, few[usual]),
+            paired_comparison(long, with_repeats(few[usual], study.results)),
             "too long a phase leads to high losses for the other",
             "4",
             reading,
@@ -293,7 +295,7 @@ def readings(results: Results, data: str = "data") -> list[Reading]:
         ),
         lambda: alikeness(latents),
         lambda: high_p_expert(frame(SMALL, "p-expert"), small),
-        lambda: long_phases(frame(SMALL, "iterations")),
+        lambda: long_phases(frame(SMALL, "iterations"), small),
     )
     return [row for part in parts for row in part()]
 

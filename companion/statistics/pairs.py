@@ -17,6 +17,8 @@ from companion.statistics.intervals import (
 )
 
 POINT = ("system", "novice_minutes")
+#: Column of a reference: whether its motion was simulated again on another machine.
+MOTION = "again"
 
 
 def paired_comparison(
@@ -33,6 +35,8 @@ def paired_comparison(
     Args:
         frame: results, as `Results.frame` gives them.
         reference: results to compare with; at most one a seed for equal columns `on`.
+            With the column MOTION, one for each motion: the one on the same motion as
+            the result is taken, if there is one, else the other.
         on: columns that are equal on both sides, besides the seed.
         by: further columns of `frame` that distinguish its groups.
         value: the column to compare.
@@ -119,14 +123,23 @@ def _joined(
 ) -> tuple[pd.DataFrame, list[str]]:
     """The values of both sides, one row per seed, and the columns of the groups."""
     on, groups = list(on), [*on, *(name for name in by if name not in on)]
-    for side, keys in ((reference, on), (frame, groups)):
+    motion = [MOTION] if MOTION in reference else []
+    for side, keys in ((reference, [*on, *motion]), (frame, groups)):
         if len(side) and side.duplicated([*keys, "seed"]).any():
             raise ValueError(
                 f"two rows of the same {', '.join(keys)} and seed; take the rows of "
                 "one grid at a time"
             )
-    other = reference[[*on, "seed", value]].rename(columns={value: "reference"})
-    return frame[[*groups, "seed", value]].merge(other, on=[*on, "seed"]), groups
+    other = reference[[*on, "seed", *motion, value]]
+    other = other.rename(columns={value: "reference"})
+    own = frame[[*groups, "seed", value]]
+    if not motion:
+        return own.merge(other, on=[*on, "seed"]), groups
+    own = own.assign(number=range(len(own)), own=frame.other_data.map(bool).to_numpy())
+    both = own.merge(other, on=[*on, "seed"])
+    both = both.assign(differs=both.own != both[MOTION])
+    both = both.sort_values(["number", "differs"]).drop_duplicates("number")
+    return both.drop(columns=["number", "own", "differs", MOTION]), groups
 
 
 def mean_difference(pairs: np.ndarray) -> float:

@@ -8,6 +8,7 @@ every size.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -15,6 +16,7 @@ import pandas as pd
 from companion.engine.store import Results
 from companion.methods import CHOICES, FIGURE3, RELEASED
 from companion.statistics.pairs import paired_comparison
+from companion.studies.reproduction import with_repeats
 from companion.study import Study
 from companion.trials import Trial
 
@@ -67,8 +69,13 @@ def frame(
     return pd.concat(parts)
 
 
-def table(frame: pd.DataFrame) -> pd.DataFrame:
+def table(frame: pd.DataFrame, results: str | Path) -> pd.DataFrame:
     """Ratios of the losses with a choice changed to the losses of Figure 3.
+
+    Args:
+        frame: made by `frame`.
+        results: folder of the results, whose repeated trials of Figure 3 stand in where
+            the changed ones ran on motion that was simulated again.
 
     Returns:
         A table of `pairs.paired_comparison`, one row per system, method, size and
@@ -76,7 +83,7 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     """
     return paired_comparison(
         frame[frame.choice != UNCHANGED],
-        frame[frame.choice == UNCHANGED],
+        with_repeats(frame[frame.choice == UNCHANGED], results),
         ["system", "method", "novice_minutes"],
         ["choice"],
     )

@@ -28,7 +28,7 @@ def test_a_choice_is_compared_seed_by_seed(tmp_path, make_row):
         for trial in one.points("system1", ["sidm"], [5.0]):
             store.put(make_row(trial, factor * (1 + trial.seed)))
     (line,) = choices.table(
-        choices.frame(study, store, ["system1", "system2"])
+        choices.frame(study, store, ["system1", "system2"]), tmp_path
     ).itertuples()
     expected = (PYTORCH_WEIGHTS, "sidm", 5, 3)
     assert (line.choice, line.method, line.novice_minutes, line.seeds) == expected
@@ -54,7 +54,8 @@ def test_choices_made_together_are_compared_at_every_size(tmp_path, make_row):
         for one, factor in ((study, 1.0), (study.changed(**changes), minutes)):
             for trial in one.points("system2", ["sidm"], [minutes]):
                 store.put(make_row(trial, factor * (1 + trial.seed)))
-    lines = choices.table(choices.frame(study, store, SYSTEMS, RELEASED)).itertuples()
+    both = choices.frame(study, store, SYSTEMS, RELEASED)
+    lines = choices.table(both, tmp_path).itertuples()
     assert [
         (line.system, line.choice, line.novice_minutes, line.ratio) for line in lines
     ] == [

@@ -1,10 +1,13 @@
 """Trials on data made again elsewhere, beside the stored trials."""
 
+import dataclasses
+
 import pytest
 
 from companion import Results, Study
 from companion.__main__ import main
-from companion.studies.reproduction import store_of, table
+from companion.statistics.pairs import paired_comparison
+from companion.studies.reproduction import store_of, table, with_repeats
 
 
 def test_the_same_trials_are_found_by_all_but_their_data(tmp_path, make_row):
@@ -41,3 +44,40 @@ def test_the_command_line_holds_results_against_others(tmp_path, make_row, capsy
         "ratio 1.50 (1.50 to 1.50)".split()
     )
     assert last == "points in both: 1"
+
+
+def test_a_comparison_is_on_the_same_motion_where_it_can_be(tmp_path, make_row):
+    """The loss doubles; on motion that was simulated again all losses are 10 % lower.
+
+    The trials of another size have no repeat and are compared across motions.
+    """
+    study, store = Study("laptop", tmp_path, tmp_path), Results(tmp_path)
+    changed = study.changed(pixels=16)
+    for one, factor in ((study, 1.0), (changed, 2.0)):
+        for trial in one.points("system1", ["sidm"], [5.0, 20.0]):
+            row = make_row(trial, factor * (1 + trial.seed))
+            if one is changed:
+                lower = make_row(trial, 0.9 * factor * (1 + trial.seed))
+                made = dataclasses.replace(row.provenance, other_data=("novice",))
+                row = dataclasses.replace(lower, provenance=made)
+            elif trial.novice_minutes == 5:
+                repeated = trial.replace(novice_data="0123", expert_data="4567")
+                store_of(tmp_path).put(make_row(repeated, 0.9 * (1 + trial.seed)))
+            store.put(row)
+    frame, reference = (
+        store.frame(one.points("system1", ["sidm"], [5.0, 20.0]))
+        for one in (changed, study)
+    )
+    plain = paired_comparison(frame, reference)
+    assert plain.ratio.tolist() == pytest.approx([1.8, 1.8])
+    alike = paired_comparison(frame, with_repeats(reference, tmp_path))
+    assert alike.ratio.tolist() == pytest.approx([2.0, 1.8])
+    assert alike.seeds.tolist() == [3, 3]
+    original = frame.assign(other_data=[()] * len(frame))
+    assert paired_comparison(
+        original, with_repeats(reference, tmp_path)
+    ).ratio.tolist() == pytest.approx([1.8, 1.8])
+    nowhere = with_repeats(reference, tmp_path / "nowhere")
+    assert paired_comparison(frame, nowhere).ratio.tolist() == plain.ratio.tolist()
+    other = with_repeats(frame, tmp_path)  # no repeats with 16 pixels
+    assert len(other) == len(frame)
