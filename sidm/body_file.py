@@ -31,7 +31,9 @@ def read_body(path: str | Path) -> Body:
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read ({error})") from None
     except yaml.YAMLError as error:
-        raise ConfigError(f"{path}: no YAML ({' '.join(str(error).split())})") from None
+        text = " ".join(str(error).split())
+        quote = "; write a unit of % as '%'" if "'%'" in text else ""
+        raise ConfigError(f"{path}: no YAML ({text}){quote}") from None
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
     if not isinstance(values, dict):

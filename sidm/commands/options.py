@@ -56,6 +56,7 @@ def add_reading_options(command: argparse.ArgumentParser) -> None:
 def refuse_inputs(outputs: Iterable[str | None], inputs: Iterable[str | None]) -> None:
     """Raise ConfigError for a file to write that has no name or is read, too."""
     read = [Path(path) for path in inputs if path and Path(path).exists()]
+    read += [file for path in read if path.is_dir() for file in path.rglob("*")]
     for output in outputs:
         if output is None:
             continue

@@ -19,6 +19,7 @@ from sidm.fitting.score import DriveLosses
 from sidm.fitting.splits import groups_of
 
 AHEAD = 1.0  # s, of the open-loop errors in the table
+MORE = 1.05  # ratio of the losses with less and with all data that is worth recording
 
 
 class FitResult(NamedTuple):
@@ -268,8 +269,10 @@ class Comparison:
         less, full = self.losses(method, smaller[-1]), self.losses(method)
         ratio = resampled_ratio(less, full, self.plan.folds)
         said = f"with {smaller[-1]:.0%} of the data its loss is {ratio} times as large"
-        if ratio.low > 1:
+        if ratio.low > 1 and ratio.value >= MORE:
             return f"more data would help, since {said}"
+        if ratio.high < MORE:
+            return f"more data would hardly help, since {said}"
         return f"whether more data would help is not sure: {said}"
 
 

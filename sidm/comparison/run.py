@@ -132,6 +132,8 @@ def compare(
         True
     """
     reading: dict[str, Any] = {"topics": topics, "skip_bad": skip_bad}
+    if expert is None and expert_body is not None:
+        raise ConfigError("expert_body is given, but there is no expert")
     with _noted() as notices:
         novice_drives = drives_from(novice, body, "novice", **reading)
         expert_drives = None

@@ -23,6 +23,7 @@ import gzip
 import io
 import math
 import re
+import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -172,7 +173,7 @@ def _split_header(path: Path) -> tuple[dict[str, str], list[str], int]:
     try:
         with opener(path, "rt", encoding="utf-8-sig") as file:
             lines = file.read().splitlines()
-    except (OSError, EOFError, UnicodeDecodeError) as error:
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
         raise RecordingError(f"{path}: cannot be read as text ({error})") from None
     others = (n for n, line in enumerate(lines) if not line.startswith("#"))
     count = next(others, len(lines))

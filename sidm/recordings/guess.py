@@ -105,6 +105,8 @@ def guess_body(path: str | Path, topics: Sequence[str] = ()) -> Guess:
             f"{file}: no column seems to be a command (command..., cmd..., throttle, "
             f"steering); rename one of {', '.join(recording.numbers)}"
         )
+    for number, time in enumerate(recording.time):
+        checks.refuse_times(f"{file}: drive {number}", time)
     rate, why_rate = _rate(recording, pose)
     body = Body(
         name=file.name.partition(".")[0],

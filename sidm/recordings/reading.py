@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".csv", ".csv.gz", ".npz")
 INNER = (".db3", ".mcap")  # files inside the folder of a ROS 2 bag
+ALIKE = (".csv", ".tsv", ".gz", ".npz", ".bag")  # of files that may be drives
 
 
 def read_drives(
@@ -85,9 +86,16 @@ def drives_of_paths(
     files = []
     for path in paths:
         try:
-            files += files_of(path)
+            found = files_of(path)
         except RecordingError as error:
             findings.add(error)
+            continue
+        files += found
+        if left := _not_read(path, found):
+            findings.notes.append(
+                f"{path}: {len(left)} files are not read, as {left[0]}; drives are "
+                f"files {', '.join(SUFFIXES)} in the folder itself, or named one by one"
+            )
     if files and topics and not any(map(is_bag, files)):
         where = ", ".join(map(str, paths))
         raise RecordingError(
@@ -200,6 +208,23 @@ def _files_in(folder: Path) -> list[Path]:
     named = [heights_file(file) for file in files if ".csv" in file.name]
     heights = {file.resolve() for file in named if file}
     return [file for file in files if file.resolve() not in heights]
+
+
+def _not_read(folder: Path, files: Sequence[Path]) -> list[Path]:
+    """Files below a folder that look like drives and are not among those read."""
+    if not folder.is_dir() or is_bag(folder):
+        return []
+    heights = {heights_file(file) for file in files if ".csv" in file.name}
+    bags = [file for file in files if file.is_dir()]
+    return sorted(
+        file
+        for file in folder.rglob("*")
+        if file.suffix.lower() in ALIKE
+        and file.is_file()
+        and file not in files
+        and file not in heights
+        and not any(bag in file.parents for bag in bags)
+    )
 
 
 def _tables(

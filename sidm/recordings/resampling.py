@@ -1,7 +1,8 @@
 """Rows of a table divided into drives and brought to the rate of control steps.
 
 States are interpolated. An action is the mean of the rows' actions in its control step,
-or that of the last row before where the step has no row. A pose that repeats itself
+or that of the last row before where the step has no row; a row may be a little late.
+Angles are averaged around the circle. A pose that repeats itself
 because its sensor is slower than the rows is interpolated as well.
 """
 
@@ -20,6 +21,7 @@ from sidm.recordings.table import Findings, RecordingError, Table
 MAX_REPEATS = 2  # rows in which a slower sensor's pose may repeat itself, at least
 MIN_STEPS = 8  # control steps of a drive
 PLACES = 3  # pauses of a drive whose times a note tells
+JITTER = 0.1  # of the rows' spacing, by which a row may be late for its step
 FEWEST_CHANGES = 10  # of a pose, from which the rate of its sensor is known
 
 
@@ -165,11 +167,13 @@ def resampled(rows: Rows, body: Body) -> tuple[np.ndarray, np.ndarray]:
     if body.pose == "spatial":
         at_rate[:, 3:7] /= np.linalg.norm(at_rate[:, 3:7], axis=1, keepdims=True)
     # the row whose action holds at each time of the grid
-    held = np.searchsorted(time, grid + 1e-6 * spacing, side="right") - 1
-    means = [
-        actions[start : max(end, start + 1)].mean(0)
-        for start, end in zip(held[:-1], held[1:], strict=True)
-    ]
+    held = np.searchsorted(time, grid + JITTER * spacing, side="right") - 1
+    angles = [i for i, (_, unit) in enumerate(body.actions) if unit in UNITS["angle"]]
+    means = []
+    for start, end in zip(held[:-1], held[1:], strict=True):
+        part = actions[start : max(end, start + 1)].copy()
+        part[:, angles] = np.unwrap(part[:, angles], axis=0)
+        means.append(part.mean(0))
     return at_rate, np.reshape(means, (len(grid) - 1, actions.shape[1]))
 
 
