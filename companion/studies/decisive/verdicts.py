@@ -95,7 +95,7 @@ def verdict_of(ratio: Interval, paper: float | None = None, above: bool = True) 
         paper: the paper's number, which the interval may hold, too.
         above: whether the claim is that the ratio lies above 1; else below.
     """
-    if np.isnan([ratio.low, ratio.high]).any():
+    if np.isnan(ratio).any():  # a bound has no value, and so no verdict
         return NO_VERDICT
     side = ratio.side(1) if above else -ratio.side(1)
     if side == 1 and paper is not None and ratio.low <= paper <= ratio.high:
