@@ -30,8 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "trials at the same time (%(default)s)"
     add("--workers", type=whole_number, metavar="N", default=1, help=text)
     add("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster")
-    text = "most seconds of a trial (%(default)g)"
-    add("--limit", type=float, metavar="S", default=3600.0, help=text)
+    text = "most seconds of a trial (an hour)"
+    add("--limit", type=float, metavar="S", help=text)
     add("--retry", action="store_true", help="run trials that failed again")
     add("--page", metavar="FILE", help="write the table as a page")
     add("--csv", metavar="FILE", help="write all rows as CSV")
@@ -48,6 +48,7 @@ def run_bench(arguments: argparse.Namespace) -> int:
     """
     from companion.tasks.catalogue import SEEDS, find_tasks
     from companion.tasks.run import entries, records, run
+    from companion.tasks.trial import LIMIT
 
     tasks, seeds = find_tasks(arguments.tasks), arguments.seeds or SEEDS
     store = records(arguments.results)
@@ -69,7 +70,7 @@ def run_bench(arguments: argparse.Namespace) -> int:
                 results=arguments.results,
                 workers=arguments.workers,
                 executor=executor,
-                limit=arguments.limit,
+                limit=arguments.limit or LIMIT,
                 retry=arguments.retry,
             )
         wanted = entries(arguments.methods, tasks, seeds)
@@ -120,6 +121,7 @@ def _print_cards(tasks, results) -> None:
 def _check(arguments: argparse.Namespace, results) -> int:
     """Run the cheapest stored trial of the methods again."""
     from companion.tasks.run import check
+    from companion.tasks.trial import LIMIT
 
     if not arguments.methods:
         raise ConfigError("--check needs a method, as FILE.py:CLASS")
@@ -130,7 +132,7 @@ def _check(arguments: argparse.Namespace, results) -> int:
             results,
             data=arguments.data,
             workers=arguments.workers,
-            limit=arguments.limit,
+            limit=arguments.limit or LIMIT,
         )
         same = stored.status == again.status and _close(stored.loss, again.loss)
         print(
