@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
-
-import numpy as np
 
 from companion.cluster import executor_at
 from sidm.command_line import whole_number
@@ -92,7 +91,7 @@ def _print_table(arguments: argparse.Namespace, results) -> None:
     table = score_table(frame)
     saved = zip(table.pop("data_bound"), table.data_ratio, strict=True)
     table["data_ratio"] = [
-        "" if np.isnan(ratio) else f"{bound}{ratio:.3g}" for bound, ratio in saved
+        "" if math.isnan(ratio) else f"{bound}{ratio:.3g}" for bound, ratio in saved
     ]
     print(table.to_string(index=False, float_format="{:.3g}".format, na_rep=""))
     if REFERENCE not in frame[frame.status == "ok"].method.to_numpy():

@@ -55,7 +55,7 @@ def log_ratios(frame: pd.DataFrame, value: str = "loss") -> pd.DataFrame:
     """
     table = frame.pivot_table(index=[*INDEX], columns="method", values=value)
     if REFERENCE not in table:
-        return pd.DataFrame()
+        return pd.DataFrame(index=NONE.index)
     table = table[table[REFERENCE].notna()]
     logs = np.log(table).sub(np.log(table[REFERENCE]), axis=0)
     counts = logs.groupby("task").count()

@@ -142,6 +142,12 @@ def test_a_task_with_a_failed_seed_has_no_score():
     assert scores.other.isna().all() and scores.short.isna().all()
 
 
+def test_without_rows_nothing_is_known():
+    logs = log_ratios(results_frame([])).reindex(columns=["good"])
+    assert np.isnan(mean_of(logs.good)).all()
+    assert np.isnan(mean_of(logs.good).interval).all()
+
+
 def test_a_further_seed_of_one_method_leaves_the_others_their_scores():
     results = losses_of("robot", [5.0], [[0.5, 0.6, 0.7]])
     task = results[0].about.task
