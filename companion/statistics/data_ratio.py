@@ -3,7 +3,9 @@
 The size is chosen before the results are known. A seed's ratio is read from the
 isotonic fit of that seed's losses. The estimate over seeds is the geometric mean, with
 Student's interval of the logarithm. Where the curve of a seed does not reach the loss,
-the ratio is a bound, and the estimate has no value.
+that seed's ratio is a bound. Then the geometric mean is known to lie on one side of the
+seeds' values and bounds, and no interval is known: a true ratio far beyond its bound
+would raise the mean and widen the interval.
 """
 
 from __future__ import annotations
@@ -28,8 +30,9 @@ def data_ratio(
         at: data of the method, min.
 
     Returns:
-        The data ratio over seeds. With a bound, the value is NaN and one end of the
-        interval is open: 0 or infinity.
+        The data ratio over seeds. With a seed's bound the value is NaN, and the ends
+        are those between which the geometric mean of these seeds lies: the geometric
+        mean of values and bounds, and 0 or infinity. NaN with bounds of both sides.
     """
     needed = [
         minutes_needed(np.asarray(sizes), isotonic_fit(curve), loss)
@@ -39,9 +42,8 @@ def data_ratio(
     signs = {sign for _, sign in needed}
     if len(logs) < FEWEST_SEEDS or {">", "<="} <= signs:
         return Interval(np.nan, np.nan, np.nan)
-    value, low, high = np.exp(student(logs))
     if ">" in signs:
-        return Interval(np.nan, float(low), np.inf)
+        return Interval(np.nan, float(np.exp(logs.mean())), np.inf)
     if "<=" in signs:
-        return Interval(np.nan, 0.0, float(high))
-    return Interval(float(value), float(low), float(high))
+        return Interval(np.nan, 0.0, float(np.exp(logs.mean())))
+    return Interval(*(float(np.exp(end)) for end in student(logs)))
