@@ -54,7 +54,7 @@ def make_results(study, chosen, make_row):
     """Function that makes rows of both recipes: `make_results(early, late)`.
 
     `early` and `late` give the loss of a trial. The test loss falls to the early
-    minimum, stays above it for shorter than the released rule waits, and falls again.
+    minimum, stays above it for longer than the released rule waits, and falls again.
     """
 
     def row(trial, early, late):
@@ -229,7 +229,7 @@ def test_scores_are_by_least_squares_on_the_same_split(study, make_row):
     )
 
 
-def test_a_saving_that_a_shorter_training_takes_away(make_results):
+def test_a_saving_that_a_longer_training_takes_away(make_results):
     """Under the released rule an SIDM saves what the paper says, at the end nothing.
 
     R and T agree.

@@ -118,7 +118,9 @@ def test_the_command_names_its_drives(drives, tmp_path, capsys):
     fit += " --method least_squares"
     assert command_line.main([*fit.split(), "--test", str(other)]) == 0
     said = capsys.readouterr().out
-    assert command_line.main(["evaluate", out, str(other)]) == 0
+    picture = str(tmp_path / "picture.png")
+    words = ["evaluate", out, str(other), "--figure", picture]
+    assert command_line.main(words) == 0
     again = capsys.readouterr().out
     line = said.splitlines()[1].removeprefix("held out from learning: ")
     assert line.startswith("loss ") and "on 87 drives of" in line
