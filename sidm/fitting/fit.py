@@ -23,6 +23,7 @@ from sidm.fitting.score import DriveLosses
 from sidm.fitting.settings import settings_with
 from sidm.fitting.single import fit_drives
 from sidm.fitting.splits import Split, evaluation_splits
+from sidm.rivals.methods import METHODS
 from sidm.settings import Network, Training
 
 if TYPE_CHECKING:
@@ -115,6 +116,7 @@ def fit(
         )
     _refuse(method, novice_drives, expert_drives)
     refuse_swapped(novice_drives, expert_drives)
+    _note_unused(method, settings)
     if out is not None:
         refuse_folder(out, novice_drives[0].body, force)
     learnt, held_out, folds = _split(novice_drives, test, seed, reading)
@@ -139,6 +141,14 @@ def fit(
         with contextlib.suppress(OSError):  # another method's training stays
             (Path(out) / UNFINISHED).rmdir()
     return model
+
+
+def _note_unused(method: str, settings: Mapping[str, Any]) -> None:
+    """Warn of single settings of a network where the method trains none."""
+    config, unused = METHODS[method], [name for name in settings if name != "pixels"]
+    if unused and config.fit != "gradients" and not config.pretrained:
+        text = f"'{method}' trains no network; without effect: {', '.join(unused)}"
+        warnings.warn(Notice(text), stacklevel=3)
 
 
 def _note_seen(held_out: Sequence[Drive], expert: Sequence[Drive] | None) -> None:

@@ -71,6 +71,12 @@ def test_an_expert_that_has_the_drives_held_out_is_noted():
         sidm.fit(drives, drives, "least_squares_pooled", test=0.25)
 
 
+def test_settings_of_a_network_are_noted_where_there_is_none():
+    settings = {"hidden": 8, "pixels": 8, "batch": 4}
+    with pytest.warns(Notice, match="trains no network; without effect: hidden, batch"):
+        sidm.fit(sessions([80, 80]), method="least_squares", settings=settings)
+
+
 def test_a_number_that_is_not_finite_is_one_line():
     drives = sessions([80, 80])
     drives[1].states[7, 3] = np.nan
