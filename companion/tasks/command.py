@@ -82,6 +82,7 @@ def _print_table(arguments: argparse.Namespace, results) -> None:
     """Print the table of the tasks' rows, and write the page and the rows."""
     from companion.tasks.page import write_page
     from companion.tasks.scores import REFERENCE, results_frame, score_table
+    from companion.tasks.trial import NO_FAILURE
 
     if not results:
         raise ConfigError(
@@ -98,7 +99,7 @@ def _print_table(arguments: argparse.Namespace, results) -> None:
         print(f"note: scores are ratios to {REFERENCE}; run it on these tasks, too")
     elif table.tasks.nunique() > 1:
         print("note: some scores are over fewer tasks; '--tasks' takes a group")
-    for row in frame[frame.status != "ok"].itertuples():
+    for row in frame[~frame.status.isin(NO_FAILURE)].itertuples():
         print(
             f"note: {row.method}, {row.task}, seed {row.seed}: "
             f"{row.status}: {row.message}"

@@ -37,7 +37,12 @@ class EnteredMethod(Protocol):
     def fit(
         self, novice: Sequence[Drive], expert: Sequence[Drive], seed: int
     ) -> FittedModel:
-        """A model of the novice, from its drives and the expert's."""
+        """A model of the novice, from its drives and the expert's.
+
+        Raises:
+            NotImplementedError: the method is not for such robots; the trial is no
+                failure.
+        """
         ...
 
 
@@ -74,12 +79,16 @@ class LibraryMethod:
         self, novice: Sequence[Drive], expert: Sequence[Drive], seed: int
     ) -> LibraryModel:
         """A model of the novice."""
-        from sidm.fitting.learning import refuse_method
+        from sidm.fitting.learning import refuse_method, require_packages
         from sidm.fitting.settings import SETTINGS
         from sidm.fitting.single import fit_drives
         from sidm.rivals.methods import METHODS
 
-        refuse_method(self.name, novice[0].body, expert[0].body)
+        require_packages(self.name)
+        try:
+            refuse_method(self.name, novice[0].body, expert[0].body)
+        except ConfigError as error:
+            raise NotImplementedError(str(error)) from None
         used = expert if METHODS[self.name].needs_expert else None
         model = fit_drives(novice, used, self.name, SETTINGS, seed, notify=False)
         return LibraryModel(model)

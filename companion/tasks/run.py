@@ -10,7 +10,7 @@ from pathlib import Path
 from companion.engine.records import records_of
 from companion.tasks.catalogue import SEEDS, Task, load_task
 from companion.tasks.methods import find_method
-from companion.tasks.trial import LIMIT, Entry, EntryResult, run_trial
+from companion.tasks.trial import LIMIT, NO_FAILURE, Entry, EntryResult, run_trial
 from sidm.config import ConfigError
 
 #: The stored results, under a folder of results.
@@ -67,7 +67,7 @@ def run(
     missing = [
         entry
         for entry, result in known.items()
-        if result is None or (retry and result.status != "ok")
+        if result is None or (retry and result.status not in NO_FAILURE)
     ]
     for entry in missing:
         store.path(entry).unlink(missing_ok=True)  # a failure that is run again

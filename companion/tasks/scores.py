@@ -16,7 +16,7 @@ import pandas as pd
 
 from companion.tasks.catalogue import SEEDS
 from companion.tasks.intervals import holm, mean_of
-from companion.tasks.trial import EntryResult
+from companion.tasks.trial import NO_FAILURE, EntryResult
 from sidm.comparison.statistics import CONFIDENCE
 
 REFERENCE = "least_squares"  # whose loss is 1
@@ -79,7 +79,7 @@ def score_table(frame: pd.DataFrame) -> pd.DataFrame:
     Columns: `method`; `score` with `low` and `high`, the loss divided by that of least
     squares on the novice alone; `position` and `heading`, the same ratio of the errors
     after 1 s open loop; `data_ratio`, see `data_ratio`, with `data_bound`; `seconds` of
-    a fit, median; `tasks` with a score; `failures`, trials without errors.
+    a fit, median; `tasks` with a score; `failures`, of trials.
     """
     logs = log_ratios(frame)
     ahead = {name: task_scores(frame, name) for name in ("position", "heading")}
@@ -94,7 +94,7 @@ def score_table(frame: pd.DataFrame) -> pd.DataFrame:
         row["data_ratio"], row["data_bound"] = data_ratio(frame, str(method))
         row["seconds"] = trials.seconds.median()
         row["tasks"] = len(own.dropna().groupby("task"))
-        row["failures"] = int((trials.status != "ok").sum())
+        row["failures"] = int((~trials.status.isin(NO_FAILURE)).sum())
         rows.append(row)
     table = pd.DataFrame(rows)
     fewer = table.tasks < table.tasks.max()

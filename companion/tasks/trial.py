@@ -39,8 +39,16 @@ CHECKED = 3  # drives at which the use of later states is looked for
 PEEKED = 1e-3  # of a component's standard deviation; rounding changes far less
 
 Status = Literal[
-    "ok", "raised", "not finite", "wrong shape", "not reproducible", "peeked", "limit"
+    "ok",
+    "not for these robots",
+    "raised",
+    "not finite",
+    "wrong shape",
+    "not reproducible",
+    "peeked",
+    "limit",
 ]
+NO_FAILURE = "ok", "not for these robots"
 
 
 @config
@@ -66,8 +74,8 @@ class EntryResult:
 
     Attributes:
         about: which trial
-        status: 'ok', or why there are no errors
-        message: one line about a failure
+        status: 'ok', or why there are no errors; a failure unless in NO_FAILURE
+        message: one line about it
         loss: equation (1), the mean of a step of the drives that judge; each component
             over its variance there unless the body says otherwise
         components: (Y,) terms of the loss
@@ -148,6 +156,8 @@ def measure(method: str, task: Task, seed: int, data: str | Path) -> dict[str, A
         values = _evaluate(model, motion)
     except Refused as refused:
         return {"status": refused.args[0], "message": refused.args[1]}
+    except NotImplementedError as error:
+        return {"status": "not for these robots", "message": first_line(error)[:300]}
     except Exception as error:  # a method may raise anything
         text = f"{type(error).__name__}: {first_line(error)}"
         return {"status": "raised", "message": text[:300]}

@@ -38,6 +38,12 @@ from sidm.settings import Network
 ALONE = {"least_squares": "least_squares", "trees": "trees", "gaussian_process": "gp"}
 
 
+def require_packages(method: str) -> None:
+    """Raise ConfigError, one line, where a package that a method needs is missing."""
+    if METHODS[method].fit in ("trees", "gaussian_process"):
+        boosting.require_scikit_learn(method)
+
+
 def refuse_method(method: str, novice: Body, expert: Body | None) -> None:
     """Raise ConfigError for a method that is unknown or cannot learn these robots."""
     if method not in METHODS:
@@ -64,8 +70,7 @@ def refuse_method(method: str, novice: Body, expert: Body | None) -> None:
         raise ConfigError(
             f"{method} {needed}, which needs robots of one body; take {others}"
         )
-    if config.fit in ("trees", "gaussian_process"):
-        boosting.require_scikit_learn(method)
+    require_packages(method)
     if config.fit == "kinematics":
         drivetrain_of(novice, method)  # type: ignore[arg-type]
 

@@ -142,6 +142,15 @@ def test_a_task_with_a_failed_seed_has_no_score():
     assert scores.other.isna().all() and scores.short.isna().all()
 
 
+def test_robots_that_a_method_is_not_for_are_no_failure():
+    task = Task(name="robot9, 5 min", pair="system1", minutes=5.0)
+    rows = [made("least_squares", task, 0, 1.0), made("good", task, 1, None, "limit")]
+    rows.append(made("good", task, 0, None, "not for these robots"))
+    table = score_table(results_frame(rows)).set_index("method")
+    assert table.failures.to_dict() == {"least_squares": 0, "good": 1}
+    assert table.tasks["good"] == 0
+
+
 def test_without_rows_nothing_is_known():
     logs = log_ratios(results_frame([])).reindex(columns=["good"])
     assert np.isnan(mean_of(logs.good)).all()

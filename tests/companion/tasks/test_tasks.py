@@ -15,7 +15,7 @@ from companion.tasks import catalogue
 from companion.tasks import run as run_module
 from companion.tasks.cards import card
 from companion.tasks.catalogue import GROUPS, TASKS, find_tasks, load_task
-from companion.tasks.methods import find_method
+from companion.tasks.methods import LibraryMethod, find_method
 from companion.tasks.run import check, entries, records, run
 from companion.tasks.trial import measure
 from sidm.config import ConfigError
@@ -56,6 +56,10 @@ class WrongShape(Still):
 class Raises(Still):
     def fit(self, novice, expert, seed):
         raise KeyError("the novice")
+
+class NotForThese(Still):
+    def fit(self, novice, expert, seed):
+        raise NotImplementedError("no wheels")
 
 class Dies(Still):
     def fit(self, novice, expert, seed):
@@ -125,6 +129,7 @@ def test_a_simulated_task_sees_the_body_it_names(tmp_path):
         ("NotANumber", "not finite", "a prediction is not finite"),
         ("WrongShape", "wrong shape", "(19, 4), not (19, 6)"),
         ("Raises", "raised", "KeyError: 'the novice'"),
+        ("NotForThese", "not for these robots", "no wheels"),
         ("Dies", "raised", ""),
         ("Forever", "limit", "after 12 s"),
         ("Peeks", "peeked", "changes with the state after it"),
@@ -166,6 +171,18 @@ def test_a_method_gets_what_the_librarys_own_gets(file, tmp_path):
     assert (
         by_method["entered.py:Still", 0].loss != by_method["entered.py:Still", 1].loss
     )
+
+
+def test_the_librarys_methods_say_for_which_robots_they_are_not(monkeypatch):
+    """A package that is missing is another matter."""
+    novice, expert, _ = load_task(TASK, 0)
+    body = dataclasses.replace(expert[0].body, actions=(("left", "1"), ("right", "1")))
+    others = [dataclasses.replace(drive, body=body) for drive in expert]
+    with pytest.raises(NotImplementedError, match="which needs robots of one body"):
+        LibraryMethod("trees_corrected").fit(novice, others, 0)
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    with pytest.raises(ConfigError, match="needs scikit-learn"):
+        LibraryMethod("trees_corrected").fit(novice, others, 0)
 
 
 def test_a_killed_run_goes_on(tmp_path, monkeypatch):
