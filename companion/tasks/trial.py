@@ -99,7 +99,7 @@ class EntryResult:
 
 
 class Refused(Exception):
-    """A model whose predictions do not count; its arguments are status and message."""
+    """A model that does not count; its arguments are status and message."""
 
 
 def run_trial(
@@ -151,13 +151,14 @@ def measure(method: str, task: Task, seed: int, data: str | Path) -> dict[str, A
     entered = load_method(method)
     started = time.perf_counter()
     try:
-        model = entered.fit(motion.novice, motion.expert, seed)
+        try:
+            model = entered.fit(motion.novice, motion.expert, seed)
+        except NotImplementedError as error:
+            raise Refused("not for these robots", first_line(error)[:300]) from None
         seconds = time.perf_counter() - started
         values = _evaluate(model, motion)
     except Refused as refused:
         return {"status": refused.args[0], "message": refused.args[1]}
-    except NotImplementedError as error:
-        return {"status": "not for these robots", "message": first_line(error)[:300]}
     except Exception as error:  # a method may raise anything
         text = f"{type(error).__name__}: {first_line(error)}"
         return {"status": "raised", "message": text[:300]}

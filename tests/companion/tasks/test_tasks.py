@@ -61,6 +61,10 @@ class NotForThese(Still):
     def fit(self, novice, expert, seed):
         raise NotImplementedError("no wheels")
 
+class NotYet(Still):
+    def predict(self, drive):
+        raise NotImplementedError("later")
+
 class Dies(Still):
     def fit(self, novice, expert, seed):
         import os
@@ -130,6 +134,7 @@ def test_a_simulated_task_sees_the_body_it_names(tmp_path):
         ("WrongShape", "wrong shape", "(19, 4), not (19, 6)"),
         ("Raises", "raised", "KeyError: 'the novice'"),
         ("NotForThese", "not for these robots", "no wheels"),
+        ("NotYet", "raised", "NotImplementedError: later"),
         ("Dies", "raised", ""),
         ("Forever", "limit", "after 12 s"),
         ("Peeks", "peeked", "changes with the state after it"),
