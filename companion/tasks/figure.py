@@ -26,6 +26,7 @@ ROWS = {
     "gp_corrected": "expert's least squares,\ncorrected by a Gaussian process",
     "trees_corrected": "expert's trees,\ncorrected by trees",
     "pretrain_finetune": "expert's network,\nfine-tuned",
+    "corrected": "expert's network,\ncorrected by least squares",
     "sidm": "SIDM",
 }
 
