@@ -29,6 +29,6 @@ class Nearest:
         return self.followed[distance.argmin(1)].numpy()
 
     def numbers(self, drive):
-        """Columns and commands (K, X) of each step; the pose itself says nothing."""
+        """Columns and commands (K, X) of each step, without the pose."""
         columns = drive.states[:-1, drive.body.pose_size :]
         return np.hstack([columns, drive.actions])

@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--limit", type=float, metavar="S", help=text)
     add("--retry", action="store_true", help="run trials that failed again")
     add("--page", metavar="FILE", help="write the table as a page")
-    add("--csv", metavar="FILE", help="write all rows as CSV")
+    add("--csv", metavar="FILE", help="write the tasks' rows as CSV")
     add("--list", action="store_true", help="print the tasks' cards and run nothing")
     text = "run one stored trial of the method again, and compare the losses"
     add("--check", action="store_true", help=text)
@@ -80,6 +80,7 @@ def run_bench(arguments: argparse.Namespace) -> int:
 
 def _print_table(arguments: argparse.Namespace, results) -> None:
     """Print the table of the tasks' rows, and write the page and the rows."""
+    from companion.tasks.catalogue import SEEDS
     from companion.tasks.page import write_page
     from companion.tasks.scores import REFERENCE, results_frame, score_table
     from companion.tasks.trial import NO_FAILURE
@@ -97,6 +98,8 @@ def _print_table(arguments: argparse.Namespace, results) -> None:
     print(table.to_string(index=False, float_format="{:.3g}".format, na_rep=""))
     if REFERENCE not in frame[frame.status == "ok"].method.to_numpy():
         print(f"note: scores are ratios to {REFERENCE}; run it on these tasks, too")
+    elif table.score.isna().any():
+        print(f"note: a score needs all {SEEDS} seeds of a task, and no failure")
     elif table.tasks.nunique() > 1:
         print("note: some scores are over fewer tasks; '--tasks' takes a group")
     for row in frame[~frame.status.isin(NO_FAILURE)].itertuples():

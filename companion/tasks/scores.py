@@ -91,7 +91,8 @@ def score_table(frame: pd.DataFrame) -> pd.DataFrame:
         for name, table in ahead.items():
             if method in table:
                 row[name] = float(np.exp(table[method].mean()))
-        row["data_ratio"], row["data_bound"] = data_ratio(frame, str(method))
+        known = data_ratio(frame, str(method)) if own.notna().any() else (np.nan, "")
+        row["data_ratio"], row["data_bound"] = known
         row["seconds"] = trials.seconds.median()
         row["tasks"] = len(own.dropna().groupby("task"))
         row["failures"] = int((~trials.status.isin(NO_FAILURE)).sum())

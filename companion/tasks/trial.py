@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import resource
+import signal
 import subprocess
 import sys
 import tempfile
@@ -130,7 +131,7 @@ def run_trial(
             ended = subprocess.run(
                 command, capture_output=True, text=True, timeout=limit, cwd=folder
             )
-            values = {"status": "raised", "message": _last_line(ended.stderr)}
+            values = {"status": "raised", "message": _how_it_ended(ended)}
             if out.is_file():
                 values = json.loads(out.read_text())
         except subprocess.TimeoutExpired:
@@ -141,8 +142,14 @@ def run_trial(
     return from_mapping(EntryResult, {"about": about, "provenance": made} | values)
 
 
-def _last_line(text: str) -> str:
-    return (text.strip().splitlines() or ["the process ended without a word"])[-1][:300]
+def _how_it_ended(ended: subprocess.CompletedProcess[str]) -> str:
+    """Why a process has left no result: a signal, an exception or an exit status."""
+    if ended.returncode < 0:
+        return f"the process was ended by {signal.Signals(-ended.returncode).name}"
+    lines = ended.stderr.strip().splitlines()
+    if "Traceback (most recent call last):" in lines:
+        return lines[-1][:300]
+    return f"the process ended with exit status {ended.returncode}"
 
 
 def measure(method: str, task: Task, seed: int, data: str | Path) -> dict[str, Any]:

@@ -70,6 +70,11 @@ class Dies(Still):
         import os
         os._exit(3)
 
+class Killed(Still):
+    def fit(self, novice, expert, seed):
+        import os, signal
+        os.kill(os.getpid(), signal.SIGKILL)
+
 class NeedsMore(Still):
     def __init__(self, more):
         self.more = more
@@ -135,7 +140,8 @@ def test_a_simulated_task_sees_the_body_it_names(tmp_path):
         ("Raises", "raised", "KeyError: 'the novice'"),
         ("NotForThese", "not for these robots", "no wheels"),
         ("NotYet", "raised", "NotImplementedError: later"),
-        ("Dies", "raised", ""),
+        ("Dies", "raised", "exit status 3"),
+        ("Killed", "raised", "ended by SIGKILL"),
         ("Forever", "limit", "after 12 s"),
         ("Peeks", "peeked", "changes with the state after it"),
     ],
@@ -281,6 +287,17 @@ def test_scores_need_the_reference(tmp_path, capsys):
     records(tmp_path).put(made("mean", TASK, 0, 1.0))
     assert main(["bench", "--results", str(tmp_path)]) == 0
     assert "note: scores are ratios to least_squares" in capsys.readouterr().out
+
+
+def test_a_method_without_all_seeds_has_no_score_and_says_why(tmp_path, capsys):
+    store = records(tmp_path)
+    for seed in range(3):
+        store.put(made("least_squares", TASK, seed, 1.0))
+    store.put(made("mean", TASK, 0, 1.0))
+    assert (
+        main(["bench", "--csv", str(tmp_path / "a"), "--results", str(tmp_path)]) == 0
+    )
+    assert "note: a score needs all 3 seeds of a task" in capsys.readouterr().out
 
 
 def test_the_table_is_of_the_tasks_that_are_asked_for(tmp_path, capsys):
