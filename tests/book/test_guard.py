@@ -11,6 +11,8 @@ from pages import ROOT
 from companion.pages.guard import Outdated, check_claims
 from companion.pages.notebook import notebooks
 from companion.pages.notebook_runs import NotebookError, Run, execute
+from companion.tasks.run import records
+from sidm.config import replace
 
 #: chapters with sentences about stored results; others simulate their results
 GUARDED = [
@@ -43,6 +45,18 @@ def test_a_chapter_stops_where_the_results_say_otherwise(path, other_results, tm
         execute(
             [Run(path, tmp_path / path.name, {"results": str(other_results)})], ROOT
         )
+
+
+def test_the_chapter_on_rivals_stands_where_an_entered_method_wins(tmp_path):
+    """A contributed row changes the table; the sentences are about the library's."""
+    shutil.copytree(ROOT / "results", tmp_path / "results")
+    store = records(tmp_path / "results")
+    for row in [row for row in store.all() if row.about.method == "gp"]:
+        entered = replace(row.about, method="best.py:Best", code=12 * "a")
+        store.put(replace(row, about=entered, loss=0.5 * row.loss))
+    (path,) = (path for path in notebooks(ROOT) if path.stem == "06-rivals")
+    results = {"results": str(tmp_path / "results")}
+    execute([Run(path, tmp_path / path.name, results)], ROOT)
 
 
 def test_words_that_hold_need_no_word():
