@@ -41,7 +41,8 @@ def hint(name: str, known: Iterable[str]) -> str:
     """A text with the nearest of the `known` names, or all of them if none is near."""
     known = list(known)
     near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-    return f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
+    comma = "; " if any("," in one for one in known) else ", "
+    return f"did you mean '{near[0]}'?" if near else f"known: {comma.join(known)}"
 
 
 def unknown_name(

@@ -7,7 +7,7 @@ from pathlib import Path
 from sphinx.application import Sphinx
 
 from companion.tasks.page import write_page
-from companion.tasks.run import records
+from companion.tasks.run import newest
 from companion.tasks.scores import results_frame
 
 TABLE = "book/benchmark-table.html"  # where pages link to
@@ -16,7 +16,7 @@ TABLE = "book/benchmark-table.html"  # where pages link to
 def write_table(app: Sphinx, error: Exception | None) -> None:
     """Write the table beside the page on the benchmark."""
     if error is None and app.builder.format == "html":
-        rows = records(Path(app.confdir) / "results").all()
+        rows = newest(Path(app.confdir) / "results")
         write_page(results_frame(rows), Path(app.outdir) / TABLE)
 
 

@@ -17,6 +17,22 @@ from sidm.config import ConfigError
 records = records_of(EntryResult, "benchmark")
 
 
+def newest(
+    results: str | Path = "results", here: Sequence[str] = ()
+) -> list[EntryResult]:
+    """The stored results; of a method's file those of its newest version alone.
+
+    Args:
+        results: folder of the results.
+        here: names of methods, as in `run`, of which the version that is here counts
+            as the newest.
+    """
+    rows = sorted(records(results).all(), key=lambda row: row.provenance.date)
+    versions = {row.about.method: row.about.code for row in rows}
+    versions |= {method.name: method.code for method in map(find_method, here)}
+    return [row for row in rows if versions[row.about.method] == row.about.code]
+
+
 def entries(
     methods: Sequence[str], tasks: Sequence[Task], seeds: int = SEEDS
 ) -> dict[Entry, str]:
@@ -111,7 +127,7 @@ def check(
 
     Args:
         name: the method, as in `run`.
-        results: stored results.
+        results: stored results of the tasks to choose from.
         data: folder of simulated motion; what is missing is simulated first.
         workers: processes that simulate.
         limit: most seconds of the trial.

@@ -16,7 +16,7 @@ from companion.tasks import run as run_module
 from companion.tasks.cards import card
 from companion.tasks.catalogue import GROUPS, TASKS, find_tasks, load_task
 from companion.tasks.methods import LibraryMethod, find_method
-from companion.tasks.run import check, entries, records, run
+from companion.tasks.run import check, entries, newest, records, run
 from companion.tasks.trial import measure
 from sidm.config import ConfigError
 from sidm.drives import minutes_of
@@ -52,6 +52,10 @@ class NotANumber(Still):
 class WrongShape(Still):
     def predict(self, drive):
         return super().predict(drive)[:, :4]
+
+class WrongPath(Still):
+    def rollout(self, state, actions, ground):
+        return np.tile(state, (len(actions), 1))
 
 class Raises(Still):
     def fit(self, novice, expert, seed):
@@ -137,6 +141,7 @@ def test_a_simulated_task_sees_the_body_it_names(tmp_path):
         ("Unseeded", "not reproducible", "differ if repeated"),
         ("NotANumber", "not finite", "a prediction is not finite"),
         ("WrongShape", "wrong shape", "(19, 4), not (19, 6)"),
+        ("WrongPath", "wrong shape", "a rollout of shape (10, 6), not (11, 6)"),
         ("Raises", "raised", "KeyError: 'the novice'"),
         ("NotForThese", "not for these robots", "no wheels"),
         ("NotYet", "raised", "NotImplementedError: later"),
@@ -227,6 +232,20 @@ def test_other_code_is_another_method(file, tmp_path):
     assert find_method(f"{copy}:Still") != find_method(f"{file}:Still")
 
 
+def test_of_a_file_the_newest_version_counts(file, tmp_path):
+    """Or the one that is here, if the file is named."""
+    name, here = f"{file}:Still", find_method(f"{file}:Still")
+    store, rows = records(tmp_path), []
+    for day, code in ((1, "older"), (2, here.code), (3, "newest")):
+        row = made(here.name, TASK, 0, 1.0, code=code)
+        made_on = dataclasses.replace(row.provenance, date=f"2026-01-0{day}T00:00:00")
+        rows.append(dataclasses.replace(row, provenance=made_on))
+    for row in (rows[2], made("mean", TASK, 0, 1.0), *rows[:2]):
+        store.put(row)
+    assert {row.about.code for row in newest(tmp_path)} == {"", "newest"}
+    assert {row.about.code for row in newest(tmp_path, [name])} == {"", here.code}
+
+
 @pytest.mark.parametrize(
     ("name", "words"),
     [
@@ -254,6 +273,8 @@ def test_tasks_have_names():
     assert len(find_tasks("held")) == len(find_tasks("free")) == 6
     with pytest.raises(ConfigError, match="did you mean 'system1, 5 min'"):
         find_tasks("system1, 5 mn")
+    with pytest.raises(ConfigError, match="; all; husky to warthog, 0.8 min; "):
+        find_tasks("nonsense")
 
 
 def test_a_card_says_what_is_predicted_from_what():
@@ -278,9 +299,14 @@ def test_the_command_prints_the_table_and_checks_a_row(file, tmp_path, capsys):
     assert "the same" in capsys.readouterr().out
     store = records(tmp_path / "r")
     stored = next(result for result in store.all() if result.about.code)
-    store.put(dataclasses.replace(stored, loss=0.5 * stored.loss))
-    assert main(["bench", name, "--check", *results.split()]) == 1
-    assert "NOT the same" in capsys.readouterr().out
+    for value in ("loss", "position"):
+        half = {value: 0.5 * getattr(stored, value)}
+        store.put(dataclasses.replace(stored, **half))
+        assert main(["bench", name, "--check", *results.split()]) == 1
+        (line,) = [s for s in capsys.readouterr().out.splitlines() if "NOT the" in s]
+        assert line.split()[0] == value
+    assert main(["bench", name, "--check", "--page", str(page)]) == 2
+    assert "--page and --csv write the table" in capsys.readouterr().err
 
 
 def test_scores_need_the_reference(tmp_path, capsys):
