@@ -210,6 +210,15 @@ def test_what_does_not_learn_does_without_torch():
     ] == []
 
 
+def test_a_trial_of_the_benchmark_starts_without_tables_and_figures():
+    code = "import sys, companion.tasks.trial as _; "
+    code += "print({'pandas', 'matplotlib'} & {*sys.modules})"
+    result = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True
+    )
+    assert result.stdout.strip() == "set()", result.stderr
+
+
 def test_every_name_of_the_companion_is_there():
     """The package imports a name's module when the name is first used."""
     code = """

@@ -8,39 +8,18 @@ the expert's weights cannot all be copied.
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from companion.bodies import NOVICES
 from companion.figures.style import METHOD_STYLES, legend_below
 from companion.methods import ANY_BODIES
 from companion.statistics.pairs import paired_comparison
 from companion.study import Study
 from companion.trials import Trial
-from sidm.body import DRIVE, ROVER, TWIST, Body
 from sidm.plots import finish, side_by_side, styled
-
-TILT = (("up_x", "1"), ("up_y", "1"), ("up_z", "1"))
-#: The body of the paper's robots, and what each novice's body has instead.
-_ROVER: dict[str, Any] = {
-    "tilt": True,
-    "columns": TWIST,
-    "actions": DRIVE,
-    "map_size": ROVER.map_size,
-}
-_BODIES: dict[str, dict[str, Any]] = {
-    "no map": {"map_size": 0.0},
-    "small map": {"map_size": 3.0, "map_pixels": 16},
-    "no linear velocity": {"columns": TWIST[3:]},
-    "left and right": {"actions": (("left", "1"), ("right", "1"))},
-    "planar": {"pose": "planar", "tilt": False, "columns": (*TILT, *TWIST)},
-}
-#: Name of the novice's body -> the body.
-NOVICES: dict[str, Body] = {
-    name: Body(name=name, **_ROVER | changes) for name, changes in _BODIES.items()
-}
 
 #: Methods whose losses the figure compares with those of SIDM.
 SHOWN = ("novice_only", "core_finetune")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from companion.studies.other_bodies import NOVICES
+from companion.bodies import NOVICES
 from companion.tasks.catalogue import Task, recorded_body
 from companion.tasks.trial import EntryResult
 from sidm.body import ROVER, Body

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from companion.studies.other_bodies import NOVICES
+from companion.bodies import NOVICES
 from sidm.body import ROVER, Body
 from sidm.body_file import read_body
 from sidm.config import ConfigError, config, replace, unknown_name

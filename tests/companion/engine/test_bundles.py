@@ -9,11 +9,11 @@ import pytest
 
 from companion import Failure, Results, run, run_trial
 from companion.__main__ import main
+from companion.bodies import NOVICES
 from companion.engine import bundles as bundled
 from companion.engine.bundles import bundles, fits
 from companion.engine.run import checkpoint_folder, run_here
 from companion.methods import ANY_BODIES
-from companion.studies.other_bodies import NOVICES
 from sidm.config import ConfigError
 from sidm.learning import TrainingError
 

@@ -10,6 +10,7 @@ import torch
 
 from companion import Results, Study, perform, run, run_trial
 from companion.__main__ import main
+from companion.bodies import NOVICES
 from companion.digests import find_digest
 from companion.engine.datasets import (
     is_here,
@@ -22,7 +23,6 @@ from companion.engine.library import Library
 from companion.engine.records import ProvenanceTimer, one_line, rounded
 from companion.engine.run import checkpoint_folder, run_here
 from companion.numerics import versions
-from companion.studies.other_bodies import NOVICES
 from sidm.config import ConfigError
 from sidm.shards import ShardError
 from sidm.storage import read_record, write_record

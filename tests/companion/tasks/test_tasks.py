@@ -145,13 +145,27 @@ def test_a_simulated_task_sees_the_body_it_names(tmp_path):
         ("Raises", "raised", "KeyError: 'the novice'"),
         ("NotForThese", "not for these robots", "no wheels"),
         ("NotYet", "raised", "NotImplementedError: later"),
-        ("Dies", "raised", "exit status 3"),
-        ("Killed", "raised", "ended by SIGKILL"),
-        ("Forever", "limit", "after 12 s"),
         ("Peeks", "peeked", "changes with the state after it"),
     ],
 )
-def test_each_kind_of_failure_is_a_row(file, tmp_path, name, status, words):
+def test_each_kind_of_failure_is_told_apart(file, name, status, words):
+    values = measure(f"{file}:{name}", TASK, 0, "data")
+    assert values["status"] == status
+    assert words in values.get("message", "") and ("loss" in values) == (status == "ok")
+
+
+@pytest.mark.parametrize(
+    ("name", "status", "words"),
+    [
+        ("Peeks", "peeked", "changes with the state after it"),
+        ("Dies", "raised", "exit status 3"),
+        ("Killed", "raised", "ended by SIGKILL"),
+        ("Forever", "limit", "after 12 s"),
+    ],
+)
+def test_a_failure_is_a_row_and_ends_its_own_process_alone(
+    file, tmp_path, name, status, words
+):
     limit = 12 if status == "limit" else 600  # s
     (result,) = run(
         [f"{file}:{name}"],
@@ -162,7 +176,7 @@ def test_each_kind_of_failure_is_a_row(file, tmp_path, name, status, words):
         progress=False,
     )
     assert (result.status, words in result.message) == (status, True), result.message
-    assert (result.loss is None) == (status != "ok")
+    assert result.loss is None
     assert result.about.method == f"entered.py:{name}" and len(result.about.code) == 12
 
 
@@ -285,7 +299,9 @@ def test_a_card_says_what_is_predicted_from_what():
     assert "the mean         loss 6.5" in real and "jitter of the poses" in real
 
 
-def test_the_command_prints_the_table_and_checks_a_row(file, tmp_path, capsys):
+def test_the_command_prints_the_table_and_checks_a_row(
+    file, tmp_path, capsys, monkeypatch
+):
     results = f"--results {tmp_path}/r"
     task = ["--tasks", TASK.name, "--seeds", "1", *results.split()]
     name = f"{file}:Still"
@@ -299,6 +315,7 @@ def test_the_command_prints_the_table_and_checks_a_row(file, tmp_path, capsys):
     assert "the same" in capsys.readouterr().out
     store = records(tmp_path / "r")
     stored = next(result for result in store.all() if result.about.code)
+    monkeypatch.setattr(run_module, "run_trial", lambda *_: stored)
     for value in ("loss", "position"):
         half = {value: 0.5 * getattr(stored, value)}
         store.put(dataclasses.replace(stored, **half))
