@@ -17,39 +17,18 @@ from sidm.config import ConfigError
 from sidm.drives import Drive
 from sidm.fitting.score import DriveLosses
 from sidm.recordings import write_drives
+from tests.sidm.cart import cart_drive
 
-CART = Body(
-    name="cart",
-    pose="planar",
-    columns=(("speed", "m/s"),),
-    actions=(("throttle", "1"),),
-)
 QUICK = {"methods": ["mean", "least_squares"], "repeats": 2}
 
 
-def cart_drives(sessions=8, drives=3, steps=20, seed=0):
-    """Drives of a cart whose speed follows its throttle with a lag."""
-    rng = np.random.default_rng(seed)
-    made = []
-    for session in range(sessions):
-        for number in range(drives):
-            throttle = np.repeat(rng.uniform(-1, 1, steps // 5), 5)
-            speed, yaw = np.zeros(steps + 1), np.zeros(steps + 1)
-            for k in range(steps):
-                speed[k + 1] = 0.8 * speed[k] + 0.4 * throttle[k]
-                yaw[k + 1] = yaw[k] + 0.05 * speed[k]
-            speed += 0.01 * rng.standard_normal(steps + 1)
-            x, y = (np.cumsum(0.1 * speed * f(yaw)) for f in (np.cos, np.sin))
-            made.append(
-                Drive(
-                    np.stack([x, y, yaw, speed], 1),
-                    throttle[:, None],
-                    CART,
-                    name=f"{session}/{number}",
-                    session=f"{session}",
-                )
-            )
-    return made
+def cart_drives(sessions=8, drives=3, steps=20):
+    rng = np.random.default_rng(0)
+    return [
+        cart_drive(rng, steps, f"{session}", f"{session}/{number}")
+        for session in range(sessions)
+        for number in range(drives)
+    ]
 
 
 @pytest.fixture(scope="module")

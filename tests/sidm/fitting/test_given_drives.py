@@ -13,31 +13,15 @@ from sidm.drives import Drive
 from sidm.fitting import fit as fitting
 from sidm.fitting.report import figure
 from sidm.recordings import RecordingError, read_drives, write_drives
-
-CART = Body(
-    name="cart",
-    pose="planar",
-    columns=(("speed", "m/s"),),
-    actions=(("throttle", "1"),),
-)
+from tests.sidm.cart import CART, cart_drive
 
 
-def cart_drive(session, steps, seed, name="a", turn=0.05):
-    """A drive of a cart whose speed follows its throttle with a lag."""
-    rng = np.random.default_rng(seed)
-    throttle = np.repeat(rng.uniform(-1, 1, -(-steps // 5)), 5)[:steps]
-    speed, yaw = np.zeros(steps + 1), np.zeros(steps + 1)
-    for k in range(steps):
-        speed[k + 1] = 0.8 * speed[k] + 0.4 * throttle[k]
-        yaw[k + 1] = yaw[k] + turn * speed[k] + (0.1 if turn > 0.05 else 0.0)
-    speed += 0.01 * rng.standard_normal(steps + 1)
-    x, y = (np.cumsum(0.1 * speed * f(yaw)) for f in (np.cos, np.sin))
-    states = np.stack([x, y, yaw, speed], 1)
-    return Drive(states, throttle[:, None], CART, name=name, session=session)
+def drive_of(session, steps, seed, name="a", **turning):
+    return cart_drive(np.random.default_rng(seed), steps, session, name, **turning)
 
 
 def sessions(lengths):
-    return [cart_drive(f"{n}", steps, n, f"{n}") for n, steps in enumerate(lengths)]
+    return [drive_of(f"{n}", steps, n, f"{n}") for n, steps in enumerate(lengths)]
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -47,7 +31,7 @@ def test_a_short_session_does_not_stop_a_fit(seed):
 
 
 def test_drives_without_names_count_each():
-    unnamed = [cart_drive("", 60, n, name="") for n in range(12)]
+    unnamed = [drive_of("", 60, n, name="") for n in range(12)]
     named = [replace(drive, name=f"{n}") for n, drive in enumerate(unnamed)]
     found, expected = (sidm.fit(d, test=0.25).held_out for d in (unnamed, named))
     assert found == expected and found.drives == 3 and found.standard_error > 0
@@ -60,7 +44,7 @@ def test_the_demonstrations_drives_have_names_of_their_own():
 
 
 def test_a_test_that_shares_sessions_is_noted():
-    drives = [cart_drive(f"{n // 2}", 80, n, f"{n}") for n in range(12)]
+    drives = [drive_of(f"{n // 2}", 80, n, f"{n}") for n in range(12)]
     with pytest.warns(Notice, match="test has sessions that the model learns from"):
         sidm.fit(drives[::2], test=drives[1::2])
 
@@ -95,7 +79,7 @@ def test_a_drive_may_be_made_of_lists():
 
 
 def test_a_table_is_checked_like_a_file():
-    one = cart_drive("a", 640, 0)
+    one = drive_of("a", 640, 0)
     columns = [name for name, _ in (*CART.state, *CART.actions)]
     rows = np.hstack([one.states, np.vstack([one.actions, one.actions[-1:]])])
     table = pd.DataFrame(rows, columns=columns).assign(time=0.1 * np.arange(641))
@@ -107,7 +91,7 @@ def test_a_table_is_checked_like_a_file():
 
 
 def test_positions_far_from_the_origin_keep_their_millimetres(tmp_path):
-    far = cart_drive("a", 80, 0)
+    far = drive_of("a", 80, 0)
     far.states[:, :2] += [500_000.0, 5_180_000.0]
     model = sidm.fit(sessions([640, 640]))
     table = model.predict([far], horizon=1.5)
@@ -128,7 +112,7 @@ def test_positions_far_from_the_origin_keep_their_millimetres(tmp_path):
 
 
 def test_a_predicted_yaw_is_within_half_a_turn_of_the_actual():
-    round_and_round = [cart_drive(f"{n}", 200, n, turn=0.1) for n in range(4)]
+    round_and_round = [drive_of(f"{n}", 200, n, turn=0.1, spin=0.1) for n in range(4)]
     assert round_and_round[0].states[-1, 2] > 3 * np.pi
     model = sidm.fit(round_and_round)
     table = model.predict(round_and_round, horizon=1.5, every=15)
