@@ -1,0 +1,37 @@
+"""The Python of the page on one's own robot runs, with sizes of seconds."""
+
+import re
+import shutil
+
+from pages import ROOT
+
+from sidm.fitting import settings
+
+BLOCK = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+#: parts of the code and their replacements, which change sizes and nothing else
+SMALLER = {
+    r"minutes=\d+": "minutes=0.3",
+    r'"max_samples": [\d_]+': '"max_samples": 4000',
+    r"repeats=1\)": 'repeats=1, methods=["mean", "corrected"], shares=[1])',
+}
+
+
+def test_the_python_runs(tmp_path, monkeypatch, capsys):
+    """Blocks run in the page's order: later ones use names of earlier ones."""
+    text = (ROOT / "book" / "own-robot.md").read_text(encoding="utf-8")
+    code = "\n".join(BLOCK.findall(text))
+    for words, smaller in SMALLER.items():
+        code, count = re.subn(words, smaller, code)
+        assert count, words
+    for robot in ("warthog", "husky"):
+        shutil.copy(ROOT / "recordings" / f"{robot}.csv.gz", tmp_path)
+    shutil.copy(ROOT / "recordings" / "skid_steer.yaml", tmp_path / "robot.yaml")
+    small = {"max_samples": 4000, "hidden": 16, "pixels": 8}
+    monkeypatch.setattr(settings, "SETTINGS", settings.SETTINGS.with_values(small))
+    monkeypatch.chdir(tmp_path)
+    made = {}
+    exec(code, made)  # noqa: S102 - the page's own
+    assert re.match(r"loss [\d.]+ ± .* drives of", capsys.readouterr().out)
+    assert made["path"].shape[1] == 13 and made["steps"].shape[0] > 1000
+    assert made["info"] is not None and (tmp_path / "model").is_dir()
