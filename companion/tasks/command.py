@@ -51,7 +51,7 @@ def run_bench(arguments: argparse.Namespace) -> int:
     from companion.tasks.trial import LIMIT
 
     if (arguments.check or arguments.list) and (arguments.page or arguments.csv):
-        raise ConfigError("--page and --csv write the table, which this does not print")
+        raise ConfigError("--page and --csv write the table: without --check or --list")
     tasks, seeds = find_tasks(arguments.tasks), arguments.seeds or SEEDS
     store = records(arguments.results)
     if arguments.list:
