@@ -78,8 +78,8 @@ CHANGES = (
     ),
     Planted(
         "sidm/learning/training.py",
-        "trainer.step_encoder(expected_matching_loss(trainer",
-        "trainer.step_encoder(-expected_matching_loss(trainer",
+        "loss = expected_matching_loss(trainer",
+        "loss = -expected_matching_loss(trainer",
         METHODS,
         "strong_matching",
     ),

@@ -183,8 +183,13 @@ class Bundle:
             self.stacked.discriminate(active, *(part[iteration] for part in batches))
         iterations, count = training.matching_iterations, training.matching_batch
         rows = draw(iterations, "novice", count, "matching")
+        self.stacked.matching_losses.zero_()
         for iteration in range(iterations):
             self.stacked.match(active, rows[iteration])
+        if iterations:
+            losses = (self.stacked.matching_losses / iterations).tolist()
+            for slot, trial in running.items():
+                trial.trainer.matching_loss = losses[slot]
         if training.discriminator_iterations:
             accuracy = self.stacked.accuracy.tolist()
             for slot, trial in running.items():

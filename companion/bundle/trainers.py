@@ -45,6 +45,8 @@ class StackedTrainers:
         match: one update of the novice's encoders, see `_match`
         test: sums of losses, see `_test`
         accuracy: (M,), share of latents that the discriminator told apart last
+        matching_losses: (M,), sum of equation (4) over the matching iterations since
+            the sum was set to 0
     """
 
     def __init__(
@@ -81,6 +83,7 @@ class StackedTrainers:
         # sums of losses since the last test, by trial and role
         self.totals = torch.zeros(trials, 2, dtype=torch.float64, device=device)
         self.accuracy = torch.zeros(trials, device=device)
+        self.matching_losses = torch.zeros(trials, device=device)
         both = training.discriminator_draw == "both"
         discriminate = self._discriminate if both else self._discriminate_single_system
         pool = torch.cuda.graph_pool_handle() if device.type == "cuda" else None
@@ -245,8 +248,9 @@ class StackedTrainers:
             rows: (M, b), the novice's trajectories.
         """
         logits = self.models.logits(self._latents("novice", rows))
-        loss = matching_loss(logits).mean((1, 2)).sum()
-        gradients = self._gradients(loss, NOVICE_ENCODER)
+        losses = matching_loss(logits).mean((1, 2))
+        gradients = self._gradients(losses.sum(), NOVICE_ENCODER)
+        self.matching_losses.add_(losses.detach())
         if self.matching_optimiser is self.prediction_optimiser:
             learning = {NOVICE_ENCODER: torch.ones_like(active)}
             self._step_prediction(gradients, active, learning)

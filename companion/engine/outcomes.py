@@ -117,13 +117,20 @@ def every_test(trained: Trained) -> dict[str, Any]:
     """All tests of a training as fields of a record.
 
     There are none where the training took a single test or measured no validation loss.
+    The adversary's are left out where there was none.
     """
     history = trained.history
     if len(history) < 2 or any(test.validation_loss is None for test in history):
         return {}
+    names = ["training_loss", "test_loss", "validation_loss"]
+    names += [
+        name
+        for name in ("discriminator_accuracy", "matching_loss")
+        if getattr(history[-1], name) is not None
+    ]
     losses = {
         f"every_{name}": tuple(getattr(test, name) for test in history)
-        for name in ("training_loss", "test_loss", "validation_loss")
+        for name in names
     }
     return {"test_spacing": history[0].samples} | losses
 

@@ -54,6 +54,10 @@ class Outcome:
         every_test_loss: (E,) loss on the first trajectories of the novice's test split,
             not smoothed
         every_validation_loss: (E,) loss on the first trajectories of the validation set
+        every_discriminator_accuracy: (E,) share of latents that the discriminator
+            classified correctly in its last iteration; None before its first
+        every_matching_loss: (E,) mean of equation (4) over the last matching; None
+            before the first
         component_samples: (D,) samples seen at the tests with losses by component
         component_test: (D, Y) summands of the test loss
         component_validation: (D, Y) summands of the validation loss
@@ -78,6 +82,8 @@ class Outcome:
     every_training_loss: tuple[float, ...] = ()
     every_test_loss: tuple[float, ...] = ()
     every_validation_loss: tuple[float, ...] = ()
+    every_discriminator_accuracy: tuple[float | None, ...] = ()
+    every_matching_loss: tuple[float | None, ...] = ()
     component_samples: tuple[int, ...] = ()
     component_test: tuple[tuple[float, ...], ...] = ()
     component_validation: tuple[tuple[float, ...], ...] = ()

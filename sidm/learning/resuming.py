@@ -101,6 +101,7 @@ def state(trainer: Trainer) -> tuple[dict[str, Tensor], dict[str, Any]]:
         "iteration": trainer.iteration,
         "samples": trainer.samples,
         "accuracy": trainer.accuracy,
+        "matching_loss": trainer.matching_loss,
         "losses": {role: list(pair) for role, pair in trainer.losses.items()},
     }
 
@@ -136,6 +137,7 @@ def load_state(
     ]
     trainer.iteration, trainer.samples = values["iteration"], values["samples"]
     trainer.accuracy = values["accuracy"]
+    trainer.matching_loss = values.get("matching_loss")  # older ones lack it
     trainer.losses = {
         role: (total, count) for role, (total, count) in values["losses"].items()
     }

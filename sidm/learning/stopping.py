@@ -45,6 +45,8 @@ class CurvePoint(NamedTuple):
     #: equation (1) on the validation set, which does not influence training; None: not
     #: measured
     validation_loss: float | None = None
+    #: mean of equation (4) over the iterations of the last matching; None without one
+    matching_loss: float | None = None
 
 
 #: losses by component are measured again when the samples have grown by this factor; a

@@ -174,6 +174,7 @@ class Trainer:
         # iterations and samples of the prediction phases
         self.iteration = self.samples = 0
         self.accuracy: float | None = None  # accuracy of the discriminator
+        self.matching_loss: float | None = None  # mean over the last matching
         # since the last test: sum of losses and their number, by system
         self.losses = dict.fromkeys(ROLES, (0.0, 0))
         for hook in self.hooks:
@@ -351,7 +352,7 @@ class Trainer:
         for kind, loss in (("training", training_loss), ("test", test_loss)):
             if not math.isfinite(loss):
                 raise TrainingError(kind, loss, self.iteration)
-        losses = training_loss, test_loss, self.accuracy, validation
+        losses = training_loss, test_loss, self.accuracy, validation, self.matching_loss
         self.history.append(CurvePoint(self.samples, *losses))
         return self.stopping.update(
             self.samples, self.iteration, training_loss, test_loss

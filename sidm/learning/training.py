@@ -154,8 +154,10 @@ def regularisation_phase(trainer: Trainer) -> None:
         return
     for _ in range(trainer.training.discriminator_iterations):
         discriminator_iteration(trainer)
-    for _ in range(trainer.training.matching_iterations):
-        matching_iteration(trainer)
+    iterations = range(trainer.training.matching_iterations)
+    losses = [matching_iteration(trainer) for _ in iterations]
+    if losses:
+        trainer.matching_loss = sum(losses) / len(losses)
 
 
 def discriminator_iteration(trainer: Trainer) -> None:
@@ -168,10 +170,16 @@ def discriminator_iteration(trainer: Trainer) -> None:
     trainer.step_discriminator(loss(**logits))
 
 
-def matching_iteration(trainer: Trainer) -> None:
-    """Take one step of the novice's encoder E_n alone, with equation (4)."""
+def matching_iteration(trainer: Trainer) -> float:
+    """Take one step of the novice's encoder E_n alone, with equation (4).
+
+    Returns:
+        The loss before the step.
+    """
     latents = trainer.encode("novice", trainer.sampler.matching_batch())
-    trainer.step_encoder(expected_matching_loss(trainer.discriminator.logits(latents)))
+    loss = expected_matching_loss(trainer.discriminator.logits(latents))
+    trainer.step_encoder(loss)
+    return float(loss.detach())
 
 
 def result(trainer: Trainer) -> Trained:

@@ -64,6 +64,8 @@ def assert_same(bundled, single, rel=ROUNDING):
     for entry, expected in zip(bundled.history, single.history, strict=True):
         assert entry[:3] == pytest.approx(expected[:3], rel=rel)
         assert entry.validation_loss == pytest.approx(expected.validation_loss, rel=rel)
+        loss = expected.matching_loss  # None before the first matching
+        assert entry.matching_loss == (loss and pytest.approx(loss, rel=rel))
         # a sample or two
         assert entry.discriminator_accuracy == pytest.approx(
             expected.discriminator_accuracy, abs=0.06

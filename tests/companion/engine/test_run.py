@@ -69,6 +69,12 @@ def test_a_trial_end_to_end(study, data, method):
         > 1
     )
     assert sum(out.component_test[0]) == pytest.approx(out.curve_test_loss[0], rel=1e-5)
+    # of a method without an adversary nothing is stored
+    tests = len(out.every_test_loss) if method == "sidm" else 0
+    assert len(out.every_test_loss) > 1
+    for values in (out.every_discriminator_accuracy, out.every_matching_loss):
+        assert len(values) == tests
+        assert method == "novice_only" or values[-1] > 0
     # all that exist
     assert (
         np.shape(out.rollouts_predicted) == np.shape(out.rollouts_actual) == (2, 26, 13)

@@ -17,6 +17,7 @@ from sidm.learning import (
     train,
     validation_loss,
 )
+from sidm.learning import training as training_module
 from sidm.learning.dataset import Datasets
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.losses import prediction_loss
@@ -26,6 +27,7 @@ from sidm.learning.training import (
     discriminator_iteration,
     matching_iteration,
     prediction_phase,
+    regularisation_phase,
 )
 from sidm.learning.weights import make_optimiser
 
@@ -93,6 +95,21 @@ def test_matching_iteration_changes_the_novice_encoder_alone(make_trainer, optim
     before = parts(trainer)
     matching_iteration(trainer)
     assert changed(before, parts(trainer)) == {"encoders.novice"}
+
+
+def test_the_matching_loss_is_the_mean_over_a_phase(make_trainer, monkeypatch):
+    losses = []
+
+    def recorded(trainer):
+        losses.append(matching_iteration(trainer))
+        return losses[-1]
+
+    monkeypatch.setattr(training_module, "matching_iteration", recorded)
+    trainer = make_trainer(matching_iterations=3)
+    for _ in range(2):
+        regularisation_phase(trainer)
+    assert len(losses) == 6 and min(losses) > 0
+    assert trainer.matching_loss == pytest.approx(sum(losses[3:]) / 3)
 
 
 def test_prediction_changes_all_but_a(make_trainer):
@@ -248,11 +265,9 @@ def test_a_run_counts_samples_and_tests(run, datasets):
     assert not trained.stopped_early
     assert [tested.samples for tested in trained.history] == [96, 192, 288]
     assert seen == trained.history
-    assert [tested.discriminator_accuracy is None for tested in trained.history] == [
-        True,
-        False,
-        False,
-    ]
+    for name in ("discriminator_accuracy", "matching_loss"):
+        unknown = [getattr(tested, name) is None for tested in trained.history]
+        assert unknown == [True, False, False]
     assert all(math.isfinite(tested.training_loss) for tested in trained.history)
 
 
