@@ -1,14 +1,109 @@
-"""Local worker processes that end with their parent."""
+"""Run calls in this process or in worker processes that end with their parent."""
 
 from __future__ import annotations
 
+import ast
+import concurrent.futures
 import contextlib
+import functools
 import multiprocessing
 import os
 import signal
+import sys
 import threading
-from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from sidm.config import ConfigError
+
+
+@contextlib.contextmanager
+def local_pool(workers: int) -> Iterator[Executor]:
+    """An executor on this machine for a `with` block.
+
+    Args:
+        workers: number of new processes, see `process_pool`; one worker is this
+            process. Wait for its futures with `as_completed` of this module.
+
+    Raises:
+        ConfigError: see `process_pool`.
+    """
+    if workers > 1:
+        with process_pool(workers) as pool:
+            yield pool
+    else:
+        yield _ThisProcess()
+
+
+@contextlib.contextmanager
+def process_pool(workers: int) -> Iterator[Executor]:
+    """A pool of new processes (spawn) for a `with` block.
+
+    An error or Ctrl-C in the block ends the processes at once.
+
+    Raises:
+        ConfigError: the script that runs lacks the guard that new processes need.
+    """
+    _refuse_script_without_guard()
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(
+        workers, mp_context=context, initializer=_end_with_parent
+    )
+    try:
+        yield pool
+    except BaseException:
+        for process in list((pool._processes or {}).values()):
+            process.terminate()
+        pool.shutdown(wait=False, cancel_futures=True)
+        raise
+    pool.shutdown()
+
+
+def as_completed(futures: Iterable[Future]) -> Iterator[Future]:
+    """The futures of one executor, each as soon as it is done.
+
+    Calls that run in this process run one after the other, each when its turn comes.
+    """
+    futures = list(futures)
+    if all(isinstance(future, _Call) for future in futures):
+        for future in futures:
+            future.exception()
+            yield future
+    else:
+        yield from concurrent.futures.as_completed(futures)
+
+
+class _ThisProcess(Executor):
+    """Runs a call in this process when its result is first asked for."""
+
+    def submit(self, call: Callable, /, *arguments: Any, **options: Any) -> Future:
+        return _Call(functools.partial(call, *arguments, **options))
+
+
+class _Call(Future):
+    """A call that runs when its result or its exception is first asked for."""
+
+    def __init__(self, call: Callable[[], Any]) -> None:
+        super().__init__()
+        self._call = call
+
+    def result(self, timeout: float | None = None) -> Any:
+        self._run()
+        return super().result(timeout)
+
+    def exception(self, timeout: float | None = None) -> BaseException | None:
+        self._run()
+        return super().exception(timeout)
+
+    def _run(self) -> None:
+        if self.done():
+            return
+        try:
+            self.set_result(self._call())
+        except Exception as error:
+            self.set_exception(error)
 
 
 def _end_with_parent() -> None:
@@ -26,21 +121,32 @@ def _end_with_parent() -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-@contextlib.contextmanager
-def local_pool(workers: int) -> Iterator[Executor]:
-    """A pool of new processes (spawn) for a `with` block.
+def _refuse_script_without_guard() -> None:
+    """Refuse workers where each of them would run the whole script again.
 
-    An error or Ctrl-C in the block ends the processes at once.
+    A new process imports the script that was started. A call that stands in it outside
+    of `if __name__ == "__main__":` would so be run by every worker, too.
+
+    Raises:
+        ConfigError: the call stands there; the message says what to write.
     """
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(
-        workers, mp_context=context, initializer=_end_with_parent
+    script = getattr(sys.modules["__main__"], "__file__", None)
+    frame = sys._getframe()
+    while frame.f_back is not None and frame.f_globals.get("__name__") != "__main__":
+        frame = frame.f_back
+    while frame.f_back is not None and frame.f_code.co_name != "<module>":
+        frame = frame.f_back
+    if script is None or frame.f_code.co_filename != script:
+        return  # an interactive session, or a program without a file
+    line = frame.f_lineno
+    guarded = any(
+        isinstance(node, ast.If)
+        and node.lineno <= line <= (node.end_lineno or 0)
+        and "__name__" in ast.unparse(node.test)
+        for node in ast.walk(ast.parse(Path(script).read_bytes()))
     )
-    try:
-        yield pool
-    except BaseException:
-        for process in list((pool._processes or {}).values()):
-            process.terminate()
-        pool.shutdown(wait=False, cancel_futures=True)
-        raise
-    pool.shutdown()
+    if not guarded:
+        raise ConfigError(
+            f"{script}, line {line}: with more than one worker this must stand under "
+            "'if __name__ == \"__main__\":'; or take workers=1"
+        )

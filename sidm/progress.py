@@ -1,4 +1,7 @@
-"""Progress with the time left: one changing line on a terminal, lines in a log file."""
+"""Progress with the time left: one changing line where someone looks, lines in a log.
+
+Someone looks at a terminal or at a notebook.
+"""
 
 from __future__ import annotations
 
@@ -64,9 +67,11 @@ def progress_bar(
         scaled: whether large numbers are written with k and M.
 
     Returns:
-        The bar of `tqdm` on a terminal, and a `LogBar` elsewhere.
+        The bar of `tqdm` on a terminal and in a notebook, and a `LogBar` elsewhere.
     """
-    kind = tqdm if sys.stderr.isatty() else LogBar
+    notebook = type(sys.stderr).__module__.startswith("ipykernel")
+    kind = tqdm if sys.stderr.isatty() or notebook else LogBar
+    shown = shown and total > 0
     return kind(
         total=total, desc=title, unit=unit, unit_scale=scaled, disable=not shown
     )

@@ -6,6 +6,7 @@ They need no simulator.
 import dataclasses
 import os
 from collections.abc import Callable, Generator
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,8 @@ from sidm.systems import Terrain
 from sidm.terrain import generate_terrain
 from tests.golden import Golden
 
+#: marker of a test -> whether this machine has what such a test needs
+NEEDS = {"gpu": torch.cuda.is_available(), "triton": find_spec("triton") is not None}
 if not torch.cuda.is_available():  # Triton reads it where a kernel is first imported
     os.environ["TRITON_INTERPRET"] = "1"
 
@@ -32,9 +35,9 @@ if not torch.cuda.is_available():  # Triton reads it where a kernel is first imp
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo
 ) -> Generator[None, pytest.TestReport]:
-    """Under CI a test that would be skipped fails, unless it needs a GPU."""
+    """Under CI a test that would be skipped fails, unless it needs a GPU or Triton."""
     report = yield
-    allowed = hasattr(report, "wasxfail") or item.get_closest_marker("gpu")
+    allowed = hasattr(report, "wasxfail") or any(map(item.get_closest_marker, NEEDS))
     if report.skipped and os.environ.get("CI") and not allowed:
         reason = f"skipped, which CI does not allow: {report.longrepr}"
         report.outcome, report.longrepr = "failed", reason
@@ -42,8 +45,9 @@ def pytest_runtest_makereport(
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    if item.get_closest_marker("gpu") and not torch.cuda.is_available():
-        pytest.skip("needs a GPU")
+    for need, there in NEEDS.items():
+        if item.get_closest_marker(need) and not there:
+            pytest.skip(f"needs {need}")
 
 
 class Scheduling(LoadFileScheduling):

@@ -5,10 +5,13 @@ import platform
 import re
 import subprocess
 import sys
+from collections import namedtuple
 from importlib.metadata import distribution
 from pathlib import Path
 
 import pytest
+
+from tests import resolve
 
 ROOT = Path(__file__).parents[1]
 
@@ -34,7 +37,7 @@ def test_it_announces_what_is_coming():
     assert (
         result.returncode == 0
         and result.stderr == ""
-        and result.stdout.count("\n") == 1
+        and result.stdout.count("\n") <= 2
     )
     count = len(re.findall(r"^[\w.-]+==", pins, re.MULTILINE))
     assert f"Python {platform.python_version()}: {count} packages" in result.stdout
@@ -72,6 +75,47 @@ def test_missing_headers_are_named(requirements, monkeypatch, tmp_path):
     assert requirements.refusal(sys.executable) == ""
 
 
-def test_an_older_python_is_refused(requirements, monkeypatch):
-    monkeypatch.setattr(sys, "version_info", (3, 10, 13))
-    assert requirements.refusal("").startswith("sidm needs Python 3.11 or later")
+@pytest.mark.parametrize("version", [(3, 10, 13), (3, 14, 0)])
+def test_a_python_too_old_or_too_new_is_refused(requirements, monkeypatch, version):
+    monkeypatch.setattr(sys, "version_info", version)
+    message = requirements.refusal("")
+    assert message.startswith("sidm needs Python 3.11 to 3.13, not")
+    assert "make setup PYTHON=" in message
+
+
+@pytest.mark.parametrize(
+    ("index", "least", "hint"),
+    [("", 7.0, True), ("https://download.pytorch.org/whl/cpu", 3.5, False)],
+    ids=["CUDA", "CPU"],
+)
+def test_a_disk_too_small_is_refused(requirements, monkeypatch, index, least, hint):
+    usage = namedtuple("usage", "free")
+    monkeypatch.setattr(requirements.sys, "platform", "linux")
+    monkeypatch.setattr(requirements, "pybullet_has_wheel", lambda: True)
+    monkeypatch.setenv("PIP_EXTRA_INDEX_URL", index)
+    monkeypatch.setattr(requirements.shutil, "disk_usage", lambda _: usage(2.5e9))
+    message = requirements.refusal("")
+    assert "2.5 GB free, and setting up takes" in message and "\n" not in message
+    assert float(re.search(r"takes ([\d.]+) GB", message)[1]) >= least
+    assert ("make setup" in message) == hint
+    monkeypatch.setattr(requirements.shutil, "disk_usage", lambda _: usage(20e9))
+    assert requirements.refusal("") == ""
+    assert ("3 GB less" in requirements.announcement()) == hint
+
+
+def test_what_torch_decides_has_no_version_here():
+    """Torch fixes the version of triton and of the libraries of its CUDA build."""
+    pins = (ROOT / "requirements.txt").read_text()
+    pins += (ROOT / "constraints.txt").read_text()
+    assert not re.search(r"^(triton|nvidia|cuda)", pins, re.MULTILINE)
+
+
+def test_supported_pythons_are_the_same_everywhere(requirements):
+    project = (ROOT / "pyproject.toml").read_text()
+    listed = re.findall(r"Python :: (3\.\d+)", project)
+    assert tuple(listed) == resolve.PYTHONS
+    ends = requirements.OLDEST, requirements.NEWEST
+    assert [".".join(map(str, end)) for end in ends] == [listed[0], listed[-1]]
+    workflow = (ROOT / ".github" / "workflows" / "test.yml").read_text()
+    for version in listed:
+        assert f'"{version}"' in workflow

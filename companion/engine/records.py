@@ -10,7 +10,7 @@ import dataclasses
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import Executor, as_completed
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -19,6 +19,7 @@ from companion.engine.provenance import THREADS, Provenance, here, source
 from companion.trials import LATER as LATER_OF_TRIALS
 from companion.trials import key_of_values
 from sidm.config import ConfigError, from_mapping
+from sidm.pool import as_completed
 from sidm.progress import progress_bar
 from sidm.storage import Damaged, read_record, write_record
 

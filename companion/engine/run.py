@@ -14,8 +14,8 @@ import math
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import Executor, as_completed
+from collections.abc import Iterable
+from concurrent.futures import Executor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import NamedTuple
@@ -30,7 +30,7 @@ from companion.numerics import version_label
 from companion.trials import UNKNOWN, Trial
 from sidm.config import ConfigError
 from sidm.learning.training import CurvePoint, TrainingError
-from sidm.pool import local_pool
+from sidm.pool import as_completed, local_pool
 from sidm.progress import Bar, progress_bar
 from sidm.storage import sweep
 
@@ -132,18 +132,11 @@ def run(
             if time.monotonic() >= until:
                 return store
             alone = [t for t in missing if not (bundle and fits(t))]
-            with _pool(executor, min(workers, len(alone))) as pool:
+            processes = min(workers, len(alone))
+            own = contextlib.nullcontext(executor) if executor else None
+            with own or local_pool(processes) as pool:
                 runner.run_single(alone, pool)
     return store
-
-
-def _pool(
-    executor: Executor | None, workers: int
-) -> contextlib.AbstractContextManager[Executor | None]:
-    """The executor, local processes, or None for this process."""
-    if executor is None and workers > 1:
-        return local_pool(workers)
-    return contextlib.nullcontext(executor)
 
 
 def _not_failed(store: Results, trials: list[Trial]) -> list[Trial]:
@@ -206,18 +199,19 @@ class _Runner(NamedTuple):
                     except StoreError as error:
                         self.report_failure(row.trial, error)
 
-    def run_single(self, trials: list[Trial], executor: Executor | None) -> None:
-        """Run trials, one after the other if there is no executor; store each."""
+    def run_single(self, trials: list[Trial], executor: Executor) -> None:
+        """Run trials and store each as soon as it is done."""
         work = functools.partial(run_trial, device=self.device, log=self.log)
         folders = {trial: checkpoint_folder(self.data, trial) for trial in trials}
-        jobs = {
-            trial: functools.partial(work, trial, self.data, folder)
+        futures = {
+            executor.submit(work, trial, self.data, folder): trial
             for trial, folder in folders.items()
         }
         lost = 0
-        for trial, result in _ended(jobs, executor):
+        for done in as_completed(futures):
+            trial = futures[done]
             try:
-                self.store_result(result(), folders[trial])
+                self.store_result(done.result(), folders[trial])
             except BrokenProcessPool:
                 lost += 1
             except Exception as error:
@@ -227,22 +221,6 @@ class _Runner(NamedTuple):
                 f"a worker was killed (out of memory?); {lost} trials not done, "
                 "run again to go on"
             )
-
-
-#: Returns the row or the failure of a trial, or raises its error.
-Result = Callable[[], Row | Failure]
-
-
-def _ended(
-    jobs: Mapping[Trial, Result], executor: Executor | None
-) -> Iterator[tuple[Trial, Result]]:
-    """Trials with their results: as they end, or in order without an executor."""
-    if executor is None:
-        yield from jobs.items()
-    else:
-        futures = {executor.submit(job): trial for trial, job in jobs.items()}
-        for done in as_completed(futures):
-            yield futures[done], done.result
 
 
 def of_data(row: Row | Failure, data: str | Path) -> Row | Failure:

@@ -10,7 +10,7 @@ from concurrent.futures import Executor, Future
 from typing import Any
 
 from companion.explorer.views import picture, rides_figure
-from sidm.pool import local_pool
+from sidm.pool import process_pool
 from sidm.replay.rides import ROBOTS, Ride, find_robot, ride
 from sidm.replay.viewer import replay
 from sidm.systems import Robot, Terrain
@@ -39,7 +39,7 @@ def helper_process() -> tuple[Executor, Future]:
     """
     stack = contextlib.ExitStack()
     atexit.register(stack.close)
-    process = stack.enter_context(local_pool(1))
+    process = stack.enter_context(process_pool(1))
     return process, process.submit(find_robot, next(iter(ROBOTS)))
 
 

@@ -11,7 +11,6 @@ that of least squares.
 from __future__ import annotations
 
 import zlib
-from concurrent.futures import as_completed
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,7 +28,7 @@ from companion.trials import Trial
 from sidm.body import ROVER
 from sidm.learning.dataset import Datasets
 from sidm.learning.units import Standardisation
-from sidm.pool import local_pool
+from sidm.pool import as_completed, local_pool
 from sidm.rivals import boosting, least_squares
 from sidm.rivals.boosting import Growth
 from sidm.rivals.fine_tuning import pretraining_datasets

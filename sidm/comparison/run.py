@@ -10,7 +10,6 @@ import json
 import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import as_completed
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -37,7 +36,7 @@ from sidm.fitting.single import fit_drives, loss_scale, pretrained
 from sidm.fitting.windows import common_length
 from sidm.learning.arithmetic import one_thread
 from sidm.learning.stopping import TrainingError
-from sidm.pool import local_pool
+from sidm.pool import as_completed, local_pool
 from sidm.progress import progress_bar
 from sidm.rivals.methods import METHODS
 from sidm.settings import Network, Training
@@ -83,7 +82,7 @@ def compare(
     workers: int = 1,
     topics: Sequence[str] = (),
     skip_bad: bool = False,
-    progress: bool = False,
+    progress: bool = True,
 ) -> Comparison:
     """Compare methods of learning a robot by cross-validation over its sessions.
 
@@ -107,8 +106,8 @@ def compare(
             always among them.
         seed: seed of the first repeat.
         folder: keeps the results of fits; the same call goes on where it was.
-        workers: processes that fit at the same time; more than one needs a script whose
-            work is under `if __name__ == "__main__":`.
+        workers: processes that fit at the same time; with more than one, a script's
+            call must stand under `if __name__ == "__main__":`.
         topics: topics of ROS bags, as in `fit`.
         skip_bad: whether to leave out drives that have a fault, as in `fit`.
         progress: whether to show a progress bar.
@@ -203,10 +202,6 @@ def _outcomes(
     task: Task, fits: Sequence[Fit], workers: int
 ) -> Iterator[FitResult | str]:
     """The result of each fit, or the fault that it had, as they come."""
-    if workers == 1:
-        for fit in fits:
-            yield outcome_of(task, fit)
-        return
     with local_pool(workers) as pool:
         futures = [pool.submit(outcome_of, task, fit) for fit in fits]
         for future in as_completed(futures):

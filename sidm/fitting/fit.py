@@ -50,7 +50,7 @@ def fit(
     topics: Sequence[str] = (),
     skip_bad: bool = False,
     device: str = "cpu",
-    progress: bool = False,
+    progress: bool = True,
 ) -> Model:
     """Fit a model of a robot to its drives, and to an expert's drives if there are any.
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import os
 import zlib
-from concurrent.futures import Executor, as_completed
+from concurrent.futures import Executor
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -18,8 +18,8 @@ import numpy as np
 
 from sidm.config import ConfigError, replace, to_mapping
 from sidm.drives import POSITION, STEPS, TWIST, Drive, SimulatedGround, probe, upright
-from sidm.pool import local_pool
-from sidm.progress import progress_bar
+from sidm.pool import as_completed, local_pool
+from sidm.progress import Bar, progress_bar
 from sidm.shards import (
     DISCARDS,
     SHARD_SIZE,
@@ -256,9 +256,8 @@ def collect(
         bullet()  # a missing PyBullet is reported before workers start
         processes = min(workers or os.cpu_count() or 1, len(missing))
         pool = nullcontext(executor) if executor else local_pool(processes)
-        title = f"{collection.system} {collection.role} {collection.policy}"
         total = len(missing) * SHARD_SIZE
-        with pool as run, progress_bar(total, title, "trajectory", progress) as bar:
+        with pool as run, collection_bar(collection, total, progress) as bar:
             futures = [
                 run.submit(make_shard, root, collection, number, system)
                 for number in missing
@@ -266,6 +265,12 @@ def collect(
             for future in as_completed(futures):
                 bar.update(future.result())
     return load(root, collection, count, system_of(collection, system).terrain)
+
+
+def collection_bar(collection: Collection, total: int, shown: bool) -> Bar:
+    """A progress bar that counts `total` trajectories of a collection."""
+    title = f"{collection.system} {collection.role} {collection.policy}"
+    return progress_bar(total, title, "trajectory", shown)
 
 
 def _refuse_other_robots(folder: Path, system: System) -> None:

@@ -7,7 +7,11 @@ from pathlib import Path
 from sidm.config import ConfigError, hint
 from sidm.drives import Drive
 from sidm.shards import Collection, trajectories_for
-from sidm.simulation.collecting import collect, simulate_trajectory
+from sidm.simulation.collecting import (
+    collect,
+    collection_bar,
+    simulate_trajectory,
+)
 from sidm.simulation.exploration import POLICIES
 from sidm.systems import ROLES, System, find_system
 
@@ -21,7 +25,7 @@ def simulate(
     policy: str = "ornstein_uhlenbeck",
     folder: str | Path | None = None,
     workers: int = 1,
-    progress: bool = False,
+    progress: bool = True,
 ) -> list[Drive]:
     """Simulate a robot that explores rough ground (section 5 of the paper).
 
@@ -38,9 +42,9 @@ def simulate(
         policy: the policy that draws the actions, one of `sidm.simulation.POLICIES`.
         folder: where drives are stored; stored ones are not simulated again. None:
             drives are kept in memory only.
-        workers: number of processes, with a `folder`; a script that uses more than one
-            must begin under `if __name__ == "__main__":`.
-        progress: whether to show a progress bar, with a `folder`.
+        workers: number of processes, with a `folder`; with more than one, a script's
+            call must stand under `if __name__ == "__main__":`.
+        progress: whether to show a progress bar.
 
     Returns:
         The drives, each with states (65, 13), actions (64, 2) and the ground.
@@ -76,4 +80,9 @@ def simulate(
         return collect(
             folder, collection, count, workers=workers, progress=progress, system=system
         )
-    return [simulate_trajectory(collection, index, system) for index in range(count)]
+    drives = []
+    with collection_bar(collection, count, progress) as bar:
+        for index in range(count):
+            drives.append(simulate_trajectory(collection, index, system))
+            bar.update()
+    return drives

@@ -1,5 +1,6 @@
 """Progress on a terminal and in a log."""
 
+import io
 import re
 import sys
 
@@ -39,3 +40,19 @@ def test_a_terminal_gets_a_bar(monkeypatch):
     assert isinstance(progress_bar(3, "trials", "trial", shown=False), LogBar)
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     assert type(progress_bar(3, "trials", "trial", shown=False)) is tqdm
+
+
+def test_a_notebook_gets_a_bar(monkeypatch):
+    """The stream of a notebook is no terminal."""
+    stream = type("OutStream", (io.StringIO,), {"__module__": "ipykernel.iostream"})()
+    monkeypatch.setattr(sys, "stderr", stream)
+    with progress_bar(2, "trials", "trial") as bar:
+        bar.update(2)
+    assert "trials: 100%" in stream.getvalue()
+
+
+def test_no_work_has_no_bar(monkeypatch, capsys):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with progress_bar(0, "trials", "trial"):
+        pass
+    assert capsys.readouterr().err == ""

@@ -14,7 +14,7 @@ from companion.bundle.training import device_data
 from sidm.systems import ROLES
 
 DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
-pytest.importorskip("triton")
+pytestmark = pytest.mark.triton
 
 
 def close(computed, expected):
