@@ -14,7 +14,7 @@ from sidm.body import Body
 from sidm.body_file import as_body
 from sidm.config import ConfigError, Notice, replace
 from sidm.drives import Drive, Ground
-from sidm.recordings.reading import drives_from_frame, has_bags, read_drives
+from sidm.recordings.reading import has_bags, is_table, read_drives
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -65,9 +65,8 @@ def drives_from(
         return _each_once(read, argument)
     if isinstance(source, Drive):
         source = [source]
-    if hasattr(source, "columns") and hasattr(source, "to_numpy"):
-        frame_body = _required(file_body, argument)
-        read = drives_from_frame(source, frame_body, skip_bad, held=allow_constant)
+    if is_table(source):
+        read = read_drives(source, _required(file_body, argument), **reading)
         return _each_once(read, argument)
     if not isinstance(source, Sequence) or not all(
         isinstance(item, (Drive, str, Path)) for item in source

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 
@@ -32,16 +32,19 @@ ALIKE = (".csv", ".tsv", ".gz", ".npz", ".bag")  # of files that may be drives
 
 
 def read_drives(
-    path: str | Path | Sequence[str | Path],
+    path: str | Path | Sequence[str | Path] | pd.DataFrame,
     body: Body | str | Path | Mapping[str, Any],
     topics: Sequence[str] = (),
     held: bool = False,
     skip_bad: bool = False,
 ) -> list[Drive]:
-    """Read the drives of a file or a ROS bag, or of all files of a folder.
+    """Read the drives of a file or a ROS bag, of all files of a folder, or of a table.
 
     Args:
-        path: of the file, the bag or the folder, or a sequence of such paths.
+        path: of the file, the bag or the folder, or a sequence of such paths; or a
+            table in memory with columns as in a CSV file, in SI units: a row for each
+            time, with the columns `time`, s, and those of the body; `drive` or
+            `session` too where there are several drives.
         body: the robot's body, the YAML file that describes it, or the mapping in such
             a file.
         topics: names of the topics to read from bags that have several of a kind; all
@@ -55,8 +58,9 @@ def read_drives(
         The drives, at the body's rate and in SI units.
 
     Raises:
-        RecordingError: there are no drives, or the first fault; one line that names
-            file, place and fault. With `skip_bad`, a fault of all drives together.
+        RecordingError: there are no drives, a column is missing, or the first fault;
+            one line that names file, place and fault. With `skip_bad`, a fault of all
+            drives together.
         ConfigError: the body has a fault.
 
     Examples:
@@ -66,12 +70,16 @@ def read_drives(
         (287, (20, 6))
     """
     body, findings = as_body(body), Findings(skip_bad, not skip_bad)
-    paths = as_paths(path)
-    drives = drives_of_paths(paths, body, topics, findings)
+    if is_table(path):
+        where = "the table"
+        drives = _drives_of_table(where, path, body, findings)
+    else:
+        paths = as_paths(path)
+        where = ", ".join(map(str, paths))
+        drives = drives_of_paths(paths, body, topics, findings)
     findings.warn()
     if not drives:
         raise RecordingError(findings.faults[0])
-    where = ", ".join(map(str, paths))
     if not held:
         checks.refuse_constant(where, drives, body)
     frames.refuse_together(where, drives, body)
@@ -113,26 +121,20 @@ def drives_of_paths(
     return drives
 
 
-def drives_from_frame(
-    frame: pd.DataFrame, body: Body, skip_bad: bool = False, held: bool = False
+def is_table(source: Any) -> TypeGuard[pd.DataFrame]:
+    """Whether a source of drives is a table in memory."""
+    return hasattr(source, "columns") and hasattr(source, "to_numpy")
+
+
+def _drives_of_table(
+    name: str, frame: pd.DataFrame, body: Body, findings: Findings
 ) -> list[Drive]:
-    """Drives from a table in memory, with columns as in a CSV file, in SI units.
-
-    Args:
-        frame: a row for each time, with the columns `time`, s, and those of the body;
-            `drive` or `session` too where there are several drives.
-        body: the robot's body.
-        skip_bad: whether faulty drives are left out, each with a `RecordingWarning`.
-        held: whether a column may never change.
-
-    Raises:
-        RecordingError: a column is missing, or the first fault; the message is one
-            line.
-    """
+    """Drives of a table in memory; `findings` takes faults and notes."""
+    findings.notes += notes_of_units(body)
     required = ["time", *(name for name, _ in (*body.state, *body.actions))]
     if missing := [name for name in required if name not in frame]:
         raise RecordingError(
-            f"the table has no column '{missing[0]}'; "
+            f"{name} has no column '{missing[0]}'; "
             f"body '{body.name}' wants {', '.join(required)}"
         )
     columns = {name: frame[name].to_numpy(float) for name in required}
@@ -141,15 +143,8 @@ def drives_from_frame(
         for name in ("drive", "session")
         if name in frame
     }
-    findings = Findings(skip_bad, not skip_bad)
-    drives = _drives(Table("the table", columns, labels, None), body, findings)
-    drives = drives_along_yaw("the table", drives, body, findings)
-    findings.warn()
-    if not drives:
-        raise RecordingError(findings.faults[0])
-    if not held:
-        checks.refuse_constant("the table", drives, body)
-    return drives
+    drives = _drives(Table(name, columns, labels, None), body, findings)
+    return drives_along_yaw(name, drives, body, findings)
 
 
 def notes_of_units(body: Body) -> list[str]:

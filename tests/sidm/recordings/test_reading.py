@@ -3,6 +3,7 @@
 import gzip
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from sidm.body import DRIVE, ROVER, TWIST, Body
@@ -380,3 +381,30 @@ def test_the_recorded_robots_are_read():
         assert sum(len(drive.actions) for drive in drives) / 600 == pytest.approx(
             minutes, abs=0.1
         )
+
+
+def table(rows: np.ndarray, body: Body = BODY) -> pd.DataFrame:
+    """Rows (R, 6) at 20 Hz as a table in memory."""
+    names = [name for name, _ in (*body.state, *body.actions)]
+    return pd.DataFrame(rows, columns=names).assign(time=np.arange(len(rows)) / 20)
+
+
+def test_a_table_in_memory_is_read_and_checked_like_a_file(write):
+    (drive,) = read_drives(table(circle()), BODY)
+    (same,) = read_drives(write(text(circle())), BODY)
+    assert drive.states == pytest.approx(same.states, abs=1e-5)
+    for factors, fault in (
+        ([1, 1, 1, -1, 1, 1], "the table: .* of the other sign"),
+        ([1, 1, 1, 57.3, 1, 1], "in another unit or frame"),
+        ([1, 1, 1, 1, 0, 1], "'wheel' never changes"),
+    ):
+        with pytest.raises(RecordingError, match=fault):
+            read_drives(table(circle() * factors), BODY)
+    with pytest.raises(RecordingError, match="the table has no column 'wheel'"):
+        read_drives(table(circle()).drop(columns="wheel"), BODY)
+
+
+def test_a_unit_of_a_table_that_is_not_known_is_told():
+    body = replace(BODY, columns=(("yaw_rate", "rad/s"), ("wheel", "furlong")))
+    with pytest.warns(RecordingWarning, match="'wheel' is in 'furlong', an unknown"):
+        read_drives(table(circle(), body), body)
