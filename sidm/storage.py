@@ -77,7 +77,10 @@ def write_atomically(path: Path, write: Callable[[IO[bytes]], object]) -> None:
 
 def _sync_folder(folder: Path) -> None:
     """Force the names of a folder's files to disk."""
-    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except PermissionError:  # Windows opens no folder; the file itself is written
+        return
     try:
         os.fsync(descriptor)
     finally:

@@ -92,8 +92,8 @@ CHANGES = (
     ),
     Planted(
         "companion/bundle/adam.py",
-        "BETA1, BETA2, EPSILON = 0.9, 0.999",
-        "BETA1, BETA2, EPSILON = 0.9, 0.99",
+        "BETAS, EPSILON = (0.9, 0.999)",
+        "BETAS, EPSILON = (0.9, 0.99)",
         METHODS,
         "bundle",
     ),
@@ -121,6 +121,15 @@ CHANGES = (
 )
 
 
+def plant(change: Planted, folder: Path) -> None:
+    """Change the module below a folder."""
+    path = folder / change.file
+    text = path.read_text()
+    count = text.count(change.old)
+    assert count == 1, f"{change.file} has '{change.old}' {count} times, not once"
+    path.write_text(text.replace(change.old, change.new))
+
+
 def is_seen(change: Planted, folder: Path) -> bool:
     """Whether a golden test fails on a copy of the project with the change."""
     copy = folder / "copy"
@@ -129,11 +138,7 @@ def is_seen(change: Planted, folder: Path) -> bool:
             ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__")
         )
     shutil.copy(ROOT / "pyproject.toml", copy)
-    path = copy / change.file
-    text = path.read_text()
-    count = text.count(change.old)
-    assert count == 1, f"{change.file} has '{change.old}' {count} times, not once"
-    path.write_text(text.replace(change.old, change.new))
+    plant(change, copy)
     pytest = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider"]
     run = subprocess.run(
         [*pytest, change.tests, "-k", change.only],

@@ -8,8 +8,9 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from companion.numerics import version_label
 from companion.trials import Trial, without_later
@@ -24,17 +25,37 @@ from sidm.storage import locked
 
 def pretrained_folder(trial: Trial, data: str | Path, kind: str = "training") -> Path:
     """The folder of a trial's pretrained weights, for today's version of numbers."""
-    network = to_mapping(network_of(trial))
     made_from = {
         "dataset": trial.datasets["expert"].name,
         "digest": trial.digests["expert"],
-        "network": {name: v for name, v in network.items() if v is not None},
-        "training": without_later(to_mapping(trial.pretraining)),
         "seed": trial.seed,
+    } | settings_of(network_of(trial), trial.pretraining)
+    return weights_folder(data, made_from, kind)
+
+
+def settings_of(network: Network, training: Any) -> dict[str, Any]:
+    """The settings that weights depend on, without values of older versions."""
+    sizes = to_mapping(network)
+    return {
+        "network": {name: value for name, value in sizes.items() if value is not None},
+        "training": without_later(to_mapping(training)),
     }
+
+
+def weights_folder(
+    data: str | Path, made_from: Mapping[str, Any], kind: str, prefix: str = ""
+) -> Path:
+    """The folder of kept weights, named by all that they depend on.
+
+    Args:
+        data: the folder of the data.
+        made_from: data, settings and seed, of JSON types.
+        kind: of work, one of `numerics.NUMERICS`; its version is part of the name.
+        prefix: before the name.
+    """
     text = json.dumps(made_from, sort_keys=True)
     key = hashlib.sha256(text.encode()).hexdigest()[:20]
-    return Path(data) / "pretrained" / f"{key}-{version_label(kind)}"
+    return Path(data) / "pretrained" / f"{prefix}{key}-{version_label(kind)}"
 
 
 def network_of(trial: Trial) -> Network:

@@ -10,7 +10,6 @@ import functools
 import hashlib
 import importlib.metadata
 import platform
-import resource
 import sys
 from pathlib import Path
 
@@ -19,8 +18,15 @@ import sidm
 from companion.numerics import NUMERICS, versions
 from sidm.config import config
 
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
+
 #: PyTorch threads of a trial; the number of threads changes how floats are rounded.
 THREADS = 1
+#: packages whose arithmetic decides numbers, by the names of their fields
+LIBRARIES = ("torch", "numpy", "scipy", "numba", "scikit_learn")
 
 
 @config
@@ -36,6 +42,9 @@ class Provenance:
         torch: version of PyTorch
         numpy: version of NumPy
         scipy: version of SciPy
+        numba: version of Numba, whose kernels compute on a CPU; '' without it, and in
+            older records
+        scikit_learn: version of scikit-learn, as `numba`
         device: processor or GPU that computed it
         threads: number of PyTorch threads
         seconds: run time, s; since the last interruption if it was `resumed`; in a
@@ -63,6 +72,8 @@ class Provenance:
     date: str
     other_data: tuple[str, ...] = ()
     bundle: int = 0
+    numba: str = ""
+    scikit_learn: str = ""
 
     @property
     def stale(self) -> bool:
@@ -89,9 +100,19 @@ def source() -> str:
 
 
 def peak_memory() -> float:
-    """The most memory that this process has held so far, MiB."""
+    """The most memory that this process has held so far, MiB; 0 on Windows."""
+    if resource is None:
+        return 0.0
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / (2**20 if sys.platform == "darwin" else 2**10)
+
+
+def library_version(name: str) -> str:
+    """The version of a package; '' if it is not installed."""
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return ""
 
 
 def device_name(device: str) -> str:
@@ -126,9 +147,7 @@ def here(
         source=source(),
         numerics=versions("bundle" if bundle else kind),
         python=platform.python_version(),
-        torch=importlib.metadata.version("torch"),
-        numpy=importlib.metadata.version("numpy"),
-        scipy=importlib.metadata.version("scipy"),
+        **{name: library_version(name) for name in LIBRARIES},
         device=device_name(device),
         threads=threads,
         seconds=round(seconds, 1),

@@ -6,7 +6,6 @@ The method gets the drives of novice and expert. Its model is judged by `evaluat
 from __future__ import annotations
 
 import json
-import resource
 import signal
 import subprocess
 import sys
@@ -18,7 +17,7 @@ from typing import Any, Literal
 
 import torch
 
-from companion.engine.provenance import Provenance, here
+from companion.engine.provenance import Provenance, here, peak_memory
 from companion.tasks.catalogue import Task, load_task
 from companion.tasks.evaluation import Refused, evaluate
 from companion.tasks.methods import load_method
@@ -153,8 +152,7 @@ def measure(method: str, task: Task, seed: int, data: str | Path) -> dict[str, A
     except Exception as error:  # a method may raise anything
         text = f"{type(error).__name__}: {first_line(error)}"
         return {"status": "raised", "message": text[:300]}
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    return values | {"status": "ok", "seconds": seconds, "memory": memory}
+    return values | {"status": "ok", "seconds": seconds, "memory": peak_memory()}
 
 
 def main(words: Sequence[str]) -> None:

@@ -203,3 +203,12 @@ def test_a_pipe_stays_a_pipe(tmp_path):
     write_atomically(pipe, lambda stream: stream.write(b"through"))
     assert os.read(reader, 100) == b"through" and pipe.is_fifo()
     os.close(reader)
+
+
+def test_a_system_that_opens_no_folder_writes_all_the_same(tmp_path, monkeypatch):
+    def refuse(path, flags):
+        raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    monkeypatch.setattr("sidm.storage.os.open", refuse)
+    write_record(tmp_path / "record.json", {"a": 1})
+    assert read_record(tmp_path / "record.json") == {"a": 1}

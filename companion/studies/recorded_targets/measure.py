@@ -7,9 +7,7 @@ results/recorded_targets yet.
 from __future__ import annotations
 
 import functools
-import hashlib
 import itertools
-import json
 import time
 from collections.abc import Sequence
 from concurrent.futures import Executor
@@ -21,11 +19,10 @@ from companion.digests import find_digest
 from companion.engine.datasets import collect_dataset, note_collected
 from companion.engine.library import load_checked
 from companion.engine.outcomes import as_lists, curve
-from companion.engine.pretrained import load_or_pretrain
+from companion.engine.pretrained import load_or_pretrain, settings_of, weights_folder
 from companion.engine.provenance import Provenance
 from companion.engine.records import ProvenanceTimer, by_field, records_of
 from companion.methods import FINER_TESTS, METHODS
-from companion.numerics import version_label
 from companion.presets import Preset
 from companion.studies.recorded_targets.recorded import (
     Recorded,
@@ -341,15 +338,12 @@ def _start(
     if about.pretraining is None:
         return None
     digest = about.proxy_novice_data if about.proxy == "novice" else about.expert_data
-    made_from = [
-        digest,
-        about.expert_data,
-        repr(about.network),
-        repr(about.pretraining),
-        about.seed,
-    ]
-    key = hashlib.sha256(json.dumps(made_from).encode()).hexdigest()[:20]
-    folder = Path(data) / "pretrained" / f"elsewhere-{key}-{version_label('training')}"
+    made_from = {
+        "digest": digest,
+        "expert": about.expert_data,
+        "seed": about.seed,
+    } | settings_of(about.network, about.pretraining)
+    folder = weights_folder(data, made_from, "training", "elsewhere-")
     held_out = recorded.validation
     sets = pretraining_datasets(
         Datasets(held_out, held_out, held_out, proxy), about.seed

@@ -9,8 +9,6 @@ results/several_experts yet.
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import json
 import time
 from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor
@@ -28,10 +26,10 @@ from companion.beyond.several import (
 from companion.digests import find_digest
 from companion.engine.library import Library, load_checked
 from companion.engine.outcomes import as_lists, curve, evaluate
+from companion.engine.pretrained import settings_of, weights_folder
 from companion.engine.provenance import Provenance
 from companion.engine.records import ProvenanceTimer, by_field, records_of
 from companion.methods import FINER_TESTS, METHODS
-from companion.numerics import version_label
 from companion.studies.several_experts.family import collect_members, dataset
 from companion.study import Study
 from companion.training import StudyTraining
@@ -300,16 +298,13 @@ def _train_experts(
     """
     trial = about.trial
     assert trial.pretraining is not None
-    made_from = [
-        *about.digests.values(),
-        about.experts,
-        about.paper,
-        repr(trial.network),
-        repr(trial.pretraining),
-        trial.seed,
-    ]
-    key = hashlib.sha256(json.dumps(made_from).encode()).hexdigest()[:20]
-    folder = Path(data) / "pretrained" / f"experts-{key}-{version_label('experts')}"
+    made_from = {
+        "digests": about.digests,
+        "experts": about.experts,
+        "paper": about.paper,
+        "seed": trial.seed,
+    } | settings_of(trial.network, trial.pretraining)
+    folder = weights_folder(data, made_from, "experts", "experts-")
     kept = checkpoint.read(folder)
     if kept is None:
         trained = train_several(
