@@ -12,6 +12,7 @@ import importlib.metadata
 import platform
 import sys
 from pathlib import Path
+from typing import Any
 
 import companion
 import sidm
@@ -142,12 +143,13 @@ def here(
         bundle: most trials that were trained side by side; 0 for a trial alone.
         kind: of work, one of `numerics.NUMERICS`.
     """
+    libraries: dict[str, Any] = {name: library_version(name) for name in LIBRARIES}
     return Provenance(
         version=sidm.__version__,
         source=source(),
         numerics=versions("bundle" if bundle else kind),
         python=platform.python_version(),
-        **{name: library_version(name) for name in LIBRARIES},
+        **libraries,
         device=device_name(device),
         threads=threads,
         seconds=round(seconds, 1),
