@@ -107,3 +107,18 @@ def test_a_pretraining_that_fails_is_kept(trials, data, tmp_path, bundle):
 def test_what_is_tuned_is_a_method():
     for preset in PRESETS.values():
         assert {method for method, _, _ in preset.tuned} <= {*METHODS, "pretraining"}
+
+
+def test_kept_weights_are_named_by_values_and_not_by_how_they_print(
+    trials, tmp_path, monkeypatch
+):
+    trial = trials[0]
+
+    def folder(network):
+        settings = pretrained.settings_of(network, trial.pretraining)
+        return pretrained.weights_folder(tmp_path, settings, "training", "a-")
+
+    before = folder(trial.network)
+    monkeypatch.setattr(type(trial.network), "__repr__", lambda _: "another text")
+    assert folder(trial.network) == before and before.name.startswith("a-")
+    assert folder(replace(trial.network, hidden=7)) != before
