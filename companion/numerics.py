@@ -23,6 +23,7 @@ NUMERICS: dict[str, int] = {
     "fitting": 1,  # models fitted to recorded drives of any body
     "benchmark": 1,  # tasks, and the evaluation of methods on them
     "trees": 1,  # boosted trees in the benchmark, with their settings
+    "gaussian_process": 1,  # Gaussian processes there
 }
 
 #: Kind of work -> the other kinds that its results depend on; others than these depend
@@ -36,6 +37,13 @@ _DEPENDS_ON: dict[str, tuple[str, ...]] = {
     "fitting": ("training", "least_squares"),
     "benchmark": ("simulation", "training", "least_squares", "fitting"),
     "trees": ("simulation", "training", "least_squares", "fitting", "benchmark"),
+    "gaussian_process": (
+        "simulation",
+        "training",
+        "least_squares",
+        "fitting",
+        "benchmark",
+    ),
 }
 
 

@@ -183,8 +183,8 @@ def run(
         jobs = _jobs(entry, Study(preset, Path(data), Path(results)), pairs)
         work = functools.partial(entry.module.measure, data=Path(data).absolute())
         records = entry.module.records(results)
-        records.run(jobs, work, pool, name)
-    return [str(job) for job in jobs if records.get(job) is None]
+        records.run(records.missing(jobs), work, pool, name)
+    return list(map(str, records.missing(jobs)))
 
 
 def pairs_of(name: str, pair: str | None) -> Sequence[str]:
@@ -227,7 +227,7 @@ def overview(
         stale = MEASUREMENTS[name].is_stale(results)
         state = {None: "missing", True: "stored, stale", False: "stored"}[stale]
         path = Path(results) / MEASUREMENTS[name].file
-        return [f"{path}: {state}"], int(stale is None)
+        return [f"{path}: {state}"], int(stale is not False)
     entry = STUDIES[name]
     lines, missing, records = [], set(), entry.module.records(results)
     for pair_name in pairs_of(name, pair):
@@ -235,5 +235,5 @@ def overview(
         stored = records.stored(jobs)
         stale = sum(record.provenance.stale for record in stored)
         lines.append(f"{pair_name}: stored {len(stored)} of {len(jobs)}  stale {stale}")
-        missing |= {job for job in jobs if records.get(job) is None}
+        missing |= set(records.missing(jobs))
     return lines, len(missing)

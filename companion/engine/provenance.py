@@ -6,9 +6,6 @@ The provenance holds versions of the numbers, the code, the libraries and the ma
 from __future__ import annotations
 
 import datetime
-import functools
-import hashlib
-import importlib.metadata
 import platform
 import sys
 from pathlib import Path
@@ -18,6 +15,7 @@ import companion
 import sidm
 from companion.numerics import NUMERICS, versions
 from sidm.config import config
+from sidm.versions import library_versions, source_digest
 
 try:
     import resource
@@ -26,8 +24,6 @@ except ImportError:  # Windows
 
 #: PyTorch threads of a trial; the number of threads changes how floats are rounded.
 THREADS = 1
-#: packages whose arithmetic decides numbers, by the names of their fields
-LIBRARIES = ("torch", "numpy", "scipy", "numba", "scikit_learn")
 
 
 @config
@@ -84,20 +80,13 @@ class Provenance:
         )
 
 
-@functools.cache
 def source() -> str:
     """Hash of the files of both packages, 12 hexadecimal digits.
 
-    It is of the files as they were at the first call. Call it when long work begins:
-    the files may be edited before the work ends.
+    It is of the files as they were at the first call.
     """
-    digest = hashlib.sha256()
-    for package in (sidm, companion):
-        folder = Path(str(package.__file__)).parent
-        for file in sorted(folder.rglob("*.py")):
-            name = file.relative_to(folder.parent).as_posix()
-            digest.update(name.encode() + b"\n" + file.read_bytes())
-    return digest.hexdigest()[:12]
+    folders = (Path(str(package.__file__)).parent for package in (sidm, companion))
+    return source_digest(*folders)
 
 
 def peak_memory() -> float:
@@ -106,14 +95,6 @@ def peak_memory() -> float:
         return 0.0
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / (2**20 if sys.platform == "darwin" else 2**10)
-
-
-def library_version(name: str) -> str:
-    """The version of a package; '' if it is not installed."""
-    try:
-        return importlib.metadata.version(name)
-    except importlib.metadata.PackageNotFoundError:
-        return ""
 
 
 def device_name(device: str) -> str:
@@ -143,7 +124,7 @@ def here(
         bundle: most trials that were trained side by side; 0 for a trial alone.
         kind: of work, one of `numerics.NUMERICS`.
     """
-    libraries: dict[str, Any] = {name: library_version(name) for name in LIBRARIES}
+    libraries: dict[str, Any] = library_versions()
     return Provenance(
         version=sidm.__version__,
         source=source(),

@@ -154,6 +154,15 @@ class Records(Generic[F]):
         records = map(self.get, abouts)
         return [record for record in records if record is not None]
 
+    def is_current(self, about: Any) -> bool:
+        """Whether a record of today's versions of the numbers is stored."""
+        record: Any = self.get(about)
+        return record is not None and not record.provenance.stale
+
+    def missing(self, abouts: Iterable[Any]) -> list[Any]:
+        """What has no record of today's versions of the numbers, in its order."""
+        return [about for about in abouts if not self.is_current(about)]
+
     def all(self) -> list[F]:
         """All stored records, in the order of their keys."""
         paths = sorted((self.folder / self.place).glob("*.json"))
@@ -174,10 +183,10 @@ class Records(Generic[F]):
         what: str,
         progress: bool = True,
     ) -> int:
-        """Make the records that are not stored, and store each as soon as it is done.
+        """Make records, and store each as soon as it is done, in an older one's place.
 
         Args:
-            abouts: what the records are about.
+            abouts: what the records are about; see `missing`.
             work: makes the record about one of them.
             executor: where the work is done.
             what: the name of the work, for the bar and for messages.
@@ -186,10 +195,9 @@ class Records(Generic[F]):
         Returns:
             How many failed: each is reported in one line, and the others go on.
         """
-        missing = [about for about in abouts if self.get(about) is None]
-        futures = [executor.submit(work, about) for about in missing]
+        futures = [executor.submit(work, about) for about in abouts]
         failed = 0
-        with progress_bar(len(missing), what, what, progress) as bar:
+        with progress_bar(len(abouts), what, what, progress) as bar:
             for done in as_completed(futures):
                 try:
                     self.put(done.result())

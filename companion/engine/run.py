@@ -71,7 +71,9 @@ def run(
     log: str | Path | None = None,
     seconds: float = math.inf,
 ) -> Results:
-    """Run the trials that are not stored, and store each as soon as it is done.
+    """Run the trials that are missing, and store each as soon as it is done.
+
+    A row of older versions of the numbers is made again, and replaced.
 
     Args:
         trials: in the order in which they are started; each is run once.
@@ -240,7 +242,7 @@ def run_here(
     device: str = "cpu",
     log: str | Path | None = None,
 ) -> Row:
-    """Run one trial in this process and store it, unless it is stored.
+    """Run one trial in this process and store it, unless a row of today's numbers is.
 
     The bar counts samples up to `max_samples`, which early stopping seldom lets a trial
     reach.
@@ -251,7 +253,7 @@ def run_here(
     """
     store = results if isinstance(results, Results) else Results(results)
     stored = store.get(trial)
-    if stored is not None:
+    if stored is not None and not stored.provenance.stale:
         return stored
     refuse_unknown_data([trial])
     note_datasets([trial], data, store.folder)

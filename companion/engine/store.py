@@ -156,10 +156,6 @@ class Results(_OfTrials[Row]):
         super().__init__(Row, folder, "companion run")
         self.failed = Failures(Failure, folder, "companion run")
 
-    def __contains__(self, trial: Trial) -> bool:
-        """Whether a trial's row is stored."""
-        return self.path(trial).is_file()
-
     def put(self, record: Row | Failure) -> Path:
         """Store a row or a failure, in place of an earlier one of the same trial.
 
@@ -187,14 +183,11 @@ class Results(_OfTrials[Row]):
 
         return frame_of(self.all() if trials is None else self.rows(trials))
 
-    def missing(self, trials: Iterable[Trial]) -> list[Trial]:
-        """The `trials` that are not stored, in their order."""
-        return [trial for trial in trials if trial not in self]
-
     def take_in(self, other: Results) -> int:
         """Copy rows, failures and digests of datasets that another store has.
 
-        What this store has stays as it is.
+        What this store has stays as it is, but for rows of older versions of the
+        numbers: a row of today's versions takes their place.
 
         Returns:
             How many rows were copied.
@@ -204,7 +197,8 @@ class Results(_OfTrials[Row]):
         """
         copied = 0
         for row in other.all():
-            if row.trial not in self:
+            known = self.get(row.trial)
+            if known is None or (known.provenance.stale and not row.provenance.stale):
                 self.put(row)
                 copied += 1
         for name in ("failures", "datasets"):

@@ -63,7 +63,7 @@ def run(
     progress: bool = True,
     retry: bool = False,
 ) -> list[EntryResult]:
-    """Run the trials that are not stored, and return the results of all.
+    """Run the trials that are missing, and return the results of all.
 
     Args:
         methods: names of the library's methods, or 'file.py:Class'.
@@ -79,14 +79,10 @@ def run(
         retry: whether stored trials that failed run again.
     """
     store, wanted = records(results), entries(methods, tasks, seeds)
-    known = {entry: store.get(entry) for entry in wanted}
-    missing = [
-        entry
-        for entry, result in known.items()
-        if result is None or (retry and result.status not in NO_FAILURE)
-    ]
-    for entry in missing:
-        store.path(entry).unlink(missing_ok=True)  # a failure that is run again
+    missing = store.missing(wanted)
+    if retry:
+        failed = [row for row in store.stored(wanted) if row.status not in NO_FAILURE]
+        missing = list(dict.fromkeys([*missing, *(row.about for row in failed)]))
     for task in dict.fromkeys(entry.task for entry in missing):
         _prepare(task, data, workers, progress)
     work = functools.partial(

@@ -119,10 +119,15 @@ def run_trial(
                 values = json.loads(out.read_text())
         except subprocess.TimeoutExpired:
             pass
-    known = METHODS.get(about.method)
-    kind = "trees" if known is not None and known.fit == "trees" else "benchmark"
-    made = here(time.perf_counter() - started, 1, kind=kind)
+    made = here(time.perf_counter() - started, 1, kind=kind_of(about.method))
     return from_mapping(EntryResult, {"about": about, "provenance": made} | values)
+
+
+def kind_of(method: str) -> str:
+    """The kind of work of a method's trial, a key of `numerics.NUMERICS`."""
+    known = METHODS.get(method)
+    fit = "" if known is None else known.fit
+    return fit if fit in ("trees", "gaussian_process") else "benchmark"
 
 
 def _how_it_ended(ended: subprocess.CompletedProcess[str]) -> str:

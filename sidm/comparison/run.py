@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from sidm import __version__
+import sidm
 from sidm.comparison.plan import (
     FOLDS,
     REPEATS,
@@ -40,6 +40,7 @@ from sidm.pool import as_completed, local_pool
 from sidm.progress import progress_bar
 from sidm.rivals.methods import METHODS
 from sidm.settings import Network, Training
+from sidm.versions import library_versions, source_digest
 
 if TYPE_CHECKING:
     from sidm.fitting.arguments import BodyLike, Drives
@@ -298,8 +299,8 @@ def key_of(task: Task, fit: Fit) -> str:
         "seed": task.plan.seed,
         "settings": to_mapping(task.settings),
         "drives": _digest(task),
-        "scored": "shares alike",  # results of older versions are not
-        "version": __version__,
+        "source": source_digest(Path(str(sidm.__file__)).parent),
+        "libraries": library_versions(),
     }
     text = json.dumps(about, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:20]

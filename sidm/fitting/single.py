@@ -185,9 +185,9 @@ def _datasets(
     body = novice[0].body
     network = network_for(settings, body, expert[0].body if expert else None)
     expert_windows = cut(expert, steps, overlap=True) if expert else None
-    # There is no validation here: `Model.evaluate` takes drives of its own.
     sets = datasets(train, test, test, expert_windows, network.pixels)
-    return sets, network, steps
+    # `Model.evaluate` takes drives of its own: nothing is validated while training
+    return sets._replace(validation=sets.test.first(0)), network, steps
 
 
 def _learnt_and_test(

@@ -49,7 +49,7 @@ class Pretrained(NamedTuple):
 def pretraining_datasets(datasets: Datasets, seed: int) -> Datasets:
     """Datasets of a pretraining: the expert's in the novice's place.
 
-    The test split is the validation set too.
+    The validation set is empty: nothing evaluates these weights by themselves.
 
     Args:
         datasets: the expert's data are used, the novice's are not.
@@ -70,7 +70,7 @@ def pretraining_datasets(datasets: Datasets, seed: int) -> Datasets:
         )
     train_rows, test_rows = split_indices(len(expert), len(expert), seed)
     test = expert.subset(test_rows)
-    return Datasets(expert.subset(train_rows), test, test, expert)
+    return Datasets(expert.subset(train_rows), test, test.first(0), expert)
 
 
 def pretrained_from(trained: Trained) -> Pretrained:

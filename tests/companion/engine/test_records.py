@@ -7,7 +7,7 @@ import pytest
 from companion import Study, load_preset
 from companion.engine.provenance import Provenance, here
 from companion.engine.records import ProvenanceTimer, Records, key_of
-from companion.numerics import versions
+from companion.numerics import NUMERICS, versions
 from companion.registry import MEASUREMENTS, NAMES, STUDIES, is_grid, overview, run
 from sidm.config import ConfigError, config
 from sidm.storage import write_record
@@ -55,7 +55,7 @@ def test_figures_are_rounded_and_what_they_are_about_is_not(store):
 
 
 def test_one_failure_does_not_lose_the_others(store, capsys):
-    """Each failure is a line; stored records are not made again."""
+    """Each failure is a line, and still missing."""
     questions = [Question(minutes=minutes) for minutes in (1.0, -1.0, 200.0, 2.0)]
     with ThreadPoolExecutor(1) as executor:
         assert store.run(questions, answer, executor, "answer", progress=False) == 2
@@ -65,7 +65,18 @@ def test_one_failure_does_not_lose_the_others(store, capsys):
         assert [record.value for record in store.stored(questions)] == pytest.approx(
             [1 / 3, 2 / 3], rel=1e-5
         )
-        assert store.run(questions[:1], None, executor, "answer", progress=False) == 0
+    assert store.missing(questions) == questions[1:3]
+
+
+def test_a_record_of_older_versions_is_made_again(store, monkeypatch):
+    """The old record counts as missing, and stays until the new one is there."""
+    question = Question(minutes=3.0)
+    store.put(answer(question))
+    monkeypatch.setitem(NUMERICS, "training", NUMERICS["training"] + 1)
+    assert store.missing([question]) == [question] and store.get(question)
+    with ThreadPoolExecutor(1) as executor:
+        store.run([question], answer, executor, "answer", progress=False)
+    assert store.missing([question]) == []
 
 
 def test_a_record_says_what_it_depends_on():

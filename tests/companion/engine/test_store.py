@@ -57,7 +57,7 @@ def test_missing_and_rows(trials, make_row, tmp_path):
     [{"training": 0}, {"simulation": NUMERICS["simulation"], "a kind that was": 1}],
 )
 def test_rows_of_other_versions_are_stale(trials, make_row, tmp_path, numerics):
-    """A row of today's versions is fresh, whatever files made it."""
+    """A row of today's versions counts, whatever files made it; an older one lacks."""
     store, row = Results(tmp_path), make_row(trials[0])
     store.put(
         dataclasses.replace(
@@ -67,6 +67,7 @@ def test_rows_of_other_versions_are_stale(trials, make_row, tmp_path, numerics):
     old = dataclasses.replace(row.provenance, numerics=numerics)
     store.put(dataclasses.replace(row, trial=trials[1], provenance=old))
     assert [row.provenance.stale for row in store.rows(trials)] == [False, True]
+    assert store.missing(trials) == trials[1:]
 
 
 def test_no_stored_row_is_stale():
@@ -110,7 +111,7 @@ def test_what_is_not_the_row_is_named_in_one_line(
 
 
 def test_a_store_takes_in_what_it_lacks(tmp_path, tiny, make_row, capsys):
-    """Existing rows stay as they are; digests and failures are taken over, too."""
+    """Existing rows of today's versions stay; digests and failures come, too."""
     trials = Study(tiny, tmp_path, tmp_path).figure3("system1")[:3]
     store, other = Results(tmp_path / "mine"), Results(tmp_path / "other")
     store.put(make_row(trials[0], 1.0))
@@ -129,6 +130,15 @@ def test_a_store_takes_in_what_it_lacks(tmp_path, tiny, make_row, capsys):
     assert main(["merge", str(other.folder), "--results", str(store.folder)]) == 0
     assert capsys.readouterr().out == "1 results taken in\n"
     assert [row.outcome.validation_loss for row in store.rows(trials)] == [1.0, 2.0]
+    for older in (store, other):
+        row = older.get(trials[0])
+        old = dataclasses.replace(row.provenance, numerics={"training": 0})
+        older.put(dataclasses.replace(row, provenance=old))
+        current = Results(tmp_path / "current")
+        current.put(make_row(trials[0], 3.0))
+        current.take_in(older)
+        assert current.get(trials[0]).outcome.validation_loss == 3.0
+        assert older.take_in(current) == 1 and older.missing(trials[:1]) == []
     assert store.failed.get(trials[2]).loss == "nan"
     assert (
         find_digest(trials[0].datasets["expert"], tmp_path / "none", store.folder)

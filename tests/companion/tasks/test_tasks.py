@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from companion.__main__ import main
-from companion.numerics import versions
+from companion.numerics import NUMERICS, versions
 from companion.tasks import catalogue
 from companion.tasks import run as run_module
 from companion.tasks.cards import card
@@ -399,8 +399,20 @@ def test_what_failed_runs_again_when_asked(file, tmp_path, monkeypatch):
     monkeypatch.setattr(run_module, "run_trial", run_trial)
     again = {"seeds": 2, "results": tmp_path, "progress": False}
     assert [row.loss for row in run(["mean"], [task], **again)] == [None, 1.0]
+    (failed,) = (row for row in store.all() if row.status == "limit")
+
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as interrupted, pytest.raises(KeyboardInterrupt):
+        interrupted.setattr(run_module, "load_task", interrupt)
+        run(["mean"], [task], retry=True, **again)
+    assert store.get(failed.about) == failed  # until another row takes its place
     rows = run(["mean"], [task], retry=True, **again)
     assert [row.loss for row in rows] == [2.0, 1.0] and ran == [0]
+    monkeypatch.setitem(NUMERICS, "benchmark", 0)
+    run(["mean"], [task], **again)
+    assert ran == [0, 0, 1]  # of an older version
 
 
 def test_a_check_runs_a_trial_that_went_well(file, tmp_path):
@@ -434,7 +446,11 @@ def test_the_example_of_the_page_beats_the_mean(tmp_path):
 @pytest.mark.parametrize(
     ("method", "kind", "rel"),
     # a split of a tree may turn on the last bit of a feature
-    [("least_squares", "benchmark", 1e-3), ("trees", "trees", 0.02)],
+    [
+        ("least_squares", "benchmark", 1e-3),
+        ("trees", "trees", 0.02),
+        ("gp", "gaussian_process", 1e-3),
+    ],
 )
 def test_a_method_keeps_its_figures(golden, method, kind, rel):
     values = measure(method, TASK, 0, "data")
@@ -442,9 +458,9 @@ def test_a_method_keeps_its_figures(golden, method, kind, rel):
     golden.hold(f"benchmark, {method}", kind, figures, rel=rel)
 
 
-def test_a_row_of_trees_depends_on_their_version(tmp_path):
-    """Settings of the trees change their rows alone."""
-    names = ["trees", "mean"]
-    trees, mean = run(names, [TASK], seeds=1, results=tmp_path, progress=False)
-    assert trees.provenance.numerics == versions("trees")
-    assert mean.provenance.numerics == versions("benchmark")
+def test_a_row_depends_on_the_version_of_its_method(tmp_path):
+    """Settings of trees or of Gaussian processes change the rows of these alone."""
+    names = {"trees": "trees", "gp": "gaussian_process", "mean": "benchmark"}
+    rows = run(list(names), [TASK], seeds=1, results=tmp_path, progress=False)
+    for row in rows:
+        assert row.provenance.numerics == versions(names[row.about.method])

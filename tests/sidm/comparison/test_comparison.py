@@ -283,6 +283,16 @@ def test_other_drives_or_settings_have_other_results(drives):
     assert len(keys) == 6 and run.key_of(task, fit) in keys
 
 
+@pytest.mark.parametrize("changed", ["source_digest", "library_versions"])
+def test_other_code_or_libraries_have_other_results(drives, monkeypatch, changed):
+    plan = plan_for(drives, None, ["least_squares"])
+    task, fit = run.Task(plan, drives, None, run.settings_with(), None), plan.fits()[0]
+    before = run.key_of(task, fit)
+    assert run.key_of(task, fit) == before
+    monkeypatch.setattr(run, changed, lambda *_: "another")
+    assert run.key_of(task, fit) != before
+
+
 def test_a_fit_with_too_little_data_is_left_out_with_a_note():
     few = cart_drives(5, drives=1)
     with pytest.warns(sidm.config.Notice, match="with 25% of the data: .*too few"):

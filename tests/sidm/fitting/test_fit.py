@@ -18,7 +18,7 @@ from sidm.body import ROVER
 from sidm.body_file import read_body
 from sidm.config import ConfigError, replace
 from sidm.fitting import settings, single
-from sidm.learning import Network, Training
+from sidm.learning import Network, Training, trainer
 from sidm.recordings import read_drives, write_drives
 from sidm.rivals.methods import METHODS
 
@@ -44,6 +44,17 @@ def drives():
         name: read_drives(RECORDINGS / f"{name}.csv.gz", body)[:40]
         for name, body in robots.items()
     }
+
+
+def test_a_test_is_computed_once(drives, monkeypatch):
+    """There is no validation set while a model is fitted, and while it is pretrained.
+
+    The trainer computes test losses by a default argument, validation losses by name.
+    """
+    monkeypatch.setattr(trainer, "mean_loss", None)
+    monkeypatch.setattr(trainer, "validation_loss", None)
+    novice, expert = drives["warthog"], drives["husky"]
+    assert sidm.fit(novice, expert, "pretrain_finetune").test_loss > 0
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -35,7 +35,7 @@ def start(datasets, small_network) -> Pretrained:
 def test_the_expert_stands_in_the_novices_place(datasets):
     """All expert data are used, three of four trajectories for training.
 
-    The novice's validation data stay.
+    There is no validation: no one looks at it.
     """
     sets = pretraining_datasets(datasets, 3)
     assert len(sets.train) + len(sets.test) == len(datasets.expert)
@@ -44,7 +44,7 @@ def test_the_expert_stands_in_the_novices_place(datasets):
         sets.test.row_indices.tolist()
     )
     assert sets.train.stored_inputs is datasets.expert.inputs
-    assert sets.validation is sets.test
+    assert len(sets.validation) == 0
     with pytest.raises(ConfigError, match="pretraining needs the expert's data"):
         pretraining_datasets(datasets._replace(expert=None), 0)
 
