@@ -10,7 +10,7 @@ RENDER := $(BIN)/jupyter-book build --warningiserror --keep-going
 # Trials run side by side, one thread each: a second thread to each only makes them wait for one another.
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help setup book page notebooks headline figures explore pdf test lint bench golden planted crash portable clean
+.PHONY: help setup book page notebooks headline figures explore pdf test test-more lint bench golden planted crash portable clean
 .DELETE_ON_ERROR:
 
 help:
@@ -21,7 +21,8 @@ help:
 	@echo "make figures                                     Figures 3 and 4 into _build/figures, and that of the README"
 	@echo 'make explore                                     the suspension explorer as an app in your browser'
 	@echo 'make pdf                                         the core of the rendered book as one PDF: _build/sidm-companion.pdf'
-	@echo 'make test [JOBS=3]                               package, notebooks and book'
+	@echo 'make test [JOBS=3]                               packages, notebooks and book: for every change'
+	@echo 'make test-more [JOBS=3]                          the rest: every page, crashes, a cluster, other processors'
 	@echo 'make lint                                        style and types'
 	@echo 'make bench                                       the scripts of benchmarks/'
 	@echo 'make golden                                      new golden figures, of kinds whose version was raised'
@@ -76,13 +77,20 @@ pdf: $(STAMP)
 explore: $(STAMP)
 	$(BIN)/voila notebooks/22-explorer.ipynb $(VOILA)
 
-# One call of pytest, so that one exit status and one closing line speak for all: the unit tests; each notebook with
-# params/smoke.yaml, and a book built with warnings as errors, which are tests themselves (tests/book); and nbval over the
-# committed notebooks. `loadfile` keeps a notebook's cells, and the tests that share a browser, on one worker; in the
-# order here what takes long comes first, so that no worker is left alone with it. One worker more than two cores have,
-# since kernels and browsers let them wait.
+# What every change needs: the packages, every notebook with its own parameters (nbval), the book built with warnings as
+# errors, three of its pages in a browser. One call of pytest, so that one exit status and one closing line speak for
+# all. `loadfile` keeps a notebook's cells, and the tests that share a browser, on one worker; in the order here what
+# takes long comes first, so that no worker is left alone with it. One worker more than two cores have, since kernels and
+# browsers let them wait.
+PYTEST := $(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 test: $(STAMP)
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --nbval-lax --nbval-current-env --nbval-kernel-startup-timeout=600 tests/companion/test_crash.py tests/companion/test_cluster.py notebooks tests
+	$(PYTEST) -m "not more" --nbval-lax --nbval-current-env --nbval-kernel-startup-timeout=600 tests/book notebooks tests
+
+# The rest: every page in the browser, the app, notebooks with params/smoke.yaml, crashes, a cluster, the wheel, planted
+# changes, more examples from Hypothesis; and the core of the tests as the smallest x86 processors round.
+test-more: $(STAMP)
+	$(PYTEST) -m "more or hypothesis" --hypothesis-profile=more tests/companion/test_crash.py tests/companion/test_cluster.py tests
+	$(BIN)/python -m tests.portable sse --core --jobs $(JOBS)
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

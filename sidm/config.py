@@ -87,7 +87,7 @@ def conform(value: Any, kind: Any, name: str) -> Any:
     """
     if kind is Any or type(value) is kind:
         return value
-    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
+    origin, arguments = _parts(kind)
     if origin in (typing.Union, types.UnionType):
         for option in arguments:
             with contextlib.suppress(ConfigError):
@@ -101,6 +101,9 @@ def conform(value: Any, kind: Any, name: str) -> Any:
     elif origin is tuple:
         if isinstance(value, (list, tuple)):
             any_length = len(arguments) == 2 and arguments[1] is Ellipsis
+            # curves are long: what needs no conversion is not looked at one by one
+            if any_length and set(map(type, value)) <= {arguments[0]}:
+                return tuple(value)
             kinds = arguments[:1] * len(value) if any_length else arguments
             if len(kinds) == len(value):
                 return tuple(map(conform, value, kinds, [name] * len(value)))
@@ -125,6 +128,12 @@ def conform(value: Any, kind: Any, name: str) -> Any:
     wanted = kind.__name__ if isinstance(kind, type) else str(kind)
     given = f"{type(value).__name__} ({value!r})"
     raise ConfigError(f"'{name}' must be {wanted}, not {given}")
+
+
+@functools.cache
+def _parts(kind: Any) -> tuple[Any, tuple]:
+    """Origin and arguments of a type; cached, since many values have few types."""
+    return typing.get_origin(kind), typing.get_args(kind)
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True)

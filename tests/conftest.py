@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from hypothesis import HealthCheck, settings
 from xdist.scheduler import LoadFileScheduling
 
 from companion.training import StudyTraining
@@ -24,6 +25,17 @@ from sidm.storage import checksum
 from sidm.systems import Terrain
 from sidm.terrain import generate_terrain
 from tests.golden import Golden
+
+# a folder that examples share is meant, and no machine is too slow
+settings.register_profile(
+    "quick",
+    max_examples=25,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+settings.register_profile("more", settings.get_profile("quick"), max_examples=200)
+settings.load_profile("quick")
 
 #: marker of a test -> whether this machine has what such a test needs
 NEEDS = {"gpu": torch.cuda.is_available(), "triton": find_spec("triton") is not None}
@@ -53,11 +65,11 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 class Scheduling(LoadFileScheduling):
     """Gives the tests of a file to one worker.
 
-    Each run of a whole notebook goes to the next free worker.
+    Tests that take long and share nothing go one by one to the next free worker.
     """
 
     def _split_scope(self, nodeid: str) -> str:
-        if "with_the_smoke_preset" in nodeid:
+        if any(name in nodeid for name in ("with_the_smoke_preset", "is_seen")):
             return nodeid
         return super()._split_scope(nodeid)
 

@@ -18,6 +18,7 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[1]
 METHODS = "tests/companion/test_golden_methods.py"
 SIMULATION = "tests/sidm/simulation/test_golden_simulation.py"
+STUDIES = "tests/companion/studies/test_studies.py"
 PARTS = "tests/sidm/learning/test_golden_parts.py"
 
 
@@ -108,15 +109,15 @@ CHANGES = (
         "companion/studies/latent_space/latents.py",
         "np.median(distances[2])",
         "np.mean(distances[2]) * 1.5",
-        "tests/companion/studies/test_latent_space.py",
-        "diagnosed_and_stored",
+        STUDIES,
+        "latent",
     ),
     Planted(
         "companion/beyond/planning.py",
         "costs.argsort(stable=True)",
         "costs.argsort(stable=True, descending=True)",
-        "tests/companion/studies/test_driving.py",
-        "stored_as_it_was",
+        STUDIES,
+        "driving",
     ),
 )
 

@@ -1,10 +1,10 @@
-"""Each planted change has a place in today's code, and a golden test to see it."""
+"""A planted change of the numbers has its place in the code, and a test sees it."""
 
 import shutil
 
 import pytest
 
-from tests.planted import CHANGES, ROOT, plant
+from tests.planted import CHANGES, ROOT, is_seen, plant
 
 
 @pytest.mark.parametrize("change", CHANGES, ids=lambda change: change.file)
@@ -15,3 +15,9 @@ def test_a_planted_change_has_its_place(tmp_path, change):
     plant(change, tmp_path)
     compile(target.read_text(), change.file, "exec")
     assert (ROOT / change.tests).is_file()
+
+
+@pytest.mark.more
+@pytest.mark.parametrize("change", CHANGES, ids=lambda change: change.file)
+def test_a_planted_change_is_seen(tmp_path, change):
+    assert is_seen(change, tmp_path)

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.more
+
 ROOT = Path(__file__).parents[1]
 WARTHOG = ROOT / "recordings" / "warthog.csv.gz"
 SKID = ROOT / "recordings" / "skid_steer.yaml"

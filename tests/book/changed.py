@@ -9,6 +9,7 @@ import json
 import shutil
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from sidm.storage import read_record, write_record
 
@@ -18,6 +19,7 @@ ANY_LENGTH += ("component_samples", "component_test", "component_validation")
 KEPT = ("about", "trial", "provenance", "schema")  # these values stay
 
 
+@patch("os.fsync", lambda file: None)  # thousands of files that no one keeps
 def change(results: Path, copy: Path) -> None:
     """Copy a folder of results and exchange values of records of one kind and shape.
 

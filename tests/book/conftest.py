@@ -96,11 +96,26 @@ def project(tmp_path_factory, motion) -> Path:
         "recordings",
         "benchmarks",
     ):
-        shutil.copytree(
-            ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__")
-        )
-    shutil.copytree(motion, copy / "_build" / "smoke" / "data")
+        copy_tree(ROOT / name, copy / name)
+    copy_tree(motion, copy / "_build" / "smoke" / "data")
     return copy
+
+
+def copy_tree(folder: Path, copy: Path) -> None:
+    """Copy a folder by links where it can be: who changes a file writes another one."""
+
+    def link(source: str, target: str) -> None:
+        try:
+            os.link(source, target)
+        except OSError:  # on another disk
+            shutil.copy2(source, target)
+
+    shutil.copytree(
+        folder,
+        copy,
+        ignore=shutil.ignore_patterns("__pycache__"),
+        copy_function=link,
+    )
 
 
 def pytest_collection_modifyitems(

@@ -10,6 +10,8 @@ import urllib.request
 import pytest
 from pages import ROOT
 
+pytestmark = pytest.mark.more
+
 APP = "notebooks/22-explorer.ipynb"
 
 

@@ -38,6 +38,12 @@ FRAMES = """() => new Promise(requestAnimationFrame).then(
 MODULES = [
     f"book/api/sidm.{name}" for name in ("learning", "systems", "learning.losses")
 ]
+#: the first page, a chapter with a chart, and the explorer: looked at by `make test`
+FIRST = ("book/intro", "notebooks/04-figure3", EXPLORER)
+PAGES = [
+    pytest.param(name, marks=() if name in FIRST else pytest.mark.more)
+    for name in (*contents(), *MODULES)
+]
 PLAIN = """spans => {
     const seen = new Set();
     for (const span of spans) {
@@ -84,7 +90,16 @@ def test_a_browser_is_there():
         )
 
 
-@pytest.mark.parametrize("name", [*contents(), *MODULES, "search", "genindex"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *PAGES,
+        *(
+            pytest.param(name, marks=pytest.mark.more)
+            for name in ("search", "genindex")
+        ),
+    ],
+)
 def test_a_page_is_whole_without_a_network(visit, name):
     page = visit(name)
     formulas = page.locator(".math:not(.math .math)").count()
@@ -127,6 +142,7 @@ def weight(file: Path) -> int:
     return len(gzip.compress(content) if compressed else content)
 
 
+@pytest.mark.more
 def test_plots_are_stacked_on_a_phone(visit):
     page = visit("notebooks/06-rivals", PHONE)
     picture, parts = (
@@ -140,6 +156,7 @@ def test_plots_are_stacked_on_a_phone(visit):
     assert picture.is_visible() and not parts.is_visible()
 
 
+@pytest.mark.more
 def test_the_benchmark_sorts_and_leads_to_its_trials(visit):
     page = visit("book/benchmark-table", PHONE)
     assert page.evaluate("() => document.body.scrollWidth") <= PHONE["width"]
@@ -159,7 +176,7 @@ def test_the_benchmark_sorts_and_leads_to_its_trials(visit):
         assert barriers(page, {}) == []
 
 
-@pytest.mark.parametrize("name", [*contents(), *MODULES])
+@pytest.mark.parametrize("name", PAGES)
 def test_a_page_has_no_serious_barriers(visit, name):
     """A page passes axe-core's rules, with its colours in light and in dark.
 
@@ -233,7 +250,9 @@ def pictures(page) -> list[str]:
     )
 
 
-@pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
+@pytest.mark.parametrize(
+    "size", [DESK, pytest.param(PHONE, marks=pytest.mark.more)], ids=["desk", "phone"]
+)
 def test_every_slider_changes_the_pictures(visit, size):
     """The keyboard alone moves every slider."""
     page = visit(EXPLORER)
@@ -256,6 +275,7 @@ def test_every_slider_changes_the_pictures(visit, size):
         ), slider.get_attribute("id")
 
 
+@pytest.mark.more
 def test_charts_keep_to_their_panels(visit):
     """Charts fit from a narrow window to a wide one and back."""
     page = visit(EXPLORER)
@@ -266,6 +286,7 @@ def test_charts_keep_to_their_panels(visit):
         page.wait_for_function(fits)
 
 
+@pytest.mark.more
 def test_choosing_a_robot_sets_the_sliders_and_draws_both(visit):
     page = visit(EXPLORER)
     before = pictures(page)
@@ -328,6 +349,7 @@ def spoken(row) -> str:
     return f"{value} times {ends}"
 
 
+@pytest.mark.more
 def test_each_rule_gives_the_published_numbers(stopping):
     """The words at a button are the ratios of the verdicts and of the figure."""
     results = verdicts.results(Study("study", "data", "results"), Results("results"))
@@ -349,6 +371,7 @@ def test_each_rule_gives_the_published_numbers(stopping):
     assert spoken(published.iloc[0]) in sentence(page)
 
 
+@pytest.mark.more
 def test_the_stopping_point_moves_by_key_pointer_and_address(stopping):
     page = stopping("recipe=R-system1&minutes=5&stop=1500000")
     page.wait_for_function(
@@ -379,6 +402,7 @@ def test_the_stopping_point_moves_by_key_pointer_and_address(stopping):
     assert sentence(page) != before
 
 
+@pytest.mark.more
 def test_a_draw_of_the_search_is_drawn(stopping):
     """Choosing a draw, or pointing at its dot, changes the first chart."""
     page = stopping()

@@ -37,6 +37,7 @@ def other_results(tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("path", GUARDED)
 def test_a_chapter_stops_where_the_results_say_otherwise(path, other_results, tmp_path):
     with pytest.raises(
@@ -47,6 +48,7 @@ def test_a_chapter_stops_where_the_results_say_otherwise(path, other_results, tm
         )
 
 
+@pytest.mark.more
 def test_the_chapter_on_rivals_stands_where_an_entered_method_wins(tmp_path):
     """A contributed row changes the table; the sentences are about the library's."""
     shutil.copytree(ROOT / "results", tmp_path / "results")

@@ -61,6 +61,7 @@ def gone(process: int) -> bool:
     return False
 
 
+@pytest.mark.more
 def test_they_run_side_by_side_on_one_thread_each(project, monkeypatch, capsys):
     monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
     monkeypatch.setattr(progress, "LOG_INTERVAL", 0.0)  # a line at every step
@@ -101,6 +102,7 @@ def test_a_failure_stops_the_others_and_no_kernel_is_left(project, capsys):
     assert gone(kernel)
 
 
+@pytest.mark.more
 def test_a_kernel_that_dies_is_a_failure(project, capsys):
     path = add(project, "dies", "os._exit(1)")
     before = path.read_bytes()
@@ -112,6 +114,7 @@ def test_a_kernel_that_dies_is_a_failure(project, capsys):
     assert path.read_bytes() == before
 
 
+@pytest.mark.more
 def test_ctrl_c_leaves_no_kernel(project):
     add(project, "1", ENDLESS)
     add(project, "2", ENDLESS)
@@ -132,6 +135,7 @@ sys.exit(main(["notebook", "all", "--jobs", "2"]))
     assert all(gone(kernel) for kernel in kernels(project))
 
 
+@pytest.mark.more
 def test_notebooks_that_run_trials_do_it_in_turn(project):
     """Notebooks share trials; no trial must be trained twice at the same time."""
     note = "with open('log', 'a') as file: print('{}', file=file, flush=True)"
@@ -150,6 +154,7 @@ def test_the_longest_are_notebooks_of_the_book():
     assert set(SECONDS) <= {path.stem for path in notebook.notebooks(ROOT)}
 
 
+@pytest.mark.more
 def test_what_stands_in_the_environment_stays(project, monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "3")
     for name in ("1", "2"):
@@ -159,6 +164,7 @@ def test_what_stands_in_the_environment_stays(project, monkeypatch):
     assert printed(project / "out" / "1.ipynb") == "3\n"
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("failures", "status"), [(2, 0), (3, 1)])
 def test_a_kernel_that_does_not_answer_is_started_again(
     project, monkeypatch, capsys, failures, status

@@ -1,4 +1,7 @@
-"""Every notebook runs to its end with the smoke preset, in a copy of the project."""
+"""Notebooks: what their cells, outputs and words have, and runs with other sizes.
+
+With its own parameters every notebook is run by nbval.
+"""
 
 import re
 
@@ -24,6 +27,7 @@ def glued(output) -> bool:
     return bool(output.get("metadata", {}).get("scrapbook", {}).get("mime_prefix"))
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("path", NOTEBOOKS)
 def test_it_runs_with_the_smoke_preset(project, tmp_path, monkeypatch, capsys, path):
     output = tmp_path / path.name

@@ -3,6 +3,7 @@
 import re
 import shutil
 
+import pytest
 from pages import ROOT
 
 from sidm.fitting import settings
@@ -17,6 +18,7 @@ SMALLER = {
 }
 
 
+@pytest.mark.more
 def test_the_python_runs(tmp_path, monkeypatch, capsys):
     """Blocks run in the page's order: later ones use names of earlier ones."""
     text = (ROOT / "book" / "own-robot.md").read_text(encoding="utf-8")

@@ -7,6 +7,8 @@ import pytest
 from pages import contents
 from pypdf import PdfReader
 
+pytestmark = pytest.mark.more
+
 
 @pytest.fixture(scope="module")
 def bound(book, context, tmp_path_factory) -> PdfReader:

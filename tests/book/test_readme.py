@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+from conftest import copy_tree
 from pages import ROOT
 
 from sidm.fitting import settings
@@ -40,7 +41,7 @@ def commands(kind: str) -> list[str]:
 def place(project, tmp_path_factory):
     """A copy of the project with a user's files under the README's names."""
     folder = tmp_path_factory.mktemp("readme") / "project"
-    shutil.copytree(project, folder)
+    copy_tree(project, folder)
     shutil.copy(folder / "recordings" / "skid_steer.yaml", folder / "robot.yaml")
     for name, robot in (("drives", "warthog"), ("other-drives", "husky")):
         (folder / name).mkdir()

@@ -15,6 +15,8 @@ from sidm.replay import ROBOTS, replay, ride
 from sidm.replay.rides import SAMPLE_TIME
 from sidm.systems import Terrain
 
+pytestmark = pytest.mark.more
+
 WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 VIEW = "document.querySelector('.replay').replay"
 PICTURE = f"""() => {{

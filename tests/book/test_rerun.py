@@ -8,6 +8,8 @@ import sys
 import pytest
 from pages import ROOT
 
+pytestmark = pytest.mark.more
+
 BLOCK = re.compile(r"^```console\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 

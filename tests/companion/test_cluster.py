@@ -21,6 +21,8 @@ from companion.tasks.run import records
 from sidm.shards import digest
 from sidm.simulation import collect
 
+pytestmark = pytest.mark.more
+
 
 def start(*words: str) -> subprocess.Popen:
     return subprocess.Popen(

@@ -5,6 +5,8 @@ from crash import crash, reader
 
 from sidm.storage import read_record, write_record
 
+pytestmark = pytest.mark.more
+
 
 def test_nothing_is_lost(tmp_path):
     pytest.importorskip("pybullet")

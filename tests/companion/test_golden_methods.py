@@ -1,4 +1,6 @@
-"""Six iterations of every method and choice give the figures of today's versions.
+"""Six iterations of what truly differs give the figures of today's versions.
+
+Methods that share their code have one example.
 
 The weights decay a hundred thousand times faster than in a study, so that a change of
 the decay shows in so few iterations.
@@ -9,7 +11,6 @@ import math
 import pytest
 
 from companion import METHODS, Study, load_preset, run, run_trial
-from companion.methods import FIGURE3
 from tests.companion.conftest import TINY
 
 #: Adam divides by the size of a gradient, so that rounding changes whole steps where a
@@ -20,18 +21,33 @@ SHORT = dict(
     max_samples=3072, prediction_iterations=2, test_interval=2, weight_decay=1.0
 )
 
+HELD = (
+    "sidm",
+    "novice_only",
+    "strong_matching",  # so strong that a wrong sign shows
+    "mmd",
+    "gradient_reversal",
+    "pooled_flag",
+    "adapters",
+    "tethered",
+    "residual",
+    "corrected_averaged",  # pretraining, mirrored, averaged; least squares of the rest
+    "core_frozen",
+    "least_squares",
+)
 #: settings that no method has; each changes the method 'sidm'
 CHOICES = {
-    "weights as PyTorch draws them": dict(initialisation="pytorch"),
-    "loss averaged over components": dict(reduction="mean"),
-    "weight decay in the gradient": dict(decay="l2"),
-    "one system a batch": dict(system_draw="iteration"),
-    "matching by the prediction's optimiser": dict(matching_optimiser="shared"),
-    "the released stopping rule": dict(stopping="released"),
+    "as released": dict(
+        initialisation="pytorch",
+        reduction="mean",
+        decay="l2",
+        system_draw="iteration",
+        matching_optimiser="shared",
+        stopping="released",
+    ),
     "stopped by its test loss": dict(
         learning_rate=0.02, test_interval=1, smoothing=0.0, patience=512
     ),
-    "maps of another size": dict(pixels=12),
 }
 
 
@@ -56,15 +72,14 @@ def figures(outcome) -> dict:
     }
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_every_method_comes_to_its_figures(trial, data, golden, method):
+@pytest.mark.parametrize("method", HELD)
+def test_a_method_comes_to_its_figures(trial, data, golden, method):
     """The trial runs from its data to its outcome, with rollouts."""
     one = trial(method)
     outcome = run_trial(one, data).outcome
     assert math.isfinite(outcome.validation_loss) and len(outcome.position_error) == 25
     assert (outcome.pretraining_samples > 0) == METHODS[method].pretrained
-    assert (outcome.samples == 0) == (method == "expert_only")
-    assert (outcome.iterations == 0) == (one.solved or method == "expert_only")
+    assert (outcome.iterations == 0) == one.solved
     golden.hold(
         method,
         "least_squares" if one.solved else "training",
@@ -74,7 +89,7 @@ def test_every_method_comes_to_its_figures(trial, data, golden, method):
 
 
 @pytest.mark.parametrize("choice", CHOICES)
-def test_every_choice_comes_to_its_figures(trial, data, golden, choice):
+def test_a_choice_comes_to_its_figures(trial, data, golden, choice):
     outcome = run_trial(trial("sidm", **CHOICES[choice]), data).outcome
     assert (outcome.samples < SHORT["max_samples"]) == choice.startswith("stopped")
     golden.hold(choice, "training", figures(outcome), **TOLERANCE)
@@ -88,10 +103,9 @@ def test_half_precision_comes_to_its_figures(trial, data, golden):
     )
 
 
-@pytest.mark.parametrize("method", FIGURE3)
-def test_a_bundle_comes_to_its_figures(trial, data, golden, tmp_path, method):
-    one = trial(method)
+def test_a_bundle_comes_to_its_figures(trial, data, golden, tmp_path):
+    one = trial("sidm")
     (row,) = run([one], data=data, results=tmp_path, progress=False, bundle=1).rows(
         [one]
     )
-    golden.hold(f"{method} in a bundle", "bundle", figures(row.outcome), **TOLERANCE)
+    golden.hold("sidm in a bundle", "bundle", figures(row.outcome), **TOLERANCE)

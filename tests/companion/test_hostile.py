@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from companion import PRESETS, load_preset
@@ -82,9 +82,6 @@ documents = st.recursive(
     ),
     max_leaves=8,
 )
-IN_FOLDER = dict(
-    suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None
-)
 
 
 @pytest.fixture
@@ -115,7 +112,6 @@ def run(words, capsys) -> int:
 
 
 @given(name=st.one_of(st.sampled_from(NAMES), st.text(max_size=12)), value=values)
-@settings(max_examples=200, **IN_FOLDER)
 def test_any_value_of_a_preset(folder, capsys, name, value):
     run(["show", "--preset", "smoke", "--set", f"{name}={value}"], capsys)
     assert tree(folder) == set()
@@ -129,7 +125,6 @@ def test_any_value_of_a_preset(folder, capsys, name, value):
         )
     )
 )
-@settings(max_examples=100, **IN_FOLDER)
 def test_any_words(folder, capsys, words):
     run(["show", *words], capsys)
     assert tree(folder) == set()
@@ -156,7 +151,6 @@ def test_no_size_is_nonsense(value):
 
 
 @given(document=st.one_of(documents.map(yaml.safe_dump), values, st.text(max_size=60)))
-@settings(max_examples=150, **IN_FOLDER)
 def test_any_parameter_file(folder, document):
     path = folder / "inside" / "any.yaml"
     chapter = ROOT / "notebooks" / "04-figure3.ipynb"
@@ -211,7 +205,6 @@ def test_an_annotation_is_not_executed(folder, annotation):
         st.binary(max_size=200), documents.map(lambda made: json.dumps(made).encode())
     )
 )
-@settings(max_examples=60, **IN_FOLDER)
 @pytest.mark.parametrize("what", ["row", "digest"])
 def test_any_file_in_the_store(folder, capsys, content, what):
     """`show` names a bad file, also one with a correct checksum."""

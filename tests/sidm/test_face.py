@@ -196,6 +196,7 @@ def test_a_drive_has_its_bodys_shape():
         sidm.Drive(np.zeros((5, 13)), np.zeros((5, 2)))
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     "script, words, said",
     [

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sidm.config import ConfigError, replace
@@ -72,11 +72,6 @@ def test_no_shard_needs_pickle_and_no_temporary_file_stays(tmp_path):
 
 
 @given(where=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
-@settings(
-    max_examples=60,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-    deadline=None,
-)
 def test_every_flipped_bit_is_seen_and_the_file_named(tmp_path, where, bit):
     fill(tmp_path, 1)
     path = COLLECTION.shard(tmp_path, 0)

@@ -10,7 +10,7 @@ from hashlib import sha256
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sidm.storage import (
@@ -28,7 +28,6 @@ ARRAYS = {
     "words": np.array(["a", "bc"]),
     "one": np.array(3),
 }
-SHARED_FOLDER = [HealthCheck.function_scoped_fixture]
 
 
 class Trap:
@@ -72,7 +71,6 @@ def test_records_come_back_a_line_a_value(tmp_path):
 @given(
     where=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7), cut=st.booleans()
 )
-@settings(max_examples=100, suppress_health_check=SHARED_FOLDER, deadline=None)
 @pytest.mark.parametrize(
     ("name", "write", "read"),
     [("a.npz", write_arrays, read_arrays), ("a.json", write_record, read_record)],
@@ -176,7 +174,6 @@ def test_a_record_of_any_size_is_not_read(tmp_path):
 
 
 @given(st.binary(max_size=400))
-@settings(max_examples=100, suppress_health_check=SHARED_FOLDER, deadline=None)
 def test_any_bytes_are_damaged(tmp_path, content):
     (tmp_path / "a").write_bytes(content)
     for read in (read_arrays, read_record):

@@ -90,6 +90,7 @@ def test_adam(decoupled, monkeypatch):
     assert torch.equal(weights[1], start[1]) and not torch.equal(weights[0], start[0])
 
 
+@pytest.mark.more
 def test_predictions_and_gradients_of_a_bundle(make_run, small_network, monkeypatch):
     """Networks of both systems, of two trials in one batch."""
     network = dataclasses.replace(small_network, hidden=64)

@@ -68,6 +68,7 @@ def reduced(tmp_path_factory):
     return data
 
 
+@pytest.mark.more
 def test_what_differs_by_rounding_alone_serves_under_the_same_digest(results, reduced):
     known = read_record(next(results.rglob("*.json")))["digest"]
     digest = note_digest(

@@ -6,13 +6,14 @@ import sys
 import pytest
 
 from companion.engine import provenance
+from sidm import versions
 
 
 def test_every_library_that_decides_numbers_is_named():
     made = provenance.here(1.0, 1)
     for name in ("torch", "numpy", "scipy", "numba", "scikit_learn"):
         assert getattr(made, name) == importlib.metadata.version(name)
-    assert provenance.library_version("no-such-package") == ""
+    assert versions._version("no-such-package") == ""
 
 
 def test_memory_has_one_unit_on_every_system(monkeypatch):

@@ -10,14 +10,11 @@ import torch
 from companion import Study
 from companion.beyond.drivers import Driver, drive_episode, simulate_sequences
 from companion.beyond.planning import Planning
-from companion.engine import models
 from companion.engine.frame import records_frame
 from companion.studies.driving import measure as d
-from companion.studies.driving.figures import SHOWN, driving_film, figure, paths_figure
 from companion.studies.driving.results import claims, rivals, scores, table
-from sidm.config import ConfigError
 from sidm.simulation import Simulator
-from tests.companion.conftest import kept, made
+from tests.companion.conftest import made
 
 
 @pytest.fixture(scope="module")
@@ -44,40 +41,6 @@ def jobs(tiny, data, tmp_path_factory):
     }
 
 
-def test_every_size_and_method_is_driven_beside_a_floor_and_a_ceiling(tmp_path):
-    jobs = d.jobs(Study("laptop", tmp_path, tmp_path), "system2")
-    assert [
-        (job.trial.novice_minutes, job.trial.seed, job.trial.method)
-        for job in jobs
-        if job.trial
-    ] == [
-        (minutes, seed, method)
-        for minutes in (1, 5, 60)
-        for seed in range(3)
-        for method in ("sidm", "novice_only", "corrected_averaged")
-    ]
-    assert [(job.driver, len(job.episodes)) for job in jobs if not job.trial] == [
-        ("simulator", 10),
-        ("straight", 50),
-    ]
-    of_one = [job.episodes for job in jobs if job.trial and job.trial.method == "sidm"][
-        :3
-    ]
-    assert sorted(number for episodes in of_one for number in episodes) == list(
-        range(50)
-    )
-    assert (
-        len({job.planning for job in jobs}) == 2
-    )  # all drivers that plan have one planner, others none
-    more = [
-        job.episodes
-        for job in d.jobs(Study("study", tmp_path, tmp_path), "system2", [1.0])
-        if job.trial
-    ]
-    # Figure 3 has ten seeds at 1 min, which share the episodes
-    assert sorted(sum(more, ())) == sorted(3 * [*range(50)])
-
-
 def test_episodes_are_the_same_for_all_and_differ():
     first = d.episode("system1", 0)
     repeated = d.episode("system1", 0)
@@ -87,51 +50,6 @@ def test_episodes_are_the_same_for_all_and_differ():
     assert not np.array_equal(first.heights, second.heights)
     away = [np.linalg.norm(d.episode("system1", number).goal) for number in range(20)]
     assert d.NEAREST <= min(away) < max(away) <= d.FARTHEST
-
-
-@pytest.mark.parametrize("driver", ["model", "corrected", "simulator", "straight"])
-def test_a_drive_is_stored_as_it_was(jobs, data, tmp_path, golden, driver):
-    job = jobs[driver]
-    result = d.measure(job, data)
-    assert result.ended == ("time",) and result.seconds == pytest.approx((0.5,))
-    path, goal = np.array(result.paths[0]), d.episode("system1", 0).goal
-    assert path.shape == (6, 2)
-    assert result.length[0] == pytest.approx(
-        np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
-    )
-    assert result.left[0] == pytest.approx(np.linalg.norm(path[-1] - goal))
-    plans = {"straight": 0, "simulator": 3}.get(driver, 2)
-    assert result.plans == plans
-    assert (0 < result.plan_seconds <= result.slowest_plan_seconds) == (plans > 0)
-    # a plan leads where it led when it was tried out in the simulator
-    assert (result.surprise[0] > 0) == (job.trial is not None)
-    assert 0 < result.top_speed[0] < 5 and 0 < result.steepest[0] < 90
-    assert (
-        (result.validation_loss > 0)
-        == (result.position_error > 0)
-        == (job.trial is not None)
-    )
-    assert 0 < result.throttle[0] <= 1
-    names = ("validation_loss", "position_error", "left", "throttle")
-    golden.hold(
-        f"driving, {driver}",
-        "driving",
-        {name: getattr(result, name) for name in names},
-        rel=0.05,
-        abs=0.02,
-    )
-    assert kept(d.records(tmp_path), result)
-
-
-def test_a_model_is_trained_once(jobs, data, monkeypatch):
-    """The second call reads the stored weights."""
-    first = models.model_of(jobs["model"].trial, data)
-    monkeypatch.setattr(models, "perform", None)
-    repeated = models.model_of(jobs["model"].trial, data)
-    assert all(
-        torch.equal(a, b)
-        for a, b in zip(first.parameters(), repeated.parameters(), strict=True)
-    )
 
 
 def test_trying_out_leaves_the_simulator_where_it_was():
@@ -309,57 +227,3 @@ def test_one_model_that_differs_makes_no_verdict(jobs, pairs, more, chance, verd
     judged = claims(rows)
     # no goal, no time
     assert judged.verdict[0] == verdict and len(judged) == 1 + (pairs[0][0] > 0)
-
-
-def test_models_stand_beside_floor_and_ceiling(made_up):
-    """Comparisons use the episodes that both drove, here every third.
-
-    Models with SIDM stand beside those without.
-    """
-    rows = rivals(table(frame_of(made_up)))
-    assert len(rows) == 4 * 2 + 2
-    best = rows[(rows.method == "sidm") & (rows.novice_minutes == 0.75)].set_index(
-        "other"
-    )
-    floor = best.loc["straight to the goal"]
-    ceiling = best.loc["planned in the simulator"]
-    assert (floor.episodes, floor.more, floor.fewer, floor.both) == (10, 9, 0, 0)
-    assert np.isnan(floor.sooner)
-    assert (ceiling.more, ceiling.fewer, ceiling.chance) == (0, 1, 1)
-    assert ceiling.both == 9
-    assert (ceiling.sooner, ceiling.low, ceiling.high) == (0, 0, 0)
-    assert best.more["without SIDM, 0.75 min"] == 6
-    apart = [
-        record
-        for record in made_up
-        if not record.about.trial or record.about.trial.seed == 1
-    ]
-    assert set(rivals(table(frame_of(apart))).other) == {
-        "without SIDM, 0.25 min",
-        "without SIDM, 0.75 min",
-    }
-
-
-def test_figures_draw_all_drivers(made_up):
-    frame = frame_of(made_up)
-    left, right = figure(scores(frame)).axes
-    assert [line[0].get_ydata().tolist() for line in left.containers] == [
-        [0.4, 0.9],
-        [0.2, 0.7],
-    ]
-    assert right.texts[0].get_text() == "no trials stored"
-    panels = paths_figure(table(frame), "system1").axes
-    assert len(panels) == SHOWN and len(panels[0].get_lines()) == 6
-    assert len(panels[1].get_lines()) == 4  # models of the seed that drove episode 1
-    assert driving_film(table(frame), "system1")[:6] == b"GIF89a"
-    with pytest.raises(ValueError, match="no driver of system2"):
-        driving_film(table(frame), "system2")
-    assert not len(scores(frame[:0]))
-    assert paths_figure(table(frame[:0]), "system1").axes[0].texts
-
-
-def test_a_drive_has_an_episode(jobs):
-    with pytest.raises(
-        ConfigError, match=r"DriverTest.episodes must be numbers from 0 on, not \(\)"
-    ):
-        dataclasses.replace(jobs["straight"], episodes=())

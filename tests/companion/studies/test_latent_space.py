@@ -5,11 +5,9 @@ import pytest
 import torch
 from sklearn.linear_model import LogisticRegression
 
-from companion import run_trial
 from companion.engine.library import Library
-from companion.studies.latent_space import latents, measure, results, untrained
+from companion.studies.latent_space import latents, measure, untrained
 from companion.study import Study
-from sidm.config import ConfigError
 from sidm.learning import DynamicsModel, validation_loss
 from sidm.systems import ROLES
 from tests.companion.conftest import write_motion
@@ -64,54 +62,6 @@ def test_mmd_is_that_of_its_definition(pair):
     assert latents.squared_mmd(*pair[:, :6]) == pytest.approx(wanted)
 
 
-def test_a_trial_is_diagnosed_and_stored(study, data, tmp_path, golden):
-    """The diagnosis uses data that the model has not seen.
-
-    Stored values come back, and damage is named.
-    """
-    trial = measure.jobs(study, "system1")[0]
-    write_motion(data, measure.held_out_expert(trial))
-    result = measure.measure(trial, data)
-    assert result.validation_loss == run_trial(trial, data).outcome.validation_loss
-    assert result.a_distance == pytest.approx(max(0, 4 * result.network_accuracy - 2))
-    assert 0 <= result.discriminator_accuracy <= 1 and not result.provenance.stale
-    names = (
-        "linear_accuracy",
-        "network_accuracy",
-        "raw_accuracy",
-        "mmd",
-        *results.CROSSED,
-    )
-    golden.hold(
-        "diagnosis",
-        "diagnosis",
-        {name: getattr(result, name) for name in names},
-        rel=0.05,
-        abs=0.02,
-    )
-    store = measure.records(tmp_path)
-    store.put(result)
-    frame = store.frame([trial])
-    assert frame.mmd[0] == pytest.approx(result.mmd, rel=1e-5) and not frame.stale[0]
-    (line,) = results.table(frame, [*results.ALIKE, *results.CROSSED]).itertuples(
-        index=False
-    )
-    assert line[:4] == ("system1", 0.25, "sidm", 1)
-    assert line[4:] == pytest.approx(
-        [getattr(result, name) for name in (*results.ALIKE, *results.CROSSED)], rel=1e-5
-    )
-    assert len(results.figure(frame).axes) == 1
-    assert results.figure(frame[:0]).axes[0].texts
-    (drawn,) = results.crossed_figure(frame, ["system1"]).axes[0].get_lines()
-    assert list(drawn.get_ydata()) == pytest.approx(
-        [getattr(result, name) for name in results.CROSSED], rel=1e-5
-    )
-    assert (
-        results.crossed_figure(frame[:0], ["system1"]).axes[0].texts[0].get_text()
-        == "no trials stored"
-    )
-
-
 def test_one_systems_parts_are_crossed_with_the_others(small_network, make_motion):
     """The novice's own parts give its loss; other parts give other losses."""
     model, motion = DynamicsModel(small_network), make_motion(3)
@@ -148,11 +98,6 @@ def test_what_is_held_out_was_not_learnt_from(study, data, monkeypatch):
     assert torch.equal(
         seen["novice"].inputs, library.motion(trial, "validation").inputs
     )
-
-
-def test_a_novice_alone_has_nothing_to_compare(study, data):
-    with pytest.raises(ConfigError, match="no expert whose latents"):
-        measure.measure(study.trial("system1", "novice_only", 0.25), data)
 
 
 def test_two_untrained_encoders_are_farther_apart_than_one(

@@ -13,7 +13,6 @@ from companion.studies.real_robots import measure as m
 from companion.studies.real_robots import results as r
 from sidm.config import ConfigError, replace
 from sidm.fitting.splits import session_order, sessions_of, train_test_split
-from tests.companion.conftest import kept
 
 JOBS = {
     (job.expert, job.method): job
@@ -22,38 +21,12 @@ JOBS = {
 }
 
 
-def test_only_robots_of_one_body_are_asked_for_what_copies_weights():
-    assert ("husky", "pretrain_finetune") in JOBS
-    assert ("hunter", "pretrain_finetune") not in JOBS
-    assert ("hunter", "sidm") in JOBS and ("", "rotation_centres") in JOBS
-
-
 JUDGED = [
     ("", "rotation_centres"),
     ("", "least_squares"),
     ("hunter", "sidm"),
     ("husky", "corrected"),
 ]
-
-
-@pytest.mark.parametrize("job", JUDGED)
-def test_a_robot_is_learnt_judged_and_stored(job, tmp_path, golden):
-    result = m.measure(JOBS[job])
-    assert len(result.loss) == len(result.minutes) == 2
-    assert len(result.displacement[0]) == len(result.heading[0]) == 15
-    assert result.loss == pytest.approx([sum(parts) for parts in result.components])
-    figures = {
-        "loss": result.loss,
-        "displacement": [one[-1] for one in result.displacement],
-    }
-    golden.hold(
-        " ".join(filter(None, ("real robots", *job))),
-        "fitting",
-        figures,
-        rel=0.1,
-        abs=0.02,
-    )
-    assert kept(m.records(tmp_path), result)
 
 
 def test_sessions_are_never_parted():
@@ -65,17 +38,6 @@ def test_sessions_are_never_parted():
     assert not learning & testing and learning | testing == set(order[:12])
     more, _ = train_test_split(windows, order[:16])
     assert learning <= set(sessions_of(more))
-
-
-def test_the_stored_study_is_whole_and_its_table_pairs_the_seeds():
-    jobs = list(
-        dict.fromkeys(job for pair in m.PAIRS for job in m.jobs(Study("laptop"), pair))
-    )
-    frame = m.records("results").frame(jobs)
-    assert len(frame) == len(jobs) and not frame.stale.any()
-    table = r.table(frame)
-    assert set(table.system) == set(m.PAIRS) and (table.seeds == m.SEEDS).all()
-    assert len(r.figure(frame).axes) == 4
 
 
 def test_a_study_is_asked_for_its_own_systems_alone(tmp_path):

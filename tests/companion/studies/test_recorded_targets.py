@@ -5,9 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from companion import METHODS, Study
+from companion import Study
 from companion.engine.frame import records_frame
-from companion.engine.records import key_of
 from companion.studies.recorded_targets import measure as e
 from companion.studies.recorded_targets.recorded import (
     checksum_of,
@@ -15,14 +14,9 @@ from companion.studies.recorded_targets.recorded import (
     subsets,
 )
 from companion.studies.recorded_targets.results import (
-    SHOWN,
-    WITHOUT,
     best_alone,
     by_size,
     claims,
-    compare,
-    figure,
-    grounds_agree,
     label,
     page_table,
     table,
@@ -34,7 +28,7 @@ from sidm.fitting.windows import grounds_of
 from sidm.recordings import RecordingError, read_drives, write_drives
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain
-from tests.companion.conftest import glide, kept, made, write_motion
+from tests.companion.conftest import glide, made, write_motion
 
 
 @pytest.fixture(scope="module")
@@ -75,23 +69,6 @@ def jobs(tiny, data, recordings, tmp_path_factory):
     ]
 
 
-def test_every_method_and_proxy_has_its_training(jobs):
-    """The simulated novice is a similar expert; p_e changes for no other expert."""
-    assert [(job.method, job.proxy) for job in jobs] == list(e.METHODS_AND_PROXIES)
-    assert {job.training.p_expert for job in jobs if job.method == "sidm"} == {0.75}
-    assert {job.training.test_interval for job in jobs if job.fit == "gradients"} == {5}
-    assert all(
-        (job.pretraining is not None) == METHODS[job.method].pretrained for job in jobs
-    )
-    assert {job.method for job in jobs if job.fit == "least_squares"} == {
-        "least_squares",
-        "least_squares_mirrored",
-        "corrected",
-        "corrected_averaged",
-    }
-    assert len({key_of(job) for job in jobs}) == len(jobs)
-
-
 def test_simulated_robots_are_driven_as_the_recorded_ones_were(jobs):
     """Inverting the law of `bounded_noise` leaves shocks of its standard deviation."""
     assert {
@@ -104,42 +81,6 @@ def test_simulated_robots_are_driven_as_the_recorded_ones_were(jobs):
     walk = (seen[:, 1:] - 0.8 * seen[:, :-1]) / 0.2
     shocks = walk[:, 1:] - 0.9 * walk[:, :-1]
     assert shocks.std() == pytest.approx(0.5, rel=0.02)
-
-
-@pytest.mark.parametrize("number", range(len(e.METHODS_AND_PROXIES)))
-def test_a_transfer_is_trained_judged_and_stored(
-    jobs, data, recordings, tmp_path, golden, number
-):
-    """A pretrained model is also tested before any recorded data.
-
-    Results are kept bit for bit.
-    """
-    job, store = jobs[number], e.records(tmp_path)
-    result = e.measure(job, data, recordings)
-    assert result.minutes == ((0.0, 0.25) if job.pretraining else (0.25,))
-    for losses, whole in zip(
-        result.component_losses, result.validation_loss, strict=True
-    ):
-        assert sum(losses) == pytest.approx(whole) and len(losses) == 13
-    assert {len(error) for error in result.position_error + result.heading_error} == {
-        25
-    }
-    for pieces, whole in zip(result.piece_losses, result.validation_loss, strict=True):
-        assert len(pieces) == 4 and np.mean(pieces) == pytest.approx(whole)
-    assert (
-        len(result.curve_samples)
-        == len(result.seconds)
-        == len(result.best_test_loss)
-        == 1
-    )
-    assert 0 < result.best_samples[0] <= result.samples[0] and result.seconds[0] > 0
-    figures = {
-        name: getattr(result, name)
-        for name in ("validation_loss", "samples", "best_test_loss")
-    }
-    golden.hold(f"recorded, {job.method}, {job.proxy}", "elsewhere", figures, rel=0.05)
-    assert store.get(job) is None
-    assert kept(store, result)
 
 
 def test_training_stopping_and_judging_have_grounds_of_their_own(recordings):
@@ -279,51 +220,3 @@ def test_the_hope_can_come_true_and_be_disappointed(made_up):
     assert two.verdict.tolist() == ["No verdict"] * 2
     assert two.ours.tolist() == ["0.500"] * 2
     assert not len(claims(made_up[:0]))
-
-
-def test_methods_are_compared_over_all_sizes(made_up):
-    rows = compare(made_up, best_alone(made_up, "system1")).set_index(
-        ["method", "proxy"]
-    )
-    first = rows.loc["pretrain_finetune", "novice"]
-    assert first.ratio == pytest.approx(1.25 / 8)
-    assert first.verdict == "better"
-    assert len(rows) == 10
-    assert rows.verdict["novice_only", "none"] == "worse"
-    one = compare(made_up[made_up.seed == 0], WITHOUT)
-    assert set(one.verdict) == {"No verdict"} and set(one.seeds) == {1}
-
-
-def test_grounds_are_counted_apart(made_up):
-    """Four pieces lie on three grounds.
-
-    On the last ground, of two pieces, the SIDM's loss is three times as high.
-    """
-    grounds = np.array([4, 5, 7, 7])
-    pieces = [
-        (*some[:2], 3 * some[2], 3 * some[3]) if method == "sidm" else some
-        for some, method in zip(made_up.pieces, made_up.method, strict=True)
-    ]
-    assert grounds_agree(
-        made_up.assign(pieces=pieces), ("sidm", "expert"), WITHOUT, grounds
-    ) == (2, 3)
-    assert grounds_agree(
-        made_up, ("pretrain_finetune", "expert"), WITHOUT, grounds
-    ) == (3, 3)
-    assert grounds_agree(made_up[:0], ("sidm", "expert"), WITHOUT, grounds) is None
-
-
-def test_the_figure_draws_every_method_and_what_needs_no_data(made_up):
-    left, right = figure(made_up).axes
-    labels = [line.get_label() for line in left.get_lines()]
-    assert [one for one in labels if "no recorded" not in one] == [
-        label(*one) for one in SHOWN
-    ]
-    assert len(labels) == len(SHOWN) + 2
-    assert right.texts[0].get_text() == "no trials stored"
-    own = (
-        made_up[(made_up.method == "sidm") & (made_up.proxy == "expert")]
-        .groupby("novice_minutes")
-        .loss.mean()
-    )
-    assert np.allclose(left.get_lines()[1].get_ydata(), own)

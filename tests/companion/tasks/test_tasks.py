@@ -17,7 +17,7 @@ from companion.tasks.cards import card
 from companion.tasks.catalogue import GROUPS, TASKS, find_tasks, load_task
 from companion.tasks.methods import LibraryMethod, find_method
 from companion.tasks.run import check, entries, newest, records, run
-from companion.tasks.trial import measure
+from companion.tasks.trial import kind_of, measure
 from sidm.config import ConfigError
 from sidm.drives import minutes_of
 from tests.companion.tasks.conftest import made
@@ -121,6 +121,7 @@ def test_the_learnt_drives_never_judge():
     assert {d.name for d in data[0].novice} < {d.name for d in longer.novice}
 
 
+@pytest.mark.more
 def test_a_simulated_task_sees_the_body_it_names(tmp_path):
     small = {"minutes": 0.3, "expert_minutes": 0.2, "validation_minutes": 0.2}
     task = dataclasses.replace(TASKS["system1, left and right, 5 min"], **small)
@@ -158,15 +159,15 @@ def test_each_kind_of_failure_is_told_apart(file, name, status, words):
     ("name", "status", "words"),
     [
         ("Peeks", "peeked", "changes with the state after it"),
-        ("Dies", "raised", "exit status 3"),
+        pytest.param("Dies", "raised", "exit status 3", marks=pytest.mark.more),
         ("Killed", "raised", "ended by SIGKILL"),
-        ("Forever", "limit", "after 12 s"),
+        ("Forever", "limit", "after 1 s"),
     ],
 )
 def test_a_failure_is_a_row_and_ends_its_own_process_alone(
     file, tmp_path, name, status, words
 ):
-    limit = 12 if status == "limit" else 600  # s
+    limit = 1 if status == "limit" else 600  # s
     (result,) = run(
         [f"{file}:{name}"],
         [TASK],
@@ -180,6 +181,7 @@ def test_a_failure_is_a_row_and_ends_its_own_process_alone(
     assert result.about.method == f"entered.py:{name}" and len(result.about.code) == 12
 
 
+@pytest.mark.more
 def test_a_method_gets_what_the_librarys_own_gets(file, tmp_path):
     """Equal predictions have equal rows, in one process or in two."""
     names = [f"{file}:Still", "nothing_changes"]
@@ -215,6 +217,7 @@ def test_the_librarys_methods_say_for_which_robots_they_are_not(monkeypatch):
         LibraryMethod("trees_corrected").fit(novice, others, 0)
 
 
+@pytest.mark.more
 def test_a_killed_run_goes_on(tmp_path, monkeypatch):
     real, done = run_module.run_trial, []
 
@@ -415,6 +418,7 @@ def test_what_failed_runs_again_when_asked(file, tmp_path, monkeypatch):
     assert ran == [0, 0, 1]  # of an older version
 
 
+@pytest.mark.more
 def test_a_check_runs_a_trial_that_went_well(file, tmp_path):
     name = f"{file}:FailsFirst"
     rows = run([name], [TASK], seeds=2, results=tmp_path)
@@ -436,6 +440,7 @@ def test_no_row_of_a_method_is_said(file, tmp_path):
     assert len(entries(["mean"], [TASK], 3)) == 3
 
 
+@pytest.mark.more
 def test_the_example_of_the_page_beats_the_mean(tmp_path):
     names = ["examples/nearest.py:Nearest", "mean"]
     nearest, mean = run(names, [TASK], seeds=1, results=tmp_path, progress=False)
@@ -460,7 +465,8 @@ def test_a_method_keeps_its_figures(golden, method, kind, rel):
 
 def test_a_row_depends_on_the_version_of_its_method(tmp_path):
     """Settings of trees or of Gaussian processes change the rows of these alone."""
-    names = {"trees": "trees", "gp": "gaussian_process", "mean": "benchmark"}
-    rows = run(list(names), [TASK], seeds=1, results=tmp_path, progress=False)
-    for row in rows:
-        assert row.provenance.numerics == versions(names[row.about.method])
+    kinds = {"trees_pooled": "trees", "gp": "gaussian_process", "a.py:A": "benchmark"}
+    assert {name: kind_of(name) for name in kinds} == kinds
+    (row,) = run(["mean"], [TASK], seeds=1, results=tmp_path, progress=False)
+    assert row.provenance.numerics == versions("benchmark")
+    assert versions("trees") == versions("benchmark") | {"trees": NUMERICS["trees"]}

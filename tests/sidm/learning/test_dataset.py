@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sidm.config import ConfigError, replace
@@ -196,7 +196,6 @@ def test_maps_stay_in_their_file(tmp_path):
 minutes = st.floats(0.1, 60)
 
 
-@settings(max_examples=60, deadline=None)
 @given(minutes, minutes, st.integers(0, 1000))
 def test_smaller_subsets_lie_in_larger_ones(few, many, seed):
     few, many = sorted((few, many))
@@ -204,7 +203,6 @@ def test_smaller_subsets_lie_in_larger_ones(few, many, seed):
     assert small[0] <= large[0] and small[1] <= large[1]
 
 
-@settings(max_examples=60, deadline=None)
 @given(minutes, st.integers(0, 1000))
 def test_split_is_three_to_one_of_whole_trajectories(amount, seed):
     train, test = novice_split(600, amount, seed)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -64,7 +64,6 @@ def test_transition_against_scipy():
     assert (y[:, 6] >= 0).all()
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.integers(0, 10_000), st.floats(0.1, 100))
 def test_integrating_a_transition_gives_the_next_state(seed, spread):
     before, after = random_states(4, seed, spread), random_states(4, seed + 1, spread)

@@ -2,6 +2,7 @@
 
 import math
 
+import pytest
 import torch
 
 import sidm
@@ -50,6 +51,7 @@ def motion(count: int, seed: int, gain: float, steps: int = 16) -> Windows:
     )
 
 
+@pytest.mark.more
 def test_an_sidm_helps_where_dynamics_are_shared():
     """SIDM lowers the loss on unseen motion by a margin.
 
