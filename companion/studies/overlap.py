@@ -22,8 +22,6 @@ from companion.engine.records import read_or_empty
 from companion.numerics import versions
 from companion.study import Study
 from sidm.drives import STEPS, Drive
-from sidm.learning.dataset import states_and_actions
-from sidm.learning.observation import encode_inputs, transition
 from sidm.storage import write_record
 from sidm.systems import SYSTEMS
 
@@ -53,6 +51,10 @@ class Neighbourhood(NamedTuple):
 
 def steps(trajectories: list[Drive], count: int) -> tuple[np.ndarray, np.ndarray]:
     """Inputs (count, 11) and transitions (count, 13) of evenly spaced steps."""
+    # here, since stored neighbourhoods are read without PyTorch
+    from sidm.learning.dataset import states_and_actions
+    from sidm.learning.observation import encode_inputs, transition
+
     states, actions = states_and_actions(trajectories)
     inputs = encode_inputs(states[:, :-1], actions).reshape(-1, 11).numpy()
     targets = transition(states[:, :-1], states[:, 1:]).reshape(-1, 13).numpy()

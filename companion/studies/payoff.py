@@ -33,7 +33,6 @@ from companion.studies.several_experts.results import MEMBER as MEMBER_ALONE
 from companion.study import Study
 from companion.trials import EXPERT_SEED, POOL_SEED
 from sidm.drives import QUATERNION, Drive, yaw_of
-from sidm.learning.dataset import states_and_actions
 from sidm.plots import finish, side_by_side, styled
 from sidm.pool import local_pool
 from sidm.shards import Collection, load
@@ -82,9 +81,18 @@ class MotionSamples(NamedTuple):
     trajectories: np.ndarray
 
 
+def _arrays(drives: list[Drive]) -> tuple[np.ndarray, np.ndarray]:
+    """States (N, T + 1, S) and actions (N, T, A) of drives of one length."""
+    # here, since stored savings are read without PyTorch
+    from sidm.learning.dataset import states_and_actions
+
+    states, actions = states_and_actions(drives)
+    return states.numpy(), actions.numpy()
+
+
 def simulated_motion(drives: list[Drive]) -> PlanarMotion:
     """Planar motion of drives of one of the paper's robots."""
-    states, actions = (values.numpy() for values in states_and_actions(drives))
+    states, actions = _arrays(drives)
     yaw = yaw_of(states[..., QUATERNION])
     poses = np.concatenate([states[..., :2], yaw[..., None]], -1)
     return PlanarMotion(poses, states[..., 12], actions)
@@ -92,7 +100,7 @@ def simulated_motion(drives: list[Drive]) -> PlanarMotion:
 
 def recorded_motion(name: str) -> PlanarMotion:
     """Planar motion of a real robot, or of a robot in a third party's simulator."""
-    states, actions = (values.numpy() for values in states_and_actions(robot(name)))
+    states, actions = _arrays(robot(name))
     return PlanarMotion(states[..., :3], states[..., 3], actions)
 
 

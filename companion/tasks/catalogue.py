@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import torch
 
 from companion.bodies import NOVICES
 from sidm.body import ROVER, Body
@@ -22,7 +21,6 @@ from sidm.body_file import read_body
 from sidm.config import ConfigError, config, replace, unknown_name
 from sidm.drives import Drive, minutes_of
 from sidm.fitting.splits import drives_of_sessions, session_order
-from sidm.learning.height_maps import states_for_body
 from sidm.recordings import read_drives
 from sidm.shards import trajectories_for
 from sidm.systems import FAMILY_PAIRS, FREE_SYSTEMS, SYSTEMS
@@ -171,6 +169,11 @@ def _as_body(drives: list[Drive], body: Body) -> list[Drive]:
     """Simulated drives as another body sees them."""
     if body == ROVER:
         return drives
+    # here, since tasks are listed without PyTorch
+    import torch
+
+    from sidm.learning.height_maps import states_for_body
+
     converted = []
     for drive in drives:
         states = torch.from_numpy(drive.states).double()

@@ -1,62 +1,53 @@
 """The paper's method: observations, networks, losses, training and evaluation.
 
-It does without PyBullet.
+It does without PyBullet. A public name is imported when first used: who reads stored
+curves, as of `stopping`, does without PyTorch.
 """
 
-from sidm.learning.checkpoint import CheckpointError
-from sidm.learning.dataset import (
-    Datasets,
-    Windows,
-    load_windows,
-    novice_split,
-    windows_of,
-)
-from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
-from sidm.learning.model import DynamicsModel
-from sidm.learning.networks import (
-    SIDM,
-    Decoder,
-    Discriminator,
-    Encoder,
-    parameter_count,
-)
-from sidm.learning.observation import (
-    encode_inputs,
-    integrate,
-    robot_centred_map,
-    transition,
-)
-from sidm.learning.training import CurvePoint, Trained, TrainingError, train
-from sidm.learning.units import Standardisation
-from sidm.settings import PAPER_NETWORK, RELEASED_NETWORK, Network, Training
+import importlib
+from typing import Any
 
-__all__ = [
-    "PAPER_NETWORK",
-    "RELEASED_NETWORK",
-    "SIDM",
-    "CheckpointError",
-    "CurvePoint",
-    "Datasets",
-    "Decoder",
-    "Discriminator",
-    "DynamicsModel",
-    "Encoder",
-    "Network",
-    "Standardisation",
-    "Trained",
-    "Training",
-    "TrainingError",
-    "Windows",
-    "encode_inputs",
-    "integrate",
-    "load_windows",
-    "novice_split",
-    "parameter_count",
-    "robot_centred_map",
-    "rollout",
-    "rollout_errors",
-    "train",
-    "transition",
-    "validation_loss",
-    "windows_of",
-]
+#: Public name -> its module.
+_MODULES = {
+    "PAPER_NETWORK": "settings",
+    "RELEASED_NETWORK": "settings",
+    "SIDM": "learning.networks",
+    "CheckpointError": "learning.checkpoint",
+    "CurvePoint": "learning.training",
+    "Datasets": "learning.dataset",
+    "Decoder": "learning.networks",
+    "Discriminator": "learning.networks",
+    "DynamicsModel": "learning.model",
+    "Encoder": "learning.networks",
+    "Network": "settings",
+    "Standardisation": "learning.units",
+    "Trained": "learning.training",
+    "Training": "settings",
+    "TrainingError": "learning.training",
+    "Windows": "learning.dataset",
+    "encode_inputs": "learning.observation",
+    "integrate": "learning.observation",
+    "load_windows": "learning.dataset",
+    "novice_split": "learning.dataset",
+    "parameter_count": "learning.networks",
+    "robot_centred_map": "learning.observation",
+    "rollout": "learning.evaluation",
+    "rollout_errors": "learning.evaluation",
+    "train": "learning.training",
+    "transition": "learning.observation",
+    "validation_loss": "learning.evaluation",
+    "windows_of": "learning.dataset",
+}
+__all__ = [*_MODULES]  # noqa: PLE0604
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module 'sidm.learning' has no attribute '{name}'")
+    module = importlib.import_module(f"sidm.{_MODULES[name]}")
+    value = globals()[name] = getattr(module, name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,17 +1,14 @@
 """Fixtures: the book, rendered once for all tests, and a copy of the project."""
 
-import contextlib
-import fcntl
-import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from pages import DESK, ROOT
 from pdf import chromium
+from places import copy_tree, one_at_a_time, shared_by_workers
 from playwright.sync_api import sync_playwright
 
 from companion import collect_datasets, load_preset
@@ -22,20 +19,6 @@ from tests.companion.conftest import (  # noqa: F401
     make_row,
     power_law,
 )
-
-
-def shared_by_workers(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder that all workers of this test run share."""
-    base = tmp_path_factory.getbasetemp()
-    return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
-
-
-@contextlib.contextmanager
-def one_at_a_time(folder: Path) -> Iterator[None]:
-    """Let no other worker make the same folder inside the block."""
-    with open(f"{folder}.lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
 
 
 @pytest.fixture(scope="session")
@@ -99,23 +82,6 @@ def project(tmp_path_factory, motion) -> Path:
         copy_tree(ROOT / name, copy / name)
     copy_tree(motion, copy / "_build" / "smoke" / "data")
     return copy
-
-
-def copy_tree(folder: Path, copy: Path) -> None:
-    """Copy a folder by links where it can be: who changes a file writes another one."""
-
-    def link(source: str, target: str) -> None:
-        try:
-            os.link(source, target)
-        except OSError:  # on another disk
-            shutil.copy2(source, target)
-
-    shutil.copytree(
-        folder,
-        copy,
-        ignore=shutil.ignore_patterns("__pycache__"),
-        copy_function=link,
-    )
 
 
 def pytest_collection_modifyitems(

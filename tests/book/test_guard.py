@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 from changed import change
-from conftest import one_at_a_time, shared_by_workers
 from pages import ROOT
+from places import one_at_a_time, shared_by_workers
 
 from companion.pages.guard import Outdated, check_claims
 from companion.pages.notebook import notebooks

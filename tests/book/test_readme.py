@@ -7,8 +7,8 @@ import subprocess
 import sys
 
 import pytest
-from conftest import copy_tree
 from pages import ROOT
+from places import copy_tree
 
 from sidm.fitting import settings
 
@@ -20,7 +20,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 SMALLER = {
     "--preset study --figure 3": f"{SMOKE} --figure 3",
     "--preset study --figure all": f"{SMOKE} --figure 3",
-    "-p rock_height": "-f params/smoke.yaml -p rock_height",
+    "-p rock_height": "-f params/smoke.yaml -p grounds 1 -p steps 10 -p rock_height",
     "--out model": "--out model --set max_samples=4000",
     "compare drives/": "compare drives/ --methods mean least_squares --repeats 1",
 }

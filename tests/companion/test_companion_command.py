@@ -249,6 +249,7 @@ def test_damaged_checkpoint_is_one_line(tmp_path, capsys, monkeypatch):
     assert capsys.readouterr().err == message
 
 
+@pytest.mark.more
 def test_ctrl_c_leaves_a_state_to_go_on_from(tmp_path):
     """A stopped collection says how to go on, and its workers end with it."""
     pytest.importorskip("pybullet")

@@ -1,64 +1,31 @@
-"""The steps of the decisive experiment in the order of their run, with their trials.
-
-Within a step the most decisive trainings come first: 5 minutes with all seeds, then 1
-and 20, then 60 and 120.
-"""
+"""The steps of the decisive experiment in the order of their run, with their trials."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import pandas as pd
 
 from companion.engine.store import Results
 from companion.statistics.tables import overview
-from companion.studies.decisive import search
-from companion.studies.decisive.recipes import (
-    R,
-    on_fresh_motion,
-    without_early_stopping,
+from companion.studies.decisive import further, search
+from companion.studies.decisive.arms import (
+    ALL_SEEDS,
+    AT_FIVE,
+    AT_FIVE_AND_TWENTY,
+    FEW_SEEDS,
+    R_CAPS,
+    RECIPES,
+    SEEDS,
+    arm,
+    restricted,
 )
 from companion.study import Study
 from companion.trials import Trial
 from sidm.config import unknown_name
 from sidm.systems import FREE_STRUTS, SYSTEMS
-
-FINETUNING = "pretrain_finetune"
-SEEDS, ALL_SEEDS, FEW_SEEDS = range(5), range(10), range(3)
-#: min of novice data, the most decisive sizes first
-ORDER = ((5.0,), (1.0, 20.0), (60.0, 120.0))
-MILLION = 1_000_000
-#: method -> min of novice data -> samples of a training
-Caps = Mapping[str, Mapping[float, int]]
-
-#: Methods and sizes that recipe R compares, with the samples of each training.
-R_CAPS: Caps = {
-    "sidm": dict.fromkeys((5.0, 1.0, 20.0), 8 * MILLION),
-    "novice_only": {5.0: 8 * MILLION}
-    | dict.fromkeys((1.0, 20.0, 60.0, 120.0), 4 * MILLION),
-}
-#: Methods and sizes that recipe T compares, with the samples of each training.
-T_CAPS: Caps = {
-    "sidm": dict.fromkeys((5.0, 1.0, 20.0), 6 * MILLION),
-    "novice_only": dict.fromkeys((5.0, 1.0, 20.0, 60.0, 120.0), 6 * MILLION),
-    FINETUNING: dict.fromkeys((5.0, 1.0, 20.0), 3 * MILLION),
-}
-RECIPES: dict[str, Caps] = {"R": R_CAPS, "T": T_CAPS}
-
-#: method -> min of novice data
-Sizes = Mapping[str, tuple[float, ...]]
-AT_FIVE: Sizes = {"sidm": (5.0,), "novice_only": (5.0,)}
-AT_FIVE_AND_TWENTY: Sizes = {"sidm": (5.0,), "novice_only": (5.0, 20.0)}
-
-
-def restricted(caps: Caps, sizes: Sizes) -> Caps:
-    """The entries of `caps` for the methods of `sizes` and their sizes, in minutes."""
-    return {
-        method: {size: caps[method][size] for size in method_sizes}
-        for method, method_sizes in sizes.items()
-    }
 
 
 class Step(NamedTuple):
@@ -69,48 +36,6 @@ class Step(NamedTuple):
     trainings: int  # number of trainings that the step plans
     #: the trials of a study; without those whose settings are not chosen yet
     trials: Callable[[Study], list[Trial]]
-
-
-def settings(recipe: str, system: str, method: str) -> dict | None:
-    """Changes of an untuned preset that make a method follow a recipe on a system.
-
-    Returns None where the search has not chosen the settings yet.
-    """
-    if recipe == "R":
-        return R
-    chosen = search.CHOSEN.get(system.removesuffix(FREE_STRUTS), {}).get(method)
-    return None if chosen is None else search.draw(method, chosen).changes
-
-
-def arm(
-    study: Study,
-    recipe: str,
-    system: str,
-    caps: Caps,
-    seeds: Iterable[int],
-    policy: str | None = None,
-) -> list[Trial]:
-    """Trials of a recipe on a system, the most decisive sizes first.
-
-    Args:
-        study: preset, data and results.
-        recipe: a key of RECIPES.
-        system: name of the pair of robots.
-        caps: methods and sizes, with the samples of each training.
-        seeds: of the trials.
-        policy: exploration policy of all motion; the preset's by default.
-    """
-    trials, fresh = [], on_fresh_motion(study)
-    if policy is not None:
-        fresh = fresh.changed(policy=policy)
-    for sizes in ORDER:
-        for seed, minutes, method in itertools.product(seeds, sizes, caps):
-            changes = settings(recipe, system, method)
-            if minutes in caps[method] and changes is not None:
-                length = without_early_stopping(caps[method][minutes])
-                changed = fresh.changed(**changes | length)
-                trials.append(changed.trial(system, method, minutes, seed))
-    return trials
 
 
 def other_motion(study: Study) -> list[Trial]:
@@ -158,6 +83,11 @@ STEPS = (
     _arm_step("B2", "T", 2, 55),
     Step("C", "free struts, R and T; another policy, R", 30, other_motion),
     Step("D", "seeds 5 to 9 at 5 min, and training alone at 20", 60, more_seeds),
+    Step("E1", "R with one setting changed: p_e, phases", 48, further.ablations),
+    Step("E2", "the SIDM with the rival's decay, system 1", 6, further.rivals_decay),
+    Step("E3", "T, system 2, what decides at 5 min", 25, further.tuned_on_system2),
+    Step("E4", "R until its own rule ends it, system 1", 15, further.to_its_rule),
+    Step("E5", "R with maps of 64 pixels, system 1", 9, further.released_maps),
 )
 
 

@@ -24,7 +24,7 @@ from companion.statistics.claims import (
 from companion.statistics.data_ratio import data_ratio
 from companion.statistics.intervals import FEWEST_SEEDS, Interval, mean_ratio
 from companion.statistics.stopping_rules import RULES, apply_rule
-from companion.studies.decisive.design import ALL_SEEDS, FINETUNING, RECIPES, arm
+from companion.studies.decisive.arms import ALL_SEEDS, FINETUNING, RECIPES, arm
 from companion.study import Study
 from sidm.systems import SYSTEMS
 

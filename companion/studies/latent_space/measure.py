@@ -10,31 +10,20 @@ from __future__ import annotations
 import importlib.metadata
 from concurrent.futures import Executor
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from sklearn.linear_model import LogisticRegression
 
 from companion.engine.datasets import collect_dataset
-from companion.engine.execute import perform
-from companion.engine.library import Library
 from companion.engine.provenance import Provenance
 from companion.engine.records import ProvenanceTimer, records_of
-from companion.studies.latent_space.latents import (
-    STRIDE,
-    classifier_accuracy,
-    crossed_loss,
-    latents_of,
-    picture,
-    small_network,
-    squared_mmd,
-)
 from companion.study import Study
 from companion.trials import Dataset, Trial
 from sidm.config import ConfigError, config
-from sidm.learning.dataset import load_windows
-from sidm.learning.model import DynamicsModel
-from sidm.learning.training import Trained
 from sidm.systems import ROLES, find_system
+
+if TYPE_CHECKING:
+    from sidm.learning.training import Trained
 
 METHODS_COMPARED = ("sidm", "no_regularisation")
 
@@ -108,6 +97,23 @@ def measure(trial: Trial, data: str | Path = "data") -> Diagnosis:
         ConfigError: the trial's method has no expert.
         ShardError: data are missing.
     """
+    # here, since stored diagnoses are read without PyTorch
+    from sklearn.linear_model import LogisticRegression
+
+    from companion.engine.execute import perform
+    from companion.engine.library import Library
+    from companion.studies.latent_space.latents import (
+        STRIDE,
+        classifier_accuracy,
+        crossed_loss,
+        latents_of,
+        picture,
+        small_network,
+        squared_mmd,
+    )
+    from sidm.learning.dataset import load_windows
+    from sidm.learning.model import DynamicsModel
+
     if not trial.training.needs_expert:
         raise ConfigError(
             f"{trial}: its model has no expert whose latents could be compared"

@@ -14,19 +14,9 @@ from typing import NamedTuple
 
 from companion.engine.records import read_or_empty
 from companion.numerics import versions
-from companion.studies.latent_space.latents import (
-    classifier_accuracy,
-    latents_of,
-    small_network,
-    squared_mmd,
-)
 from companion.studies.latent_space.measure import jobs
 from companion.study import Study
 from companion.trials import Trial
-from sidm.learning.arithmetic import one_thread
-from sidm.learning.dataset import load_windows
-from sidm.learning.model import DynamicsModel
-from sidm.learning.units import Standardisation
 from sidm.storage import write_record
 from sidm.systems import SYSTEMS, find_system
 
@@ -56,6 +46,17 @@ def measure(trial: Trial, data: Path) -> dict[str, Apart]:
     Raises:
         ShardError: data are missing.
     """
+    # here, since stored measures are read without PyTorch
+    from companion.studies.latent_space.latents import (
+        classifier_accuracy,
+        latents_of,
+        small_network,
+        squared_mmd,
+    )
+    from sidm.learning.dataset import load_windows
+    from sidm.learning.model import DynamicsModel
+    from sidm.learning.units import Standardisation
+
     terrain, pixels = find_system(trial.system).terrain, trial.network.pixels
     validation, expert = (
         load_windows(data, dataset.collection, dataset.count, terrain, pixels)
@@ -83,6 +84,8 @@ def make(study: Study, workers: int) -> None:
 
     It runs in one process; `workers` is not used.
     """
+    from sidm.learning.arithmetic import one_thread
+
     stored: dict[str, object] = {}
     with one_thread():
         for system in SYSTEMS:

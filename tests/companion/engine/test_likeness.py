@@ -85,6 +85,7 @@ def test_what_differs_by_rounding_alone_serves_under_the_same_digest(results, re
     assert len(load_dataset(DATASET, known, reduced)) == DATASET.count
 
 
+@pytest.mark.more
 def test_another_robots_motion_is_refused(results, tmp_path, monkeypatch):
     """Tyres have a tenth less friction; the digest stays that of the new data."""
     from sidm.simulation.collecting import make_shard

@@ -194,6 +194,7 @@ def test_the_page_has_what_was_stored(stored):
         }
 
 
+@pytest.mark.more
 def test_a_system_that_is_added_rides_anew_and_is_not_among_the_stored():
     code = """
 import dataclasses

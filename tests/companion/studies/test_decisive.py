@@ -27,7 +27,8 @@ from companion.studies.decisive import (
     stopping_point,
     verdicts,
 )
-from companion.studies.decisive.design import FINETUNING, RECIPES, SEEDS, STEPS, arm
+from companion.studies.decisive.arms import FINETUNING, RECIPES, SEEDS, arm
+from companion.studies.decisive.design import STEPS
 from companion.studies.decisive.verdicts import verdict_of
 from sidm.config import ConfigError
 
@@ -132,7 +133,7 @@ def test_before_the_search_only_settings_are_unknown(study, monkeypatch):
     monkeypatch.setattr(search, "BEST", {})
     monkeypatch.setattr(search, "CHOSEN", {})
     known = [sum(not trial.solved for trial in step.trials(study)) for step in STEPS]
-    assert known == [40, 0, 8, 40, 0, 40, 12, 0, 18, 30]
+    assert known == [40, 0, 8, 40, 0, 40, 12, 0, 18, 30, 48, 6, 0, 15, 9]
 
 
 def test_nothing_stops_a_training_and_both_recipes_have_the_same_motion(study, chosen):
@@ -256,6 +257,7 @@ def test_a_saving_that_a_longer_training_takes_away(make_results):
     )
 
 
+@pytest.mark.more
 def test_the_saving_shrinks_along_the_training(make_results, tmp_path):
     """An early saving is gone at the end: the line ends at the point of the end."""
     worth = {(recipe, "sidm"): 4.0 for recipe in RECIPES}

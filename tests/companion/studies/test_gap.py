@@ -29,6 +29,7 @@ def test_components_are_told_in_the_frame_of_the_start():
     assert parts[2, :6] == pytest.approx([1, 0, 0.2, 0, 0, 0.3])
 
 
+@pytest.mark.more
 def test_a_pair_is_measured_from_the_same_starts(tmp_path):
     """The robots part with time.
 

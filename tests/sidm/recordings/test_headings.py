@@ -92,6 +92,7 @@ KNOWN = {
 }
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("robot", KNOWN)
 def test_wrong_poses_in_the_recordings_are_told_and_can_be_left_out(robot, recwarn):
     body = ROOT / ("hunter.yaml" if robot == "hunter" else "skid_steer.yaml")

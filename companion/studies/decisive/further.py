@@ -1,0 +1,110 @@
+"""Steps E1 to E5: what the first steps left open. The page on claims has their rules.
+
+E1 changes one setting of recipe R at a time: p_e, or the iterations of a phase. E2
+gives the SIDM the weight decay that its rival was chosen with. E3 is recipe T on system
+2. E4 trains R until the released rule, not our cap, ends it. E5 has the release's maps.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from companion.studies.decisive import search
+from companion.studies.decisive.arms import (
+    FEW_SEEDS,
+    FINETUNING,
+    MILLION,
+    SEEDS,
+    T_CAPS,
+    Caps,
+    arm,
+    restricted,
+)
+from companion.studies.decisive.recipes import (
+    R,
+    on_fresh_motion,
+    without_early_stopping,
+)
+from companion.study import Study
+from companion.trials import Trial
+
+MINUTES = 5.0
+#: system -> samples of a training of E1
+ABLATION_CAPS = {"system1": 6 * MILLION, "system2": 4 * MILLION}
+#: settings of R that E1 changes, one at a time -> their values; R's own come from steps
+#: A1 and A2
+ABLATED: dict[str, tuple[float, ...]] = {
+    "p_expert": (0.25, 0.5, 0.75, 0.9),
+    "matching_iterations": (0, 5, 100),
+    "prediction_iterations": (20, 500),
+}
+#: setting -> R's value, by system where systems differ
+OF_R: dict[str, dict[str, float]] = {
+    "p_expert": {"system1": 0.75, "system2": 0.5},
+    "matching_iterations": dict.fromkeys(ABLATION_CAPS, 20),
+    "prediction_iterations": dict.fromkeys(ABLATION_CAPS, 100),
+}
+#: draws of step 0 whose decay is near the rival's, still improving when they were cut
+DECAY_DRAWS = (8, 17)
+DECAY_CAP = 16 * MILLION  # 6 to 7 of them the novice's, as many as the rival sees
+#: Methods and sizes of E4, with the samples of each training.
+RULE_CAPS: Caps = {
+    "novice_only": {20.0: 8 * MILLION, 60.0: 16 * MILLION, 120.0: 16 * MILLION},
+    "sidm": {60.0: 20 * MILLION, 120.0: 20 * MILLION},
+}
+RELEASED_PIXELS = 64
+#: Methods and sizes of E5, with the samples of each training.
+MAP_CAPS: Caps = {
+    "sidm": {5.0: 8 * MILLION},
+    "novice_only": {5.0: 8 * MILLION, 20.0: 5 * MILLION},
+}
+
+
+def ablated(study: Study, system: str, setting: str, value: float, seed: int) -> Trial:
+    """The training of E1 with one setting of R changed."""
+    name = f"p_expert_{system}" if setting == "p_expert" else setting
+    changes: dict[str, Any] = {name: value}
+    length = without_early_stopping(ABLATION_CAPS[system])
+    changed = on_fresh_motion(study).changed(**R | length | changes)
+    return changed.trial(system, "sidm", MINUTES, seed)
+
+
+def ablations(study: Study) -> list[Trial]:
+    """Step E1, seed by seed."""
+    return [
+        ablated(study, system, setting, value, seed)
+        for seed in FEW_SEEDS
+        for setting, values in ABLATED.items()
+        for value in values
+        for system in ABLATION_CAPS
+        if value != OF_R[setting][system]
+    ]
+
+
+def rivals_decay(study: Study) -> list[Trial]:
+    """Step E2: two draws of the search, trained five times as long."""
+    trials = []
+    for seed in FEW_SEEDS:
+        for number in DECAY_DRAWS:
+            changes = search.draw("sidm", number).changes
+            length = without_early_stopping(DECAY_CAP)
+            changed = on_fresh_motion(study).changed(**changes | length)
+            trials.append(changed.trial("system1", "sidm", MINUTES, seed))
+    return trials
+
+
+def tuned_on_system2(study: Study) -> list[Trial]:
+    """Step E3: the trainings of step B2 that decide at 5 minutes."""
+    sizes = {"sidm": (5.0,), "novice_only": (5.0, 1.0, 20.0), FINETUNING: (5.0,)}
+    return arm(study, "T", "system2", restricted(T_CAPS, sizes), SEEDS)
+
+
+def to_its_rule(study: Study) -> list[Trial]:
+    """Step E4."""
+    return arm(study, "R", "system1", RULE_CAPS, FEW_SEEDS)
+
+
+def released_maps(study: Study) -> list[Trial]:
+    """Step E5."""
+    study = study.changed(pixels=RELEASED_PIXELS)
+    return arm(study, "R", "system1", MAP_CAPS, FEW_SEEDS)
