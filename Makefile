@@ -79,17 +79,16 @@ explore: $(STAMP)
 
 # What every change needs: the packages, every notebook with its own parameters (nbval), the book built with warnings as
 # errors, three of its pages in a browser. One call of pytest, so that one exit status and one closing line speak for
-# all. `loadfile` keeps a notebook's cells, and the tests that share a browser, on one worker. In the order here one worker
-# builds the book while no other waits for it, and what takes long comes first. One worker more than two cores have, since
-# kernels and browsers let them wait.
+# all. `loadfile` keeps a notebook's cells, and the tests that share a browser, on one worker; tests/conftest.py orders
+# them. One worker more than two cores have, since kernels and browsers let them wait.
 PYTEST := $(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 test: $(STAMP)
-	$(PYTEST) -m "not more" --nbval-lax --nbval-current-env --nbval-kernel-startup-timeout=600 tests/book/test_pages.py tests/book/test_readme.py notebooks tests
+	$(PYTEST) -m "not more" --nbval-lax --nbval-current-env --nbval-kernel-startup-timeout=600 notebooks tests
 
 # The rest: every page in the browser, the app, notebooks with params/smoke.yaml, crashes, a cluster, the wheel, planted
 # changes, more examples from Hypothesis; and the core of the tests as the smallest x86 processors round.
 test-more: $(STAMP)
-	$(PYTEST) -m "more or hypothesis" --hypothesis-profile=more tests/companion/test_crash.py tests/companion/test_cluster.py tests
+	$(PYTEST) -m "more or hypothesis" --hypothesis-profile=more tests
 	$(BIN)/python -m tests.portable sse --core --jobs $(JOBS)
 
 lint: $(STAMP)

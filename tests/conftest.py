@@ -79,6 +79,26 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Scheduling:
     return Scheduling(config, log)
 
 
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Order files: what takes long first, and one that builds the book before others.
+
+    The others that need the book follow when it is there, so that no worker waits.
+    """
+    with_book = {i.path for i in items if "book" in getattr(i, "fixturenames", ())}
+    builder = max(with_book, default=None)
+
+    def place(item: pytest.Item) -> int:
+        if item.path.stem in ("test_readme", "test_crash", "test_cluster"):
+            return 0
+        if item.path == builder:
+            return 1
+        notebooks = item.path.suffix == ".ipynb" or item.path.stem == "test_notebooks"
+        return 2 if notebooks else 3 if item.path in with_book else 4
+
+    items.sort(key=place)
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--threads", type=int, default=1, help="of PyTorch")
 

@@ -15,6 +15,7 @@ from companion.engine.store import Results
 from companion.figures.style import system_label
 from companion.methods import FOR_LITTLE
 from companion.statistics import savings
+from companion.statistics.data_ratio import NO_VALUE
 from companion.statistics.stopping_rules import RULES
 from companion.studies import tuning
 from companion.studies.decisive import verdicts
@@ -85,7 +86,7 @@ def _decisive(study: Study, store: Results) -> Iterator[dict[str, str]]:
             texts = {}
             for size in SIZES:
                 ratio = verdicts.sidm_saving(frame, recipe, system, rule, size, rival)
-                texts[size] = verdicts.ratio_text(ratio, 2)
-            if set(texts.values()) != {verdicts.NO_VALUE}:
+                texts[size] = ratio.text(2)
+            if set(texts.values()) != {NO_VALUE}:
                 about = {"Settings": settings, "Stopped by": rule}
                 yield about | {"Expert (h)": hours} | _pair_and_sizes(system, texts)

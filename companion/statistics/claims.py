@@ -24,6 +24,8 @@ UNCLEAR = "Unclear in the paper"
 BETTER, WORSE, NO_DIFFERENCE = "better", "worse", "no difference seen"
 #: For trials not run, fewer than three seeds, or sizes that give no value.
 NO_VERDICT = "No verdict"
+#: what was measured is not what the paper says
+NOT_TESTED = "Not tested as stated"
 
 #: Columns of a table of claims: the quantity, the paper's words, our value with the
 #: ends of its interval, NaN where unknown.

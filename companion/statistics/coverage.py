@@ -119,7 +119,7 @@ def mean_curves_interval(study: np.ndarray) -> tuple[float, float]:
 def seedwise_interval(study: np.ndarray) -> tuple[float, float]:
     """The interval of `data_ratio` at 5 min, of losses (S, 2, M), SIDM first."""
     sidm, alone = study[:, 0, SIZE], study[:, 1]
-    return data_ratio(MINUTES.tolist(), alone, sidm, MINUTES[SIZE])[1:]
+    return data_ratio(MINUTES.tolist(), alone, sidm, MINUTES[SIZE])[1:3]
 
 
 #: Estimator -> its interval from losses (S, 2, M), and its true value from the data

@@ -3,24 +3,50 @@
 The size is chosen before the results are known. A seed's ratio is read from the
 isotonic fit of that seed's losses. The estimate over seeds is the geometric mean, with
 Student's interval of the logarithm. Where the curve of a seed does not reach the loss,
-that seed's ratio is a bound. Then the geometric mean is known to lie on one side of the
-seeds' values and bounds, and no interval is known: a true ratio far beyond its bound
-would raise the mean and widen the interval.
+that seed's ratio is a bound. Then there is neither a mean nor an interval: a true ratio
+far beyond its bound would raise the one and widen the other. What is known is told seed
+by seed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from companion.statistics.efficiency import isotonic_fit, minutes_needed
 from companion.statistics.intervals import FEWEST_SEEDS, Interval, student
 
+NO_VALUE = "no value"  # of a ratio from too few seeds
+
+
+class DataRatio(NamedTuple):
+    """A data ratio over seeds, with its 95 % interval, or what seeds bound it by.
+
+    Attributes:
+        value: the geometric mean; NaN with a seed's bound
+        low: end of the interval; the bound where all seeds are above it, else NaN
+        high: the other end; the bound where all seeds are below it, else NaN; infinity
+            and 0 stand opposite to a bound
+        bound: in words, where there is no value: 'at least 24 in 2 of 5 seeds, 0.2 to
+            0.98 in 3'
+    """
+
+    value: float
+    low: float
+    high: float
+    bound: str = NO_VALUE
+
+    def text(self, digits: int = 3) -> str:
+        """The value with its interval, or the bound."""
+        known = Interval(self.value, self.low, self.high)
+        return self.bound if np.isnan(self.value) else known.text(digits)
+
 
 def data_ratio(
     sizes: Sequence[float], alone: np.ndarray, losses: np.ndarray, at: float
-) -> Interval:
+) -> DataRatio:
     """Data of training alone divided by the method's, at equal loss, paired by seed.
 
     Args:
@@ -28,22 +54,37 @@ def data_ratio(
         alone: (S, M) losses of training alone.
         losses: (S,) losses of the method with `at` minutes.
         at: data of the method, min.
-
-    Returns:
-        The data ratio over seeds. With a seed's bound the value is NaN, and the ends
-        are those between which the geometric mean of these seeds lies: the geometric
-        mean of values and bounds, and 0 or infinity. NaN with bounds of both sides.
     """
     needed = [
         minutes_needed(np.asarray(sizes), isotonic_fit(curve), loss)
         for curve, loss in zip(alone, losses, strict=True)
     ]
-    logs = np.log([minutes / at for minutes, _ in needed])
-    signs = {sign for _, sign in needed}
-    if len(logs) < FEWEST_SEEDS or {">", "<="} <= signs:
-        return Interval(np.nan, np.nan, np.nan)
-    if ">" in signs:
-        return Interval(np.nan, float(np.exp(logs.mean())), np.inf)
-    if "<=" in signs:
-        return Interval(np.nan, 0.0, float(np.exp(logs.mean())))
-    return Interval(*(float(np.exp(end)) for end in student(logs)))
+    if len(needed) < FEWEST_SEEDS:
+        return DataRatio(np.nan, np.nan, np.nan)
+    ratios = np.array([minutes / at for minutes, _ in needed])
+    signs = np.array([sign for _, sign in needed])
+    beyond, below = signs == ">", signs == "<="
+    if not (beyond | below).any():
+        value, low, high = np.exp(student(np.log(ratios))).tolist()
+        return DataRatio(value, low, high, "")
+    low = float(ratios.min()) if beyond.all() else 0.0 if below.all() else np.nan
+    high = np.inf if beyond.all() else float(ratios.max()) if below.all() else np.nan
+    return DataRatio(np.nan, low, high, _in_words(ratios, beyond, below))
+
+
+def _in_words(ratios: np.ndarray, beyond: np.ndarray, below: np.ndarray) -> str:
+    """What seeds say of a ratio that some of them only bound."""
+    known, count = ratios[~beyond & ~below], len(ratios)
+    parts = []
+    if beyond.any():
+        parts.append((f"at least {ratios[beyond].min():.2g}", beyond.sum()))
+    if below.any():
+        parts.append((f"at most {ratios[below].max():.2g}", below.sum()))
+    if len(known):
+        ends = [f"{end:.2g}" for end in (known.min(), known.max())]
+        parts.append((" to ".join(dict.fromkeys(ends)), len(known)))
+    if len(parts) == 1:
+        return parts[0][0]
+    (first, number), *others = parts
+    words = [f"{first} in {number} of {count} seeds"]
+    return ", ".join(words + [f"{text} in {number}" for text, number in others])

@@ -125,6 +125,36 @@ def student(values: np.ndarray) -> Interval:
     return leave_one_out(lambda drawn: float(drawn.mean()), values)
 
 
+def p_value(ratio: Interval, seeds: int) -> float:
+    """P-value of the hypothesis that a ratio is 1, from its interval over seeds.
+
+    Student's two-sided test of the mean logarithm, whose interval the ratio has.
+
+    Args:
+        ratio: a geometric mean with its 95 % interval.
+        seeds: S, of which it is the mean.
+
+    Returns:
+        The p-value; NaN without an interval.
+    """
+    from scipy.special import stdtr, stdtrit  # late: lists of results do without it
+
+    value, low, high = np.log(ratio)
+    if seeds < 2 or not np.isfinite([low, high]).all():
+        return float("nan")
+    reach = stdtrit(seeds - 1, 0.5 + CONFIDENCE / 2)
+    return float(2 * stdtr(seeds - 1, -2 * reach * abs(value) / (high - low)))
+
+
+def holm(p: np.ndarray) -> np.ndarray:
+    """P-values (n,) corrected for n tests by Holm's step-down procedure."""
+    order, count = np.argsort(p), len(p)
+    factors = count - np.arange(count)
+    corrected = np.empty(count)
+    corrected[order] = np.minimum(1, np.maximum.accumulate(factors * p[order]))
+    return corrected
+
+
 def interval(
     statistic: Statistic, samples: np.ndarray, held_out: float = 0.0
 ) -> Interval:

@@ -78,12 +78,3 @@ def mean_of(logs: pd.Series) -> Mean:
     squares = (parts**2 / np.maximum(free, 1)).sum()
     freedom = parts.sum() ** 2 / squares if squares > 0 else float(free.sum())
     return Mean(float(weights @ np.array(means)), float(parts.sum() ** 0.5), freedom)
-
-
-def holm(p: np.ndarray) -> np.ndarray:
-    """P-values (n,) corrected for n tests by Holm's step-down procedure."""
-    order, count = np.argsort(p), len(p)
-    factors = count - np.arange(count)
-    corrected = np.empty(count)
-    corrected[order] = np.minimum(1, np.maximum.accumulate(factors * p[order]))
-    return corrected

@@ -14,8 +14,9 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
+from companion.statistics.intervals import holm
 from companion.tasks.catalogue import SEEDS
-from companion.tasks.intervals import holm, mean_of
+from companion.tasks.intervals import mean_of
 from companion.tasks.trial import NO_FAILURE, EntryResult
 from sidm.comparison.statistics import CONFIDENCE
 

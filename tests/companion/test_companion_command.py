@@ -198,6 +198,7 @@ def test_missing_data_is_one_line(tmp_path, capsys):
     assert "companion collect --preset" in capsys.readouterr().err
 
 
+@pytest.mark.more
 def test_collect_train_run_show(tmp_path, capsys):
     """Collect, run one trial and then the rest, with the real simulator."""
     pytest.importorskip("pybullet")

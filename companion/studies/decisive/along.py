@@ -42,6 +42,7 @@ COLUMNS = (
     "value",
     "low",
     "high",
+    "bound",
 )
 
 
@@ -66,8 +67,9 @@ def along_training(
         A row per `recipe` and `system` that have SIDMs, `quantity` ('data' or 'loss'),
         `minutes` of the SIDM, and `rule`. The rule is empty where all trainings were
         stopped after the same number of `samples`; of a rule, `samples` are the median
-        over the SIDM's trainings. `value`, `low` and `high` are the data ratio at AT
-        minutes, or the ratio of the losses with and without SIDM, from so many `seeds`.
+        over the SIDM's trainings. `value`, `low`, `high` and `bound` are the data ratio
+        at AT minutes, or the ratio of the losses with and without SIDM, from so many
+        `seeds`.
     """
     rows: list[tuple] = []
     for (recipe, system), group in frame.groupby(["recipe", "system"], sort=False):
@@ -84,11 +86,11 @@ def along_training(
                 samples = int(kept.seen.median())
                 stopped.append((samples, rule, losses_by(group, rule)))
         for samples, rule, losses in stopped:
-            ratio = ratio_of_data(losses, "sidm")
-            rows.append((recipe, system, "data", AT, rule, samples, *ratio))
+            seeds, saved = ratio_of_data(losses, "sidm")
+            rows.append((recipe, system, "data", AT, rule, samples, seeds, *saved))
             for size in SIZES:
                 ratio = loss_ratio(losses, size)
-                rows.append((recipe, system, "loss", size, rule, samples, *ratio))
+                rows.append((recipe, system, "loss", size, rule, samples, *ratio, ""))
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 

@@ -21,8 +21,14 @@ from companion.statistics.claims import (
     NOT_SEEN,
     REPRODUCED,
 )
-from companion.statistics.data_ratio import data_ratio
-from companion.statistics.intervals import FEWEST_SEEDS, Interval, mean_ratio
+from companion.statistics.data_ratio import DataRatio, data_ratio
+from companion.statistics.intervals import (
+    FEWEST_SEEDS,
+    Interval,
+    holm,
+    mean_ratio,
+    p_value,
+)
 from companion.statistics.stopping_rules import RULES, apply_rule
 from companion.studies.decisive.arms import ALL_SEEDS, FINETUNING, RECIPES, arm
 from companion.study import Study
@@ -41,7 +47,6 @@ RATIOS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "T1": ("T", RELEASED, ("sidm", FINETUNING)),
     "T2": ("T", END, ("sidm", FINETUNING)),
 }
-NO_VALUE = "no value"  # of a ratio without an interval
 #: Recipe -> the rule by which verdict S compares its losses.
 LOSSES = {"R": RELEASED, "T": END}
 #: Columns of a table of verdicts. A claim about a loss says that the value is below 1,
@@ -57,7 +62,9 @@ COLUMNS = (
     "value",
     "low",
     "high",
+    "bound",
     "says",
+    "corrected",
 )
 
 
@@ -87,7 +94,9 @@ def losses_by(frame: pd.DataFrame, rule: str) -> pd.DataFrame:
     )
 
 
-def verdict_of(ratio: Interval, paper: float | None = None, above: bool = True) -> str:
+def verdict_of(
+    ratio: Interval | DataRatio, paper: float | None = None, above: bool = True
+) -> str:
     """What the interval of a ratio says of the claim that the ratio differs from 1.
 
     Args:
@@ -95,10 +104,11 @@ def verdict_of(ratio: Interval, paper: float | None = None, above: bool = True) 
         paper: the paper's number, which the interval may hold, too.
         above: whether the claim is that the ratio lies above 1; else below.
     """
-    if np.isnan(ratio).any():  # a bound has no value, and so no verdict
+    known = Interval(*ratio[:3])
+    if np.isnan(known).any():  # a bound has no value, and so no verdict
         return NO_VERDICT
-    side = ratio.side(1) if above else -ratio.side(1)
-    if side == 1 and paper is not None and ratio.low <= paper <= ratio.high:
+    side = known.side(1) if above else -known.side(1)
+    if side == 1 and paper is not None and known.low <= paper <= known.high:
         return REPRODUCED
     return {1: DIRECTION, 0: NOT_SEEN, -1: CONTRARY}[side]
 
@@ -113,8 +123,8 @@ def wide(frame: pd.DataFrame, method: str, sizes: Sequence[float]) -> pd.DataFra
 
 def ratio_of_data(
     frame: pd.DataFrame, method: str, minutes: float = AT
-) -> tuple[int, float, float, float]:
-    """The data ratio of a method: number of seeds, value, low and high.
+) -> tuple[int, DataRatio]:
+    """The data ratio of a method, and from how many seeds.
 
     Args:
         frame: losses of one recipe on one system.
@@ -126,7 +136,7 @@ def ratio_of_data(
     seeds = alone.index.intersection(other.index)
     losses = other.loc[seeds, minutes].to_numpy()
     ratio = data_ratio(ALONE_SIZES, alone.loc[seeds].to_numpy(), losses, minutes)
-    return len(seeds), *ratio
+    return len(seeds), ratio
 
 
 def sidm_saving(
@@ -136,7 +146,7 @@ def sidm_saving(
     rule: str,
     minutes: float,
     rival: str | None = None,
-) -> Interval:
+) -> DataRatio:
     """The SIDM's data ratio at any of its sizes.
 
     Args:
@@ -156,8 +166,7 @@ def sidm_saving(
                 alone[alone.method == "novice_only"],
             ]
         )
-    _, *ratio = ratio_of_data(losses, "sidm", minutes)
-    return Interval(*ratio)
+    return ratio_of_data(losses, "sidm", minutes)[1]
 
 
 def loss_ratio(frame: pd.DataFrame, minutes: float) -> tuple[int, float, float, float]:
@@ -189,12 +198,11 @@ def data_ratios(frame: pd.DataFrame) -> pd.DataFrame:
     ):
         losses = _losses_of(frame, recipe, system, rule)
         for method in methods:
-            seeds, *ratio = ratio_of_data(losses, method)
+            seeds, ratio = ratio_of_data(losses, method)
             claimed = method == "sidm"  # the paper claims nothing of fine-tuning
-            says = (
-                verdict_of(Interval(*ratio), PAPER[system]) if claimed else NO_VERDICT
-            )
-            rows.append((name, system, recipe, rule, method, AT, seeds, *ratio, says))
+            says = verdict_of(ratio, PAPER[system]) if claimed else NO_VERDICT
+            about = name, system, recipe, rule, method, AT, seeds
+            rows.append((*about, *ratio, says, np.nan))
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
@@ -209,25 +217,25 @@ def small_data(frame: pd.DataFrame) -> pd.DataFrame:
         for minutes in SMALL:
             seeds, *ratio = loss_ratio(losses, minutes)
             says = verdict_of(Interval(*ratio), above=False)
-            rows.append(
-                ("S", system, recipe, rule, "sidm", minutes, seeds, *ratio, says)
-            )
+            about = "S", system, recipe, rule, "sidm", minutes, seeds
+            rows.append((*about, *ratio, "", says, np.nan))
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
 def verdicts(frame: pd.DataFrame) -> pd.DataFrame:
-    """All verdicts of `results`."""
-    return pd.concat([data_ratios(frame), small_data(frame)], ignore_index=True)
+    """All verdicts of `results`, with p-values `corrected` by Holm over the table.
 
-
-def ratio_text(ratio: Interval, digits: int = 3) -> str:
-    """A ratio with its interval; a bound has one end alone."""
-    if not np.isnan(ratio.value):
-        return ratio.text(digits)
-    if np.isnan([ratio.low, ratio.high]).any():
-        return NO_VALUE
-    side, end = ("least", ratio.low) if ratio.low > 0 else ("most", ratio.high)
-    return f"at {side} {end:.{digits}g}"
+    A verdict whose corrected p-value is not below 0.05 is NOT_SEEN.
+    """
+    table = pd.concat([data_ratios(frame), small_data(frame)], ignore_index=True)
+    judged = table.says.ne(NO_VERDICT)
+    p = [
+        p_value(Interval(row.value, row.low, row.high), row.seeds)
+        for row in table[judged].itertuples()
+    ]
+    table.loc[judged, "corrected"] = holm(np.array(p))
+    table.loc[judged & table.corrected.ge(0.05), "says"] = NOT_SEEN
+    return table
 
 
 def page_table(table: pd.DataFrame) -> pd.DataFrame:
@@ -241,8 +249,11 @@ def page_table(table: pd.DataFrame) -> pd.DataFrame:
             "Recipe, stopped by": f"{row.recipe}, {row.rule}",
             "Of": f"{words[row.method]}, {row.minutes:g} min",
             "Quantity": "loss ratio" if row.verdict == "S" else "data ratio",
-            "Ours (95 % interval)": ratio_text(Interval(row.value, row.low, row.high)),
+            "Ours (95 % interval)": DataRatio(
+                row.value, row.low, row.high, row.bound
+            ).text(),
             "Seeds": row.seeds,
+            "p (Holm)": "-" if np.isnan(row.corrected) else f"{row.corrected:.2g}",
             "Says": row.says,
         }
         for row in enough.itertuples()

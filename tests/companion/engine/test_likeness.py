@@ -120,6 +120,7 @@ def test_other_actions_and_other_attempts_are_seen(make_trajectories):
     ]
 
 
+@pytest.mark.more
 def test_what_the_results_do_not_know_is_said(results, reduced, tmp_path):
     assert verify(DATASET, reduced, tmp_path) == ["the results know no such data"]
     note_committed(DATASET, "0123456789abcdef", tmp_path, tmp_path)

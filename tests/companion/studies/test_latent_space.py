@@ -79,13 +79,13 @@ def test_what_is_held_out_was_not_learnt_from(study, data, monkeypatch):
     """Latents are of expert trajectories after the trial's, and of validation data."""
     trial = measure.jobs(study, "system1")[1]
     write_motion(data, measure.held_out_expert(trial))
-    seen, true = {}, measure.latents_of
+    seen, true = {}, latents.latents_of
 
     def latents_of(model, role, motion):
         seen[role] = motion
         return true(model, role, motion)
 
-    monkeypatch.setattr(measure, "latents_of", latents_of)
+    monkeypatch.setattr(latents, "latents_of", latents_of)
     measure.measure(trial, data)
     library = Library(data)
     learnt = library.motion(trial, "expert").inputs

@@ -7,9 +7,10 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+from companion.statistics.intervals import holm
 from companion.tasks.catalogue import TASKS, Task
 from companion.tasks.figure import figure
-from companion.tasks.intervals import holm, mean_of
+from companion.tasks.intervals import mean_of
 from companion.tasks.page import groups_of, write_page
 from companion.tasks.scores import (
     data_ratio,

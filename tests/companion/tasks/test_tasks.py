@@ -360,6 +360,7 @@ def test_the_table_is_of_the_tasks_that_are_asked_for(tmp_path, capsys):
     assert "no rows of these tasks are there" in capsys.readouterr().err
 
 
+@pytest.mark.more
 def test_workers_elsewhere_find_the_method_and_the_recordings(file, tmp_path):
     """A worker of a cluster has another working directory."""
     name = f"{os.path.relpath(file)}:Still"

@@ -279,6 +279,7 @@ def test_fit_refuses_before_it_learns():
         sidm.fit(drives[:20], method="ackermann")
 
 
+@pytest.mark.more
 def test_the_hunters_wheelbase_is_in_its_drives():
     """The maker gives 0.65 m; model and recordings agree to 15 %."""
     drives = sidm.read_drives(

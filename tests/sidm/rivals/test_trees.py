@@ -116,6 +116,7 @@ def test_trees_drive(carts):
     assert np.allclose(turns, 0.15, atol=0.02)
 
 
+@pytest.mark.more
 def test_a_correction_of_the_experts_trees_helps_with_little_data(rng, carts):
     little = carts._replace(train=motion(rng, 15), test=motion(rng, 5))
     scale = scale_of(carts)

@@ -1,0 +1,130 @@
+"""The paper's Figure 3 with the paper's recipe, R: loss against novice data.
+
+What the paper says in numbers stands beside it; sizes that it has and we did not run
+are named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from companion.figures.style import (
+    LOSS_BY_SIZE,
+    METHOD_STYLES,
+    legend_below,
+    mean_and_range,
+    system_label,
+)
+from companion.methods import COMPARED
+from companion.studies.decisive.arms import FINETUNING
+from companion.studies.decisive.verdicts import AT, PAPER, RELEASED, losses_by
+from sidm.plots import finish, side_by_side, styled
+
+
+class Said(NamedTuple):
+    """What the paper says of a system (section 5 and Figure 3)."""
+
+    sizes: tuple[float, ...]  # of Figure 3, min of novice data
+    meet: float  # min from which performance is "comparable"
+
+
+SAID = {
+    "system1": Said((1.0, 2.0, 5.0, 20.0, 60.0, 120.0, 300.0, 600.0), 120.0),
+    "system2": Said((1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0, 300.0), 300.0),
+}
+#: methods that stand beside the paper's two, as thin lines
+BESIDE = ("least_squares", FINETUNING)
+MARK: dict[str, Any] = {"color": "0.45", "linestyle": ":", "marker": "", "lw": 1.2}
+
+
+def table(frame: pd.DataFrame, rule: str = RELEASED) -> pd.DataFrame:
+    """Losses of Figure 3: a row per training with its `loss`.
+
+    The paper's two methods have recipe R; fine-tuning, of which the release says
+    nothing, has recipe T.
+
+    Args:
+        frame: rows of `verdicts.results`, with those of least squares if there are any.
+        rule: the stopping rule, a key of RULES; it does not stop least squares.
+    """
+    recipe = frame.recipe.eq("R") & frame.method.isin(COMPARED)
+    tuned = frame.recipe.eq("T") & frame.method.eq(FINETUNING)
+    solved = frame[frame.method == "least_squares"]
+    trained = losses_by(frame[recipe | tuned], rule)
+    return pd.concat([trained, solved.assign(loss=solved.validation_loss)])
+
+
+@styled
+def figure(losses: pd.DataFrame, systems: Sequence[str] = tuple(SAID)) -> Figure:
+    """Figure 3 under recipe R: a panel per system.
+
+    Lines are means over seeds, shades reach from the least to the greatest. The arrow
+    is as long as the paper's number says: from the SIDM's loss at AT minutes to where
+    training alone should have it. A dotted line stands where the paper's curves meet.
+
+    Args:
+        losses: rows of `table`.
+        systems: panels.
+    """
+    figure, panels = side_by_side(len(systems), 2)
+    for axes, system in zip(panels, systems, strict=False):
+        axes.set(title=system_label(system), **LOSS_BY_SIZE)
+        shown = losses[losses.system == system]
+        for method in (*BESIDE, *COMPARED):
+            group = shown[shown.method == method]
+            if len(group):
+                _draw(axes, method, group)
+        ours = sorted(set(shown[shown.method.isin(COMPARED)].novice_minutes))
+        sizes = SAID[system].sizes
+        axes.set_xlim(0.8 * min(sizes), 1.25 * max(sizes))
+        _mark(axes, system, shown)
+        finish(axes, sizes, legend=False)
+        lacking = [f"{size:g}" for size in sizes if size not in ours]
+        if lacking:
+            axes.annotate(
+                f"not run: {', '.join(lacking)} min",
+                (0.99, 0.97),
+                xycoords="axes fraction",
+                ha="right",
+                va="top",
+                fontsize="small",
+                color="0.35",
+            )
+    legend_below(figure, panels)
+    return figure
+
+
+def _draw(axes: Axes, method: str, group: pd.DataFrame) -> None:
+    """Draw a method's mean over seeds; of the paper's two the range, too."""
+    by_size = group.groupby("novice_minutes").loss.agg(["mean", "min", "max"])
+    style = dict(METHOD_STYLES[method])
+    if method in COMPARED:
+        mean_and_range(axes, by_size, **style)
+        return
+    if method == FINETUNING:
+        style["label"] += " (T)"
+    axes.plot(by_size.index, by_size["mean"], **style | {"lw": 1.0, "ms": 3.5})
+
+
+def _mark(axes: Axes, system: str, shown: pd.DataFrame) -> None:
+    """Mark the paper's numbers."""
+    axes.axvline(SAID[system].meet, label="the paper's curves meet", **MARK)
+    start = shown[(shown.method == "sidm") & (shown.novice_minutes == AT)].loss.mean()
+    if pd.notna(start):
+        times = PAPER[system]
+        arrow = {"arrowstyle": "->", "color": "0.25", "lw": 1.2}
+        axes.annotate("", (times * AT, start), (AT, start), arrowprops=arrow)
+        axes.annotate(
+            f"paper: {times:g} times",
+            (times * AT, start),
+            (5, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize="small",
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1, "alpha": 0.8},
+        )

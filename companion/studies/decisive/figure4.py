@@ -1,0 +1,106 @@
+"""The paper's Figure 4 with the paper's recipe, R, from the stored rollouts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from companion.figures.curves import size_style
+from companion.figures.style import METHOD_STYLES, legend_below, system_label
+from companion.methods import COMPARED
+from sidm.drives import CONTROL_STEP
+from sidm.plots import finish, side_by_side, styled
+from sidm.systems import SYSTEMS
+
+MINUTES = (5.0, 120.0)  # of novice data, as in the paper
+
+
+def table(frame: pd.DataFrame) -> pd.DataFrame:
+    """The rows of `verdicts.results` that Figure 4 shows."""
+    return frame[
+        frame.recipe.eq("R")
+        & frame.method.isin(COMPARED)
+        & frame.novice_minutes.isin(MINUTES)
+    ]
+
+
+def median_drive(rows: pd.DataFrame) -> int:
+    """Number of the stored drive whose last deviation is the median of them.
+
+    Args:
+        rows: trainings of one system; the mean over them counts.
+    """
+    last = [
+        np.linalg.norm(np.subtract(predicted, actual)[:, -1, :2], axis=1)
+        for predicted, actual in zip(
+            map(np.array, rows.rollouts_predicted),
+            map(np.array, rows.rollouts_actual),
+            strict=True,
+        )
+    ]
+    means = np.mean(last, axis=0)
+    return int(np.argsort(means)[len(means) // 2])
+
+
+@styled
+def figure(
+    rows: pd.DataFrame,
+    drive: int | None = None,
+    seed: int = 0,
+    systems: Sequence[str] = tuple(SYSTEMS),
+) -> Figure:
+    """Figure 4 under recipe R: a row per system.
+
+    Left: distance of the predicted from the actual position over time, the mean over
+    seeds with its standard error. Right: a drive from above.
+
+    Args:
+        rows: rows of `table`.
+        drive: number of a stored drive, 0 to 2; None: that of `median_drive`.
+        seed: of the models that predict the drive.
+        systems: rows of the figure.
+    """
+    figure, panels = side_by_side(2 * len(systems), 2)
+    for left, right, system in zip(panels[::2], panels[1::2], systems, strict=True):
+        shown = rows[rows.system == system]
+        left.set(xlabel="time (s)", ylabel="distance from the actual position (m)")
+        left.set_title(f"{system_label(system)}: all test drives")
+        right.set(xlabel="x (m)", ylabel="y (m)", title="one of them from above")
+        if len(shown):
+            _draw_deviations(left, shown)
+            number = median_drive(shown) if drive is None else drive
+            _draw_drive(right, shown[shown.seed == seed], number)
+        finish(left, legend=False)
+        finish(right, legend=False)
+    legend_below(figure, panels)
+    return figure
+
+
+def _draw_deviations(axes: Axes, shown: pd.DataFrame) -> None:
+    for (method, minutes), group in shown.groupby(["method", "novice_minutes"]):
+        errors = np.array([(0.0, *error) for error in group.position_error])
+        time, mean = CONTROL_STEP * np.arange(errors.shape[1]), errors.mean(0)
+        style = size_style(method, MINUTES.index(minutes))
+        label = f"{METHOD_STYLES[method]['label']}, {minutes:g} min"
+        axes.plot(time, mean, label=label, **style)
+        if len(errors) > 1:
+            error = errors.std(0, ddof=1) / len(errors) ** 0.5
+            shade = {"color": style["color"], "alpha": 0.15, "lw": 0}
+            axes.fill_between(time, mean - error, mean + error, **shade)
+
+
+def _draw_drive(axes: Axes, shown: pd.DataFrame, number: int) -> None:
+    """Draw a drive's path and those that models predict."""
+    for row in shown.itertuples():
+        path = np.array(row.rollouts_predicted)[number, :, :2]
+        axes.plot(*path.T, **size_style(row.method, MINUTES.index(row.novice_minutes)))
+    if len(shown):
+        path = np.array(shown.rollouts_actual.iloc[0])[number, :, :2]
+        line: dict[str, Any] = {"color": "black", "linestyle": "-", "marker": ""}
+        axes.plot(*path.T, label="actual path", **line)
+        axes.set_aspect("equal", adjustable="datalim")
