@@ -17,7 +17,7 @@ from companion.figures.style import system_label
 from companion.grids import grid
 from companion.methods import METHODS
 from companion.statistics import claims
-from companion.statistics.intervals import Interval
+from companion.statistics.intervals import FEWEST_SEEDS, Interval
 from companion.statistics.pairs import paired_comparison
 from companion.studies import ablations
 from companion.studies.decisive import verdicts
@@ -55,6 +55,7 @@ class Reading(NamedTuple):
     ours: str  # the quantity with its interval
     seeds: int
     verdict: str
+    corrected: bool = False  # by Holm over the verdicts of the decisive experiment
 
 
 def _ratio_rows(
@@ -81,13 +82,18 @@ def _ratio_rows(
 
 
 def _judged_row(
-    row: Any, statement: str, reading: str, quantity: str, says: str
+    row: Any,
+    statement: str,
+    reading: str,
+    quantity: str,
+    says: str,
+    corrected: bool = False,
 ) -> Reading:
     """Reading of a ratio that has a verdict: `value`, `low`, `high` and `seeds`."""
     digits = 2 if quantity == "data" else 3
     ours = f"{quantity} {Interval(row.value, row.low, row.high).text(digits)} ×"
     label = system_label(row.system)
-    return Reading(statement, "5", reading, label, ours, row.seeds, says)
+    return Reading(statement, "5", reading, label, ours, row.seeds, says, corrected)
 
 
 def savings(figure3: pd.DataFrame, decisive: pd.DataFrame) -> list[Reading]:
@@ -97,13 +103,13 @@ def savings(figure3: pd.DataFrame, decisive: pd.DataFrame) -> list[Reading]:
     judged = judged.dropna(subset="value")
     for verdict, reading in (("R1", AS_RELEASED), ("T2", AT_ITS_BEST)):
         for row in judged[judged.verdict == verdict].itertuples():
-            rows.append(_judged_row(row, SAVED, reading, "data", row.says))
+            rows.append(_judged_row(row, SAVED, reading, "data", row.says, True))
     for system in SYSTEMS:
         for row in claims.data_saving_claim(figure3, system).itertuples():
             rows.append(_judged_row(row, SAVED, EARLY, "data", row.verdict))
     for row in judged[judged.verdict == "S"].itertuples():
         reading = f"{TRAINED[row.recipe]}, {row.minutes:g} min"
-        rows.append(_judged_row(row, IMPROVEMENT, reading, "loss", row.says))
+        rows.append(_judged_row(row, IMPROVEMENT, reading, "loss", row.says, True))
     sidm, alone = (figure3[figure3.method == n] for n in ("sidm", "novice_only"))
     for minutes in (1.0, LITTLE):
         table = paired_comparison(sidm[sidm.novice_minutes == minutes], alone)
@@ -302,7 +308,10 @@ def readings(results: Results, data: str = "data") -> list[Reading]:
 
 
 def page_table(rows: Iterable[Reading]) -> pd.DataFrame:
-    """Readings as a table with the headings of a page."""
+    """Readings as a table with the headings of a page.
+
+    Marked are intervals from three seeds, and verdicts that are corrected.
+    """
     names = {
         "statement": "The paper says",
         "reading": "Read as",
@@ -312,7 +321,11 @@ def page_table(rows: Iterable[Reading]) -> pd.DataFrame:
         "verdict": "Verdict",
     }
     table = pd.DataFrame(rows, columns=list(Reading._fields))
-    return table[list(names)].rename(columns=names)
+    few = table.seeds.eq(FEWEST_SEEDS).map({True: " †", False: ""})
+    corrected = table.corrected.map({True: " ‡", False: ""})
+    marked = {"seeds": table.seeds.astype(str) + few}
+    marked["verdict"] = table.verdict + corrected
+    return table.assign(**marked)[list(names)].rename(columns=names)
 
 
 def short_table(rows: Iterable[Reading]) -> pd.DataFrame:

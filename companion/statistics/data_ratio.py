@@ -16,7 +16,12 @@ from typing import NamedTuple
 import numpy as np
 
 from companion.statistics.efficiency import isotonic_fit, minutes_needed
-from companion.statistics.intervals import FEWEST_SEEDS, Interval, student
+from companion.statistics.intervals import (
+    FEWEST_SEEDS,
+    Interval,
+    significant,
+    student,
+)
 
 NO_VALUE = "no value"  # of a ratio from too few seeds
 
@@ -77,11 +82,11 @@ def _in_words(ratios: np.ndarray, beyond: np.ndarray, below: np.ndarray) -> str:
     known, count = ratios[~beyond & ~below], len(ratios)
     parts = []
     if beyond.any():
-        parts.append((f"at least {ratios[beyond].min():.2g}", beyond.sum()))
+        parts.append((f"at least {significant(ratios[beyond].min(), 2)}", beyond.sum()))
     if below.any():
-        parts.append((f"at most {ratios[below].max():.2g}", below.sum()))
+        parts.append((f"at most {significant(ratios[below].max(), 2)}", below.sum()))
     if len(known):
-        ends = [f"{end:.2g}" for end in (known.min(), known.max())]
+        ends = [significant(end, 2) for end in (known.min(), known.max())]
         parts.append((" to ".join(dict.fromkeys(ends)), len(known)))
     if len(parts) == 1:
         return parts[0][0]

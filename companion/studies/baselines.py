@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -16,6 +17,7 @@ from companion.figures.style import (
 )
 from companion.methods import BASELINES, COMPARED, FIGURE3, METHODS
 from companion.statistics.pairs import paired_comparison
+from companion.studies.reproduction import with_repeats
 from companion.studies.throughput import Pace, seconds
 from companion.study import Study
 from companion.trials import Trial
@@ -41,11 +43,19 @@ def trials(study: Study, system: str) -> list[Trial]:
     ]
 
 
-def table(frame: pd.DataFrame, paces: Mapping[str, Pace] | None = None) -> pd.DataFrame:
+def table(
+    frame: pd.DataFrame,
+    results: str | Path,
+    paces: Mapping[str, Pace] | None = None,
+) -> pd.DataFrame:
     """Losses and costs of each method, one row per system, size and method.
+
+    Losses are divided on one motion, where the paper's method was repeated on the
+    other's.
 
     Args:
         frame: stored results, at most one per system, size, method and seed.
+        results: folder of the results.
         paces: method -> seconds per 1,000 samples, from `throughput.read`.
 
     Returns:
@@ -78,6 +88,7 @@ def table(frame: pd.DataFrame, paces: Mapping[str, Pace] | None = None) -> pd.Da
         rest, reference = frame[frame.method != paper], frame[frame.method == paper]
         ends = {"low": f"to_{paper}_low", "high": f"to_{paper}_high"}
         names = {"ratio": f"to_{paper}"} | ends
+        reference = with_repeats(reference, results)
         ratios = paired_comparison(rest, reference)[[*POINT, *names]]
         means = means.merge(ratios.rename(columns=names), how="left", on=POINT)
     order = means.method.map(list(METHODS).index)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from itertools import accumulate
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +28,7 @@ from companion.methods import (
 from companion.statistics.claims import BETTER, NO_VERDICT, WORSE, ratio_verdicts
 from companion.statistics.pairs import paired_comparison
 from companion.studies import ablations
+from companion.studies.reproduction import with_repeats
 from companion.study import Study
 from companion.trials import Trial
 from sidm.plots import side_by_side, styled
@@ -143,11 +145,14 @@ def frame(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
     return pd.concat(parts)
 
 
-def table(frame: pd.DataFrame) -> pd.DataFrame:
+def table(frame: pd.DataFrame, results: str | Path) -> pd.DataFrame:
     """Ratios of the losses of changed SIDMs to the losses of the unchanged SIDM.
+
+    A pair is on one motion, where the unchanged SIDM was repeated on the other's.
 
     Args:
         frame: made by `frame`.
+        results: folder of the results.
 
     Returns:
         A table of `pairs.paired_comparison` with a `verdict`, sorted by system, size
@@ -155,7 +160,8 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     """
     sidm = frame.change == UNCHANGED
     changed, by = frame[~sidm], ["hypothesis", "change"]
-    compared = paired_comparison(changed, frame[sidm], POINT, by)
+    reference = with_repeats(frame[sidm], results)
+    compared = paired_comparison(changed, reference, POINT, by)
     compared["verdict"] = ratio_verdicts(compared)
     return compared.sort_values([*POINT, "ratio"], ignore_index=True)
 

@@ -29,6 +29,7 @@ LABELS = {
     "prediction_iterations": "prediction iterations a phase",
     "matching_iterations": "matching iterations a phase",
 }
+TICKS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.5, 2.0)  # of ratios
 COLUMNS = (
     "system",
     "setting",
@@ -170,7 +171,11 @@ def figure(
         finish(axes, legend=False)
         axes.set_xticks(list(places.values()), [f"{value:g}" for value in places])
         axes.set_xlim(-0.5, len(places) - 0.5)
-        axes.tick_params(labelleft=not column)
+    for number, axes in enumerate(panels):
+        low, high = axes.get_ylim()
+        ticks = [tick for tick in TICKS if low <= tick <= high]
+        axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+        axes.tick_params(labelleft=number % len(LABELS) == 0)
     legend_below(figure, panels)
     return figure
 

@@ -94,6 +94,7 @@ def figure(losses: pd.DataFrame, systems: Sequence[str] = tuple(SAID)) -> Figure
                 va="top",
                 fontsize="small",
                 color="0.35",
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 1},
             )
     legend_below(figure, panels)
     return figure

@@ -378,7 +378,7 @@ def test_a_table_of_verdicts_for_a_page(make_results):
     ratios = table[table.Quantity == "data ratio"].set_index("Of")
     ratios = ratios["Ours (95 % interval)"]
     assert set(ratios["SIDM, 5 min"]) == {"at least 24"}
-    assert set(ratios["fine-tuning, 5 min"]) == {"at most 0.2"}
+    assert set(ratios["fine-tuning, 5 min"]) == {"at most 0.20"}
 
 
 def test_a_data_ratio_by_hand():
@@ -401,7 +401,7 @@ def test_a_curve_that_does_not_get_there_is_a_bound_without_a_value():
     assert (below.low, below.high) == (0, pytest.approx(0.2))
     assert verdict_of(below) == NO_VERDICT
     both = data_ratio(SIZES, three, np.array([0.6, 0.1, 0.3]), 5.0)
-    assert both.text() == "at least 24 in 1 of 3 seeds, at most 0.2 in 1, 4 in 1"
+    assert both.text() == "at least 24 in 1 of 3 seeds, at most 0.20 in 1, 4.0 in 1"
     assert verdict_of(both) == NO_VERDICT
     few = data_ratio(SIZES, three[:2], np.array([0.3, 0.3]), 5.0)
     assert few.text() == "no value" and verdict_of(few) == NO_VERDICT

@@ -41,7 +41,9 @@ def test_verdicts_follow_the_interval(store):
 
     Fewer than three seeds give no verdict.
     """
-    table = h.table(h.frame(STUDY, store, ["system1"])).set_index("change")
+    table = h.table(h.frame(STUDY, store, ["system1"]), store.folder).set_index(
+        "change"
+    )
     assert list(table.ratio) == sorted(table.ratio) and set(table.novice_minutes) == {5}
     assert table.verdict.to_dict() == {
         "joint training (one network)": "better",
@@ -54,7 +56,9 @@ def test_verdicts_follow_the_interval(store):
 
 
 def test_changes_are_ranked_by_what_they_gain(store):
-    ranking = h.ranking(h.table(h.frame(STUDY, store, ["system1"]))).set_index("change")
+    ranking = h.ranking(
+        h.table(h.frame(STUDY, store, ["system1"]), store.folder)
+    ).set_index("change")
     expected = ["joint training (one network)", "SIDM, MMD", "SIDM, stronger matching"]
     assert list(ranking.index) == expected
     assert list(ranking.better) == [1, 0, 0] and list(ranking.worse) == [0, 0, 1]
@@ -63,7 +67,7 @@ def test_changes_are_ranked_by_what_they_gain(store):
 
 
 def test_nothing_stored_is_an_empty_table(tmp_path):
-    table = h.table(h.frame(STUDY, Results(tmp_path), ["system1", "system2"]))
+    table = h.table(h.frame(STUDY, Results(tmp_path), ["system1", "system2"]), tmp_path)
     assert len(table) == 0 and len(h.ranking(table)) == 0
 
 
