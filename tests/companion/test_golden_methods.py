@@ -11,6 +11,7 @@ import math
 import pytest
 
 from companion import METHODS, Study, load_preset, run, run_trial
+from companion.methods import FIGURE3
 from tests.companion.conftest import TINY
 
 #: Adam divides by the size of a gradient, so that rounding changes whole steps where a
@@ -103,9 +104,10 @@ def test_half_precision_comes_to_its_figures(trial, data, golden):
     )
 
 
-def test_a_bundle_comes_to_its_figures(trial, data, golden, tmp_path):
-    one = trial("sidm")
+@pytest.mark.parametrize("method", FIGURE3)
+def test_a_bundle_comes_to_its_figures(trial, data, golden, tmp_path, method):
+    one = trial(method)
     (row,) = run([one], data=data, results=tmp_path, progress=False, bundle=1).rows(
         [one]
     )
-    golden.hold("sidm in a bundle", "bundle", figures(row.outcome), **TOLERANCE)
+    golden.hold(f"{method} in a bundle", "bundle", figures(row.outcome), **TOLERANCE)

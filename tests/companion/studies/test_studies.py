@@ -89,10 +89,12 @@ def jobs(study, data, recordings):
         small = Planning(samples=3, elites=2, horizon=4, hold=2)
         for driver, trial, planning in (
             ("model", study.trial("system1", "sidm", 0.75), small),
+            ("corrected", study.trial("system1", "corrected", 0.75), small),
             ("simulator", None, dataclasses.replace(small, replan=2)),
             ("straight", None, None),
         ):
-            job = DriverTest(driver=driver, trial=trial, planning=planning, **plain)
+            name = "model" if trial is not None else driver
+            job = DriverTest(driver=name, trial=trial, planning=planning, **plain)
             yield f"driving, {driver}", job
 
     def uncertainty() -> Iterator[tuple[str, Any]]:
