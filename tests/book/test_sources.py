@@ -142,7 +142,7 @@ def test_a_command_for_a_notebook_could_be_run(command, monkeypatch):
 def test_one_version_everywhere():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
-    latest = re.search(r"^## (\S+)", source("CHANGELOG"), re.MULTILINE)
+    latest = re.search(r"^## (\d\S*)", source("CHANGELOG"), re.MULTILINE)
     assert latest is not None
     assert {project["version"], citation["version"], latest[1], sidm.__version__} == {
         sidm.__version__

@@ -42,6 +42,7 @@ def test_every_public_name_has_a_docstring_with_an_example_that_runs(name, monke
     assert runner.run(finder, out=said.append).failed == 0, "".join(said)
 
 
+@pytest.mark.more
 def test_the_example_of_the_package_runs(monkeypatch):
     monkeypatch.chdir(ROOT)
     assert doctest.testmod(sidm).failed == 0

@@ -16,6 +16,8 @@ from companion.engine.run import checkpoint_folder
 from sidm.config import ConfigError
 from sidm.shards import ShardError
 
+pytestmark = pytest.mark.more
+
 
 @pytest.fixture
 def trials(study):
@@ -62,7 +64,6 @@ def test_what_is_no_pack_is_refused_in_one_line(tmp_path):
         unpack(tmp_path / "pack.tar", tmp_path)
 
 
-@pytest.mark.more
 def test_stopped_by_the_clock_and_gone_on_with(trials, data, tmp_path, monkeypatch):
     """Several calls with too little time give what one call gives.
 

@@ -160,6 +160,7 @@ def test_run_skips_what_is_stored(trials, data, tmp_path, make_row):
     assert read_record(noted)["digest"] == trials[0].novice_data
 
 
+@pytest.mark.more
 def test_local_processes_agree_with_this_one(trials, data, tmp_path):
     """Worker processes store what this process gives, for one trial and for several."""
     store = run(trials[:2], workers=2, data=data, results=tmp_path, progress=False)

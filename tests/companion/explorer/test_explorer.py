@@ -138,6 +138,7 @@ def test_the_stored_rides_are_of_todays_physics(stored):
     )
 
 
+@pytest.mark.more
 def test_a_stored_ride_is_what_is_simulated(stored):
     """The first second agrees; later, different rounding may have grown."""
     at = (1, 2, 3)

@@ -294,6 +294,7 @@ def unpacked(text):
     return np.frombuffer(base64.b64decode(text), "<u2") / stopping_point.SCALE
 
 
+@pytest.mark.more
 def test_the_page_has_the_published_numbers(make_results):
     """What a rule keeps, Figure 3 and the savings are those of figures and verdicts."""
     worth = {(recipe, "sidm"): 4.0 for recipe in RECIPES}

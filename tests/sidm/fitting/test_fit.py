@@ -287,6 +287,7 @@ def test_a_robot_on_rough_ground_is_learnt_with_its_map(tmp_path):
     assert len(model.predict(tmp_path / "mine.npz")) == 12 * 64
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("name", ["warthog", "husky", "hunter"])
 def test_the_models_kept_here_predict_their_robots(name):
     """Models that learnt from these drives are far better than the mean."""

@@ -54,7 +54,9 @@ OWN = System(
 )
 
 
-@pytest.mark.parametrize("role", ["novice", "expert"])
+@pytest.mark.parametrize(
+    "role", ["novice", pytest.param("expert", marks=pytest.mark.more)]
+)
 def test_robots_of_ones_own_drive_in_their_own_role(role, tmp_path):
     """`simulate` gives the drives of each robot on its own ground, in any process."""
     collection = Collection(system="mine", role=role, seed=3)
