@@ -142,5 +142,8 @@ def _means(
     times = saved.assign(method=_labels(saved.method), saved=ratio_texts(saved))
     times = times[times.against == "novice_only"]
     times = times.rename(columns={"novice_minutes": "minutes"})[[*point, "saved"]]
-    table = means.merge(times, how="left")
+    # without savings or results a column has no type of its own
+    table = means.astype({"minutes": float}).merge(
+        times.astype({"minutes": float}), how="left"
+    )
     return table.assign(saved=table.saved.fillna("-")).round(4)

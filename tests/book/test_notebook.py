@@ -255,6 +255,7 @@ def test_parameters_are_listed(project, capsys):
     )
 
 
+@pytest.mark.more
 def test_refreshing_twice_changes_nothing(first):
     assert main(["notebook", str(first), "--in-place"]) == 0
     once = first.read_bytes()

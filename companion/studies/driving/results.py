@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
-from scipy.stats import binomtest
 
 from companion.beyond.drivers import ARRIVED
 from companion.engine.frame import of_trials
@@ -117,6 +116,8 @@ def scores(frame: pd.DataFrame) -> pd.DataFrame:
         `top_speed`, m/s; and plans a second, `often` by the median plan and `seldom` by
         the slowest 5 %.
     """
+    from scipy.stats import binomtest  # late: it takes long to import
+
     pace = _drivers(frame[frame.plans > 0]).astype({"novice_minutes": float})
     often = 1 / pace.groupby(DRIVER)[["plan_seconds", "slowest_plan_seconds"]].median()
     rows = []
