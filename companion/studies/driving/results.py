@@ -176,6 +176,8 @@ def rivals(table: pd.DataFrame) -> pd.DataFrame:
 
 def _compared(driver: pd.DataFrame, other: pd.DataFrame) -> tuple:
     """The columns of `rivals` from `episodes` on for a pair of drivers."""
+    from scipy.stats import binomtest  # late, as above
+
     both = driver.merge(other, on="episode").sort_values("episode")
     more = int((both.missed_x < both.missed_y).sum())
     fewer = int((both.missed_x > both.missed_y).sum())
