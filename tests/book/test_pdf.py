@@ -42,8 +42,8 @@ def test_its_outline_has_parts_and_chapters_where_they_begin(bound):
         assert plain(item.title) in plain(first)
 
 
-def test_it_has_at_most_80_sheets(bound):
-    assert len(bound.pages) <= 80
+def test_it_has_at_most_85_sheets(bound):
+    assert len(bound.pages) <= 85
 
 
 def test_its_sheets_are_numbered(bound):
