@@ -26,6 +26,7 @@ NUMERICS: dict[str, int] = {
     "gaussian_process": 1,  # Gaussian processes there
 }
 
+_OF_TASKS = "simulation", "training", "least_squares", "fitting", "benchmark"
 #: Kind of work -> the other kinds that its results depend on; others than these depend
 #: on simulation and training.
 _DEPENDS_ON: dict[str, tuple[str, ...]] = {
@@ -36,14 +37,8 @@ _DEPENDS_ON: dict[str, tuple[str, ...]] = {
     "driving": ("simulation", "training", "least_squares"),
     "fitting": ("training", "least_squares"),
     "benchmark": ("simulation", "training", "least_squares", "fitting"),
-    "trees": ("simulation", "training", "least_squares", "fitting", "benchmark"),
-    "gaussian_process": (
-        "simulation",
-        "training",
-        "least_squares",
-        "fitting",
-        "benchmark",
-    ),
+    "trees": _OF_TASKS,
+    "gaussian_process": _OF_TASKS,
 }
 
 

@@ -13,7 +13,9 @@ from companion import Outcome, Row, Study, Trial, load_preset
 from companion.engine.datasets import note_digest
 from companion.engine.frame import frame_of
 from companion.engine.provenance import here
-from sidm.drives import STEPS, SimulatedGround, probe
+from sidm.body import ROVER
+from sidm.drives import STEPS, Drive, Ground, SimulatedGround, probe
+from sidm.recordings import write_drives
 from sidm.shards import SHARD_SIZE, load, simulated_drive, write_shard
 from sidm.storage import checksum
 from sidm.systems import find_system
@@ -74,6 +76,20 @@ def write_motion(data: Path, dataset) -> None:
     for number, start in enumerate(range(0, len(made), SHARD_SIZE)):
         write_shard(collection.shard(data, number), made[start : start + SHARD_SIZE])
     note_digest(dataset, load(data, collection, dataset.count), data)
+
+
+@pytest.fixture(scope="session")
+def recordings(tmp_path_factory):
+    """A folder with twelve drives over six grounds for system 1."""
+    folder, rng = tmp_path_factory.mktemp("recordings"), np.random.default_rng(1)
+    drives = []
+    for number in range(12):
+        heights = generate_terrain(find_system("system1").terrain, number // 2)
+        actions = np.tile(rng.uniform(-1, 1, 2), (STEPS, 1))
+        states = glide(heights, actions, rng).astype(float)
+        drives.append(Drive(states, actions, ROVER, Ground(heights, 0.1)))
+    write_drives(folder / "system1.npz", drives, "made up")
+    return folder
 
 
 @pytest.fixture(scope="session")

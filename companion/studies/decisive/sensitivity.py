@@ -1,8 +1,8 @@
 """How much R's data ratio owes to our cap on the rival's training.
 
-Training alone with 60 and 120 minutes of novice data, and mostly with 20, reached the
-cap before the released rule ended it: a longer training may have a lower loss, and
-lower the ratio. Here every seed has the loss of the best seed at such sizes.
+Training alone with 20 minutes of novice data or more reached the cap before the
+released rule ended it: a longer training may have a lower loss, and lower the ratio.
+Here every seed has the loss of the best seed at such sizes.
 """
 
 from __future__ import annotations

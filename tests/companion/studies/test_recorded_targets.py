@@ -23,32 +23,9 @@ from companion.studies.recorded_targets.results import (
 )
 from sidm.body import ROVER
 from sidm.config import ConfigError, replace
-from sidm.drives import STEPS, Drive, Ground
 from sidm.fitting.windows import grounds_of
 from sidm.recordings import RecordingError, read_drives, write_drives
-from sidm.systems import find_system
-from sidm.terrain import generate_terrain
-from tests.companion.conftest import glide, made, write_motion
-
-
-@pytest.fixture(scope="module")
-def recordings(tmp_path_factory):
-    """A folder with twelve drives over six grounds for system 1."""
-    folder, rng = tmp_path_factory.mktemp("recordings"), np.random.default_rng(1)
-    drives = []
-    for number in range(12):
-        heights = generate_terrain(find_system("system1").terrain, number // 2)
-        actions = np.tile(rng.uniform(-1, 1, 2), (STEPS, 1))
-        drives.append(
-            Drive(
-                glide(heights, actions, rng).astype(float),
-                actions,
-                ROVER,
-                Ground(heights, 0.1),
-            )
-        )
-    write_drives(folder / "system1.npz", drives, "made up")
-    return folder
+from tests.companion.conftest import made, write_motion
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
 import pytest
 
 from companion import Study
@@ -13,18 +12,13 @@ from companion.registry import STUDIES
 from companion.studies.driving.measure import DriverTest
 from companion.studies.latent_space.measure import held_out_expert
 from companion.studies.recorded_targets.measure import proxies
-from sidm.body import ROVER
-from sidm.drives import STEPS, Drive, Ground
-from sidm.recordings import write_drives
-from sidm.systems import find_system
-from sidm.terrain import generate_terrain
-from tests.companion.conftest import glide, kept, write_motion
+from tests.companion.conftest import kept, write_motion
 
 
 class Case(NamedTuple):
     """What a study is held to."""
 
-    kind: str  # of its numbers
+    kind: str  # work, a key of NUMERICS
     figures: Sequence[str]  # fields of its records
     rel: float = 0.05
     abs: float = 0.02
@@ -48,20 +42,6 @@ CASES = {
     ),
     "real-robots": Case("fitting", ("loss",), rel=0.1),
 }
-
-
-@pytest.fixture(scope="module")
-def recordings(tmp_path_factory):
-    """A folder with twelve drives over six grounds for system 1."""
-    folder, rng = tmp_path_factory.mktemp("recordings"), np.random.default_rng(1)
-    drives = []
-    for number in range(12):
-        heights = generate_terrain(find_system("system1").terrain, number // 2)
-        actions = np.tile(rng.uniform(-1, 1, 2), (STEPS, 1))
-        states = glide(heights, actions, rng).astype(float)
-        drives.append(Drive(states, actions, ROVER, Ground(heights, 0.1)))
-    write_drives(folder / "system1.npz", drives, "made up")
-    return folder
 
 
 @pytest.fixture
