@@ -23,6 +23,7 @@ _MODULES = {
     "StoreError": "engine.records",
     "Study": "study",
     "Trial": "trials",
+    "collect_and_run": "engine.run",
     "collect_datasets": "engine.datasets",
     "grid": "grids",
     "load_preset": "presets",

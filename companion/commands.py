@@ -203,7 +203,8 @@ def run_show(arguments: argparse.Namespace) -> int:
         print("\n".join([*lines, f"missing: {missing}"]))
         return 0
     trials = _trials(arguments, preset)
-    print(f"preset {arguments.preset}, figure {arguments.figure}: {len(trials)} trials")
+    words = " ".join([arguments.preset, *arguments.changes])
+    print(f"preset {words}, figure {arguments.figure}: {len(trials)} trials")
     study = Study(preset, *folders)
     if arguments.figure == "decisive":
         lines, unknown = overview_by_step(study, store, trials)
@@ -227,9 +228,12 @@ def run_show(arguments: argparse.Namespace) -> int:
 
 
 def _show_against(other: Any, store: Any) -> int:
-    """Print how the losses of two stores differ, a line per point that both have."""
+    """Print how the losses of two stores differ, a line per point that both have.
+
+    Then why other trials of `store` have no counterpart.
+    """
     from companion.statistics.intervals import Interval
-    from companion.studies.reproduction import table
+    from companion.studies.reproduction import table, unmatched
 
     points = table(other, store)
     for row in points.itertuples():
@@ -239,6 +243,8 @@ def _show_against(other: Any, store: Any) -> int:
             f"seeds {row.seeds}  stored {row.reference:.4g}  here {row.mean:.4g}  "
             f"ratio {ratio}"
         )
+    for reason, count in unmatched(other, store).items():
+        print(f"{count} trials here alone: {reason}")
     print(f"points in both: {len(points)}")
     return 0
 

@@ -24,11 +24,11 @@ from companion.studies.decisive import design as decisive
 from companion.study import Study
 from companion.trials import Trial
 from sidm.config import ConfigError, unknown_name
-from sidm.systems import FREE_SYSTEMS, SYSTEMS, find_system
+from sidm.systems import FREE_SYSTEMS, PAPER_SYSTEMS, SYSTEMS, find_system
 
 #: Figure -> the function that makes its trials of one system, and its systems.
 FIGURES: dict[str, tuple[Callable[[Study, str], list[Trial]], tuple[str, ...]]] = {
-    "decisive": (decisive.trials, (*SYSTEMS, *FREE_SYSTEMS)),
+    "decisive": (decisive.trials, (*PAPER_SYSTEMS, *FREE_SYSTEMS)),
     "duration": (duration.trials, ("system1",)),
     "3": (Study.figure3, tuple(SYSTEMS)),
     "references": (Study.references, tuple(SYSTEMS)),

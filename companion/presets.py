@@ -7,6 +7,7 @@ notebooks.
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Iterable
 from typing import Any, Literal
 
@@ -17,6 +18,7 @@ from sidm.config import (
     check_numbers,
     config,
     conform,
+    parse_changes,
     replace,
     unknown_name,
 )
@@ -383,12 +385,15 @@ def load_preset(name: str, /, **changes: Any) -> Preset:
     """The preset of a name, with some values changed.
 
     Args:
-        name: a key of PRESETS.
+        name: a key of PRESETS, and after it changes as the command line's `--set` has
+            them, such as 'laptop seeds=2 pixels=16'.
         **changes: values as `Preset.replace` takes them.
 
     Raises:
         ConfigError: no such preset, with the nearest name; no such value, or a value of
             the wrong type.
     """
+    name, *parts = re.split(r"\s+(?=\w+=)", conform(name, str, "preset").strip())
     preset = PRESETS[conform(name, PresetName, "preset")]
+    changes = parse_changes(parts) | changes
     return preset.replace(**changes) if changes else preset

@@ -175,16 +175,38 @@ def run(
             MEASUREMENTS[name].make(study, workers)
         return []
     entry, pairs = STUDIES[name], pairs_of(name, pair)
+    study = run_study(name, study, pairs, workers)
+    missing = entry.module.records(results).missing(_jobs(entry, study, pairs))
+    return list(map(str, missing))
+
+
+def run_study(
+    name: str, study: Study, pairs: Sequence[str], workers: int, **sizes: Any
+) -> Study:
+    """Simulate and measure what is missing of a study.
+
+    Args:
+        name: a key of STUDIES.
+        study: preset and folders.
+        pairs: pairs of robots.
+        workers: number of processes.
+        **sizes: arguments of the study's `jobs` that are not its own.
+
+    Returns:
+        The study, which knows the collected data.
+    """
+    entry = STUDIES[name]
     with local_pool(workers) as pool:
-        for pair_name in pairs:
+        for pair in pairs:
             for collect in entry.collect:
-                collect(study, pair_name, pool)
+                collect(study, pair, pool)
         # a new Study reads the digests of what has just been collected
-        jobs = _jobs(entry, Study(preset, Path(data), Path(results)), pairs)
-        work = functools.partial(entry.module.measure, data=Path(data).absolute())
-        records = entry.module.records(results)
-        records.run(records.missing(jobs), work, pool, name)
-    return list(map(str, records.missing(jobs)))
+        study = study.with_preset(study.preset)
+        work = functools.partial(entry.module.measure, data=study.data.absolute())
+        records = entry.module.records(study.results)
+        missing = records.missing(_jobs(entry, study, pairs, **sizes))
+        records.run(missing, work, pool, name)
+    return study
 
 
 def pairs_of(name: str, pair: str | None) -> Sequence[str]:
@@ -199,9 +221,11 @@ def pairs_of(name: str, pair: str | None) -> Sequence[str]:
     return pairs if pair is None else (pair,)
 
 
-def _jobs(entry: RecordStudy, study: Study, pairs: Sequence[str]) -> list[Any]:
+def _jobs(
+    entry: RecordStudy, study: Study, pairs: Sequence[str], **sizes: Any
+) -> list[Any]:
     """The jobs of a study for some pairs, each once, as several pairs may share one."""
-    jobs = (job for pair in pairs for job in entry.module.jobs(study, pair))
+    jobs = (job for pair in pairs for job in entry.module.jobs(study, pair, **sizes))
     return list(dict.fromkeys(jobs))
 
 

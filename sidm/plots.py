@@ -58,19 +58,25 @@ TICKS: dict[float, tuple[float, ...]] = {
 }
 
 
-def finish(axes: Axes, minutes: Iterable[float] = (), legend: bool = True) -> None:
+def finish(
+    axes: Axes,
+    minutes: Iterable[float] = (),
+    legend: bool = True,
+    notice: str = "no trials stored",
+) -> None:
     """Add a legend and ticks in plain numbers to a plot, or a notice if it is empty.
 
     Args:
         axes: the plot.
         minutes: places of the ticks on the x axis; Matplotlib's own by default.
         legend: whether the plot gets a legend.
+        notice: what an empty plot says.
     """
     from matplotlib.ticker import FormatStrFormatter, LogLocator
 
     if not axes.has_data():
         centred: dict[str, Any] = {"ha": "center", "va": "center"}
-        axes.text(0.5, 0.5, "no trials stored", transform=axes.transAxes, **centred)
+        axes.text(0.5, 0.5, notice, transform=axes.transAxes, **centred)
         axes.set(xticks=[], yticks=[])
         axes.minorticks_off()
         return

@@ -41,16 +41,21 @@ def frame_of(rows: Iterable[Row]) -> pd.DataFrame:
     Values of the trial, its network, training, outcome and provenance are columns of
     their own names; those of a pretraining have ``pretraining_`` before them and are
     missing where there is none. `columns` says what each is, with its unit. Curves and
-    paths are tuples in a cell. `stale` tells what older code made.
+    paths are tuples in a cell. `stale` tells what older code made. A table without rows
+    has numbers where others have them, so that joined with them it changes no type.
     """
     rows = list(rows)
-    names = [name for name, _, _ in columns()]
-    lines = [_line(row) for row in rows]
-    return pd.DataFrame(
-        lines,
-        columns=names,
+    kinds = {name: kind for name, kind, _ in columns()}
+    table = pd.DataFrame(
+        [_line(row) for row in rows],
+        columns=[*kinds],
         index=pd.Index([row.trial.key for row in rows], name="key"),
     )
+    if rows:
+        return table
+    numbers = ("int", "float", "bool")
+    typed = table.astype({name: k for name, k in kinds.items() if k in numbers})
+    return typed.copy()  # pandas warns of a table in many pieces
 
 
 def columns() -> list[tuple[str, str, str]]:

@@ -14,19 +14,24 @@ import math
 import shutil
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import NamedTuple
 
 from companion.engine.bundles import BundleCallbacks, bundles, fits, run_bundle
-from companion.engine.datasets import note_datasets, substitute_digests
+from companion.engine.datasets import (
+    collect_datasets,
+    note_datasets,
+    substitute_digests,
+)
 from companion.engine.event_log import EventLog
 from companion.engine.execute import run_trial
 from companion.engine.records import StoreError, one_line
 from companion.engine.store import Failure, Results, Row
 from companion.numerics import version_label
+from companion.study import Study
 from companion.trials import UNKNOWN, Trial
 from sidm.config import ConfigError
 from sidm.learning.training import CurvePoint, TrainingError
@@ -272,3 +277,27 @@ def run_here(
     if isinstance(row, Failure):
         raise TrainingError(row.what, float(row.loss), row.iteration)
     return row
+
+
+def collect_and_run(
+    study: Study, trials_of: Callable[[Study], list[Trial]], workers: int = WORKERS
+) -> Study:
+    """Collect the data of a study's missing trials, and run them.
+
+    Args:
+        study: whose folders hold data and results.
+        trials_of: lists the trials that a study needs.
+        workers: number of local processes.
+
+    Returns:
+        The study, which knows the collected data.
+    """
+    store = Results(study.results)
+    missing = store.missing(trials_of(study))
+    if missing:
+        datasets = (dataset for t in missing for dataset in t.datasets.values())
+        needed = list(dict.fromkeys(datasets))
+        collect_datasets(study.preset, (), study.data, workers, needed=needed)
+        study = study.with_preset(study.preset)
+        run(trials_of(study), workers=workers, data=study.data, results=store)
+    return study

@@ -128,7 +128,10 @@ def _controls(widgets: Any, first: str, second: str) -> tuple[dict, dict, Any]:
 
     def choice(robot: str, description: str) -> Any:
         return widgets.Dropdown(
-            options=list(ROBOTS), value=robot, description=description, **wide
+            options=list({**ROBOTS, robot: None}),
+            value=robot,
+            description=description,
+            **wide,
         )
 
     def slider(description: str, start: float = 0.0, **values: Any) -> Any:

@@ -27,7 +27,7 @@ from companion.statistics.efficiency import efficiency, isotonic_fit
 from companion.statistics.pairs import complete, unique_results
 from companion.statistics.savings import efficiency_band
 from sidm.plots import finish, styled
-from sidm.systems import SYSTEMS
+from sidm.systems import PAPER_SYSTEMS
 
 MOST_INSIDE = 4  # number of methods whose names have room inside a plot
 
@@ -35,7 +35,7 @@ MOST_INSIDE = 4  # number of methods whose names have room inside a plot
 @styled
 def figure3(
     frame: pd.DataFrame,
-    systems: Sequence[str] = tuple(SYSTEMS),
+    systems: Sequence[str] = PAPER_SYSTEMS,
     methods: Sequence[str] = FIGURE3,
 ) -> Figure:
     """Figure 3: validation loss against novice data.
@@ -102,7 +102,7 @@ def changed_choices(
     frame: pd.DataFrame,
     changed: pd.DataFrame,
     words: str,
-    systems: Sequence[str] = tuple(SYSTEMS),
+    systems: Sequence[str] = PAPER_SYSTEMS,
 ) -> Figure:
     """Figure 3's curves of the paper's methods, with and without a changed choice.
 
@@ -122,7 +122,9 @@ def changed_choices(
 
 
 @styled
-def efficiency_curves(frame: pd.DataFrame) -> Figure:
+def efficiency_curves(
+    frame: pd.DataFrame, systems: Sequence[str] = PAPER_SYSTEMS
+) -> Figure:
     """Data-efficiency ratio against the loss to be reached.
 
     The 95 % interval is shaded; triangles mark bounds.
@@ -130,9 +132,9 @@ def efficiency_curves(frame: pd.DataFrame) -> Figure:
     xlabel = "validation loss to reach\n(squared m, m/s and rad/s, summed)"
     ylabel = "data without SIDM / data with SIDM (-)"
     figure, plots = system_panels(
-        frame, tuple(SYSTEMS), yscale="log", xlabel=xlabel, ylabel=ylabel
+        frame, systems, yscale="log", xlabel=xlabel, ylabel=ylabel
     )
-    for system, (axes, rows) in zip(SYSTEMS, plots, strict=True):
+    for system, (axes, rows) in zip(systems, plots, strict=True):
         losses = complete(rows, system)
         if losses.values.size:
             sidm, novice = losses.values.mean(0)
@@ -168,7 +170,7 @@ def size_style(method: str, index: int) -> dict[str, Any]:
 
 @styled
 def learning_curves(
-    frame: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)
+    frame: pd.DataFrame, systems: Sequence[str] = PAPER_SYSTEMS
 ) -> Figure:
     """Novice test loss against samples seen, one thin line per trial."""
     xlabel = "samples seen (control steps)"

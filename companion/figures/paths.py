@@ -53,6 +53,29 @@ def figure4(frame: pd.DataFrame, seed: int = 0) -> Figure:
     return figure
 
 
+#: Time of a prediction with its unit -> index of its step.
+STEPS = {"0.5 s (m)": 4, "1 s (m)": 9, "2.5 s (m)": 24}
+
+
+def mean_errors(frame: pd.DataFrame) -> pd.DataFrame:
+    """Mean errors of predicted paths, by size of the novice's data and method.
+
+    Args:
+        frame: results of one system.
+
+    Returns:
+        Columns: `trials`, their number; the distances from the actual positions after
+        the times STEPS; the error of the heading after the last of them.
+    """
+    errors = {name: frame.position_error.str[k] for name, k in STEPS.items()}
+    headings = np.degrees(frame.heading_error.str[24].astype(float))
+    errors["heading, 2.5 s (degrees)"] = headings
+    points = frame.assign(**errors).groupby(["novice_minutes", "method"])
+    means = points[[*errors]].agg("mean").astype(float)
+    means.insert(0, "trials", points.size())
+    return means
+
+
 class Example(NamedTuple):
     """Figure 4's example beside all test trajectories, m.
 

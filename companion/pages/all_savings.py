@@ -21,7 +21,7 @@ from companion.studies import tuning
 from companion.studies.decisive import verdicts
 from companion.studies.decisive.recipes import on_fresh_motion
 from companion.study import Study
-from sidm.systems import FREE_STRUTS, SYSTEMS
+from sidm.systems import FREE_STRUTS, PAPER_SYSTEMS
 
 #: Chosen after the results: both losses of an SIDM are alike.
 MIXED = "SIDM as released, rival at its best (chosen afterwards)"
@@ -54,12 +54,14 @@ def table(store: Results, data: str | Path = "data") -> pd.DataFrame:
 
 def _stopped_early(study: Study, store: Results) -> Iterator[tuple[str, pd.DataFrame]]:
     """Settings in words and their savings, of trainings that stop early."""
-    figure3 = store.frame([t for system in SYSTEMS for t in study.figure3(system)])
+    figure3 = store.frame(
+        [t for system in PAPER_SYSTEMS for t in study.figure3(system)]
+    )
     yield "Figure 3", savings.savings(figure3)
-    little = tuning.little_data_results(study, store, SYSTEMS)
+    little = tuning.little_data_results(study, store, PAPER_SYSTEMS)
     both = pd.concat([little, tuning.best_novice_only(figure3, little)])
     yield "tuned for little data", savings.savings(both, ["sidm" + FOR_LITTLE])
-    free = [t for s in SYSTEMS for t in study.free_struts(s + FREE_STRUTS)]
+    free = [t for s in PAPER_SYSTEMS for t in study.free_struts(s + FREE_STRUTS)]
     yield "Figure 3", savings.savings(store.frame(free))
 
 
@@ -82,7 +84,7 @@ def _decisive(study: Study, store: Results) -> Iterator[dict[str, str]]:
     frame = verdicts.results(study, store)
     hours = f"{on_fresh_motion(study).preset.expert_minutes / 60:.0f}"
     for (recipe, rival, rules), settings in SETTINGS.items():
-        for rule, system in itertools.product(rules, SYSTEMS):
+        for rule, system in itertools.product(rules, PAPER_SYSTEMS):
             texts = {}
             for size in SIZES:
                 ratio = verdicts.sidm_saving(frame, recipe, system, rule, size, rival)

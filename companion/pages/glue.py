@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+import json
+from pathlib import Path
 from typing import Any
 
 from IPython.core.formatters import format_display_data
@@ -22,3 +25,22 @@ def glue(name: str, value: Any) -> None:
         metadata={**metadata, "scrapbook": {"mime_prefix": HIDDEN, "name": name}},
         raw=True,
     )
+
+
+def glued(notebook: Path, name: str) -> str:
+    """The text that a stored notebook glued under a name.
+
+    Raises:
+        ValueError: it glued none.
+    """
+    for output in outputs(notebook):
+        if output.get("metadata", {}).get("scrapbook", {}).get("name") == name:
+            return "".join(output["data"][f"{HIDDEN}text/plain"]).strip("'")
+    raise ValueError(f"{notebook.name} glues no '{name}'")
+
+
+@functools.cache
+def outputs(notebook: Path) -> tuple[dict[str, Any], ...]:
+    """The outputs of a stored notebook in their order, read once in a process."""
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    return tuple(output for cell in cells for output in cell.get("outputs", ()))

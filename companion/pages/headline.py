@@ -25,7 +25,7 @@ from companion.statistics.savings import savings
 from companion.studies.decisive import verdicts
 from companion.studies.tuning import little_data_results
 from companion.study import Study
-from sidm.systems import SYSTEMS
+from sidm.systems import PAPER_SYSTEMS
 
 PRESET = "study"  # whose results the book shows
 CLOSED_FORM = "least_squares"  # drawn beside the methods of Figure 3
@@ -66,7 +66,7 @@ def headline_numbers(stored: Stored) -> list[str]:
     """
     frame, _, decisive = stored
     long = long_trained(decisive)[["value", "low", "high"]]
-    judged = [claims.data_saving_claim(frame, system) for system in SYSTEMS]
+    judged = [claims.data_saving_claim(frame, system) for system in PAPER_SYSTEMS]
     sidm = pd.concat(judged)[["value", "low", "high"]]
     finetuned = savings(frame, [FIGURE3[-1]])
     finetuned = finetuned[finetuned.novice_minutes == claims.CLAIMED_AT]
@@ -88,7 +88,7 @@ def stored_results(data: str | Path = "data") -> Stored:
     ]
     return Stored(
         store.frame(trials),
-        little_data_results(study, store, SYSTEMS),
+        little_data_results(study, store, PAPER_SYSTEMS),
         verdicts.results(study, store),
     )
 
@@ -116,8 +116,8 @@ def headlines(stored: Stored) -> list[Headline]:
         if len(systems := long[long.verdict == verdict].system)
     ]
     groups += [
-        ("an SIDM with 5 min", ends, sidm, "3", SYSTEMS),
-        ("fine-tuning with 5 min", ends, finetuned, "3", SYSTEMS),
+        ("an SIDM with 5 min", ends, sidm, "3", PAPER_SYSTEMS),
+        ("fine-tuning with 5 min", ends, finetuned, "3", PAPER_SYSTEMS),
     ]
     origins = []
     for method, group_ends, trials, figure, systems in groups:

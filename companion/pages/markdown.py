@@ -45,6 +45,15 @@ def titled_table(title: str, table: pd.DataFrame) -> str:
     return f"**{_cell_text(title)}**\n\n{table_markdown(table)}"
 
 
+def tables_by_system(table: pd.DataFrame) -> str:
+    """A table in Markdown for each `system` of a pandas table, below its name."""
+    groups = table.groupby("system", sort=False)
+    tables = [
+        titled_table(str(name), rows.drop(columns="system")) for name, rows in groups
+    ]
+    return "\n".join(tables) or table_markdown(table)
+
+
 def table_html(table: pd.DataFrame) -> str:
     """A pandas table in HTML, for a page that shows another page's table."""
     if not len(table):
@@ -66,19 +75,31 @@ def _cell_text(cell: object) -> str:
     return system_label(text) if _SYSTEM.fullmatch(text) else text
 
 
-def provenance_line(frame: pd.DataFrame, command: str = "") -> str:
+def known_text(form: str, *values: float) -> str:
+    """Numbers in a form such as '{:.1f} to {:.1f}', or 'not run' where one is NaN."""
+    return "not run" if np.isnan(values).any() else form.format(*values)
+
+
+def in_sentence(texts: Sequence[str], systems: Iterable[str] = ()) -> str:
+    """Texts joined by 'and', with the names of pairs of robots in brackets, if any."""
+    names = [f" ({system_label(name)})" for name in systems] or [""] * len(texts)
+    return " and ".join(map("".join, zip(texts, names, strict=True))) or "not run"
+
+
+def provenance_line(frame: pd.DataFrame, *commands: str) -> str:
     """Where results come from, as the line under a table or a figure.
 
     Args:
         frame: the results, from `Results.frame`, `Records.frame` or both.
-        command: the command line that runs the trials again.
+        *commands: the command lines that run the trials again.
 
     Returns:
         The line: number of trials, dates, versions of the code, devices, hours, and the
-        command.
+        commands.
     """
+    again = ", ".join(f"`{command}`" for command in commands)
     if not len(frame):
-        return "No trials stored" + (f"; `{command}` runs them." if command else ".")
+        return "No trials stored" + (f"; {again} runs them." if again else ".")
     days = sorted(frame.date.str[:10].unique())
     versions = zip(frame.version, frame.source, strict=True)
     codes = sorted({f"{version} ({source})" for version, source in versions})
@@ -94,32 +115,32 @@ def provenance_line(frame: pd.DataFrame, command: str = "") -> str:
         code,
         f"{devices}, {frame.seconds.sum() / 3600:.2g} h in all",
     ]
-    return "; ".join(parts) + (f"; again: `{command}`." if command else ".")
+    return "; ".join(parts) + (f"; again: {again}." if again else ".")
 
 
-def provenance_block(frame: pd.DataFrame, command: str = "") -> str:
+def provenance_block(frame: pd.DataFrame, *commands: str) -> str:
     """`provenance_line` in Markdown; the page first shows the number of trials only."""
-    return _folded(provenance_line(frame, command))
+    return _folded(provenance_line(frame, *commands))
 
 
-def provenance_html(frame: pd.DataFrame, command: str = "") -> str:
+def provenance_html(frame: pd.DataFrame, *commands: str) -> str:
     """`provenance_block` in HTML, for a page that shows another page's results."""
-    line = escape(provenance_line(frame, command), quote=False)
+    line = escape(provenance_line(frame, *commands), quote=False)
     return _folded(re.sub("`(.*?)`", r"<code>\1</code>", line), "<p>{}</p>")
 
 
-def made_here(chapter: str, kind: str = "training") -> str:
+def made_here(command: str, kind: str = "training") -> str:
     """Provenance in Markdown of what a page has simulated or computed itself.
 
     Args:
-        chapter: name of the page's notebook.
+        command: runs the page again.
         kind: kind of work, a name in `companion.numerics`.
     """
     origin = here(0.0, 1, kind=kind)
     return _folded(
         f"Made by this page; {origin.date[:10]}; "
         f"code {origin.version} ({origin.source}); {origin.device}; "
-        f"again: `companion notebook {chapter} _build/{chapter}.ipynb`."
+        f"again: `{command}`."
     )
 
 
@@ -133,8 +154,8 @@ def _folded(line: str, inside: str = "\n\n{}\n\n") -> str:
     return f'<details class="provenance">{summary}{inside.format(rest)}</details>'
 
 
-def stored_line(store: Results, trials: Sequence[Trial], command: str) -> str:
-    """How many trials are stored, and the command that runs the missing ones.
+def stored_line(store: Results, trials: Sequence[Trial], *commands: str) -> str:
+    """How many trials are stored, and the commands that run the missing ones.
 
     Missing trials are counted by system.
     """
@@ -149,7 +170,7 @@ def stored_line(store: Results, trials: Sequence[Trial], command: str) -> str:
     )
     return (
         f"{len(missing)} of {len(trials)} trials are missing ({by_system}); "
-        f"`{command}` runs them."
+        f"{', '.join(f'`{command}`' for command in commands)} runs them."
     )
 
 

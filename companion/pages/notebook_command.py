@@ -6,16 +6,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from companion.pages.notebook import (
-    Parameter,
-    find_notebook,
-    inspect,
-    merge_parameters,
-    notebooks,
-    project_root,
-    read_value,
-)
+from companion.pages.notebook import find_notebook, notebooks, project_root
 from companion.pages.notebook_runs import Run, execute
+from companion.pages.parameters import Parameter, inspect, merge_parameters, read_value
 from sidm.config import ConfigError
 
 DEFAULT_OUTPUT = Path("_build/runs")  # folder of executed copies without an `output`
@@ -113,7 +106,19 @@ def _run_of(path: Path, arguments: argparse.Namespace) -> Run:
     values, output = merge_parameters(path, given, arguments.file), arguments.output
     if not arguments.in_place and (arguments.notebook == "all" or not output):
         output = (output or DEFAULT_OUTPUT) / path.name
+    if output:
+        _refuse_notebook(output)
     return Run(path, output, values)
+
+
+def _refuse_notebook(output: Path) -> None:
+    """Refuse to write a run over a notebook of the project, by whatever name."""
+    for path in notebooks():
+        if output.exists() and path.samefile(output):
+            raise ConfigError(
+                f"{output} is the notebook {path.name} itself: name another file; "
+                "--in-place refreshes a notebook by its defaults"
+            )
 
 
 def _from_here(value: Any, parameter: Parameter) -> Any:

@@ -24,7 +24,7 @@ from companion.studies.decisive import verdicts
 from companion.studies.latent_space import measure
 from companion.studies.reproduction import with_repeats
 from companion.study import Study
-from sidm.systems import SYSTEMS
+from sidm.systems import PAPER_SYSTEMS
 
 LITTLE = 5.0  # min of novice data
 #: Presets whose results are read: the book's.
@@ -104,7 +104,7 @@ def savings(figure3: pd.DataFrame, decisive: pd.DataFrame) -> list[Reading]:
     for verdict, reading in (("R1", AS_RELEASED), ("T2", AT_ITS_BEST)):
         for row in judged[judged.verdict == verdict].itertuples():
             rows.append(_judged_row(row, SAVED, reading, "data", row.says, True))
-    for system in SYSTEMS:
+    for system in PAPER_SYSTEMS:
         for row in claims.data_saving_claim(figure3, system).itertuples():
             rows.append(_judged_row(row, SAVED, EARLY, "data", row.verdict))
     for row in judged[judged.verdict == "S"].itertuples():
@@ -130,7 +130,7 @@ def hours(figure3: pd.DataFrame) -> list[Reading]:
             row.seeds,
             row.verdict,
         )
-        for system in SYSTEMS
+        for system in PAPER_SYSTEMS
         for row in claims.convergence_claim(figure3, system).itertuples()
     ]
 
@@ -285,10 +285,12 @@ def readings(results: Results, data: str = "data") -> list[Reading]:
     small = Study(SMALL, data, results.folder)
     figure3 = frame(BOOK, "3")
     decisive = verdicts.results(Study(BOOK, data, results.folder), results)
-    models = [trial for system in SYSTEMS for trial in measure.jobs(small, system)]
+    models = [
+        trial for system in PAPER_SYSTEMS for trial in measure.jobs(small, system)
+    ]
     latents = measure.records(results.folder).frame(models)
     changed: dict[str, list] = {}
-    for system in SYSTEMS:
+    for system in PAPER_SYSTEMS:
         for name, trials in ablations.most_data(small, system).items():
             if name in (LESS_EXPERT, NO_ADVERSARY):
                 changed.setdefault(name, []).extend(trials)
@@ -352,11 +354,11 @@ def short_table(rows: Iterable[Reading]) -> pd.DataFrame:
     points = table.groupby(["statement", "reading"], sort=False)
     lines = [
         {"The paper says": statement, READ: reading}
-        | {system: "-" for system in map(system_label, SYSTEMS)}
+        | {system: "-" for system in map(system_label, PAPER_SYSTEMS)}
         | dict(zip(point.system, point.verdict, strict=True))
         for (statement, reading), point in points
     ]
-    columns = ["The paper says", READ, *map(system_label, SYSTEMS)]
+    columns = ["The paper says", READ, *map(system_label, PAPER_SYSTEMS)]
     table = pd.DataFrame(lines, columns=columns)
     table.loc[table["The paper says"].duplicated(), "The paper says"] = ""
     return table

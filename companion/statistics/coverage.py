@@ -230,6 +230,26 @@ def estimators(file: Path = FILE) -> pd.DataFrame:
     return pd.DataFrame(read_record(file)["estimators"], columns=names)
 
 
+def page_table() -> pd.DataFrame:
+    """The shares of `table` with the headings of a page, a row per number of seeds."""
+    names = {
+        "leave_one_out": "Student's, one seed left out",
+        "percentile": "percentiles of resampled seeds",
+    }
+    shares = table().pivot(index="seeds", columns="interval", values="share")
+    return shares.map("{:.0%}".format).rename(columns=names).reset_index()
+
+
+def estimators_page_table() -> pd.DataFrame:
+    """The shares of `estimators` with the headings of a page; in brackets the open."""
+    rows = estimators()
+    without = rows.open.map(" ({:.0%})".format).where(rows.open > 0, "")
+    shown = rows.assign(text=rows.share.map("{:.0%}".format) + without)
+    shown = shown.pivot(index=["estimator", "ratio"], columns="seeds", values="text")
+    shown = shown.rename(columns="{} seeds".format)
+    return shown.rename_axis(index={"ratio": "true data ratio"}).reset_index()
+
+
 def make(study: Any, workers: int) -> None:
     """`companion run --figure coverage`, in one process."""
     write_record(Path(study.results) / FILE.name, measure())

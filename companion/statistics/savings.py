@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import pandas as pd
@@ -144,17 +144,56 @@ def with_savings(
     return table.merge(saved.astype(means[point].dtypes), how="left", on=point)
 
 
-def ratio_texts(table: pd.DataFrame) -> list[str]:
+def with_savings_texts(table: pd.DataFrame) -> pd.DataFrame:
+    """Ratios and savings of a table of `with_savings` for a page, '-' without one."""
+    ends = table[["ratio", "low", "high"]].itertuples(index=False)
+    names = {"saved": "ratio", "saved_low": "low", "saved_high": "high"}
+    saved = table[["bound", *names]].rename(columns=names).fillna({"bound": "="})
+    texts = {
+        "ratio (95 % interval)": [Interval(*line).text(3) for line in ends],
+        "times the data": ratio_texts(saved),
+    }
+    return pd.DataFrame(texts, index=table.index, dtype=object).replace("nan", "-")
+
+
+def ratio_texts(table: pd.DataFrame, digits: int = 2) -> list[str]:
     """The ratios of a table of `savings` for a page: 'at least 3.2 (1.9 to 5.4)'.
 
     A ratio without an interval has no brackets.
+
+    Args:
+        table: of `savings`.
+        digits: number of significant digits.
     """
     prefix = {"=": "", ">=": "at least ", "<=": "at most "}
     columns = table[["bound", "ratio", "low", "high"]]
     return [
-        f"{prefix[bound]}{Interval(*ends)}"
+        f"{prefix[bound]}{Interval(*ends).text(digits)}"
         for bound, *ends in columns.itertuples(index=False)
     ]
+
+
+def texts_at(
+    table: pd.DataFrame,
+    method: str,
+    minutes: float,
+    systems: Iterable[str],
+    digits: int = 2,
+    unit: str = "",
+) -> list[str]:
+    """The ratios of a method at one size, a text for each system; else 'not run'.
+
+    Args:
+        table: of `savings` against one method.
+        method: that saves data.
+        minutes: the size.
+        systems: of the texts, in their order.
+        digits: number of significant digits.
+        unit: added to the ratios.
+    """
+    rows = table[(table.method == method) & (table.novice_minutes == minutes)]
+    texts = dict(zip(rows.system, ratio_texts(rows, digits), strict=True))
+    return [texts[name] + unit if name in texts else "not run" for name in systems]
 
 
 def savings_table(

@@ -6,7 +6,9 @@ They run on small novice datasets; `most_data` runs on the largest.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -22,13 +24,16 @@ from companion.figures.style import (
 )
 from companion.methods import CHOICES, COMPARED, LONG_PATIENCE, METHODS
 from companion.presets import Preset
+from companion.statistics.intervals import Interval
+from companion.statistics.pairs import POINT, paired_comparison
 from companion.statistics.tables import loss_summary
+from companion.studies.reproduction import with_repeats
 from companion.study import Study
 from companion.trials import Trial
 from sidm.config import ConfigError, replace
 from sidm.plots import finish, side_by_side, styled
 from sidm.shards import trajectories_for
-from sidm.systems import SYSTEMS
+from sidm.systems import PAPER_SYSTEMS
 
 EMPTY: Mapping[str, float] = MappingProxyType({})
 
@@ -47,6 +52,9 @@ PIXELS = (16, 32, 64)
 
 #: Samples without a new minimum of the test loss before training ends.
 PATIENCE = (50_000, 150_000, 450_000)
+
+#: Settings that both of the paper's methods have.
+OF_BOTH = ("pixels", "patience")
 
 #: p_e for the largest novice dataset; section 5 advises less than for small ones.
 MOST_DATA_P_EXPERT = 0.25
@@ -200,6 +208,45 @@ def patience(study: Study, system: str) -> list[Trial]:
     return setting(study, system, "patience", PATIENCE)
 
 
+def usual(preset: Preset, system: str, name: str) -> float:
+    """The value of an ablated setting with which Figure 3 trains an SIDM."""
+    training = preset.training_of(METHODS["sidm"], system)
+    return getattr(training if hasattr(training, name) else preset.network, name)
+
+
+def with_usual(
+    study: Study,
+    system: str,
+    name: str,
+    values: Iterable[Any],
+    sizes: Sequence[float] = (),
+) -> list[Trial]:
+    """Ablation of any setting, with Figure 3's value for comparison.
+
+    Args:
+        study: makes the trials.
+        system: the pair of robots.
+        name: the setting, a key of ITERATIONS, one of OF_BOTH or 'p_expert'.
+        values: values of the setting.
+        sizes: minutes of novice data; those of the preset's ablations by default.
+    """
+    every = [*values, usual(study.preset, system, name)]
+    if name == "p_expert":
+        trials = p_expert(study, system, every, sizes)
+    elif name in ITERATIONS:
+        trials = iterations(study, system, name, every, sizes)
+    else:
+        trials = setting(study, system, name, every, sizes)
+    return list({trial.key: trial for trial in trials}.values())
+
+
+def _values(frame: pd.DataFrame, name: str) -> pd.Series:
+    """The ablated value of each trial."""
+    if name == "matching_iterations":  # none without regularisation
+        return frame[name].where(frame.regularise.astype(bool), 0)
+    return frame[name]
+
+
 def table(frame: pd.DataFrame, name: str, by_method: bool = False) -> pd.DataFrame:
     """Validation losses of an ablation by the ablated `value`.
 
@@ -213,13 +260,60 @@ def table(frame: pd.DataFrame, name: str, by_method: bool = False) -> pd.DataFra
         One row per `system`, `novice_minutes`, `method` if asked for, and `value`, with
         the number of `trials` and the `mean`, `minimum` and `maximum` of their losses.
     """
-    value = frame[name]
-    if name == "matching_iterations":  # none without regularisation
-        value = value.where(frame.regularise, 0)
     return loss_summary(
-        frame.assign(value=value),
+        frame.assign(value=_values(frame, name)),
         ["system", "novice_minutes", *(["method"] if by_method else []), "value"],
     )
+
+
+def ratios(
+    frame: pd.DataFrame, name: str, usual: Mapping[str, float], results: str | Path
+) -> pd.DataFrame:
+    """Losses at the values of an ablation, divided by those at Figure 3's.
+
+    Args:
+        frame: stored results of the ablation of `name`.
+        name: the ablated setting.
+        usual: each system's value in Figure 3.
+        results: folder of the results, whose repeated trials of Figure 3 stand in where
+            others ran on motion that was simulated again.
+
+    Returns:
+        A table of `pairs.paired_comparison`, one row per system, size, `value`, and
+        method where both have the setting.
+    """
+    value = _values(frame, name).astype(float)
+    is_usual = value == frame.system.map(usual).astype(float)
+    valued, on = frame.assign(value=value), list(POINT)
+    if name in OF_BOTH:
+        on.append("method")
+    reference = with_repeats(valued[is_usual], results)
+    return paired_comparison(valued[~is_usual], reference, on, by=["value"])
+
+
+def page_table(table: pd.DataFrame, ratios: pd.DataFrame) -> pd.DataFrame:
+    """The losses of `table`, and their `ratios` to those at Figure 3's value, as texts.
+
+    Rows at Figure 3's value, or without a pair, have a dash for the ratio.
+    """
+    keys = [key for key in (*POINT, "method", "value") if key in table]
+    ends = ["ratio", "low", "high"]
+    rows = table.merge(ratios[[*keys, *ends]].astype(table[keys].dtypes), "left", keys)
+    page = rows[[key for key in ("system", "method") if key in rows]]
+    if "method" in page:
+        page = page.assign(method=[METHODS[name].label for name in rows.method])
+    known = [Interval(*row) for row in rows[ends].itertuples(index=False)]
+    spans = zip(rows.minimum, rows.maximum, strict=True)
+    texts = {
+        "value": [f"{round(value, 2):,g}" for value in rows.value],
+        "seeds": rows.trials,
+        "loss": [f"{loss:.3f}" for loss in rows["mean"]],
+        "least to greatest": [f"{low:.3f} to {high:.3f}" for low, high in spans],
+        "ratio (95 % interval)": [
+            "-" if pd.isna(ratio.value) else ratio.text(3) for ratio in known
+        ],
+    }
+    return page.assign(**texts)
 
 
 #: Ablated setting -> label of its axis.
@@ -237,7 +331,7 @@ _AXES = {
 def figure(
     table: pd.DataFrame,
     name: str,
-    systems: Sequence[str] = tuple(SYSTEMS),
+    systems: Sequence[str] = PAPER_SYSTEMS,
     usual: Mapping[str, float] = EMPTY,
 ) -> Figure:
     """Validation loss against an ablated setting, one line per size and method.
@@ -261,7 +355,7 @@ def figure(
 @styled
 def comparison_figure(
     tables: Mapping[str, pd.DataFrame],
-    systems: Sequence[str] = tuple(SYSTEMS),
+    systems: Sequence[str] = PAPER_SYSTEMS,
     usual: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
 ) -> Figure:
     """Several ablations side by side, each drawn as `figure` draws it.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -16,15 +16,18 @@ from companion.figures.style import (
     system_label,
 )
 from companion.methods import BASELINES, COMPARED, FIGURE3, METHODS
+from companion.statistics.intervals import Interval
 from companion.statistics.pairs import paired_comparison
 from companion.studies.reproduction import with_repeats
 from companion.studies.throughput import Pace, seconds
 from companion.study import Study
 from companion.trials import Trial
 from sidm.plots import finish, side_by_side, styled
-from sidm.systems import SYSTEMS
+from sidm.systems import PAPER_SYSTEMS
 
 POINT = ["system", "novice_minutes", "method"]
+#: Column of the ratio to each of the paper's methods, on a page.
+RATIOS = {"sidm": "to SIDM's (95 % interval)", "novice_only": "to that without SIDM"}
 
 
 def trials(study: Study, system: str) -> list[Trial]:
@@ -99,9 +102,26 @@ def table(
     )
 
 
+def page_tables(table: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
+    """A title and a table of texts for each system and size of `table`."""
+    for (system, minutes), rows in table.groupby(["system", "novice_minutes"]):
+        labels = [METHODS[name].label for name in rows.method]
+        shown = pd.DataFrame({"method": labels, "seeds": rows.seeds.tolist()})
+        shown["loss"] = [f"{loss:.3f}" for loss in rows.loss]
+        for other, name in RATIOS.items():
+            columns = [f"to_{other}{end}" for end in ("", "_low", "_high")]
+            shown[name] = [
+                "-" if pd.isna(ends[0]) else Interval(*ends).text(3)
+                for ends in rows[columns].itertuples(index=False)
+            ]
+        shown["samples"] = [f"{count:,.0f}" for count in rows.samples]
+        shown["minutes"] = [f"{spent:.1f}" for spent in rows.minutes]
+        yield f"{system_label(system)}, {minutes:g} min of novice data", shown
+
+
 @styled
 def figure(
-    table: pd.DataFrame, sizes: Sequence[float], systems: Sequence[str] = tuple(SYSTEMS)
+    table: pd.DataFrame, sizes: Sequence[float], systems: Sequence[str] = PAPER_SYSTEMS
 ) -> Figure:
     """Mean validation loss of each method, with bars from minimum to maximum.
 
@@ -128,7 +148,7 @@ def figure(
             label = f"{METHOD_STYLES[row.method]['label']}, {row.novice_minutes:g} min"
             axes.axvline(row.loss, color="0.5", linestyle=":", marker="", label=label)
         axes.set(xlabel="validation loss, equation (1)", title=system_label(system))
-        axes.set_ylim(len(methods) - 0.5, -0.5)
+        axes.set_ylim(max(len(methods), 1) - 0.5, -0.5)
         finish(axes)
         labels = [METHOD_STYLES[name]["label"] for name in methods]
         axes.set_yticks(range(len(methods)), labels)

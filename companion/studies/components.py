@@ -15,7 +15,7 @@ from companion.statistics.tables import COMPONENTS
 from companion.study import Study
 from companion.trials import Trial
 from sidm.plots import finish, side_by_side, styled
-from sidm.systems import SYSTEMS
+from sidm.systems import PAPER_SYSTEMS
 
 NAMES = [name for name, _ in COMPONENTS]
 
@@ -42,7 +42,7 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 @styled
-def figure(table: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
+def figure(table: pd.DataFrame, systems: Sequence[str] = PAPER_SYSTEMS) -> Figure:
     """Ratios by component and size as colours, blue below 1, one plot per system.
 
     Numbers stand where the whole interval lies on one side of 1.

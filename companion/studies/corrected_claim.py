@@ -19,9 +19,10 @@ from __future__ import annotations
 
 import pandas as pd
 
+from companion.figures.style import METHOD_STYLES, system_label
 from companion.methods import RIVAL
 from companion.statistics.intervals import FEWEST_SEEDS
-from companion.statistics.pairs import paired_comparison
+from companion.statistics.pairs import page_table, paired_comparison
 from companion.study import Study
 from companion.trials import Trial
 from sidm.systems import FAMILY_PAIRS, FREE_SYSTEMS
@@ -65,6 +66,20 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     chosen = rivals.merge(best, left_on=[*point, "method"], right_on=[*best.columns])
     compared = paired_comparison(method, chosen).merge(best, on=point)
     return compared.assign(holds=compared.high < 1)
+
+
+def for_page(table: pd.DataFrame) -> pd.DataFrame:
+    """A table made by `table` as a page shows it."""
+    columns = {
+        "pair": table.system.map(system_label),
+        "m (min)": table.novice_minutes,
+        "best rival, with 2m": [METHOD_STYLES[name]["label"] for name in table.rival],
+        "its loss": table.reference,
+        "loss with m": table["mean"],
+        "ratio (95 % interval)": page_table(table)["ratio (95 % interval)"],
+        "holds": table.holds.map({True: "yes", False: "no"}),
+    }
+    return pd.DataFrame(columns)
 
 
 def verdict(table: pd.DataFrame) -> bool | None:

@@ -27,14 +27,14 @@ from sidm.drives import CONTROL_STEP, QUATERNION, tilt_of, yaw_of
 from sidm.plots import finish, side_by_side, styled
 from sidm.pool import local_pool
 from sidm.storage import write_record
-from sidm.systems import FREE_SYSTEMS, ROLES, SYSTEMS, find_system
+from sidm.systems import FREE_SYSTEMS, PAPER_SYSTEMS, ROLES, find_system
 from sidm.terrain import generate_terrain
 
 GAP_SEED = 6  # differs from the seeds of all data
 POLICY = "ornstein_uhlenbeck"
 STARTS, STEPS = 96, 25  # drives of each robot, and control steps of each drive
 BATCH = 12  # starts that one job of a worker simulates
-EVERY_SYSTEM = (*SYSTEMS, *FREE_SYSTEMS)
+EVERY_SYSTEM = (*PAPER_SYSTEMS, *FREE_SYSTEMS)
 NAME = "gap.json"
 
 #: Components of the motion since the start, in the frame of the start, and the

@@ -31,7 +31,7 @@ from companion.studies import ablations
 from companion.studies.reproduction import with_repeats
 from companion.study import Study
 from companion.trials import Trial
-from sidm.plots import side_by_side, styled
+from sidm.plots import finish, side_by_side, styled
 
 # The hypotheses: what might limit the SIDM.
 ALIKE = "how alike the robots are"
@@ -215,6 +215,9 @@ def figure(ranked: pd.DataFrame) -> Figure:
     """
     rows = ranked[ranked.comparisons > 1].iloc[::-1].reset_index(drop=True)
     drawn, (axes,) = side_by_side(1)
+    if not len(rows):
+        finish(axes, notice="no change has two comparisons\nwith an interval")
+        return drawn
     drawn.set_size_inches(9.6, 0.8 + 0.24 * len(rows))
     axes.hlines(rows.index, rows.least, rows.greatest, color="#0072B2", lw=2)
     always = rows.better == rows.comparisons

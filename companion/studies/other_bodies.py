@@ -66,6 +66,8 @@ def figure(table: pd.DataFrame) -> Figure:
     sizes = sorted(table.novice_minutes.unique())
     figure, panels = side_by_side(max(len(sizes), 1))
     names = list(NOVICES)
+    if not sizes:
+        finish(panels[0])
     for axes, minutes in zip(panels, sizes, strict=False):
         for number, other in enumerate(SHOWN):
             rows = table[(table.novice_minutes == minutes) & (table.against == other)]

@@ -23,7 +23,7 @@ from companion.numerics import versions
 from companion.study import Study
 from sidm.drives import STEPS, Drive
 from sidm.storage import write_record
-from sidm.systems import SYSTEMS
+from sidm.systems import PAPER_SYSTEMS
 
 MOST = 40_000  # steps of each robot, at most, among which neighbours are looked up
 QUERIES = 5_000  # steps of the validation set
@@ -98,7 +98,7 @@ def neighbourhoods(
 def measure(study: Study, results: Path) -> None:
     """Measure both systems of a study and write NAME in the folder `results`."""
     measured: dict[str, dict[str, list[float]]] = {}
-    for system in SYSTEMS:
+    for system in PAPER_SYSTEMS:
         digests = study.digests(system)
         loaded = {
             kind: load_dataset(dataset, digests[f"{kind}_data"], study.data)
@@ -122,7 +122,7 @@ def read(results: Path | str) -> dict[str, dict[str, Neighbourhood]]:
         system: {
             role: Neighbourhood(*values) for role, values in stored[system].items()
         }
-        for system in SYSTEMS
+        for system in PAPER_SYSTEMS
         if system in stored
     }
 

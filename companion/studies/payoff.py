@@ -37,7 +37,7 @@ from sidm.plots import finish, side_by_side, styled
 from sidm.pool import local_pool
 from sidm.shards import Collection, load
 from sidm.storage import write_record
-from sidm.systems import FREE_SYSTEMS, SYSTEMS
+from sidm.systems import FREE_SYSTEMS, PAPER_SYSTEMS
 
 RATE = 10  # control steps per second
 AHEAD = 10  # steps of a predicted motion
@@ -191,7 +191,7 @@ def pair_motions(
         collection = dataset(system, MEMBER, POLICY, TRAJECTORIES).collection
         return simulated_motion(load(data, collection, TRAJECTORIES))
 
-    for system in (*SYSTEMS, *FREE_SYSTEMS):
+    for system in (*PAPER_SYSTEMS, *FREE_SYSTEMS):
         yield system, paper_robot(system, "expert"), paper_robot(system, "novice")
     yield "family", family_member("system1"), paper_robot("system1", "novice")
     for pair, (expert, novice) in PAIRS.items():
@@ -225,6 +225,19 @@ def gaps(results: Path | str = "results") -> pd.DataFrame:
     for name in names[:2]:
         table[f"{name}_ratio"] = table[name] / table[f"own_{name}"]
     return table.assign(gap=np.sqrt(table.displacement_ratio * table.heading_ratio))
+
+
+def gaps_for_page(gaps: pd.DataFrame) -> pd.DataFrame:
+    """A table made by `gaps` as a page shows it."""
+    names = {
+        "pair": "pair",
+        "displacement": "expert's error (m)",
+        "own_displacement": "own (m)",
+        "heading": "expert's error (rad)",
+        "own_heading": "own (rad)",
+        "gap": "gap",
+    }
+    return gaps[[*names]].rename(columns=names)
 
 
 class Group(NamedTuple):
@@ -325,10 +338,13 @@ def figure(table: pd.DataFrame) -> Figure:
             # points of one pair stand side by side
             gap = rows.gap * 1.025 ** rows.groupby("gap").cumcount()
             axes.errorbar(gap, rows.ratio, yerr=bars, capsize=2, elinewidth=1, **style)
-        axes.axhline(1, color="0.5", lw=1, linestyle="-", marker="", zorder=0)
-    for axes in panels:
-        ends = [panel.get_ylim() for panel in panels]
+        if len(shown):
+            axes.axhline(1, color="0.5", lw=1, linestyle="-", marker="", zorder=0)
+    drawn = [axes for axes in panels if axes.has_data()]
+    ends = [axes.get_ylim() for axes in drawn]
+    for axes in drawn:
         axes.set_ylim(min(low for low, _ in ends), max(high for _, high in ends))
+    for axes in panels:
         finish(axes, (1, 1.5, 2, 3, 5), legend=False)
     legend_below(figure, panels)
     return figure

@@ -6,8 +6,11 @@ The data were simulated again on that machine. A store of such trials lies in
 
 from __future__ import annotations
 
+import collections
 import dataclasses
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -17,7 +20,10 @@ from companion.engine.store import Results
 from companion.statistics.pairs import MOTION, paired_comparison
 from companion.training import StudyTraining
 from companion.trials import Trial
+from sidm.config import to_mapping
 from sidm.settings import Network
+
+NAMED = 4  # settings that a reason names
 
 
 def store_of(results: str | Path = "results") -> Results:
@@ -43,6 +49,26 @@ def with_repeats(reference: pd.DataFrame, results: str | Path) -> pd.DataFrame:
     keys = _settings(reference)
     again = rows[_settings(rows).isin(set(keys)).to_numpy()]
     return pd.concat([first, again.assign(**{MOTION: True})])
+
+
+def retrained(records: Iterable[Any], things: str, results: str | Path) -> str:
+    """How far the losses of models that a study trained again are from Figure 3's.
+
+    Args:
+        records: about trials, or about None where there is no model.
+        things: what the models are, in the plural.
+        results: folder of the results.
+    """
+    store, differences = Results(results), []
+    for record in records:
+        row = store.get(record.about.trial) if record.about.trial else None
+        if row:
+            difference = record.validation_loss - row.outcome.validation_loss
+            differences.append(abs(difference))
+    return (
+        f"{len(differences)} {things} were trained for Figure 3, too: "
+        f"their losses differ by at most {max(differences, default=0):.2g}"
+    )
 
 
 def _settings(frame: pd.DataFrame) -> pd.Series:
@@ -73,6 +99,50 @@ def table(stored: Results, repeated: Results) -> pd.DataFrame:
     both = sorted(first.keys() & second.keys())
     new, old = (frame_of(rows[key] for key in both) for rows in (second, first))
     return paired_comparison(new, old, ["system", "novice_minutes", "method"])
+
+
+def unmatched(stored: Results, repeated: Results) -> dict[str, int]:
+    """Why repeated trials have no counterpart among the stored ones.
+
+    Returns:
+        The reason, that is in what a trial differs from the stored one that is most
+        like it -> how many trials it holds for, the commonest first.
+    """
+    known = {_key_without_data(row.trial): row.trial for row in stored.all()}
+    points: dict[tuple, list[dict]] = {}
+    for trial in known.values():
+        points.setdefault(_point(trial), []).append(_values(trial))
+    reasons: collections.Counter[str] = collections.Counter()
+    for row in repeated.all():
+        if _key_without_data(row.trial) not in known:
+            own, others = _values(row.trial), points.get(_point(row.trial), [])
+            differing = [_differing(own, other) for other in others]
+            nearest = min(differing, key=len, default=["no such method and size"])
+            more = [f"{len(nearest) - NAMED} more"] * (len(nearest) > NAMED)
+            reasons[", ".join([*nearest[:NAMED], *more])] += 1
+    return dict(reasons.most_common())
+
+
+def _point(trial: Trial) -> tuple:
+    return trial.system, trial.method, trial.novice_minutes
+
+
+def _values(trial: Trial) -> dict[str, Any]:
+    """The settings of a trial by name, those of its parts among them."""
+    values = to_mapping(trial)
+    values |= values.pop("network") | values.pop("training")
+    before = values.pop("pretraining") or {}
+    values |= {f"pretraining_{name}": value for name, value in before.items()}
+    return {name: v for name, v in values.items() if not name.endswith("_data")}
+
+
+def _differing(own: dict[str, Any], other: dict[str, Any]) -> list[str]:
+    """The settings in which two trials differ, with both values."""
+    return [
+        f"{name} {value} (there {other[name]})"
+        for name, value in own.items()
+        if name in other and value != other[name]
+    ]
 
 
 def _key_without_data(trial: Trial) -> str:

@@ -116,18 +116,26 @@ def read(results: Path | str, preset: str) -> dict[str, Pace]:
     }
 
 
-def pace_note(results: Path | str, preset: str) -> str:
+def pace_note(results: Path | str, preset: str, command: str) -> str:
     """How a preset's paces were measured, or the command that measures them."""
     stored = _stored(results, preset)
-    command = f"`companion run --figure throughput --preset {preset}`"
     if not stored:
-        return f"Seconds a sample are not measured for this preset; {command} does."
+        return f"Seconds a sample are not measured for this preset; `{command}` does."
     rounds = len(next(iter(stored["seconds"].values())))
     return (
         f"Seconds of 1,000 samples in {rounds} rounds, on one core "
         f"({stored['device']}) beside {stored['beside']}, {stored['date'][:10]}; "
-        f"again: {command}."
+        f"again: `{command}`."
     )
+
+
+def page_table(paces: Mapping[str, Pace]) -> pd.DataFrame:
+    """The paces of methods as texts, made by `read`."""
+    rows = [
+        (METHODS[name].label, *(f"{value:.2f}" for value in pace))
+        for name, pace in paces.items()
+    ]
+    return pd.DataFrame(rows, columns=["method", "median", "lowest", "highest"])
 
 
 def seconds(frame: pd.DataFrame, paces: Mapping[str, Pace]) -> pd.Series:

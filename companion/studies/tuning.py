@@ -17,9 +17,10 @@ from companion.engine.store import Results
 from companion.figures.style import system_label
 from companion.methods import FOR_LITTLE, METHODS
 from companion.presets import MOST_SEEDS, Preset
+from companion.statistics.tables import wide
 from companion.study import Study
 from companion.trials import Trial
-from sidm.systems import SYSTEMS
+from sidm.systems import PAPER_SYSTEMS
 
 TUNING_SEED = MOST_SEEDS  # the seeds of figures are lower
 
@@ -172,10 +173,13 @@ def trials(study: Study, system: str) -> list[Trial]:
 
 
 def little_data(study: Study, system: str) -> list[Trial]:
-    """Figure 3 with little data, with the settings tuned at 5 minutes (LITTLE)."""
+    """Figure 3 with little data, with the settings tuned at 5 minutes (LITTLE).
+
+    A system on which nothing was tuned has those of system 1, as for a preset's p_e.
+    """
     preset, trials = study.preset, []
     sizes = [size for size in preset.novice_minutes(system) if size <= LITTLE_MINUTES]
-    for method, name in LITTLE[system].items():
+    for method, name in LITTLE.get(system, LITTLE["system1"]).items():
         tuned = study.with_preset(_untuned(preset, LITTLE_TRIES[method][name]))
         trials += tuned.points(system, [method], sizes, seeds=preset.seeds)
     return trials
@@ -242,6 +246,35 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     return rows[names].reset_index(drop=True)
 
 
+def page_table(tries: pd.DataFrame) -> pd.DataFrame:
+    """The tries of `table` with the headings of a page, a column of losses a system."""
+    used = tries.used.map({True: ", used", False: ""})
+    lowest = tries.lowest.map({True: ", lowest", False: ""})
+    losses = tries.best_test_loss.map("{:.3f}".format)
+    labels = tries.method.map(lambda name: METHODS[name].label)
+    shown = tries.assign(method=labels, loss=losses + used + lowest)
+    rows = {"novice_minutes": "novice data (min)", "method": "method", "try": "try"}
+    return wide(shown, [*rows], "system", "loss").rename(columns=rows)
+
+
+def above_lowest(tries: pd.DataFrame) -> pd.DataFrame:
+    """How far the test loss of the tries that are used is above the lowest.
+
+    Args:
+        tries: made by `table`.
+
+    Returns:
+        One row per system, size and method with both tries: `above`, as a share of the
+        lowest loss, and `same`, whether they are one.
+    """
+    point = ["system", "novice_minutes", "method"]
+    both = tries[tries.used].merge(
+        tries[tries.lowest], on=point, suffixes=("", "_lowest")
+    )
+    above = both.best_test_loss / both.best_test_loss_lowest - 1
+    return both[point].assign(above=above, same=both["try"] == both.try_lowest)
+
+
 #: The tuned settings of a training; the phases of Algorithm 2 have the last two.
 TUNED = (
     "learning_rate",
@@ -272,6 +305,18 @@ def settings(preset: Preset) -> pd.DataFrame:
     return pd.DataFrame(columns, index=pd.Index(["p_expert", *TUNED], name="setting"))
 
 
+def settings_table(preset: Preset) -> pd.DataFrame:
+    """The table of `settings` with the headings of a page."""
+    names = {
+        "p_expert": "$p_e$",
+        "batch": "batch (trajectories)",
+        "patience": "patience (samples)",
+    }
+    table = settings(preset).rename(columns=lambda name: METHODS[name].label)
+    table = table.rename(index=lambda name: names.get(name, name.replace("_", " ")))
+    return table.reset_index()
+
+
 def _setting_text(preset: Preset, method: str, name: str) -> str:
     """A setting of a method's trainings; '-' where the method does not use it."""
     training = preset.training_of(METHODS[method], "system1")
@@ -295,6 +340,6 @@ def _p_expert_text(preset: Preset, method: str) -> str:
         return "-"
     values = {
         system_label(system): preset.training_of(METHODS[method], system).p_expert
-        for system in SYSTEMS
+        for system in PAPER_SYSTEMS
     }
     return ", ".join(f"{value:g} ({name})" for name, value in values.items())

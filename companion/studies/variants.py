@@ -13,13 +13,27 @@ import pandas as pd
 
 from companion.methods import MIRRORED, VARIANTS
 from companion.statistics.intervals import FEWEST_SEEDS
-from companion.statistics.pairs import paired_comparison
+from companion.statistics.pairs import page_table, paired_comparison
 from companion.study import Study
 from companion.trials import Trial
 
 #: The paper's method and its strongest rival.
 AGAINST = ("sidm", "pretrain_finetune")
 HALF, EQUAL = 2.0, 1.0  # least data of the others, as a multiple of the method's
+#: What is added to a method -> the method with it, and the one without.
+PARTS = {
+    "least squares in place of fine-tuning": ("corrected", "pretrain_finetune"),
+    "the same, both with mirror images": ("corrected_mirrored", "mirrored"),
+    "mirror images": ("corrected_mirrored", "corrected"),
+    "averaged weights of the expert's model": (
+        "corrected_averaged",
+        "corrected_mirrored",
+    ),
+    "the expert's model beneath them, both with mirror images": (
+        "corrected_mirrored",
+        "least_squares_mirrored",
+    ),
+}
 
 
 def trials(study: Study, system: str) -> list[Trial]:
@@ -82,6 +96,32 @@ def table(
             parts.append(compared.assign(against=other, with_minutes=size))
     compared = pd.concat(parts, ignore_index=True)
     return compared[compared.seeds >= FEWEST_SEEDS].reset_index(drop=True)
+
+
+def parts(frame: pd.DataFrame) -> pd.DataFrame:
+    """What each of PARTS does to the losses of one step and the errors of 25.
+
+    Returns:
+        A table for a page, one row per part, system and size: the ratios with their
+        intervals as text.
+    """
+    frame = frame.assign(error=frame.position_error.str[-1].astype(float))
+    values = {
+        "validation_loss": "ratio of the losses",
+        "error": "of the errors after 2.5 s",
+    }
+    tables = []
+    for added, (method, other) in PARTS.items():
+        texts = {}
+        for value, name in values.items():
+            compared = table(frame, [method], [other], EQUAL, value)
+            compared = compared[compared.with_minutes == compared.novice_minutes]
+            texts[name] = page_table(compared)["ratio (95 % interval)"]
+        point = compared[["system", "novice_minutes"]]
+        point.insert(0, "what is added", added)
+        tables.append(point.assign(**texts))
+    shown = pd.concat(tables, ignore_index=True)
+    return shown.rename(columns={"novice_minutes": "novice data (min)"})
 
 
 def by_method(table: pd.DataFrame, points: int) -> pd.DataFrame:

@@ -18,7 +18,7 @@ from companion.statistics.intervals import holm
 from companion.tasks.catalogue import SEEDS
 from companion.tasks.intervals import mean_of
 from companion.tasks.trial import NO_FAILURE, EntryResult
-from sidm.comparison.statistics import CONFIDENCE
+from sidm.comparison.statistics import CONFIDENCE, Interval
 
 REFERENCE = "least_squares"  # whose loss is 1
 ALONE = "novice_only"  # whose data ratio at RATIO_MINUTES is 1
@@ -72,6 +72,30 @@ def task_scores(frame: pd.DataFrame, value: str = "loss") -> pd.DataFrame:
     """Mean over seeds of the log ratio to the reference, tasks by methods."""
     logs = log_ratios(frame, value)
     return logs.groupby("task").mean() if len(logs) else logs
+
+
+def mean_ratio(
+    frame: pd.DataFrame,
+    method: str,
+    tasks: Iterable[str],
+    value: str = "loss",
+    other: str = REFERENCE,
+) -> Interval:
+    """A method's loss or error divided by another's, geometric mean over tasks.
+
+    Args:
+        frame: rows of trials, as `results_frame` returns them.
+        method: whose value is divided.
+        tasks: names of tasks.
+        value: 'loss', 'position' or 'heading'.
+        other: the method to divide by.
+
+    Returns:
+        The mean with its interval; NaN without results of both.
+    """
+    logs = log_ratios(frame[frame.task.isin([*tasks])], value)
+    logs = logs.reindex(columns=[method, other])
+    return mean_of(logs[method] - logs[other]).interval
 
 
 def score_table(frame: pd.DataFrame) -> pd.DataFrame:

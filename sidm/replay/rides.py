@@ -30,14 +30,15 @@ WEAVE_PERIOD = 2.0  # s from one bend to the right to the next
 
 
 def find_robot(name: str) -> Robot:
-    """The robot with this name in ROBOTS, such as 'system1 novice'.
+    """The robot with this name, such as 'system1 novice', of a system in SYSTEMS.
 
     Raises:
         ConfigError: there is no such robot; the message has the nearest name.
     """
-    if name not in ROBOTS:
+    system, _, role = name.rpartition(" ")
+    if system not in SYSTEMS or role not in ROLES:
         raise unknown_name(name, ROBOTS, kind="robot")
-    return ROBOTS[name]
+    return SYSTEMS[system].robot(role)
 
 
 class Ride(NamedTuple):

@@ -9,7 +9,7 @@ import nbformat
 import pytest
 
 from companion.__main__ import main
-from companion.pages import notebook, notebook_command
+from companion.pages import notebook, notebook_command, parameters
 from sidm.config import ConfigError
 
 
@@ -38,7 +38,7 @@ def project(tmp_path, monkeypatch):
     (tmp_path / "companion" / "pages").mkdir(parents=True)
     lines = [
         "preset: str = 'laptop'  # the sizes",
-        "minutes: float = 5.0  # of novice data, min",
+        "minutes: float = 5.0  # of novice data, min, above 0",
         "run_missing: bool = False  # trials that are not stored",
         "seeds: list[int] = [0, 1]  # of the trials",
         "system: Optional[str] = None  # only this one",
@@ -84,15 +84,13 @@ def test_a_notebook_is_found_by_path_and_by_name(project, first):
 
 
 def test_parameters_are_read_with_their_types_and_help(first):
-    parameters = notebook.inspect(first)
-    assert list(parameters) == ["preset", "minutes", "run_missing", "seeds", "system"]
-    assert parameters["minutes"] == notebook.Parameter(
-        "minutes", float, "5.0", "of novice data, min"
+    known = parameters.inspect(first)
+    assert list(known) == ["preset", "minutes", "run_missing", "seeds", "system"]
+    assert known["minutes"] == parameters.Parameter(
+        "minutes", float, "5.0", "of novice data, min, above 0"
     )
-    assert (
-        parameters["seeds"].kind == list[int]
-        and parameters["system"].kind == Optional[str]
-    )
+    assert known["minutes"].value == 5.0 and known["system"].value is None
+    assert known["seeds"].kind == list[int] and known["system"].kind == Optional[str]
 
 
 def test_a_parameter_without_a_readable_type_is_an_error(project):
@@ -101,16 +99,18 @@ def test_a_parameter_without_a_readable_type_is_an_error(project):
         "seed: int | None = 1",
         "seed: Literal[1, 2] = 1",
         "seed: integer = 1",
+        "seed: int",
+        "print(1)",
     ):
         path = write_notebook(project / "notebooks" / "03-bad.ipynb", parameters=line)
         with pytest.raises(ConfigError, match="03-bad"):
-            notebook.inspect(path)
+            parameters.inspect(path)
 
 
 def test_a_file_that_is_no_notebook_is_an_error(project):
     (project / "notebooks" / "note.ipynb").write_text("no notebook")
     with pytest.raises(ConfigError, match="not a notebook"):
-        notebook.inspect(project / "notebooks" / "note.ipynb")
+        parameters.inspect(project / "notebooks" / "note.ipynb")
 
 
 @pytest.mark.parametrize(
@@ -133,7 +133,7 @@ def test_a_file_that_is_no_notebook_is_an_error(project):
     ],
 )
 def test_text_is_read_as_the_type_asks(text: str, kind: Any, value: Any):
-    read = notebook.read_value(text, kind, "x")
+    read = parameters.read_value(text, kind, "x")
     assert read == value and type(read) is type(value)
 
 
@@ -154,27 +154,80 @@ def test_text_is_read_as_the_type_asks(text: str, kind: Any, value: Any):
 )
 def test_text_of_another_type_is_an_error(text: str, kind: Any):
     with pytest.raises(ConfigError, match="'x'"):
-        notebook.read_value(text, kind, "x")
+        parameters.read_value(text, kind, "x")
+
+
+@pytest.mark.parametrize(
+    ("words", "inside", "outside"),
+    [
+        ("held, from -1 to 1", [-1, 0.5, 1], [-1.1, 5]),
+        ("trajectories, at least 1", [1, 7], [0, -1]),
+        ("rate, above 0", [1e-9], [0.0, -1.0]),
+        (
+            "of the study, one of novice, expert",
+            ["novice"],
+            ["robot", "novice, expert"],
+        ),
+        ("stops it, one of the end, the first rise or none", ["none"], ["the"]),
+        ("values of p_e, from 0 to 1", [[], [0.0, 1.0]], [[0.5, 1.5]]),
+        ("of the ground", [-1], []),
+    ],
+)
+def test_a_value_lies_in_the_range_that_the_words_say(words, inside, outside):
+    parameter = parameters.Parameter("x", Any, "", words)
+    for value in inside:
+        parameters.refuse_out_of_range(value, parameter)
+    for value in outside:
+        with pytest.raises(ConfigError, match="'x' must be "):
+            parameters.refuse_out_of_range(value, parameter)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("preset", "labtop", "'labtop'"),
+        ("preset", "laptop sedes=2", "'sedes'"),
+        ("system", "system3", "'system3'"),
+        ("systems", ["system1", "system3"], "'system3'"),
+        ("first", "system1 robot", "'system1 robot'"),
+    ],
+)
+def test_presets_and_robots_are_known_before_a_notebook_runs(name, value, words):
+    with pytest.raises(ConfigError, match=words):
+        parameters.refuse_out_of_range(value, parameters.Parameter(name, Any, "", ""))
+
+
+@pytest.mark.parametrize("way", ["itself", "symlink", "hard link", "all"])
+def test_a_run_is_never_written_over_a_notebook(project, first, capsys, way):
+    before, link = first.read_bytes(), project / "link.ipynb"
+    if way == "symlink":
+        link.symlink_to(first)
+    elif way == "hard link":
+        os.link(first, link)
+    words = {"itself": ["first", str(first)], "all": ["all", "notebooks"]}
+    assert main(["notebook", *words.get(way, ["first", str(link)])]) == 2
+    assert "itself: name another file" in capsys.readouterr().err
+    assert first.read_bytes() == before
 
 
 def test_a_name_given_by_hand_must_be_this_notebooks(first):
     with pytest.raises(
         ConfigError, match="'minuts' in 01-first.ipynb; did you mean 'minutes'"
     ):
-        notebook.merge_parameters(first, {"minuts": 1.0})
+        parameters.merge_parameters(first, {"minuts": 1.0})
     with pytest.raises(
         ConfigError, match="'spring'"
     ):  # a parameter of another notebook
-        notebook.merge_parameters(first, {"spring": 1.0})
+        parameters.merge_parameters(first, {"spring": 1.0})
 
 
 def test_a_name_in_a_file_must_be_some_notebooks(project, first):
     preset = project / "smoke.yaml"
     preset.write_text("minutes: 1\nspring: 2.0\n")
-    assert notebook.merge_parameters(first, {}, [preset]) == {"minutes": 1.0}
+    assert parameters.merge_parameters(first, {}, [preset]) == {"minutes": 1.0}
     preset.write_text("sprnig: 2.0\n")
     with pytest.raises(ConfigError, match="smoke.yaml .*did you mean 'spring'"):
-        notebook.merge_parameters(first, {}, [preset])
+        parameters.merge_parameters(first, {}, [preset])
 
 
 def test_what_is_given_by_hand_wins_over_files_and_the_later_file_over_the_earlier(
@@ -182,7 +235,7 @@ def test_what_is_given_by_hand_wins_over_files_and_the_later_file_over_the_earli
 ):
     (project / "a.yaml").write_text("minutes: 1\nseeds: [1]\npreset: smoke")
     (project / "b.yaml").write_text("minutes: 2\nseeds: [2]")
-    merged = notebook.merge_parameters(
+    merged = parameters.merge_parameters(
         first, {"minutes": 3.0}, [project / "a.yaml", project / "b.yaml"]
     )
     assert merged == {"minutes": 3.0, "seeds": [2], "preset": "smoke"}
@@ -195,7 +248,7 @@ def test_a_file_that_cannot_be_used_is_one_line(project, first, text):
     if text is not None:
         (project / "preset.yaml").write_text(text)
     with pytest.raises(ConfigError, match="preset.yaml") as caught:
-        notebook.merge_parameters(first, {}, [project / "preset.yaml"])
+        parameters.merge_parameters(first, {}, [project / "preset.yaml"])
     assert "\n" not in str(caught.value)
 
 
@@ -233,6 +286,9 @@ def test_a_failing_cell_is_one_line_and_status_1(project, capsys):
         ["third"],
         ["first", "-p", "minuts", "1"],
         ["first", "-p", "minutes", "long"],
+        ["first", "-p", "minutes", "0"],
+        ["first", "-p", "preset", "laptob"],
+        ["first", "-p", "seeds", "[]"],
         ["first", "-f", "none.yaml"],
         ["all", "-p", "minutes", "1"],
         ["all", "--jobs", "0"],
@@ -250,7 +306,7 @@ def test_arguments_that_cannot_be_used_are_status_2_and_nothing_runs(
 def test_parameters_are_listed(project, capsys):
     assert main(["notebook", "all", "--list"]) == 0
     assert (
-        "  minutes: float = 5.0  # of novice data, min"
+        "  minutes: float = 5.0  # of novice data, min, above 0"
         in capsys.readouterr().out.splitlines()
     )
 

@@ -10,7 +10,8 @@ import pytest
 from pages import ROOT, contents
 
 from companion.__main__ import main
-from companion.pages.notebook import inspect, notebooks
+from companion.pages.notebook import notebooks
+from companion.pages.parameters import inspect
 
 NOTEBOOKS = [pytest.param(path, id=path.stem) for path in notebooks(ROOT)]
 #: groups: name of the output, notebook
@@ -69,6 +70,24 @@ def test_its_committed_outputs_are_whole(path):
     assert '"papermill": {' not in path.read_text(encoding="utf-8"), (
         "refresh it with make notebooks"
     )
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS)
+def test_every_number_in_its_text_is_compared(path):
+    """Text with numbers, and what is kept for other pages, is output that nbval sees.
+
+    No number depends on MyST-NB alone, so Jupyter and nbconvert show it, too.
+    """
+    open_cells, roles = [], []
+    for cell in nbformat.read(path, as_version=4).cells:
+        shown = cell.source.startswith("%%text") or any(
+            glued(output) for output in cell.get("outputs", [])
+        )
+        if shown and "nbval-check-output" not in cell.metadata.get("tags", []):
+            open_cells.append(cell.id)
+        if "{glue" in cell.source:
+            roles.append(cell.id)
+    assert (open_cells, roles) == ([], [])
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS)

@@ -13,13 +13,11 @@ from places import copy_tree
 from sidm.fitting import settings
 
 BLOCKS = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
-SMOKE = "--preset smoke --system system1 --data _build/smoke/data"
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 #: parts of commands and their replacements, which change sizes and nothing else
 SMALLER = {
-    "--preset study --figure 3": f"{SMOKE} --figure 3",
-    "--preset study --figure all": f"{SMOKE} --figure 3",
+    "--preset smoke --figure 3": "--preset smoke --figure 3 --system system1",
     "-p rock_height": "-f params/smoke.yaml -p grounds 1 -p steps 10 -p rock_height",
     "--out model": "--out model --set max_samples=4000",
     "compare drives/": "compare drives/ --methods mean least_squares --repeats 1",
@@ -53,7 +51,9 @@ def place(project, tmp_path_factory):
 
 def test_every_command_is_one_of_these_packages():
     assert len(commands("bash")) >= 9
-    expected = {".venv/bin/companion", ".venv/bin/sidm", ".venv/bin/papermill"}
+    expected = {
+        f".venv/bin/{name}" for name in "companion sidm papermill jupyter".split()
+    }
     assert {line.split()[0] for line in commands("bash")} == expected
 
 
@@ -72,6 +72,7 @@ def test_the_commands_do_what_they_say(place):
         assert result.returncode == 0, f"{command}\n{result.stderr[-2000:]}"
     for made in (
         "mine.ipynb",
+        "mine.html",
         "_build/mine/trials",
         "model/model.safetensors",
         "evaluation.png",

@@ -14,13 +14,9 @@ from pages import ROOT, contents
 
 import companion.__main__
 import sidm.__main__
-from companion.pages.notebook import (
-    find_notebook,
-    inspect,
-    merge_parameters,
-    read_value,
-)
+from companion.pages.notebook import find_notebook, notebooks
 from companion.pages.notebook_command import add_arguments
+from companion.pages.parameters import inspect, merge_parameters, read_value
 
 ROLE = re.compile(r"\{py:\w+\}`~?(?:[^`<]*<)?([\w.]+)>?`")
 BASH = re.compile(r"^```bash\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -39,7 +35,9 @@ def source(name: str) -> str:
         return path.read_text(encoding="utf-8")
     cells = json.loads((ROOT / f"{name}.ipynb").read_text(encoding="utf-8"))["cells"]
     return "\n\n".join(
-        "".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown"
+        "".join(cell["source"])
+        for cell in cells
+        if cell["cell_type"] == "markdown" or cell["source"][:1] == ["%%text\n"]
     )
 
 
@@ -87,14 +85,18 @@ def test_what_a_page_refers_to_in_the_package_can_be_imported(name):
 def commands() -> list[str]:
     """Commands of the packages that the pages and the README show without output.
 
-    Other tests run the commands that are shown with their output.
+    Other tests run the commands that are shown with their output, and those for a
+    system called soft, which readers add.
     """
     texts = [*map(source, contents()), (ROOT / "README.md").read_text(encoding="utf-8")]
     blocks = (
         block.replace("\\\n", " ") for text in texts for block in BASH.findall(text)
     )
     return [
-        line for block in blocks for line in block.splitlines() if COMMAND.match(line)
+        line
+        for block in blocks
+        for line in block.splitlines()
+        if COMMAND.match(line) and "soft" not in line
     ]
 
 
@@ -176,8 +178,6 @@ def test_nothing_runs_while_the_book_is_rendered():
 
 
 def test_presets_name_parameters_that_some_notebook_has():
-    from companion.pages.notebook import inspect, notebooks
-
     known = {name for path in notebooks(ROOT) for name in inspect(path)}
     for path in (ROOT / "params").glob("*.yaml"):
         assert set(yaml.safe_load(path.read_text())) <= known, path

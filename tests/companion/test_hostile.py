@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from companion import PRESETS, load_preset
 from companion.__main__ import main
-from companion.pages import notebook
+from companion.pages import parameters
 from sidm.config import ConfigError
 from sidm.learning import Network, Training
 from sidm.storage import write_record
@@ -156,7 +156,7 @@ def test_any_parameter_file(folder, document):
     chapter = ROOT / "notebooks" / "04-figure3.ipynb"
     path.write_text(document, encoding="utf-8", errors="replace")
     try:
-        notebook.merge_parameters(chapter, {}, [path])
+        parameters.merge_parameters(chapter, {}, [path])
     except ConfigError as error:
         assert "\n" not in str(error)
     assert tree(folder) == {path}
@@ -196,7 +196,7 @@ def test_an_annotation_is_not_executed(folder, annotation):
     }
     path.write_text(json.dumps(text))
     with pytest.raises(ConfigError) as caught:
-        notebook.inspect(path)
+        parameters.inspect(path)
     assert "\n" not in str(caught.value) and os.listdir(path.parent) == ["x.ipynb"]
 
 

@@ -89,6 +89,8 @@ def figure(table: pd.DataFrame) -> Figure:
             axes.set_xticks(range(len(means)), means.strength)
             axes.set_xlabel(AXIS_LABELS[way])
             finish(axes, legend=axes is right)
+    for axes in panels[2 * len(groups) :]:
+        finish(axes)
     losses = panels[::2]
     ends = [end for axes in losses for end in axes.get_ylim()]
     for axes in losses:

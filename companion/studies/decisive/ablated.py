@@ -101,10 +101,11 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
         frame: rows of `results`.
 
     Returns:
-        A row per `system`, `setting`, `value` and `rule`: how many `seeds` pair it, the
-        mean `loss`, the `ratio` with its ends `low` and `high`, the p-value `corrected`
-        by Holm over the system's settings, and whether it `differs` by the rule. With
-        fewer than FEWEST_SEEDS there is no interval; without all settings no p-value.
+        A row per `system`, `setting`, `value` and `rule` that shares a seed with R: how
+        many `seeds` pair it, the mean `loss`, the `ratio` with its ends `low` and
+        `high`, the p-value `corrected` by Holm over the system's settings, and whether
+        it `differs` by the rule. With fewer than FEWEST_SEEDS there is no interval;
+        without all settings no p-value.
     """
     rows = []
     every = losses(frame)
@@ -116,6 +117,8 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
         ):
             own = arms.set_index("seed").loss
             seeds = own.index.intersection(reference.index)
+            if not len(seeds):
+                continue
             pairs = own[seeds].to_numpy(), reference[seeds].to_numpy()
             ratio = mean_ratio(*pairs)
             tests.append(p_value(ratio, len(seeds)))
@@ -158,23 +161,26 @@ def figure(
             axes.sharey(panels[row * len(LABELS)])
         values = sorted({*ABLATED[setting], OF_R[setting][system]})
         places = {value: float(place) for place, value in enumerate(values)}
-        at = places[OF_R[setting][system]]
-        axes.plot(at, 1.0, marker="o", color="#0072B2", label="as released (R)")
-        _draw(axes, _of(ratios, system, setting), places, -0.08, "#0072B2", "o", None)
-        if quick is not None:
-            shown = _of(quick, system, setting)
-            _draw(axes, shown, places, 0.12, "0.55", "s", "stopped early (Q)")
-        axes.axhline(1, color="0.5", lw=1, linestyle="-", marker="", zorder=0)
+        own = _of(ratios, system, setting)
+        other = own[:0] if quick is None else _of(quick, system, setting)
+        if len(own) or len(other):
+            at = places[OF_R[setting][system]]
+            axes.plot(at, 1.0, marker="o", color="#0072B2", label="as released (R)")
+            _draw(axes, own, places, -0.08, "#0072B2", "o", None)
+            _draw(axes, other, places, 0.12, "0.55", "s", "stopped early (Q)")
+            axes.axhline(1, color="0.5", lw=1, linestyle="-", marker="", zorder=0)
         axes.set(yscale="log", xlabel=LABELS[setting], title=system_label(system))
         if not column:
             axes.set_ylabel("loss / that of the recipe")
         finish(axes, legend=False)
-        axes.set_xticks(list(places.values()), [f"{value:g}" for value in places])
-        axes.set_xlim(-0.5, len(places) - 0.5)
+        if axes.has_data():
+            axes.set_xticks(list(places.values()), [f"{value:g}" for value in places])
+            axes.set_xlim(-0.5, len(places) - 0.5)
     for number, axes in enumerate(panels):
-        low, high = axes.get_ylim()
-        ticks = [tick for tick in TICKS if low <= tick <= high]
-        axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+        if axes.has_data():
+            low, high = axes.get_ylim()
+            ticks = [tick for tick in TICKS if low <= tick <= high]
+            axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
         axes.tick_params(labelleft=number % len(LABELS) == 0)
     legend_below(figure, panels)
     return figure

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 import pandas as pd
 
+from companion.figures.style import system_label
+from companion.statistics.data_ratio import DataRatio
 from companion.statistics.stopping_rules import RULES, apply_rule, stored_curve
 from companion.studies.decisive.verdicts import (
     AT,
@@ -92,6 +94,19 @@ def along_training(
                 ratio = loss_ratio(losses, size)
                 rows.append((recipe, system, "loss", size, rule, samples, *ratio, ""))
     return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def texts_by_rule(table: pd.DataFrame) -> pd.DataFrame:
+    """Data ratios of `along_training` as texts: a row a rule, a column an arm."""
+    shown = table[table.rule.ne("") & table.quantity.eq("data")]
+    arms = {
+        f"{system_label(system)}, {recipe}": {
+            row.rule: DataRatio(row.value, row.low, row.high, row.bound).text(2)
+            for row in rows.itertuples()
+        }
+        for (system, recipe), rows in shown.groupby(["system", "recipe"])
+    }
+    return pd.DataFrame(arms).rename_axis("stopped by").reset_index()
 
 
 def losses_after(

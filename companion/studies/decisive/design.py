@@ -25,7 +25,7 @@ from companion.studies.decisive.arms import (
 from companion.study import Study
 from companion.trials import Trial
 from sidm.config import unknown_name
-from sidm.systems import FREE_STRUTS, SYSTEMS
+from sidm.systems import FREE_STRUTS, PAPER_SYSTEMS
 
 
 class Step(NamedTuple):
@@ -41,7 +41,7 @@ class Step(NamedTuple):
 def other_motion(study: Study) -> list[Trial]:
     """Step C: free struts with both recipes, and another exploration policy with R."""
     trials = []
-    for system, recipe in itertools.product(SYSTEMS, RECIPES):
+    for system, recipe in itertools.product(PAPER_SYSTEMS, RECIPES):
         caps = restricted(RECIPES[recipe], AT_FIVE)
         trials += arm(study, recipe, system + FREE_STRUTS, caps, FEW_SEEDS)
     caps = restricted(R_CAPS, AT_FIVE)
@@ -52,7 +52,7 @@ def more_seeds(study: Study) -> list[Trial]:
     """Step D: seeds five to nine."""
     seeds = [seed for seed in ALL_SEEDS if seed not in SEEDS]
     trials = []
-    for recipe, system in itertools.product(RECIPES, SYSTEMS):
+    for recipe, system in itertools.product(RECIPES, PAPER_SYSTEMS):
         caps = restricted(RECIPES[recipe], AT_FIVE_AND_TWENTY)
         trials += arm(study, recipe, system, caps, seeds)
     return trials

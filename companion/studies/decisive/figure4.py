@@ -15,7 +15,7 @@ from companion.figures.style import METHOD_STYLES, legend_below, system_label
 from companion.methods import COMPARED
 from sidm.drives import CONTROL_STEP
 from sidm.plots import finish, side_by_side, styled
-from sidm.systems import SYSTEMS
+from sidm.systems import PAPER_SYSTEMS
 
 MINUTES = (5.0, 120.0)  # of novice data, as in the paper
 
@@ -52,7 +52,7 @@ def figure(
     rows: pd.DataFrame,
     drive: int | None = None,
     seed: int = 0,
-    systems: Sequence[str] = tuple(SYSTEMS),
+    systems: Sequence[str] = PAPER_SYSTEMS,
 ) -> Figure:
     """Figure 4 under recipe R: a row per system.
 

@@ -25,7 +25,7 @@ from companion.statistics.stopping_rules import RULES, stored_curve
 from companion.studies.decisive.along import MARKED
 from companion.studies.decisive.verdicts import AT, END, losses_by
 from sidm.plots import finish, side_by_side, styled
-from sidm.systems import SYSTEMS
+from sidm.systems import PAPER_SYSTEMS
 
 RECIPE_STYLES: dict[str, dict[str, Any]] = {
     "R": {"color": "#0072B2", "linestyle": "-"},
@@ -36,7 +36,7 @@ RULE_MARKERS = dict(zip(MARKED, ("^", "s", "o"), strict=True))
 
 
 @styled
-def by_length(table: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
+def by_length(table: pd.DataFrame, systems: Sequence[str] = PAPER_SYSTEMS) -> Figure:
     """Data ratio and loss ratio at AT minutes against samples seen in training.
 
     A row of panels per system, a curve per recipe; shades are 95 % intervals, and the
@@ -115,8 +115,10 @@ def losses_along(frame: pd.DataFrame) -> Figure:
         if (arm.method == "sidm").any()
     ]
     figure, panels = side_by_side(max(len(arms), 2), 2)
-    for axes in panels[len(arms) :]:
+    for axes in panels[max(len(arms), 1) :]:
         axes.set_axis_off()
+    if not arms:
+        finish(panels[0])
     for axes, (recipe, system, arm) in zip(panels, arms, strict=False):
         axes.set(xscale="log", yscale="log", xlabel="samples seen (control steps)")
         axes.set(ylabel="validation loss")

@@ -32,7 +32,7 @@ from companion.statistics.intervals import (
 from companion.statistics.stopping_rules import RULES, apply_rule
 from companion.studies.decisive.arms import ALL_SEEDS, FINETUNING, RECIPES, arm
 from companion.study import Study
-from sidm.systems import SYSTEMS
+from sidm.systems import PAPER_SYSTEMS
 
 AT = 5.0  # min of novice data at which data ratios are judged
 SMALL = (1.0, 5.0)  # min at which losses are compared
@@ -76,7 +76,7 @@ def results(study: Study, store: Results) -> pd.DataFrame:
     parts = [
         store.frame(arm(study, recipe, system, caps, ALL_SEEDS)).assign(recipe=recipe)
         for recipe, caps in RECIPES.items()
-        for system in SYSTEMS
+        for system in PAPER_SYSTEMS
     ]
     # a part without rows has no types, and would take those of the others away
     return pd.concat([part for part in parts if len(part)] or parts)
@@ -194,7 +194,7 @@ def data_ratios(frame: pd.DataFrame) -> pd.DataFrame:
     """Verdicts R1, R2, T1 and T2 of `results`: a row per verdict, system and method."""
     rows = []
     for (name, (recipe, rule, methods)), system in itertools.product(
-        RATIOS.items(), SYSTEMS
+        RATIOS.items(), PAPER_SYSTEMS
     ):
         losses = _losses_of(frame, recipe, system, rule)
         for method in methods:
@@ -212,7 +212,7 @@ def small_data(frame: pd.DataFrame) -> pd.DataFrame:
     The value is the SIDM's loss divided by that of training alone, paired by seed.
     """
     rows = []
-    for (recipe, rule), system in itertools.product(LOSSES.items(), SYSTEMS):
+    for (recipe, rule), system in itertools.product(LOSSES.items(), PAPER_SYSTEMS):
         losses = _losses_of(frame, recipe, system, rule)
         for minutes in SMALL:
             seeds, *ratio = loss_ratio(losses, minutes)

@@ -23,7 +23,7 @@ from companion.figures.style import (
 from companion.studies.driving.measure import episode
 from companion.studies.driving.results import DRIVER, SHORT, label
 from sidm.plots import finish, side_by_side, styled
-from sidm.systems import SYSTEMS
+from sidm.systems import PAPER_SYSTEMS
 
 SHOWN = 4  # episodes whose paths are drawn
 #: Styles of the drivers that have no learned model.
@@ -34,7 +34,7 @@ DRIVER_STYLES: dict[str, dict[str, Any]] = {
 
 
 @styled
-def figure(scores: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
+def figure(scores: pd.DataFrame, systems: Sequence[str] = PAPER_SYSTEMS) -> Figure:
     """Share of goals reached against the size of the data that the model learned from.
 
     Bars and bands are Wilson's 95 % intervals; level lines are the drivers that have no

@@ -21,6 +21,7 @@ PAPER = "not measured"
 SHORT = {"corrected_averaged": "expert corrected"}
 #: Labels of the drivers that have no learned model.
 OTHERS = {"simulator": "planned in the simulator", "straight": "straight to the goal"}
+FEWEST_BOTH = 3  # goals that two drivers reached, for a difference of their times
 #: Columns that identify a driver; `novice_minutes` are those of a model's data.
 DRIVER = ["system", "driver", "method", "novice_minutes"]
 #: Values of a record that have an entry per episode.
@@ -145,6 +146,66 @@ def scores(frame: pd.DataFrame) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows, columns=[*DRIVER, *SCORES])
+
+
+def reached(scores: pd.DataFrame, system: str) -> dict[str, str]:
+    """Goals reached, by method, or by driver without one: a number for each size."""
+    rows = scores[scores.system == system].sort_values("novice_minutes")
+    goals = (rows.arrived * rows.episodes).astype(float).round().astype(int).astype(str)
+    drivers = rows.method.where(rows.method != "", rows.driver)
+    return goals.groupby(drivers).agg(", ".join).to_dict()
+
+
+def scores_page(scores: pd.DataFrame) -> pd.DataFrame:
+    """The table of `scores` with the columns and headings of a page."""
+    pace = [
+        f"{often:.3g}, {seldom:.3g}" if often else "-"
+        for often, seldom in zip(scores.often, scores.seldom, strict=True)
+    ]
+    columns = {
+        "system": scores.system,
+        "driver": _labels(scores),
+        "models": scores.models.replace(0, "-"),
+        "episodes": scores.episodes,
+        "reached (95 % interval)": _intervals(scores, "arrived"),
+        "time (s)": scores.seconds,
+        "metres": scores.length,
+        "detour": scores.detour,
+        "lost episodes": scores.ends.replace("", "-"),
+        "plan error (m)": scores.surprise,
+        "top speed (m/s)": scores.top_speed,
+        "plans a second": pace,
+    }
+    return pd.DataFrame(columns)
+
+
+def rivals_page(rivals: pd.DataFrame) -> pd.DataFrame:
+    """The table of `rivals` with the columns and headings of a page."""
+    sooner = [
+        f"{text} ({both})" if both >= FEWEST_BOTH else "-"
+        for text, both in zip(_intervals(rivals, "sooner"), rivals.both, strict=True)
+    ]
+    columns = {
+        "system": rivals.system,
+        "driver": _labels(rivals),
+        "compared with": rivals.other,
+        "episodes": rivals.episodes,
+        "more": rivals.more,
+        "fewer": rivals.fewer,
+        "p": rivals.chance,
+        "sooner (s) (episodes)": sooner,
+    }
+    return pd.DataFrame(columns)
+
+
+def _labels(table: pd.DataFrame) -> list[str]:
+    drivers = table[DRIVER[1:]].itertuples(index=False)
+    return [label(*driver) for driver in drivers]
+
+
+def _intervals(table: pd.DataFrame, value: str) -> list[str]:
+    ends = table[[value, "low", "high"]].itertuples(index=False)
+    return [Interval(*row).text(2) for row in ends]
 
 
 def rivals(table: pd.DataFrame) -> pd.DataFrame:

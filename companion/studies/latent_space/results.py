@@ -18,8 +18,9 @@ from companion.figures.style import (
     system_label,
     system_panels,
 )
+from companion.methods import METHODS
 from sidm.plots import finish, side_by_side, styled
-from sidm.systems import ROLES, SYSTEMS
+from sidm.systems import PAPER_SYSTEMS, ROLES
 
 #: Measures of how alike the latents are.
 ALIKE = (
@@ -30,6 +31,20 @@ ALIKE = (
     "mmd",
     "discriminator_accuracy",
 )
+#: Measures and losses -> their headings on a page.
+HEADINGS = {
+    "novice_minutes": "novice data (min)",
+    "linear_accuracy": "linear",
+    "network_accuracy": "network",
+    "raw_accuracy": "raw",
+    "a_distance": "A-distance",
+    "mmd": "MMD",
+    "discriminator_accuracy": "own",
+    "validation_loss": "own parts",
+    "expert_encoder_loss": "expert's encoder",
+    "expert_decoder_loss": "expert's decoder",
+    "expert_path_loss": "both",
+}
 #: Losses on the novice's motion -> the parts of the model that they are computed with.
 CROSSED = {
     "validation_loss": "novice's\nown parts",
@@ -47,6 +62,13 @@ def table(frame: pd.DataFrame, measures: Sequence[str] = ALIKE) -> pd.DataFrame:
     means = groups[list(measures)].mean()
     means.insert(0, "trials", groups.size())
     return means.reset_index()
+
+
+def page_table(frame: pd.DataFrame, measures: Sequence[str]) -> pd.DataFrame:
+    """`table` with the headings of a page, and methods in words."""
+    means = table(frame, measures)
+    words = {name: method.label for name, method in METHODS.items()}
+    return means.assign(method=means.method.map(words)).rename(columns=HEADINGS)
 
 
 @styled
@@ -88,7 +110,7 @@ def figure(frame: pd.DataFrame) -> Figure:
 
 @styled
 def crossed_figure(
-    frame: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)
+    frame: pd.DataFrame, systems: Sequence[str] = PAPER_SYSTEMS
 ) -> Figure:
     """The loss on the novice's motion with each system's encoder and decoder.
 
@@ -97,8 +119,8 @@ def crossed_figure(
     figure, plots = system_panels(
         table(frame, tuple(CROSSED)), systems, yscale="log", ylabel=LOSS_LABEL
     )
+    sizes = sorted(frame.novice_minutes.unique())
     for axes, means in plots:
-        sizes = sorted(means.novice_minutes.unique())
         for row in means.sort_values(["method", "novice_minutes"]).itertuples():
             style = METHOD_STYLES[row.method]
             line = size_style(row.method, sizes.index(row.novice_minutes)) | {

@@ -9,8 +9,11 @@ has two latents from the start. For comparison both robots also go through one e
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
+
+import pandas as pd
 
 from companion.engine.records import read_or_empty
 from companion.numerics import versions
@@ -18,7 +21,7 @@ from companion.studies.latent_space.measure import jobs
 from companion.study import Study
 from companion.trials import Trial
 from sidm.storage import write_record
-from sidm.systems import SYSTEMS, find_system
+from sidm.systems import PAPER_SYSTEMS, find_system
 
 NAME = "untrained_latents.json"
 #: Name in the file -> the role whose encoder the novice's motion goes through.
@@ -88,7 +91,7 @@ def make(study: Study, workers: int) -> None:
 
     stored: dict[str, object] = {}
     with one_thread():
-        for system in SYSTEMS:
+        for system in PAPER_SYSTEMS:
             seeds = [measure(trial, study.data) for trial in _trials(study, system)]
             stored[system] = {
                 name: [[round(value, 4) for value in seed[name]] for seed in seeds]
@@ -106,6 +109,18 @@ def read(results: Path | str) -> dict[str, dict[str, list[Apart]]]:
             name: [Apart(*seed) for seed in seeds]
             for name, seeds in stored[system].items()
         }
-        for system in SYSTEMS
+        for system in PAPER_SYSTEMS
         if system in stored
     }
+
+
+def table(results: Path | str, systems: Sequence[str]) -> pd.DataFrame:
+    """The stored measures of some systems: a row for each of ENCODERS and seed."""
+    stored = read(results)
+    rows = [
+        (name, *seed)
+        for system in systems
+        for name, seeds in stored.get(system, {}).items()
+        for seed in seeds
+    ]
+    return pd.DataFrame(rows, columns=["encoders", *Apart._fields])

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 import pandas as pd
 from matplotlib.figure import Figure
 
-from companion.figures.style import METHOD_STYLES
-from companion.statistics.pairs import paired_comparison
+from companion.figures.style import METHOD_STYLES, legend_entries
+from companion.statistics.pairs import page_table, paired_comparison
+from companion.statistics.tables import wide
 from companion.studies.real_robots.measure import ALONE, HELD_OUT, PAIRS
 from sidm.plots import finish, side_by_side, styled
 
@@ -87,6 +88,17 @@ def table(
     return compared.rename(columns={"novice_minutes": "sessions"})
 
 
+def for_page(table: pd.DataFrame) -> pd.DataFrame:
+    """A table made by `table` as a page shows it: a column for each size."""
+    labels = {name: style["label"] for name, style in METHOD_STYLES.items()} | NAMES
+    shown = page_table(table.sort_values("sessions", kind="stable"), 2, system="pair")
+    shown["method"] = shown.method.map(labels)
+    shown["sessions"] = [f"{count:g} sessions" for count in shown.sessions]
+    shown = wide(shown, ["pair", "method"], "sessions", "ratio (95 % interval)")
+    heading = "loss, divided by that without SIDM (95 % interval)"
+    return shown.rename(columns={"method": heading})
+
+
 @styled
 def figure(
     frame: pd.DataFrame,
@@ -126,6 +138,6 @@ def figure(
         )
         finish(axes, (0.2, 0.5, 1, 2, 5), legend=False)
     legend_panel.axis("off")
-    handles, labels = panels[0].get_legend_handles_labels()
-    legend_panel.legend(handles, labels, loc="center", frameon=False)
+    drawn = legend_entries(panels)
+    legend_panel.legend(drawn.values(), drawn.keys(), loc="center", frameon=False)
     return figure

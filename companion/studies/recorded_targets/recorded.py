@@ -85,6 +85,21 @@ def load_recorded(
     return Recorded(windows, windows_of(windows, pixels), *numbers)
 
 
+def validation_grounds(
+    system: str, held_out: int, folder: str | Path = "recordings"
+) -> np.ndarray:
+    """(N,) number of the ground of each window for validation, without its maps.
+
+    Args:
+        system: name of the pair of robots.
+        held_out: number of grounds for validation, the last ones.
+        folder: of the recordings.
+    """
+    windows = cut(read_drives(recordings_of(system, folder), ROVER))
+    _, validation = split_by_ground(windows, held_out)
+    return grounds_of(windows)[validation.numpy()]
+
+
 def subsets(recorded: Recorded, minutes: float, seed: int) -> tuple[Tensor, Tensor]:
     """Numbers of the windows to train on, (n,), and to test on for stopping, (m,).
 

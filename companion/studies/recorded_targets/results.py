@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,13 +18,17 @@ from companion.figures.style import (
     mean_and_range,
     system_panels,
 )
-from companion.statistics import savings
+from companion.statistics import pairs, savings
 from companion.statistics.claims import claim_rows, ratio_verdicts
-from companion.statistics.intervals import Interval
 from companion.statistics.pairs import complete, pooled_comparison
-from companion.studies.recorded_targets.measure import METHODS_AND_PROXIES, Proxy
+from companion.studies.recorded_targets.measure import (
+    HELD_OUT,
+    METHODS_AND_PROXIES,
+    Proxy,
+)
+from companion.studies.recorded_targets.recorded import validation_grounds
 from sidm.plots import finish, styled
-from sidm.systems import SYSTEMS
+from sidm.systems import PAPER_SYSTEMS
 
 Way = tuple[str, Proxy]  # a method and the simulated robot that is its expert
 
@@ -102,6 +107,24 @@ def compare(table: pd.DataFrame, other: Way) -> pd.DataFrame:
     return compared.assign(verdict=ratio_verdicts(compared))
 
 
+def beside_best(table: pd.DataFrame, best: Mapping[str, Way]) -> pd.DataFrame:
+    """What learns from a simulation beside the best without one, for a page.
+
+    Args:
+        table: of all systems.
+        best: system -> the way to compare with, see `best_alone`.
+    """
+    parts = [
+        compare(table[table.system == system], way).assign(beside=label(*way))
+        for system, way in best.items()
+    ]
+    rows = pd.concat(parts)
+    rows = rows[rows.proxy != "none"]
+    rows = rows.assign(method=[label(*way) for way in rows[BY].to_numpy()])
+    columns = ["system", "method", "beside", "seeds", "ratio (95 % interval)"]
+    return pairs.page_table(rows)[[*columns, "verdict"]]
+
+
 def by_size(table: pd.DataFrame, other: Way) -> pd.DataFrame:
     """Means over seeds, compared with another way.
 
@@ -133,20 +156,27 @@ def by_size(table: pd.DataFrame, other: Way) -> pd.DataFrame:
     return means.assign(worth=[worth.get(key, "") for key in keys])
 
 
+def of_simulation(lines: pd.DataFrame, minutes: float) -> Any:
+    """The line of `by_size` with the least loss of the simulated novice's model.
+
+    Args:
+        lines: of one system.
+        minutes: of recorded data, with which least squares correct the model; 0: the
+            model as it is.
+
+    Returns:
+        The line; None without results.
+    """
+    corrected = lines.method.isin(["corrected", "corrected_averaged"])
+    rows = lines[corrected & (lines.proxy == "novice")]
+    rows = rows[rows.novice_minutes == minutes]
+    return rows.loc[rows.loss.idxmin()] if len(rows) else None
+
+
 def page_table(rows: pd.DataFrame) -> pd.DataFrame:
     """The table of `by_size` for a page: ratios and savings with intervals, as text."""
     labels = [label(*way) for way in rows[BY].itertuples(index=False)]
-    intervals = rows[["ratio", "low", "high"]].itertuples(index=False)
-    ratios = [Interval(*ends).text(3).replace("nan", "-") for ends in intervals]
-    names = {"saved": "ratio", "saved_low": "low", "saved_high": "high"}
-    saved = savings.ratio_texts(
-        rows[["bound", *names]].rename(columns=names).fillna({"bound": "="})
-    )
-    times = [
-        text if isinstance(bound, str) else worth or "-"
-        for text, bound, worth in zip(saved, rows.bound, rows.worth, strict=True)
-    ]
-    return pd.DataFrame(
+    page = pd.DataFrame(
         {
             "system": rows.system,
             "method": labels,
@@ -154,10 +184,30 @@ def page_table(rows: pd.DataFrame) -> pd.DataFrame:
             "seeds": rows.seeds,
             "loss": rows.loss.map("{:.3f}".format),
             "after 2.5 s (m)": rows.error.map("{:.3f}".format),
-            "ratio (95 % interval)": ratios,
-            "times the data": times,
         }
-    )
+    ).join(savings.with_savings_texts(rows))
+    worth = rows.worth.replace("", "-")
+    times = page["times the data"]
+    return page.assign(**{"times the data": times.where(times != "-", worth)})
+
+
+def agreement(
+    table: pd.DataFrame, system: str, proxy: Proxy, recordings: str | Path
+) -> str:
+    """On how many validation grounds an SIDM has the smaller loss, as text.
+
+    Args:
+        table: of all systems.
+        system: name of the pair of robots.
+        proxy: the simulated robot that is the SIDM's expert.
+        recordings: folder of the recordings; read only if there are results.
+    """
+    rows, agree = table[table.system == system], None
+    if len(rows):
+        grounds = validation_grounds(system, HELD_OUT, recordings)
+        agree = grounds_agree(rows, ("sidm", proxy), WITHOUT, grounds)
+    text = "a smaller loss with SIDM on {} of {} terrains"
+    return text.format(*agree) if agree else "not run"
 
 
 def grounds_agree(
@@ -210,7 +260,7 @@ def claims(table: pd.DataFrame) -> pd.DataFrame:
 
 
 @styled
-def figure(table: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
+def figure(table: pd.DataFrame, systems: Sequence[str] = PAPER_SYSTEMS) -> Figure:
     """Loss against minutes of recorded data, a curve per method and proxy.
 
     Level lines are models that learnt from the simulated novice alone.

@@ -148,10 +148,12 @@ def jobs(
         study: preset, data and results.
         system: name of the pair of robots.
         counts: numbers of experts.
-        sizes: min of the novice's data.
+        sizes: min of the novice's data; those beyond the preset's pool are left out.
     """
     preset, counts = study.preset, tuple(counts)
     sizes = preset.sizes_in_pool(system, sizes)
+    if not sizes:
+        return []
     further = tuple(
         size
         for size in preset.sizes_in_pool(system, FURTHER_SIZES)

@@ -17,7 +17,7 @@ from companion.figures.style import (
 )
 from companion.statistics.claims import COLUMNS, claim_rows
 from companion.statistics.pairs import pooled_comparison
-from companion.statistics.savings import with_savings
+from companion.statistics.savings import with_savings, with_savings_texts
 from companion.studies.several_experts.measure import WAYS
 from sidm.plots import finish, side_by_side, styled
 
@@ -139,6 +139,45 @@ def costs(joint: pd.DataFrame) -> pd.DataFrame:
         minutes=("minutes", "mean"),
     )
     return means.reset_index()
+
+
+def page_table(rows: pd.DataFrame) -> pd.DataFrame:
+    """Rows of `by_size` or `costs` for a page: numbers and intervals as text."""
+    formats = {"loss": "{:.3f}", "samples": "{:,.0f}", "minutes": "{:.1f}"}
+    texts = {name: rows[name].map(text.format) for name, text in formats.items()}
+    page = rows.rename(columns={"novice_minutes": "novice (min)"}).assign(**texts)
+    columns = ["novice (min)", "seeds", *formats]
+    if "experts" in rows:
+        return page[["experts", *columns]].join(with_savings_texts(rows))
+    labels = [REFERENCE_STYLES[method]["label"] for method in rows.method]
+    page.insert(0, "as in Figure 3", labels)
+    return page[["as in Figure 3", *columns]]
+
+
+def experts_table(frame: pd.DataFrame) -> pd.DataFrame:
+    """A row per pretraining for a page: its losses, and the nearest expert by size."""
+    nearest = before_training(frame).groupby(["experts", "seed"])
+    found = {
+        key: ", ".join(f"{line.nearest} {line.loss:.3g}" for line in lines.itertuples())
+        for key, lines in nearest
+    }
+    order = {"experts": True, "paper": False, "trial_seed": True}
+    rows = []
+    for record in frame.sort_values([*order], ascending=[*order.values()]).itertuples():
+        experts, losses = label(record.experts, record.paper), record.experts_loss
+        line = (
+            experts,
+            record.trial_seed,
+            f"{record.experts_samples:,}",
+            f"{losses[0]:.3f}" if record.paper else "-",
+            f"{max(losses):.3f}",
+            found[experts, record.trial_seed],
+        )
+        rows.append(line)
+    names = ["experts", "seed", "samples of the SIDM"]
+    names += ["test loss of the paper's", "of the worst"]
+    names += ["nearest by size, and the loss with its parts as they are"]
+    return pd.DataFrame(rows, columns=names)
 
 
 def claims(table: pd.DataFrame, joint: pd.DataFrame) -> pd.DataFrame:

@@ -19,16 +19,24 @@ from companion.figures.style import (
     system_panels,
 )
 from companion.statistics.claims import claim_rows
+from companion.statistics.intervals import Interval
 from companion.statistics.pairs import paired_comparison
 from sidm.drives import CONTROL_STEP, QUATERNION
 from sidm.plots import finish, styled
-from sidm.systems import SYSTEMS
+from sidm.systems import PAPER_SYSTEMS
 
 #: Whether a model is trained by likelihood -> how figures and tables say so.
 WORDS = {True: "by likelihood", False: "deterministic"}
 DATA = ["system", "novice_minutes", "method"]
 #: Columns that identify a model, but for its seed.
 POINT = [*DATA, "likelihood"]
+#: Columns that identify a model -> their headings on a page.
+HEADINGS = {
+    "system": "system",
+    "method": "method",
+    "likelihood": "trained",
+    "novice_minutes": "novice (min)",
+}
 #: Columns of the table of `coverage` after POINT.
 COVERAGE = (
     "level",
@@ -51,7 +59,7 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
         `loss` of equation (1), the negative log-likelihood (NLL) `nll`, nats a step,
         and `constant`, the NLL about the same means with the best constant spread. For
         models by likelihood, also the mean `difference` between the NLL and the twin's,
-        paired by seed, with the ends `low` and `high` of its interval.
+        with the ends `low` and `high` of its interval, over seeds that are `pairs`.
     """
     rows = of_trials(frame)
     rows = rows.assign(constant=rows.component_losses.map(constant_spread))
@@ -70,7 +78,8 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
         value="nll",
         difference=True,
     )
-    differences = compared[[*POINT, "difference", "low", "high"]]
+    compared = compared.rename(columns={"seeds": "pairs"})
+    differences = compared[[*POINT, "difference", "low", "high", "pairs"]]
     return means.reset_index().merge(differences, how="left", on=POINT)
 
 
@@ -131,14 +140,95 @@ def quantiles(frame: pd.DataFrame) -> pd.DataFrame:
 def claims(table: pd.DataFrame) -> pd.DataFrame:
     """Claims that a transition is likelier under distributions than under the twin.
 
-    There is a claim for each size with SIDM.
+    There is a claim for each size with SIDM that has a pair of models.
     """
-    sidm = table[(table.method == "sidm") & table.likelihood.astype(bool)]
+    sidm = table[(table.method == "sidm") & table.difference.notna()]
+    sidm = sidm.assign(seeds=sidm.pairs.astype(int))
     claims = [
         f"NLL with distributions less the twin's, SIDM, {minutes:g} min"
         for minutes in sidm.novice_minutes
     ]
     return claim_rows(sidm, claims, "an alternative (section 3.2)", unit="nats")
+
+
+def cost(table: pd.DataFrame) -> pd.Series:
+    """Loss of each model's means by likelihood divided by its twin's."""
+    likelihood = table.likelihood.astype(bool)
+    pairs = table[likelihood].merge(table[~likelihood], on=DATA, suffixes=("", "_twin"))
+    return pairs.loss / pairs.loss_twin
+
+
+def likelihood_page(table: pd.DataFrame) -> pd.DataFrame:
+    """A table made by `table` with the columns and headings of a page."""
+    page = _in_words(table)[[*HEADINGS.values(), "seeds"]]
+    ends = table[["difference", "low", "high"]].itertuples(index=False)
+    differences = [Interval(*row) for row in ends]
+    return page.assign(
+        **{
+            "loss, eq. (1)": table.loss.map("{:.3f}".format),
+            "NLL (nats)": table.nll.map("{:.2f}".format),
+            "constant": table.constant.map("{:.2f}".format),
+            "less the twin's NLL (95 % interval)": [
+                "-" if math.isnan(estimate.value) else estimate.text(2)
+                for estimate in differences
+            ],
+        }
+    )
+
+
+def coverage_page(table: pd.DataFrame) -> pd.DataFrame:
+    """A table made by `coverage` with the columns and headings of a page.
+
+    There is a row for each model.
+    """
+    widest = table[table.level == max(LEVELS)].reset_index(drop=True)
+    page = _in_words(widest)[[*HEADINGS.values()]]
+    columns = {
+        "": ["one_step", "least", "most"],
+        ", 2.5 s": ["rollout", "rollout_least", "rollout_most"],
+    }
+    for when, names in columns.items():
+        for level, group in table.groupby("level"):
+            page[f"in {level:.0%}{when}"] = [
+                f"{mean:.0%} ({least:.0%} to {most:.0%})"
+                for mean, least, most in group[names].itertuples(index=False)
+            ]
+    page["90 % wide (m, m, rad)"] = [
+        ", ".join(f"{width:.2g}" for width in widths) for widths in widest.width
+    ]
+    return page.assign(**{"position off (m)": widest.position})
+
+
+def quantiles_page(table: pd.DataFrame) -> pd.DataFrame:
+    """A table made by `quantiles` with the columns and headings of a page."""
+    values = table.drop(columns=POINT).map("{:.1f}".format)
+    words = _in_words(table)[[*HEADINGS.values()]]
+    return words.join(values.rename(columns={"w": "of $w$ alone"}))
+
+
+def latents_page(frame: pd.DataFrame) -> pd.DataFrame:
+    """Spreads of the latents of each model by likelihood, as a table of a page."""
+    rows = of_trials(frame)
+    rows = rows[rows.likelihood.astype(bool)]
+    page = _in_words(rows)[["system", "method", "novice (min)", "seed"]]
+    return page.assign(
+        **{
+            "encoder's spread": rows.latent_spread.str[0],
+            "SIDM's spread": rows.latent_spread.str[1],
+            "at the bound": [
+                ", ".join(f"{share:.0%}" for share in shares)
+                for shares in rows.quietest
+            ],
+        }
+    )
+
+
+def _in_words(table: pd.DataFrame) -> pd.DataFrame:
+    """A table with methods and ways of training in words, and HEADINGS."""
+    likelihood = table.likelihood.map(WORDS)
+    labels = table.method.map(lambda method: METHOD_STYLES[method]["label"])
+    shown = table.assign(method=labels, likelihood=likelihood)
+    return shown.rename(columns=HEADINGS)
 
 
 def _style(method: str, likelihood: bool) -> dict[str, Any]:
@@ -149,7 +239,7 @@ def _style(method: str, likelihood: bool) -> dict[str, Any]:
 
 
 @styled
-def figure(table: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figure:
+def figure(table: pd.DataFrame, systems: Sequence[str] = PAPER_SYSTEMS) -> Figure:
     """The loss of equation (1) of models by likelihood and of their twins, by size."""
     figure, plots = system_panels(table, systems, **LOSS_BY_SIZE)
     for axes, shown in plots:
@@ -163,7 +253,7 @@ def figure(table: pd.DataFrame, systems: Sequence[str] = tuple(SYSTEMS)) -> Figu
 
 @styled
 def coverage_figure(
-    frame: pd.DataFrame, minutes: float, systems: Sequence[str] = tuple(SYSTEMS)
+    frame: pd.DataFrame, minutes: float, systems: Sequence[str] = PAPER_SYSTEMS
 ) -> Figure:
     """Shares of actual values within the particles' intervals along rollouts.
 

@@ -105,7 +105,7 @@ def test_two_untrained_encoders_are_farther_apart_than_one(
 ):
     """With one encoder the latents differ as much as the robots' motion does."""
     monkeypatch.setattr(
-        "companion.studies.latent_space.untrained.SYSTEMS", ("system1",)
+        "companion.studies.latent_space.untrained.PAPER_SYSTEMS", ("system1",)
     )
     study = Study(tiny, data, tmp_path)
     assert untrained.read(tmp_path) == {}

@@ -59,12 +59,12 @@ def test_another_answer_costs_its_square(drawn):
 
 def test_what_is_measured_is_read(tiny, data, tmp_path, monkeypatch):
     """Both systems are read; the same motion stands in for the second."""
-    monkeypatch.setattr("companion.studies.overlap.SYSTEMS", ("system1",))
+    monkeypatch.setattr("companion.studies.overlap.PAPER_SYSTEMS", ("system1",))
     study = Study(tiny, data, tmp_path)
     assert read(tmp_path) == {}
     measure(study, tmp_path)
     stored = read(tmp_path)["system1"]
-    monkeypatch.setattr("companion.studies.overlap.SYSTEMS", ("system1", "added"))
+    monkeypatch.setattr("companion.studies.overlap.PAPER_SYSTEMS", ("system1", "added"))
     assert list(read(tmp_path)) == ["system1"]
     assert set(stored) == {"expert", "novice"}
     assert all(isinstance(record, Neighbourhood) for record in stored.values())

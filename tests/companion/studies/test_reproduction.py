@@ -46,6 +46,24 @@ def test_the_command_line_holds_results_against_others(tmp_path, make_row, capsy
     assert last == "points in both: 1"
 
 
+def test_it_says_why_other_trials_have_no_counterpart(tmp_path, make_row, capsys):
+    study, stored = Study("laptop", tmp_path, tmp_path), Results(tmp_path / "theirs")
+    mine = Results(tmp_path / "mine")
+    for trial in study.points("system1", ["sidm"], [5.0]):
+        stored.put(make_row(trial, 2.0))
+    for trial in study.changed(pixels=16).points("system1", ["sidm"], [5.0]):
+        mine.put(make_row(trial, 3.0))
+    for trial in study.points("system1", ["sidm"], [20.0])[:1]:
+        mine.put(make_row(trial, 3.0))
+    folders = ["--results", str(mine.folder), "--against", str(stored.folder)]
+    assert main(["show", *folders]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "3 trials here alone: pixels 16 (there 32)",
+        "1 trials here alone: no such method and size",
+        "points in both: 0",
+    ]
+
+
 def test_a_comparison_is_on_the_same_motion_where_it_can_be(tmp_path, make_row):
     """The loss doubles; on motion that was simulated again all losses are 10 % lower.
 

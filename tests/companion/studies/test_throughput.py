@@ -41,12 +41,10 @@ def test_the_stretch_holds_one_phase_of_each_algorithm(study, monkeypatch):
 
 def test_what_is_measured_is_read(study, tmp_path):
     assert read(tmp_path, study.preset.name) == {}
-    assert "not measured" in pace_note(tmp_path, study.preset.name)
+    assert "not measured" in pace_note(tmp_path, study.preset.name, "companion run")
     measure(study, tmp_path, ["sidm", "pretrain_finetune"], rounds=2, beside="a film")
-    assert (
-        "in 2 rounds, on one core" in (note := pace_note(tmp_path, study.preset.name))
-        and "beside a film" in note
-    )
+    note = pace_note(tmp_path, study.preset.name, "companion run")
+    assert "in 2 rounds, on one core" in note and "beside a film" in note
     stored = read(tmp_path, study.preset.name)
     assert (
         set(stored) == {"sidm", "pretrain_finetune"} and read(tmp_path, "paper") == {}

@@ -15,6 +15,7 @@ from companion.tasks.page import groups_of, write_page
 from companion.tasks.scores import (
     data_ratio,
     log_ratios,
+    mean_ratio,
     pairwise,
     results_frame,
     score_table,
@@ -46,6 +47,8 @@ def test_scores_are_ratios_to_least_squares_over_tasks():
     assert table.loc["good", "score"] == pytest.approx(0.5, rel=0.1)
     assert table.loc["good", "low"] < 0.5 < table.loc["good", "high"]
     assert table.loc["least_squares", "score"] == 1
+    score = table.loc["good", ["score", "low", "high"]].to_numpy(float)
+    assert mean_ratio(frame, "good", set(frame.task)) == pytest.approx(score)
     assert table.failures.to_dict() == {"good": 0, "least_squares": 0, "bad": 1}
     assert table.tasks.to_dict() == {"good": 5, "least_squares": 5, "bad": 4}
     means, variances = [], []  # the same by hand
@@ -156,6 +159,7 @@ def test_without_rows_nothing_is_known():
     logs = log_ratios(results_frame([])).reindex(columns=["good"])
     assert np.isnan(mean_of(logs.good)).all()
     assert np.isnan(mean_of(logs.good).interval).all()
+    assert np.isnan(mean_ratio(results_frame([]), "good", ["a task"])).all()
 
 
 def test_a_further_seed_of_one_method_leaves_the_others_their_scores():

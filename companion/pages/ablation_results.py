@@ -1,0 +1,127 @@
+"""Several ablations on one page: their trials, what is stored of them, commands."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from companion.engine.store import Results
+from companion.grids import grid
+from companion.pages.page import Page
+from companion.statistics.intervals import Interval
+from companion.studies import ablations
+from companion.study import Study
+from companion.trials import Trial
+
+#: Ablated setting -> the figure whose grid has its trials; others have ITERATIONS.
+GRIDS = {"p_expert": "p-expert", "pixels": "pixels", "patience": "patience"}
+ITERATIONS = "iterations"
+
+
+class Ablations:
+    """Ablations by the name of their setting, each with Figure 3's value.
+
+    Args:
+        study: preset, data and results.
+        systems: the pairs of robots.
+        values: ablated setting -> its values, as in `ablations.with_usual`.
+        sizes: minutes of novice data; those of the preset's ablations by default.
+    """
+
+    def __init__(
+        self,
+        study: Study,
+        systems: Sequence[str],
+        values: Mapping[str, Sequence[Any]],
+        sizes: Sequence[float] = (),
+    ) -> None:
+        self.study, self.systems = study, systems
+        self.sizes = sorted(sizes or study.preset.ablation_minutes)
+        self._trials = {
+            name: [
+                trial
+                for system in systems
+                for trial in ablations.with_usual(study, system, name, tried, sizes)
+            ]
+            for name, tried in values.items()
+        }
+        #: setting -> pair of robots -> Figure 3's value
+        self.usual = {
+            name: {
+                system: float(ablations.usual(study.preset, system, name))
+                for system in systems
+            }
+            for name in values
+        }
+
+    def trials(self, *names: str) -> list[Trial]:
+        """The trials of some settings, all by default, each once."""
+        chosen = (trial for name in names or self.usual for trial in self._trials[name])
+        return list({trial.key: trial for trial in chosen}.values())
+
+    def frame(self, *names: str) -> pd.DataFrame:
+        """The stored results of `trials`."""
+        return Results(self.study.results).frame(self.trials(*names))
+
+    @functools.cached_property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """Setting -> `ablations.table` of its stored results."""
+        return {
+            name: ablations.table(self.frame(name), name, name in ablations.OF_BOTH)
+            for name in self.usual
+        }
+
+    @functools.cached_property
+    def ratios(self) -> dict[str, pd.DataFrame]:
+        """Setting -> `ablations.ratios` of its stored results."""
+        return {
+            name: ablations.ratios(self.frame(name), name, usual, self.study.results)
+            for name, usual in self.usual.items()
+        }
+
+    def ratio(self, name: str, system: str, value: float) -> str:
+        """The SIDM's loss at a value by that at Figure 3's, at the smallest size."""
+        rows = self.ratios[name]
+        rows = rows[(rows.system == system) & (rows.value == value)]
+        return ratio_text(rows[rows.method == "sidm"] if "method" in rows else rows)
+
+    def figure(self, *names: str) -> Figure:
+        """Losses by the values of some settings, side by side."""
+        tables = {name: self.tables[name] for name in names}
+        return ablations.comparison_figure(tables, self.systems, self.usual)
+
+    def page_tables(self) -> Iterator[tuple[str, pd.DataFrame]]:
+        """Title and table of each setting and size, for a page."""
+        for name, table in self.tables.items():
+            label = name.replace("_", " ").capitalize()
+            label = "$p_e$" if name == "p_expert" else label
+            for size in self.sizes:
+                rows = table[table.novice_minutes == size]
+                title = f"{label}, {size:g} min of novice data"
+                yield title, ablations.page_table(rows, self.ratios[name])
+
+    def commands(self, page: Page, *names: str) -> list[str]:
+        """The commands that run `trials`: of their figures, or else of the page."""
+        figures = dict.fromkeys(GRIDS.get(n, ITERATIONS) for n in names or self.usual)
+        study = self.study
+        known = {
+            trial.key
+            for figure in figures
+            for trial in grid(
+                study.preset, figure, data=study.data, results=study.results
+            )
+        }
+        if {trial.key for trial in self.trials(*names)} <= known:
+            return [page.again(figure) for figure in figures]
+        return [page.command(run_missing=True)]
+
+
+def ratio_text(rows: pd.DataFrame) -> str:
+    """The ratio in the first row of a comparison, or that none was run."""
+    if rows.empty:
+        return "not run"
+    return Interval(*rows[["ratio", "low", "high"]].iloc[0]).text(3)

@@ -1,0 +1,622 @@
+"""What a reader would quote from the book, and what the stored results must say for it.
+
+A claim stands on a page in these words; its predicate reads the stored results.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import pandas as pd
+
+from companion import Results, Study, grid
+from companion.methods import COMPARED, FIGURE3, METHODS, ONE_OPTIMISER, ONE_SYSTEM
+from companion.statistics import claims
+from companion.statistics.pairs import paired_comparison
+from companion.statistics.stopping_rules import RULES, apply_rule
+from companion.studies import (
+    ablations,
+    baselines,
+    choices,
+    components,
+    corrected_claim,
+    hypotheses,
+    tuning,
+    variants,
+)
+from companion.studies.decisive import sensitivity, verdicts
+from companion.studies.decisive.along import along_training
+from companion.studies.driving import measure as driving
+from companion.studies.driving import results as driven
+from companion.studies.latent_space import measure as latents
+from companion.studies.recorded_targets import measure as recorded
+from companion.studies.recorded_targets import results as targets
+from companion.studies.reproduction import with_repeats
+from companion.studies.several_experts import measure as family
+from companion.studies.several_experts import results as several
+from companion.studies.uncertainty import measure as uncertainty
+from companion.studies.uncertainty import results as likelihoods
+from companion.tasks.catalogue import GROUPS
+from companion.tasks.run import records as benchmark_records
+from companion.tasks.scores import log_ratios, results_frame, scores_by_group
+from sidm.rivals.methods import METHODS as LIBRARY
+from sidm.systems import FREE_STRUTS, FREE_SYSTEMS, PAPER_SYSTEMS
+
+
+class Book:
+    """The stored results that the book's pages are about, each read once.
+
+    Args:
+        folder: of the results.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.store = Results(folder)
+        self.study = Study("study", "no data", folder)
+        self.laptop = Study("laptop", "no data", folder)
+
+    def grid(self, preset: str, figure: str) -> pd.DataFrame:
+        """Results of a figure."""
+        trials = grid(preset, figure, data="no data", results=self.store.folder)
+        return self.store.frame(trials)
+
+    @functools.cached_property
+    def figure3(self) -> pd.DataFrame:
+        """Figure 3, stopped early, with the methods drawn beside it."""
+        both = [self.grid("study", "3"), self.grid("study", "references")]
+        return pd.concat(both)
+
+    @functools.cached_property
+    def decisive(self) -> pd.DataFrame:
+        """The long trainings, recipes R and T."""
+        return verdicts.results(self.study, self.store)
+
+    @functools.cached_property
+    def along(self) -> pd.DataFrame:
+        """Data ratios with 5 minutes, along the long trainings and by rule."""
+        table = along_training(self.decisive)
+        return table[table.quantity == "data"]
+
+    def saving(self, recipe: str, system: str, rule: str, minutes: float = 5.0):
+        """The data ratio of an SIDM in long trainings."""
+        return verdicts.sidm_saving(self.decisive, recipe, system, rule, minutes)
+
+    def loss(self, recipe: str, method: str, minutes: float = 5.0) -> float:
+        """Mean loss at the end of long trainings on system 1."""
+        rows = self.decisive.query("recipe == @recipe and method == @method")
+        rows = rows.query("system == 'system1' and novice_minutes == @minutes")
+        return rows.validation_loss.mean()
+
+    @functools.cached_property
+    def losses(self) -> pd.DataFrame:
+        """Mean loss of Figure 3, by system and size, a column a method."""
+        points = self.figure3.groupby(["system", "novice_minutes", "method"])
+        return points.validation_loss.mean().unstack()
+
+    @functools.cached_property
+    def benchmark(self) -> pd.DataFrame:
+        """The benchmark's rows of the library's methods."""
+        rows = results_frame(benchmark_records(self.store.folder).all())
+        return rows[rows.method.isin(LIBRARY)]
+
+    def scores(self, *groups: str) -> pd.DataFrame:
+        """Scores on the tasks of some groups: the loss by that of least squares."""
+        names = [task.name for group in groups for task in GROUPS[group]]
+        return scores_by_group(self.benchmark, {name: [name] for name in names})
+
+    def beside_usual(self, name: str, system: str, value: float) -> pd.DataFrame:
+        """The SIDM's loss at a value of an ablation, by that of Figure 3's setting."""
+        study, preset = self.laptop, self.laptop.preset
+        if name == "p_expert":
+            usual = preset.p_expert(system)
+            trials = ablations.p_expert(study, system, [value, usual])
+        else:
+            usual = getattr(preset.training_of(METHODS["sidm"], system), name)
+            trials = ablations.iterations(study, system, name, [value, usual])
+        frame = self.store.frame(trials)
+        reference = with_repeats(frame[frame[name] == usual], self.store.folder)
+        return paired_comparison(frame[frame[name] == value], reference)
+
+
+class Claim(NamedTuple):
+    """Words of a page, and whether the stored results bear them out."""
+
+    page: str  # path in the repository
+    words: str
+    holds: Callable[[Book], bool]
+
+
+END, RELEASED, FIRST, PATIENCE = (
+    verdicts.END,
+    verdicts.RELEASED,
+    "the first rise",
+    "this book's",
+)
+ONE, TWO = PAPER_SYSTEMS
+
+
+def released_saves(book: Book) -> bool:
+    """Between the paper's number and none."""
+    return all(
+        1 < book.saving("R", system, rule).low
+        and book.saving("R", system, rule).high < most
+        for system, most in ((ONE, 20), (TWO, 5))
+        for rule in (RELEASED, END)
+    )
+
+
+def tuned_saves_with_one(book: Book) -> bool:
+    """No saving with five minutes, after Holm's correction; one with one."""
+    judged = verdicts.verdicts(book.decisive).query("method == 'sidm'")
+    p = judged[judged.verdict == "T2"].corrected.min()
+    return (
+        book.saving("T", ONE, END).value < 1 < book.saving("T", ONE, END, 1.0).low
+        and p > 0.05
+    )
+
+
+def early_nothing(book: Book) -> bool:
+    """At 1.5 million samples the interval includes 1."""
+    rows = book.along.query("system == @ONE and recipe == 'R' and rule == ''", **SCOPE)
+    row = rows[rows.samples == 1_500_000].iloc[0]
+    return row.low < 1 < row.high and 0.8 < row.value < 1.25
+
+
+SCOPE: dict = {"local_dict": {"ONE": ONE, "TWO": TWO}}
+
+
+def short_saves(book: Book) -> bool:
+    """Stopped by this book's patience, an SIDM at its best saves with five minutes."""
+    rows = book.along[(book.along.recipe == "T") & (book.along.rule == PATIENCE)]
+    return bool((rows.low > 1).all() and len(rows))
+
+
+def finetuning_far_ahead(book: Book) -> bool:
+    """Fine-tuned on 5 minutes, less loss than alone on 120."""
+    tuned = book.loss("T", "pretrain_finetune")
+    return tuned < min(
+        book.loss("T", "novice_only", 120.0), 0.6 * book.loss("T", "sidm")
+    )
+
+
+def never_ended(book: Book) -> bool:
+    """The released rule ended no rival from 20 minutes on, all with less."""
+    ended = sensitivity.ended_by_rule(book.decisive).query("method == 'novice_only'")
+    many = ended.novice_minutes >= 20
+    return ended[many].ended.sum() == 0 and ended[~many].ended.min() == 5
+
+
+def squares_beat(book: Book) -> bool:
+    """Least squares below both of the paper's methods up to five minutes."""
+    few = book.losses[book.losses.index.get_level_values("novice_minutes") <= 5]
+    others = few[list(COMPARED)]
+    return bool(others.gt(few.least_squares, axis=0).all(axis=None) and len(few) == 6)
+
+
+def sidm_lower_with_little(book: Book) -> bool:
+    """Surely lower with one and with five minutes, on both systems."""
+    table = with_and_without(book)
+    few = table[table.novice_minutes.isin((1, 5))]
+    return len(few) == 4 and bool((few.high < 1).all())
+
+
+def with_and_without(book: Book) -> pd.DataFrame:
+    """The SIDM's loss by that without it, at each size."""
+    sidm, alone = (book.figure3[book.figure3.method == name] for name in COMPARED)
+    return paired_comparison(sidm, alone)
+
+
+def worse_from_an_hour_on(book: Book) -> bool:
+    """The curves never become comparable: the SIDM's is higher from 60 minutes on."""
+    found = {
+        claims.convergence_claim(book.figure3, s).ours.iloc[0] for s in PAPER_SYSTEMS
+    }
+    return found == {"with SIDM worse from 60 min on"}
+
+
+def finetuning_beats_both(book: Book) -> bool:
+    """The lowest loss at every size with held struts."""
+    others = book.losses[["sidm", "novice_only", "least_squares"]]
+    return bool((book.losses.pretrain_finetune < others.min(axis=1)).all())
+
+
+def free_finetuning_small(book: Book) -> bool:
+    """With free struts less than a fifth of the saving, with one minute."""
+    from companion.statistics.savings import savings
+
+    trials = [t for s in FREE_SYSTEMS for t in book.study.free_struts(s)]
+    saved = savings(pd.concat([book.figure3, book.store.frame(trials)]), [FIGURE3[-1]])
+    saved = saved[(saved.against == "novice_only") & (saved.novice_minutes == 1)]
+    ratio = saved.set_index("system").ratio
+    return all(5 * ratio[name + FREE_STRUTS] < ratio[name] for name in PAPER_SYSTEMS)
+
+
+def recorded_unbeaten(book: Book) -> bool:
+    """No method surely beats least squares on the two recorded robots."""
+    tasks = {"recorded": [task.name for task in GROUPS["quick"]]}
+    scores = scores_by_group(book.benchmark, tasks).recorded.dropna()
+    return len(scores) > 10 and not any(score.high < 1 for score in scores)
+
+
+def corrected_beats_tuned(book: Book) -> bool:
+    """The expert's network, corrected, below the same network fine-tuned."""
+    from companion.tasks.intervals import mean_of
+
+    for task in GROUPS["held"] + GROUPS["family"]:
+        logs = log_ratios(book.benchmark[book.benchmark.task == task.name])
+        if not mean_of(logs.corrected - logs.pretrain_finetune).interval[2] < 1:
+            return False
+    return True
+
+
+def no_loss_beats_process(book: Book) -> bool:
+    """With free struts no method that learns from an expert is below the process."""
+    scores = book.scores("free")
+    return not any(
+        score.value < column["gp"].value and LIBRARY[name].needs_expert
+        for _, column in scores.items()
+        for name, score in column.dropna().items()
+    )
+
+
+def joint_training(book: Book) -> bool:
+    """Fine-tuning and joint training beside the SIDM, on both systems, two sizes."""
+    trials = [t for s in PAPER_SYSTEMS for t in baselines.trials(book.laptop, s)]
+    table = baselines.table(book.store.frame(trials), book.store.folder, {})
+    table = table[table.novice_minutes.isin(book.laptop.preset.baseline_minutes)]
+    tuned = table[table.method == "pretrain_finetune"]
+    pooled = table[table.method.isin(["pooled", "pooled_flag"])]
+    return bool(
+        (len(tuned), len(pooled)) == (4, 8)
+        and tuned.to_sidm_high.lt(1).all()
+        and tuned.to_sidm.between(0.6, 0.8).all()
+        and pooled.to_sidm_high.lt(1).all()
+        and pooled.to_sidm.between(0.65, 0.84).all()
+    )
+
+
+def balance(book: Book) -> bool:
+    """p_e of 0.9 on system 2 and 100 iterations on system 1, not the other way."""
+    sure, other = (
+        [
+            book.beside_usual("p_expert", pair[0], 0.9),
+            book.beside_usual("matching_iterations", pair[1], 100),
+        ]
+        for pair in ((TWO, ONE), (ONE, TWO))
+    )
+    return all((t.high < 1).all() and len(t) for t in sure) and not any(
+        (t.high < 1).any() for t in other
+    )
+
+
+def short_paths(book: Book) -> bool:
+    """Figure 4 stopped early: not seen at both sizes."""
+    frame = book.grid("laptop", "4")
+    found = claims.figure4_claims(frame, book.laptop.preset.figure4_minutes)
+    return found.verdict.tolist() == [claims.NOT_SEEN, claims.NOT_SEEN]
+
+
+def planar_components(book: Book) -> bool:
+    """13 of 18 intervals with 1 to 5 minutes, 2 of 12 for roll and pitch rates."""
+    trials = [t for s in PAPER_SYSTEMS for t in components.trials(book.study, s)]
+    table = components.table(book.store.frame(trials))
+    few = table[table.novice_minutes <= 5]
+    planar = ["translation y", "quaternion z", "angular velocity z"]
+    tilting = ["angular velocity x", "angular velocity y"]
+    counts = [
+        ((rows.high < 1).sum(), len(rows))
+        for names in (planar, tilting)
+        for rows in [few[few.component.isin(names)]]
+    ]
+    most = table[table.novice_minutes == 120]
+    return counts == [(13, 18), (2, 12)] and not (most.high < 1).any() and len(most) > 0
+
+
+@functools.cache
+def measured_latents(book: Book) -> pd.DataFrame:
+    """What was measured in the latent spaces."""
+    jobs = [j for s in PAPER_SYSTEMS for j in latents.jobs(book.laptop, s)]
+    return latents.records(book.store.folder).frame(jobs)
+
+
+def not_invariant(book: Book) -> bool:
+    """Fresh classifiers tell latents apart; a swapped part costs 2 to 7 times."""
+    measured = measured_latents(book)
+    crossed = hypotheses.crossings(measured[measured.method == "sidm"])
+    single = crossed[crossed.change != "both of the expert's"]
+    told = measured[["linear_accuracy", "network_accuracy"]].min(axis=None)
+    return bool(told > 0.99 and single.ratio.between(2, 7.2).all())
+
+
+def halved(book: Book) -> bool:
+    """Corrected, with half the data, below the SIDM and fine-tuning at all sizes."""
+    trials = [t for s in PAPER_SYSTEMS for t in variants.correction(book.laptop, s)]
+    table = variants.table(book.store.frame(trials), ["corrected_averaged"])
+    return len(table) == 16 and bool((table.high < 1).all())
+
+
+def claim_fails(book: Book) -> bool:
+    """Our own claim: surely lower in three of eight, higher in none."""
+    trials = [corrected_claim.trials(book.study, p) for p in corrected_claim.PAIRS]
+    table = corrected_claim.table(book.store.frame(sum(trials, [])))
+    return (
+        corrected_claim.verdict(table) is False
+        and (table.high < 1).sum() == 3
+        and len(table) == 8
+        and bool((table.low < 1).all())
+    )
+
+
+def straight_driver(book: Book) -> bool:
+    """No planner with a model reaches surely more goals than the straight driver."""
+    jobs = [
+        job
+        for system in PAPER_SYSTEMS
+        for job in driving.jobs(book.laptop, system, [1.0, 5.0, 60.0], 50, 10, 20.0)
+    ]
+    table = driven.table(driving.records(book.store.folder).frame(jobs))
+    rivals = driven.rivals(table)
+    straight = rivals[rivals.other == driven.OTHERS["straight"]]
+    sure = straight[straight.chance < 0.05]
+    return len(straight) == 18 and not (sure.more > sure.fewer).any()
+
+
+def knows_one_step(book: Book) -> bool:
+    """Likelier with 5 minutes or more, on both systems, with SIDM and without."""
+    jobs = [
+        job
+        for system in PAPER_SYSTEMS
+        for job in uncertainty.jobs(book.laptop, system, [1.0, 5.0, 60.0], 64)
+    ]
+    table = likelihoods.table(uncertainty.records(book.store.folder).frame(jobs))
+    table = table[table.likelihood.astype(bool)]
+    more = table[table.novice_minutes > 1]
+    return len(more) == 8 and bool((more.high < 0).all())
+
+
+def more_experts_worse(book: Book) -> bool:
+    """Eight experts are a worse start than the paper's at every size."""
+    jobs = family.jobs(book.laptop, ONE)
+    by_size = several.by_size(
+        several.table(family.records(book.store.folder).frame(jobs))
+    )
+    rows = by_size[(by_size.experts == "8 experts") & (by_size.way == "all")]
+    return len(rows) == 3 and bool((rows.low > 1).all())
+
+
+def recordings_replaced(book: Book) -> bool:
+    """One minute of recordings hardly changes the loss of the simulated novice."""
+    jobs = [
+        job
+        for system in PAPER_SYSTEMS
+        for job in recorded.jobs(book.laptop, system, "recordings", [1.0, 2.0, 5.0])
+    ]
+    losses = targets.table(recorded.records(book.store.folder).frame(jobs))
+    for system in PAPER_SYSTEMS:
+        rows = losses[losses.system == system]
+        lines = targets.by_size(rows, targets.best_alone(losses, system))
+        least = lines[lines.novice_minutes == 1].loss.min()
+        bare = lines[lines.novice_minutes == 0].loss.min()
+        if not 0.98 < least / bare < 1.02:
+            return False
+    return True
+
+
+def three_of_fourteen(book: Book) -> bool:
+    """Of the choices changed one at a time three show a difference."""
+    frame = choices.frame(book.laptop, book.store, [ONE])
+    table = choices.table(frame, book.store.folder)
+    apart = table[(table.low > 1) | (table.high < 1)]
+    lower = set(apart[apart.high < 1].choice)
+    return (len(table), len(apart)) == (14, 3) and lower == {ONE_SYSTEM, ONE_OPTIMISER}
+
+
+def three_changes(book: Book) -> bool:
+    """Fine-tuning and joint training, with a flag and without, help in all four."""
+    frame = hypotheses.frame(book.laptop, book.store, PAPER_SYSTEMS)
+    ranking = hypotheses.ranking(hypotheses.table(frame, book.store.folder))
+    whole = ranking[(ranking.comparisons == 4) & (ranking.better == 4)]
+    return len(whole) == 3
+
+
+def tuned_for_little(book: Book) -> bool:
+    """Tuned for little data an SIDM saves about three times with one minute."""
+    from companion.methods import FOR_LITTLE
+    from companion.statistics.savings import savings
+
+    little = tuning.little_data_results(book.study, book.store, PAPER_SYSTEMS)
+    alone = tuning.best_novice_only(book.grid("study", "3"), little)
+    saved = savings(pd.concat([little, alone]), ["sidm" + FOR_LITTLE])
+    least = saved[saved.novice_minutes == 1]
+    return (
+        len(least) == 2
+        and bool(least.ratio.between(2.6, 3.6).all())
+        and bool((saved.low > 1).all())
+    )
+
+
+def alone_still_gains(book: Book) -> bool:
+    """At its best the rival's weights come late, the SIDM's early."""
+    rows = book.decisive.query("recipe == 'T' and novice_minutes == 5")
+    kept = apply_rule(rows, RULES[END]).groupby("method").kept_samples
+    return kept.median().novice_only > 5e6 and kept.max().sidm < 1e6
+
+
+FIRST_PAGE = "book/intro.md"
+CLAIMS = [
+    Claim(
+        FIRST_PAGE,
+        "With the released settings, an SIDM saves several times the data",
+        released_saves,
+    ),
+    Claim(
+        FIRST_PAGE,
+        "Stopped after 1.5 million samples, no saving is seen on system 1",
+        early_nothing,
+    ),
+    Claim(
+        FIRST_PAGE,
+        "it saves with 1 minute; with 5 no saving is seen",
+        tuned_saves_with_one,
+    ),
+    Claim(
+        FIRST_PAGE,
+        "Stopped at training alone's first minimum, it saves with 5 as well",
+        short_saves,
+    ),
+    Claim(
+        FIRST_PAGE,
+        "at its best, fine-tuned on 5 minutes, it beats training alone on 120",
+        finetuning_far_ahead,
+    ),
+    Claim(
+        FIRST_PAGE,
+        "up to 5 minutes, stopped early",
+        squares_beat,
+    ),
+    Claim(FIRST_PAGE, "nothing surely beat least squares", recorded_unbeaten),
+    Claim(
+        FIRST_PAGE,
+        "did better corrected by least squares than fine-tuned",
+        corrected_beats_tuned,
+    ),
+    Claim("README.md", "With one minute an SIDM still saves.", tuned_saves_with_one),
+    Claim(
+        "README.md",
+        "From an hour of data on, the loss is higher with an SIDM",
+        worse_from_an_hour_on,
+    ),
+    Claim(
+        "README.md",
+        "Least squares on the novice alone beat SIDMs that stop early, up to five "
+        "minutes",
+        squares_beat,
+    ),
+    Claim(
+        "notebooks/04-figure3.ipynb",
+        "lower with an SIDM; from an hour on, at the same $p_e$, it is higher",
+        lambda book: sidm_lower_with_little(book) and worse_from_an_hour_on(book),
+    ),
+    Claim(
+        "notebooks/04-figure3.ipynb",
+        "Least squares on the novice alone beat both, stopped early, up to five "
+        "minutes",
+        squares_beat,
+    ),
+    Claim(
+        "notebooks/04-figure3.ipynb",
+        "It beats both of the paper's methods at every size where motors hold the "
+        "struts",
+        finetuning_beats_both,
+    ),
+    Claim(
+        "notebooks/04-figure3.ipynb",
+        "on both systems fine-tuning gains far less from the expert",
+        free_finetuning_small,
+    ),
+    Claim(
+        "notebooks/04-figure3.ipynb",
+        "an SIDM saves a factor of about three with one minute",
+        tuned_for_little,
+    ),
+    Claim(
+        "notebooks/05-how-long.ipynb",
+        "it saves with one minute, and no saving is seen with five",
+        tuned_saves_with_one,
+    ),
+    Claim(
+        "notebooks/05-how-long.ipynb",
+        "The released rule never ended the rival with 20 minutes of data or more",
+        never_ended,
+    ),
+    Claim(
+        "notebooks/05-how-long.ipynb",
+        "an SIDM needs a long training. At its best, only training alone needs one",
+        alone_still_gains,
+    ),
+    Claim(
+        "notebooks/05-how-long.ipynb",
+        "Fine-tuning the expert's model is far ahead of both",
+        finetuning_far_ahead,
+    ),
+    Claim(
+        "notebooks/06-rivals.ipynb",
+        "Pretraining and fine-tuning has a loss lower than the SIDM's by a fifth to "
+        "two fifths",
+        joint_training,
+    ),
+    Claim(
+        "notebooks/06-rivals.ipynb",
+        "no method surely beat least squares on the novice alone",
+        recorded_unbeaten,
+    ),
+    Claim(
+        "notebooks/06-rivals.ipynb",
+        "No method that learns from the expert has less",
+        no_loss_beats_process,
+    ),
+    Claim(
+        "notebooks/07-p-expert-and-phases.ipynb",
+        "on the other system neither change surely lowers the loss",
+        balance,
+    ),
+    Claim(
+        "notebooks/08-figure4.ipynb",
+        "more data and fine-tuning bring paths nearer; an SIDM is not seen to",
+        short_paths,
+    ),
+    Claim(
+        "notebooks/09-components.ipynb",
+        "13 of 18 intervals confirm it",
+        planar_components,
+    ),
+    Claim(
+        "notebooks/11-latent-space.ipynb",
+        "are not system invariant",
+        not_invariant,
+    ),
+    Claim(
+        "notebooks/12-least-squares.ipynb",
+        "at all four sizes on both systems, surely so",
+        halved,
+    ),
+    Claim(
+        "notebooks/12-least-squares.ipynb",
+        "it does not always get by with half the data",
+        claim_fails,
+    ),
+    Claim(
+        "notebooks/13-driving.ipynb",
+        "No planner with a learned model does better than the driver that steers "
+        "straight",
+        straight_driver,
+    ),
+    Claim(
+        "notebooks/14-uncertainty.ipynb",
+        "One step ahead, yes; along a path, no.",
+        knows_one_step,
+    ),
+    Claim(
+        "notebooks/15-several-experts.ipynb",
+        "With 8 experts the 95 % interval of the ratio lies above 1 at every size",
+        more_experts_worse,
+    ),
+    Claim(
+        "notebooks/16-recorded-robot.ipynb",
+        "hardly changes the loss",
+        recordings_replaced,
+    ),
+    Claim(
+        "notebooks/18-choices.ipynb",
+        "Of 14 comparisons on five minutes of system 1's data three show a difference",
+        three_of_fourteen,
+    ),
+    Claim(
+        "notebooks/19-hypotheses.ipynb",
+        "Three changes help in all four comparisons",
+        three_changes,
+    ),
+]

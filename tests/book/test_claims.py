@@ -1,0 +1,64 @@
+"""The sentences that a reader would quote stand as they do, and the results say so."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from changed import change
+from claims import CLAIMS, FIRST_PAGE, Book
+from pages import ROOT
+from places import one_at_a_time, shared_by_workers
+
+
+@pytest.fixture(scope="module")
+def book() -> Book:
+    return Book(ROOT / "results")
+
+
+def words_of(page: str) -> str:
+    """The prose of a page: its Markdown, with numbers where cells have shown them."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    if page.endswith(".ipynb"):
+        parts = []
+        for cell in json.loads(text)["cells"]:
+            if cell["cell_type"] == "markdown":
+                parts += [*cell["source"], "\n"]
+            elif cell["source"][:1] == ["%%text\n"]:
+                parts += cell["outputs"][0]["data"]["text/markdown"]
+        text = "".join(parts)
+    return " ".join(text.replace("*", "").split())
+
+
+@pytest.mark.parametrize(
+    "claim", [pytest.param(one, id=f"{one.page}: {one.words}") for one in CLAIMS]
+)
+def test_a_claim_stands_on_its_page_and_the_results_bear_it_out(book, claim):
+    words = words_of(claim.page)
+    assert claim.words.replace("*", "") in words, "the words are gone"
+    assert claim.holds(book), "the results say otherwise: write the page anew"
+
+
+def test_the_first_page_has_claims_and_most_chapters():
+    pages = [claim.page for claim in CLAIMS]
+    assert pages.count(FIRST_PAGE) >= 8 and len(set(pages)) >= 15
+
+
+@pytest.mark.more
+def test_other_results_would_not_bear_the_claims_out(tmp_path_factory):
+    """Most of them: some exchanged values agree with a sentence by chance."""
+    folder = shared_by_workers(tmp_path_factory) / "changed"
+    with one_at_a_time(folder):
+        shutil.rmtree(folder, ignore_errors=True)
+        change(ROOT / "results", folder)
+    other = Book(Path(folder))
+    holding = [claim.words for claim in CLAIMS if holds(claim, other)]
+    assert len(holding) < len(CLAIMS) / 5, holding
+
+
+def holds(claim, book: Book) -> bool:
+    """Whether a claim holds; results that cannot be compared bear nothing out."""
+    try:
+        return bool(claim.holds(book))
+    except (KeyError, IndexError, ValueError, AssertionError):
+        return False
