@@ -58,16 +58,52 @@
 
   const words = (knob, at) => `${knob.shown[at].toLocaleString("en")} ${knob.unit}`;
 
+  const setUp = data.knobs.slice(0, data.setUp);
+  const sizes = data.knobs.map((knob) => knob.shown.length);
+  const setUps = sizes.slice(0, data.setUp).reduce((whole, one) => whole * one);
+  const spring = setUp.findIndex((knob) => knob.name === "spring");
+  const stopAxes = [data.setUp - 2, data.setUp];
+
+  /** One of the paper's robots. */
+  const paperRobot = (number) => {
+    const { name, ...values } = data.robots[number];
+    return { name, values, rides: setUps + number, bodies: data.robotBodies[number] };
+  };
+
+  /** The robot of these sliders. */
+  function ownRobot(at) {
+    const values = { ...data.body, ...Object.fromEntries(setUp.map((knob, i) => [knob.name, knob.values[at[i]]])) };
+    const same = data.robots.find((robot) => Object.keys(values).every((field) => robot[field] === values[field]));
+    const body = position(at.slice(...stopAxes), sizes.slice(...stopAxes));
+    return { name: same?.name ?? "your robot", values, rides: position(at, sizes), bodies: data.bodies[body] };
+  }
+
+  /** The twin of the robot of these sliders that has another spring. */
+  const twin = (number, at) => ({ ...ownRobot(at.map((place, axis) => (axis === spring ? number : place))), name: data.twins[number] });
+
+  /** The sliders at a robot's values. */
+  const placesOf = (values) => setUp.map((knob) => knob.values.indexOf(values[knob.name]));
+
+  /** What the buttons choose: the first robot (null: that of the sliders), its sliders, and the second robot. */
+  const presets = {
+    ...Object.fromEntries(Object.entries(data.pairs).map(([words, [first, second]]) =>
+      [words, () => ({ first, second, at: placesOf(data.robots[first]) })])),
+    "only the springs": ([first, second]) => ({
+      first: null, second: data.robots.length + placesOf(data.robots[second])[spring], at: placesOf(data.robots[first]),
+    }),
+  };
+
   function buildControls(form, changed) {
-    const robot = element("select", { id: "explorer-robot" });
-    data.robots.forEach((one, i) => robot.append(element("option", { value: i }, one.name)));
+    let first = null; // the paper's robot that drives first, unless the sliders' does
+    let [pair] = Object.values(data.pairs); // that a button chose last
+    const second = element("select", { id: "explorer-robot" },
+      ...[["the paper's robots", data.robots.map(({ name }) => name)], ["the same robot with another spring", data.twins]]
+        .map(([label, names], group) => element("optgroup", { label },
+          ...names.map((name, i) => element("option", { value: group * data.robots.length + i }, name)))));
     const brakes = element("input", { id: "explorer-brakes", type: "checkbox", checked: "" });
     const weaves = element("input", { id: "explorer-weaves", type: "checkbox" });
-    robot.value = 1; // another than the sliders start at: two lines to compare
-    form.append(
-      element("div", { class: "explorer-choice" }, element("label", { for: robot.id }, "the paper's robot"), robot),
-    );
-    const sliders = data.knobs.map((knob) => {
+    const choice = (...parts) => element("div", { class: "explorer-choice" }, ...parts);
+    const sliders = data.knobs.map((knob, number) => {
       const id = `explorer-${knob.name}`;
       const range = { id, type: "range", min: 0, max: knob.shown.length - 1, step: 1, value: knob.start };
       const slider = element("input", range);
@@ -76,15 +112,53 @@
         value.textContent = words(knob, slider.valueAsNumber);
         slider.setAttribute("aria-valuetext", value.textContent);
       };
-      slider.addEventListener("input", changed);
-      form.append(element("div", {}, element("label", { for: id }, knob.label), slider, value));
+      slider.addEventListener("input", () => {
+        if (number < data.setUp) first = null;
+        changed();
+      });
+      slider.row = element("div", {}, element("label", { for: id }, knob.label), slider, value);
       return slider;
     });
+    const at = () => sliders.map((slider) => slider.valueAsNumber);
+
+    /** Move the suspension's sliders, and choose robots. */
+    function set(to) {
+      first = to.first;
+      to.at.forEach((place, i) => (sliders[i].value = place));
+      second.value = to.second;
+      changed();
+    }
+    const buttons = Object.entries(presets).map(([label, preset]) => {
+      const button = element("button", { type: "button" }, label);
+      button.addEventListener("click", () => {
+        pair = data.pairs[label] ?? pair;
+        set(preset(pair));
+      });
+      button.show = () => {
+        const here = { first, second: Number(second.value), at: at().slice(0, data.setUp) };
+        button.setAttribute("aria-pressed", JSON.stringify(preset(pair)) === JSON.stringify(here));
+      };
+      return button;
+    });
+    const take = element("button", { type: "button" }, "take its springs, dampers and travel");
+    take.addEventListener("click", () => set({ first: null, second: second.value, at: placesOf(robots()[1].values) }));
+
+    /** Both robots. */
+    function robots() {
+      const [own, other] = [at().slice(0, data.setUp), Number(second.value)];
+      return [
+        first === null ? ownRobot(own) : paperRobot(first),
+        other < data.robots.length ? paperRobot(other) : twin(other - data.robots.length, own),
+      ];
+    }
+
     form.append(
-      element("div", { class: "explorer-choice" }, brakes,
-        element("label", { for: brakes.id }, "joint motors hold the struts, as in the released simulator")),
-      element("div", { class: "explorer-choice" }, weaves,
-        element("label", { for: weaves.id }, "steer right and left, at half throttle")),
+      element("div", { class: "explorer-choice", role: "group", "aria-label": "robots to compare" }, ...buttons),
+      ...sliders.slice(0, data.setUp).map(({ row }) => row),
+      choice(element("label", { for: second.id }, "beside it, as a ghost"), second, take),
+      ...sliders.slice(data.setUp).map(({ row }) => row),
+      choice(brakes, element("label", { for: brakes.id }, "joint motors hold the struts, as in the released simulator")),
+      choice(weaves, element("label", { for: weaves.id }, "steer right and left, at half throttle")),
     );
     brakes.addEventListener("change", changed);
     const throttle = sliders[data.knobs.findIndex((knob) => knob.name === "throttle")];
@@ -93,13 +167,14 @@
       throttle.value = data.weaving;
       changed();
     });
-    robot.addEventListener("change", () => {
-      data.knobs.slice(0, data.setUp).forEach((knob, i) => {
-        sliders[i].value = data.robots[robot.value].knobs[knob.name];
-      });
+    second.addEventListener("change", () => {
+      if (second.value >= data.robots.length) first = null; // a twin is that of the sliders' robot
       changed();
     });
-    return { robot, brakes, weaves, sliders };
+    second.value = presets["only the springs"](pair).second;
+    const show = () => [...sliders, ...buttons].forEach((control) => control.show());
+    const state = () => [...at(), brakes.checked ? 0 : 1, weaves.checked ? 1 : 0, first ?? "own", second.value];
+    return { at, brakes, weaves, robots, show, state };
   }
 
   /** The ground as rectangles for the chart of the path. */
@@ -113,26 +188,84 @@
     });
   }
 
-  /** How a ride went, in a table's cells. */
-  function summary(ride, stops) {
+  const number = (value) => value.toLocaleString("en", { maximumFractionDigits: 3 }).replace("-", "−");
+
+  /** A robot's value, or both ends of its range, in the row's unit; as comparison.py does. */
+  const ends = (row, values) => row.fields.map((field) => row.scale * values[field]);
+  const span = ([low, high]) => (high === undefined ? low : high - low);
+
+  function valueText(row, values) {
+    const both = ends(row, values);
+    const range = both.length > 1 ? ` (${both.map(number).join(" to ")})` : "";
+    return `${number(span(both))} ${row.unit}`.trim() + range;
+  }
+
+  function times(name, first, second) {
+    if (Math.abs(first - second) < 1e-9) return `the same ${name}`;
+    const ratio = Math.max(first, second) / Math.min(first, second);
+    const words = ratio.toFixed(ratio > 9.95 ? 0 : 1).replace(/\.0$/, "");
+    return `${words} times ${first > second ? "the" : "less"} ${name}`;
+  }
+
+  /** How two robots differ, and how far apart their rides end. */
+  function inWords(robots, rides) {
+    const values = robots.map((robot) => robot.values);
+    const ratios = data.rows.slice(0, 3).map((row) => times(row.label, ...values.map((one) => span(ends(row, one)))));
+    const gears = data.rows.slice(3, 5).map((row) => values.map((one) => valueText(row, one)));
+    const [wheels, angle] = gears.map((pair) => pair.join(" against "));
+    const gearing = gears.every(([one, other]) => one === other)
+      ? "The gearing is the same."
+      : `What differs most is the gearing: full throttle asks for wheels at ${wheels}, full steering for an angle of ${angle}.`;
+    const last = Math.min(...rides.map((ride) => ride.length)) - 1; // one may leave the ground earlier
+    const [one, other] = rides.map((ride) => ride[last]);
+    const apart = Math.hypot(one.x - other.x, one.y - other.y, one.z - other.z).toFixed(2);
+    const beside = `${robots[0].name} beside ${robots[1].name}`;
+    return `${beside[0].toUpperCase()}${beside.slice(1)}: ${ratios.join(", ")}. ${gearing} `
+      + `After ${number(last * data.step)} s they are ${apart} m apart.`;
+  }
+
+  const stopsOf = ({ travel_lower: lower, travel_upper: upper }) => [1e3 * lower, 1e3 * upper]; // mm
+
+  /** Shares of the time that struts are at a stop; motors hold the rear ones where they do not meet their upper stop. */
+  function atStops(ride, values, held) {
+    const [lower, upper] = stopsOf(values);
+    const near = (travel, stop) => Math.abs(travel - stop) < 1e3 * data.near;
+    const shares = data.struts.map((name, i) => {
+      const stops = held && data.held.includes(i) ? [lower] : [lower, upper];
+      const there = ride.filter((row) => stops.some((stop) => near(row[`strut ${i}`], stop)));
+      return [name, Math.round((100 * there.length) / ride.length)];
+    });
+    return shares.filter(([, share]) => share).map(([name, share]) => `${name} ${share}\u00a0%`).join(", ") || "none";
+  }
+
+  /** The measures of a ride in words. */
+  function summary(ride, values, held) {
     const range = (name) => {
       const values = ride.map((row) => row[name]);
       return Math.max(...values) - Math.min(...values);
     };
-    const struts = channels.filter((name) => name.startsWith("strut"));
-    const near = (value) => stops.some((stop) => Math.abs(value - stop) < 0.2); // mm
-    const atStops = struts.map((name) => ride.filter((row) => near(row[name])).length / ride.length);
     const end = ride[ride.length - 1];
     return [
       `${Math.hypot(end.x, end.y).toFixed(1)} m`,
       `${(100 * range("z")).toFixed(0)} cm`,
       `${range("pitch").toFixed(0)}° and ${range("roll").toFixed(0)}°`,
-      `${Math.max(...struts.map(range)).toFixed(1)} mm`,
-      `${(100 * Math.max(...atStops)).toFixed(0)} %`,
+      `${Math.max(...data.struts.map((_, i) => range(`strut ${i}`))).toFixed(1)} mm`,
+      atStops(ride, values, held),
     ];
   }
 
-  const HEAD = ["", "distance", "range of height", "range of pitch, roll", "most strut travel", "time at a stop"];
+  /** The robots' values and the measures of their rides. */
+  function fill(table, robots, rides, held) {
+    const rows = data.rows.map((row) => [row.label, ...robots.map(({ values }) => valueText(row, values))]);
+    const measures = robots.map(({ values }, i) => summary(rides[i], values, held));
+    rows.push(...data.measures.map((label, i) => [label, ...measures.map((texts) => texts[i])]));
+    table.replaceChildren(
+      element("thead", {}, element("tr", {}, element("td"),
+        ...robots.map(({ name }, i) => element("th", { scope: "col", class: `explorer-line-${i}` }, name)))),
+      element("tbody", {}, ...rows.map(([label, ...texts]) => element("tr", {},
+        element("th", { scope: "row" }, label), ...texts.map((text) => element("td", {}, text))))),
+    );
+  }
 
   /** Where a chart's axes begin in its picture. */
   const corner = (view) => [view.origin()[0] + view.padding().left, view.origin()[1] + view.padding().top];
@@ -194,12 +327,14 @@
   async function start() {
     const root = document.getElementById("explorer");
     const form = element("form", { class: "explorer-controls", "aria-label": "suspension and drive" });
-    const table = element("table", { class: "table", "aria-live": "polite" });
+    const said = element("p", { class: "explorer-words", "aria-live": "polite" });
+    const table = element("table", { class: "table" });
     const charts = element("div", { class: "explorer-charts" });
-    root.replaceChildren(form, element("div", { class: "explorer-summary" }, table), charts);
+    root.replaceChildren(said, form, element("p", { class: "explorer-scrolls" }, "The table scrolls sideways."),
+      element("div", { class: "explorer-summary" }, table), charts);
     form.addEventListener("submit", (event) => event.preventDefault());
     const replay = window.sidmReplay(document.getElementById("replay"), {
-      label: "Replay: two robots drive over rough ground, your robot solid and the paper's robot as a ghost",
+      label: "Replay: two robots drive over rough ground, the first solid and the second as a ghost",
       film: new URL("robots.webp", script),
     });
 
@@ -228,7 +363,7 @@
 
     /** Draw what the sliders say; while they move on faster than that, only where they got to. */
     async function update() {
-      controls.sliders.forEach((slider) => slider.show());
+      controls.show();
       waiting = true;
       if (drawing) return;
       drawing = true;
@@ -240,39 +375,26 @@
     }
 
     async function draw() {
-      const at = controls.sliders.map((slider) => slider.valueAsNumber);
-      const sizes = data.knobs.map((knob) => knob.shown.length);
+      const [at, robots, state] = [controls.at(), controls.robots(), controls.state().join("-")];
       const [rough, throttle] = at.slice(data.setUp);
-      const brakes = controls.brakes.checked ? 0 : 1;
-      const weaves = controls.weaves.checked ? 1 : 0;
-      const robot = Number(controls.robot.value);
-      const own = position(at.slice(0, data.setUp), sizes.slice(0, data.setUp));
-      const setUps = sizes.slice(0, data.setUp).reduce((whole, one) => whole * one);
+      const held = controls.brakes.checked;
+      const brakes = held ? 0 : 1;
+      const ride = drives * rough + (controls.weaves.checked ? drives - 1 : throttle);
       const take = (text) => unpack(text, data.moments, channels.length);
-      const [ownRides, otherRides, ground] = await Promise.all([
-        piece(`rides-${2 * own + brakes}`, take),
-        piece(`rides-${2 * (setUps + robot) + brakes}`, take),
+      const [ground, ...numbers] = await Promise.all([
         piece(`ground-${rough}`, window.sidmReplay.ground),
+        ...robots.map(({ rides }) => piece(`rides-${2 * rides + brakes}`, take)),
       ]);
-      const ride = drives * rough + (weaves ? drives - 1 : throttle);
-      const both = [ownRides, otherRides].map((numbers) => moments(numbers, ride));
-      const lowest = data.knobs.findIndex((knob) => knob.name === "travel_lower");
-      const names = [data.who[0], data.robots[robot].name];
+      const both = numbers.map((rides) => moments(rides, ride));
       if (roughness !== rough) replay.setGround(ground);
-      const bodies = [data.bodies[at[lowest]], data.robotBodies[robot]];
-      replay.setTracks(both.map((one, i) => track(one, names[i], i, bodies[i][brakes])));
+      replay.setTracks(both.map((one, i) => track(one, robots[i].name, i, robots[i].bodies[brakes])));
       const charted = both.map((one, i) => rows(one, data.who[i]));
-      const stops = [[-data.knobs[lowest].shown[at[lowest]], data.ownUpperStop], data.robots[robot].stops];
-      await chart(charted, stops, rough);
+      await chart(charted, robots.map(({ values }) => stopsOf(values)), rough);
       roughness = rough;
       move(charted);
-      table.replaceChildren(
-        element("thead", {}, element("tr", {}, ...HEAD.map((word) => element("th", { scope: "col" }, word)))),
-        element("tbody", {}, ...charted.map((one, i) => element("tr", { class: `explorer-line-${i}` },
-          element("th", { scope: "row" }, names[i]),
-          ...summary(one, stops[i]).map((word) => element("td", {}, word))))),
-      );
-      root.dataset.shown = [...at, brakes, weaves, robot].join("-"); // what the pictures show now
+      said.textContent = inWords(robots, charted);
+      fill(table, robots, charted, held);
+      root.dataset.shown = state; // what the pictures show now
     }
 
     function chart(both, stops, rough) {

@@ -1,6 +1,6 @@
 """The stored rides of the explorer's page, one for every combination of its sliders.
 
-`companion run --figure explorer` simulates them, in about ten minutes on two cores.
+`companion run --figure explorer` simulates them, in about ten minutes on one core.
 What no slider changes (mass, tyres, gearing) is as in system 1's novice. The paper's
 four robots drive unchanged on the same grounds.
 """
@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from companion.figures.style import system_label
 from companion.numerics import versions
 from sidm.drives import POSITION, QUATERNION
 from sidm.pool import local_pool
@@ -29,16 +30,18 @@ from sidm.replay.rides import (
     weave,
 )
 from sidm.storage import read_arrays, read_record, write_arrays, write_record
-from sidm.systems import ROLES, Robot, Terrain
+from sidm.systems import PAPER_SYSTEMS, ROLES, Robot, Terrain
 from sidm.terrain import generate_terrain
 
 FOLDER = Path("results/explorer")
 BODY = ROBOTS["system1 novice"]
-#: The paper's four robots, which drive with their own suspension.
-PAPER_ROBOTS = {
-    name: ROBOTS[name]
-    for name in (f"system{number} {role}" for number in (1, 2) for role in ROLES)
+#: The paper's pairs, novice and expert, by the words on their buttons.
+PAIRS = {
+    f"{system_label(system)}'s pair": tuple(f"{system} {role}" for role in ROLES)
+    for system in PAPER_SYSTEMS
 }
+#: The paper's four robots, which drive with their own suspension.
+PAPER_ROBOTS = {name: ROBOTS[name] for pair in PAIRS.values() for name in pair}
 TERRAIN_SEED = 3
 STEPS = 40
 SAMPLES = STEPS * SAMPLES_PER_STEP + 1  # samples of a ride: T + 1
@@ -64,23 +67,35 @@ SET_UP = (
         (75.0, 500.0, 3000.0, 10_000.0, 50_000.0),
         BODY.spring,
     ),
-    Knob("damping", "damping", "N s/m", (1.0, 20.0, 50.0, 100.0), BODY.damping),
+    Knob("damping", "damping", "N s/m", (1.0, 50.0, 100.0), BODY.damping),
     Knob(
         "travel_lower",
         "longest extension",
         "mm",
-        (-0.005, -0.01, -0.02, -0.03),
+        (-0.01, -0.02),
         BODY.travel_lower,
         -1000.0,
+    ),
+    Knob(
+        "travel_upper",
+        "deepest compression",
+        "mm",
+        (0.0, 0.003),
+        BODY.travel_upper,
+        1000.0,
     ),
 )
 #: Sliders of the drive.
 DRIVE = (
-    Knob("roughness", "height scale of the rocks", "m", (0.0, 0.2, 0.35, 0.9), 0.35),
-    Knob("throttle", "throttle", "of full", (0.25, 0.5, 0.75, 1.0), 0.5),
+    Knob("roughness", "height scale of the rocks", "m", (0.0, 0.35, 0.9), 0.35),
+    Knob("throttle", "throttle", "of full", (0.25, 0.5, 1.0), 0.5),
 )
 #: All sliders. The stored rides have one axis for each, in this order.
 KNOBS = SET_UP + DRIVE
+#: Those of its stops, on which depends what is drawn of the robot.
+STOPS = SET_UP[2:]
+#: Springs, N/m, of the twins: robots that equal another one but for the spring.
+SPRINGS = SET_UP[0].values
 #: Whether the joint motors hold the struts, as in the recorded robots. The rides have
 #: an axis for it between the axes of SET_UP and of DRIVE.
 BRAKES = (True, False)
@@ -111,11 +126,11 @@ class Grid(NamedTuple):
     """The stored rides.
 
     Attributes:
-        rides: (5, 4, 4, 2, 4, 5, T + 1, C) int16; axes of SET_UP, BRAKES, roughness,
+        rides: (5, 3, 2, 2, 2, 3, 4, T + 1, C) int16; axes of SET_UP, BRAKES, roughness,
             drive, time and CHANNELS
-        robots: (4, 2, 4, 5, T + 1, C) int16; the same with one axis of PAPER_ROBOTS in
+        robots: (4, 2, 3, 4, T + 1, C) int16; the same with one axis of PAPER_ROBOTS in
             place of SET_UP
-        packed: packed rides (4, 5, T + 1, C) of each robot, with held, then with free
+        packed: packed rides (3, 4, T + 1, C) of each robot, with held, then with free
             struts: first the robots of SET_UP, then PAPER_ROBOTS
         numerics: versions of the numerics that made the rides
     """
@@ -141,6 +156,11 @@ def whole_numbers(ride: Ride) -> np.ndarray:
     return np.clip(numbers, GONE, -GONE - 1).astype(np.int16)
 
 
+def twin_name(spring: float) -> str:
+    """What the twin with this spring, N/m, is called."""
+    return f"its twin with {spring:,.0f} N/m"
+
+
 def ground(roughness: float) -> np.ndarray:
     """Heights (300, 300), m, of the ground whose rocks have that height scale, m."""
     return generate_terrain(Terrain(cell_height_scale=roughness), TERRAIN_SEED)
@@ -163,7 +183,7 @@ def simulate(
         drives: numbers of drives; the last drive of all weaves.
 
     Returns:
-        Whole numbers (4, drives, T + 1, C) int16, one ground after the other.
+        Whole numbers (3, drives, T + 1, C) int16, one ground after the other.
     """
     from sidm.simulation import Simulator
 

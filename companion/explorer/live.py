@@ -6,19 +6,36 @@ import atexit
 import base64
 import contextlib
 import functools
+import html
 from concurrent.futures import Executor, Future
 from typing import Any
 
+from companion.explorer.comparison import in_words, table_html
+from companion.explorer.grid import PAIRS, SPRINGS, twin_name
 from companion.explorer.views import picture, rides_figure
+from companion.figures.style import system_label
 from sidm.pool import process_pool
 from sidm.replay.rides import ROBOTS, Ride, find_robot, ride
 from sidm.replay.viewer import replay
 from sidm.systems import Robot, Terrain
 
-SET_UP = ("spring", "damping", "travel_lower")  # fields of Robot that sliders change
+#: Fields of Robot that sliders change -> the slider's units in one of the field's.
+SET_UP = {"spring": 1, "damping": 1, "travel_lower": 1000, "travel_upper": 1000}
 #: Heights on each side of the ground, 20 m. No ride goes farther, and such a ground is
 #: built in a third of the time that a recorded one takes.
 SIZE = 201
+YOURS = "your robot"
+ALT = (
+    "Height of the body, tilt, travel of the struts between their stops and path over "
+    "the ground: {} solid, {} dashed"
+)
+#: of what the widgets show as HTML
+LOOK = """<style>
+.explorer-words { line-height: 1.4; max-width: 34rem; }
+.explorer-words table { border-collapse: collapse; }
+.explorer-words :is(th, td) { padding-right: 0.8em; text-align: left; }
+.explorer-words [scope="row"] { font-weight: normal; }
+</style>"""
 
 
 @functools.lru_cache(maxsize=64)
@@ -58,116 +75,195 @@ def both_rides(first: Robot, second: Robot, *settings: Any) -> tuple[Ride, Ride]
     return _cached_ride(first, *settings), other.result()
 
 
+def softer(robot: Robot) -> float:
+    """The next softer of SPRINGS, N/m; the stiffest for a robot with the softest."""
+    return max((one for one in SPRINGS if one < robot.spring), default=SPRINGS[-1])
+
+
 def explorer(
-    first: str = "system1 novice", second: str = "system1 expert", steps: int = 25
+    first: str = "system1 novice", second: str | None = None, steps: int = 25
 ) -> Any:
-    """Sliders for the set-up of one robot beside another, unchanged robot.
+    """Sliders for the suspension of one robot beside another one.
 
     Args:
         first: the robot of ROBOTS that the sliders start from.
-        second: the robot of ROBOTS that it is compared with.
+        second: the robot of ROBOTS that it is compared with; None: its twin with a
+            softer spring.
         steps: control steps of a ride.
 
     Returns:
-        An ipywidgets box with the controls, which can also choose both robots, the
-        picture, and the rides in three dimensions.
+        An ipywidgets box with the controls, both robots in words, the picture, and the
+        rides in three dimensions.
 
     Raises:
         ConfigError: there is no such robot.
     """
     import ipywidgets as widgets
 
-    find_robot(first), find_robot(second)
-    robots, knobs, moving = _controls(widgets, first, second)
-    screen = widgets.Image(format="png")
-    film = widgets.HTML(layout=widgets.Layout(width="100%"))
+    softer_twin = softer(find_robot(first))
+    find_robot(second or first)
+    controls, robots, knobs, buttons = _controls(widgets, first, second or softer_twin)
+    words = widgets.HTML(layout={"flex": "1 1 24em"})  # beside the controls, or below
+    screen, film = (widgets.HTML(layout={"width": "100%"}) for _ in range(2))
+    pair, *_ = sorted(PAIRS.values(), key=lambda names: first not in names)
     setting_up = False
 
-    def show(_: Any = None) -> None:
+    def yours() -> Robot:
+        set_up = {name: knobs[name].value / scale for name, scale in SET_UP.items()}
+        return find_robot(robots["first"].value).replace(**set_up)
+
+    def other() -> Robot:
+        chosen = robots["second"].value
+        if isinstance(chosen, str):
+            return find_robot(chosen)
+        return yours().replace(spring=chosen)
+
+    def show(_: Any = None, scroll: bool = False) -> None:
+        """Simulate and draw both robots, unless sliders are being set."""
         if setting_up:
             return
-        value = {name: knob.value for name, knob in knobs.items()}
-        set_up = {name: value[name] for name in SET_UP}
-        yours = find_robot(robots["first"].value).replace(**set_up)
-        other = robots["second"].value
-        drive = (value["roughness"], value["terrain_seed"], value["throttle"], steps)
-        pair = both_rides(yours, find_robot(other), *drive, value["strut_motors"])
-        rides = dict(zip(("yours", other), pair, strict=True))
-        screen.value = picture(rides_figure(rides))
-        film.value = replay(rides)._repr_html_() if moving.value else ""
+        start, chosen = (choice.value for choice in robots.values())
+        names = [
+            start if yours() == find_robot(start) else YOURS,
+            chosen if isinstance(chosen, str) else twin_name(chosen),
+        ]
+        drive = [
+            knobs[name].value for name in ("roughness", "terrain_seed", "throttle")
+        ]
+        motors = knobs["strut_motors"].value
+        rides = both_rides(yours(), other(), *drive, steps, motors)
+        labels = [system_label(name) for name in names]
+        by_label = dict(zip(labels, rides, strict=True))
+        told = f'<p role="status">{html.escape(in_words(by_label))}</p>'
+        table = table_html(by_label)
+        words.value = f'{LOOK}<div class="explorer-words">{told}{table}</div>'
+        png = picture(rides_figure(dict(zip(names, rides, strict=True))))
+        screen.value = _image(png, ALT.format(*labels))
+        film.value = _film(by_label, scroll) if buttons["drive"].value else ""
 
-    def start(_: Any = None) -> None:
-        """Set the sliders to the first robot's values, and draw once."""
+    def take(robot: Robot, **chosen: Any) -> None:
+        """Set the sliders to a robot's suspension, and draw once."""
         nonlocal setting_up
-        setting_up, robot = True, find_robot(robots["first"].value)
-        for name in SET_UP:
-            knobs[name].value = getattr(robot, name)
+        setting_up = True
+        for name, value in chosen.items():
+            robots[name].value = value
+        for name, scale in SET_UP.items():
+            knobs[name].value = scale * getattr(robot, name)
         setting_up = False
         show()
 
+    def start(_: Any = None) -> None:
+        if not setting_up:
+            take(find_robot(robots["first"].value))
+
+    def choose(names: tuple[str, ...]) -> None:
+        nonlocal pair
+        pair = names
+        take(find_robot(names[0]), first=names[0], second=names[1])
+
+    def only_springs(_: Any) -> None:
+        novice, expert = pair
+        take(find_robot(novice), first=novice, second=find_robot(expert).spring)
+
     start()
     robots["first"].observe(start, names="value")
-    for knob in (robots["second"], *knobs.values(), moving):
+    for knob in (robots["second"], *knobs.values()):
         knob.observe(show, names="value")
-    controls = widgets.VBox([*robots.values(), *knobs.values(), moving])
-    row = widgets.Layout(flex_flow="row wrap")
-    return widgets.HBox([controls, screen, film], layout=row)
+    buttons["drive"].observe(lambda _: show(scroll=True), names="value")
+    buttons["take"].on_click(lambda _: take(other()))
+    for words_on_it, names in PAIRS.items():
+        buttons[words_on_it].on_click(lambda _, names=names: choose(names))
+    buttons["springs"].on_click(only_springs)
+    return widgets.HBox(
+        [controls, words, screen, film], layout={"flex_flow": "row wrap"}
+    )
 
 
-def _controls(widgets: Any, first: str, second: str) -> tuple[dict, dict, Any]:
+def _image(png: bytes, alt: str) -> str:
+    """A picture for a page; `widgets.Image` has no alternative text."""
+    content = base64.b64encode(png).decode()
+    look = f'alt="{html.escape(alt)}" style="max-width: 100%"'
+    return f'<img {look} src="data:image/png;base64,{content}">'
+
+
+def _film(rides: dict[str, Ride], scroll: bool) -> str:
+    """Rides in three dimensions; the page may scroll there."""
+    frame = replay(rides)._repr_html_()
+    seen = "<iframe onload=\"this.scrollIntoView({block: 'nearest'})\""
+    return frame.replace("<iframe", seen, 1) if scroll else frame
+
+
+def _controls(
+    widgets: Any, first: str, second: str | float
+) -> tuple[Any, dict[str, Any], dict[str, Any], dict[str, Any]]:
     """The controls of the explorer.
 
     Returns:
-        The choices of the two robots by 'first' and 'second', the sliders by setting,
-        and the button that shows the rides in three dimensions.
+        All in a box; the choices of the two robots by 'first' and 'second'; the sliders
+        by setting; the buttons by 'drive', 'take', 'springs' and the names of PAIRS.
     """
     wide: dict[str, Any] = {
-        "style": {"description_width": "13em"},
-        "layout": widgets.Layout(width="31em"),
+        "style": {"description_width": "15em"},
+        "layout": {"width": "33em", "max_width": "100%"},
     }
 
-    def choice(robot: str, description: str) -> Any:
+    def choice(options: Any, value: Any, description: str) -> Any:
         return widgets.Dropdown(
-            options=list({**ROBOTS, robot: None}),
-            value=robot,
-            description=description,
-            **wide,
+            options=options, value=value, description=description, **wide
         )
 
-    def slider(description: str, start: float = 0.0, **values: Any) -> Any:
-        return widgets.FloatSlider(
-            start, description=description, continuous_update=False, **values, **wide
-        )
+    def slider(description: str, kind: str = "Float", **values: Any) -> Any:
+        make = getattr(widgets, f"{kind}Slider")
+        look = {"description": description, "continuous_update": False} | wide
+        return make(**look, **values)
 
+    def button(description: str) -> Any:
+        look = {"width": "auto", "align_self": "flex-start"}
+        return widgets.Button(description=description, layout=look)
+
+    others = [name for name in (first, second) if isinstance(name, str)]
+    named = [(system_label(name), name) for name in dict.fromkeys([*ROBOTS, *others])]
+    twins = [(twin_name(spring), spring) for spring in SPRINGS]
     robots = {
-        "first": choice(first, "your robot starts as"),
-        "second": choice(second, "compared with"),
+        "first": choice(named, first, "your robot starts as"),
+        "second": choice(named + twins, second, "compared with"),
     }
+    whole: dict[str, Any] = {"readout_format": ",.0f"}
     knobs = {
-        "spring": widgets.FloatLogSlider(
-            min=1.5, max=5, description="spring (N/m)", continuous_update=False, **wide
-        ),
-        "damping": slider("damping (N s/m)", min=0, max=200),
+        "spring": slider("spring (N/m)", "FloatLog", min=1.5, max=5, **whole),
+        "damping": slider("damping (N s/m)", min=0, max=200, **whole),
         "travel_lower": slider(
-            "longest extension (m)",
-            min=-0.03,
-            max=-0.002,
-            step=0.001,
-            readout_format=".3f",
+            "longest extension (mm)", min=-30, max=-2, step=1, **whole
         ),
-        "throttle": slider("throttle", 0.5, min=-1, max=1, step=0.05),
-        "roughness": slider("rock height scale (m)", 0.35, min=0, max=0.9, step=0.05),
-        "terrain_seed": widgets.IntSlider(
-            0, min=0, max=20, description="terrain", continuous_update=False, **wide
+        "travel_upper": slider(
+            "deepest compression (mm)", min=0, max=10, step=1, **whole
         ),
+        "throttle": slider("throttle", value=0.5, min=-1, max=1, step=0.05),
+        "roughness": slider(
+            "rock height scale (m)", value=0.35, min=0, max=0.9, step=0.05
+        ),
+        "terrain_seed": slider("terrain", "Int", min=0, max=20),
         "strut_motors": widgets.Checkbox(
-            True, description="joint motors hold the struts, as recorded", **wide
+            True, description="joint motors hold the struts", indent=False
         ),
     }
-    moving = widgets.ToggleButton(
-        description="see them drive", tooltip="the rides in three dimensions"
-    )
-    return robots, knobs, moving
+    buttons = {
+        **{words: button(words) for words in PAIRS},
+        "springs": button("only the springs"),
+        "take": button("take its springs, dampers and travel"),
+        "drive": widgets.ToggleButton(
+            description="see them drive", tooltip="the rides in three dimensions"
+        ),
+    }
+    presets = widgets.HBox([*map(buttons.get, PAIRS), buttons["springs"]])
+    box = [
+        presets,
+        *robots.values(),
+        buttons["take"],
+        *knobs.values(),
+        buttons["drive"],
+    ]
+    return widgets.VBox(box), robots, knobs, buttons
 
 
 def with_picture(box: Any) -> dict[str, Any]:
@@ -175,5 +271,5 @@ def with_picture(box: Any) -> dict[str, Any]:
 
     It is meant for `display(..., raw=True)`.
     """
-    png = base64.b64encode(box.children[1].value).decode()
+    png = box.children[2].value.partition("base64,")[2].partition('"')[0]
     return box._repr_mimebundle_() | {"image/png": png}

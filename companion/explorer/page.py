@@ -8,6 +8,8 @@ Vega's libraries.
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +19,7 @@ import altair as alt
 import numpy as np
 import vl_convert
 
+from companion.explorer import comparison
 from companion.explorer.grid import (
     BODY,
     BRAKES,
@@ -25,16 +28,20 @@ from companion.explorer.grid import (
     FOLDER,
     GONE,
     KNOBS,
+    PAIRS,
     PAPER_ROBOTS,
     SAMPLES,
     SET_UP,
+    SPRINGS,
     STEPS,
+    STOPS,
     WEAVING,
     Grid,
     Knob,
     ground,
+    twin_name,
 )
-from companion.figures.style import half_width
+from companion.figures.style import half_width, system_label
 from sidm.drives import CONTROL_STEP, Ground
 from sidm.replay import scene
 from sidm.replay.packing import text
@@ -44,7 +51,7 @@ from sidm.replay.skeleton import heave_curves, rover_skeleton
 from sidm.replay.viewer import SCRIPTS, STYLE, static
 from sidm.systems import GRID_SPACING, Robot
 
-WHO = ("your robot", "the robot named")
+WHO = ("first", "second")
 COLOURS = scene.COLOURS[: len(WHO)]  # as in the replay
 #: Left, right, low and high end of the ground that the charts show, m.
 VIEW = (-1.5, 14.5, -5.0, 5.0)
@@ -145,17 +152,10 @@ def _knob_json(knob: Knob) -> dict[str, Any]:
         "name": knob.name,
         "label": knob.label,
         "unit": knob.unit,
+        "values": knob.values,
         "shown": [round(knob.shown * value, 6) for value in knob.values],
         "start": knob.values.index(knob.start),
     }
-
-
-def _set_up(name: str) -> dict[str, Any]:
-    """The positions of the sliders for one of the paper's robots, and its stops, mm."""
-    robot = PAPER_ROBOTS[name]
-    at = {knob.name: knob.values.index(getattr(robot, knob.name)) for knob in SET_UP}
-    stops = [1e3 * robot.travel_lower, 1e3 * robot.travel_upper]
-    return {"name": name, "knobs": at, "stops": stops}
 
 
 def _bodies(robots: list[Robot]) -> list[list[dict[str, Any]]]:
@@ -177,15 +177,31 @@ def _bodies(robots: list[Robot]) -> list[list[dict[str, Any]]]:
 
 def contents() -> dict[str, Any]:
     """All that explorer.js needs beside the rides, as JSON types."""
-    lowest = _knob("travel_lower").values
+    names = list(PAPER_ROBOTS)
+    stops = [
+        BODY.replace(travel_lower=lower, travel_upper=upper)
+        for lower, upper in itertools.product(*(knob.values for knob in STOPS))
+    ]
     return {
         "who": WHO,
         "knobs": [_knob_json(knob) for knob in KNOBS],
         "setUp": len(SET_UP),
         "weaving": DRIVE[1].values.index(WEAVING),
-        "robots": [_set_up(name) for name in PAPER_ROBOTS],
+        "body": dataclasses.asdict(BODY),
+        "robots": [
+            dataclasses.asdict(robot) | {"name": system_label(name)}
+            for name, robot in PAPER_ROBOTS.items()
+        ],
+        "pairs": {
+            words: [names.index(name) for name in pair] for words, pair in PAIRS.items()
+        },
+        "twins": [twin_name(spring) for spring in SPRINGS],
+        "rows": [row._asdict() for row in comparison.ROWS],
+        "measures": comparison.MEASURES,
+        "struts": STRUTS,
+        "held": comparison.HELD,
+        "near": comparison.NEAR,
         "channels": CHANNELS,
-        "ownUpperStop": 1e3 * BODY.travel_upper,
         "gone": GONE,
         "moments": SAMPLES,
         "step": SAMPLE_TIME,
@@ -193,7 +209,7 @@ def contents() -> dict[str, Any]:
         "grounds": [_ground(scale) for scale in _knob("roughness").values],
         "charts": charts(),
         "colours": COLOURS,
-        "bodies": _bodies([BODY.replace(travel_lower=value) for value in lowest]),
+        "bodies": _bodies(stops),
         "robotBodies": _bodies(list(PAPER_ROBOTS.values())),
     }
 

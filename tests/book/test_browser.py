@@ -5,6 +5,7 @@ They are tested in light and dark, in a window of a desk and of a phone.
 
 import functools
 import gzip
+import re
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
@@ -14,10 +15,14 @@ from pages import DESK, contents, watched
 from pdf import chromium
 
 from companion import Results, Study
+from companion.explorer import grid
+from companion.explorer.comparison import ROWS, robots_in_words, value_text
+from companion.figures.style import system_label
 from companion.statistics.intervals import Interval
 from companion.statistics.stopping_rules import RULES
 from companion.studies.decisive import verdicts
 from companion.studies.decisive.along import along_training
+from sidm.replay import ROBOTS
 
 PHONE = {"width": 375, "height": 800}
 EXPLORER = "book/explorer"
@@ -250,6 +255,23 @@ def pictures(page) -> list[str]:
     )
 
 
+def changed(page, act) -> str:
+    """Do something to the explorer; what it says of both robots after that."""
+    shown = page.get_attribute("#explorer", "data-shown")
+    act()
+    page.wait_for_function(
+        "shown => document.getElementById('explorer').dataset.shown !== shown",
+        arg=shown,
+    )
+    return page.locator(".explorer-words").inner_text()
+
+
+def press(page, name: str) -> str:
+    """Press one of the explorer's buttons; what it says of both robots after that."""
+    button = page.locator(".explorer-controls").get_by_role("button", name=name)
+    return changed(page, button.click)
+
+
 @pytest.mark.parametrize(
     "size", [DESK, pytest.param(PHONE, marks=pytest.mark.more)], ids=["desk", "phone"]
 )
@@ -264,11 +286,8 @@ def test_every_slider_changes_the_pictures(visit, size):
     for number in range(sliders.count()):
         slider = sliders.nth(number)
         before, words = pictures(page), slider.get_attribute("aria-valuetext")
-        shown = page.get_attribute("#explorer", "data-shown")
-        slider.press("ArrowLeft")
-        page.wait_for_function(
-            f"() => document.getElementById('explorer').dataset.shown !== '{shown}'"
-        )
+        key = "ArrowRight" if slider.input_value() == "0" else "ArrowLeft"
+        changed(page, functools.partial(slider.press, key))
         assert slider.get_attribute("aria-valuetext") != words
         assert all(
             now != other for now, other in zip(before, pictures(page), strict=True)
@@ -286,19 +305,56 @@ def test_charts_keep_to_their_panels(visit):
         page.wait_for_function(fits)
 
 
-@pytest.mark.more
-def test_choosing_a_robot_sets_the_sliders_and_draws_both(visit):
+def test_the_explorer_says_how_its_robots_differ(visit):
+    """Words and numbers are those of the live explorer, whatever a button shows."""
     page = visit(EXPLORER)
-    before = pictures(page)
-    page.select_option("#explorer-robot", label="system2 expert")
-    page.wait_for_function(
-        "() => document.getElementById('explorer').dataset.shown.endsWith('-3')"
-    )
-    assert page.locator("#explorer-spring").get_attribute("aria-valuetext") == "75 N/m"
-    assert (
-        "system2 expert" in page.locator("#explorer table").inner_text()
-        and pictures(page) != before
-    )
+    said = page.locator(".explorer-words").inner_text()
+    assert said.startswith("System 1 novice beside its twin with 10,000 N/m: 5 times")
+    assert "The gearing is the same." in said
+    for words, names in grid.PAIRS.items():
+        robots = [ROBOTS[name] for name in names]
+        labels = [system_label(name) for name in names]
+        assert press(page, words).startswith(robots_in_words(robots, labels))
+        rows = page.locator("#explorer tbody tr").all_inner_texts()
+        for row in ROWS:
+            cells = [row.label, *(value_text(row, robot) for robot in robots)]
+            assert "\t".join(cells) in rows
+    assert page.get_by_role("button", name="system 2's pair", pressed=True).count() == 1
+    said = press(page, "only the springs")
+    assert "667 times the spring, the same damping, the same travel" in said
+    assert "13 mm (−10 to 3)\t13 mm (−10 to 3)" in page.inner_text("#explorer table")
+
+
+def test_a_ghost_leaves_the_sliders_alone_until_its_springs_are_taken(visit):
+    page = visit(EXPLORER)
+    before, spring = pictures(page), page.locator("#explorer-spring")
+    ghost = page.locator("#explorer-robot")
+    said = changed(page, lambda: ghost.select_option(label="system 2 expert"))
+    assert "beside system 2 expert: 667 times the spring" in said
+    assert spring.get_attribute("aria-valuetext") == "50,000 N/m"
+    assert pictures(page) != before
+    said = press(page, "take its springs, dampers and travel")
+    assert "the same spring, the same damping, the same travel" in said
+    assert spring.get_attribute("aria-valuetext") == "75 N/m"
+
+
+@pytest.mark.more
+def test_struts_at_a_stop_are_named(visit):
+    """Soft struts that no motor holds meet their stops."""
+    page = visit(EXPLORER)
+    row = page.locator("#explorer tbody tr", has_text="time at a stop")
+    assert "rear" not in row.inner_text(), "the motors hold the rear struts at 0 mm"
+    press(page, "system 2's pair")
+    changed(page, lambda: page.locator("#explorer-brakes").press("Space"))
+    assert re.search(r"rear right \d+\s%.*front left \d+\s%", row.inner_text())
+
+
+@pytest.mark.more
+@pytest.mark.parametrize(("width", "scrolls"), [(PHONE["width"], False), (220, True)])
+def test_a_table_that_scrolls_says_so(visit, width, scrolls):
+    page = visit(EXPLORER, PHONE | {"width": width})
+    page.evaluate(FRAMES)
+    assert page.get_by_text("The table scrolls sideways.").is_visible() == scrolls
 
 
 def test_figure_3_can_be_touched(visit):

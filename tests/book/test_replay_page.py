@@ -102,18 +102,23 @@ def test_frames_differ_while_it_plays_and_not_while_it_is_paused(visit):
 
 
 def test_the_robots_stand_where_the_stored_rides_say(visit):
-    """At three times, both robots of the scene are at their stored places."""
+    """At three times, both robots are at their stored places: twins, and a pair."""
     page, stored = visit(), grid.read(ROOT / grid.FOLDER)
     pause(page)
-    at = [knob.values.index(knob.start) for knob in grid.KNOBS]
-    novice, expert = stored.rides[(*at[:3], 0, *at[3:])], stored.robots[(1, 0, *at[3:])]
-    for moment in (0, 31, 80):
-        values = page.evaluate(PLACES, SAMPLE_TIME * moment)
-        for place, numbers in zip(
-            values, (novice[moment], expert[moment]), strict=True
-        ):
-            assert place[:3] == pytest.approx(numbers[:3] / 500, abs=1e-5)
-            assert place[3:6] == pytest.approx(numbers[3:6] / 2000, abs=1e-3)
+    spring, *others = [knob.values.index(knob.start) for knob in grid.KNOBS]
+    rest, drive = others[: len(grid.SET_UP) - 1], others[len(grid.SET_UP) - 1 :]
+    twins = [stored.rides[(at, *rest, 0, *drive)] for at in (spring, spring - 1)]
+    pair = [stored.robots[(number, 0, *drive)] for number in (0, 1)]
+    for rides, press in ((twins, None), (pair, "system 1's pair")):
+        if press:
+            change(page, page.get_by_role("button", name=press).click)
+        for moment in (0, 31, 80):
+            values = page.evaluate(PLACES, SAMPLE_TIME * moment)
+            for place, numbers in zip(
+                values, (one[moment] for one in rides), strict=True
+            ):
+                assert place[:3] == pytest.approx(numbers[:3] / 500, abs=1e-5)
+                assert place[3:6] == pytest.approx(numbers[3:6] / 2000, abs=1e-3)
     assert np.hypot(*(np.array(values[0]) - values[1])[:2]) > 0.3, (
         "novice and expert go apart"
     )
@@ -180,7 +185,7 @@ def test_the_ghost_appears_and_stands_beside(visit):
     first, second = page.evaluate(opacity)
     assert first == 1 and 0.2 < second < 0.7
     names = page.locator(".replay-names li").all_inner_texts()
-    assert names[1].startswith("system1 expert")
+    assert names[1].startswith("its twin with 10,000 N/m")
     assert "m from the first" in page.locator(".replay-names li").nth(1).inner_text()
 
 

@@ -15,6 +15,7 @@ from companion.explorer.live import (
     both_rides,
     explorer,
     helper_process,
+    softer,
     with_picture,
 )
 from companion.explorer.views import rides_figure
@@ -27,6 +28,7 @@ from sidm.systems import Terrain
 
 ROOT = Path(__file__).parents[3]
 GROUND = Terrain(cell_height_scale=0.35)
+GEARS = ("throttle_scale", "steering_scale")
 
 
 def test_a_ride_has_its_steps_and_repeats(rides):
@@ -104,22 +106,72 @@ def test_two_rides_at_once_are_those_one_after_the_other():
         assert one.robot == robot and np.array_equal(one.states, alone.states)
 
 
-def test_sliders_and_choices_draw_anew_and_a_button_shows_them_driving():
+@pytest.fixture
+def live():
+    """The explorer's parts by what a reader calls them, and its box."""
     box = explorer(steps=3)
-    controls, screen, film = box.children
-    knobs = {knob.description.split()[0]: knob for knob in controls.children}
+    controls, words, screen, film = box.children
+    presets, *others = controls.children
+    parts = {part.description: part for part in (*presets.children, *others)}
+    return parts, words, screen, film, box
+
+
+def test_sliders_and_choices_draw_anew_and_a_button_shows_them_driving(live):
+    parts, words, screen, film, box = live
     first = screen.value
-    assert base64.b64decode(with_picture(box)["image/png"]) == first
-    assert first[:4] == b"\x89PNG"
+    assert with_picture(box)["image/png"] in first
+    assert base64.b64decode(with_picture(box)["image/png"])[:4] == b"\x89PNG"
+    assert 'alt="Height of the body' in first
     assert film.value == ""
-    knobs["see"].value = True
+    parts["see them drive"].value = True
     shown = film.value
-    assert "<iframe" in shown and "system1 expert" in shown
-    knobs["spring"].value = 100.0
+    assert "<iframe" in shown and "its twin with 10,000 N/m" in shown
+    assert "scrollIntoView" in shown
+    parts["spring (N/m)"].value = 100.0
     assert screen.value != first and "<iframe" in film.value and film.value != shown
+    assert "scrollIntoView" not in film.value, "the page stays where it is"
+    assert "your robot" in words.value
     second = screen.value
-    knobs["your"].value = "system2 expert"
-    assert knobs["spring"].value == pytest.approx(75.0) and screen.value != second
+    parts["your robot starts as"].value = "system2 expert"
+    assert parts["spring (N/m)"].value == pytest.approx(75.0)
+    assert screen.value != second and "system 2 expert" in words.value
+
+
+def test_it_opens_with_a_robot_and_its_softer_twin(live):
+    _, words, *_ = live
+    assert (
+        "System 1 novice beside its twin with 10,000 N/m: 5 times the spring, the same "
+        "damping, the same travel. The gearing is the same." in words.value
+    )
+
+
+def test_buttons_choose_the_pairs_and_only_their_springs(live):
+    parts, words, *_ = live
+    parts["system 2's pair"].click()
+    assert "667 times the spring, 100 times the damping, 1.5 times less travel" in (
+        words.value
+    )
+    assert "What differs most is the gearing" in words.value
+    parts["only the springs"].click()
+    assert "667 times the spring, the same damping, the same travel" in words.value
+    assert parts["deepest compression (mm)"].value == 3
+    parts["system 1's pair"].click()
+    assert "5 times the spring, 2 times the damping, the same travel" in words.value
+
+
+def test_a_ghost_leaves_the_sliders_alone_until_its_springs_are_taken(live):
+    parts, words, *_ = live
+    parts["compared with"].value = "system2 novice"
+    assert parts["longest extension (mm)"].value == -20
+    parts["take its springs, dampers and travel"].click()
+    assert parts["longest extension (mm)"].value == -10
+    assert parts["deepest compression (mm)"].value == 3
+    assert "the same spring, the same damping, the same travel" in words.value
+
+
+def test_the_softest_robot_opens_beside_a_stiffer_one():
+    assert softer(ROBOTS["system1 novice"]) == 10_000
+    assert softer(ROBOTS["system2 expert"]) == 50_000
 
 
 def test_an_unknown_robot_is_named_with_the_nearest():
@@ -141,7 +193,7 @@ def test_the_stored_rides_are_of_todays_physics(stored):
 @pytest.mark.more
 def test_a_stored_ride_is_what_is_simulated(stored):
     """The first second agrees; later, different rounding may have grown."""
-    at = (1, 2, 3)
+    at = (1, 2, 1, 1)
     robot = grid.BODY.replace(
         **{knob.name: knob.values[i] for knob, i in zip(grid.SET_UP, at, strict=True)}
     )
@@ -177,22 +229,17 @@ def test_stored_numbers_end_where_the_ground_does():
 
 
 def test_the_page_has_what_was_stored(stored):
-    contents, pieces = page.contents(), dict(page.pieces(stored, ROOT / grid.FOLDER))
-    one = unpack(base64.b64decode(pieces["rides-3"]), stored.rides.shape[4:])
-    assert np.array_equal(one, stored.rides[0, 0, 1, 1])
+    pieces = dict(page.pieces(stored, ROOT / grid.FOLDER))
+    one = unpack(base64.b64decode(pieces["rides-3"]), stored.rides.shape[5:])
+    assert np.array_equal(one, stored.rides[0, 0, 0, 1, 1])
     assert np.array_equal(
-        unpack(base64.b64decode(pieces["rides-167"]), one.shape), stored.robots[3, 1]
+        unpack(base64.b64decode(pieces["rides-127"]), one.shape), stored.robots[3, 1]
     )
-    for robot, chosen in zip(ROBOTS.values(), contents["robots"], strict=True):
-        shown = {
-            knob["name"]: knob["shown"][chosen["knobs"][knob["name"]]]
-            for knob in contents["knobs"][:3]
-        }
-        assert shown == {
-            "spring": robot.spring,
-            "damping": robot.damping,
-            "travel_lower": -1e3 * robot.travel_lower,
-        }
+
+
+def test_sliders_reach_the_suspension_of_every_robot_of_the_paper():
+    for robot in grid.PAPER_ROBOTS.values():
+        assert all(getattr(robot, knob.name) in knob.values for knob in grid.SET_UP)
 
 
 @pytest.mark.more
@@ -207,7 +254,7 @@ from companion.explorer import grid, page
 from sidm.replay import find_robot
 assert find_robot("soft novice").spring == 500
 robots = [robot["name"] for robot in page.contents()["robots"]]
-assert robots == list(grid.PAPER_ROBOTS) and len(robots) == 4
+assert len(robots) == len(grid.PAPER_ROBOTS) == 4 and "soft novice" not in robots
 """
     result = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True
@@ -225,20 +272,35 @@ def test_the_page_says_what_the_rides_show(stored):
 
     Soft springs let a strut use nearly all of its travel.
     """
-    rough, half = 2, 1
+    rough, half = 1, 1
     assert [
         knob.values[at] for knob, at in zip(grid.DRIVE, (rough, half), strict=True)
     ] == [0.35, 0.5]
-    rides = np.where(stored.rides == grid.GONE, np.nan, stored.rides.astype(float))[
-        :, :, :, 0
-    ]
+    rides = np.where(stored.rides == grid.GONE, np.nan, stored.rides.astype(float))
+    rides = rides[:, :, :, :, 0]
     struts = [list(grid.CHANNELS).index(f"strut {number}") for number in (2, 3)]
-    # spring, damping, travel, time, strut
-    front = rides[:, :, :, rough, half][..., struts] / 1e4
-    soft, stiff = front[0], front[-1]
-    travel = grid.BODY.travel_upper - np.array(grid.SET_UP[2].values)
-    ways = (np.nanmax(soft, axis=-2) - np.nanmin(soft, axis=-2)) / travel[:, None]
-    assert ways.min() > 0.84 and np.median(ways) > 0.99
-    assert grid.BODY.travel_upper - np.nanmin(stiff) < 0.005
-    ends = rides[:, :, :, 0, half, -1, :2].reshape(-1, 2) / 500
+    # spring, damping, stops, time, strut
+    front = rides[:, :, :, :, rough, half][..., struts] / 1e4
+    ways = np.nanmax(front, axis=-2) - np.nanmin(front, axis=-2)
+    lower, upper = (np.array(knob.values) for knob in grid.STOPS)
+    used = ways[0] / (upper - lower[:, None])[..., None]
+    assert used.min() > 0.8 and np.median(used) > 0.99
+    assert ways[-1].max() < 0.006
+    ends = rides[..., 0, half, -1, :2].reshape(-1, 2) / 500
     assert np.ptp(ends, axis=0).max() < 0.1
+
+
+@pytest.mark.parametrize("names", grid.PAIRS.values(), ids=grid.PAIRS)
+def test_gearing_is_what_moves_a_pair_apart_most(names):
+    """The explorers say so: all other values of the expert together do less."""
+    novice, expert = (ROBOTS[name] for name in names)
+    geared, other = (
+        one.replace(**{field: getattr(gears, field) for field in GEARS})
+        for one, gears in ((novice, expert), (expert, novice))
+    )
+    start, by_gearing, by_others = (
+        ride(one, GROUND, 3, 0.5, weave(25), steps=25).states[-1, :2]
+        for one in (novice, geared, other)
+    )
+    apart = np.linalg.norm(by_gearing - start)
+    assert apart > 2 * np.linalg.norm(by_others - start)
