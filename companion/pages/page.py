@@ -16,7 +16,7 @@ from companion.grids import FIGURES
 from companion.pages.glue import glue, glued
 from companion.pages.markdown import made_here
 from companion.pages.notebook import enter_project, find_notebook, project_root
-from companion.pages.parameters import inspect, refuse_out_of_range
+from companion.pages.parameters import check, inspect, refuse_out_of_range
 
 #: `{name}` in the text of a page, or such braces in an equation, a role, a directive.
 _NUMBER = re.compile(r"(?<![\w$\\}^])(`?)\{([\w.:-]+)\}(`?)")
@@ -36,7 +36,7 @@ class Page:
         values: the notebook's variables, `globals()`.
 
     Raises:
-        ConfigError: a parameter has a value outside its range.
+        ConfigError: a parameter has a value of another type or outside its range.
     """
 
     def __init__(self, name: str, values: Mapping[str, Any]) -> None:
@@ -46,7 +46,8 @@ class Page:
         path = project_root() / "notebooks" / f"{name}.ipynb"
         parameters = inspect(path)
         for parameter in parameters.values():
-            refuse_out_of_range(values[parameter.name], parameter)
+            value = check(values[parameter.name], parameter.kind, parameter.name)
+            refuse_out_of_range(value, parameter)
         #: parameter -> its value, where it is not the notebook's own
         self.changed = {
             key: values[key]

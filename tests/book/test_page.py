@@ -49,6 +49,8 @@ def test_the_banner_names_what_differs(make_page):
 def test_a_value_out_of_range_stops_plain_papermill_too(make_page):
     with pytest.raises(ConfigError, match="'count' must be at least 1, not 0"):
         make_page(count=0)
+    with pytest.raises(ConfigError, match="'count' must be int, not str"):
+        make_page(count="4")
 
 
 def test_text_has_numbers_in_place_of_names(make_page):
