@@ -69,7 +69,8 @@ class Scheduling(LoadFileScheduling):
     """
 
     def _split_scope(self, nodeid: str) -> str:
-        if any(name in nodeid for name in ("with_the_smoke_preset", "is_seen")):
+        alone = "with_the_smoke_preset", "runs_on_them", "is_seen"
+        if any(name in nodeid for name in alone):
             return nodeid
         return super()._split_scope(nodeid)
 
