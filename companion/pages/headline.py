@@ -8,9 +8,8 @@ from __future__ import annotations
 import argparse
 import json
 import re
-from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pandas as pd
 
@@ -19,6 +18,7 @@ from companion.figures.curves import figure3
 from companion.figures.paths import figure4
 from companion.grids import grid
 from companion.methods import COMPARED, FIGURE3, FOR_LITTLE
+from companion.pages.glue import glued, outputs
 from companion.statistics import claims
 from companion.statistics.intervals import significant
 from companion.statistics.savings import savings
@@ -149,25 +149,20 @@ def glued_numbers(text: str, notebooks: Path = NOTEBOOKS) -> list[Glued]:
         ValueError: a notebook has no such number, or no line of provenance after it.
     """
     return [
-        _glued(json.loads((notebooks / f"{chapter}.ipynb").read_text()), chapter, name)
+        _glued(notebooks / f"{chapter}.ipynb", name)
         for chapter, name in GLUED.findall(text)
     ]
 
 
-def _glued(notebook: Mapping[str, Any], chapter: str, name: str) -> Glued:
+def _glued(notebook: Path, name: str) -> Glued:
     number = None
-    for output in _outputs(notebook):
+    for output in outputs(notebook):
         if output.get("metadata", {}).get("scrapbook", {}).get("name") == name:
-            number = "".join(output["data"].values()).strip("'")
+            number = glued(notebook, name)
         commands = AGAIN.findall(json.dumps(output.get("data", {})))
         if number is not None and commands:
-            return Glued(number, chapter, name, commands[-1])
-    raise ValueError(f"{chapter} glues no '{name}' before a line of provenance")
-
-
-def _outputs(notebook: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    for cell in notebook["cells"]:
-        yield from cell.get("outputs", ())
+            return Glued(number, notebook.stem, name, commands[-1])
+    raise ValueError(f"{notebook.stem} glues no '{name}' before a line of provenance")
 
 
 def show() -> None:

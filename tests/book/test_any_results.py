@@ -84,7 +84,7 @@ def test_figure_3_shows_what_is_there(few_results, motion, tmp_path, capsys):
 
 @pytest.mark.more
 def test_the_page_on_extending_works_to_the_letter(project, tmp_path):
-    """Its system is added in a copy; its commands run there, and other chapters."""
+    """A copy gets the page's system; commands of the page and other chapters run."""
     copy = tmp_path / "project"
     copy_tree(project, copy)
     source = copy / "sidm" / "systems.py"
