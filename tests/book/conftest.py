@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from IPython.core.interactiveshell import InteractiveShell
 from pages import DESK, ROOT
 from pdf import chromium
 from places import copy_tree, one_at_a_time, shared_by_workers
@@ -19,6 +20,14 @@ from tests.companion.conftest import (  # noqa: F401
     make_row,
     power_law,
 )
+
+
+@pytest.fixture
+def shell(monkeypatch):
+    """A shell as a notebook has one; the other tests of this process have none."""
+    monkeypatch.setattr(InteractiveShell, "enable_gui", lambda *_: None)  # no window
+    yield InteractiveShell.instance()
+    InteractiveShell.clear_instance()
 
 
 @pytest.fixture(scope="session")

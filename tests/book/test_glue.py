@@ -2,7 +2,6 @@
 
 import myst_nb
 import pytest
-from IPython.core.interactiveshell import InteractiveShell
 from IPython.display import HTML
 from IPython.utils.capture import capture_output
 
@@ -10,8 +9,7 @@ from companion.pages.glue import glue
 
 
 @pytest.mark.parametrize("thing", [HTML("<p>3</p>"), "text", 2.5])
-def test_it_is_what_the_book_takes_over(thing):
-    InteractiveShell.instance()
+def test_it_is_what_the_book_takes_over(thing, shell):
     with capture_output() as kept:
         glue("saving", thing)
         myst_nb.glue("saving", thing, display=False)

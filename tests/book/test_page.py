@@ -4,7 +4,6 @@ import json
 import shlex
 
 import pytest
-from IPython.core.interactiveshell import InteractiveShell
 from IPython.display import HTML
 from IPython.utils.capture import capture_output
 from pages import ROOT
@@ -18,11 +17,9 @@ NAME = "02-collecting"
 
 
 @pytest.fixture
-def make_page(monkeypatch):
+def make_page(monkeypatch, shell):
     """Function that makes the page of a chapter with some parameters changed."""
     monkeypatch.chdir(ROOT)
-    monkeypatch.setattr(InteractiveShell, "enable_gui", lambda *_: None)  # no window
-    InteractiveShell.instance()
 
     def make(name: str = NAME, **changes):
         path = ROOT / "notebooks" / f"{name}.ipynb"
