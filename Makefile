@@ -47,7 +47,7 @@ $(STAMP): requirements.txt constraints.txt pyproject.toml
 book: $(STAMP)
 	rm -rf _build/book
 	mkdir -p _build/book
-	cp -R _config.yml _toc.yml CHANGELOG.md CONTRIBUTING.md book sidm companion examples params _build/book/
+	cp -R _config.yml _toc.yml CHANGELOG.md CONTRIBUTING.md book sidm ownrobot companion examples params _build/book/
 	mkdir -p _build/book/results _build/book/recordings
 	cp -R results/benchmark results/explorer _build/book/results/
 	cp recordings/*.yaml _build/book/recordings/
@@ -70,7 +70,7 @@ notebooks: $(STAMP)
 
 pdf: $(STAMP)
 	@test -f _build/html/index.html || $(MAKE) book
-	@newer="$$(find book notebooks sidm companion results -newer _build/html/index.html -type f -not -name '*.pyc' | head -1)"; \
+	@newer="$$(find book notebooks sidm ownrobot companion results -newer _build/html/index.html -type f -not -name '*.pyc' | head -1)"; \
 	test -z "$$newer" || echo "note: $$newer is newer than _build/html; 'make book' renders it"
 	$(BIN)/python book/pdf.py _build/html _build/sidm-companion.pdf
 
@@ -101,7 +101,7 @@ bench: $(STAMP)
 
 # In one process: all write into one file.
 golden: $(STAMP)
-	SIDM_GOLDEN=1 $(BIN)/python -m pytest tests/sidm tests/companion -k "figures or diagnosed or stored"
+	SIDM_GOLDEN=1 $(BIN)/python -m pytest tests/sidm tests/ownrobot tests/companion -k "figures or diagnosed or stored"
 
 planted: $(STAMP)
 	$(BIN)/python -m tests.planted

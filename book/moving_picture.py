@@ -19,10 +19,10 @@ from pdf import chromium
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
+from ownrobot.replay import ROBOTS, Scene, View, weave
+from ownrobot.replay.rides import drive, sampled_physics
+from ownrobot.replay.scene import SPACING, ride_track
 from sidm.drives import Ground
-from sidm.replay import ROBOTS, Scene, View, weave
-from sidm.replay.rides import drive, sampled_physics
-from sidm.replay.scene import SPACING, ride_track
 from sidm.simulation import Simulator
 from sidm.systems import Terrain
 from sidm.terrain import generate_terrain

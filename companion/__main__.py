@@ -18,8 +18,8 @@ from companion.commands import (
 )
 from companion.pages import notebook_command
 from companion.tasks import command as bench_command
+from ownrobot.command_line import Parser, carry_out, command_adder, whole_number
 from sidm import __version__
-from sidm.command_line import Parser, carry_out, command_adder, whole_number
 from sidm.config import first_line
 from sidm.systems import FAMILY_PAIRS, FREE_SYSTEMS, SYSTEMS
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from sidm.rivals.methods import METHODS as LIBRARY
-from sidm.rivals.methods import Method
+from ownrobot.methods.registry import METHODS as LIBRARY
+from ownrobot.methods.registry import Method
 
 #: Settings for training that starts from weights learnt on an expert's data. The
 #: lowest loss may come within a few batches, so tests are five times as frequent, and

@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 from companion.training import StudyTraining
 from companion.trials import Dataset, datasets
+from ownrobot.methods.registry import Method
 from sidm.config import (
     ConfigError,
     check_numbers,
@@ -22,7 +23,6 @@ from sidm.config import (
     replace,
     unknown_name,
 )
-from sidm.rivals.methods import Method
 from sidm.settings import PAPER_NETWORK, RELEASED_NETWORK, Network
 from sidm.systems import FREE_STRUTS, find_system
 

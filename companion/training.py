@@ -1,4 +1,4 @@
-"""Settings of training: those of the library, and those that only some studies use."""
+"""Settings of training: those of the method, and those that only some studies use."""
 
 from __future__ import annotations
 

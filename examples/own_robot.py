@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import sidm
+import ownrobot
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -32,10 +32,12 @@ def parse_arguments() -> argparse.Namespace:
 def main() -> None:
     """Read the drives, compare the methods, fit a model, predict a drive."""
     options = parse_arguments()
-    drives = sidm.read_drives(options.drives, options.body)
-    expert = sidm.read_drives(options.expert, options.body) if options.expert else None
+    drives = ownrobot.read_drives(options.drives, options.body)
+    expert = (
+        ownrobot.read_drives(options.expert, options.body) if options.expert else None
+    )
     settings = {"max_samples": options.samples}
-    comparison = sidm.compare(
+    comparison = ownrobot.compare(
         drives,
         expert,
         ["mean", "least_squares", "novice_only", *(["sidm"] if expert else [])],
@@ -47,7 +49,9 @@ def main() -> None:
     print(comparison)
 
     method, out = comparison.verdict.method, options.out
-    model = sidm.fit(drives, expert, method, settings=settings, out=out, progress=True)
+    model = ownrobot.fit(
+        drives, expert, method, settings=settings, out=out, progress=True
+    )
     drive = drives[-1]
     path = model.rollout(drive.states[0], drive.actions)
     print(f"{model} in {out}; it predicts {len(path) - 1} steps of {drive.name}")

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 
+import ownrobot
 import sidm
 
 
@@ -28,7 +29,7 @@ def soft_pair() -> sidm.System:
     )
 
 
-def draw(models: dict[str, sidm.Model], drive: sidm.Drive, path: Path) -> None:
+def draw(models: dict[str, ownrobot.Model], drive: sidm.Drive, path: Path) -> None:
     """Draw a drive and each model's prediction of it, seen from above, in a file."""
     figure, axes = plt.subplots(figsize=(6, 5), layout="constrained")
     axes.plot(*drive.states[:, :2].T, color="black", label="the novice")
@@ -68,8 +69,8 @@ def main() -> None:
 
     fit = {"settings": {"max_samples": options.samples}, "progress": True}
     models = {
-        "SIDM": sidm.fit(novice, expert, method="sidm", out=out / "sidm", **fit),
-        "novice alone": sidm.fit(
+        "SIDM": ownrobot.fit(novice, expert, method="sidm", out=out / "sidm", **fit),
+        "novice alone": ownrobot.fit(
             novice, method="novice_only", out=out / "alone", **fit
         ),
     }

@@ -1,23 +1,20 @@
 """Dynamics models of robots that share what they learn: Wang and Johnson, L4DC 2021.
 
-Simulate a pair of robots or read recorded drives, fit a model, use it and save it. A
-public name is imported when it is first used. The book's reference describes the
-modules that the names come from.
+The paper's pairs of robots, their simulation, its networks and its training. A public
+name is imported when it is first used. The book's reference describes the modules that
+the names come from.
 
 Examples:
     >>> import sidm
-    >>> novice = sidm.simulate(sidm.SYSTEMS["system1"], "novice", minutes=0.5, seed=0)
-    >>> model = sidm.fit(novice, method="least_squares")
-    >>> drive = sidm.simulate("system1", "novice", minutes=0.2, seed=1)[0]
-    >>> path = model.rollout(drive.states[0], drive.actions, ground=drive.ground)
-    >>> path.shape
+    >>> drives = sidm.simulate("system1", "novice", minutes=0.2, seed=0)
+    >>> drives[0].states.shape
     (65, 13)
 """
 
 import importlib
 from typing import Any
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 #: Public name -> its module, which is imported when the name is first used, since
 #: PyTorch alone takes seconds to import.
@@ -29,14 +26,9 @@ _MODULES = {
     "Body": "body",
     "Drive": "drives",
     "Ground": "drives",
-    "Model": "fitting.model",
     "Network": "settings",
     "Training": "settings",
     "simulate": "simulation.motion",
-    "read_drives": "recordings.reading",
-    "fit": "fitting.fit",
-    "compare": "comparison.run",
-    "load": "fitting.files",
     "train": "learning.training",
 }
 __all__ = [*_MODULES]  # noqa: PLE0604

@@ -16,10 +16,10 @@ from hypothesis import HealthCheck, settings
 from xdist.scheduler import LoadFileScheduling
 
 from companion.training import StudyTraining
+from ownrobot.replay import ROBOTS, Ride, ride
 from sidm.drives import Drive, SimulatedGround, probe
 from sidm.learning import Datasets, Network, Windows
 from sidm.learning.trainer import Trainer
-from sidm.replay import ROBOTS, Ride, ride
 from sidm.shards import simulated_drive
 from sidm.storage import checksum
 from sidm.systems import Terrain

@@ -99,7 +99,7 @@ CHANGES = (
         "bundle",
     ),
     Planted(
-        "sidm/rivals/least_squares.py",
+        "ownrobot/methods/least_squares.py",
         "held = numbers.clamp(self.low, self.high)",
         "held = numbers.clamp(self.low / 2, self.high / 2)",
         METHODS,
@@ -134,7 +134,7 @@ def plant(change: Planted, folder: Path) -> None:
 def is_seen(change: Planted, folder: Path) -> bool:
     """Whether a golden test fails on a copy of the project with the change."""
     copy = folder / "copy"
-    for name in ("sidm", "companion", "tests", "recordings"):
+    for name in ("sidm", "ownrobot", "companion", "tests", "recordings"):
         shutil.copytree(
             ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__")
         )

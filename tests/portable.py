@@ -27,11 +27,11 @@ ROOT = Path(__file__).parents[1]
 CORE = [
     "sidm/learning",
     "sidm/simulation",
-    "sidm/recordings",
+    "ownrobot/recordings",
     "sidm/test_rotations.py",
     "sidm/test_terrain.py",
     "sidm/test_shards.py",
-    "sidm/rivals",
+    "ownrobot/methods",
     "companion/bundle",
     "companion/beyond",
 ]

@@ -11,14 +11,14 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("sidm", "companion")  # the companion uses the library
+PACKAGES = ("sidm", "ownrobot", "companion")  # each uses those before it
 
 
 def rooms() -> list[list[str]]:
     """Rooms in the table of the book's page on the design, row by row."""
     lines = (ROOT / "book" / "design.md").read_text(encoding="utf-8").splitlines()
     names = [
-        re.findall(r"`((?:sidm|companion)\.[\w.]+)`", line.split("|")[1])
+        re.findall(r"`((?:sidm|ownrobot|companion)\.[\w.]+)`", line.split("|")[1])
         for line in lines
         if line[:3] == "| `"
     ]
@@ -58,12 +58,12 @@ WITHOUT_TORCH = (
     "sidm.drives",
     "sidm.shards",
     "sidm.settings",
-    "sidm.recordings",
+    "ownrobot.recordings",
 )
 
 
 def modules() -> dict[str, Path]:
-    """File of every module of both packages, by its dotted name."""
+    """File of every module of the packages, by its dotted name."""
     files = {}
     for path in sorted(
         path for name in PACKAGES for path in (ROOT / name).rglob("*.py")
@@ -135,20 +135,19 @@ def test_no_import_runs_backwards():
     assert wrong == []
 
 
-def test_the_library_imports_nothing_of_the_companion():
-    library = [name for name in MODULES if name.split(".")[0] == "sidm"]
-    assert [
-        (name, target)
-        for name in library
-        for target in imported(name)
-        if target.startswith("companion")
-    ] == []
+def test_a_package_imports_those_before_it_alone():
+    wrong = []
+    for name in MODULES:
+        later = PACKAGES[PACKAGES.index(name.split(".")[0]) + 1 :]
+        for target in imported(name):
+            wrong += [(name, target)] if target.split(".")[0] in later else []
+    assert wrong == []
 
 
 def test_the_check_would_see_a_backward_import():
     assert runs_backwards("sidm.learning.dataset", "companion.trials")
     assert runs_backwards("sidm.learning.dataset", "sidm.simulation")
-    assert runs_backwards("sidm.learning.dataset", "sidm.rivals.least_squares")
+    assert runs_backwards("sidm.learning.dataset", "ownrobot.methods.least_squares")
     assert runs_backwards("sidm.simulation.collect", "sidm.learning")
     assert runs_backwards("sidm.rotations", "sidm.drives")
     assert runs_backwards("companion.engine.run", "companion.studies.ablations")
@@ -234,7 +233,9 @@ print([name for name in values if isinstance(values[name], types.ModuleType)])
     assert result.stdout.strip() == "[]", result.stderr
 
 
-@pytest.mark.parametrize("name", ["sidm", "sidm.learning", "companion.engine.run"])
+@pytest.mark.parametrize(
+    "name", ["sidm", "sidm.learning", "ownrobot", "companion.engine.run"]
+)
 def test_imports_without_pybullet(name):
     block = "; ".join(f"sys.modules[{module!r}] = None" for module in sorted(PYBULLET))
     result = subprocess.run(

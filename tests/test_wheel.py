@@ -1,4 +1,4 @@
-"""In an empty environment, the wheel works with the library's own dependencies."""
+"""In an empty environment, the wheel works with the least dependencies."""
 
 import importlib.metadata
 import re
@@ -46,7 +46,7 @@ def needed(names: set[str]) -> set[str]:
 def wheel(tmp_path_factory) -> Path:
     """The wheel, built from a copy without a network."""
     folder = tmp_path_factory.mktemp("wheel")
-    for name in ("sidm", "companion"):
+    for name in ("sidm", "ownrobot", "companion"):
         shutil.copytree(
             ROOT / name,
             folder / "source" / name,
@@ -102,10 +102,10 @@ def run(python: Path, folder: Path, *words: str) -> subprocess.CompletedProcess:
 
 def test_a_model_is_fitted_from_a_csv_file_there(least, tmp_path):
     code = """
-import sidm, sys
+import ownrobot, sys
 few = {"method": "novice_only", "settings": {"max_samples": 4000}}
-sidm.fit(sys.argv[1], body=sys.argv[2], out="m", **few)
-print(sidm.load("m"))
+ownrobot.fit(sys.argv[1], body=sys.argv[2], out="m", **few)
+print(ownrobot.load("m"))
 assert not {"matplotlib", "pybullet", "numba", "companion"} & set(sys.modules)
 """
     result = run(least, tmp_path, "-c", code, str(WARTHOG), str(SKID))
@@ -117,10 +117,10 @@ assert not {"matplotlib", "pybullet", "numba", "companion"} & set(sys.modules)
 def test_the_commands_work_there_or_say_what_they_lack(least, tmp_path):
     result = run(least, tmp_path, "-m", "sidm", "demo")
     assert (
-        result.returncode == 0 and (tmp_path / "sidm-demo" / "replay.html").exists()
+        result.returncode == 0 and (tmp_path / "ownrobot-demo" / "replay.html").exists()
     ), result.stderr
     result = run(
-        least, tmp_path, "-m", "sidm", "evaluate", "sidm-demo/model", str(WARTHOG)
+        least, tmp_path, "-m", "sidm", "evaluate", "ownrobot-demo/model", str(WARTHOG)
     )
     assert result.returncode == 0
     assert "yaw_rate" in result.stdout

@@ -100,7 +100,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
         if not self._analyzed:
             plain(self)
             # base classes of other packages stay as they are
-            if self.modname.split(".")[0] in ("sidm", "companion"):
+            if self.modname.split(".")[0] in ("sidm", "ownrobot", "companion"):
                 docs = field_docs(self.code) | self.attr_docs
                 # napoleon takes the text before a colon in the first line for a type
                 self.attr_docs = {

@@ -20,17 +20,21 @@ from sphinx.ext.autosummary.generate import generate_autosummary_docs
 from sphinx.util.docutils import SphinxDirective
 
 import companion
+import ownrobot
 import sidm
 
 PAGES = "book/api"
 DESIGN = "book/design.md"
-ROOM = re.compile(r"^\| (`(?:sidm|companion)\..+?) \| (.+?) \| .*\|$", re.MULTILINE)
-LINKED = re.compile(r"`(?=(?:sidm|companion)\.[a-z])")  # `sidm.__main__` has no page
+ROOM = re.compile(
+    r"^\| (`(?:sidm|ownrobot|companion)\..+?) \| (.+?) \| .*\|$", re.MULTILINE
+)
+#: `ownrobot.__main__` has no page
+LINKED = re.compile(r"`(?=(?:sidm|ownrobot|companion)\.[a-z])")
 TITLE = re.compile(r"(?<=<h1>)[\w.]+")
 
 
 class Rooms(SphinxDirective):
-    """Directive `rooms`: a linked table of the rooms of both packages.
+    """Directive `rooms`: a linked table of the rooms of the packages.
 
     The rows and their order come from the page on the design of the code.
     """
@@ -67,10 +71,10 @@ def write_sources(app: Sphinx) -> None:
     """
     modules = {
         module.name
-        for package in (sidm, companion)
+        for package in (sidm, ownrobot, companion)
         for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
     }
-    modules |= {"sidm", "companion"}
+    modules |= {"sidm", "ownrobot", "companion"}
     sources = list((Path(app.srcdir) / PAGES).glob("*.rst"))
     if not modules.issuperset(path.stem for path in sources):
         while sources:  # the sources of other modules may name the one that is gone

@@ -18,17 +18,17 @@ from companion.engine.outcomes import outcome_of
 from companion.engine.pretrained import network_of, pretrained_folder, transferred
 from companion.engine.store import Failure, Outcome, Row
 from companion.trials import Trial
-from sidm.config import ConfigError
-from sidm.drives import GroundError
-from sidm.learning.checkpoint import CheckpointError
-from sidm.learning.training import CurvePoint, Trained, TrainingError
-from sidm.rivals import fine_tuning
-from sidm.rivals.fine_tuning import (
+from ownrobot.methods import fine_tuning
+from ownrobot.methods.fine_tuning import (
     STATE,
     Pretrained,
     pretrained_from,
     pretraining_datasets,
 )
+from sidm.config import ConfigError
+from sidm.drives import GroundError
+from sidm.learning.checkpoint import CheckpointError
+from sidm.learning.training import CurvePoint, Trained, TrainingError
 from sidm.shards import ShardError
 
 #: Initial weights of a trial; None: random weights; or the error of its pretraining.

@@ -17,14 +17,14 @@ from companion.engine.provenance import THREADS, Provenance
 from companion.engine.store import Failure, Outcome, Row
 from companion.numerics import versions
 from companion.trials import Trial
+from ownrobot.methods.fine_tuning import Pretrained, frozen_model
+from ownrobot.methods.least_squares import fit
+from ownrobot.methods.residual import Corrected, correction_units, residual_datasets
 from sidm.learning.arithmetic import one_thread
 from sidm.learning.dataset import Datasets
 from sidm.learning.model import DynamicsModel
 from sidm.learning.training import CurvePoint, Trained, TrainingError, train
 from sidm.learning.units import Standardisation, default_units, loss_weights, role_units
-from sidm.rivals.fine_tuning import Pretrained, frozen_model
-from sidm.rivals.least_squares import fit
-from sidm.rivals.residual import Corrected, correction_units, residual_datasets
 from sidm.systems import find_system
 
 Progress = Callable[[CurvePoint], None]  # called after each test

@@ -14,12 +14,16 @@ from typing import Any
 
 from companion.numerics import version_label
 from companion.trials import Trial, without_later
+from ownrobot.methods import fine_tuning
+from ownrobot.methods.fine_tuning import (
+    Pretrained,
+    pretrained_from,
+    pretraining_datasets,
+)
 from sidm.config import to_mapping
 from sidm.learning.dataset import Datasets
 from sidm.learning.networks import Network
 from sidm.learning.training import Trained, train
-from sidm.rivals import fine_tuning
-from sidm.rivals.fine_tuning import Pretrained, pretrained_from, pretraining_datasets
 from sidm.storage import locked
 
 

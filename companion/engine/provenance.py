@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import companion
+import ownrobot
 import sidm
 from companion.numerics import NUMERICS, versions
 from sidm.config import config
@@ -31,8 +32,8 @@ class Provenance:
     """How a record was made.
 
     Attributes:
-        version: version of the `sidm` package
-        source: hash of the files of both packages, to find the commit by
+        version: version of the packages
+        source: hash of the files of the packages, to find the commit by
         numerics: kind of work -> its version, for all that the result depends on;
             see `companion.numerics`
         python: version of Python
@@ -81,12 +82,12 @@ class Provenance:
 
 
 def source() -> str:
-    """Hash of the files of both packages, 12 hexadecimal digits.
+    """Hash of the files of the packages, 12 hexadecimal digits.
 
     It is of the files as they were at the first call.
     """
-    folders = (Path(str(package.__file__)).parent for package in (sidm, companion))
-    return source_digest(*folders)
+    packages = (sidm, ownrobot, companion)
+    return source_digest(*(Path(str(package.__file__)).parent for package in packages))
 
 
 def peak_memory() -> float:

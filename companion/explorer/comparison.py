@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ownrobot.replay.rides import STRUTS, Ride, tilt
 from sidm.drives import POSITION
-from sidm.replay.rides import STRUTS, Ride, tilt
 from sidm.systems import Robot
 
 NEAR = 2e-4  # m, a strut nearer to a stop than this is at it

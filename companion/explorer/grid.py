@@ -17,11 +17,8 @@ import numpy as np
 
 from companion.figures.style import system_label
 from companion.numerics import versions
-from sidm.drives import POSITION, QUATERNION
-from sidm.pool import local_pool
-from sidm.progress import progress_bar
-from sidm.replay.packing import pack, unpack
-from sidm.replay.rides import (
+from ownrobot.replay.packing import pack, unpack
+from ownrobot.replay.rides import (
     ROBOTS,
     SAMPLES_PER_STEP,
     Ride,
@@ -29,6 +26,9 @@ from sidm.replay.rides import (
     sampled_physics,
     weave,
 )
+from sidm.drives import POSITION, QUATERNION
+from sidm.pool import local_pool
+from sidm.progress import progress_bar
 from sidm.storage import read_arrays, read_record, write_arrays, write_record
 from sidm.systems import PAPER_SYSTEMS, ROLES, Robot, Terrain
 from sidm.terrain import generate_terrain

@@ -14,9 +14,9 @@ from companion.explorer.comparison import in_words, table_html
 from companion.explorer.grid import PAIRS, SPRINGS, twin_name
 from companion.explorer.views import picture, rides_figure
 from companion.figures.style import system_label
+from ownrobot.replay.rides import ROBOTS, Ride, find_robot, ride
+from ownrobot.replay.viewer import replay
 from sidm.pool import process_pool
-from sidm.replay.rides import ROBOTS, Ride, find_robot, ride
-from sidm.replay.viewer import replay
 from sidm.systems import Robot, Terrain
 
 #: Fields of Robot that sliders change -> the slider's units in one of the field's.

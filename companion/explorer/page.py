@@ -42,13 +42,13 @@ from companion.explorer.grid import (
     twin_name,
 )
 from companion.figures.style import half_width, system_label
+from ownrobot.replay import scene
+from ownrobot.replay.packing import text
+from ownrobot.replay.rides import SAMPLE_TIME, STRUTS
+from ownrobot.replay.scene_file import cropped, ground_json, read_scene, scene_json
+from ownrobot.replay.skeleton import heave_curves, rover_skeleton
+from ownrobot.replay.viewer import SCRIPTS, STYLE, static
 from sidm.drives import CONTROL_STEP, Ground
-from sidm.replay import scene
-from sidm.replay.packing import text
-from sidm.replay.rides import SAMPLE_TIME, STRUTS
-from sidm.replay.scene_file import cropped, ground_json, read_scene, scene_json
-from sidm.replay.skeleton import heave_curves, rover_skeleton
-from sidm.replay.viewer import SCRIPTS, STYLE, static
 from sidm.systems import GRID_SPACING, Robot
 
 WHO = ("first", "second")

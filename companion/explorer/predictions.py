@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 
-import sidm
-from sidm.drives import CONTROL_STEP, POSITION, QUATERNION, Ground
-from sidm.replay.rides import Ride, drive, sampled_physics
-from sidm.replay.scene import (
+import ownrobot
+from ownrobot.replay.rides import Ride, drive, sampled_physics
+from ownrobot.replay.scene import (
     GHOST_OPACITY,
     ROVER_JOINTS,
     ROVER_WHEELS,
@@ -30,8 +29,9 @@ from sidm.replay.scene import (
     ride_track,
     rolling_angles,
 )
-from sidm.replay.scene_file import write_scene
-from sidm.replay.skeleton import BOXES, Skeleton
+from ownrobot.replay.scene_file import write_scene
+from ownrobot.replay.skeleton import BOXES, Skeleton
+from sidm.drives import CONTROL_STEP, POSITION, QUATERNION, Ground
 from sidm.shards import Collection
 from sidm.terrain import generate_terrain
 
@@ -143,11 +143,11 @@ def warthog_scene(recordings: Path = Path("recordings")) -> Scene:
     Args:
         recordings: folder with the recording and the stored model.
     """
-    drives = sidm.read_drives(
+    drives = ownrobot.read_drives(
         recordings / "warthog.csv.gz", recordings / "skid_steer.yaml"
     )
     drive = drives[WARTHOG_DRIVE]
-    model = sidm.load(recordings / "models" / "warthog")
+    model = ownrobot.load(recordings / "models" / "warthog")
     path = model.rollout(drive.states[0], drive.actions)
     return predicted_scene(drive, path, BOXES["warthog"], ("the Warthog", "its model"))
 

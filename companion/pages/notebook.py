@@ -7,7 +7,7 @@ import re
 import sys
 from pathlib import Path
 
-from sidm.command_line import print_notices
+from ownrobot.command_line import print_notices
 from sidm.config import ConfigError, hint
 
 #: Former name of a chapter -> its name now, or the chapter that has its contents.

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ownrobot.recordings import read_drives
 from sidm.body import Body
 from sidm.config import ConfigError, unknown_name
 from sidm.drives import Drive
-from sidm.recordings import read_drives
 from sidm.systems import ROLES, SYSTEMS
 
 SEEDS = {"novice": 0, "expert": 2}  # of a simulated robot's motion

@@ -250,7 +250,7 @@ def _find_policy(name: str) -> None:
 
 
 def _find_robot(name: str) -> None:
-    from sidm.replay import find_robot
+    from ownrobot.replay import find_robot
 
     find_robot(name)
 

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
-from sidm.replay.rides import Ride, tilt
+from ownrobot.replay.rides import Ride, tilt
 from sidm.systems import Robot
 
 #: Field of a robot that the chapter's parameters change -> words for its value.

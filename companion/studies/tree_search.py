@@ -25,14 +25,14 @@ from companion.studies.decisive.recipes import on_tuning_motion
 from companion.studies.decisive.search import FIRST_SEED, MINUTES
 from companion.study import Study
 from companion.trials import Trial
+from ownrobot.methods import boosting, least_squares
+from ownrobot.methods.boosting import Growth
+from ownrobot.methods.fine_tuning import pretraining_datasets
+from ownrobot.methods.forest import Forest
 from sidm.body import ROVER
 from sidm.learning.dataset import Datasets
 from sidm.learning.units import Standardisation
 from sidm.pool import as_completed, local_pool
-from sidm.rivals import boosting, least_squares
-from sidm.rivals.boosting import Growth
-from sidm.rivals.fine_tuning import pretraining_datasets
-from sidm.rivals.forest import Forest
 from sidm.storage import write_record
 
 NAME = "tree_search.json"

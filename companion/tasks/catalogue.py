@@ -16,12 +16,12 @@ from typing import NamedTuple
 import numpy as np
 
 from companion.bodies import NOVICES
+from ownrobot.body_file import read_body
+from ownrobot.fitting.splits import drives_of_sessions, session_order
+from ownrobot.recordings import read_drives
 from sidm.body import ROVER, Body
-from sidm.body_file import read_body
 from sidm.config import ConfigError, config, replace, unknown_name
 from sidm.drives import Drive, minutes_of
-from sidm.fitting.splits import drives_of_sessions, session_order
-from sidm.recordings import read_drives
 from sidm.shards import trajectories_for
 from sidm.systems import FAMILY_PAIRS, FREE_SYSTEMS, PAPER_SYSTEMS
 

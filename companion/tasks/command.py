@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 
 from companion.cluster import executor_at
-from sidm.command_line import whole_number
+from ownrobot.command_line import whole_number
 from sidm.config import ConfigError
 
 CLOSE = 0.02  # of an error: a tree may split elsewhere after another rounding
@@ -20,7 +20,7 @@ TASKS_HELP = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `companion bench` to its parser."""
     add = parser.add_argument
-    text = "a method of 'sidm fit', or FILE.py:CLASS; of all rows if none is given"
+    text = "a method of 'ownrobot fit', or FILE.py:CLASS; of all rows if none is given"
     add("methods", metavar="METHOD", nargs="*", help=text)
     add("--tasks", metavar="NAME", default="quick", help=TASKS_HELP)
     add("--seeds", type=whole_number, metavar="N", help="trials of a task")

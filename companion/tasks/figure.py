@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 
 from companion.figures.style import SIZE_STYLES, share_labels
 from companion.tasks.catalogue import MINUTES
-from sidm.comparison.statistics import Interval
+from ownrobot.comparison.statistics import Interval
+from ownrobot.methods.registry import METHODS
 from sidm.plots import finish, side_by_side, styled
-from sidm.rivals.methods import METHODS
 
 TICKS = 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2, 1.4, 1.7, 2.0, 2.5, 3.0  # of the scores
 ROOM = 1.05  # factor of the scores beyond the widest interval

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from companion.tasks.catalogue import HELD_OUT, RECORDED_PAIRS
-from sidm.comparison.statistics import CONFIDENCE, Interval
+from ownrobot.comparison.statistics import CONFIDENCE, Interval
 
 RECORDED = {f"{expert} to {novice}" for novice, expert in RECORDED_PAIRS}
 #: Variance that dividing the same drives anew adds, in variances of one seed's value.

@@ -1,7 +1,7 @@
 """What a method of the benchmark is, and how it is found by its name.
 
 A method is a class with `fit`; what `fit` returns has `predict`, and may have
-`rollout`. Motion is the library's one type, `sidm.Drive`.
+`rollout`. Motion is of one type, `sidm.Drive`.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ class EnteredMethod(Protocol):
 
 
 class LibraryModel:
-    """A model of `sidm.fit` in the form of the benchmark."""
+    """A model of `ownrobot.fit` in the form of the benchmark."""
 
     def __init__(self, model: Any) -> None:
         self.model = model
 
     def predict(self, drive: Drive) -> np.ndarray:
         """Transitions (K, Y) of a drive's steps."""
-        from sidm.fitting.prediction import predict_steps
+        from ownrobot.fitting.prediction import predict_steps
 
         network, predictor = self.model.network, self.model.predictor
         ((predicted, _),) = predict_steps(predictor, [drive], network.pixels)
@@ -66,10 +66,10 @@ class LibraryModel:
 
 
 class LibraryMethod:
-    """A method of `sidm.fit`, with the settings of `sidm.fit`.
+    """A method of `ownrobot.fit`, with the settings of `ownrobot.fit`.
 
     Args:
-        name: a key of `sidm.rivals.methods.METHODS`.
+        name: a key of `ownrobot.methods.registry.METHODS`.
     """
 
     def __init__(self, name: str) -> None:
@@ -79,10 +79,10 @@ class LibraryMethod:
         self, novice: Sequence[Drive], expert: Sequence[Drive], seed: int
     ) -> LibraryModel:
         """A model of the novice."""
-        from sidm.fitting.learning import refuse_method, require_packages
-        from sidm.fitting.settings import SETTINGS
-        from sidm.fitting.single import fit_drives
-        from sidm.rivals.methods import METHODS
+        from ownrobot.fitting.learning import refuse_method, require_packages
+        from ownrobot.fitting.settings import SETTINGS
+        from ownrobot.fitting.single import fit_drives
+        from ownrobot.methods.registry import METHODS
 
         require_packages(self.name)
         try:
@@ -99,7 +99,7 @@ class Method(NamedTuple):
 
     Attributes:
         name: of a library's method, or of a file and a class, joined by a colon
-        code: digest of the file, 12 hexadecimal digits; '' for the library's
+        code: digest of the file, 12 hexadecimal digits; '' for those of `ownrobot`
     """
 
     name: str
@@ -113,7 +113,7 @@ def find_method(name: str) -> Method:
         ConfigError: there is no such method, file or class; the message is one line.
     """
     if ".py:" not in name:
-        from sidm.rivals.methods import METHODS
+        from ownrobot.methods.registry import METHODS
 
         if name.endswith(".py"):
             raise ConfigError(f"{name}: add the name of the class, as {name}:CLASS")

@@ -13,7 +13,7 @@ import pandas as pd
 
 from companion.tasks.catalogue import GROUPS, TASKS
 from companion.tasks.scores import pairwise, score_table, task_scores
-from sidm.comparison.statistics import Interval
+from ownrobot.comparison.statistics import Interval
 from sidm.storage import write_atomically
 
 #: Groups of tasks as the page calls them.

@@ -66,7 +66,7 @@ def run(
     """Run the trials that are missing, and return the results of all.
 
     Args:
-        methods: names of the library's methods, or 'file.py:Class'.
+        methods: names of methods of `ownrobot`, or 'file.py:Class'.
         tasks: the tasks.
         seeds: trials of each method on each task.
         data: folder of simulated motion; what is missing is simulated first.

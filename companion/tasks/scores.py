@@ -18,7 +18,7 @@ from companion.statistics.intervals import holm
 from companion.tasks.catalogue import SEEDS
 from companion.tasks.intervals import mean_of
 from companion.tasks.trial import NO_FAILURE, EntryResult
-from sidm.comparison.statistics import CONFIDENCE, Interval
+from ownrobot.comparison.statistics import CONFIDENCE, Interval
 
 REFERENCE = "least_squares"  # whose loss is 1
 ALONE = "novice_only"  # whose data ratio at RATIO_MINUTES is 1

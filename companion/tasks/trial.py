@@ -21,8 +21,8 @@ from companion.engine.provenance import Provenance, here, peak_memory
 from companion.tasks.catalogue import Task, load_task
 from companion.tasks.evaluation import Refused, evaluate
 from companion.tasks.methods import load_method
+from ownrobot.methods.registry import METHODS
 from sidm.config import ConfigError, config, first_line, from_mapping, to_mapping
-from sidm.rivals.methods import METHODS
 
 LIMIT = 3600.0  # s, for one trial
 
@@ -45,7 +45,7 @@ class Entry:
 
     Attributes:
         method: name of a library's method, or a file and a class, joined by a colon
-        code: digest of the method's file; '' for the library's
+        code: digest of the method's file; '' for those of `ownrobot`
         task: the task
         seed: of the drives that are drawn, and of the method
     """

@@ -42,7 +42,7 @@ from companion.studies.uncertainty import results as likelihoods
 from companion.tasks.catalogue import GROUPS
 from companion.tasks.run import records as benchmark_records
 from companion.tasks.scores import log_ratios, results_frame, scores_by_group
-from sidm.rivals.methods import METHODS as LIBRARY
+from ownrobot.methods.registry import METHODS as LIBRARY
 from sidm.systems import FREE_STRUTS, FREE_SYSTEMS, PAPER_SYSTEMS
 
 
@@ -98,7 +98,7 @@ class Book:
 
     @functools.cached_property
     def benchmark(self) -> pd.DataFrame:
-        """The benchmark's rows of the library's methods."""
+        """The benchmark's rows of `ownrobot`'s methods."""
         rows = results_frame(benchmark_records(self.store.folder).all())
         return rows[rows.method.isin(LIBRARY)]
 

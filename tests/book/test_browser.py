@@ -22,7 +22,7 @@ from companion.statistics.intervals import Interval
 from companion.statistics.stopping_rules import RULES
 from companion.studies.decisive import verdicts
 from companion.studies.decisive.along import along_training
-from sidm.replay import ROBOTS
+from ownrobot.replay import ROBOTS
 
 PHONE = {"width": 375, "height": 800}
 EXPLORER = "book/explorer"

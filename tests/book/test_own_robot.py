@@ -6,7 +6,7 @@ import shutil
 import pytest
 from pages import ROOT
 
-from sidm.fitting import settings
+from ownrobot.fitting import settings
 
 BLOCK = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
 

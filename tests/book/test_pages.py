@@ -170,10 +170,10 @@ def public_names(module: str, path: Path) -> set[str]:
 
 
 def modules() -> dict[str, Path]:
-    """File of every module of both packages but their commands, by its name."""
+    """File of every module of the packages but their commands, by its name."""
     files = [
         path
-        for name in ("sidm", "companion")
+        for name in ("sidm", "ownrobot", "companion")
         for path in (ROOT / name).rglob("*.py")
         if path.name != "__main__.py"
     ]
@@ -193,7 +193,7 @@ def test_the_page_of_the_package_leads_to_every_room(book):
         urldefrag(address)[0] for _, address in read(book / "book" / "api.html").links
     }
     design = (ROOT / "book" / "design.md").read_text().partition("## ")[0]
-    rooms = re.findall(r"`((?:sidm|companion)\.[a-z][\w.]*)`", design)
+    rooms = re.findall(r"`((?:sidm|ownrobot|companion)\.[a-z][\w.]*)`", design)
     assert len(rooms) > 15
     assert {room for room in rooms if f"api/{room}.html" not in links} == set()
 
@@ -201,7 +201,7 @@ def test_the_page_of_the_package_leads_to_every_room(book):
 def test_modules_fill_the_sidebar_of_the_reference_alone(book):
     def listed(name: str) -> int:
         return sum(
-            "api/" in a or a.startswith(("sidm.", "companion."))
+            "api/" in a or a.startswith(("sidm.", "ownrobot.", "companion."))
             for _, a in read(book / f"{name}.html").links
         )
 

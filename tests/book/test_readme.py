@@ -10,7 +10,7 @@ import pytest
 from pages import ROOT
 from places import copy_tree
 
-from sidm.fitting import settings
+from ownrobot.fitting import settings
 
 BLOCKS = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -52,7 +52,7 @@ def place(project, tmp_path_factory):
 def test_every_command_is_one_of_these_packages():
     assert len(commands("bash")) >= 9
     expected = {
-        f".venv/bin/{name}" for name in "companion sidm papermill jupyter".split()
+        f".venv/bin/{name}" for name in "companion ownrobot papermill jupyter".split()
     }
     assert {line.split()[0] for line in commands("bash")} == expected
 

@@ -11,8 +11,8 @@ from playwright.sync_api import sync_playwright
 from test_browser import PHONE
 
 from companion.explorer import grid
-from sidm.replay import ROBOTS, replay, ride
-from sidm.replay.rides import SAMPLE_TIME
+from ownrobot.replay import ROBOTS, replay, ride
+from ownrobot.replay.rides import SAMPLE_TIME
 from sidm.systems import Terrain
 
 pytestmark = pytest.mark.more
@@ -317,7 +317,7 @@ def test_predictions_are_ghosts(visit, book):
 
 
 def test_a_page_of_its_own_plays(visit, tmp_path):
-    """The page that `sidm replay` writes plays, also in a frame of a notebook."""
+    """The page that `ownrobot replay` writes plays, also in a frame of a notebook."""
     simulated = ride(
         ROBOTS["system1 novice"], Terrain(cell_height_scale=0.35), 3, 0.5, steps=5
     )

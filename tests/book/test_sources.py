@@ -13,16 +13,17 @@ import yaml
 from pages import ROOT, contents
 
 import companion.__main__
-import sidm.__main__
+import ownrobot.__main__
+import sidm
 from companion.pages.notebook import find_notebook, notebooks
 from companion.pages.notebook_command import add_arguments
 from companion.pages.parameters import inspect, merge_parameters, read_value
 
 ROLE = re.compile(r"\{py:\w+\}`~?(?:[^`<]*<)?([\w.]+)>?`")
 BASH = re.compile(r"^```bash\n(.*?)^```", re.MULTILINE | re.DOTALL)
-COMMAND = re.compile(r"(?:\.venv/bin/)?(sidm|companion) (.+)")
+COMMAND = re.compile(r"(?:\.venv/bin/)?(ownrobot|companion) (.+)")
 PARSERS = {
-    "sidm": sidm.__main__.build_parser,
+    "ownrobot": ownrobot.__main__.build_parser,
     "companion": companion.__main__.build_parser,
 }
 PIN = re.compile(r"^([A-Za-z0-9_.-]+)==([^\s#;]+)(?:; [^#]+?)?(?:\s+# (.+))?$")

@@ -13,9 +13,9 @@ from companion import Outcome, Row, Study, Trial, load_preset
 from companion.engine.datasets import note_digest
 from companion.engine.frame import frame_of
 from companion.engine.provenance import here
+from ownrobot.recordings import write_drives
 from sidm.body import ROVER
 from sidm.drives import STEPS, Drive, Ground, SimulatedGround, probe
-from sidm.recordings import write_drives
 from sidm.shards import SHARD_SIZE, load, simulated_drive, write_shard
 from sidm.storage import checksum
 from sidm.systems import find_system

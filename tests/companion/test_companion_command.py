@@ -14,7 +14,7 @@ import pytest
 from companion import Results, Study, grid, load_preset
 from companion.__main__ import main
 from companion.registry import NAMES
-from sidm.__main__ import main as library
+from ownrobot.__main__ import main as ownrobot_main
 from sidm.shards import read_shard
 from sidm.systems import SYSTEMS
 
@@ -39,9 +39,9 @@ def python(code: str, *words: str) -> subprocess.CompletedProcess:
     )
 
 
-def test_importing_either_package_is_light():
+def test_importing_the_packages_is_light():
     """A package and its command's help import neither PyTorch, PyBullet nor NumPy."""
-    code = "import sys, sidm.__main__, companion.__main__; "
+    code = "import sys, ownrobot.__main__, companion.__main__; "
     code += "print({'torch', 'pybullet', 'scipy', 'numpy'} & set(sys.modules))"
     assert python(code).stdout.strip() == "set()"
 
@@ -50,7 +50,7 @@ def test_the_command_is_the_module():
     """`companion` and `python -m companion` are the same, also by their name."""
     scripts = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
     assert {name: pkgutil.resolve_name(target) for name, target in scripts.items()} == {
-        "sidm": library,
+        "ownrobot": ownrobot_main,
         "companion": main,
     }
     result = subprocess.run(

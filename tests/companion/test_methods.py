@@ -6,10 +6,10 @@ from companion import METHODS, perform, run, run_trial
 from companion.engine.bundles import bundles, fits
 from companion.methods import ANY_BODIES, FIGURE3
 from companion.numerics import NUMERICS
+from ownrobot.methods.least_squares import LeastSquares
+from ownrobot.methods.residual import Corrected
 from sidm.config import ConfigError
 from sidm.learning import DynamicsModel
-from sidm.rivals.least_squares import LeastSquares
-from sidm.rivals.residual import Corrected
 
 
 @pytest.fixture

@@ -4,8 +4,8 @@ import dataclasses
 
 import pytest
 
+from ownrobot.body_file import body_from_mapping, body_to_mapping, read_body
 from sidm.body import ROVER, SI, Body, units_like
-from sidm.body_file import body_from_mapping, body_to_mapping, read_body
 from sidm.config import ConfigError
 
 WARTHOG = """

@@ -21,14 +21,17 @@ from companion.methods import METHODS
 from companion.presets import Preset
 from companion.study import Study
 from companion.training import StudyTraining
+from ownrobot.body_file import read_body
+from ownrobot.fitting.learning import datasets, learn, network_for, pretrain
+from ownrobot.fitting.settings import SETTINGS, Settings
+from ownrobot.fitting.splits import drives_of_sessions, session_order, train_test_split
+from ownrobot.fitting.windows import common_length, cut, rollouts
+from ownrobot.methods.fine_tuning import Pretrained
+from ownrobot.methods.kinematics import identify
+from ownrobot.recordings import read_drives
 from sidm.body import Body
-from sidm.body_file import read_body
 from sidm.config import config
 from sidm.drives import Drive, minutes_of
-from sidm.fitting.learning import datasets, learn, network_for, pretrain
-from sidm.fitting.settings import SETTINGS, Settings
-from sidm.fitting.splits import drives_of_sessions, session_order, train_test_split
-from sidm.fitting.windows import common_length, cut, rollouts
 from sidm.learning.arithmetic import one_thread
 from sidm.learning.dataset import Datasets, states_and_actions, windows_of
 from sidm.learning.evaluation import rollout_errors
@@ -37,9 +40,6 @@ from sidm.learning.model import Predictor
 from sidm.learning.networks import Network
 from sidm.learning.training import Trained
 from sidm.learning.units import Standardisation, default_units, loss_weights, role_units
-from sidm.recordings import read_drives
-from sidm.rivals.fine_tuning import Pretrained
-from sidm.rivals.kinematics import identify
 from sidm.storage import checksum
 
 RECORDINGS = Path("recordings")
@@ -159,7 +159,7 @@ def jobs(
 
 
 def settings(preset: Preset) -> Settings:
-    """The settings of `sidm fit`; the preset 'smoke' may train with fewer samples."""
+    """The settings of the fits; the preset 'smoke' may train with fewer samples."""
     if preset.name != "smoke":
         return SETTINGS
     samples = min(SETTINGS.training.max_samples, preset.training.max_samples)

@@ -36,6 +36,9 @@ from companion.studies.recorded_targets.recorded import subsets as recorded_subs
 from companion.study import Study
 from companion.training import StudyTraining
 from companion.trials import Dataset
+from ownrobot.methods.fine_tuning import Pretrained, frozen_model, pretraining_datasets
+from ownrobot.methods.least_squares import fit
+from ownrobot.recordings import read_drives
 from sidm.body import ROVER
 from sidm.config import config, replace
 from sidm.learning.arithmetic import one_thread
@@ -44,9 +47,6 @@ from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.networks import Network
 from sidm.learning.training import Trained, train
 from sidm.learning.units import Standardisation
-from sidm.recordings import read_drives
-from sidm.rivals.fine_tuning import Pretrained, frozen_model, pretraining_datasets
-from sidm.rivals.least_squares import fit
 
 SIZES = (1.0, 2.0, 5.0)  # min of the recorded novice, train and test split together
 HELD_OUT = 8  # of the 25 grounds; their recordings serve validation alone

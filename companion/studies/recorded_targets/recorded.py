@@ -12,14 +12,14 @@ import torch
 from torch import Tensor
 
 from companion.engine.outcomes import ROLLOUT_STEPS
+from ownrobot.fitting.windows import cut, grounds_of, rollouts, split_by_ground
+from ownrobot.recordings import RecordingError, read_drives
 from sidm.body import ROVER
 from sidm.config import ConfigError
 from sidm.drives import Drive
-from sidm.fitting.windows import cut, grounds_of, rollouts, split_by_ground
 from sidm.learning.dataset import TEST_EVERY, Windows, states_and_actions, windows_of
 from sidm.learning.evaluation import rollout_errors, validation_loss
 from sidm.learning.model import Predictor
-from sidm.recordings import RecordingError, read_drives
 from sidm.shards import trajectories_for
 
 

@@ -6,11 +6,11 @@ import pytest
 import torch
 
 from companion.bundle import train_bundle
+from ownrobot.methods.fine_tuning import pretrained_from, pretraining_datasets
 from sidm.body import DRIVE, ROVER, TWIST, Body
 from sidm.learning import TrainingError
 from sidm.learning.resuming import Checkpoint
 from sidm.learning.trainer import Trainer
-from sidm.rivals.fine_tuning import pretrained_from, pretraining_datasets
 from tests.companion.bundle.test_bundle import alone, assert_same, results
 from tests.sidm.learning.test_other_bodies import ARM, BLIND, TRACKED
 

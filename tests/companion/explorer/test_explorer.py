@@ -20,9 +20,9 @@ from companion.explorer.live import (
 )
 from companion.explorer.views import rides_figure
 from companion.numerics import versions
+from ownrobot.replay import ROBOTS, Ride, find_robot, ride, tilt, weave
+from ownrobot.replay.packing import unpack
 from sidm.config import ConfigError
-from sidm.replay import ROBOTS, Ride, find_robot, ride, tilt, weave
-from sidm.replay.packing import unpack
 from sidm.simulation import Simulator
 from sidm.systems import Terrain
 
@@ -251,7 +251,7 @@ old = SYSTEMS["system1"]
 novice = old.novice.replace(spring=500.0)
 SYSTEMS["soft"] = dataclasses.replace(old, name="soft", novice=novice)
 from companion.explorer import grid, page
-from sidm.replay import find_robot
+from ownrobot.replay import find_robot
 assert find_robot("soft novice").spring == 500
 robots = [robot["name"] for robot in page.contents()["robots"]]
 assert len(robots) == len(grid.PAPER_ROBOTS) == 4 and "soft novice" not in robots

@@ -12,7 +12,7 @@ from companion.explorer.comparison import (
     times,
     value_text,
 )
-from sidm.replay import ROBOTS, Ride
+from ownrobot.replay import ROBOTS, Ride
 
 NOVICE, EXPERT = ROBOTS["system1 novice"], ROBOTS["system1 expert"]
 

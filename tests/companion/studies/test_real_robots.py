@@ -11,8 +11,8 @@ from companion.presets import load_preset
 from companion.studies.real_robots import jitter
 from companion.studies.real_robots import measure as m
 from companion.studies.real_robots import results as r
+from ownrobot.fitting.splits import session_order, sessions_of, train_test_split
 from sidm.config import ConfigError, replace
-from sidm.fitting.splits import session_order, sessions_of, train_test_split
 
 JOBS = {
     (job.expert, job.method): job

@@ -21,10 +21,10 @@ from companion.studies.recorded_targets.results import (
     page_table,
     table,
 )
+from ownrobot.fitting.windows import grounds_of
+from ownrobot.recordings import RecordingError, read_drives, write_drives
 from sidm.body import ROVER
 from sidm.config import ConfigError, replace
-from sidm.fitting.windows import grounds_of
-from sidm.recordings import RecordingError, read_drives, write_drives
 from tests.companion.conftest import made, write_motion
 
 

@@ -6,8 +6,8 @@ import pytest
 from companion.numerics import versions
 from companion.studies import tree_search
 from companion.studies.tree_search import best, draw, draws, read
-from sidm.rivals import boosting
-from sidm.rivals.boosting import Growth
+from ownrobot.methods import boosting
+from ownrobot.methods.boosting import Growth
 from sidm.storage import read_record, write_record
 from tests.companion.conftest import RESULTS
 

@@ -22,7 +22,7 @@ from companion.tasks.scores import (
     scores_by_group,
     task_scores,
 )
-from sidm.comparison.statistics import Interval
+from ownrobot.comparison.statistics import Interval
 from tests.companion.tasks.conftest import made
 
 

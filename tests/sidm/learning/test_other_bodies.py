@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from ownrobot.methods.fine_tuning import pretrained_from, pretraining_datasets
 from sidm.body import DRIVE, ROVER, TWIST, Body
 from sidm.config import ConfigError
 from sidm.learning import (
@@ -24,7 +25,6 @@ from sidm.learning.evaluation import mean_loss, rollout_errors, validation_loss
 from sidm.learning.observation import convert_to_body
 from sidm.learning.trainer import Trainer
 from sidm.learning.units import default_units
-from sidm.rivals.fine_tuning import pretrained_from, pretraining_datasets
 from tests.sidm.learning.test_observation import at, random_states
 
 PIXELS = 8  # of the maps of the small network

@@ -1,0 +1,151 @@
+"""Parts that the commands `ownrobot` and `companion` share; every error is one line.
+
+Exit status: 0; 1 when something failed or is still missing; 2 for arguments that cannot
+be used.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import re
+import sys
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor
+from typing import NoReturn, Protocol, TextIO
+
+from sidm.config import ConfigError, DataError, Notice, first_line, hint
+
+#: Runs a command with its parsed arguments and returns the exit status.
+Command = Callable[[argparse.Namespace], int]
+
+
+class AddCommand(Protocol):
+    """Adds a command to a parser and returns the command's own parser.
+
+    The arguments are the command's name, its function, its help and, for those of
+    `ownrobot`, examples and what else stands below the options.
+    """
+
+    def __call__(
+        self, name: str, work: Command, help: str, examples: str = ""
+    ) -> argparse.ArgumentParser:
+        """Add the command."""
+        ...
+
+
+GOES_ON = "the same command goes on where this one was"
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the error and where to find help, and exit with status 2."""
+        program, line = self.prog.split()[0], " ".join(message.split())
+        line = _about_command(line) or f"{line};"
+        self.exit(2, f"{program}: {line} see {self.prog} --help\n")
+
+
+def _about_command(message: str) -> str:
+    """The error for a command that is missing or not known; '' for another message."""
+    missing = "the following arguments are required: "
+    if message.startswith(missing) and " | " in message:
+        names = message.removeprefix(missing).split(" | ")
+        return f"name a command, {', '.join(names)};"
+    pattern = r"argument .* \| .*: invalid choice: '(.*)' \(choose from (.*)\)"
+    found = re.match(pattern, message)
+    if not found:
+        return ""
+    names = [name.strip(" '") for name in found[2].split(",")]
+    return f"unknown command '{found[1]}'; {hint(found[1], names)}"
+
+
+def command_adder(parser: argparse.ArgumentParser, names: Sequence[str]) -> AddCommand:
+    """A function that adds commands to `parser`; its help lists the `names`."""
+    commands = parser.add_subparsers(metavar=" | ".join(names), required=True)
+
+    def add(
+        name: str, work: Command, help: str, examples: str = ""
+    ) -> argparse.ArgumentParser:
+        command = commands.add_parser(name, help=help, description=help)
+        if examples:  # are printed line by line, as they are
+            command.formatter_class = argparse.RawDescriptionHelpFormatter
+            command.epilog = f"examples:\n{examples}"
+        command.set_defaults(work=work)
+        return command
+
+    return add
+
+
+def carry_out(
+    parser: argparse.ArgumentParser, arguments: Sequence[str] | None = None
+) -> int:
+    """Run the command that `arguments` name and return its exit status.
+
+    Args:
+        parser: knows the commands; `command_adder` added them.
+        arguments: the command and its options; by default those of the process.
+
+    Returns:
+        The command's own exit status, 1 or 2 after an error, which is one line on
+        stderr.
+    """
+    parsed = parser.parse_args(arguments)
+    try:
+        with notices_on_stderr():
+            return _to_open_pipe(parsed)
+    except ConfigError as error:
+        status, line = 2, first_line(error)
+    except BrokenExecutor:
+        status, line = 1, f"a worker was killed (out of memory?); {GOES_ON}"
+    except KeyboardInterrupt:
+        status, line = 1, f"stopped; {GOES_ON}"
+    except (DataError, OSError, ImportError, RuntimeError) as error:
+        status, line = 1, first_line(error)
+    print(f"{parser.prog}: {line}", file=sys.stderr)
+    return status
+
+
+def _to_open_pipe(parsed: argparse.Namespace) -> int:
+    """Run the command; whoever reads its output may stop reading, as `head` does."""
+    try:
+        status = parsed.work(parsed)
+        sys.stdout.flush()
+        return status
+    except BrokenPipeError:
+        # The interpreter flushes the output once more as it ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+@contextlib.contextmanager
+def notices_on_stderr() -> Iterator[None]:
+    """Print each `Notice` of the block as one line on stderr."""
+    with warnings.catch_warnings():
+        print_notices(sys.stderr)
+        yield
+
+
+def print_notices(file: TextIO) -> None:
+    """From now on print each `Notice` as one line; other warnings stay as they are."""
+    warnings.simplefilter("always", Notice)
+    others = warnings.showwarning
+
+    def show(message, category, *arguments, **options):  # type: ignore[no-untyped-def]
+        if issubclass(category, Notice):
+            print(f"note: {first_line(message)}", file=file)
+        else:
+            others(message, category, *arguments, **options)
+
+    warnings.showwarning = show
+
+
+def whole_number(text: str, least: int = 1) -> int:
+    """The whole number that `text` holds; argparse reports one below `least`."""
+    number = int(text)
+    if number < least:
+        raise argparse.ArgumentTypeError(f"must be at least {least}, not {number}")
+    return number

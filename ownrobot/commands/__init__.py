@@ -1,0 +1,1 @@
+"""The commands of `ownrobot`: their options, and what they print."""

@@ -1,0 +1,224 @@
+"""The commands that fit models and use them: fit, evaluate and predict."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ownrobot.command_line import AddCommand, whole_number
+from ownrobot.commands.options import (
+    add_fit_options,
+    add_model_options,
+    methods_text,
+    refuse_inputs,
+    seconds,
+)
+from ownrobot.commands.tables import csv_text, errors_text, worst_text, write_csv
+from sidm.config import ConfigError, hint, parse_changes
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ownrobot.fitting.model import Model
+    from sidm.drives import Drive
+
+TEST_SHARE = 0.25  # of the sessions, held out by `ownrobot fit`
+FIT_EXAMPLES = """\
+  ownrobot fit --novice drives/ --body robot.yaml --out model
+  ownrobot fit --novice mine.bag --expert others/ --body robot.yaml --method sidm \\
+      --set p_expert=0.5 --out model"""
+EVALUATE_EXAMPLES = """\
+  ownrobot evaluate model other_drives/
+  ownrobot evaluate model drive.csv --csv errors.csv --figure errors.svg"""
+PREDICT_EXAMPLES = """\
+  ownrobot predict model drive.csv --out predicted.csv
+  ownrobot predict model drive.csv --horizon 3s --every 10"""
+
+
+def add_fit(add: AddCommand) -> None:
+    """Add `ownrobot fit`."""
+    text = (
+        "Learn a robot from recorded drives. It can be interrupted; the same command "
+        "resumes it."
+    )
+    fit = add("fit", run_fit, text, f"{FIT_EXAMPLES}\n\nmethods:\n{methods_text()}")
+    add_fit_options(fit)
+    fit.add_argument("--method", help="one of those below (%(default)s)")
+    fit.set_defaults(method="least_squares")
+    text = (
+        "drives of the robot that evaluate the model and that it does not learn from "
+        "(a quarter of the novice's sessions; with few sessions, folds)"
+    )
+    fit.add_argument("--test", metavar="PATH", nargs="+", help=text)
+    text = (
+        "seed of the choice of drives, the initial weights and the batches "
+        "(%(default)s)"
+    )
+    fit.add_argument("--seed", type=int, default=0, help=text)
+    fit.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        dest="changes",
+        help="one setting of networks or training, as hidden=64 or p_expert=0.5; "
+        "may be given again",
+    )
+    text = "where networks are trained, as cpu or cuda (%(default)s)"
+    fit.add_argument("--device", metavar="NAME", default="cpu", help=text)
+    fit.add_argument("--out", metavar="DIR", required=True, help="folder of the model")
+    text = "replace the model of a robot with another body in the folder"
+    fit.add_argument("--force", action="store_true", help=text)
+
+
+def add_evaluate(add: AddCommand) -> None:
+    """Add `ownrobot evaluate`."""
+    text = "How well a fitted model predicts other drives, with a figure."
+    evaluate = add("evaluate", run_evaluate, text, EVALUATE_EXAMPLES)
+    add_model_options(evaluate)
+    text = "file of the figure (%(default)s)"
+    evaluate.add_argument(
+        "--figure", metavar="FILE", default="evaluation.png", help=text
+    )
+    text = "where to write all errors as CSV"
+    evaluate.add_argument("--csv", metavar="FILE", help=text)
+    text = "where to write the loss of each drive as CSV"
+    evaluate.add_argument("--drives-csv", metavar="FILE", help=text)
+
+
+def add_predict(add: AddCommand) -> None:
+    """Add `ownrobot predict`."""
+    text = "What a fitted model predicts of drives, as CSV."
+    predict = add("predict", run_predict, text, PREDICT_EXAMPLES)
+    add_model_options(predict)
+    text = (
+        "predict this long open loop, as 3s, each state from the predicted state "
+        "before it (one step ahead, from each recorded state)"
+    )
+    predict.add_argument("--horizon", metavar="TIME", type=seconds, help=text)
+    text = (
+        "start an open-loop prediction at every Nth step (at each drive's start alone)"
+    )
+    predict.add_argument("--every", metavar="N", type=whole_number, help=text)
+    text = "where to write (standard output)"
+    predict.add_argument("--out", metavar="FILE", help=text)
+
+
+def run_fit(arguments: argparse.Namespace) -> int:
+    """Run `ownrobot fit`: print the fitted model and its loss on held-out drives."""
+    from ownrobot.fitting.fit import fit
+
+    model = fit(
+        arguments.novice,
+        arguments.expert,
+        arguments.method,
+        body=arguments.body,
+        expert_body=arguments.expert_body,
+        settings=parse_changes(arguments.changes),
+        test=arguments.test or TEST_SHARE,
+        seed=arguments.seed,
+        out=arguments.out,
+        force=arguments.force,
+        topics=arguments.topics,
+        skip_bad=arguments.skip_bad,
+        device=arguments.device,
+        progress=True,
+    )
+    print(
+        f"{arguments.out}: {model.method}, from {model.minutes:.3g} min "
+        f"in windows of {model.steps} steps"
+    )
+    if model.held_out:
+        print(f"held out from learning: {model.held_out}")
+    else:
+        print(
+            "there are too few drives to hold some out: judge the model by others, "
+            "with --test or 'ownrobot evaluate'"
+        )
+    return 0
+
+
+def _model_and_drives(arguments: argparse.Namespace) -> tuple[Model, list[Drive]]:
+    """The model that a command names, and the drives of its robot."""
+    from ownrobot.fitting.files import load
+    from ownrobot.recordings import read_drives
+
+    model = load(arguments.model)
+    drives = read_drives(
+        arguments.drives,
+        model.body,
+        arguments.topics,
+        held=True,
+        skip_bad=arguments.skip_bad,
+    )
+    return model, drives
+
+
+def run_evaluate(arguments: argparse.Namespace) -> int:
+    """Run `ownrobot evaluate`: it prints the tables of errors and draws their figure.
+
+    It draws nothing where Matplotlib is not installed.
+    """
+    outputs = arguments.figure, arguments.csv, arguments.drives_csv
+    refuse_inputs(outputs, arguments.drives)
+    draw = _figure_of(arguments.figure)
+    model, drives = _model_and_drives(arguments)
+    table, by_drive = model.evaluate(drives), model.evaluate_drives(drives)
+    if arguments.csv:
+        write_csv(arguments.csv, table)
+    if arguments.drives_csv:
+        write_csv(arguments.drives_csv, by_drive)
+    if draw:
+        draw(table)
+    print(f"{arguments.model}: {model.score(drives)}")
+    print(errors_text(table))
+    print(worst_text(by_drive))
+    if draw:
+        print(f"figure: {arguments.figure}")
+    return 0
+
+
+def _figure_of(name: str) -> Callable[[pd.DataFrame], None] | None:
+    """A function that draws errors into a file; None where Matplotlib is missing.
+
+    Raises:
+        ConfigError: the file's kind is none of a figure.
+    """
+    from sidm.storage import write_atomically
+
+    try:
+        from matplotlib.figure import Figure
+
+        from ownrobot.fitting.report import figure
+    except ImportError:
+        text = "note: no figure is drawn without Matplotlib: pip install 'sidm[plots]'"
+        print(text, file=sys.stderr)
+        return None
+    path = Path(name)
+    kind = path.suffix.lstrip(".").lower() or "png"
+    known = Figure().canvas.get_supported_filetypes()
+    if kind not in known:
+        raise ConfigError(f"{path}: no kind of figure; {hint(kind, known)}")
+
+    def draw(table: pd.DataFrame) -> None:
+        drawn = figure(table)
+        write_atomically(path.resolve(), lambda file: drawn.savefig(file, format=kind))
+
+    return draw
+
+
+def run_predict(arguments: argparse.Namespace) -> int:
+    """Run `ownrobot predict`: it writes the predictions as CSV."""
+    if arguments.every and arguments.horizon is None:
+        raise ConfigError("--every is of open-loop predictions: give --horizon, too")
+    refuse_inputs([arguments.out], arguments.drives)
+    model, drives = _model_and_drives(arguments)
+    table = model.predict(drives, horizon=arguments.horizon, every=arguments.every)
+    if arguments.out:
+        write_csv(arguments.out, table)
+    else:
+        print(csv_text(table), end="")
+    return 0

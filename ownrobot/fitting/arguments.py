@@ -1,0 +1,204 @@
+"""Drives that users pass in: checked, and brought into one type."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
+
+import numpy as np
+
+from ownrobot.body_file import as_body
+from ownrobot.recordings.reading import has_bags, is_table, read_drives
+from sidm.body import Body
+from sidm.config import ConfigError, Notice, replace
+from sidm.drives import Drive, Ground
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    Drives: TypeAlias = str | Path | Drive | pd.DataFrame | Sequence[Drive | str | Path]
+    BodyLike: TypeAlias = Body | str | Path | Mapping[str, Any]
+
+
+def drives_from(
+    source: Drives,
+    body: BodyLike | None,
+    argument: str,
+    topics: Sequence[str] = (),
+    allow_constant: bool = False,
+    default_body: BodyLike | None = None,
+    skip_bad: bool = False,
+) -> list[Drive]:
+    """List of drives from any form in which a user can pass them.
+
+    Args:
+        source: drives; or a file, a ROS bag or a folder, or several of them; or a
+            pandas table.
+        body: body of the drives. Drives that have been read already need none; if one
+            is given, they must have the same pose, state, actions and rate.
+        argument: the name of the argument, for error messages.
+        topics: topics of ROS bags, needed if a bag has several matching topics.
+        allow_constant: whether a column may never change, as in
+            `recordings.read_drives`.
+        default_body: body of drives in files where `body` is None.
+        skip_bad: whether to leave out faulty drives of files, as in
+            `recordings.read_drives`.
+
+    Returns:
+        The drives, all of one body.
+
+    Raises:
+        ConfigError: there are no drives, no body is given, or the drives have another
+            body.
+        RecordingError: the first fault of a file or a table.
+        TypeError: `source` has a type that cannot hold drives.
+    """
+    file_body = body or default_body
+    reading: dict[str, Any] = {"held": allow_constant, "skip_bad": skip_bad}
+    if _is_paths(source):
+        if argument in ("expert", "test") and not has_bags(source):
+            topics = ()  # are of the novice's bags
+        read = read_drives(source, _required(file_body, argument), topics, **reading)
+        return _each_once(read, argument)
+    if isinstance(source, Drive):
+        source = [source]
+    if is_table(source):
+        read = read_drives(source, _required(file_body, argument), **reading)
+        return _each_once(read, argument)
+    if not isinstance(source, Sequence) or not all(
+        isinstance(item, (Drive, str, Path)) for item in source
+    ):
+        raise TypeError(
+            f"{argument} must be drives, as sidm.simulate and ownrobot.read_drives "
+            f"return, or paths of drives, not {type(source).__name__}"
+        )
+    if not source:
+        raise ConfigError(f"{argument} has no drives")
+    expected = None if body is None else as_body(body)
+    drives: list[Drive] = []
+    for item in source:
+        if isinstance(item, Drive):
+            _refuse_not_finite(item, argument)
+            item = _over_middle(item)
+            drives.append(
+                item if expected is None else _with_body(item, expected, argument)
+            )
+        else:
+            file_body = _required(expected or default_body, argument)
+            drives += read_drives(item, file_body, topics, **reading)
+    if len({drive.body for drive in drives}) > 1:
+        names = ", ".join(sorted({drive.body.name for drive in drives}))
+        raise ConfigError(
+            f"{argument} has drives of several bodies ({names}); "
+            "all drives of a robot have the same body"
+        )
+    return _each_once(drives, argument)
+
+
+def _refuse_not_finite(drive: Drive, argument: str) -> None:
+    """Raise ConfigError for a drive in memory with a number that is not finite."""
+    body = drive.body
+    for kind, columns in (("states", body.state), ("actions", body.actions)):
+        bad = np.argwhere(~np.isfinite(np.asarray(getattr(drive, kind), float)))
+        if len(bad):
+            step, number = bad[0]
+            raise ConfigError(
+                f"{argument} has {drive!r} in which '{columns[number][0]}' of step "
+                f"{step} is not finite; mend it, or cut the drive there"
+            )
+
+
+def _over_middle(drive: Drive) -> Drive:
+    """The drive moved so that the middle of its ground is the origin, as in files."""
+    ground = drive.ground
+    if not isinstance(ground, Ground) or ground.centre == (0.0, 0.0):
+        return drive
+    states = drive.states.copy()
+    if drive.body.pose_size:
+        states[:, :2] -= np.array(ground.centre)
+    return replace(drive, states=states, ground=ground._replace(centre=(0.0, 0.0)))
+
+
+def _each_once(drives: list[Drive], argument: str) -> list[Drive]:
+    """The drives without those that are given twice, which are told by a `Notice`."""
+    different: dict[tuple[bytes, bytes], Drive] = {}
+    for drive in drives:
+        key = drive.states.tobytes(), drive.actions.tobytes()
+        different.setdefault(key, drive)
+    if len(different) < len(drives):
+        twice = len(drives) - len(different)
+        text = f"{argument} has {twice} drives that are given twice; each counts once"
+        warnings.warn(Notice(text), stacklevel=4)
+    return list(different.values())
+
+
+def _is_paths(source: Drives) -> TypeGuard[str | Path | Sequence[str | Path]]:
+    """Whether the source is a path or several, which are then read together."""
+    if isinstance(source, (str, Path)):
+        return True
+    if not isinstance(source, Sequence) or not source:
+        return False
+    return all(isinstance(item, (str, Path)) for item in source)
+
+
+def _required(body: BodyLike | None, argument: str) -> Body:
+    if body is None:
+        option = "body" if argument != "expert" else "expert_body"
+        raise ConfigError(
+            f"the drives of {argument} have no body: pass {option}='robot.yaml'"
+        )
+    return as_body(body)
+
+
+def _with_body(drive: Drive, body: Body, argument: str) -> Drive:
+    """The drive with `body`, which must describe the same numbers.
+
+    The two bodies may differ in other things, such as the weights of the loss.
+
+    Raises:
+        ConfigError: pose, state, actions or rate of the two bodies differ.
+    """
+    expected = _layout(body)
+    for name, value in _layout(drive.body).items():
+        if value != expected[name]:
+            raise ConfigError(
+                f"{argument} has drives of body '{drive.body.name}', "
+                f"whose {name} differ from those of body '{body.name}'"
+            )
+    if not math.isclose(drive.body.rate, body.rate, rel_tol=1e-3):
+        raise ConfigError(
+            f"{argument} has drives at {drive.body.rate:g} Hz, "
+            f"but body '{body.name}' is at {body.rate:g} Hz"
+        )
+    return drive if drive.body == body else replace(drive, body=body)
+
+
+def _layout(body: Body) -> dict[str, Any]:
+    """What the numbers of a drive are: pose, and columns of states and actions."""
+    return {
+        "pose": body.pose,
+        "state": [column for column, _ in body.state],
+        "actions": [column for column, _ in body.actions],
+    }
+
+
+def refuse_swapped(novice: Sequence[Drive], expert: Sequence[Drive] | None) -> None:
+    """Raise ConfigError when simulated drives of novice and expert are swapped.
+
+    Without an expert, a novice may have an expert's drives: any robot can be learnt
+    alone.
+    """
+    if expert is None:
+        return
+    for argument, other_role, drives in (
+        ("novice", "expert", novice),
+        ("expert", "novice", expert),
+    ):
+        if drives and drives[0].robot.endswith(f" {other_role}"):
+            raise ConfigError(
+                f"{argument} has the drives of '{drives[0].robot}': "
+                "are novice and expert swapped?"
+            )

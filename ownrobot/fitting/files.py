@@ -1,0 +1,240 @@
+"""A fitted model on disk: a folder with its weights and a JSON file of all else.
+
+The JSON file has a checksum of the weights, so that a changed bit is found.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ownrobot.body_file import body_from_mapping, body_to_mapping
+from ownrobot.fitting.model import Model
+from ownrobot.fitting.score import Score
+from ownrobot.methods.forest import Forest
+from ownrobot.methods.gaussian_process import GaussianProcess, Posterior
+from ownrobot.methods.kinematics import Kinematics
+from ownrobot.methods.least_squares import LeastSquares
+from ownrobot.methods.pooled import Pooled
+from ownrobot.methods.registry import METHODS
+from ownrobot.methods.trees import Trees
+from ownrobot.methods.trivial import Trivial
+from sidm import __version__
+from sidm.body import Body
+from sidm.config import ConfigError, first_line, from_mapping, to_mapping
+from sidm.learning.checkpoint import module_tensors
+from sidm.learning.model import DynamicsModel, Predictor
+from sidm.learning.units import Standardisation
+from sidm.settings import Network
+from sidm.storage import write_atomically
+
+WEIGHTS, ABOUT = "model.safetensors", "model.json"
+UNITS = "units."  # begins the names of the units of least squares
+INNER = "inner."  # begins the names of the tensors of a model that sees the flag
+
+
+def refuse_folder(folder: str | Path, body: Body, force: bool = False) -> None:
+    """Raise ConfigError, one line, where a model of `body` must not be written.
+
+    Args:
+        folder: where the model is to be written.
+        body: the model's body.
+        force: whether the model may replace that of another body.
+    """
+    if not str(folder).strip():
+        raise ConfigError("the model's folder has no name; pass a path, as 'model'")
+    folder = Path(folder)
+    for path in (folder, *folder.parents):
+        if path.exists():
+            if not path.is_dir():
+                raise ConfigError(f"{path} is a file; name a folder for the model")
+            break
+    if folder.exists() and not os.access(folder, os.W_OK):
+        raise ConfigError(f"{folder} cannot be written; name another folder")
+    there = _body_there(folder)
+    if force or there is None or _without_weights(there) == _without_weights(body):
+        return
+    raise ConfigError(
+        f"{folder} has a model of another body, '{there.name}'; name another folder, "
+        "or replace it with force=True (--force)"
+    )
+
+
+def _body_there(folder: Path) -> Body | None:
+    """The body of the model in a folder; None without a model that can be read."""
+    try:
+        about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+        return body_from_mapping(about["body"], "")
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _without_weights(body: Body) -> dict[str, Any]:
+    """What tells the robots of two bodies apart: all but how their loss is weighed."""
+    loss = ("weights", "resolution")
+    return {name: v for name, v in body_to_mapping(body).items() if name not in loss}
+
+
+def write_model(model: Model, folder: str | Path, force: bool = False) -> None:
+    """Write a model into a folder, as `Model.save` does.
+
+    Args:
+        model: the model.
+        folder: is created where it is missing.
+        force: whether the model may replace that of another body.
+
+    Raises:
+        ConfigError: the folder is a file, or has a model of another body.
+        OSError: a file cannot be written; the message is one line.
+    """
+    from safetensors.torch import save as to_bytes
+
+    refuse_folder(folder, model.body, force)
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    tensors = {
+        name: tensor.contiguous()
+        for name, tensor in module_tensors(model.predictor).items()
+        if ".expert." not in name
+    }
+    for module in model.predictor.modules():
+        if isinstance(module, LeastSquares):  # a base has the units of its correction
+            units = module.units._asdict()
+            tensors |= {UNITS + name: tensor for name, tensor in units.items()}
+    network = {
+        name: value
+        for name, value in to_mapping(model.network).items()
+        if not name.endswith("_body")
+    }
+    content = to_bytes({name: tensor.clone() for name, tensor in tensors.items()})
+    about = {
+        "version": __version__,
+        "method": model.method,
+        "body": body_to_mapping(model.body),
+        "steps": model.steps,
+        "minutes": model.minutes,
+        "test_loss": model.test_loss,
+        "target_mean": _as_list(model.target_mean),
+        "held_out": model.held_out and to_mapping(model.held_out),
+        "scale": _as_list(model.scale),
+        "network": network,
+        "sha256": hashlib.sha256(content).hexdigest(),  # of the weights' file
+    }
+    about["checksum"] = _checksum_of(about)
+    write_atomically(folder / WEIGHTS, lambda file: file.write(content))
+    text = json.dumps(about, indent=1) + "\n"
+    write_atomically(folder / ABOUT, lambda file: file.write(text.encode()))
+
+
+def load(folder: str | Path) -> Model:
+    """Read a model that `Model.save`, `ownrobot.fit(out=...)` or `ownrobot fit` wrote.
+
+    Raises:
+        ConfigError: the folder has no model, or the model is damaged; the message is
+            one line.
+
+    Examples:
+        >>> ownrobot.load("recordings/models/warthog")
+        Model('pretrain_finetune' of body 'skid-steered', from 9.1 min)
+    """
+    from safetensors import SafetensorError
+    from safetensors.torch import load as from_bytes
+
+    folder = Path(folder)
+    for name in (ABOUT, WEIGHTS):
+        if not (folder / name).is_file():
+            raise ConfigError(f"{folder}: no model is there, {name} is missing")
+    try:
+        about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+        if about.get("checksum", _checksum_of(about)) != _checksum_of(about):
+            raise ValueError(f"{ABOUT} was changed")  # older versions have no checksum
+        body = body_from_mapping(about["body"], "")
+        network = from_mapping(
+            Network, about["network"] | {"novice_body": body, "expert_body": body}
+        )
+        scale, mean = (_as_tensor(about.get(n)) for n in ("scale", "target_mean"))
+        content = (folder / WEIGHTS).read_bytes()
+        checksum = hashlib.sha256(content).hexdigest()
+        if about.get("sha256", checksum) != checksum:  # older versions wrote none
+            raise ValueError(f"the checksum of {WEIGHTS} does not match")
+        tensors = from_bytes(content)
+        predictor = _predictor(about["method"], network, tensors, scale)
+        fields = ("method", "steps", "minutes", "test_loss")
+        values = {name: about[name] for name in fields}
+        if about.get("held_out"):
+            values["held_out"] = from_mapping(Score, about["held_out"])
+    except (ValueError, KeyError, TypeError, RuntimeError, SafetensorError) as error:
+        raise ConfigError(
+            f"{folder}: the model is damaged ({first_line(error)}); fit it again"
+        ) from None
+    return Model(
+        predictor.eval(),
+        body,
+        network=network,
+        scale=scale,
+        target_mean=mean,
+        **values,
+    )
+
+
+def _checksum_of(about: dict[str, Any]) -> str:
+    """Checksum of all values of a model's JSON file."""
+    values = {name: value for name, value in about.items() if name != "checksum"}
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
+
+
+def _as_list(values: Tensor | None) -> list[float] | None:
+    return None if values is None else values.tolist()
+
+
+def _as_tensor(values: list[float] | None) -> Tensor | None:
+    return None if values is None else torch.tensor(values)
+
+
+def _predictor(
+    method: str, network: Network, tensors: dict[str, Tensor], scale: Tensor | None
+) -> Predictor:
+    """The module of a method with the weights of a file."""
+    config = METHODS[method]
+    if config.pooled:
+        tensors = {name.removeprefix(INNER): t for name, t in tensors.items()}
+    model = _empty(method, network, tensors, scale)
+    tensors = {n: t for n, t in tensors.items() if not n.startswith(UNITS)}
+    model.load_state_dict(tensors)
+    return Pooled(model) if config.pooled else model
+
+
+def _empty(
+    method: str, network: Network, tensors: dict[str, Tensor], scale: Tensor | None
+) -> Predictor:
+    """The module of a method, whose weights are to be loaded."""
+    config, body = METHODS[method], network.body("novice")
+    name: Any = method  # the models of these methods have the methods' names
+    if config.fit == "kinematics":
+        return Kinematics(name, body, scale)
+    if config.fit == "trivial":
+        return Trivial(name, body, scale)
+    if config.fit == "trees":
+        return Trees(body, Forest(*(tensors[n] for n in Forest._fields)), scale)
+    if config.fit == "gradients":
+        return DynamicsModel(network, roles=["novice"])
+    base: Predictor | None = None
+    if config.pretrained:
+        base = DynamicsModel(network, roles=["novice"])
+    elif config.residual:
+        base = LeastSquares(_units(tensors), None, scale)
+    if config.fit == "gaussian_process":
+        posterior = Posterior(*(tensors[name] for name in Posterior._fields))
+        return GaussianProcess(body, posterior, base, scale)
+    return LeastSquares(_units(tensors), base, scale)
+
+
+def _units(tensors: dict[str, Tensor]) -> Standardisation:
+    """The units of least squares from the tensors of a file."""
+    return Standardisation(*(tensors[UNITS + n] for n in Standardisation._fields))

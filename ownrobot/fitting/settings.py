@@ -1,0 +1,110 @@
+"""Settings to fit recorded robots with: network sizes, training, and tuned values."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from ownrobot.methods.registry import Method
+from sidm.config import config, replace, unknown_name
+from sidm.settings import Network, Training
+
+
+@config
+class Settings:
+    """Networks and training of every method."""
+
+    network: Network
+    training: Training
+    #: (method, name of a training setting, value that replaces `training`'s)
+    tuned: tuple[tuple[str, str, Any], ...] = ()
+
+    def tuned_values(self, method: str) -> dict[str, Any]:
+        """Settings that a method was tuned to, name -> value."""
+        return {setting: value for name, setting, value in self.tuned if name == method}
+
+    def training_of(self, method: Method) -> Training:
+        """A method's training on the novice, with the method's tuned values."""
+        return method.training(self.training, self.tuned_values(method.tuned_as))
+
+    def with_values(self, values: Mapping[str, Any]) -> Settings:
+        """The settings with new values of some fields of network or training.
+
+        The values hold for every method: they replace tuned values, too.
+
+        Args:
+            values: name of a field of `Network` or `Training` -> value. The method sets
+                `regularise` and the robots' drives set the bodies, so neither can be
+                given.
+
+        Raises:
+            ConfigError: a value of the wrong type, or an unknown name; the message has
+                the nearest right name.
+        """
+        network = {name for name in _names(Network) if not name.endswith("_body")}
+        training = _names(Training) - {"regularise"}
+        known = network | training
+        for name in values:
+            if name not in known:
+                raise unknown_name(name, sorted(known), kind="setting")
+        sizes, choices = (
+            {name: value for name, value in values.items() if name in names}
+            for names in (network, training)
+        )
+        return Settings(
+            network=replace(self.network, **sizes),
+            training=replace(self.training, **choices),
+            tuned=tuple(entry for entry in self.tuned if entry[1] not in values),
+        )
+
+
+def _names(kind: Any) -> set[str]:
+    return {field.name for field in dataclasses.fields(kind)}
+
+
+#: For minutes of motion of robots that see no ground; the same networks and patience
+#: for every method. `p_expert` is the paper's p_e = 0.75 for similar robots (Training's
+#: default). The tuned values were chosen on system 1.
+SETTINGS = Settings(
+    network=Network(pixels=32, layers=1, hidden=128),
+    training=Training(
+        batch=16,
+        discriminator_batch=16,
+        matching_batch=16,
+        patience=100_000,
+        max_samples=1_500_000,
+    ),
+    tuned=(
+        ("novice_only", "weight_decay", 0.1),
+        ("sidm", "matching_iterations", 5),
+        ("pretrain_finetune", "learning_rate", 1e-4),
+    ),
+)
+
+
+def settings_with(
+    network: Network | None = None,
+    training: Training | None = None,
+    values: Mapping[str, Any] = MappingProxyType({}),
+) -> Settings:
+    """SETTINGS with other networks, another training or single other values.
+
+    Args:
+        network: the sizes; its bodies are replaced by the robots' bodies later.
+        training: training of every method; it replaces tuned values, too. The method
+            sets `regularise`; `p_expert` holds for methods that learn from the expert's
+            drives.
+        values: single settings of both by name, as `{"hidden": 64, "p_expert": 0.5}`;
+            the others stay as they are.
+
+    Raises:
+        ConfigError: an unknown name or a value of the wrong type.
+    """
+    settings: Settings = SETTINGS
+    if network is not None:
+        settings = replace(settings, network=network)
+    if training is not None:
+        settings = replace(settings, training=training, tuned=())
+    return settings.with_values(values)

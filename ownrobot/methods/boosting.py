@@ -1,0 +1,240 @@
+"""Growing boosted trees with scikit-learn: those of a novice, or on an expert's."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ownrobot.methods.fine_tuning import pretraining_datasets
+from ownrobot.methods.forest import Forest
+from ownrobot.methods.pooled import expert_windows, joined
+from ownrobot.methods.trees import Trees, features, kept_columns
+from sidm.body import Body
+from sidm.config import ConfigError
+from sidm.learning.dataset import Datasets, Windows
+from sidm.learning.stopping import CurvePoint
+from sidm.learning.training import Trained
+
+#: Standard deviation below which a component counts as constant.
+SMALLEST_STD = 1e-9
+
+
+class Growth(NamedTuple):
+    """How trees are grown."""
+
+    rounds: int = 300  # trees of a component, at most
+    rate: float = 0.05  # factor of a tree's leaves
+    leaves: int = 15  # of a tree, at most
+    samples: int = 20  # steps at a leaf, at least
+
+
+#: Of the novice alone or of both robots; of an expert, and of what corrects them. They
+#: are the best of a random search on simulated robots with 5 minutes; both robots'
+#: samples were not searched for.
+NOVICE = Growth()
+EXPERT = Growth(rate=0.03, leaves=31, samples=67)
+CORRECTION = Growth(rate=0.24, leaves=7, samples=36)
+#: A leaf needs at most one of this many steps, so that a few seconds of motion still
+#: grow trees.
+STEPS_PER_LEAF = 10
+#: Trees are counted in groups of this many; a group without a lower loss on the test
+#: split is the last.
+ROUNDS_AT_A_TIME = 50
+
+
+def require_scikit_learn(method: str) -> None:
+    """Raise ConfigError, one line, where scikit-learn is not installed."""
+    if importlib.util.find_spec("sklearn") is None:
+        raise ConfigError(f'{method} needs scikit-learn: pip install "sidm[trees]"')
+
+
+def learn(
+    datasets: Datasets,
+    body: Body,
+    scale: Tensor | None = None,
+    corrects_expert: bool = False,
+    pooled: bool = False,
+    seed: int = 0,
+) -> Trained:
+    """Grow the trees of a novice.
+
+    The number of trees of each component has the lowest loss on the test split; then
+    that many are grown from train and test split together.
+
+    Args:
+        datasets: the novice's train and test split, and the expert's data for a
+            correction or further samples; the validation set is not used.
+        body: the robot's body.
+        scale: weights (Y,) of the components in equation (1); all 1 by default.
+        corrects_expert: whether the trees correct the trees of the expert's motion.
+        pooled: whether the expert's samples are learnt from beside the train split.
+        seed: of scikit-learn's draws and the split of the expert's data.
+
+    Returns:
+        The model and its training; the test loss is that of the trees of the train
+        split.
+
+    Raises:
+        ConfigError: scikit-learn is not installed, or there are no data of the expert
+            where the trees correct its trees; one line.
+    """
+    require_scikit_learn("trees")
+    base = Forest.constant(torch.zeros(len(body.targets)))
+    if corrects_expert:
+        expert = pretraining_datasets(datasets, seed)
+        base = grow(expert, body, base, EXPERT, seed).forest
+    if pooled:
+        train = joined(datasets.train, expert_windows(datasets))
+        datasets = datasets._replace(train=train)
+    growth = CORRECTION if corrects_expert else NOVICE
+    grown = grow(datasets, body, base, growth, seed)
+    weights = torch.ones(len(body.targets)) if scale is None else scale
+    train_loss, test_loss = (
+        float((weights * errors).sum())
+        for errors in (grown.train_errors, grown.test_errors)
+    )
+    steps = sum(
+        part.targets[..., 0].numel() for part in (datasets.train, datasets.test)
+    )
+    curve = [CurvePoint(steps, train_loss, test_loss, None)]
+    model = Trees(body, grown.forest, scale).eval()
+    return Trained(model, curve, steps, 0, test_loss, steps, True)
+
+
+class Grown(NamedTuple):
+    """Grown trees.
+
+    Attributes:
+        forest: the base with the trees of both splits
+        train_errors: (Y,) mean squared errors of the trees on both splits
+        test_errors: (Y,) mean squared errors on the test split of the trees of the
+            train split alone
+    """
+
+    forest: Forest
+    train_errors: Tensor
+    test_errors: Tensor
+
+
+def grow(
+    datasets: Datasets, body: Body, base: Forest, growth: Growth, seed: int
+) -> Grown:
+    """Trees of what a forest leaves of the transitions, added to the forest.
+
+    Args:
+        datasets: the train and test split are used.
+        body: the robot's body.
+        base: the forest that is corrected.
+        growth: how the trees are grown.
+        seed: of scikit-learn's draws.
+    """
+    train, test = (
+        _features_and_residuals(part, body, base)
+        for part in (datasets.train, datasets.test)
+    )
+    both = np.concatenate([train[0], test[0]]), np.concatenate([train[1], test[1]])
+    forest, errors = base, []
+    for component in range(len(body.targets)):
+        data = [(x, y[:, component]) for x, y in (train, test, both)]
+        with _one_openmp_thread():
+            trees, baseline, of_component = _grow_component(data, growth, seed)
+        forest = forest.with_trees(component, trees, baseline)
+        errors.append(of_component)
+    train_errors, test_errors = torch.tensor(errors, dtype=torch.float64).T
+    return Grown(forest, train_errors, test_errors)
+
+
+#: Features (N, F) and one component's residuals (N,).
+Data = tuple[np.ndarray, np.ndarray]
+
+
+def _grow_component(
+    data: Sequence[Data], growth: Growth, seed: int
+) -> tuple[list[Any], float, tuple[float, float]]:
+    """Trees of one component.
+
+    Args:
+        data: of the train split, the test split and both.
+        growth: how the trees are grown.
+        seed: of scikit-learn's draws.
+
+    Returns:
+        Nodes of the trees, the baseline, and the errors on both splits and on the test
+        split, as in `Grown`.
+    """
+    train, (x_test, y_test), (x, y) = data
+    if y.std() < SMALLEST_STD:
+        return [], float(y.mean()), (float(y.var()), float(y_test.var()))
+    rounds, test_error = _best_rounds(growth, train, (x_test, y_test), seed)
+    if not rounds:
+        return [], 0.0, (float(np.square(y).mean()), test_error)
+    regressor = _regressor(growth, len(x), seed)
+    regressor.set_params(max_iter=rounds).fit(x, y)
+    error = float(np.square(regressor.predict(x) - y).mean())
+    # scikit-learn has no public way to the nodes; a test holds them to its `predict`.
+    trees = [trees_of_round[0].nodes for trees_of_round in regressor._predictors]
+    return trees, float(regressor._baseline_prediction.item()), (error, test_error)
+
+
+def _best_rounds(
+    growth: Growth, train: Data, test: Data, seed: int
+) -> tuple[int, float]:
+    """The number of trees with the lowest error on the test split, and this error.
+
+    0 where no trees are better than any.
+    """
+    regressor = _regressor(growth, len(train[0]), seed).set_params(
+        early_stopping=True,
+        scoring="loss",  # half the mean squared error
+        n_iter_no_change=2 * ROUNDS_AT_A_TIME - 1,  # the last group is whole then
+        tol=0.0,
+    )
+    regressor.fit(*train, X_val=test[0], y_val=test[1])
+    errors = -2 * np.array(regressor.validation_score_)
+    errors[0] = np.square(test[1]).mean()  # of no trees
+    best = 0
+    for rounds in range(ROUNDS_AT_A_TIME, len(errors), ROUNDS_AT_A_TIME):
+        best = int(errors[: rounds + 1].argmin())
+        if best <= rounds - ROUNDS_AT_A_TIME:
+            break
+    return best, float(errors[best])
+
+
+def _features_and_residuals(
+    windows: Windows, body: Body, base: Forest
+) -> tuple[np.ndarray, np.ndarray]:
+    """Features (N, F) and what a forest leaves of the changes (N, Y), float64."""
+    rows = features(windows.inputs, windows.maps, body).flatten(0, 1)
+    changes = windows.targets.double() - kept_columns(windows.inputs, body)
+    residuals = changes.flatten(0, 1) - base.predict(rows)
+    return rows.numpy(), residuals.numpy()
+
+
+def _regressor(growth: Growth, steps: int, seed: int) -> Any:
+    """scikit-learn's regressor, which has not learnt yet."""
+    from sklearn.ensemble import HistGradientBoostingRegressor
+
+    return HistGradientBoostingRegressor(
+        learning_rate=growth.rate,
+        max_leaf_nodes=growth.leaves,
+        min_samples_leaf=max(1, min(growth.samples, steps // STEPS_PER_LEAF)),
+        early_stopping=False,  # the test split stops it, not a part of the steps
+        random_state=seed % 2**32,
+        max_iter=growth.rounds,
+    )
+
+
+@contextlib.contextmanager
+def _one_openmp_thread() -> Iterator[None]:
+    """scikit-learn grows trees on one thread inside the block."""
+    import sklearn.ensemble  # noqa: F401 - its OpenMP must be there to be limited
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1, user_api="openmp"):
+        yield

@@ -1,0 +1,217 @@
+"""Faults of recorded numbers, each refused in one line that names file and place.
+
+The checks here are of rows, values and units by themselves. `frames` compares columns
+with each other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ownrobot.recordings.table import RecordingError
+from sidm.body import DRIVE, TWIST, Body
+from sidm.drives import Drive, Ground
+
+NOT_UNIT = 1e-3  # largest deviation of a quaternion's length from 1
+BEYOND = 1e-3  # largest excess of throttle and steering over 1; it is clipped
+LARGEST = 1e15  # in SI units; no sensor measures a larger number
+#: A recording pauses where two rows are more than GAP median spacings apart, and more
+#: than LEAST_PAUSE control steps.
+GAP, LEAST_PAUSE = 3.0, 1.5
+FASTER = 1.5  # largest ratio of the control steps' rate to that of recorded numbers
+#: A position jumps in a step of more than JUMP metres that is also JUMP_RATIO times as
+#: long as the 90th percentile of the steps of all drives.
+JUMP, JUMP_RATIO = 1.0, 5.0
+
+
+def has_twist(body: Body) -> bool:
+    """Whether a body's state has attitude, velocity and angular velocity.
+
+    The three can then be compared with each other.
+    """
+    return body.pose == "spatial" and body.columns[: len(TWIST)] == TWIST
+
+
+def refuse_numbers(
+    name: str, states: np.ndarray, actions: np.ndarray, body: Body
+) -> None:
+    """Refuse states (R, S) or actions (R, A) with a number that cannot be measured."""
+    numbers = np.hstack([states, actions])
+    bad = np.argwhere(~(np.abs(numbers) <= LARGEST))
+    if len(bad):
+        row, column = bad[0]
+        title, value = (*body.state, *body.actions)[column][0], numbers[row, column]
+        fault = f"{value:.4g}, beyond 1e15" if np.isfinite(value) else "not finite"
+        raise RecordingError(
+            f"{name}: '{title}' in row {row + 1} is {fault}; leave the row out"
+        )
+
+
+def refuse_times(name: str, time: np.ndarray) -> float:
+    """Refuse times (R,), s, that do not increase.
+
+    Returns:
+        The median spacing of the rows, s.
+    """
+    if not np.isfinite(time).all():
+        row = np.flatnonzero(~np.isfinite(time))[0] + 1
+        raise RecordingError(
+            f"{name}: the time in row {row} is not finite; leave the row out"
+        )
+    steps = np.diff(time)
+    if not len(steps):
+        rows = "1 row is" if len(time) == 1 else "0 rows are"
+        raise RecordingError(f"{name}: {rows} no drive; leave it out")
+    back = np.flatnonzero(steps <= 0)
+    if back.size:
+        row = int(back[0])
+        what = "the same time as" if steps[row] == 0 else f"{-steps[row]:.4g} s before"
+        raise RecordingError(
+            f"{name}: row {row + 2} has {what} the row before it; "
+            "sort the rows, each time once"
+        )
+    return float(np.median(steps))
+
+
+def pauses(time: np.ndarray, rate: float) -> np.ndarray:
+    """Numbers (P,) of the rows before which a recording pauses.
+
+    Args:
+        time: of the rows (R,), s.
+        rate: of the control steps, Hz; a time that is hardly longer than a step is no
+            pause.
+    """
+    steps = np.diff(time)
+    return np.flatnonzero(steps > max(GAP * np.median(steps), LEAST_PAUSE / rate)) + 1
+
+
+def refuse_slower(
+    name: str, row_rate: float, pose_rate: float | None, body: Body
+) -> None:
+    """Refuse a body whose rate is above that of the recorded numbers.
+
+    Args:
+        name: for the message.
+        row_rate: recorded rows a second, Hz.
+        pose_rate: new values of the pose a second, Hz, where the pose changes.
+        body: whose rate is compared.
+    """
+    for rate, what in ((row_rate, "rows come"), (pose_rate, "its pose is new")):
+        if rate is not None and body.rate > FASTER * rate:
+            raise RecordingError(
+                f"{name}: {what} at {rate:.3g} Hz, but body '{body.name}' has steps at "
+                f"{body.rate:g} Hz; write 'rate: {_plain_rate(rate)} Hz' in the body"
+            )
+
+
+def _plain_rate(rate: float) -> str:
+    """A rate, Hz, with two digits, rounded downwards where there are more."""
+    digit = 10.0 ** (math.floor(math.log10(rate)) - 1)
+    return f"{math.floor(rate / digit + 0.05) * digit:.3g}"
+
+
+def unit_quaternions(name: str, quaternions: np.ndarray) -> np.ndarray:
+    """Quaternions (R, 4) scaled to length 1; refuses one whose length is far from 1."""
+    length = np.linalg.norm(quaternions, axis=1)
+    off = np.flatnonzero(np.abs(length - 1) > NOT_UNIT)
+    if off.size:
+        raise RecordingError(
+            f"{name}: the quaternion in row {off[0] + 1} has "
+            f"length {length[off[0]]:.4g}, not 1"
+        )
+    return quaternions / length[:, None]
+
+
+def within_limits(name: str, actions: np.ndarray, body: Body) -> np.ndarray:
+    """Actions (K, A), with throttle and steering of the paper's robots in [-1, 1].
+
+    Values that rounding took a little outside are clipped. Others are refused.
+    """
+    if body.actions != DRIVE:
+        return actions
+    beyond = np.argwhere(np.abs(actions) > 1 + BEYOND)
+    if len(beyond):
+        row, column = beyond[0]
+        action, value = body.actions[column][0], actions[row, column]
+        raise RecordingError(
+            f"{name}: {action} in step {row + 1} is {value:.4g}, not in [-1, 1]; "
+            "scale it"
+        )
+    return np.clip(actions, -1, 1)
+
+
+def whole_ground(name: str, ground: Ground) -> Ground:
+    """The ground moved so that its middle is the origin; refuses an invalid ground."""
+    heights = np.asarray(ground.heights)
+    if heights.ndim != 2 or min(heights.shape) < 2 or heights.dtype.kind not in "fiu":
+        raise RecordingError(
+            f"{name}: a ground of shape {heights.shape} and {heights.dtype}, "
+            "not a grid of heights"
+        )
+    bad = np.argwhere(~np.isfinite(heights))
+    if len(bad):
+        raise RecordingError(
+            f"{name}: the height in row {bad[0][0] + 1}, column {bad[0][1] + 1} "
+            "is not finite"
+        )
+    if not (math.isfinite(ground.spacing) and ground.spacing > 0):
+        raise RecordingError(
+            f"{name}: a spacing of {ground.spacing} m of the ground's grid; "
+            "it must be positive"
+        )
+    if not np.isfinite(ground.centre).all():
+        raise RecordingError(
+            f"{name}: the middle of the ground at {ground.centre} is not finite"
+        )
+    return Ground(heights.astype(float), ground.spacing)
+
+
+def refuse_constant(name: str, drives: Sequence[Drive], body: Body) -> None:
+    """Refuse a column that never changes in any drive, as a dead sensor's does not."""
+    for column in constant_columns(drives, body):
+        raise RecordingError(constant_text(name, column))
+
+
+def constant_text(name: str, column: str) -> str:
+    """The message about a column that never changes."""
+    return f"{name}: '{column}' never changes; mend it, or leave it out of the body"
+
+
+def constant_columns(drives: Sequence[Drive], body: Body) -> list[str]:
+    """Columns that never change in any drive.
+
+    Columns of a body with a twist are compared with each other instead.
+    """
+    if has_twist(body):
+        return []
+    names = []
+    quantities = body.state[body.pose_size :]
+    for kind, columns in (("states", quantities), ("actions", body.actions)):
+        for number, (column, _) in enumerate(columns, start=-len(columns)):
+            values = [getattr(drive, kind)[:, number] for drive in drives]
+            if np.ptp(np.concatenate(values)) == 0:
+                names.append(column)
+    return names
+
+
+def jumps(drives: Sequence[Drive], body: Body) -> dict[int, str]:
+    """Number of each drive whose position jumps -> message; not for a twist's body."""
+    if body.pose == "none" or has_twist(body) or not drives:
+        return {}
+    faults = {}
+    steps = [
+        np.linalg.norm(np.diff(drive.states[:, :2], axis=0), axis=1) for drive in drives
+    ]
+    limit = max(JUMP, JUMP_RATIO * float(np.quantile(np.concatenate(steps), 0.9)))
+    for number, (drive, step) in enumerate(zip(drives, steps, strict=True)):
+        far = np.flatnonzero(step > limit)
+        if far.size:
+            faults[number] = (
+                f"{drive.name}: {(far[0] + 1) / body.rate:.4g} s after its start "
+                f"the robot is {step[far[0]]:.3g} m farther within one step; "
+                "make two drives of it there"
+            )
+    return faults

@@ -1,0 +1,277 @@
+"""A first body for a recording, guessed from the names and units of its columns.
+
+A person must check it: names do not say what a column measures.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ownrobot.recordings import checks
+from ownrobot.recordings.csv_file import rate_of, read_text
+from ownrobot.recordings.reading import drives_of_paths, files_of, is_bag
+from ownrobot.recordings.resampling import Rows, pose_rate
+from ownrobot.recordings.table import EXTRA, Findings, RecordingError
+from sidm.body import POSES, TWIST, Body, Columns, Pose, units_like
+from sidm.config import replace
+from sidm.drives import yaw_of
+
+RATE = 10.0  # Hz, of the guessed body where the recording has it
+#: Names of commands.
+COMMAND = re.compile(
+    r"(cmd|command|throttle|steer|brake|linear$|angular$|setpoint|action|control)"
+    r".*|.*_(cmd|command|setpoint|reference|target|desired)",
+    re.IGNORECASE,
+)
+#: Names of columns that count rows or time.
+COUNTER = re.compile(r".*(time|stamp|secs|nsec).*|index|id|row|frame|", re.IGNORECASE)
+#: Columns that say nothing about a robot in the plane, or what others say, too.
+BESIDE_PLANE = {"z", "roll", "pitch", "vz", "wx", "wy", "wz", "az"}
+BESIDE_POSE = {"x", "y", "z", "roll", "pitch", "yaw", "yaw_rate"}
+#: A robot leaves the plane if z or its tilt vary by more, m and rad.
+UNEVEN_Z, UNEVEN_TILT = 0.2, 0.15
+
+
+class _Recording(NamedTuple):
+    """The columns of a file or of a bag."""
+
+    numbers: dict[str, np.ndarray]  # (R,) each, in the units of the file
+    units: dict[str, str]
+    commands: list[str]
+    time: list[np.ndarray]  # s, the rows of each drive
+    left_out: dict[str, str]  # name -> why
+
+
+class Guess(NamedTuple):
+    """A guessed body."""
+
+    body: Body
+    notes: list[str]  # what a person must check
+    left_out: dict[str, str]  # name of a column -> why it is not in the body
+
+    @property
+    def text(self) -> str:
+        """The body's file, with what must be checked as comments."""
+        body = self.body
+        lines = ["# Guessed by 'ownrobot body'; check each line:"]
+        lines += [f"# - {note}" for note in self.notes]
+        lines += [f"name: {_quoted(body.name)}", f"pose: {body.pose}"]
+        for key, columns in (("columns", body.columns), ("actions", body.actions)):
+            lines.append(f"{key}:" if columns else f"{key}: {{}}")
+            lines += [f"  {_quoted(name)}: {_quoted(unit)}" for name, unit in columns]
+        lines.append(f"rate: {body.rate:g} Hz")
+        if self.left_out:
+            lines.append("# Columns of the recording that are left out:")
+        lines += [f"#   {name}: {why}" for name, why in self.left_out.items()]
+        return "\n".join(lines) + "\n"
+
+
+def guess_body(path: str | Path, topics: Sequence[str] = ()) -> Guess:
+    """A first body for the drives of a CSV file, a ROS bag, or a folder of them.
+
+    Args:
+        path: of the file, the bag or the folder, whose first file is read.
+        topics: names of the topics to read from a bag; all unless given.
+
+    Raises:
+        RecordingError: the file has a fault, or no column seems to be a command; the
+            message is one line.
+
+    Examples:
+        >>> from ownrobot.recordings import guess_body
+        >>> guess = guess_body("recordings/hunter.csv.gz")
+        >>> guess.body.pose, guess.body.actions
+        ('planar', (('throttle', '1'), ('steering', 'rad')))
+    """
+    file = files_of(Path(path))[0]
+    if is_bag(file):
+        recording = _of_bag(file, topics)
+    elif ".csv" in file.suffixes:
+        recording = _of_csv(file)
+    else:
+        raise RecordingError(f"{file}: a body is guessed from a CSV file or a ROS bag")
+    pose, why_pose = _pose(recording)
+    left_out = dict(recording.left_out)
+    columns = _columns(recording, pose, is_bag(file), left_out)
+    if not recording.commands:
+        raise RecordingError(
+            f"{file}: no column seems to be a command (command..., cmd..., throttle, "
+            f"steering); rename one of {', '.join(recording.numbers)}"
+        )
+    for number, time in enumerate(recording.time):
+        checks.refuse_times(f"{file}: drive {number}", time)
+    rate, why_rate = _rate(recording, pose)
+    body = Body(
+        name=file.name.partition(".")[0],
+        pose=pose,
+        columns=columns,
+        actions=tuple((name, recording.units[name]) for name in recording.commands),
+        rate=rate,
+    )
+    body, constant, faults = _tried(file, body, topics)
+    left_out |= dict.fromkeys(constant, "it never changes")
+    actions = " and ".join(name for name, _ in body.actions)
+    notes = [
+        f"pose: {why_pose}",
+        "columns: what the robot's sensors measure, and their units",
+        f"actions: are {actions} commands, and not measurements?",
+        why_rate,
+        *faults,
+    ]
+    return Guess(body, notes, left_out)
+
+
+def _of_csv(path: Path) -> _Recording:
+    """The columns of a CSV file."""
+    text = read_text(path)
+    numbers, units, left_out = {}, {}, {}
+    for name, unit in zip(text.names, text.units, strict=True):
+        if name in EXTRA:
+            continue
+        if not re.fullmatch(r"[A-Za-z_]\w*", name) or text.names.count(name) > 1:
+            left_out[name] = "rename it: each name once, of letters, digits and _"
+            continue
+        try:
+            numbers[name], units[name] = text.numbers(name), unit or "1"
+        except RecordingError:
+            left_out[name] = "it has cells without a number"
+    labels = [text.cells[text.names.index(n)] for n in EXTRA[1:] if n in text.names]
+    changed = [[a != b for a, b in zip(c[1:], c[:-1], strict=True)] for c in labels]
+    starts = (
+        np.flatnonzero(np.any(changed, axis=0)) + 1 if changed else np.zeros(0, int)
+    )
+    if "time" in text.names:
+        unit = text.units[text.names.index("time")]
+        time = text.numbers("time") * units_like("s").get(unit, 1.0)
+    else:
+        rate = rate_of(text) if "rate" in text.header else RATE
+        time = np.arange(len(text.cells[0])) / rate
+    commands = [name for name in numbers if COMMAND.fullmatch(name)]
+    return _Recording(numbers, units, commands, np.split(time, starts), left_out)
+
+
+def _of_bag(path: Path, topics: Sequence[str]) -> _Recording:
+    """The columns of a ROS bag."""
+    from ownrobot.recordings.bags import bag_columns, read_topics  # an optional library
+    from ownrobot.recordings.messages import unit_of
+
+    read = read_topics(path, topics)
+    wanted = list(read.pose | read.sensors | read.command)
+    numbers = bag_columns(path, read, wanted, "")
+    time = numbers.pop("time")
+    units = {name: unit_of(name) for name in wanted}
+    return _Recording(numbers, units, list(read.command), [time], {})
+
+
+def _pose(recording: _Recording) -> tuple[Pose, str]:
+    """The pose of a recording, and why."""
+    names = set(recording.numbers) - set(recording.commands)
+    planar, spatial = ({name for name, _ in POSES[p]} for p in ("planar", "spatial"))
+    if spatial <= names:
+        reason = "it has x, y, z and a quaternion"
+        if not planar <= names:
+            return "spatial", reason
+        if _uneven(recording.numbers):
+            return "spatial", f"{reason}, and leaves the plane"
+        return "planar", "it stays level; write spatial if the ground is not"
+    if planar <= names:
+        return "planar", "it has x, y and yaw; is yaw 0 along x, and positive to left?"
+    return "none", "it has neither x, y, yaw nor x, y, z, qx, qy, qz, qw"
+
+
+def _uneven(numbers: dict[str, np.ndarray]) -> bool:
+    """Whether z or the attitudes say that a robot leaves the plane."""
+    quaternions = np.stack([numbers[name] for name in ("qx", "qy", "qz", "qw")], 1)
+    x, y = quaternions[:, 0], quaternions[:, 1]
+    tilt = 2 * np.arcsin(np.clip(np.hypot(x, y), 0, 1))
+    level = not np.isfinite(yaw_of(quaternions)).all() or np.ptp(tilt) < UNEVEN_TILT
+    return bool(np.ptp(numbers["z"]) > UNEVEN_Z or not level)
+
+
+def _columns(
+    recording: _Recording, pose: Pose, bag: bool, left_out: dict[str, str]
+) -> Columns:
+    """The columns of a state beside the pose; `left_out` takes the others."""
+    names = [
+        name
+        for name in recording.numbers
+        if name not in recording.commands and name not in dict(POSES[pose])
+    ]
+    in_pose = {name for columns in POSES.values() for name, _ in columns}
+    if pose == "planar":
+        beside = BESIDE_PLANE - (set() if "yaw_rate" in names else {"wz"})
+    else:
+        beside = BESIDE_POSE if pose == "spatial" else set()
+    kept = []
+    for name in names:
+        if COUNTER.fullmatch(name):
+            left_out[name] = "it seems to count rows or time"
+        elif pose != "none" and (name in beside or name in in_pose):
+            left_out[name] = "it says little beside the pose"
+        elif bag and name.endswith(("_position", "_effort")) or name in ("ax", "ay"):
+            left_out[name] = f"{recording.units[name]}; add it if it helps"
+        else:
+            kept.append(name)
+    twist = [name for name, _ in TWIST]
+    if pose == "spatial" and set(twist) <= set(kept):
+        kept = twist + [name for name in kept if name not in twist]
+    return tuple((name, recording.units[name]) for name in kept)
+
+
+def _rate(recording: _Recording, pose: Pose) -> tuple[float, str]:
+    """The rate of the body's steps, Hz, and why."""
+    rows = 1 / float(np.median(np.concatenate([np.diff(t) for t in recording.time])))
+    rate, reason = rows, f"the rows come at {rows:.3g} Hz"
+    if pose != "none":
+        columns = [recording.numbers[name] for name, _ in POSES[pose]]
+        values, lengths = np.stack(columns, 1), [len(t) for t in recording.time]
+        parts = np.split(values, np.cumsum(lengths)[:-1])
+        drives = [
+            Rows(part, part[:, :0], time, 1 / rows)
+            for part, time in zip(parts, recording.time, strict=True)
+        ]
+        new = pose_rate(drives, values.shape[1])
+        if new is not None and new < 0.9 * rows:
+            rate, reason = new, f"{reason}, and its pose is new at {new:.3g} Hz"
+    if rate > RATE / 1.25:
+        return RATE, f"rate: steps a second; {reason}"
+    digit = 10.0 ** (math.floor(math.log10(rate)) - 1)
+    return round(math.floor(rate / digit + 0.05) * digit, 9), f"rate: {reason}"
+
+
+def _tried(
+    file: Path, body: Body, topics: Sequence[str]
+) -> tuple[Body, list[str], list[str]]:
+    """Read the file with a body.
+
+    Returns:
+        The body without columns that never change, these columns, and a line for the
+        first fault of the file, if there is any.
+    """
+    findings = Findings(skip=True, doubtful=True)
+    try:
+        drives = drives_of_paths([file], body, topics, findings)
+    except RecordingError as error:
+        return body, [], [f"reading says: {error}"]
+    constant = checks.constant_columns(drives, body) if drives else []
+    actions = tuple(pair for pair in body.actions if pair[0] not in constant)
+    if not actions:
+        raise RecordingError(f"{file}: no command changes; record drives that steer")
+    columns = tuple(pair for pair in body.columns if pair[0] not in constant)
+    faults = [f"reading says: {fault}" for fault in findings.faults[:1]]
+    return replace(body, columns=columns, actions=actions), constant, faults
+
+
+def _quoted(text: str) -> str:
+    """A text as YAML reads it back, in quotation marks where it needs them."""
+    import yaml
+
+    plain = re.fullmatch(r"[A-Za-z][\w/ *-]*", text) and yaml.safe_load(text) == text
+    return text if plain else json.dumps(text)

@@ -1,0 +1,224 @@
+"""Read and write many drives in one .npz file.
+
+========  =========  =================================================================
+member    shape      content
+========  =========  =================================================================
+rows      (R, C)     numbers: the rows of all drives, one drive after the other
+lengths   (N,)       number of rows of each drive
+header    ()         text: JSON with the names of HEADER
+sessions  (N,)       text: drives of one session belong together; may be missing
+ground    (N,)       for a body with a height map: the number of each drive's ground
+heights   (M, H, W)  for a body with a height map: grounds, index [y, x], each once
+========  =========  =================================================================
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import zipfile
+import zlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ownrobot.recordings.table import RecordingError, Table, unit_factors
+from sidm.body import SI, UNITS, Body
+from sidm.config import first_line, unknown_name
+from sidm.drives import Drive, Ground
+from sidm.storage import write_atomically
+
+#: Name in the header -> types of its value.
+HEADER: dict[str, tuple[type, ...]] = {
+    "columns": (list,),  # names of the columns
+    "units": (list,),  # units of the columns
+    "rate": (int, float),  # Hz, rows per second
+    "origin": (str,),  # where the drives come from, for people
+    "spacing": (int, float),  # m, of the grounds' grids
+    "height_unit": (str,),  # m, cm or mm
+    "centres": (list,),  # m, x and y of each ground's middle; all 0 unless given
+}
+REQUIRED = ("columns", "units", "rate", "origin")
+REQUIRED_WITH_GROUNDS = (*REQUIRED, "spacing", "height_unit")
+
+
+def read_npz(path: Path, body: Body) -> list[Table]:
+    """Read the drives of a file, a table each; RecordingError names the first fault."""
+    try:
+        file = np.load(path, allow_pickle=False)
+        if isinstance(file, np.ndarray):
+            raise ValueError("it holds one array, as .npy files do")
+        with file:
+            members = {name: file[name] for name in file.files}
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        # NumPy's own message about bytes that are no archive is about pickles
+        fault = "it is no archive" if "pickle" in str(error) else first_line(error)
+        raise RecordingError(
+            f"{path}: cannot be read as .npz ({fault}); copy it again, or write it "
+            "with numpy.savez"
+        ) from None
+    required = ["rows", "lengths", "header"]
+    if body.map_size:
+        required += ["ground", "heights"]
+    for name in required:
+        if name not in members:
+            raise RecordingError(
+                f"{path}: member '{name}' is missing; "
+                f"a file of drives has {', '.join(required)}"
+            )
+    header = _header(path, members["header"], bool(body.map_size))
+    rows, lengths = members["rows"], _whole_numbers(path, "lengths", members["lengths"])
+    names, units, count = header["columns"], header["units"], len(lengths)
+    if rows.shape != (lengths.sum(), len(names)) or len(units) != len(names):
+        raise RecordingError(
+            f"{path}: rows {rows.shape}, {len(names)} columns, {len(units)} units and "
+            f"{count} lengths with sum {lengths.sum()} do not belong together"
+        )
+    if rows.dtype.kind not in "fiu":
+        raise RecordingError(f"{path}: rows of {rows.dtype}, not of numbers")
+    factors = unit_factors(str(path), names, units, body, "time" in names)
+    grounds: list[Ground] | list[None] = [None] * count
+    if body.map_size:
+        grounds = _grounds(path, members, header, count)
+    sessions = members.get("sessions", np.full(count, ""))
+    if sessions.shape != lengths.shape or sessions.dtype.kind != "U":
+        raise RecordingError(
+            f"{path}: sessions {sessions.shape} of {sessions.dtype}, "
+            "not a text for each drive"
+        )
+    rate = None if "time" in factors else float(header["rate"])
+    if rate is not None and not 0 < rate < float("inf"):
+        raise RecordingError(f"{path}: a rate of {rate:g} Hz; it must be positive")
+    tables = []
+    for number, part in enumerate(np.split(rows, np.cumsum(lengths)[:-1])):
+        columns = {
+            name: part[:, names.index(name)].astype(float) * factor
+            for name, factor in factors.items()
+        }
+        labels = {"session": np.full(len(part), sessions[number])}
+        name = f"{path} drive {number}"
+        tables.append(Table(name, columns, labels, rate, grounds[number]))
+    return tables
+
+
+def _header(path: Path, member: np.ndarray, grounds: bool) -> dict[str, Any]:
+    """The header of a file, checked; `grounds`: whether the file has grounds."""
+    try:
+        header = json.loads(str(member))
+    except ValueError as error:
+        raise RecordingError(f"{path}: the header is not JSON ({error})") from None
+    if not isinstance(header, dict):
+        raise RecordingError(f"{path}: the header is not a JSON object")
+    for name, value in header.items():
+        if name not in HEADER:
+            raise RecordingError(f"{path}: {unknown_name(name, HEADER, 'the header')}")
+        too_large = isinstance(value, int) and abs(value) > sys.float_info.max
+        if not isinstance(value, HEADER[name]) or isinstance(value, bool) or too_large:
+            raise RecordingError(f"{path}: '{name}' of the header is {value!r}")
+    for name in REQUIRED_WITH_GROUNDS if grounds else REQUIRED:
+        if name not in header:
+            raise RecordingError(f"{path}: the header has no '{name}'")
+    texts = (*header["columns"], *header["units"])
+    if not all(isinstance(text, str) for text in texts):
+        raise RecordingError(
+            f"{path}: columns and units of the header are not all text"
+        )
+    if grounds and header["height_unit"] not in UNITS["length"]:
+        known = " or ".join(UNITS["length"])
+        raise RecordingError(
+            f"{path}: height_unit '{header['height_unit']}'; heights are in {known}"
+        )
+    return header
+
+
+def _grounds(
+    path: Path,
+    members: Mapping[str, np.ndarray],
+    header: Mapping[str, Any],
+    drives: int,
+) -> list[Ground]:
+    """The ground of each of a file's drives; `drives` is how many there are."""
+    numbers = _whole_numbers(path, "ground", members["ground"])
+    heights = members["heights"]
+    if heights.ndim != 3 or heights.dtype.kind not in "fiu":
+        raise RecordingError(
+            f"{path}: heights {heights.shape} of {heights.dtype}, not of numbers"
+        )
+    count, largest = len(heights), numbers.max()
+    try:
+        centres = np.asarray(header.get("centres", np.zeros((count, 2))), float)
+    except (ValueError, TypeError, OverflowError):
+        raise RecordingError(
+            f"{path}: centres of the header are not an x and a y for each ground"
+        ) from None
+    if centres.shape != (count, 2) or len(numbers) != drives or largest >= count:
+        raise RecordingError(
+            f"{path}: {count} heights, but 'ground' of {len(numbers)} drives "
+            f"goes up to {largest} and centres are {centres.shape}"
+        )
+    scale = UNITS["length"][header["height_unit"]]
+    middles = [(float(x), float(y)) for x, y in centres]
+    return [
+        Ground(heights[number] * scale, header["spacing"], middles[number])
+        for number in numbers
+    ]
+
+
+def _whole_numbers(path: Path, name: str, member: np.ndarray) -> np.ndarray:
+    """A member of whole numbers, 0 or more, as int; RecordingError for others."""
+    whole = member.ndim == 1 and member.dtype.kind in "iu"
+    if not whole or not len(member) or member.min() < 0:
+        raise RecordingError(
+            f"{path}: '{name}' of shape {member.shape} and {member.dtype}, "
+            "not a row of whole numbers"
+        )
+    return member.astype(int)
+
+
+def write_npz(path: Path, drives: Sequence[Drive], origin: str) -> None:
+    """Write drives in SI units: float32, each ground once, heights in whole mm.
+
+    Args:
+        path: of the file.
+        drives: of one robot.
+        origin: where the drives come from, for people.
+
+    Raises:
+        ValueError: the grounds have several shapes or spacings.
+    """
+    body = drives[0].body
+    columns = dict((*body.state, *body.actions))
+    header: dict[str, Any] = {
+        "columns": list(columns),
+        "units": [SI[unit] for unit in columns.values()],
+        "rate": body.rate,
+        "origin": origin,
+    }
+    rows = [
+        np.hstack([d.states, np.vstack([d.actions, d.actions[-1:]])]) for d in drives
+    ]
+    members: dict[str, Any] = {
+        "rows": np.vstack(rows),
+        "lengths": np.array([len(part) for part in rows]),
+        "sessions": np.array([drive.session for drive in drives]),
+    }
+    if body.map_size:
+        grounds = [drive.ground for drive in drives if drive.ground is not None]
+        heights = [np.round(1e3 * g.heights).astype(np.int32) for g in grounds]
+        shapes, spacings = {h.shape for h in heights}, {g.spacing for g in grounds}
+        if len(shapes) != 1 or len(spacings) != 1:
+            raise ValueError("drives to pack have grounds of one shape and spacing")
+        if max(np.abs(h).max() for h in heights) <= np.iinfo(np.int16).max:
+            heights = [h.astype(np.int16) for h in heights]
+        keys = [h.tobytes() for h in heights]
+        different = dict(zip(keys, heights, strict=True))
+        order = list(different)
+        members["ground"] = np.array([order.index(key) for key in keys])
+        members["heights"] = np.stack(list(different.values()))
+        header |= {"spacing": grounds[0].spacing, "height_unit": "mm"}
+    members["header"] = np.array(json.dumps(header))
+    write_atomically(
+        path, lambda file: np.savez_compressed(file, allow_pickle=False, **members)
+    )

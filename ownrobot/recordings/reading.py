@@ -1,0 +1,301 @@
+"""Read drives of a robot of any body, bring them to the body's rate, and check them.
+
+A pause in a recording makes several drives of it, of one session. What is left out of a
+recording, and what is done with it, is told by a `RecordingWarning`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeGuard
+
+import numpy as np
+
+from ownrobot.body_file import as_body
+from ownrobot.recordings import checks, frames
+from ownrobot.recordings.csv_file import heights_file, read_csv, write_csv
+from ownrobot.recordings.headings import drives_along_yaw
+from ownrobot.recordings.npz_file import read_npz, write_npz
+from ownrobot.recordings.resampling import drives_of_pieces, pose_rate, recorded_drives
+from ownrobot.recordings.table import Findings, RecordingError, Table
+from sidm.body import SI, Body
+from sidm.config import hint, no_such_file
+from sidm.drives import Drive
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SUFFIXES = (".csv", ".csv.gz", ".npz")
+INNER = (".db3", ".mcap")  # files inside the folder of a ROS 2 bag
+ALIKE = (".csv", ".tsv", ".gz", ".npz", ".bag")  # of files that may be drives
+
+
+def read_drives(
+    path: str | Path | Sequence[str | Path] | pd.DataFrame,
+    body: Body | str | Path | Mapping[str, Any],
+    topics: Sequence[str] = (),
+    held: bool = False,
+    skip_bad: bool = False,
+) -> list[Drive]:
+    """Read the drives of a file or a ROS bag, of all files of a folder, or of a table.
+
+    Args:
+        path: of the file, the bag or the folder, or a sequence of such paths; or a
+            table in memory with columns as in a CSV file, in SI units: a row for each
+            time, with the columns `time`, s, and those of the body; `drive` or
+            `session` too where there are several drives.
+        body: the robot's body, the YAML file that describes it, or the mapping in such
+            a file.
+        topics: names of the topics to read from bags that have several of a kind; all
+            unless given.
+        held: whether to accept a column that never changes. A model can be tried with
+            such drives, but cannot learn from them.
+        skip_bad: whether faulty drives and files are left out. Each is told by a
+            `RecordingWarning`, as are pauses and what else may surprise.
+
+    Returns:
+        The drives, at the body's rate and in SI units.
+
+    Raises:
+        RecordingError: there are no drives, a column is missing, or the first fault;
+            one line that names file, place and fault. With `skip_bad`, a fault of all
+            drives together.
+        ConfigError: the body has a fault.
+
+    Examples:
+        >>> body = "recordings/skid_steer.yaml"
+        >>> drives = ownrobot.read_drives("recordings/warthog.csv.gz", body)
+        >>> len(drives), drives[0].states.shape
+        (287, (20, 6))
+    """
+    body, findings = as_body(body), Findings(skip_bad, not skip_bad)
+    if is_table(path):
+        where = "the table"
+        drives = _drives_of_table(where, path, body, findings)
+    else:
+        paths = as_paths(path)
+        where = ", ".join(map(str, paths))
+        drives = drives_of_paths(paths, body, topics, findings)
+    findings.warn()
+    if not drives:
+        raise RecordingError(findings.faults[0])
+    if not held:
+        checks.refuse_constant(where, drives, body)
+    frames.refuse_together(where, drives, body)
+    return drives
+
+
+def drives_of_paths(
+    paths: Sequence[Path], body: Body, topics: Sequence[str], findings: Findings
+) -> list[Drive]:
+    """Drives of files, bags and folders; `findings` takes faults and notes."""
+    findings.notes += notes_of_units(body)
+    files = []
+    for path in paths:
+        try:
+            found = files_of(path)
+        except RecordingError as error:
+            findings.add(error)
+            continue
+        files += found
+        if left := _not_read(path, found):
+            findings.notes.append(
+                f"{path}: {len(left)} files are not read, as {left[0]}; drives are "
+                f"files {', '.join(SUFFIXES)} in the folder itself, or named one by one"
+            )
+    if files and topics and not any(map(is_bag, files)):
+        where = ", ".join(map(str, paths))
+        raise RecordingError(
+            f"{where}: topics are of ROS bags, and this is none; leave --topics out"
+        )
+    drives = []
+    for file in files:
+        try:
+            tables = list(_tables(file, body, topics, findings.skip))
+        except RecordingError as error:
+            findings.add(error)
+            continue
+        of_file = [d for table in tables for d in _drives(table, body, findings)]
+        drives += drives_along_yaw(str(file), of_file, body, findings)
+    return drives
+
+
+def is_table(source: Any) -> TypeGuard[pd.DataFrame]:
+    """Whether a source of drives is a table in memory."""
+    return hasattr(source, "columns") and hasattr(source, "to_numpy")
+
+
+def _drives_of_table(
+    name: str, frame: pd.DataFrame, body: Body, findings: Findings
+) -> list[Drive]:
+    """Drives of a table in memory; `findings` takes faults and notes."""
+    findings.notes += notes_of_units(body)
+    required = ["time", *(name for name, _ in (*body.state, *body.actions))]
+    if missing := [name for name in required if name not in frame]:
+        raise RecordingError(
+            f"{name} has no column '{missing[0]}'; "
+            f"body '{body.name}' wants {', '.join(required)}"
+        )
+    columns = {name: frame[name].to_numpy(float) for name in required}
+    labels = {
+        name: frame[name].to_numpy(str)
+        for name in ("drive", "session")
+        if name in frame
+    }
+    drives = _drives(Table(name, columns, labels, None), body, findings)
+    return drives_along_yaw(name, drives, body, findings)
+
+
+def notes_of_units(body: Body) -> list[str]:
+    """A line for each column of a body whose unit is unknown."""
+    return [
+        f"body '{body.name}': '{name}' is in '{unit}', an unknown unit, in which its "
+        f"numbers stay; {hint(unit, SI)}"
+        for name, unit in body.unknown_units.items()
+    ]
+
+
+def as_paths(path: str | Path | Sequence[str | Path]) -> list[Path]:
+    """A list of one path or of several."""
+    return list(map(Path, [path] if isinstance(path, (str, Path)) else path))
+
+
+def has_bags(path: str | Path | Sequence[str | Path]) -> bool:
+    """Whether a ROS bag is among the files that `read_drives` would read."""
+    existing = [one for one in as_paths(path) if one.exists()]
+    inside = (part for one in existing if one.is_dir() for part in one.iterdir())
+    return any(map(is_bag, [*existing, *inside]))
+
+
+def files_of(path: Path) -> list[Path]:
+    """The path itself if it is a file or a bag, or the files of drives in a folder."""
+    if not path.exists():
+        raise RecordingError(no_such_file(path))
+    if path.is_dir() and not is_bag(path):
+        return _files_in(path)
+    if path.suffix in INNER:
+        raise RecordingError(
+            f"{path}: it is a file inside a ROS 2 bag; give the bag's folder, "
+            f"{path.parent}"
+        )
+    return [path]
+
+
+def _files_in(folder: Path) -> list[Path]:
+    """The files of drives in a folder, without the files of heights that they name."""
+    files = sorted(
+        file
+        for file in folder.iterdir()
+        if file.name.endswith(SUFFIXES) or is_bag(file)
+    )
+    if not files:
+        inner = next((f.name for f in folder.iterdir() if f.suffix in INNER), "")
+        raise RecordingError(
+            f"{folder}: no file of drives ({', '.join(SUFFIXES)}) "
+            "and no ROS bag in this folder; "
+            + (
+                f"{inner} has no metadata.yaml, which 'ros2 bag reindex' makes"
+                if inner
+                else "give the folder that has them"
+            )
+        )
+    named = [heights_file(file) for file in files if ".csv" in file.name]
+    heights = {file.resolve() for file in named if file}
+    return [file for file in files if file.resolve() not in heights]
+
+
+def _not_read(folder: Path, files: Sequence[Path]) -> list[Path]:
+    """Files below a folder that look like drives and are not among those read."""
+    if not folder.is_dir() or is_bag(folder):
+        return []
+    heights = {heights_file(file) for file in files if ".csv" in file.name}
+    bags = [file for file in files if file.is_dir()]
+    return sorted(
+        file
+        for file in folder.rglob("*")
+        if file.suffix.lower() in ALIKE
+        and file.is_file()
+        and file not in files
+        and file not in heights
+        and not any(bag in file.parents for bag in bags)
+    )
+
+
+def _tables(
+    path: Path, body: Body, topics: Sequence[str], lenient: bool = False
+) -> Iterable[Table]:
+    """The tables of a file or a bag."""
+    if is_bag(path):
+        from ownrobot.recordings.bags import read_bag  # its library is optional
+
+        return [read_bag(path, body, topics)]
+    if path.suffix == ".npz":
+        return read_npz(path, body)
+    if path.name.endswith(SUFFIXES):
+        return [read_csv(path, body, lenient)]
+    raise RecordingError(f"{path}: drives are {', '.join(SUFFIXES)} or ROS bags")
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path is a ROS bag: a file of ROS 1, or a folder of ROS 2."""
+    folder = path.is_dir() and (path / "metadata.yaml").is_file()
+    return path.suffix == ".bag" or folder
+
+
+def _drives(table: Table, body: Body, findings: Findings) -> list[Drive]:
+    """Drives from a table, at the body's rate; `findings` takes faults and notes."""
+    try:
+        ground = table.ground and checks.whole_ground(table.name, table.ground)
+        recorded = list(recorded_drives(table, body, findings))
+        rows = [one.rows for one in recorded]
+        if rows:
+            spacing = float(np.median([one.spacing for one in rows]))
+            rate = pose_rate(rows, body.pose_size)
+            checks.refuse_slower(table.name, 1 / spacing, rate, body)
+            findings.rates += [1 / one.spacing for one in rows]
+    except RecordingError as error:
+        findings.add(error)
+        return []
+    drives = []
+    for one in recorded:
+        try:
+            drives += drives_of_pieces(one, body, ground, findings)
+        except RecordingError as error:
+            findings.add(error)
+    faults = checks.jumps(drives, body)
+    for fault in faults.values():
+        findings.add(fault)
+    drives = [drive for number, drive in enumerate(drives) if number not in faults]
+    if checks.has_twist(body):
+        try:
+            turned = [(one.states, 1 / one.spacing) for one in rows]
+            frames.refuse_other_turning(table.name, turned)
+        except RecordingError as error:
+            findings.add(error)
+            return []
+    return drives
+
+
+def write_drives(path: str | Path, drives: Sequence[Drive], origin: str) -> None:
+    """Write drives to a file that `read_drives` reads.
+
+    Args:
+        path: of the file, .csv, .csv.gz or .npz; only .npz holds grounds as well.
+        drives: of one robot.
+        origin: where the drives come from, for people.
+
+    Raises:
+        ValueError: the kind of file is unknown or does not hold grounds, or there are
+            no drives.
+        OSError: the file cannot be written; the message is one line.
+    """
+    path = Path(path)
+    if not drives:
+        raise ValueError(f"{path}: there are no drives to write")
+    body = drives[0].body
+    if not path.name.endswith(SUFFIXES) or (body.map_size and path.suffix != ".npz"):
+        kinds = ".npz" if body.map_size else ", ".join(SUFFIXES)
+        raise ValueError(f"{path}: drives of body '{body.name}' are written as {kinds}")
+    write = write_npz if path.suffix == ".npz" else write_csv
+    write(path, drives, origin)

@@ -1,1 +1,0 @@
-"""The commands of `sidm`: their options, and what they print."""

@@ -1,0 +1,291 @@
+"""Kinematic models find the parameters of synthetic drives, and drive with them."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+import ownrobot
+from ownrobot.methods.drivetrain import Signal, drivetrain_of
+from ownrobot.methods.kinematics import Kinematics, identify
+from ownrobot.methods.trivial import learn
+from sidm.body import ROVER, Body
+from sidm.config import ConfigError, replace
+from sidm.learning.dataset import Datasets, Windows
+from sidm.learning.evaluation import mean_loss, rollout
+
+RECORDINGS = Path(__file__).parents[3] / "recordings"
+RATE, LAG = 10.0, 0.4
+SKID = Body(
+    name="skid",
+    pose="planar",
+    columns=(("yaw_rate", "rad/s"), ("wheel_left", "rad/s"), ("wheel_right", "rad/s")),
+    actions=(("command_left", "rad/s"), ("command_right", "rad/s")),
+)
+FOUR_WHEELS = Body(
+    name="four",
+    pose="planar",
+    columns=tuple(
+        (f"{place}_wheel", "rad/s")
+        for place in ("front_right", "front_left", "rear_right", "rear_left")
+    ),
+    actions=(("left", "1"), ("right", "1")),
+)
+TWIST = Body(
+    name="bag",
+    pose="planar",
+    columns=(("vx", "m/s"), ("wz", "rad/s"), ("current", "1")),
+    actions=(("linear", "m/s"), ("angular", "rad/s")),
+)
+CAR = Body(
+    name="car",
+    pose="planar",
+    columns=(("speed", "m/s"), ("yaw_rate", "rad/s")),
+    actions=(("throttle", "1"), ("steering", "rad")),
+)
+
+
+def lagged(commands: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Speeds (N, T, K) before and after each step, which follow commands (N, T, K)."""
+    speeds = np.zeros((len(commands), commands.shape[1] + 1, commands.shape[2]))
+    for step in range(commands.shape[1]):
+        now = speeds[:, step]
+        speeds[:, step + 1] = now + LAG * (commands[:, step] - now)
+    return speeds[:, :-1], speeds[:, 1:]
+
+
+def held_commands(rng, *size: int) -> np.ndarray:
+    """Commands (N, T, K) in [-1, 1] that hold for five steps."""
+    windows, steps, count = size
+    drawn = rng.uniform(-1, 1, (windows, -(-steps // 5), count))
+    return np.repeat(drawn, 5, axis=1)[:, :steps]
+
+
+def wheel_commands(rng) -> np.ndarray:
+    """Commands (24, 20, 2) up to 8 rad/s, a speed that the wheels once reach."""
+    commands = 8 * held_commands(rng, 24, 20, 2)
+    commands[0] = 8
+    return commands
+
+
+def datasets(inputs, targets) -> Datasets:
+    """Inputs (N, T, X) and targets (N, T, Y); every fourth window is for the test."""
+    x, y = (torch.from_numpy(np.stack(part, -1)).float() for part in (inputs, targets))
+    windows = Windows(x, y, torch.zeros(*x.shape[:2], 0, 0))
+    test = torch.arange(len(x)) % 4 == 1
+    train, test = (
+        windows.take(torch.nonzero(rows).flatten()) for rows in (~test, test)
+    )
+    return Datasets(train, test, test)
+
+
+def arc(speed, yaw_rate, offset=0.0):
+    """Forward, left and turn of a step."""
+    forward, turn = speed / RATE, yaw_rate / RATE
+    return forward, forward * turn / 2 + offset * turn, turn
+
+
+def test_a_differential_drive_is_found_in_noise(rng):
+    radius, track = 0.15, 0.6
+    commands = wheel_commands(rng)
+    before, after = lagged(commands)
+    left, right = ((before + after) / 2).transpose(2, 0, 1)
+    motion = arc(radius * (left + right) / 2, radius * (right - left) / track)
+    motion = [part + rng.normal(0, 0.01, part.shape) for part in motion]
+    gyro = radius * np.diff(after)[..., 0] / track
+    sets = datasets(
+        [0 * gyro, *np.moveaxis(before, 2, 0), *np.moveaxis(commands, 2, 0)],
+        [*motion, gyro, *np.moveaxis(after, 2, 0)],
+    )
+    model = identify(sets, SKID, "differential_drive").model
+    average, turning = radius / 2, radius / track
+    expected = [[average, average], [-turning, turning]]
+    assert np.allclose(model.jacobian, expected, rtol=0.03)
+    assert float(model.lag) == pytest.approx(LAG, rel=1e-3)
+    mean = learn(sets, SKID, "mean").model
+    assert mean_loss(model, sets.test) < 0.01 * mean_loss(mean, sets.test)
+
+
+def test_slip_and_uneven_sides_are_found_where_an_ideal_drive_cannot(rng):
+    jacobian, offset = np.array([[0.08, 0.06], [-0.2, 0.24]]), -0.1
+    commands = wheel_commands(rng)
+    before, after = lagged(commands)
+    speed, yaw_rate = np.moveaxis((before + after) / 2 @ jacobian.T, 2, 0)
+    sets = datasets(
+        [0 * speed, *np.moveaxis(before, 2, 0), *np.moveaxis(commands, 2, 0)],
+        [
+            *arc(speed, yaw_rate, offset),
+            (after @ jacobian.T)[..., 1],
+            *np.moveaxis(after, 2, 0),
+        ],
+    )
+    model = identify(sets, SKID, "rotation_centres").model
+    assert np.allclose(model.jacobian, jacobian, atol=1e-4)
+    assert float(model.centre_offset) == pytest.approx(offset, abs=1e-4)
+    ideal = identify(sets, SKID, "differential_drive")
+    assert mean_loss(model, sets.test) < 1e-5 < 1e-3 < ideal.best_test_loss
+
+
+def car(rng, length=2.5, gain=6.0, offset=0.8):
+    """A car whose throttle sets its speed, and whose pose is ahead of its rear axle."""
+    commands = held_commands(rng, 24, 20, 2) * (1.0, 0.5)
+    before, after = (part[..., 0] for part in lagged(gain * commands[..., :1]))
+    steering = commands[..., 1]
+    curvature = np.tan(steering) / length
+    middle = (before + after) / 2
+    motion = arc(middle, middle * curvature, offset)
+    yaw_rate = rng.normal(size=before.shape)  # of the step before, which says nothing
+    inputs = [before, yaw_rate, commands[..., 0], steering]
+    return inputs, motion, after, after * curvature
+
+
+def test_a_bicycle_finds_wheelbase_and_throttle(rng):
+    inputs, motion, speed, yaw_rate = car(rng)
+    sets = datasets(inputs, [*motion, speed, yaw_rate])
+    trained = identify(sets, CAR, "ackermann")
+    model = trained.model
+    assert np.allclose(model.jacobian, np.diag([1.0, 1 / 2.5]), atol=1e-3)
+    assert float(model.centre_offset) == pytest.approx(0.8, abs=1e-3)
+    assert float(model.decay[0]) == pytest.approx(LAG, abs=1e-3)
+    assert float(model.push[0, 0]) == pytest.approx(6.0 * LAG, abs=1e-2)
+    assert trained.best_test_loss < 1e-4
+
+
+def test_a_car_drives_a_circle(rng):
+    """A turn of the steering leads around a circle of radius L / tan(steering)."""
+    inputs, motion, speed, yaw_rate = car(rng, offset=0.0)
+    model = identify(
+        datasets(inputs, [*motion, speed, yaw_rate]), CAR, "ackermann"
+    ).model
+    radius = 2.5 / math.tan(0.4)
+    state = torch.tensor([0.0, 0.0, 0.0, 3.0, 0.0])
+    actions = torch.tensor([[0.5, 0.4]]).expand(150, -1)  # a speed of 3 m/s
+    path = rollout(model, None, state, actions, 0, body=CAR)
+    distance = (path[:, :2] - torch.tensor([0.0, radius])).norm(dim=1)
+    assert np.allclose(distance, radius, rtol=0.02)
+    assert float(path[-1, 4]) == pytest.approx(3.0 / radius, rel=1e-2)
+
+
+def test_motion_in_space_is_flat(rng):
+    """The turn is about z; what rises and tilts is the mean."""
+    body = Body(name="car", columns=CAR.columns, actions=CAR.actions)
+    inputs, (forward, left, turn), speed, yaw_rate = car(rng)
+    nothing = 0 * turn
+    quaternion = [nothing, nothing, np.sin(turn / 2), np.cos(turn / 2)]
+    targets = [forward, left, nothing + 0.01, *quaternion, speed, yaw_rate]
+    trained = identify(datasets(inputs, targets), body, "ackermann")
+    assert trained.best_test_loss < 1e-4
+    assert np.allclose(trained.model.rest, [0.01, 0.0, 0.0], atol=1e-6)
+    assert np.allclose(trained.model.jacobian, np.diag([1.0, 1 / 2.5]), atol=1e-3)
+
+
+def test_velocities_alone_are_enough(rng):
+    body = Body(name="car", pose="none", columns=CAR.columns, actions=CAR.actions)
+    inputs, _, speed, yaw_rate = car(rng)
+    trained = identify(datasets(inputs, [speed, yaw_rate]), body, "ackermann")
+    assert trained.best_test_loss < 1e-4
+
+
+def test_a_column_without_a_command_fades_to_its_mean(rng):
+    """A current of no use to the motion goes half of its way to 2 in a step."""
+    before = rng.uniform(0, 4, (8, 20))
+    commands = held_commands(rng, 8, 20, 2)
+    inputs = [before, before, before, *np.moveaxis(commands, 2, 0)]
+    after = before + 0.5 * (2.0 - before)
+    sets = datasets(inputs, [0 * before] * 3 + [before, before, after])
+    model = identify(sets, TWIST, "differential_drive").model
+    predicted, _ = model("novice", sets.test.inputs, sets.test.maps)
+    assert np.allclose(predicted[..., 5], sets.test.targets[..., 5], atol=1e-4)
+    assert np.allclose(predicted[..., 3], sets.test.inputs[..., 0], atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "body, model, kind, first, second",
+    [
+        (SKID, "rotation_centres", "sides", ((1,), True), ((2,), True)),
+        (FOUR_WHEELS, "differential_drive", "sides", ((1, 3), True), ((0, 2), True)),
+        (TWIST, "rotation_centres", "twist", ((0,), True), ((1,), True)),
+        (CAR, "ackermann", "steered", ((0,), True), ((1,), False)),
+        (ROVER, "ackermann", "steered", ((0,), True), ((1,), False)),
+    ],
+)
+def test_signals_are_found_by_names(body, model, kind, first, second):
+    found = drivetrain_of(body, model)
+    assert found.kind == kind
+    assert [signal[:2] for signal in (found.first, found.second)] == [first, second]
+
+
+def test_commands_stand_for_what_is_not_measured():
+    body = Body(
+        name="plain",
+        pose="planar",
+        columns=(),
+        actions=(("cmd_vel", "m/s"), ("Left_Motor", "1"), ("right_motor", "1")),
+    )
+    found = drivetrain_of(body, "differential_drive")
+    assert found.first == Signal((1,), False, "") and found.followed == {}
+    assert drivetrain_of(SKID, "rotation_centres").followed == {1: 0, 2: 1}
+    assert drivetrain_of(FOUR_WHEELS, "rotation_centres").followed == {}
+    found = drivetrain_of(CAR, "ackermann")
+    assert (found.speed, found.yaw_rate) == (None, 1)
+
+
+def test_a_voltage_is_no_speed():
+    columns = (("v", "V"), ("w", "W"), *SKID.columns)
+    found = drivetrain_of(replace(SKID, columns=columns), "rotation_centres")
+    assert (found.speed, found.yaw_rate, found.first.indices) == (None, 2, (3,))
+
+
+@pytest.mark.parametrize(
+    "body, model, words",
+    [
+        (SKID, "ackermann", "looks for a speed .* and 'steering'; body 'skid' has"),
+        (CAR, "rotation_centres", None),
+        (
+            Body(
+                name="arm", pose="none", columns=(("q", "rad"),), actions=(("u", "1"),)
+            ),
+            "differential_drive",
+            "'left' and 'right' in their names.*; body 'arm' has columns q and actions",
+        ),
+        (
+            Body(
+                name="bench",
+                pose="none",
+                columns=(("wheel_left", "rad/s"), ("wheel_right", "rad/s")),
+                actions=(("u", "1"),),
+            ),
+            "rotation_centres",
+            "looks for a pose, a speed or a yaw rate",
+        ),
+    ],
+)
+def test_a_body_without_the_columns_is_refused_in_a_line(body, model, words):
+    if words is None:  # a measured twist serves both kinds of robot
+        assert Kinematics(model, body).drivetrain.kind == "twist"
+        return
+    with pytest.raises(ConfigError, match=words) as refusal:
+        drivetrain_of(body, model)
+    assert "\n" not in str(refusal.value)
+
+
+def test_fit_refuses_before_it_learns():
+    drives = ownrobot.read_drives(
+        RECORDINGS / "warthog.csv.gz", body=RECORDINGS / "skid_steer.yaml"
+    )
+    with pytest.raises(ConfigError, match="ackermann looks for a speed"):
+        ownrobot.fit(drives[:20], method="ackermann")
+
+
+@pytest.mark.more
+def test_the_hunters_wheelbase_is_in_its_drives():
+    """The maker gives 0.65 m; model and recordings agree to 15 %."""
+    drives = ownrobot.read_drives(
+        RECORDINGS / "hunter.csv.gz", body=RECORDINGS / "hunter.yaml"
+    )
+    model = ownrobot.fit(drives, method="ackermann", test=0.25)
+    speed, turning = model.predictor.jacobian.diag().tolist()
+    assert speed / turning == pytest.approx(0.65, rel=0.15)
+    assert model.held_out.loss < 0.4 * model.held_out.mean_loss
