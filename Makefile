@@ -49,7 +49,7 @@ book: $(STAMP)
 	mkdir -p _build/book
 	cp -R _config.yml _toc.yml CHANGELOG.md CONTRIBUTING.md book sidm ownrobot companion examples params _build/book/
 	mkdir -p _build/book/results _build/book/recordings
-	cp -R results/benchmark results/explorer _build/book/results/
+	cp -R results/benchmark.jsonl results/explorer _build/book/results/
 	cp recordings/*.yaml _build/book/recordings/
 	$(BIN)/python -m companion notebook all _build/book/notebooks $(if $(PARAMS),-f $(PARAMS))
 	$(RENDER) --path-output . _build/book

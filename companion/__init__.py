@@ -13,7 +13,6 @@ _MODULES = {
     "FIGURES": "grids",
     "METHODS": "methods",
     "PRESETS": "presets",
-    "UNKNOWN": "trials",
     "Dataset": "trials",
     "Failure": "engine.store",
     "Outcome": "engine.store",

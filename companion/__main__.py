@@ -6,12 +6,10 @@ import argparse
 import functools
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
 from companion.commands import (
     run_collect,
     run_merge,
-    run_pack,
     run_run,
     run_show,
     run_train,
@@ -47,7 +45,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=__version__)
     command = command_adder(
         parser,
-        ("collect", "train", "run", "pack", "show", "merge", "bench", "notebook"),
+        ("collect", "train", "run", "show", "merge", "bench", "notebook"),
     )
     collect = command(
         "collect",
@@ -55,8 +53,8 @@ def build_parser() -> argparse.ArgumentParser:
         "Simulate the data that a preset lacks; what is on disk is kept.",
     )
     _add_preset(collect)
-    _add_system(collect)
-    collect.add_argument("--figure", help="what this one needs alone; names as of run")
+    text = "only what this one's trials need, also by size and seed; names as of run"
+    _add_grid(collect, text, default=None)
     _add_steps(collect)
     collect.add_argument(
         "--verify",
@@ -112,12 +110,6 @@ def build_parser() -> argparse.ArgumentParser:
     )
     _add_dask(run)
     run.add_argument(
-        "--pack",
-        type=Path,
-        metavar="FILE",
-        help="the trials of a file of 'pack', its data under --data",
-    )
-    run.add_argument(
         "--here", action="store_true", help="only trials whose data lie under --data"
     )
     run.add_argument(
@@ -125,24 +117,6 @@ def build_parser() -> argparse.ArgumentParser:
         type=whole_number,
         metavar="N",
         help="stop a bundle after so long; the same command goes on",
-    )
-
-    pack = command(
-        "pack",
-        run_pack,
-        "Write a figure's missing trials and their data into one file for "
-        "'run --pack'.",
-    )
-    pack.add_argument("file", type=Path, metavar="FILE", help="a .tar file")
-    _add_preset(pack)
-    _add_grid(pack)
-    _add_steps(pack)
-    pack.add_argument(
-        "--limit",
-        type=whole_number,
-        default=60,
-        metavar="MIB",
-        help="of the file's size (%(default)s)",
     )
 
     for trainer in (train, run):
@@ -261,9 +235,13 @@ def _add_system(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _add_grid(parser: argparse.ArgumentParser) -> None:
+def _add_grid(
+    parser: argparse.ArgumentParser,
+    text: str = f"{_FIGURES} (%(default)s)",
+    default: str | None = "3",
+) -> None:
     _add_system(parser)
-    parser.add_argument("--figure", default="3", help=f"{_FIGURES} (%(default)s)")
+    parser.add_argument("--figure", default=default, help=text)
     parser.add_argument(
         "--minutes",
         type=float,

@@ -39,23 +39,16 @@ def _trials(arguments: argparse.Namespace, preset: Any) -> list:
     )
 
 
-def _datasets(arguments: argparse.Namespace, preset: Any) -> list:
-    """The datasets that `collect` is to make, each once."""
-    if not arguments.figure:
-        systems = [arguments.system] if arguments.system else list(SYSTEMS)
-        return [dataset for name in systems for dataset in preset.all_datasets(name)]
-    from companion import grid
+def _motion(arguments: argparse.Namespace, preset: Any) -> dict:
+    """The motion that `collect` is to make: indices of each dataset's trajectories."""
+    from companion.engine.datasets import all_datasets
+    from companion.trials import motion_of
 
-    trials = grid(
-        preset,
-        arguments.figure,
-        arguments.system,
-        data=arguments.data,
-        results=arguments.results,
-        steps=arguments.steps,
-    )
-    datasets = (dataset for trial in trials for dataset in trial.datasets.values())
-    return list(dict.fromkeys(datasets))
+    if arguments.figure:
+        return motion_of(_trials(arguments, preset))
+    if arguments.minutes or arguments.seeds:
+        raise ConfigError("--minutes and --seeds are of a figure: name one, --figure 3")
+    return all_datasets(preset, [arguments.system] if arguments.system else SYSTEMS)
 
 
 def run_collect(arguments: argparse.Namespace) -> int:
@@ -64,33 +57,35 @@ def run_collect(arguments: argparse.Namespace) -> int:
     Returns:
         1 if --verify is given and a dataset is not the one of the results; else 0.
     """
-    from companion import collect_datasets
-    from companion.engine.datasets import differing_names, verify_datasets
+    from companion.engine.datasets import collect_motion
 
-    preset = _preset(arguments)
-    needed = _datasets(arguments, preset)
+    needed = _motion(arguments, _preset(arguments))
+    folders = arguments.data, arguments.results
     with executor_at(arguments.dask) as executor:
-        digests = collect_datasets(
-            preset,
-            data=arguments.data,
-            workers=arguments.workers,
-            executor=executor,
-            needed=needed,
-        )
-    for name, digest in digests.items():
-        print(f"{name}: {digest}")
-    if not arguments.verify:
-        for name in differing_names(preset, arguments.data, arguments.results):
-            print(
-                f"note: {name} has other bits than the results' data; "
-                "collect --verify: is it rounding alone?"
-            )
-        return 0
-    verified = verify_datasets(needed, arguments.data, arguments.results)
-    for name, differences in verified.items():
-        verdict = "; ".join(differences) or "stands for the data of the results"
-        print(f"{name}: {verdict}")
-    return int(any(verified.values()))
+        digests = collect_motion(needed, folders[0], arguments.workers, executor)
+    for dataset, which in needed.items():
+        part = f", {len(which)} of {dataset.count} trajectories"
+        whole = len(which) == dataset.count
+        print(f"{dataset.name}{'' if whole else part}: {digests[dataset.name]}")
+    return _verify(needed, *folders) if arguments.verify else 0
+
+
+def _verify(needed: dict, data: str, results: str) -> int:
+    """Print whether whole datasets are those of the results; 1 if one is not."""
+    from companion.engine.known_motion import compare, read
+
+    different = 0
+    for dataset, which in needed.items():
+        if len(which) < dataset.count:
+            print(f"{dataset.name}: not compared, since part of it is here")
+        elif dataset.name not in read(results):
+            print(f"{dataset.name}: not compared, since no results are made with it")
+        else:
+            differences = compare(dataset, data, results)
+            different += bool(differences)
+            verdict = "; ".join(differences) or "stands for the data of the results"
+            print(f"{dataset.name}: {verdict}")
+    return int(different > 0)
 
 
 def run_train(arguments: argparse.Namespace) -> int:
@@ -105,29 +100,32 @@ def run_train(arguments: argparse.Namespace) -> int:
     row = run_here(
         trial, arguments.data, store, device=arguments.device, log=arguments.log
     )
-    print(f"{store.path(trial)}: validation loss {row.outcome.validation_loss:.6g}")
+    print(f"{store.lines.path}: validation loss {row.outcome.validation_loss:.6g}")
     return 0
 
 
 def run_run(arguments: argparse.Namespace) -> int:
-    """Run what is missing of a figure or a pack; print how much is stored.
+    """Run what is missing of a figure; print how much is stored.
 
     Returns:
         1 if something is still missing at the end; else 0.
     """
     from companion import Results, registry, run
     from companion.engine.datasets import is_here
+    from companion.trials import motion_of
 
-    if arguments.pack is not None:
-        from companion.engine.pack import unpack
-
-        trials = unpack(arguments.pack, Path(arguments.data))
-    elif registry.is_grid(arguments.figure):
-        trials = _trials(arguments, _preset(arguments))
-        if arguments.here:
-            trials = [trial for trial in trials if is_here(trial, arguments.data)]
-    else:
+    if not registry.is_grid(arguments.figure):
         return _run_study(arguments)
+    trials = _trials(arguments, _preset(arguments))
+    if arguments.here:
+        trials = [
+            trial
+            for trial in trials
+            if all(
+                is_here(dataset, arguments.data, which)
+                for dataset, which in motion_of([trial]).items()
+            )
+        ]
     store = Results(arguments.results)
     with executor_at(arguments.dask) as executor:
         run(
@@ -162,29 +160,9 @@ def _run_study(arguments: argparse.Namespace) -> int:
     return 1 if missing else 0
 
 
-def run_pack(arguments: argparse.Namespace) -> int:
-    """Write missing trials and their data into a file; print their number and size."""
-    from companion import Results
-    from companion.engine.pack import MEBIBYTE, pack
-    from companion.trials import UNKNOWN
-
-    missing = Results(arguments.results).missing(_trials(arguments, _preset(arguments)))
-    trainable = [
-        trial
-        for trial in missing
-        if UNKNOWN not in trial.digests.values() and not trial.solved
-    ]
-    packed = pack(trainable, arguments.file, Path(arguments.data), arguments.limit)
-    size = arguments.file.stat().st_size / MEBIBYTE
-    count = f"{len(packed)} of {len(missing)} missing trials"
-    print(f"{arguments.file}: {count}, {size:.1f} MiB")
-    return 0
-
-
 def run_show(arguments: argparse.Namespace) -> int:
     """Print what is stored of a figure, a line per point; last line 'missing: N'."""
     from companion import Results, Study, registry
-    from companion.engine.datasets import differing_names
     from companion.statistics.tables import overview
     from companion.studies.decisive.design import overview_by_step
 
@@ -213,11 +191,6 @@ def run_show(arguments: argparse.Namespace) -> int:
     print("\n".join(lines))
     for failure in store.failures(trials):
         print(f"note: {failure}")
-    for name in differing_names(preset, *folders):
-        print(
-            "note: the data on this disk are not those of the stored results: "
-            f"{name}; see collect --verify"
-        )
     if arguments.csv:
         from companion.engine.frame import numbers_and_words
 

@@ -200,8 +200,6 @@ def run_study(
         for pair in pairs:
             for collect in entry.collect:
                 collect(study, pair, pool)
-        # a new Study reads the digests of what has just been collected
-        study = study.with_preset(study.preset)
         work = functools.partial(entry.module.measure, data=study.data.absolute())
         records = entry.module.records(study.results)
         missing = records.missing(_jobs(entry, study, pairs, **sizes))

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from companion.digests import find_digest
 from companion.methods import FIGURE3, METHODS
 from companion.presets import Preset, load_preset
 from companion.training import StudyTraining
@@ -17,7 +16,7 @@ from sidm.systems import find_system
 
 
 class Study:
-    """Makes the trials of a preset; it reads the digest of each dataset once.
+    """Makes the trials of a preset.
 
     Args:
         preset: a Preset or the name of one.
@@ -33,7 +32,6 @@ class Study:
     ) -> None:
         self.preset = load_preset(preset) if isinstance(preset, str) else preset
         self.data, self.results = Path(data), Path(results)
-        self._digests: dict[str, dict[str, str]] = {}
 
     def with_preset(self, preset: Preset) -> Study:
         """A study of another preset, with the same folders."""
@@ -42,20 +40,6 @@ class Study:
     def changed(self, **changes: Any) -> Study:
         """A study of this preset with some values changed, see `Preset.replace`."""
         return self.with_preset(self.preset.replace(**changes))
-
-    def digests(self, system: str) -> dict[str, str]:
-        """Digests of a system's datasets.
-
-        Returns:
-            The digests by the names of Trial's fields, such as 'novice_data'; UNKNOWN
-            where none is known.
-        """
-        if system not in self._digests:
-            self._digests[system] = {
-                f"{name}_data": find_digest(dataset, self.data, self.results)
-                for name, dataset in self.preset.datasets(system).items()
-            }
-        return self._digests[system]
 
     def trial(
         self,
@@ -99,7 +83,6 @@ class Study:
             residual=config.residual,
             fit=config.fit,  # type: ignore[arg-type]
             motion=preset.motion,
-            **self.digests(system),
         )
 
     def points(

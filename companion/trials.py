@@ -6,17 +6,17 @@ import dataclasses
 import functools
 import hashlib
 import json
-from collections.abc import Mapping
-from typing import Any, Literal
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any, Literal
 
 from companion.training import StudyTraining
 from sidm.config import ConfigError, check_numbers, config, to_mapping
 from sidm.settings import Network
-from sidm.shards import Collection, trajectories_for
+from sidm.shards import Collection, novice_split, trajectories_for
 from sidm.systems import find_system
 
-#: The digest of a dataset that is neither on this disk nor part of a stored result.
-UNKNOWN = "unknown"
+if TYPE_CHECKING:
+    import numpy as np
 
 #: Seeds of the collections, so that no two datasets share a trajectory.
 POOL_SEED, VALIDATION_SEED, EXPERT_SEED, ROLLOUT_SEED = 0, 1, 2, 3
@@ -89,7 +89,7 @@ LATER = (
 
 @config
 class Trial:
-    """One training run: its method, its data (by digest), its network and its seed.
+    """One training run: its method, its data, its network and its seed.
 
     Attributes:
         system: the pair of robots
@@ -102,10 +102,6 @@ class Trial:
         validation_minutes: motion of the novice from which nothing is learnt, min
         rollouts: trajectories of the 25-step test
         policy: exploration policy of pool, expert and validation data
-        novice_data: digest of the novice pool
-        expert_data: digest of the expert's motion
-        validation_data: digest of the validation motion
-        rollout_data: digest of the rollouts
         network: sizes of all networks
         training: settings of the method's training
         pretraining: settings of training on the expert alone, whose weights the novice
@@ -127,10 +123,6 @@ class Trial:
     validation_minutes: float
     rollouts: int
     policy: str = "ornstein_uhlenbeck"
-    novice_data: str = UNKNOWN
-    expert_data: str = UNKNOWN
-    validation_data: str = UNKNOWN
-    rollout_data: str = UNKNOWN
     network: Network = Network()
     training: StudyTraining = StudyTraining()
     pretraining: StudyTraining | None = None
@@ -183,9 +175,14 @@ class Trial:
         return datasets(self, self.system, self.pool_minutes)
 
     @property
-    def digests(self) -> dict[str, str]:
-        """Digests of the datasets, by the datasets' names."""
-        return {name: getattr(self, f"{name}_data") for name in self.datasets}
+    def drawn(self) -> tuple[np.ndarray, np.ndarray]:
+        """The trajectories of the novice's pool to train on and to test on.
+
+        Returns:
+            Indices (n,) and (m,), see `sidm.shards.novice_split`.
+        """
+        pool = self.datasets["novice"].count
+        return novice_split(pool, self.novice_minutes, self.seed)
 
     @property
     def solved(self) -> bool:
@@ -209,6 +206,22 @@ class Trial:
     def to_json(self) -> dict[str, Any]:
         """All values as plain nested mappings, see `without_later`."""
         return without_later(to_mapping(self))
+
+
+def motion_of(trials: Iterable[Trial]) -> dict[Dataset, list[int]]:
+    """The motion that trials need: indices of the trajectories of each dataset.
+
+    Of the novice's pools these are the trajectories that the trials draw.
+    """
+    needed: dict[Dataset, set[int]] = {}
+    for trial in trials:
+        for kind, dataset in trial.datasets.items():
+            indices = needed.setdefault(dataset, set())
+            if kind == "novice":
+                indices.update(*(part.tolist() for part in trial.drawn))
+            elif not indices:
+                indices.update(range(dataset.count))
+    return {dataset: sorted(indices) for dataset, indices in needed.items()}
 
 
 def key_of_values(values: Mapping[str, Any]) -> str:

@@ -20,6 +20,8 @@ from sidm.storage import read_arrays, write_arrays
 from sidm.systems import Terrain, find_system
 
 SHARD_SIZE = 4  # trajectories in a shard
+#: one trajectory of four is for testing: 75 % train, 25 % test (section 4)
+TEST_EVERY = 4
 
 #: Why an attempt at a trajectory is thrown away.
 DISCARDS = ("stuck", "border", "rollover", "unstable")
@@ -187,16 +189,23 @@ class Collection:
         return self.folder(root) / f"shard-{number:05d}.npz"
 
 
+#: Trajectories of a collection: the first so many, or those of these indices.
+Which = int | Sequence[int]
+
+
 def load(
-    root: Path, collection: Collection, count: int, terrain: Terrain | None = None
+    root: Path, collection: Collection, which: Which, terrain: Terrain | None = None
 ) -> list[Drive]:
-    """The first `count` drives of a collection.
+    """Drives of a collection.
 
     Args:
         root: the data folder.
-        collection: which drives.
-        count: how many drives.
+        collection: whose drives.
+        which: how many, the first ones; or their indices.
         terrain: the kind of ground; by default that of the collection's system.
+
+    Returns:
+        The drives, in the order of `which`.
 
     Raises:
         ConfigError: the collection's system is not known.
@@ -204,12 +213,72 @@ def load(
     """
     terrain = find_system(collection.system).terrain if terrain is None else terrain
     robot = f"{collection.system} {collection.role}"
-    drives: list[Drive] = []
-    for number in range(-(-count // SHARD_SIZE)):
-        drives += read_shard(collection.shard(root, number), terrain, robot)
-    if [drive.index for drive in drives] != list(range(len(drives))):
-        folder = collection.folder(root)
-        raise ShardError(
-            f"{folder}: shards out of order; delete the folder and collect again"
+    drives: dict[int, Drive] = {}
+    for number in shards_of(which):
+        read = read_shard(collection.shard(root, number), terrain, robot)
+        first = SHARD_SIZE * number
+        if [drive.index for drive in read] != [*range(first, first + len(read))]:
+            folder = collection.folder(root)
+            raise ShardError(
+                f"{folder}: shards out of order; delete the folder and collect again"
+            )
+        drives |= {drive.index: drive for drive in read}
+    return [drives[index] for index in indices_of(which)]
+
+
+def indices_of(which: Which) -> Sequence[int]:
+    """Indices of trajectories."""
+    return range(which) if isinstance(which, int) else which
+
+
+def shards_of(which: Which) -> list[int]:
+    """Numbers of the shards that hold trajectories, each once, in order."""
+    return sorted({index // SHARD_SIZE for index in indices_of(which)})
+
+
+def missing_shards(root: Path, collection: Collection, which: Which) -> list[int]:
+    """Numbers of the shards of trajectories that are not on disk."""
+    there = {path.name for path in collection.folder(Path(root)).glob("shard-*.npz")}
+    return [k for k in shards_of(which) if collection.shard(root, k).name not in there]
+
+
+def novice_split(
+    pool_size: int, minutes: float, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The trajectories of the novice's pool to train on and those to test on.
+
+    With one seed, the trajectories chosen for fewer minutes are among those chosen for
+    more minutes, and in the same part.
+
+    Args:
+        pool_size: trajectories in the pool.
+        minutes: of motion, train and test together.
+        seed: of the choice.
+
+    Returns:
+        Indices (n,) of the training trajectories, about 75 %, and (m,) of the test
+        trajectories; at least one each.
+
+    Raises:
+        ConfigError: the pool is too small.
+    """
+    count = trajectories_for(minutes)
+    if count > pool_size:
+        raise ConfigError(
+            f"{minutes:g} novice minutes are {count} trajectories, "
+            f"but the pool has {pool_size}; collect a larger pool"
         )
-    return drives[:count]
+    return split_indices(pool_size, count, seed)
+
+
+def split_indices(
+    pool_size: int, count: int, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of `count` of `pool_size` trajectories, split as by `novice_split`.
+
+    Returns:
+        Indices (n,) of the training trajectories and (m,) of the test trajectories.
+    """
+    chosen = np.random.default_rng(seed).permutation(pool_size)[:count]
+    testing = np.arange(count) % TEST_EVERY == 1
+    return chosen[~testing], chosen[testing]

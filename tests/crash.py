@@ -22,7 +22,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from sidm.storage import Damaged, read_arrays, read_record
+from companion.engine.lines import Lines, read_lines
+from sidm.storage import Damaged, read_arrays
 
 SETTINGS = {
     "expert_minutes": 0.2,
@@ -162,8 +163,10 @@ def content(folder: Path, pattern: str) -> dict[str, object]:
         if path.suffix == ".npz":
             contents[str(path.relative_to(folder))] = path.read_bytes()
         else:
-            row = read_record(path)
-            contents[path.name] = {key: row[key] for key in row if key != "provenance"}
+            lines = Lines(path)
+            for key, row in lines.all().items():
+                values, curves = lines.split(row)
+                contents[key] = values | curves | {"provenance": None}
     return contents
 
 
@@ -173,7 +176,7 @@ def crash(kills: int, seed: int, root: Path) -> list[str]:
     whole, hurt = (root / name for name in ("whole", "hurt"))
     kinds = (
         ("collect", "data", "shard-*.npz", read_arrays),
-        ("run", "results", "trials/*.json", read_record),
+        ("run", "results", "trials.jsonl", lambda path: list(read_lines(path))),
     )
     for verb, place, pattern, read in kinds:
         seconds = finish(command(verb, whole / "data", whole / "results"))

@@ -61,7 +61,7 @@ CHANGES = (
         "sidm or novice_only",
     ),
     Planted(
-        "sidm/learning/dataset.py",
+        "sidm/shards.py",
         "np.arange(count) % TEST_EVERY == 1",
         "np.arange(count) % TEST_EVERY == 0",
         METHODS,

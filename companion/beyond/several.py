@@ -14,7 +14,7 @@ from torch import Tensor
 
 from sidm.config import ConfigError
 from sidm.learning import checkpoint
-from sidm.learning.dataset import Datasets, Windows, split_indices
+from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.model import DynamicsModel
 from sidm.learning.sampler import Sampler
@@ -23,6 +23,7 @@ from sidm.learning.trainer import Trainer
 from sidm.learning.training import Trained, learn
 from sidm.learning.units import Standardisation
 from sidm.settings import Network, Training
+from sidm.shards import split_indices
 
 Weights = Mapping[str, Tensor]  # weights and buffers by name
 

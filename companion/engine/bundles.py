@@ -12,6 +12,7 @@ import torch
 
 from companion.bundle import FIXED, SHARED, Run, train_bundle
 from companion.engine import provenance
+from companion.engine.datasets import digests_of
 from companion.engine.execute import stored_as
 from companion.engine.library import Library
 from companion.engine.outcomes import outcome_of
@@ -115,7 +116,10 @@ def run_bundle(
         trial: Trial, result: Outcome | TrainingError, seconds: float, resumed: bool
     ) -> Row | Failure:
         threads = torch.get_num_threads()
-        made = provenance.here(seconds, threads, resumed, device, bundle=slots)
+        seen = digests_of(trial, library.data)
+        made = provenance.here(
+            seconds, threads, resumed, device, bundle=slots, digests=seen
+        )
         return stored_as(trial, result, made)
 
     runs, run_starts = [], []

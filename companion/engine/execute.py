@@ -9,6 +9,7 @@ from pathlib import Path
 
 from companion.beyond.mirror import mirror_image
 from companion.engine import provenance
+from companion.engine.datasets import digests_of
 from companion.engine.event_log import EventLog
 from companion.engine.library import Library
 from companion.engine.outcomes import outcome_of
@@ -146,6 +147,7 @@ def run_trial(
         resumed,
         device="cpu" if trial.solved else device,
         kind="least_squares" if trial.solved else "training",
+        digests=digests_of(trial, data),
     )
     return stored_as(trial, result, made)
 

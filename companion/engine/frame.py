@@ -10,20 +10,24 @@ import functools
 import inspect
 import typing
 from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import docstring_parser
 import pandas as pd
 from docstring_parser import DocstringStyle
 
+from companion.engine import known_motion
+from companion.engine.known_motion import Known, again_elsewhere
 from companion.engine.provenance import Provenance
-from companion.engine.store import Outcome, Row
+from companion.engine.store import CURVES, Outcome, Row
 from companion.training import StudyTraining
 from companion.trials import Trial
 from sidm.body import Body
 from sidm.config import to_mapping
 from sidm.settings import Network
 
+REPEATED = "whether its motion was simulated again elsewhere and differs by rounding"
 #: The classes whose fields are columns, and the prefix of their columns' names.
 _PARTS: tuple[tuple[type, str], ...] = (
     (Trial, ""),
@@ -35,19 +39,23 @@ _PARTS: tuple[tuple[type, str], ...] = (
 )
 
 
-def frame_of(rows: Iterable[Row]) -> pd.DataFrame:
+def frame_of(
+    rows: Iterable[Row], results: str | Path = "results", curves: bool = True
+) -> pd.DataFrame:
     """Rows as a table, by the key of their trial.
 
     Values of the trial, its network, training, outcome and provenance are columns of
     their own names; those of a pretraining have ``pretraining_`` before them and are
     missing where there is none. `columns` says what each is, with its unit. Curves and
-    paths are tuples in a cell. `stale` tells what older code made. A table without rows
-    has numbers where others have them, so that joined with them it changes no type.
+    paths, tuples in a cell, are there where `curves` says so. `stale` tells what older
+    code made, `repeated` what was made with motion that `results` know from another
+    machine. A table without rows has numbers where others have them, so that joined
+    with them it changes no type.
     """
-    rows = list(rows)
-    kinds = {name: kind for name, kind, _ in columns()}
+    rows, known = list(rows), known_motion.read(results)
+    kinds = {name: kind for name, kind, _ in columns(curves)}
     table = pd.DataFrame(
-        [_line(row) for row in rows],
+        [_line(row, known) for row in rows],
         columns=[*kinds],
         index=pd.Index([row.trial.key for row in rows], name="key"),
     )
@@ -58,24 +66,30 @@ def frame_of(rows: Iterable[Row]) -> pd.DataFrame:
     return typed.copy()  # pandas warns of a table in many pieces
 
 
-def columns() -> list[tuple[str, str, str]]:
+def columns(curves: bool = True) -> list[tuple[str, str, str]]:
     """Name, type and description, with its unit, of every column of `frame_of`."""
-    parts = ("network", "training", "pretraining")  # their values are columns
+    left_out = {"network", "training", "pretraining"}  # their values are columns
+    left_out |= set() if curves else set(CURVES)
     described = [
         (f"{prefix}{name}", kind, text)
         for cls, prefix in _PARTS
         for name, (kind, text) in _described(cls).items()
-        if name not in parts
+        if name not in left_out
     ]
     stale = ("stale", "bool", "whether today's code would come to other figures")
-    return [*described, stale]
+    repeated = ("repeated", "bool", REPEATED)
+    return [*described, stale, repeated]
 
 
-def _line(row: Row) -> dict[str, Any]:
+def _line(row: Row, known: Mapping[str, Known]) -> dict[str, Any]:
     trial = to_mapping(row.trial)
     values = _flat(trial | trial["network"] | trial["training"])
     values |= to_mapping(row.outcome) | to_mapping(row.provenance)
-    return values | {"stale": row.provenance.stale}
+    return values | _flags(row.provenance, known)
+
+
+def _flags(made: Provenance, known: Mapping[str, Known]) -> dict[str, bool]:
+    return {"stale": made.stale, "repeated": again_elsewhere(made.digests, known)}
 
 
 def numbers_and_words(frame: pd.DataFrame) -> pd.DataFrame:
@@ -84,7 +98,9 @@ def numbers_and_words(frame: pd.DataFrame) -> pd.DataFrame:
     return frame[scalar]
 
 
-def records_frame(kind: type, records: Iterable[Any]) -> pd.DataFrame:
+def records_frame(
+    kind: type, records: Iterable[Any], results: str | Path = "results"
+) -> pd.DataFrame:
     """Records of one kind as a table, a row a record.
 
     The fields of a record's `about` are columns of the same names. The fields of a part
@@ -99,12 +115,12 @@ def records_frame(kind: type, records: Iterable[Any]) -> pd.DataFrame:
         if field.name not in ("about", "provenance")
     ]
     column = {name: f"found_{name}" if name in made_by else name for name in fields}
-    lines = []
+    lines, known = [], known_motion.read(results)
     for record in records:
-        results = {column[name]: getattr(record, name) for name in fields}
-        made = to_mapping(record.provenance) | {"stale": record.provenance.stale}
-        lines.append(_flat(to_mapping(record.about)) | results | made)
-    names = [*_names(about), *column.values(), *made_by, "stale"]
+        found = {column[name]: getattr(record, name) for name in fields}
+        made = to_mapping(record.provenance) | _flags(record.provenance, known)
+        lines.append(_flat(to_mapping(record.about)) | found | made)
+    names = [*_names(about), *column.values(), *made_by, "stale", "repeated"]
     return pd.DataFrame(lines, columns=names)
 
 

@@ -1,37 +1,42 @@
-"""The motion that trials learn from, read from shards and checked by its digest."""
+"""The motion that trials learn from, read from shards once."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from companion.engine.datasets import load_dataset
+from companion.engine.datasets import is_here
 from companion.trials import Dataset, Trial
 from sidm.body import ROVER, Body
 from sidm.drives import Drive
-from sidm.learning.dataset import Datasets, Windows, load_windows, novice_split
-from sidm.shards import simulated_ground
+from sidm.learning.dataset import Datasets, Windows, load_windows
+from sidm.shards import Which, load, simulated_ground
 from sidm.systems import find_system
 
 
-def load_checked(
-    dataset: Dataset, digest: str, data: str | Path, pixels: int, body: Body = ROVER
+def dataset_windows(
+    dataset: Dataset,
+    data: str | Path,
+    pixels: int,
+    body: Body = ROVER,
+    which: Which | None = None,
 ) -> Windows:
-    """Windows of a dataset.
+    """Windows of a dataset, or of the trajectories `which` of it.
 
     Raises:
-        ShardError: the motion is missing, damaged, or has another digest.
+        ShardError: motion is missing or damaged.
     """
-    load_dataset(dataset, digest, data)
     terrain = find_system(dataset.collection.system).terrain
-    return load_windows(data, dataset.collection, dataset.count, terrain, pixels, body)
+    which = dataset.count if which is None else which
+    return load_windows(data, dataset.collection, which, terrain, pixels, body)
 
 
 class Library:
-    """The datasets of trials, each checked by the trial's digest and loaded once.
+    """The datasets of trials, each loaded once.
 
     Args:
         data: the folder of the shards.
@@ -39,37 +44,50 @@ class Library:
 
     def __init__(self, data: str | Path = "data"):
         self.data = Path(data)
-        self._rollouts: dict[tuple, list[Drive]] = {}
-        self._heights: dict[tuple, Tensor] = {}
+        self._rollouts: dict[Dataset, list[Drive]] = {}
+        self._heights: dict[Dataset, Tensor] = {}
         self._windows: dict[tuple, Windows] = {}
 
     def rollouts(self, trial: Trial) -> list[Drive]:
-        """The drives of the 25-step test; ShardError as in `load_checked`."""
-        key = trial.datasets["rollout"], trial.digests["rollout"]
-        if key not in self._rollouts:
-            self._rollouts[key] = load_dataset(*key, self.data)
-        return self._rollouts[key]
+        """The drives of the 25-step test; ShardError as in `dataset_windows`."""
+        dataset = trial.datasets["rollout"]
+        if dataset not in self._rollouts:
+            drives = load(self.data, dataset.collection, dataset.count)
+            self._rollouts[dataset] = drives
+        return self._rollouts[dataset]
 
     def rollout_heights(self, trial: Trial) -> Tensor:
         """Heights (B, H, W), m, of the ground of the drives of the 25-step test."""
-        key = trial.datasets["rollout"], trial.digests["rollout"]
-        if key not in self._heights:
+        dataset = trial.datasets["rollout"]
+        if dataset not in self._heights:
             grounds = map(simulated_ground, self.rollouts(trial))
-            self._heights[key] = torch.tensor(np.stack([g.heights for g in grounds]))
-        return self._heights[key]
+            heights = torch.tensor(np.stack([ground.heights for ground in grounds]))
+            self._heights[dataset] = heights
+        return self._heights[dataset]
 
-    def motion(self, trial: Trial, kind: str) -> Windows:
-        """Windows of a trial's dataset; ShardError as in `load_checked`."""
-        dataset, digest = trial.datasets[kind], trial.digests[kind]
-        pixels, body = trial.network.pixels, trial.network.body(dataset.collection.role)
-        key = dataset, digest, pixels, body
+    def motion(
+        self, trial: Trial, kind: str, which: Sequence[int] | None = None
+    ) -> Windows:
+        """Windows of a trial's dataset; ShardError as in `dataset_windows`."""
+        dataset, pixels = trial.datasets[kind], trial.network.pixels
+        body = trial.network.body(dataset.collection.role)
+        key = dataset, pixels, body, None if which is None else tuple(which)
         if key not in self._windows:
-            self._windows[key] = load_checked(dataset, digest, self.data, pixels, body)
+            loaded = dataset_windows(dataset, self.data, pixels, body, which)
+            self._windows[key] = loaded
         return self._windows[key]
 
     def datasets(self, trial: Trial) -> Datasets:
-        """The novice's train and test split, validation and the expert's windows."""
-        kinds = ("novice", "validation", "expert")
-        pool, validation, expert = (self.motion(trial, kind) for kind in kinds)
-        train, test = novice_split(len(pool), trial.novice_minutes, trial.seed)
+        """The novice's train and test split, validation and the expert's windows.
+
+        A pool that is whole on disk is loaded whole, so that trials share its maps;
+        otherwise the trial's own trajectories are.
+        """
+        train, test = trial.drawn
+        which = None
+        if not is_here(trial.datasets["novice"], self.data):
+            which = np.sort(np.concatenate([train, test])).tolist()
+            train, test = (np.searchsorted(which, part) for part in (train, test))
+        pool = self.motion(trial, "novice", which)
+        validation, expert = (self.motion(trial, k) for k in ("validation", "expert"))
         return Datasets(pool.subset(train), pool.subset(test), validation, expert)

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from companion.engine.datasets import digest_of
 from companion.numerics import version_label
 from companion.trials import Trial, without_later
 from ownrobot.methods import fine_tuning
@@ -29,9 +30,10 @@ from sidm.storage import locked
 
 def pretrained_folder(trial: Trial, data: str | Path, kind: str = "training") -> Path:
     """The folder of a trial's pretrained weights, for today's version of numbers."""
+    expert = trial.datasets["expert"]
     made_from = {
-        "dataset": trial.datasets["expert"].name,
-        "digest": trial.digests["expert"],
+        "dataset": expert.name,
+        "digest": digest_of(expert, data),
         "seed": trial.seed,
     } | settings_of(network_of(trial), trial.pretraining)
     return weights_folder(data, made_from, kind)

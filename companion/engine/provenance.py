@@ -5,9 +5,11 @@ The provenance holds versions of the numbers, the code, the libraries and the ma
 
 from __future__ import annotations
 
+import dataclasses
 import datetime
 import platform
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -50,8 +52,7 @@ class Provenance:
         resumed: whether it was interrupted and went on
         peak_memory: most memory of the process that ran it, MiB
         date: UTC, ISO 8601
-        other_data: kind and digest of datasets that were simulated again elsewhere and
-            differ by rounding alone, as 'novice 938fa1f0...'
+        digests: name of a dataset -> digest of the motion that was used
         bundle: most trials that were trained side by side; 0: trained alone
     """
 
@@ -68,7 +69,7 @@ class Provenance:
     resumed: bool
     peak_memory: float
     date: str
-    other_data: tuple[str, ...] = ()
+    digests: dict = dataclasses.field(default_factory=dict)
     bundle: int = 0
     numba: str = ""
     scikit_learn: str = ""
@@ -114,6 +115,7 @@ def here(
     device: str = "cpu",
     bundle: int = 0,
     kind: str = "training",
+    digests: Mapping[str, str] | None = None,
 ) -> Provenance:
     """The provenance of work that this process has just done.
 
@@ -124,6 +126,7 @@ def here(
         device: 'cpu' or 'cuda'.
         bundle: most trials that were trained side by side; 0 for a trial alone.
         kind: of work, one of `numerics.NUMERICS`.
+        digests: name of each dataset that was used -> its digest.
     """
     libraries: dict[str, Any] = library_versions()
     return Provenance(
@@ -139,4 +142,5 @@ def here(
         peak_memory=round(peak_memory()),
         date=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         bundle=bundle,
+        digests=dict(digests or {}),
     )

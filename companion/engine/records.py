@@ -1,4 +1,4 @@
-"""Stored results of studies: one JSON file for each record.
+"""Stored results of studies: one file of JSON lines for each study.
 
 A record says what it is about, what was measured, and how it was made. The rows of
 trials are records, too (`store`).
@@ -6,7 +6,6 @@ trials are records, too (`store`).
 
 from __future__ import annotations
 
-import dataclasses
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -14,14 +13,15 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from companion.engine.datasets import substitute_digests
+from companion.engine.datasets import digests_of
+from companion.engine.known_motion import refuse_mixed
+from companion.engine.lines import Lines
 from companion.engine.provenance import THREADS, Provenance, here, source
-from companion.trials import LATER as LATER_OF_TRIALS
-from companion.trials import key_of_values
-from sidm.config import ConfigError, from_mapping
+from companion.trials import key_of_values, without_later
+from sidm.config import ConfigError, from_mapping, to_mapping
 from sidm.pool import as_completed
 from sidm.progress import progress_bar
-from sidm.storage import Damaged, read_record, write_record
+from sidm.storage import Damaged, read_record
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,10 +32,6 @@ F = TypeVar("F")
 
 DIGITS = 6  # significant digits of stored floats
 
-#: Fields with values that older records lack; `key_of` leaves them out. Records have
-#: had `fit` from the first.
-LATER = tuple(pair for pair in LATER_OF_TRIALS if pair[0] != "fit")
-
 
 class StoreError(OSError):
     """A record cannot be read or stored; one line names the file and what to do."""
@@ -43,11 +39,7 @@ class StoreError(OSError):
 
 def key_of(about: Any) -> str:
     """20 hexadecimal digits that change when any value of a `config` object does."""
-
-    def without_later(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        return {name: value for name, value in pairs if (name, value) not in LATER}
-
-    return key_of_values(dataclasses.asdict(about, dict_factory=without_later))
+    return key_of_values(without_later(to_mapping(about)))
 
 
 def rounded(value: Any) -> Any:
@@ -68,9 +60,9 @@ def by_field(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 def records_of(kind: type[F], study: str) -> Callable[..., Records[F]]:
     """A function `records(results)` that gives a study's records of a kind."""
-    place = study.replace("-", "_")
+    name = study.replace("-", "_")
     return lambda results="results": Records(
-        kind, Path(results) / place, f"companion run --figure {study}"
+        kind, Path(results), name, f"companion run --figure {study}"
     )
 
 
@@ -87,67 +79,81 @@ class Records(Generic[F]):
 
     Args:
         kind: the class of the records.
-        folder: of the records' files; it need not exist.
+        folder: of results; it need not exist.
+        name: of the records' file, without its ending.
         command: makes the records; named in messages.
     """
 
     subject = "about"  # the field that says what a record is about
-    place = ""  # of the files within the folder
 
-    def __init__(self, kind: type[F], folder: str | Path, command: str) -> None:
+    def __init__(
+        self, kind: type[F], folder: str | Path, name: str, command: str
+    ) -> None:
         self.kind, self.folder, self.command = kind, Path(folder), command
+        self.lines = Lines(self.folder / f"{name}.jsonl")
 
-    def path(self, about: Any) -> Path:
-        """The file of a record, whether it exists or not."""
-        return self.folder / self.place / f"{key_of(about)}.json"
+    def _split(self, values: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+        """What stands in the line of a record, and its curves."""
+        return values, {}
 
-    def _values(self, record: Any) -> dict[str, Any]:
-        """The values that are written: floats are rounded except those of `about`."""
-        return rounded(dataclasses.asdict(record)) | {
-            "about": dataclasses.asdict(record.about)
-        }
+    def _joined(self, values: dict[str, Any], curves: dict[str, Any]) -> dict[str, Any]:
+        """The values of a record from its line and its curves."""
+        return values
 
     def put(self, record: F) -> Path:
         """Store a record, in place of an earlier one about the same.
 
+        Returns:
+            The file.
+
         Raises:
-            StoreError: a number is not finite.
+            StoreError: a number is not finite, or the file is damaged.
         """
-        path = self.path(getattr(record, self.subject))
+        about = getattr(record, self.subject)
+        values = rounded(to_mapping(record))
+        values[self.subject] = without_later(to_mapping(about))
         try:
-            write_record(path, self._values(record))
+            self.lines.put(key_of(about), *self._split(values))
+        except Damaged as error:
+            raise self._damaged(error) from None
         except ValueError:
-            raise StoreError(f"{path}: not stored, a number is not finite") from None
-        return path
+            raise StoreError(
+                f"{self.lines.path}: {about}: not stored, a number is not finite"
+            ) from None
+        return self.lines.path
 
     def get(self, about: Any) -> F | None:
         """The stored record, or None.
 
         Raises:
-            StoreError: the file is damaged or about something else.
+            StoreError: the record is damaged or about something else.
         """
-        path = self.path(about)
-        try:
-            record = self._read(path)
-        except FileNotFoundError:
+        values = self._values().get(key_of(about))
+        if values is None:
             return None
+        record = self._read(values)
         if getattr(record, self.subject) != about:
-            raise StoreError(
-                f"{path}: is about something else; delete it and run '{self.command}'"
-            )
+            raise self._damaged(f"'{about}' is about something else")
         return record
 
-    def _read(self, path: Path) -> F:
+    def _values(self) -> dict[str, dict[str, Any]]:
         try:
-            return from_mapping(self.kind, self._readable(read_record(path)))
-        except (Damaged, ConfigError, TypeError) as error:
-            raise StoreError(
-                f"{path}: damaged ({error}); delete it and run '{self.command}'"
-            ) from None
+            return self.lines.all()
+        except Damaged as error:
+            raise self._damaged(error) from None
 
-    def _readable(self, values: dict[str, Any]) -> dict[str, Any]:
-        """The fields of a record among a file's values; Damaged for other versions."""
-        return values
+    def _read(self, values: dict[str, Any], curves: bool = True) -> F:
+        try:
+            values = self._joined(*self.lines.split(values, curves))
+            return from_mapping(self.kind, values)
+        except (Damaged, ConfigError, TypeError, KeyError) as error:
+            raise self._damaged(error) from None
+
+    def _damaged(self, error: object) -> StoreError:
+        return StoreError(
+            f"{self.lines.path}: damaged ({error}); delete the line and run "
+            f"'{self.command}'"
+        )
 
     def stored(self, abouts: Iterable[Any]) -> list[F]:
         """The stored records about `abouts`, in their order."""
@@ -156,7 +162,8 @@ class Records(Generic[F]):
 
     def is_current(self, about: Any) -> bool:
         """Whether a record of today's versions of the numbers is stored."""
-        record: Any = self.get(about)
+        values = self._values().get(key_of(about))
+        record: Any = values and self._read(values, curves=False)
         return record is not None and not record.provenance.stale
 
     def missing(self, abouts: Iterable[Any]) -> list[Any]:
@@ -165,15 +172,23 @@ class Records(Generic[F]):
 
     def all(self) -> list[F]:
         """All stored records, in the order of their keys."""
-        paths = sorted((self.folder / self.place).glob("*.json"))
-        return [self._read(path) for path in paths]
+        return [self._read(values) for _, values in sorted(self._values().items())]
 
     def frame(self, abouts: Iterable[Any] | None = None) -> pd.DataFrame:
-        """The stored records, all by default, as a table: `frame.records_frame`."""
+        """The stored records, all by default, as a table: `frame.records_frame`.
+
+        Raises:
+            OtherMotion: they were made with motion that differs by more than rounding.
+        """
         from companion.engine.frame import records_frame
 
         records = self.all() if abouts is None else self.stored(abouts)
-        return records_frame(self.kind, records)
+        self.refuse_mixed(records)
+        return records_frame(self.kind, records, self.folder)
+
+    def refuse_mixed(self, records: Iterable[Any]) -> None:
+        """Refuse records made with motion that differs by more than rounding."""
+        refuse_mixed((record.provenance.digests for record in records), self.folder)
 
     def run(
         self,
@@ -222,17 +237,16 @@ class ProvenanceTimer:
 
     Args:
         kind: of work, one of `numerics.NUMERICS`.
-        used: an object with `datasets` and their `digests`, such as a Trial; None where
-            no dataset is used.
+        used: an object with `datasets`, such as a Trial; None where no dataset is used.
         data: the folder of the datasets.
     """
 
     def __init__(self, kind: str, used: Any, data: str | Path) -> None:
         source()  # as the work begins
         self.kind, self.begun = kind, time.perf_counter()
-        self.substitute_digests = substitute_digests(used, data) if used else ()
+        self.digests = digests_of(used, data) if used else {}
 
     def done(self) -> Provenance:
         """The provenance of the record; call it when the work is done."""
-        made = here(time.perf_counter() - self.begun, THREADS, kind=self.kind)
-        return dataclasses.replace(made, other_data=self.substitute_digests)  # type: ignore[type-var]
+        seconds = time.perf_counter() - self.begun
+        return here(seconds, THREADS, kind=self.kind, digests=self.digests)

@@ -8,36 +8,30 @@ folder that all of them see.
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import functools
 import math
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from concurrent.futures import Executor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import NamedTuple
 
 from companion.engine.bundles import BundleCallbacks, bundles, fits, run_bundle
-from companion.engine.datasets import (
-    collect_datasets,
-    note_datasets,
-    substitute_digests,
-)
+from companion.engine.datasets import collect_motion, refuse_missing_motion
 from companion.engine.event_log import EventLog
 from companion.engine.execute import run_trial
+from companion.engine.known_motion import refuse_other_motion
 from companion.engine.records import StoreError, one_line
 from companion.engine.store import Failure, Results, Row
 from companion.numerics import version_label
-from companion.study import Study
-from companion.trials import UNKNOWN, Trial
+from companion.trials import Dataset, Trial, motion_of
 from sidm.config import ConfigError
 from sidm.learning.training import CurvePoint, TrainingError
 from sidm.pool import as_completed, local_pool
 from sidm.progress import Bar, progress_bar
-from sidm.storage import sweep
 
 WORKERS = 2  # by default
 
@@ -45,23 +39,6 @@ WORKERS = 2  # by default
 def checkpoint_folder(data: str | Path, trial: Trial, kind: str = "training") -> Path:
     """The folder of an unfinished trial's state, for today's version of numbers."""
     return Path(data) / "checkpoints" / f"{trial.key}-{version_label(kind)}"
-
-
-def refuse_unknown_data(trials: Iterable[Trial]) -> None:
-    """Refuse trials whose data are unknown.
-
-    Raises:
-        ConfigError: a digest is unknown; names the first such dataset and the command
-            that makes it.
-    """
-    for trial in trials:
-        for kind, dataset in trial.datasets.items():
-            if trial.digests[kind] == UNKNOWN:
-                raise ConfigError(
-                    f"the dataset {dataset.name} is neither on this disk nor known to "
-                    f"the results; 'companion collect --preset NAME --system "
-                    f"{trial.system}' makes a preset's data"
-                )
 
 
 def run(
@@ -102,16 +79,18 @@ def run(
         there; trials whose training failed with the current code are not run again.
 
     Raises:
-        ConfigError: the digest of a trial's data is unknown, `workers` is below 1,
-            `bundle` below 0, a bundle meant for an executor, or `seconds` for trials
-            without a bundle.
+        ConfigError: a trial's motion is not on disk, `workers` is below 1, `bundle`
+            below 0, a bundle meant for an executor, or `seconds` for trials without a
+            bundle.
+        OtherMotion: the motion differs, by more than rounding, from that which the
+            stored results were made with.
         ImportError: TensorBoard is asked for and not installed; the message is one
             line.
     """
     store = results if isinstance(results, Results) else Results(results)
     wanted = list({trial.key: trial for trial in trials}.values())
     missing = _not_failed(store, store.missing(wanted))
-    refuse_unknown_data(missing)
+    refuse_missing_motion(missing, data)
     if workers < 1:
         raise ConfigError(f"workers must be at least 1, not {workers}")
     if bundle < 0:
@@ -127,11 +106,10 @@ def run(
             "when they are killed"
         )
     until = time.monotonic() + seconds
-    sweep(store.folder / "trials")
     EventLog(log)  # a missing TensorBoard is known before hours of work
     if missing:
         data = Path(data).absolute()
-        note_datasets(missing, data, store.folder)
+        refuse_other_motion(_shared(missing), data, store.folder)
         with progress_bar(len(missing), "trials", "trial", progress) as bar:
             runner = _Runner(store, data, bar, device, log)
             in_bundles = [t for t in missing if bundle and fits(t)]
@@ -146,12 +124,21 @@ def run(
     return store
 
 
+def _shared(trials: Iterable[Trial]) -> list[Dataset]:
+    """The whole datasets that trials use: all but the novice's pools."""
+    return [
+        dataset
+        for dataset, which in motion_of(trials).items()
+        if len(which) == dataset.count
+    ]
+
+
 def _not_failed(store: Results, trials: list[Trial]) -> list[Trial]:
     """The trials that have not failed with today's code; the others are reported."""
     failed = {failure.trial.key: failure for failure in store.failures(trials)}
     for failure in failed.values():
-        path = store.failed.path(failure.trial)
-        message = f"{failure}; not run again unless {path} is deleted"
+        path = store.failed.lines.path
+        message = f"{failure}; not run again unless its line in {path} is deleted"
         print(f"companion: {message}", file=sys.stderr)
     return [trial for trial in trials if trial.key not in failed]
 
@@ -175,7 +162,7 @@ class _Runner(NamedTuple):
 
     def store_result(self, row: Row | Failure, folder: Path) -> None:
         """Store a trial's row or failure, and delete the folder of its checkpoint."""
-        self.store.put(of_data(row, self.data))
+        self.store.put(row)
         if isinstance(row, Failure):
             self.report(str(row))
         self.bar.update()
@@ -230,15 +217,6 @@ class _Runner(NamedTuple):
             )
 
 
-def of_data(row: Row | Failure, data: str | Path) -> Row | Failure:
-    """Note in a row's provenance the datasets that stand for the trial's."""
-    other_data = substitute_digests(row.trial, data)
-    if not other_data:
-        return row
-    made = dataclasses.replace(row.provenance, other_data=other_data)  # type: ignore[type-var]
-    return dataclasses.replace(row, provenance=made)  # type: ignore[type-var]
-
-
 def run_here(
     trial: Trial,
     data: str | Path = "data",
@@ -253,15 +231,16 @@ def run_here(
     reach.
 
     Raises:
-        ShardError: motion is missing or has another digest than the trial wants.
+        ConfigError: motion is missing.
+        OtherMotion: see `run`.
         TrainingError: a loss was not finite; the failure is stored.
     """
     store = results if isinstance(results, Results) else Results(results)
     stored = store.get(trial)
     if stored is not None and not stored.provenance.stale:
         return stored
-    refuse_unknown_data([trial])
-    note_datasets([trial], data, store.folder)
+    refuse_missing_motion([trial], data)
+    refuse_other_motion(_shared([trial]), data, store.folder)
     with progress_bar(
         trial.training.max_samples, str(trial), "sample", progress, scaled=True
     ) as bar:
@@ -271,7 +250,6 @@ def run_here(
             bar.update(tested.samples - bar.n)
 
         row = run_trial(trial, data, checkpoint_folder(data, trial), show, device, log)
-    row = of_data(row, data)
     store.put(row)
     shutil.rmtree(checkpoint_folder(data, trial), ignore_errors=True)
     if isinstance(row, Failure):
@@ -280,24 +258,23 @@ def run_here(
 
 
 def collect_and_run(
-    study: Study, trials_of: Callable[[Study], list[Trial]], workers: int = WORKERS
-) -> Study:
-    """Collect the data of a study's missing trials, and run them.
+    trials: Iterable[Trial],
+    workers: int = WORKERS,
+    data: str | Path = "data",
+    results: Results | str | Path = "results",
+) -> Results:
+    """Collect the motion of missing trials, and run them.
 
     Args:
-        study: whose folders hold data and results.
-        trials_of: lists the trials that a study needs.
+        trials: that are needed.
         workers: number of local processes.
+        data: the folder of the shards.
+        results: the store, or its folder.
 
     Returns:
-        The study, which knows the collected data.
+        The store.
     """
-    store = Results(study.results)
-    missing = store.missing(trials_of(study))
-    if missing:
-        datasets = (dataset for t in missing for dataset in t.datasets.values())
-        needed = list(dict.fromkeys(datasets))
-        collect_datasets(study.preset, (), study.data, workers, needed=needed)
-        study = study.with_preset(study.preset)
-        run(trials_of(study), workers=workers, data=study.data, results=store)
-    return study
+    store = results if isinstance(results, Results) else Results(results)
+    missing = store.missing(trials)
+    collect_motion(motion_of(missing), data, workers)
+    return run(missing, workers=workers, data=data, results=store)

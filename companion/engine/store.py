@@ -1,27 +1,23 @@
-"""The results store: one small JSON file a trial, written whole or not at all.
+"""The results store: a line for each trial, written whole or not at all.
 
 A row holds its trial, what came out, and what made it. Floats of the outcome carry 6
-significant digits. Every file has its checksum. Files of different trials have
-different names, so that one store takes in another.
+significant digits.
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from companion.engine import known_motion
 from companion.engine.provenance import Provenance
-from companion.engine.records import F, Records, rounded
+from companion.engine.records import Records
 from companion.trials import Trial
 from sidm.config import config
-from sidm.storage import Damaged
 
 if TYPE_CHECKING:
     import pandas as pd
-
-SCHEMA = 3  # of a row's file: 3 has the versions of its numbers
 
 
 @config
@@ -115,46 +111,54 @@ class Failure:
         return f"{self.trial}: failed, {reason} after {self.iteration} iterations"
 
 
-class _OfTrials(Records[F]):
-    """Records about trials, filed under the trials' keys."""
+#: Fields of an outcome that are long: they are stored beside the lines.
+CURVES = (
+    "example_predicted",
+    "example_actual",
+    "curve_samples",
+    "curve_test_loss",
+    "curve_training_loss",
+    "every_training_loss",
+    "every_test_loss",
+    "every_validation_loss",
+    "every_discriminator_accuracy",
+    "every_matching_loss",
+    "component_samples",
+    "component_test",
+    "component_validation",
+    "rollouts_predicted",
+    "rollouts_actual",
+)
+
+
+class Failures(Records[Failure]):
+    """The failures under a folder of results."""
 
     subject = "trial"
 
-    def path(self, about: Trial) -> Path:
-        """The file of a trial's record, whether it exists or not."""
-        return self.folder / self.place / f"{about.key}.json"
 
-    def _values(self, record: Any) -> dict[str, Any]:
-        return {
-            "schema": SCHEMA,
-            **rounded(dataclasses.asdict(record)),
-            "trial": record.trial.to_json(),
-        }
-
-    def _readable(self, values: dict[str, Any]) -> dict[str, Any]:
-        if (schema := values.pop("schema", None)) != SCHEMA:
-            raise Damaged(f"it has schema {schema}, this version reads {SCHEMA}")
-        return values
-
-
-class Failures(_OfTrials[Failure]):
-    """The failures under a folder of results."""
-
-    place = "failures"
-
-
-class Results(_OfTrials[Row]):
+class Results(Records[Row]):
     """The rows under a folder of results, by trial, and the failures.
 
     Args:
         folder: of the results; it need not exist.
     """
 
-    place = "trials"
+    subject = "trial"
 
     def __init__(self, folder: str | Path = "results") -> None:
-        super().__init__(Row, folder, "companion run")
-        self.failed = Failures(Failure, folder, "companion run")
+        super().__init__(Row, folder, "trials", "companion run")
+        self.failed = Failures(Failure, folder, "failures", "companion run")
+
+    def _split(self, values: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+        outcome = values["outcome"]
+        curves = {name: outcome[name] for name in CURVES if outcome[name]}
+        short = {k: v for k, v in outcome.items() if k not in CURVES}
+        return {**values, "outcome": short}, curves
+
+    def _joined(self, values: dict[str, Any], curves: dict[str, Any]) -> dict[str, Any]:
+        empty = dict.fromkeys(CURVES, ())
+        return {**values, "outcome": empty | values["outcome"] | curves}
 
     def put(self, record: Row | Failure) -> Path:
         """Store a row or a failure, in place of an earlier one of the same trial.
@@ -165,7 +169,7 @@ class Results(_OfTrials[Row]):
         if isinstance(record, Failure):
             return self.failed.put(record)
         path = super().put(record)
-        self.failed.path(record.trial).unlink(missing_ok=True)
+        self.failed.lines.drop(record.trial.key)
         return path
 
     def rows(self, trials: Iterable[Trial]) -> list[Row]:
@@ -177,14 +181,28 @@ class Results(_OfTrials[Row]):
         failures = self.failed.stored(trials)
         return [failure for failure in failures if not failure.provenance.stale]
 
-    def frame(self, trials: Iterable[Trial] | None = None) -> pd.DataFrame:
-        """The stored rows of `trials`, all by default, as a table: `frame.frame_of`."""
+    def frame(
+        self, trials: Iterable[Trial] | None = None, curves: bool = False
+    ) -> pd.DataFrame:
+        """Stored rows as a table, see `frame.frame_of`.
+
+        Args:
+            trials: whose rows; by default all.
+            curves: whether with the columns CURVES, which are long.
+
+        Raises:
+            OtherMotion: they were made with motion that differs by more than rounding.
+        """
         from companion.engine.frame import frame_of
 
-        return frame_of(self.all() if trials is None else self.rows(trials))
+        values = self._values()
+        keys = values if trials is None else (trial.key for trial in trials)
+        rows = [self._read(values[key], curves) for key in keys if key in values]
+        self.refuse_mixed(rows)
+        return frame_of(rows, self.folder, curves)
 
     def take_in(self, other: Results) -> int:
-        """Copy rows, failures and digests of datasets that another store has.
+        """Copy rows, failures and what is known of motion from another store.
 
         What this store has stays as it is, but for rows of older versions of the
         numbers: a row of today's versions takes their place.
@@ -193,20 +211,17 @@ class Results(_OfTrials[Row]):
             How many rows were copied.
 
         Raises:
+            OtherMotion: the rows there were made with other motion.
             StoreError: a row there is damaged.
         """
+        known_motion.take_in(other.folder, self.folder)
         copied = 0
         for row in other.all():
             known = self.get(row.trial)
             if known is None or (known.provenance.stale and not row.provenance.stale):
                 self.put(row)
                 copied += 1
-        for name in ("failures", "datasets"):
-            for path in (other.folder / name).rglob("*.json"):
-                target = self.folder / path.relative_to(other.folder)
-                succeeded = (self.folder / "trials" / path.name).exists()
-                superseded = name == "failures" and succeeded
-                if not target.exists() and not superseded:
-                    target.parent.mkdir(parents=True, exist_ok=True)
-                    target.write_bytes(path.read_bytes())
+        for failure in other.failed.all():
+            if self.get(failure.trial) is None and not self.failed.get(failure.trial):
+                self.failed.put(failure)
         return copied

@@ -178,7 +178,7 @@ def show() -> None:
 def main(figures: Path = Path("_build/figures")) -> None:
     """Draw Figures 3 and 4 into a folder, and Figure 3 for the README."""
     frame, little, _ = stored_results()
-    frame4 = Results("results").frame(grid(PRESET, "4"))
+    frame4 = Results("results").frame(grid(PRESET, "4"), curves=True)
     figures.mkdir(parents=True, exist_ok=True)
     for path in (figures / "figure3.png", FIGURE):
         figure3(pd.concat([frame, little]), methods=DRAWN).savefig(path)

@@ -106,7 +106,7 @@ def provenance_line(frame: pd.DataFrame, *commands: str) -> str:
     code = f"code {', '.join(codes)}"
     if stale := int(frame.stale.sum()):
         code += f", {stale} of them made by older code"
-    if reproduced := int(frame.other_data.map(len).astype(bool).sum()):
+    if reproduced := int(frame.repeated.sum()):
         code += f", {reproduced} from data reproduced on another machine"
     devices = ", ".join(sorted(frame.device.unique()))
     parts = [

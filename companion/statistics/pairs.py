@@ -135,7 +135,7 @@ def _joined(
     own = frame[[*groups, "seed", value]]
     if not motion:
         return own.merge(other, on=[*on, "seed"]), groups
-    own = own.assign(number=range(len(own)), own=frame.other_data.map(bool).to_numpy())
+    own = own.assign(number=range(len(own)), own=frame.repeated.to_numpy())
     both = own.merge(other, on=[*on, "seed"])
     both = both.assign(differs=both.own != both[MOTION])
     both = both.sort_values(["number", "differs"]).drop_duplicates("number")

@@ -63,7 +63,7 @@ def frame(
         figure3 = study.points(system, FIGURE3, study.preset.novice_minutes(system))
         grids = {UNCHANGED: figure3} | changed(study, system, choices)
         parts += [
-            store.frame(trials).assign(choice=choice)
+            store.frame(trials, curves=True).assign(choice=choice)
             for choice, trials in grids.items()
         ]
     return pd.concat(parts)

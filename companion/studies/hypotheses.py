@@ -136,10 +136,12 @@ def frame(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
         preset = study.preset
         sizes = [*preset.novice_minutes(system), *preset.baseline_minutes]
         trials = study.points(system, ["sidm"], sizes)
-        sidm = store.frame({trial.key: trial for trial in trials}.values())
+        sidm = store.frame({trial.key: trial for trial in trials}.values(), curves=True)
         parts.append(sidm.assign(change=UNCHANGED, hypothesis=""))
         parts += [
-            store.frame(trials).assign(change=change, hypothesis=hypothesis)
+            store.frame(trials, curves=True).assign(
+                change=change, hypothesis=hypothesis
+            )
             for hypothesis, change, _, trials in changes(study, system)
         ]
     return pd.concat(parts)

@@ -17,11 +17,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from companion.engine.datasets import load_dataset
 from companion.engine.records import read_or_empty
 from companion.numerics import versions
 from companion.study import Study
 from sidm.drives import STEPS, Drive
+from sidm.shards import load
 from sidm.storage import write_record
 from sidm.systems import PAPER_SYSTEMS
 
@@ -99,9 +99,8 @@ def measure(study: Study, results: Path) -> None:
     """Measure both systems of a study and write NAME in the folder `results`."""
     measured: dict[str, dict[str, list[float]]] = {}
     for system in PAPER_SYSTEMS:
-        digests = study.digests(system)
         loaded = {
-            kind: load_dataset(dataset, digests[f"{kind}_data"], study.data)
+            kind: load(study.data, dataset.collection, dataset.count)
             for kind, dataset in study.preset.datasets(system).items()
         }
         count = min(MOST, *(STEPS * len(loaded[kind]) for kind in ("expert", "novice")))

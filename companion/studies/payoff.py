@@ -187,7 +187,7 @@ def pair_motions(
 
     def family_member(system: str) -> PlanarMotion:
         counts = {MEMBER: [TRAJECTORIES]}
-        collect_members(system, POLICY, counts, data, data / "payoff", executor)
+        collect_members(system, POLICY, counts, data, executor)
         collection = dataset(system, MEMBER, POLICY, TRAJECTORIES).collection
         return simulated_motion(load(data, collection, TRAJECTORIES))
 

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from companion.engine.frame import frame_of
 from companion.engine.store import Results
+from companion.methods import METHODS
 from companion.statistics.pairs import MOTION, paired_comparison
 from companion.training import StudyTraining
 from companion.trials import Trial
@@ -42,7 +42,7 @@ def with_repeats(reference: pd.DataFrame, results: str | Path) -> pd.DataFrame:
         The rows with the column `pairs.MOTION`, so that `pairs.paired_comparison` takes
         those on the same motion.
     """
-    rows = frame_of(store_of(results).all())
+    rows = store_of(results).frame()
     first = reference.assign(**{MOTION: False})
     if not len(rows) or not len(reference):
         return first
@@ -72,7 +72,7 @@ def retrained(records: Iterable[Any], things: str, results: str | Path) -> str:
 
 
 def _settings(frame: pd.DataFrame) -> pd.Series:
-    """What was trained, and how, as text; without the data's digests."""
+    """What was trained, and how, as text."""
     names = ["system", "method", "novice_minutes", "seed"]
     for kind in (Network, StudyTraining):
         names += [field.name for field in dataclasses.fields(kind)]
@@ -92,12 +92,10 @@ def table(stored: Results, repeated: Results) -> pd.DataFrame:
     Returns:
         A table of `pairs.paired_comparison`, one row per system, method and size.
     """
-    first, second = (
-        {_key_without_data(row.trial): row for row in store.all()}
-        for store in (stored, repeated)
-    )
-    both = sorted(first.keys() & second.keys())
-    new, old = (frame_of(rows[key] for key in both) for rows in (second, first))
+    both = [row.trial for row in repeated.all() if stored.get(row.trial)]
+    order = list(METHODS)
+    both.sort(key=lambda t: (t.system, t.novice_minutes, order.index(t.method), t.seed))
+    new, old = repeated.frame(both), stored.frame(both)
     return paired_comparison(new, old, ["system", "novice_minutes", "method"])
 
 
@@ -108,13 +106,12 @@ def unmatched(stored: Results, repeated: Results) -> dict[str, int]:
         The reason, that is in what a trial differs from the stored one that is most
         like it -> how many trials it holds for, the commonest first.
     """
-    known = {_key_without_data(row.trial): row.trial for row in stored.all()}
     points: dict[tuple, list[dict]] = {}
-    for trial in known.values():
+    for trial in (row.trial for row in stored.all()):
         points.setdefault(_point(trial), []).append(_values(trial))
     reasons: collections.Counter[str] = collections.Counter()
     for row in repeated.all():
-        if _key_without_data(row.trial) not in known:
+        if stored.get(row.trial) is None:
             own, others = _values(row.trial), points.get(_point(row.trial), [])
             differing = [_differing(own, other) for other in others]
             nearest = min(differing, key=len, default=["no such method and size"])
@@ -133,7 +130,7 @@ def _values(trial: Trial) -> dict[str, Any]:
     values |= values.pop("network") | values.pop("training")
     before = values.pop("pretraining") or {}
     values |= {f"pretraining_{name}": value for name, value in before.items()}
-    return {name: v for name, v in values.items() if not name.endswith("_data")}
+    return values
 
 
 def _differing(own: dict[str, Any], other: dict[str, Any]) -> list[str]:
@@ -143,8 +140,3 @@ def _differing(own: dict[str, Any], other: dict[str, Any]) -> list[str]:
         for name, value in own.items()
         if name in other and value != other[name]
     ]
-
-
-def _key_without_data(trial: Trial) -> str:
-    """The trial's key as if all its datasets had the same digest."""
-    return trial.replace(**{f"{kind}_data": "any" for kind in trial.digests}).key

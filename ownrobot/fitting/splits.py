@@ -13,7 +13,7 @@ import numpy as np
 from ownrobot.fitting.windows import common_length, part_of
 from sidm.config import ConfigError
 from sidm.drives import Drive
-from sidm.learning.dataset import TEST_EVERY
+from sidm.shards import TEST_EVERY
 
 MIN_GROUPS = 8  # sessions, or drives of a single one, from which some are held out
 FOLDS = 4  # parts in which fewer are held out, one after the other

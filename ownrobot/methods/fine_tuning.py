@@ -15,11 +15,12 @@ from torch import Tensor
 
 from sidm.config import ConfigError
 from sidm.learning import checkpoint
-from sidm.learning.dataset import Datasets, split_indices
+from sidm.learning.dataset import Datasets
 from sidm.learning.model import DynamicsModel
 from sidm.learning.training import Trained
 from sidm.learning.units import Standardisation
 from sidm.settings import Network
+from sidm.shards import split_indices
 
 #: Folder of an unfinished pretraining's state, inside the folder of its weights.
 STATE = "state"

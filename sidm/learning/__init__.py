@@ -28,7 +28,7 @@ _MODULES = {
     "encode_inputs": "learning.observation",
     "integrate": "learning.observation",
     "load_windows": "learning.dataset",
-    "novice_split": "learning.dataset",
+    "novice_split": "shards",
     "parameter_count": "learning.networks",
     "robot_centred_map": "learning.observation",
     "rollout": "learning.evaluation",

@@ -12,15 +12,13 @@ import torch
 from torch import Tensor
 
 from sidm.body import ROVER, Body
-from sidm.config import ConfigError, replace
+from sidm.config import replace
 from sidm.drives import Drive
 from sidm.learning import observation
 from sidm.learning.height_maps import cached_maps, drive_maps, states_for_body
-from sidm.shards import Collection, digest, load, trajectories_for
+from sidm.shards import Collection, Which, digest, load
 from sidm.systems import Terrain
 
-#: one trajectory of four is for testing: 75 % train, 25 % test (section 4)
-TEST_EVERY = 4
 Indices = Tensor | np.ndarray | Sequence[int]
 
 
@@ -157,12 +155,12 @@ def windows_of(
 def load_windows(
     root: str | Path,
     collection: Collection,
-    count: int,
+    which: Which,
     terrain: Terrain,
     pixels: int,
     body: Body = ROVER,
 ) -> Windows:
-    """The first `count` drives of a collection as tensors, as `body` sees them.
+    """N drives of a collection as tensors, as `body` sees them.
 
     The maps are computed once, written beside the shards and read by memory map, so
     that processes share them: a step takes 96 bytes of memory, and 2 P^2 bytes of a
@@ -171,7 +169,7 @@ def load_windows(
     Args:
         root: folder of all collections.
         collection: names the drives.
-        count: number of drives, N.
+        which: how many drives, the first ones; or their indices.
         terrain: terrain of the drives.
         pixels: P, pixels along a side of the maps, unless the body gives this number.
         body: what the networks see of the robot.
@@ -180,7 +178,7 @@ def load_windows(
         ShardError: a shard is missing or damaged, or a terrain cannot be made again as
             it was; the message is one line.
     """
-    drives = load(Path(root), collection, count, terrain)
+    drives = load(Path(root), collection, which, terrain)
     pixels = body.pixels(pixels)
     if not pixels:
         return _encode_drives(drives, body)
@@ -225,45 +223,3 @@ def encode_windows(
     if maps is None:
         maps = torch.zeros(*actions.shape[:2], 0, 0, dtype=torch.float16)
     return Windows(inputs.float(), targets.float(), maps)
-
-
-def novice_split(
-    pool_size: int, minutes: float, seed: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """The trajectories of the novice's pool to train on and those to test on.
-
-    With one seed, the trajectories chosen for fewer minutes are among those chosen for
-    more minutes, and in the same part.
-
-    Args:
-        pool_size: trajectories in the pool.
-        minutes: of motion, train and test together.
-        seed: of the choice.
-
-    Returns:
-        Indices (n,) of the training trajectories, about 75 %, and (m,) of the test
-        trajectories; at least one each.
-
-    Raises:
-        ConfigError: the pool is too small.
-    """
-    count = trajectories_for(minutes)
-    if count > pool_size:
-        raise ConfigError(
-            f"{minutes:g} novice minutes are {count} trajectories, "
-            f"but the pool has {pool_size}; collect a larger pool"
-        )
-    return split_indices(pool_size, count, seed)
-
-
-def split_indices(
-    pool_size: int, count: int, seed: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of `count` of `pool_size` trajectories, split as by `novice_split`.
-
-    Returns:
-        Indices (n,) of the training trajectories and (m,) of the test trajectories.
-    """
-    chosen = np.random.default_rng(seed).permutation(pool_size)[:count]
-    testing = np.arange(count) % TEST_EVERY == 1
-    return chosen[~testing], chosen[testing]

@@ -24,7 +24,9 @@ from sidm.shards import (
     DISCARDS,
     SHARD_SIZE,
     Collection,
+    Which,
     load,
+    missing_shards,
     simulated_drive,
     write_shard,
 )
@@ -211,36 +213,30 @@ def make_shard(
     return SHARD_SIZE
 
 
-def missing_shards(root: Path, collection: Collection, count: int) -> list[int]:
-    """Numbers of the shards of the first `count` trajectories that are not on disk."""
-    shards = range(-(-count // SHARD_SIZE))
-    return [k for k in shards if not collection.shard(root, k).exists()]
-
-
 def collect(
     root: Path | str,
     collection: Collection,
-    count: int,
+    which: Which,
     workers: int | None = None,
     executor: Executor | None = None,
     progress: bool = True,
     system: System | None = None,
 ) -> list[Drive]:
-    """Collect the first `count` trajectories of a collection.
+    """Collect trajectories of a collection.
 
     Shards on disk are read; missing ones are simulated and written first.
 
     Args:
         root: the data folder.
         collection: what to collect.
-        count: number of trajectories.
+        which: how many trajectories, the first ones; or their indices.
         workers: number of processes; None: one for each core. Ignored with `executor`.
         executor: runs the shards elsewhere; its workers write into the same `root`.
         progress: whether to show a bar with the time left.
         system: robots and ground, as in `simulate_trajectory`.
 
     Returns:
-        The drives, in the order of their indices.
+        The drives, in the order of `which`.
 
     Raises:
         ConfigError: see `system_of`; or the folder holds motion of other robots of the
@@ -251,7 +247,7 @@ def collect(
     if system is not None:
         _refuse_other_robots(collection.folder(root), system_of(collection, system))
     sweep(collection.folder(root))
-    missing = missing_shards(root, collection, count)
+    missing = missing_shards(root, collection, which)
     if missing:
         bullet()  # a missing PyBullet is reported before workers start
         processes = min(workers or os.cpu_count() or 1, len(missing))
@@ -264,7 +260,7 @@ def collect(
             ]
             for future in as_completed(futures):
                 bar.update(future.result())
-    return load(root, collection, count, system_of(collection, system).terrain)
+    return load(root, collection, which, system_of(collection, system).terrain)
 
 
 def collection_bar(collection: Collection, total: int, shown: bool) -> Bar:

@@ -69,7 +69,7 @@ def test_a_provenance_line_counts_trials_and_names_the_command(figure3_frame):
     assert line.startswith("108 trials; ")
     assert "older code" not in line
     assert line.endswith("; again: `companion run`.")
-    older = figure3_frame.assign(stale=True, other_data=[("novice 1",)] * 108)
+    older = figure3_frame.assign(stale=True, repeated=True)
     assert (
         "108 of them made by older code, 108 from data reproduced on another machine"
         in provenance_line(older)

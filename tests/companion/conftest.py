@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 from companion import Outcome, Row, Study, Trial, load_preset
-from companion.engine.datasets import note_digest
 from companion.engine.frame import frame_of
 from companion.engine.provenance import here
 from ownrobot.recordings import write_drives
 from sidm.body import ROVER
 from sidm.drives import STEPS, Drive, Ground, SimulatedGround, probe
-from sidm.shards import SHARD_SIZE, load, simulated_drive, write_shard
+from sidm.shards import SHARD_SIZE, simulated_drive, write_shard
 from sidm.storage import checksum
 from sidm.systems import find_system
 from sidm.terrain import generate_terrain, height_at
@@ -61,7 +60,7 @@ def glide(
 
 
 def write_motion(data: Path, dataset) -> None:
-    """Write sliding bodies as the start of a collection and note its digest."""
+    """Write sliding bodies as the start of a collection."""
     collection = dataset.collection
     rng = np.random.default_rng([collection.seed, collection.role == "expert"])
     terrain, made = find_system(collection.system).terrain, []
@@ -75,7 +74,6 @@ def write_motion(data: Path, dataset) -> None:
         )
     for number, start in enumerate(range(0, len(made), SHARD_SIZE)):
         write_shard(collection.shard(data, number), made[start : start + SHARD_SIZE])
-    note_digest(dataset, load(data, collection, dataset.count), data)
 
 
 @pytest.fixture(scope="session")

@@ -181,10 +181,8 @@ def test_show_counts(tmp_path, capsys):
 
 def test_damaged_store_is_one_line(tmp_path, capsys):
     """A row that cannot be read is named, with exit status 1."""
-    trial = grid("smoke", data=tmp_path, results=tmp_path)[0]
-    path = Results(tmp_path).path(trial)
-    path.parent.mkdir()
-    path.write_text("{")
+    path = Results(tmp_path).lines.path
+    path.write_text("{\n")
     places = ["--data", str(tmp_path), "--results", str(tmp_path)]
     assert main(["show", "--preset", "smoke", *places]) == 1
     errors = capsys.readouterr().err

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 
 from companion import PRESETS, load_preset
 from companion.__main__ import main
+from companion.engine.lines import line_of
 from companion.pages import parameters
 from sidm.config import ConfigError
 from sidm.learning import Network, Training
-from sidm.storage import write_record
 
 ROOT = Path(__file__).parents[2]
 KINDS = type(PRESETS["smoke"]), Network, Training
@@ -205,27 +205,18 @@ def test_an_annotation_is_not_executed(folder, annotation):
         st.binary(max_size=200), documents.map(lambda made: json.dumps(made).encode())
     )
 )
-@pytest.mark.parametrize("what", ["row", "digest"])
+@pytest.mark.parametrize("what", ["trials", "datasets", "failures"])
 def test_any_file_in_the_store(folder, capsys, content, what):
     """`show` names a bad file, also one with a correct checksum."""
-    from companion import Results, Study
-
-    trial = Study("smoke", "data", "results").figure3("system1")[0]
-    digest = Path("results/datasets") / f"{trial.datasets['expert'].name}.json"
-    path = Results("results").path(trial) if what == "row" else digest
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(content)
-    assert run(["show", "--preset", "smoke"], capsys) in (1, 2)
-    write_record(
-        path,
-        {
-            "schema": 2,
-            "trial": content.decode("latin1"),
-            "digest": [content.decode("latin1")],
-        },
-    )
+    path = Path("results") / f"{what}.jsonl"
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes(content + b"\n")
     assert run(["show", "--preset", "smoke"], capsys) in (0, 1, 2)
-    assert path.unlink() is None
+    text = content.decode("latin1")
+    for values in ({"key": text, "trial": text}, {"name": [text]}, {text: None}):
+        path.write_text(line_of(values))
+        assert run(["show", "--preset", "smoke"], capsys) in (0, 1, 2)
+    path.unlink()
 
 
 def test_a_preset_does_not_lead_out_of_the_folder(folder, capsys):

@@ -9,14 +9,12 @@ from typing import get_args, get_type_hints
 import pytest
 import yaml
 
-from companion import METHODS, PRESETS, UNKNOWN, Study, Trial, grid, load_preset
-from companion.engine.datasets import differing_names
+from companion import METHODS, PRESETS, Study, Trial, grid, load_preset
 from companion.methods import COMPARED, CORES, MIRRORED, RIVAL, VARIANTS
 from companion.presets import POLICIES
 from companion.studies import ablations, baselines, choices, duration, tuning, variants
 from sidm.body import ROVER
 from sidm.config import ConfigError, from_mapping, replace
-from sidm.storage import write_record
 from sidm.systems import SYSTEMS
 
 TRIAL = Trial(
@@ -39,10 +37,6 @@ OTHER = {
     "validation_minutes": 2,
     "rollouts": 5,
     "policy": "sinusoid",
-    "novice_data": "a",
-    "expert_data": "a",
-    "validation_data": "a",
-    "rollout_data": "a",
 }
 
 
@@ -327,46 +321,6 @@ def test_the_study_has_grids_of_its_own():
     assert not {t.key for t in choices.trials(study, "system1")} & {
         t.key for t in grid("study", "all")
     }
-
-
-def test_digests_come_from_disk_before_the_results(data, tiny, tmp_path):
-    """Data on this disk define the trial; without data the committed digests do.
-
-    Without either, the digest is UNKNOWN.
-    """
-    local = Study(tiny, data, tmp_path).digests("system1")
-    assert UNKNOWN not in local.values() and len(set(local.values())) == 4
-    bare = Study(tiny, tmp_path / "none", tmp_path)
-    assert set(bare.digests("system1").values()) == {UNKNOWN}
-    for kind, one in tiny.datasets("system1").items():
-        write_record(
-            tmp_path / "datasets" / f"{one.name}.json", {"digest": f"committed-{kind}"}
-        )
-    assert (
-        Study(tiny, tmp_path / "none", tmp_path).digests("system1")["novice_data"]
-        == "committed-novice"
-    )
-    assert Study(tiny, data, tmp_path).digests("system1") == local
-    assert differing_names(tiny, data, tmp_path) == [
-        one.name for one in tiny.datasets("system1").values()
-    ]
-    assert differing_names(tiny, tmp_path / "none", tmp_path) == []
-
-
-@pytest.mark.parametrize(
-    ("digest", "changed", "words"),
-    [
-        ("0" * 16, "01", "its checksum does not match"),
-        (7, "", "its digest is 7, not text"),
-    ],
-)
-def test_damaged_digests_are_named(tiny, tmp_path, digest, changed, words):
-    """A digest that cannot be read is an error of one line."""
-    path = tmp_path / "datasets" / f"{tiny.datasets('system1')['expert'].name}.json"
-    write_record(path, {"digest": digest})
-    path.write_text(path.read_text().replace("00", changed))
-    with pytest.raises(ConfigError, match=rf"9\.json: damaged \({words}\); restore it"):
-        Study(tiny, tmp_path, tmp_path).digests("system1")
 
 
 def test_parameter_files_name_their_preset():

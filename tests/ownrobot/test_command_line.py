@@ -100,7 +100,7 @@ def test_each_command_shows_examples(command, capsys):
         main([command, "--help"])
     said = capsys.readouterr().out
     if command != "demo":
-        assert said.count(f"\n  sidm {command} ") == 2, said
+        assert said.count(f"\n  ownrobot {command} ") == 2, said
     if command in ("fit", "compare"):
         assert all(f"\n  {method} " in said for method in METHODS)
 

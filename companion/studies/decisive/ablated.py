@@ -56,7 +56,7 @@ def results(study: Study, store: Results) -> pd.DataFrame:
         for system in ABLATION_CAPS
         for trial in arm(study, "R", system, caps, FEW_SEEDS)
     ]
-    frame = store.frame([*own, *ablations(study)])
+    frame = store.frame([*own, *ablations(study)], curves=True)
     changed = [_changed(row) for row in frame.itertuples()]
     names, values = zip(*changed, strict=True) if changed else ((), ())
     return frame.assign(setting=list(names), value=np.array(values, float))

@@ -74,7 +74,9 @@ def results(study: Study, store: Results) -> pd.DataFrame:
     They have up to ten seeds.
     """
     parts = [
-        store.frame(arm(study, recipe, system, caps, ALL_SEEDS)).assign(recipe=recipe)
+        store.frame(arm(study, recipe, system, caps, ALL_SEEDS), curves=True).assign(
+            recipe=recipe
+        )
         for recipe, caps in RECIPES.items()
         for system in PAPER_SYSTEMS
     ]

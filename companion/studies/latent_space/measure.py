@@ -20,7 +20,7 @@ from companion.engine.records import ProvenanceTimer, records_of
 from companion.study import Study
 from companion.trials import Dataset, Trial
 from sidm.config import ConfigError, config
-from sidm.systems import ROLES, find_system
+from sidm.systems import ROLES
 
 if TYPE_CHECKING:
     from sidm.learning.training import Trained
@@ -101,7 +101,7 @@ def measure(trial: Trial, data: str | Path = "data") -> Diagnosis:
     from sklearn.linear_model import LogisticRegression
 
     from companion.engine.execute import perform
-    from companion.engine.library import Library
+    from companion.engine.library import Library, dataset_windows
     from companion.studies.latent_space.latents import (
         STRIDE,
         classifier_accuracy,
@@ -111,7 +111,6 @@ def measure(trial: Trial, data: str | Path = "data") -> Diagnosis:
         small_network,
         squared_mmd,
     )
-    from sidm.learning.dataset import load_windows
     from sidm.learning.model import DynamicsModel
 
     if not trial.training.needs_expert:
@@ -124,8 +123,7 @@ def measure(trial: Trial, data: str | Path = "data") -> Diagnosis:
     # a model with an expert is no correction of the expert's model
     assert isinstance(model, DynamicsModel)
     dataset = held_out_expert(trial)
-    terrain, pixels = find_system(trial.system).terrain, trial.network.pixels
-    expert = load_windows(data, dataset.collection, dataset.count, terrain, pixels)
+    expert = dataset_windows(dataset, data, trial.network.pixels)
     held_out = expert.subset(range(trial.datasets["expert"].count, dataset.count))
     novice = Library(data).motion(trial, "validation")
     motions = novice, held_out.take(range(len(held_out)))

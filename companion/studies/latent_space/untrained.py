@@ -21,7 +21,7 @@ from companion.studies.latent_space.measure import jobs
 from companion.study import Study
 from companion.trials import Trial
 from sidm.storage import write_record
-from sidm.systems import PAPER_SYSTEMS, find_system
+from sidm.systems import PAPER_SYSTEMS
 
 NAME = "untrained_latents.json"
 #: Name in the file -> the role whose encoder the novice's motion goes through.
@@ -50,20 +50,19 @@ def measure(trial: Trial, data: Path) -> dict[str, Apart]:
         ShardError: data are missing.
     """
     # here, since stored measures are read without PyTorch
+    from companion.engine.library import dataset_windows
     from companion.studies.latent_space.latents import (
         classifier_accuracy,
         latents_of,
         small_network,
         squared_mmd,
     )
-    from sidm.learning.dataset import load_windows
     from sidm.learning.model import DynamicsModel
     from sidm.learning.units import Standardisation
 
-    terrain, pixels = find_system(trial.system).terrain, trial.network.pixels
     validation, expert = (
-        load_windows(data, dataset.collection, dataset.count, terrain, pixels)
-        for dataset in (trial.datasets[kind] for kind in ("validation", "expert"))
+        dataset_windows(trial.datasets[kind], data, trial.network.pixels)
+        for kind in ("validation", "expert")
     )
     model = DynamicsModel(trial.network, Standardisation.fit(expert), trial.seed)
     experts = latents_of(model, "expert", expert.take(range(len(validation))))

@@ -15,9 +15,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from companion.beyond.mirror import mirror_image
-from companion.digests import find_digest
-from companion.engine.datasets import collect_dataset, note_collected
-from companion.engine.library import load_checked
+from companion.engine.datasets import collect_dataset, digest_of
+from companion.engine.library import dataset_windows
 from companion.engine.outcomes import as_lists, curve
 from companion.engine.pretrained import load_or_pretrain, settings_of, weights_folder
 from companion.engine.provenance import Provenance
@@ -89,10 +88,8 @@ class Transfer:
     #: simulated expert; gives the units inside the networks, and is the proxy's data if
     #: `proxy` is 'expert'
     expert: Dataset
-    expert_data: str  # digest of `expert`
     #: simulated novice; is the proxy's data if `proxy` is 'novice'
     proxy_novice: Dataset
-    proxy_novice_data: str  # digest of `proxy_novice`
     network: Network
     training: StudyTraining
     pretraining: StudyTraining | None
@@ -102,11 +99,6 @@ class Transfer:
     def datasets(self) -> dict[str, Dataset]:
         """The simulated datasets, by their kind."""
         return {"expert": self.expert, "novice": self.proxy_novice}
-
-    @property
-    def digests(self) -> dict[str, str]:
-        """The digests of the `datasets`, by their kind."""
-        return {"expert": self.expert_data, "novice": self.proxy_novice_data}
 
 
 @config
@@ -160,14 +152,13 @@ def proxies(preset: Preset, system: str) -> dict[str, Dataset]:
 def collect_proxies(
     study: Study, system: str, executor: Executor | None = None
 ) -> None:
-    """Simulate the missing motion of the proxies and note the datasets' digests.
+    """Simulate the missing motion of the proxies.
 
     Raises:
         ImportError: PyBullet is not installed; the message is one line.
     """
     for dataset in proxies(study.preset, system).values():
         collect_dataset(dataset, study.data, executor)
-        note_collected(dataset, study.data, study.results)
 
 
 def jobs(
@@ -185,9 +176,6 @@ def jobs(
         sizes: min of recorded data.
     """
     preset, sets = study.preset, proxies(study.preset, system)
-    expert, novice = (
-        find_digest(dataset, study.data, study.results) for dataset in sets.values()
-    )
     recorded = checksum_of(read_drives(recordings_of(system, recordings), ROVER))
     transfers = []
     for seed, (method, proxy) in itertools.product(
@@ -208,9 +196,7 @@ def jobs(
                 held_out=HELD_OUT,
                 recorded_data=recorded,
                 expert=sets["expert"],
-                expert_data=expert,
                 proxy_novice=sets["novice"],
-                proxy_novice_data=novice,
                 network=preset.network,
                 training=training,
                 pretraining=preset.pretraining_of(METHODS[method]),
@@ -239,12 +225,10 @@ def measure(
         recorded = _recorded(
             about.system, about.held_out, pixels, recordings, about.recorded_data
         )
-        expert = load_checked(about.expert, about.expert_data, data, pixels)
+        expert = dataset_windows(about.expert, data, pixels)
         proxy = expert
         if about.proxy == "novice":
-            proxy = load_checked(
-                about.proxy_novice, about.proxy_novice_data, data, pixels
-            )
+            proxy = dataset_windows(about.proxy_novice, data, pixels)
         units = Standardisation.fit(expert)
         start = _start(about, recorded, proxy, units, data)
         models, trainings = [], []
@@ -337,10 +321,10 @@ def _start(
     """
     if about.pretraining is None:
         return None
-    digest = about.proxy_novice_data if about.proxy == "novice" else about.expert_data
+    used = about.proxy_novice if about.proxy == "novice" else about.expert
     made_from = {
-        "digest": digest,
-        "expert": about.expert_data,
+        "digest": digest_of(used, data),
+        "expert": digest_of(about.expert, data),
         "seed": about.seed,
     } | settings_of(about.network, about.pretraining)
     folder = weights_folder(data, made_from, "training", "elsewhere-")

@@ -17,10 +17,10 @@ from ownrobot.recordings import RecordingError, read_drives
 from sidm.body import ROVER
 from sidm.config import ConfigError
 from sidm.drives import Drive
-from sidm.learning.dataset import TEST_EVERY, Windows, states_and_actions, windows_of
+from sidm.learning.dataset import Windows, states_and_actions, windows_of
 from sidm.learning.evaluation import rollout_errors, validation_loss
 from sidm.learning.model import Predictor
-from sidm.shards import trajectories_for
+from sidm.shards import TEST_EVERY, trajectories_for
 
 
 def recordings_of(system: str, folder: str | Path = "recordings") -> Path:

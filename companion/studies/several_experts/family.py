@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor
 from pathlib import Path
 
-from companion.engine.datasets import note_collected, note_digest
+from companion.engine.datasets import collect_dataset
 from companion.trials import EXPERT_SEED, Dataset
 from sidm.config import replace
 from sidm.shards import Collection
@@ -39,27 +39,19 @@ def collect_members(
     policy: str,
     counts: Mapping[int, Iterable[int]],
     data: str | Path,
-    results: str | Path,
     executor: Executor,
 ) -> None:
-    """Simulate the missing motion of family members and note the datasets' digests.
+    """Simulate the missing motion of family members.
 
     Args:
         system: name of the pair of robots whose ground it is.
         policy: exploration policy.
         counts: number of a member -> numbers of trajectories of its datasets.
         data: folder of motion.
-        results: folder of results, which notes the digests, too.
         executor: runs the simulations.
     """
-    from sidm.simulation import collect
-
     for number, member_counts in counts.items():
         pair = family_system(system, number)
         for count in member_counts:
             wanted = dataset(system, number, policy, count)
-            digest = collect(
-                data, wanted.collection, count, executor=executor, system=pair
-            )
-            note_digest(wanted, digest, data)
-            note_collected(wanted, data, results)
+            collect_dataset(wanted, data, executor, system=pair)

@@ -23,8 +23,8 @@ from companion.beyond.several import (
     nearest_expert,
     train_several,
 )
-from companion.digests import find_digest
-from companion.engine.library import Library, load_checked
+from companion.engine.datasets import digests_of
+from companion.engine.library import Library, dataset_windows
 from companion.engine.outcomes import as_lists, curve, evaluate
 from companion.engine.pretrained import settings_of, weights_folder
 from companion.engine.provenance import Provenance
@@ -37,11 +37,12 @@ from companion.trials import Dataset, Trial
 from sidm.config import config, replace
 from sidm.learning import checkpoint
 from sidm.learning.arithmetic import one_thread
-from sidm.learning.dataset import Datasets, Windows, split_indices
+from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.evaluation import mean_loss, validation_loss
 from sidm.learning.model import DynamicsModel
 from sidm.learning.training import Trained, train
 from sidm.learning.units import Standardisation
+from sidm.shards import split_indices
 
 #: numbers of experts; together they have as many minutes as the paper's expert alone
 COUNTS = (1, 2, 4, 8)
@@ -72,7 +73,6 @@ class Pretraining:
     experts: int
     paper: bool  # whether the paper's expert is one of the experts
     roles: tuple[str, ...]  # roles of the members' collections
-    members_data: tuple[str, ...]  # digests of the members' datasets
 
     @property
     def members(self) -> tuple[Dataset, ...]:
@@ -89,12 +89,6 @@ class Pretraining:
     def datasets(self) -> dict[str, Dataset]:
         """The datasets of the trial and of the members, by kind or role."""
         return self.trial.datasets | dict(zip(self.roles, self.members, strict=True))
-
-    @property
-    def digests(self) -> dict[str, str]:
-        """The digests of the `datasets`, by kind or role."""
-        members = dict(zip(self.roles, self.members_data, strict=True))
-        return self.trial.digests | members
 
 
 @config
@@ -173,7 +167,6 @@ def jobs(
             dataset(system, number, preset.policy, whole // count)
             for number in range(count - 1 if paper else count)
         ]
-        digests = [find_digest(member, study.data, study.results) for member in members]
         novice_sizes = sizes + (further if count == 1 and paper else ())
         for seed in range(preset.seeds):
             trial = study.trial(
@@ -187,7 +180,6 @@ def jobs(
                     experts=count,
                     paper=paper,
                     roles=tuple(member.collection.role for member in members),
-                    members_data=tuple(digests),
                 )
             )
     return pretrainings
@@ -201,9 +193,7 @@ def collect_family(
 ) -> None:
     """Simulate the missing motion of family members for some jobs, or for all."""
     counts = members_needed(jobs(study, system) if wanted is None else wanted)
-    collect_members(
-        system, study.preset.policy, counts, study.data, study.results, executor
-    )
+    collect_members(system, study.preset.policy, counts, study.data, executor)
 
 
 def members_needed(wanted: Iterable[Pretraining]) -> dict[int, set[int]]:
@@ -224,13 +214,12 @@ def load_experts(
     """
     trial = about.trial
     paper, pixels = trial.datasets["expert"], trial.network.pixels
-    whole = load_checked(paper, trial.digests["expert"], data, pixels)
+    whole = dataset_windows(paper, data, pixels)
     experts = {}
     if about.paper:
         experts["expert"] = whole.first(paper.count // about.experts)
-    members = zip(about.members, about.members_data, strict=True)
-    for number, (member, digest) in enumerate(members):
-        experts[f"member{number}"] = load_checked(member, digest, data, pixels)
+    for number, member in enumerate(about.members):
+        experts[f"member{number}"] = dataset_windows(member, data, pixels)
     return experts, Standardisation.fit(whole)
 
 
@@ -301,7 +290,7 @@ def _train_experts(
     trial = about.trial
     assert trial.pretraining is not None
     made_from = {
-        "digests": about.digests,
+        "digests": digests_of(about, data),
         "experts": about.experts,
         "paper": about.paper,
         "seed": trial.seed,

@@ -109,10 +109,10 @@ def test_a_failure_is_kept_and_not_repeated(study, data, tmp_path, capsys, bundl
             "after 5 iterations"
         )
         assert capsys.readouterr().err.strip() == message
-        written = store.failed.path(bad).stat().st_mtime_ns
+        written = store.failed.lines.path.stat().st_mtime_ns
         run([bad], **options)
         assert "not run again unless" in capsys.readouterr().err
-    assert store.failed.path(bad).stat().st_mtime_ns == written
+    assert store.failed.lines.path.stat().st_mtime_ns == written
 
 
 def test_one_fault_in_a_bundle_loses_no_other(
@@ -120,10 +120,9 @@ def test_one_fault_in_a_bundle_loses_no_other(
 ):
     """Each fault is reported in one line.
 
-    Faults are other data, a damaged checkpoint, an outcome that cannot be stored.
+    Faults are a damaged checkpoint and an outcome that cannot be stored.
     """
     damaged, infinite, good = study.figure3("system1")[:3]
-    strange = damaged.replace(rollout_data="0" * 16)
     folder = checkpoint_folder(data, damaged, "bundle")
     folder.mkdir(parents=True)
     (folder / "checkpoint.npz").write_bytes(b"no archive")
@@ -135,13 +134,13 @@ def test_one_fault_in_a_bundle_loses_no_other(
         )
 
     monkeypatch.setattr(bundled, "outcome_of", evaluate)
-    trials = [strange, damaged, infinite, good]
+    trials = [damaged, infinite, good]
     store = run(trials, data=data, results=tmp_path, progress=False, bundle=4)
     shutil.rmtree(folder)
-    assert store.missing(trials) == [strange, damaged, infinite]
+    assert store.missing(trials) == [damaged, infinite]
     errors = capsys.readouterr().err.strip().splitlines()
-    assert len(errors) == 3
-    for words in ("digest", "the checkpoint is damaged", "a number is not finite"):
+    assert len(errors) == 2
+    for words in ("the checkpoint is damaged", "a number is not finite"):
         assert sum(words in line for line in errors) == 1
 
 
@@ -200,7 +199,7 @@ def test_the_command_line(tiny, study, data, tmp_path, capsys, monkeypatch):
     )
     assert main(["show", *common]) == 0
     assert f"note: {trials[0]}: failed" in capsys.readouterr().out
-    store.failed.path(trials[0]).unlink()
+    store.failed.lines.drop(trials[0].key)
     assert main(["run", *common, "--bundle", "4", "--log", str(log)]) == 0
     assert "6 of 6 trials stored" in capsys.readouterr().out
     assert len(list(log.iterdir())) == 6

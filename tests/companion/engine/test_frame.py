@@ -21,7 +21,7 @@ def store(study, make_row):
 
 
 def test_every_value_of_a_row_is_a_column(store):
-    frame = store.frame()
+    frame = store.frame(curves=True)
     assert list(frame.columns) == [name for name, _, _ in columns()]
     assert frame.index.is_unique
     for row in store.all():

@@ -12,14 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.digests import find_digest
-from companion.engine.datasets import load_dataset, note_committed, note_digest, verify
+from companion.engine.datasets import collect_dataset, digest_of
+from companion.engine.known_motion import Known, compare, note, read
 from companion.engine.likeness import Likeness
 from companion.trials import Dataset
 from sidm.config import replace
-from sidm.shards import SHARD_SIZE, Collection, load
-from sidm.simulation import collect
-from sidm.storage import read_record
+from sidm.shards import SHARD_SIZE, Collection
 from sidm.systems import SYSTEMS
 
 DATASET = Dataset(
@@ -41,12 +39,8 @@ REDUCED = {
 def results(tmp_path_factory):
     """Results of another machine, whose data are not on this one."""
     data, results = tmp_path_factory.mktemp("data"), tmp_path_factory.mktemp("results")
-    digest = note_digest(
-        DATASET,
-        collect(data, DATASET.collection, DATASET.count, workers=2, progress=False),
-        data,
-    )
-    note_committed(DATASET, digest, data, results)
+    collect_dataset(DATASET, data, progress=False)
+    assert compare(DATASET, data, results) == []  # which notes it
     return results
 
 
@@ -69,25 +63,18 @@ def reduced(tmp_path_factory):
 
 
 @pytest.mark.more
-def test_what_differs_by_rounding_alone_serves_under_the_same_digest(results, reduced):
-    known = read_record(next(results.rglob("*.json")))["digest"]
-    digest = note_digest(
-        DATASET, load(reduced, DATASET.collection, DATASET.count), reduced
-    )
+def test_what_differs_by_rounding_alone_stands_for_the_results_motion(results, reduced):
+    known, digest = read(results)[DATASET.name].digest, digest_of(DATASET, reduced)
     assert (digest != known) == bool(REDUCED["NPY_DISABLE_CPU_FEATURES"]), (
         "rounded alike"
     )
-    assert find_digest(DATASET, reduced, results) == digest, (
-        "not held against the results' yet"
-    )
-    assert verify(DATASET, reduced, results) == []
-    assert find_digest(DATASET, reduced, results) == known
-    assert len(load_dataset(DATASET, known, reduced)) == DATASET.count
+    assert compare(DATASET, reduced, results) == []
+    assert set(read(results)[DATASET.name].digests) == {known, digest}
 
 
 @pytest.mark.more
 def test_another_robots_motion_is_refused(results, tmp_path, monkeypatch):
-    """Tyres have a tenth less friction; the digest stays that of the new data."""
+    """Tyres have a tenth less friction."""
     from sidm.simulation.collecting import make_shard
 
     own = SYSTEMS["system1"]
@@ -95,11 +82,10 @@ def test_another_robots_motion_is_refused(results, tmp_path, monkeypatch):
     monkeypatch.setitem(SYSTEMS, "system1", dataclasses.replace(own, novice=slippery))
     for number in range(DATASET.count // SHARD_SIZE):
         make_shard(tmp_path, DATASET.collection, number)
-    (words,) = verify(DATASET, tmp_path, results)[:1]
+    before = read(results)
+    (words,) = compare(DATASET, tmp_path, results)[:1]
     assert words.startswith("after 5 steps robots are ")
-    assert find_digest(DATASET, tmp_path, results) == note_digest(
-        DATASET, load(tmp_path, DATASET.collection, DATASET.count), tmp_path
-    )
+    assert read(results) == before
 
 
 def test_other_actions_and_other_attempts_are_seen(make_trajectories):
@@ -121,9 +107,8 @@ def test_other_actions_and_other_attempts_are_seen(make_trajectories):
 
 
 @pytest.mark.more
-def test_what_the_results_do_not_know_is_said(results, reduced, tmp_path):
-    assert verify(DATASET, reduced, tmp_path) == ["the results know no such data"]
-    note_committed(DATASET, "0123456789abcdef", tmp_path, tmp_path)
-    assert verify(DATASET, reduced, tmp_path) == [
+def test_motion_without_a_likeness_cannot_be_compared(reduced, tmp_path):
+    note([Known(name=DATASET.name, digest="0123456789abcdef")], tmp_path)
+    assert compare(DATASET, reduced, tmp_path) == [
         "the data differ, and the results store no likeness to compare"
     ]

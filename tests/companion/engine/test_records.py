@@ -40,7 +40,7 @@ def answer(question: Question) -> Answer:
 
 @pytest.fixture
 def store(tmp_path):
-    return Records(Answer, tmp_path / "answers", "make answers")
+    return Records(Answer, tmp_path, "answers", "make answers")
 
 
 def test_figures_are_rounded_and_what_they_are_about_is_not(store):
@@ -85,7 +85,7 @@ def test_a_record_says_what_it_depends_on():
     assert {"simulation", "training", "driving"} < made.numerics.keys()
     assert made.seconds >= 0
     assert made.threads == 1
-    assert not made.other_data
+    assert made.digests == {}
     assert not made.stale
 
 
@@ -110,9 +110,9 @@ def test_stored_records_are_found_under_their_keys(name):
     A field that older records lack must leave their keys as they are.
     """
     records = STUDIES[name].module.records(RESULTS)
-    paths = {records.path(record.about) for record in records.all()}
-    assert paths == set(records.folder.glob("*.json"))
-    assert paths
+    keys = {key_of(record.about) for record in records.all()}
+    assert keys == set(records.lines.all())
+    assert keys
 
 
 @pytest.mark.parametrize("name", STUDIES)

@@ -11,21 +11,16 @@ import torch
 from companion import Results, Study, perform, run, run_trial
 from companion.__main__ import main
 from companion.bodies import NOVICES
-from companion.digests import find_digest
-from companion.engine.datasets import (
-    is_here,
-    load_dataset,
-    note_collected,
-    note_committed,
-)
+from companion.engine import known_motion
+from companion.engine.datasets import digest_of, digests_of, is_here
 from companion.engine.execute import stored_as
 from companion.engine.library import Library
 from companion.engine.records import ProvenanceTimer, one_line, rounded
 from companion.engine.run import checkpoint_folder, run_here
 from companion.numerics import versions
+from companion.trials import motion_of
 from sidm.config import ConfigError
-from sidm.shards import ShardError
-from sidm.storage import read_record, write_record
+from sidm.shards import SHARD_SIZE
 
 
 @pytest.fixture
@@ -147,17 +142,16 @@ def test_run_skips_what_is_stored(trials, data, tmp_path, make_row):
         )
         assert store.missing(trials) == []
         assert store.get(trials[0]).outcome.validation_loss == 42.0
-        files = {
-            path: path.stat().st_mtime_ns for path in (tmp_path / "trials").iterdir()
-        }
+        files = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
         run(trials, executor, data=data, results=store, progress=False)
-    assert files == {
-        path: path.stat().st_mtime_ns for path in (tmp_path / "trials").iterdir()
-    }
+    assert files == {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
     assert not checkpoint_folder(data, trials[1]).exists()
-    noted = tmp_path / "datasets" / "system1/novice/ornstein_uhlenbeck/seed-0/9.json"
-    assert read_record(noted).keys() == {"digest", "likeness"}
-    assert read_record(noted)["digest"] == trials[0].novice_data
+    expert = trials[1].datasets["expert"]
+    noted = known_motion.read(tmp_path)[expert.name]
+    assert noted.likeness and noted.digest == digest_of(expert, data)
+    seen = store.get(trials[1]).provenance.digests
+    assert seen == digests_of(trials[1], data) and seen[expert.name] == noted.digest
+    assert any(name.endswith("/9, 0.25 min, seed 0") for name in seen)
 
 
 @pytest.mark.more
@@ -196,42 +190,45 @@ def test_a_killed_trial_goes_on(trials, data, tmp_path):
     assert row.provenance.resumed and row.outcome == whole
 
 
-def test_one_failure_loses_no_other(trials, data, tmp_path, capsys):
-    """A trial with other data than it names is reported in one line.
+def test_one_failure_loses_no_other(trials, data, tmp_path, capsys, monkeypatch):
+    """A trial that fails is reported in one line, and the other one is stored."""
 
-    The other trial is stored.
-    """
-    strange = trials[0].replace(validation_data="0" * 16)
-    store = run(
-        [strange, trials[1]], workers=1, data=data, results=tmp_path, progress=False
-    )
-    assert store.missing([strange, trials[1]]) == [strange]
+    def fail_first(trial, *arguments, **options):
+        if trial == trials[0]:
+            raise OSError("no space left")
+        return run_trial(trial, *arguments, **options)
+
+    monkeypatch.setattr("companion.engine.run.run_trial", fail_first)
+    store = run(trials, workers=1, data=data, results=tmp_path, progress=False)
+    assert store.missing(trials) == trials[:1]
     errors = capsys.readouterr().err.strip()
-    assert errors.count("\n") == 0
-    assert errors.startswith("companion: system1 sidm 0.25 min seed 0: ")
-    assert "digest" in errors
+    assert errors == "companion: system1 sidm 0.25 min seed 0: no space left"
 
 
-def test_unknown_data_name_the_command(tiny, tmp_path):
-    """Without data and digests nothing runs; the message says how to make the data."""
+def test_missing_data_name_the_command(tiny, tmp_path):
+    """Without data nothing runs; the message says how to make them."""
     trials = Study(tiny, tmp_path, tmp_path).figure3("system1")
-    with pytest.raises(
-        ConfigError, match=r"companion collect --preset NAME --system system1"
-    ):
+    words = r"the dataset system1/.* is not under .*; 'companion collect --preset"
+    with pytest.raises(ConfigError, match=words):
         run(trials, data=tmp_path, results=tmp_path)
     with pytest.raises(ConfigError, match="workers must be at least 1"):
         run([], workers=0, data=tmp_path, results=tmp_path)
 
 
-def test_data_are_held_against_their_digest(tiny, data, tmp_path):
-    """Another dataset under the same name, or none, is an error of one line."""
-    dataset = tiny.datasets("system1")["validation"]
-    for folder, words in (
-        (data, "the trial wants 0000; 'companion collect --verify'"),
-        (tmp_path, "shard is missing"),
-    ):
-        with pytest.raises(ShardError, match=words):
-            load_dataset(dataset, "0000", folder)
+def test_a_trial_needs_what_it_draws_from_the_pool(trials, data, tmp_path):
+    """Without the rest of the pool it learns the same."""
+    trial = trials[0]
+    needed, own = motion_of([trial]), tmp_path / "data"
+    pool = trial.datasets["novice"]
+    assert len(needed[pool]) == 2 and len(needed[trial.datasets["expert"]]) == 9
+    shutil.copytree(data, own, ignore=shutil.ignore_patterns("maps-*"))
+    kept = {index // SHARD_SIZE for index in needed[pool]}
+    for number in {0, 1, 2} - kept:
+        pool.collection.shard(own, number).unlink()
+    assert not is_here(pool, own) and is_here(pool, own, needed[pool])
+    row, whole = run_trial(trial, own), run_trial(trial, data)
+    assert row.outcome == whole.outcome
+    assert row.provenance.digests == whole.provenance.digests
 
 
 def test_errors_in_one_line():
@@ -244,48 +241,37 @@ def test_errors_in_one_line():
 def test_data_made_again_elsewhere_stand_for_those_of_the_results(
     tiny, data, tmp_path, capsys, monkeypatch
 ):
-    """Verified data give trials their stored keys, and rows say so.
-
-    Before verification the trials have other keys.
-    """
-    results, own = tmp_path / "results", tmp_path / "data"
-    shutil.copytree(data, own)
-    sets = tiny.datasets("system1")
-    here = {kind: find_digest(dataset, own, results) for kind, dataset in sets.items()}
-    for kind, one in sets.items():
-        note_committed(one, here[kind], own, results)
-    path = results / "datasets" / f"{sets['novice'].name}.json"
-    write_record(path, read_record(path) | {"digest": "0123456789abcdef"})
+    """Results of rounded motion join the others; results of other motion do not."""
+    results, expert = tmp_path / "results", tiny.datasets("system1")["expert"]
+    here = digest_of(expert, data)
+    known_motion.compare(expert, data, results)
+    first = known_motion.read(results)[expert.name]
+    known_motion.note([dataclasses.replace(first, digest="elsewhere")], results)
     monkeypatch.setattr("companion.commands._preset", lambda _: tiny)
-    arguments = (
-        f"collect --system system1 --data {own} --results {results} --workers 1"
-    ).split()
-    assert main(arguments) == 0
+    arguments = f"collect --system system1 --data {data} --results {results} --verify"
+    assert main(arguments.split()) == 0
+    said = capsys.readouterr().out
+    assert said.count("stands for the data of the results") == 1
+    assert said.count("not compared, since no results are made with it") == 3
+    assert known_motion.read(results)[expert.name].digests == ("elsewhere", here)
+    (trial,) = Study(tiny, data, results).points("system1", ["novice_only"], [0.25])
+    row = run_here(trial, data, results, progress=False)
     assert (
-        "novice/ornstein_uhlenbeck/seed-0/9 has other bits" in capsys.readouterr().out
+        ProvenanceTimer("driving", trial, data).done().digests == row.provenance.digests
     )
-    assert find_digest(sets["novice"], own, results) == here["novice"]
-    assert main([*arguments, "--verify"]) == 0
-    assert capsys.readouterr().out.count("stands for the data of the results") == 4
-    (trial,) = Study(tiny, own, results).points("system1", ["novice_only"], [0.25])
-    assert trial.novice_data == "0123456789abcdef"
-    assert trial.expert_data == here["expert"]
-    row = run_here(trial, own, results, progress=False)
-    assert row.trial == trial
-    assert row.provenance.other_data == (f"novice {here['novice']}",)
-    assert (
-        ProvenanceTimer("driving", trial, own).done().other_data
-        == row.provenance.other_data
-    )
-    note_collected(sets["novice"], own, results)
-    assert read_record(path)["digest"] == "0123456789abcdef"
-    with pytest.raises(ShardError, match="the trial wants 0123456789abcdee"):
-        load_dataset(sets["novice"], "0123456789abcdee", own)
+    assert Results(results).frame().repeated.tolist() == [True]
+    other = [place + 1.0 for place in first.likeness.places[0]]
+    likeness = dataclasses.replace(first.likeness, places=(other,) * 9)
+    strange = dataclasses.replace(first, digest="elsewhere", likeness=likeness)
+    known_motion.note([strange], results)
+    with pytest.raises(known_motion.OtherMotion, match="name another folder"):
+        run_here(trial.replace(seed=1), data, results, progress=False)
 
 
 def test_only_what_has_its_data_here(study, trials, data, tmp_path):
-    """Only collected data count, not the digests of the results."""
-    assert all(is_here(trial, data) for trial in trials)
-    assert not is_here(trials[0].replace(novice_data="0" * 16), data)
-    assert not is_here(trials[0], tmp_path)
-    assert not is_here(study.trial("system2", "sidm", 0.25), data)
+    def all_here(trial, data):
+        return all(is_here(one, data, k) for one, k in motion_of([trial]).items())
+
+    assert all(all_here(trial, data) for trial in trials)
+    assert not all_here(trials[0], tmp_path)
+    assert not all_here(study.trial("system2", "sidm", 0.25), data)

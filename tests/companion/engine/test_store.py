@@ -6,10 +6,10 @@ import pytest
 
 from companion import Failure, Results, StoreError, Study
 from companion.__main__ import main
-from companion.digests import find_digest
-from companion.engine.datasets import note_committed
+from companion.engine import known_motion
+from companion.engine.known_motion import Known, OtherMotion
+from companion.engine.lines import line_of, values_of
 from companion.numerics import NUMERICS
-from sidm.storage import read_record, write_record
 from sidm.systems import FREE_SYSTEMS
 from tests.companion.conftest import RESULTS
 
@@ -21,20 +21,62 @@ def trials(tiny, tmp_path):
 
 
 def test_rows_come_back(trials, make_row, tmp_path):
-    """A row is read as stored, to 6 significant digits.
-
-    Writing it again changes no byte.
-    """
+    """A row is read as stored, to 6 significant digits; its curves lie beside it."""
     store, row = Results(tmp_path), make_row(trials[0], loss=2.123456789)
     path = store.put(row)
-    assert path == tmp_path / "trials" / f"{trials[0].key}.json"
+    assert path == tmp_path / "trials.jsonl" and len(path.read_bytes()) < 4000
     back = store.get(trials[0])
     assert back.outcome.validation_loss == 2.12346
+    assert back.outcome.example_actual[2] == (0.2, 0.1)
+    assert back.outcome.curve_test_loss == (3.0, 2.5, 2.33580)
     assert back.trial == row.trial
     assert back.provenance == row.provenance
-    before = path.read_bytes()
-    assert store.put(back).read_bytes() == before and len(before) < 5000
-    assert not list(path.parent.glob(".*"))
+    store.put(make_row(trials[1]))
+    store.put(make_row(trials[0], loss=3.0))  # in the first one's place
+    assert [row.outcome.validation_loss for row in store.rows(trials)] == [3.0, 2.0]
+    assert len(path.read_text().splitlines()) == 2
+    assert not list(tmp_path.glob("*.part"))
+
+
+def test_what_was_never_finished_is_no_row(trials, make_row, tmp_path):
+    """A writer was killed in the middle of a line, or of curves; the next one mends."""
+    store = Results(tmp_path)
+    path = store.put(make_row(trials[0]))
+    whole = path.read_bytes()
+    for part in (10, len(whole) - 1):
+        path.write_bytes(whole + whole[:part])
+        with open(store.lines.curves, "ab") as file:
+            file.write(b"half a curve")
+        assert store.missing(trials) == trials[1:]
+        store.put(make_row(trials[1], 5.0))
+        assert [row.outcome.validation_loss for row in store.rows(trials)] == [2.0, 5.0]
+        assert store.get(trials[1]).outcome.curve_samples == (100, 200, 300)
+        path.write_bytes(whole)
+
+
+def test_a_table_has_curves_where_it_is_asked_for_them(trials, make_row, tmp_path):
+    store = Results(tmp_path)
+    store.put(make_row(trials[0]))
+    short, whole = store.frame(trials), store.frame(trials, curves=True)
+    assert "curve_samples" not in short and "validation_loss" in short
+    assert whole.curve_samples.tolist() == [(100, 200, 300)]
+    store.lines.curves.write_bytes(b"")
+    assert len(store.frame(trials)) == 1
+    with pytest.raises(StoreError, match="curves.gz, byte 0: .*delete the line"):
+        store.frame(trials, curves=True)
+
+
+def test_rows_of_different_motion_make_no_table(trials, make_row, tmp_path):
+    """But for motion that is known to differ by rounding alone."""
+    store = Results(tmp_path)
+    for trial, digest in zip(trials, ("aa", "bb"), strict=False):
+        row = make_row(trial)
+        made = dataclasses.replace(row.provenance, digests={"the expert's": digest})
+        store.put(dataclasses.replace(row, provenance=made))
+    with pytest.raises(OtherMotion, match="the expert's .* aa and bb; .*--verify"):
+        store.frame()
+    known_motion.note([Known(name="the expert's", digest="aa", same=("bb",))], tmp_path)
+    assert store.frame(trials).repeated.tolist() == [False, True]
 
 
 def test_missing_and_rows(trials, make_row, tmp_path):
@@ -82,11 +124,6 @@ def test_no_stored_row_is_stale():
     "spoil, words",
     [
         (lambda values: values.pop("outcome"), "damaged .*outcome"),
-        (
-            lambda values: values.update(schema=99),
-            "has schema 99, this version reads 3",
-        ),
-        (lambda values: values.pop("schema"), "has schema None, this version reads 3"),
         (lambda values: values.update(trial=[]), "must be Trial, not list"),
         (lambda values: values["trial"].update(seed=7), "is about something else"),
         (
@@ -98,16 +135,25 @@ def test_no_stored_row_is_stale():
 def test_what_is_not_the_row_is_named_in_one_line(
     trials, make_row, tmp_path, spoil, words
 ):
-    """Whatever the file contains, the error names it and what to do."""
+    """Whatever the line contains, the error names the file and what to do."""
     store = Results(tmp_path)
     path = store.put(make_row(trials[0]))
-    values = read_record(path)
+    values = values_of(path.read_text().strip())
     spoil(values)
-    write_record(path, values)
+    path.write_text(line_of(values))
     with pytest.raises(StoreError, match=words) as caught:
         store.get(trials[0])
     message = str(caught.value)
-    assert str(path) in message and "\n" not in message and "delete it" in message
+    assert str(path) in message and "\n" not in message
+    assert "delete the line" in message
+
+
+def test_a_changed_byte_is_seen(trials, make_row, tmp_path):
+    store = Results(tmp_path)
+    path = store.put(make_row(trials[0]))
+    path.write_text(path.read_text().replace("system1", "system2", 1))
+    with pytest.raises(StoreError, match="line 1: its checksum does not match"):
+        store.get(trials[0])
 
 
 def test_a_store_takes_in_what_it_lacks(tmp_path, tiny, make_row, capsys):
@@ -126,7 +172,7 @@ def test_a_store_takes_in_what_it_lacks(tmp_path, tiny, make_row, capsys):
             provenance=make_row(trials[2]).provenance,
         )
     )
-    note_committed(trials[0].datasets["expert"], "0123", tmp_path, other.folder)
+    known_motion.note([Known(name="the expert's", digest="0123")], other.folder)
     assert main(["merge", str(other.folder), "--results", str(store.folder)]) == 0
     assert capsys.readouterr().out == "1 results taken in\n"
     assert [row.outcome.validation_loss for row in store.rows(trials)] == [1.0, 2.0]
@@ -140,10 +186,10 @@ def test_a_store_takes_in_what_it_lacks(tmp_path, tiny, make_row, capsys):
         assert current.get(trials[0]).outcome.validation_loss == 3.0
         assert older.take_in(current) == 1 and older.missing(trials[:1]) == []
     assert store.failed.get(trials[2]).loss == "nan"
-    assert (
-        find_digest(trials[0].datasets["expert"], tmp_path / "none", store.folder)
-        == "0123"
-    )
+    assert known_motion.read(store.folder)["the expert's"].digest == "0123"
+    known_motion.note([Known(name="the expert's", digest="45")], store.folder)
+    with pytest.raises(OtherMotion, match="the expert's is other motion than that of"):
+        store.take_in(other)
     assert (
         main(["merge", str(tmp_path / "nowhere"), "--results", str(store.folder)]) == 2
     )

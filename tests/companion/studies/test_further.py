@@ -123,7 +123,7 @@ def test_the_rivals_best_seed_lowers_the_ratio(study, make_row):
     store = Results(study.results)
     for row in rows:
         store.put(row)
-    frame = store.frame().assign(recipe="R")
+    frame = store.frame(curves=True).assign(recipe="R")
     plain = sensitivity.ratio_at_best(frame, "system1", ())
     best = sensitivity.ratio_at_best(frame, "system1", ALONE_SIZES[2:])
     assert best.value < plain.value == pytest.approx(4, rel=0.15)

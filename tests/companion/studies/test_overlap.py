@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from companion.engine.datasets import load_dataset
 from companion.studies.overlap import (
     Neighbourhood,
     measure,
@@ -12,6 +11,7 @@ from companion.studies.overlap import (
     steps,
 )
 from companion.study import Study
+from sidm.shards import load
 
 
 @pytest.fixture
@@ -68,11 +68,8 @@ def test_what_is_measured_is_read(tiny, data, tmp_path, monkeypatch):
     assert list(read(tmp_path)) == ["system1"]
     assert set(stored) == {"expert", "novice"}
     assert all(isinstance(record, Neighbourhood) for record in stored.values())
-    validation = load_dataset(
-        tiny.datasets("system1")["validation"],
-        study.digests("system1")["validation_data"],
-        data,
-    )
+    dataset = tiny.datasets("system1")["validation"]
+    validation = load(data, dataset.collection, dataset.count)
     inputs, targets = steps(validation, 10**6)
     assert inputs.shape == (64 * len(validation), 11)
     assert targets.shape == (64 * len(validation), 13)

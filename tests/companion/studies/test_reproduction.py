@@ -6,6 +6,7 @@ import pytest
 
 from companion import Results, Study
 from companion.__main__ import main
+from companion.engine.known_motion import Known, note
 from companion.statistics.pairs import paired_comparison
 from companion.studies.reproduction import store_of, table, with_repeats
 
@@ -19,8 +20,7 @@ def test_the_same_trials_are_found_by_all_but_their_data(tmp_path, make_row):
     for trial in study.points("system1", ["novice_only", "sidm"], [5.0, 20.0]):
         store.put(make_row(trial, 1.0 + trial.seed))
         if trial.novice_minutes == 5 and trial.method == "sidm":
-            repeated = trial.replace(novice_data="0123", expert_data="4567")
-            store_of(tmp_path).put(make_row(repeated, 0.98 * (1 + trial.seed)))
+            store_of(tmp_path).put(make_row(trial, 0.98 * (1 + trial.seed)))
     (line,) = table(store, store_of(tmp_path)).itertuples()
     expected = ("system1", "sidm", 5, 3)
     assert (line.system, line.method, line.novice_minutes, line.seeds) == expected
@@ -71,16 +71,18 @@ def test_a_comparison_is_on_the_same_motion_where_it_can_be(tmp_path, make_row):
     """
     study, store = Study("laptop", tmp_path, tmp_path), Results(tmp_path)
     changed = study.changed(pixels=16)
+    note([Known(name="novice", digest="first", same=("rounded",))], tmp_path)
     for one, factor in ((study, 1.0), (changed, 2.0)):
         for trial in one.points("system1", ["sidm"], [5.0, 20.0]):
             row = make_row(trial, factor * (1 + trial.seed))
             if one is changed:
                 lower = make_row(trial, 0.9 * factor * (1 + trial.seed))
-                made = dataclasses.replace(row.provenance, other_data=("novice",))
+                made = dataclasses.replace(
+                    row.provenance, digests={"novice": "rounded"}
+                )
                 row = dataclasses.replace(lower, provenance=made)
             elif trial.novice_minutes == 5:
-                repeated = trial.replace(novice_data="0123", expert_data="4567")
-                store_of(tmp_path).put(make_row(repeated, 0.9 * (1 + trial.seed)))
+                store_of(tmp_path).put(make_row(trial, 0.9 * (1 + trial.seed)))
             store.put(row)
     frame, reference = (
         store.frame(one.points("system1", ["sidm"], [5.0, 20.0]))
@@ -91,7 +93,7 @@ def test_a_comparison_is_on_the_same_motion_where_it_can_be(tmp_path, make_row):
     alike = paired_comparison(frame, with_repeats(reference, tmp_path))
     assert alike.ratio.tolist() == pytest.approx([2.0, 1.8])
     assert alike.seeds.tolist() == [3, 3]
-    original = frame.assign(other_data=[()] * len(frame))
+    original = frame.assign(repeated=False)
     assert paired_comparison(
         original, with_repeats(reference, tmp_path)
     ).ratio.tolist() == pytest.approx([1.8, 1.8])

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 from companion import Study
-from companion.digests import find_digest
-from companion.engine.datasets import load_dataset
 from companion.engine.frame import frame_of, records_frame
 from companion.studies.several_experts import measure as x
 from companion.studies.several_experts.family import collect_members, dataset
@@ -20,6 +18,7 @@ from companion.studies.several_experts.results import (
     table,
 )
 from sidm.drives import STEPS
+from sidm.shards import load
 from sidm.systems import LINEAR, LOGARITHMIC, ROLES, SYSTEMS, family_robot
 from tests.companion.conftest import made, write_motion
 
@@ -47,18 +46,13 @@ def test_the_family_spans_the_papers_robots():
 def test_a_members_motion_is_collected_once(tmp_path):
     """One shard of the first member of the family is collected."""
     with ThreadPoolExecutor(1) as executor:
-        collect_members(
-            "system1", "held", {0: [1]}, tmp_path, tmp_path / "results", executor
-        )
-    one = dataset("system1", 0, "held", 1)
-    (found,) = load_dataset(
-        one, find_digest(one, tmp_path / "nothing", tmp_path / "results"), tmp_path
-    )
+        collect_members("system1", "held", {0: [1]}, tmp_path, executor)
+    (found,) = load(tmp_path, dataset("system1", 0, "held", 1).collection, 1)
     assert found.states.shape == (STEPS + 1, 13)
     assert np.isfinite(found.states).all()
     assert len(found.discarded) == 4
     # everything is done
-    collect_members("system1", "held", {0: [4]}, tmp_path, tmp_path, None)
+    collect_members("system1", "held", {0: [4]}, tmp_path, None)
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +74,6 @@ def test_all_experts_together_have_the_data_of_one(jobs, tiny):
         [whole],
     ]
     assert x.members_needed(jobs) == {0: {whole // 2, whole}}
-    assert "unknown" not in jobs[1].members_data
     assert all(job.fresh.frozen == "sidm" for job in jobs)
 
 

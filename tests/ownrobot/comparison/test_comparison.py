@@ -8,6 +8,7 @@ import pytest
 
 import ownrobot
 import sidm
+from ownrobot import __main__ as command_line
 from ownrobot.comparison import run
 from ownrobot.comparison.plan import Fit, drives_of, plan_for
 from ownrobot.comparison.result import Comparison, FitResult
@@ -18,7 +19,6 @@ from ownrobot.comparison.statistics import (
 )
 from ownrobot.fitting.score import DriveLosses
 from ownrobot.recordings import write_drives
-from sidm import __main__ as command_line
 from sidm.body import Body
 from sidm.config import ConfigError
 from sidm.drives import Drive

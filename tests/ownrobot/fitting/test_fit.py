@@ -13,11 +13,11 @@ import pytest
 import torch
 
 import ownrobot
+from ownrobot import __main__ as command_line
 from ownrobot.body_file import read_body
 from ownrobot.fitting import settings, single
 from ownrobot.methods.registry import METHODS
 from ownrobot.recordings import read_drives, write_drives
-from sidm import __main__ as command_line
 from sidm.body import ROVER
 from sidm.config import ConfigError, replace
 from sidm.learning import Network, Training, trainer

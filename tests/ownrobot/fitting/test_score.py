@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import ownrobot
+from ownrobot import __main__ as command_line
 from ownrobot.fitting.score import DriveLosses, standard_error
 from ownrobot.fitting.splits import evaluation_splits
 from ownrobot.recordings import read_drives, write_drives
-from sidm import __main__ as command_line
 from sidm.config import ConfigError
 
 RECORDINGS = Path(__file__).parents[3] / "recordings"

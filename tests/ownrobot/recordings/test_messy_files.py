@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import ownrobot
+from ownrobot import __main__ as command_line
 from ownrobot.body_file import read_body
 from ownrobot.recordings import RecordingError, read_drives
-from sidm import __main__ as command_line
 from sidm.config import ConfigError, Notice
 
 BODY = """

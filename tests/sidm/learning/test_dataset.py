@@ -15,7 +15,6 @@ from sidm.learning import (
     Windows,
     encode_inputs,
     load_windows,
-    novice_split,
     robot_centred_map,
     transition,
     windows_of,
@@ -24,6 +23,7 @@ from sidm.shards import (
     SHARD_SIZE,
     Collection,
     ShardError,
+    novice_split,
     trajectories_for,
     write_shard,
 )

@@ -11,9 +11,9 @@ import pytest
 
 from sidm.config import ConfigError
 from sidm.drives import STEPS
-from sidm.shards import SHARD_SIZE, Collection, ShardError, digest
+from sidm.shards import SHARD_SIZE, Collection, ShardError, digest, missing_shards
 from sidm.simulation import Simulator, collect, discards, simulate_trajectory
-from sidm.simulation.collecting import EpisodeRules, draw_attempt, missing_shards
+from sidm.simulation.collecting import EpisodeRules, draw_attempt
 from sidm.storage import checksum
 from sidm.systems import SYSTEMS, System, Terrain
 from sidm.terrain import generate_terrain
