@@ -10,7 +10,7 @@ RENDER := $(BIN)/jupyter-book build --warningiserror --keep-going
 # Trials run side by side, one thread each: a second thread to each only makes them wait for one another.
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help setup book page notebooks headline figures explore pdf test test-more lint bench golden planted crash portable clean
+.PHONY: help setup book page notebooks headline figures explore test test-more lint bench golden planted crash portable clean
 .DELETE_ON_ERROR:
 
 help:
@@ -20,7 +20,6 @@ help:
 	@echo "make headline                                    every number of the README and the first page, and what makes it"
 	@echo "make figures                                     Figures 3 and 4 into _build/figures, and that of the README"
 	@echo 'make explore                                     the suspension explorer as an app in your browser'
-	@echo 'make pdf                                         the core of the rendered book as one PDF: _build/sidm-companion.pdf'
 	@echo 'make test [JOBS=3]                               packages, notebooks and book: for every change'
 	@echo 'make test-more [JOBS=3]                          the rest: every page, crashes, a cluster, other processors'
 	@echo 'make lint                                        style and types'
@@ -67,12 +66,6 @@ headline: $(STAMP)
 
 notebooks: $(STAMP)
 	$(BIN)/python -m companion notebook all --in-place
-
-pdf: $(STAMP)
-	@test -f _build/html/index.html || $(MAKE) book
-	@newer="$$(find book notebooks sidm ownrobot companion results -newer _build/html/index.html -type f -not -name '*.pyc' | head -1)"; \
-	test -z "$$newer" || echo "note: $$newer is newer than _build/html; 'make book' renders it"
-	$(BIN)/python book/pdf.py _build/html _build/sidm-companion.pdf
 
 explore: $(STAMP)
 	$(BIN)/python -m companion.explorer.serve notebooks/22-explorer.ipynb $(VOILA)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pdf import chromium
+from browser import chromium
 from PIL import Image
 from playwright.sync_api import sync_playwright
 

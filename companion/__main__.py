@@ -126,11 +126,6 @@ def build_parser() -> argparse.ArgumentParser:
             default="cpu",
             help="where to compute, cpu or cuda (%(default)s)",
         )
-        trainer.add_argument(
-            "--log",
-            metavar="DIR",
-            help="write TensorBoard event files there, to watch it learn",
-        )
 
     show = command(
         "show", run_show, "List what is stored, stale (made by older code) and missing."

@@ -97,9 +97,7 @@ def run_train(arguments: argparse.Namespace) -> int:
         arguments.system, arguments.method, arguments.minutes, arguments.seed
     )
     store = Results(arguments.results)
-    row = run_here(
-        trial, arguments.data, store, device=arguments.device, log=arguments.log
-    )
+    row = run_here(trial, arguments.data, store, device=arguments.device)
     print(f"{store.lines.path}: validation loss {row.outcome.validation_loss:.6g}")
     return 0
 
@@ -136,7 +134,6 @@ def run_run(arguments: argparse.Namespace) -> int:
             results=store,
             device=arguments.device,
             bundle=arguments.bundle,
-            log=arguments.log,
             seconds=arguments.seconds or math.inf,
         )
     missing = len(store.missing(trials))

@@ -10,7 +10,6 @@ from pathlib import Path
 from companion.beyond.mirror import mirror_image
 from companion.engine import provenance
 from companion.engine.datasets import digests_of
-from companion.engine.event_log import EventLog
 from companion.engine.library import Library
 from companion.engine.outcomes import outcome_of
 from companion.engine.pretrained import start_of
@@ -119,7 +118,6 @@ def run_trial(
     checkpoint: Path | None = None,
     progress: Progress | None = None,
     device: str = "cpu",
-    log: str | Path | None = None,
 ) -> Row | Failure:
     """Run a trial and return its row, or its failure, with the provenance.
 
@@ -129,16 +127,13 @@ def run_trial(
         checkpoint: as in `perform`.
         progress: as in `perform`.
         device: as in `perform`.
-        log: a folder for TensorBoard's event files; none are written by default.
     """
     provenance.source()  # as the work begins
     resumed = checkpoint is not None and checkpoint.exists()
     begun = time.perf_counter()
     result: Outcome | TrainingError
     try:
-        with EventLog(log) as events:
-            logged = events.progress(trial, also=progress)
-            result, _ = perform(trial, data, checkpoint, logged, device)
+        result, _ = perform(trial, data, checkpoint, progress, device)
     except TrainingError as error:
         result = error
     made = provenance.here(

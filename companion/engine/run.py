@@ -21,7 +21,6 @@ from typing import NamedTuple
 
 from companion.engine.bundles import BundleCallbacks, bundles, fits, run_bundle
 from companion.engine.datasets import collect_motion, refuse_missing_motion
-from companion.engine.event_log import EventLog
 from companion.engine.execute import run_trial
 from companion.engine.known_motion import refuse_other_motion
 from companion.engine.records import StoreError, one_line
@@ -50,7 +49,6 @@ def run(
     progress: bool = True,
     device: str = "cpu",
     bundle: int = 0,
-    log: str | Path | None = None,
     seconds: float = math.inf,
 ) -> Results:
     """Run the trials that are missing, and store each as soon as it is done.
@@ -70,7 +68,6 @@ def run(
         bundle: how many trials are trained side by side in this process, instead of in
             workers; meant for a GPU. Trials that no bundle can train run afterwards in
             workers.
-        log: a folder for TensorBoard's event files.
         seconds: after which a bundle writes its trials' states and ends; the next call
             goes on.
 
@@ -84,8 +81,6 @@ def run(
             bundle.
         OtherMotion: the motion differs, by more than rounding, from that which the
             stored results were made with.
-        ImportError: TensorBoard is asked for and not installed; the message is one
-            line.
     """
     store = results if isinstance(results, Results) else Results(results)
     wanted = list({trial.key: trial for trial in trials}.values())
@@ -106,12 +101,11 @@ def run(
             "when they are killed"
         )
     until = time.monotonic() + seconds
-    EventLog(log)  # a missing TensorBoard is known before hours of work
     if missing:
         data = Path(data).absolute()
         refuse_other_motion(_shared(missing), data, store.folder)
         with progress_bar(len(missing), "trials", "trial", progress) as bar:
-            runner = _Runner(store, data, bar, device, log)
+            runner = _Runner(store, data, bar, device)
             in_bundles = [t for t in missing if bundle and fits(t)]
             runner.run_bundles(in_bundles, bundle, until)
             if time.monotonic() >= until:
@@ -150,7 +144,6 @@ class _Runner(NamedTuple):
     data: Path
     bar: Bar
     device: str
-    log: str | Path | None
 
     def report(self, message: str) -> None:
         self.bar.write(f"companion: {message}", file=sys.stderr)
@@ -171,31 +164,29 @@ class _Runner(NamedTuple):
     def run_bundles(self, trials: list[Trial], slots: int, until: float) -> None:
         """Train bundle after bundle in this process until the time is up."""
         folder = functools.partial(checkpoint_folder, self.data, kind="bundle")
-        with EventLog(self.log) as events:
 
-            def show(trial: Trial, tested: CurvePoint) -> None:
-                events.progress(trial)(tested)
-                self.bar.set_postfix(
-                    samples=tested.samples,
-                    test_loss=f"{tested.test_loss:.4g}",
-                    refresh=False,
-                )
+        def show(trial: Trial, tested: CurvePoint) -> None:
+            self.bar.set_postfix(
+                samples=tested.samples,
+                test_loss=f"{tested.test_loss:.4g}",
+                refresh=False,
+            )
 
-            for group in bundles(trials):
-                if time.monotonic() >= until:
-                    return
-                callbacks = BundleCallbacks(show, self.report_failure)
-                for row in run_bundle(
-                    group, slots, self.data, folder, callbacks, self.device, until
-                ):
-                    try:
-                        self.store_result(row, folder(row.trial))
-                    except StoreError as error:
-                        self.report_failure(row.trial, error)
+        for group in bundles(trials):
+            if time.monotonic() >= until:
+                return
+            callbacks = BundleCallbacks(show, self.report_failure)
+            for row in run_bundle(
+                group, slots, self.data, folder, callbacks, self.device, until
+            ):
+                try:
+                    self.store_result(row, folder(row.trial))
+                except StoreError as error:
+                    self.report_failure(row.trial, error)
 
     def run_single(self, trials: list[Trial], executor: Executor) -> None:
         """Run trials and store each as soon as it is done."""
-        work = functools.partial(run_trial, device=self.device, log=self.log)
+        work = functools.partial(run_trial, device=self.device)
         folders = {trial: checkpoint_folder(self.data, trial) for trial in trials}
         futures = {
             executor.submit(work, trial, self.data, folder): trial
@@ -223,7 +214,6 @@ def run_here(
     results: Results | str | Path = "results",
     progress: bool = True,
     device: str = "cpu",
-    log: str | Path | None = None,
 ) -> Row:
     """Run one trial in this process and store it, unless a row of today's numbers is.
 
@@ -249,7 +239,7 @@ def run_here(
             bar.set_postfix(test_loss=f"{tested.test_loss:.4g}", refresh=False)
             bar.update(tested.samples - bar.n)
 
-        row = run_trial(trial, data, checkpoint_folder(data, trial), show, device, log)
+        row = run_trial(trial, data, checkpoint_folder(data, trial), show, device)
     store.put(row)
     shutil.rmtree(checkpoint_folder(data, trial), ignore_errors=True)
     if isinstance(row, Failure):

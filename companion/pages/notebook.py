@@ -10,18 +10,6 @@ from pathlib import Path
 from ownrobot.command_line import print_notices
 from sidm.config import ConfigError, hint
 
-#: Former name of a chapter -> its name now, or the chapter that has its contents.
-RENAMED = {
-    "variants": "least-squares",
-    "released": "choices",
-    "elsewhere": "recorded-robot",
-    "training": "method",
-    "why": "how-long",
-    "baselines": "rivals",
-    "ablation-p-expert": "p-expert-and-phases",
-    "ablation-phases": "p-expert-and-phases",
-}
-
 
 def project_root(start: Path | None = None) -> Path:
     """The project's folder that has `start` inside.
@@ -66,7 +54,7 @@ def find_notebook(name: str) -> Path:
 
     Args:
         name: a path; or a name with or without its number, as `04-figure3` or
-            `figure3`. The number is ignored, and former names of chapters are known.
+            `figure3`. The number is ignored.
 
     Raises:
         ConfigError: there is none; the message has the nearest name.
@@ -76,7 +64,7 @@ def find_notebook(name: str) -> Path:
     known = {path.stem: path for path in notebooks()}
     wanted = _without_number(Path(name).name.removesuffix(".ipynb"))
     for stem, path in known.items():
-        if RENAMED.get(wanted, wanted) == _without_number(stem):
+        if wanted == _without_number(stem):
             return path
     raise ConfigError(f"no notebook '{name}'; {hint(name, known)}")
 

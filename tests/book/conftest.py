@@ -6,9 +6,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from browser import chromium  # a module beside the book
 from IPython.core.interactiveshell import InteractiveShell
 from pages import DESK, ROOT
-from pdf import chromium
 from places import copy_tree, one_at_a_time, shared_by_workers
 from playwright.sync_api import sync_playwright
 

@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "book"))  # for `import pdf`
+sys.path.insert(0, str(ROOT / "book"))  # for `import browser`
 DESK = {"width": 1280, "height": 900}  # size of a window, px
 
 LOADED = {  # tag -> attributes whose addresses a browser fetches by itself

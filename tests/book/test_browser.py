@@ -11,8 +11,8 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
+from browser import chromium  # a module beside the book
 from pages import DESK, contents, watched
-from pdf import chromium
 
 from companion import Results, Study
 from companion.explorer import grid

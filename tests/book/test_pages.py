@@ -10,8 +10,6 @@ import pytest
 import yaml
 from pages import ABROAD, ROOT, STYLE_ADDRESS, Page, contents
 
-from companion.pages.notebook import find_notebook
-
 EQUATIONS = {  # the paper's number -> the label, and the function that computes it
     1: ("prediction-loss", "sidm.learning.losses.prediction_loss"),
     2: ("discriminator-objective", "sidm.learning.losses.expected_discriminator_loss"),
@@ -45,34 +43,24 @@ def test_no_page_fetches_from_another_host(pages):
     assert {str(page.path): page.abroad for page in pages if page.abroad} == {}
 
 
+def core() -> list[str]:
+    """The first page and those of the book's first part."""
+    toc = yaml.safe_load((ROOT / "_toc.yml").read_text())
+    return [toc["root"], *(one["file"] for one in toc["parts"][0]["chapters"])]
+
+
 def test_a_page_says_how_long_it_takes_to_read(book):
     times = {
         name: re.findall(
             r'<p class="reading-time">(\d+) min to read</p>',
             (book / f"{name}.html").read_text(),
         )
-        for name in (ROOT / "book" / "core.txt").read_text().split()
+        for name in core()
     }
     assert all(len(found) == 1 for found in times.values()), times
     assert sum(int(found[0]) for found in times.values()) < 120, (
         "the core takes less than two hours"
     )
-
-
-def test_the_core_is_in_reading_order():
-    core = (ROOT / "book" / "core.txt").read_text().split()
-    assert core == contents()[: len(core)]
-
-
-def test_pages_and_notebooks_are_found_by_their_old_names(book):
-    redirects = yaml.safe_load((ROOT / "_config.yml").read_text())["sphinx"]["config"][
-        "redirects"
-    ]
-    for old, new in redirects.items():
-        assert f'url={new}"' in (book / f"{old}.html").read_text()
-        assert (book / old).with_name(new.partition("#")[0]).is_file()
-        if old.startswith("notebooks/"):
-            assert find_notebook(Path(old).name).stem == Path(new).stem
 
 
 def test_no_style_sheet_fetches_from_another_host(book):

@@ -2,7 +2,6 @@
 
 import dataclasses
 import shutil
-import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -161,37 +160,14 @@ def test_a_later_success_replaces_a_failure(study, data, tmp_path, make_row):
     assert store.failed.get(trial) is None and store.missing([trial]) == []
 
 
-def test_event_files_hold_the_curve(study, data, tmp_path):
-    """TensorBoard's own reader finds one run for each trial."""
-    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
-
-    trial = study.figure3("system1")[0]
-    row = run_here(trial, data, tmp_path, progress=False, log=tmp_path / "log")
-    (folder,) = (tmp_path / "log").iterdir()
-    assert folder.name == f"system1-{trial.method}-0.25-min-seed-0-{trial.key}"
-    events = EventAccumulator(str(folder)).Reload()
-    losses = {event.step: event.value for event in events.Scalars("loss/test")}
-    for samples, loss in zip(
-        row.outcome.curve_samples, row.outcome.curve_test_loss, strict=True
-    ):
-        assert losses[samples] == pytest.approx(loss, rel=1e-5)
-    assert len(events.Scalars("loss/training")) == len(losses)
-
-
-def test_without_tensorboard(study, data, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", None)
-    with pytest.raises(ImportError, match="pip install tensorboard"):
-        run(study.figure3("system1"), data=data, results=tmp_path, log=tmp_path / "log")
-
-
 def test_the_command_line(tiny, study, data, tmp_path, capsys, monkeypatch):
-    """`run --bundle --log` stores results; `show` names failures."""
+    """`run --bundle` stores results; `show` names failures."""
     monkeypatch.setattr("companion.commands._preset", lambda _: tiny)
     common = (
         f"--preset smoke --data {data} --results {tmp_path} --system system1".split()
     )
     trials = study.figure3("system1")
-    store, log = Results(tmp_path), tmp_path / "log"
+    store = Results(tmp_path)
     with pytest.raises(TrainingError):
         run_here(diverging(trials[0]), data, store, progress=False)
     store.put(
@@ -200,8 +176,7 @@ def test_the_command_line(tiny, study, data, tmp_path, capsys, monkeypatch):
     assert main(["show", *common]) == 0
     assert f"note: {trials[0]}: failed" in capsys.readouterr().out
     store.failed.lines.drop(trials[0].key)
-    assert main(["run", *common, "--bundle", "4", "--log", str(log)]) == 0
+    assert main(["run", *common, "--bundle", "4"]) == 0
     assert "6 of 6 trials stored" in capsys.readouterr().out
-    assert len(list(log.iterdir())) == 6
     with pytest.raises(ConfigError, match="bundle must not be negative"):
         run([], bundle=-1, results=tmp_path)
