@@ -2,52 +2,59 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import pkgutil
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import pandas as pd
 
 from companion.engine.store import Results
 from companion.presets import Preset
-from companion.studies import (
-    ablations,
-    baselines,
-    choices,
-    corrected_claim,
-    duration,
-    network_size,
-    other_bodies,
-    tuning,
-    variants,
-)
-from companion.studies.decisive import design as decisive
 from companion.study import Study
 from companion.trials import Trial
 from sidm.config import ConfigError, unknown_name
-from sidm.systems import FREE_SYSTEMS, PAPER_SYSTEMS, SYSTEMS, find_system
+from sidm.systems import FAMILY_PAIRS, FREE_SYSTEMS, PAPER_SYSTEMS, SYSTEMS, find_system
 
-#: Figure -> the function that makes its trials of one system, and its systems.
-FIGURES: dict[str, tuple[Callable[[Study, str], list[Trial]], tuple[str, ...]]] = {
-    "decisive": (decisive.trials, (*PAPER_SYSTEMS, *FREE_SYSTEMS)),
-    "duration": (duration.trials, ("system1",)),
-    "3": (Study.figure3, tuple(SYSTEMS)),
-    "references": (Study.references, tuple(SYSTEMS)),
-    "4": (Study.figure4, ("system1",)),
-    "tuning": (tuning.trials, tuple(SYSTEMS)),
-    "little-data": (tuning.little_data, tuple(SYSTEMS)),
-    "choices": (choices.trials, tuple(SYSTEMS)),
-    "released": (choices.released, tuple(SYSTEMS)),
-    "baselines": (baselines.trials, tuple(SYSTEMS)),
-    "variants": (variants.trials, tuple(SYSTEMS)),
-    "p-expert": (ablations.p_expert, tuple(SYSTEMS)),
-    "iterations": (ablations.phases, tuple(SYSTEMS)),
-    "pixels": (ablations.pixels, tuple(SYSTEMS)),
-    "patience": (ablations.patience, tuple(SYSTEMS)),
-    "other-bodies": (other_bodies.trials, ("system1",)),
-    "free-struts": (Study.free_struts, tuple(FREE_SYSTEMS)),
-    "network-size": (network_size.trials, ("system1",)),
-    "corrected-claim": (corrected_claim.trials, corrected_claim.PAIRS),
-    "most-data": (ablations.most_data_trials, tuple(SYSTEMS)),
+
+class Figure(NamedTuple):
+    """A figure: what makes its trials, and its pairs of robots.
+
+    The module of a study is imported when its trials are listed.
+    """
+
+    name: str  # of a method of Study, or of a study's module and function
+    pairs: tuple[str, ...] = tuple(SYSTEMS)
+
+    def trials(self, study: Study, pair: str) -> list[Trial]:
+        """The trials of one pair of robots."""
+        if "." not in self.name:
+            return getattr(study, self.name)(pair)
+        return pkgutil.resolve_name(f"companion.studies.{self.name}")(study, pair)
+
+
+#: The figures by name.
+FIGURES = {
+    "decisive": Figure("decisive.design.trials", (*PAPER_SYSTEMS, *FREE_SYSTEMS)),
+    "duration": Figure("duration.trials", ("system1",)),
+    "3": Figure("figure3"),
+    "references": Figure("references"),
+    "4": Figure("figure4", ("system1",)),
+    "tuning": Figure("tuning.trials"),
+    "little-data": Figure("tuning.little_data"),
+    "choices": Figure("choices.trials"),
+    "released": Figure("choices.released"),
+    "baselines": Figure("baselines.trials"),
+    "variants": Figure("variants.trials"),
+    "p-expert": Figure("ablations.p_expert"),
+    "iterations": Figure("ablations.phases"),
+    "pixels": Figure("ablations.pixels"),
+    "patience": Figure("ablations.patience"),
+    "other-bodies": Figure("other_bodies.trials", ("system1",)),
+    "free-struts": Figure("free_struts", tuple(FREE_SYSTEMS)),
+    "network-size": Figure("network_size.trials", ("system1",)),
+    "corrected-claim": Figure("corrected_claim.trials", (*FREE_SYSTEMS, *FAMILY_PAIRS)),
+    "most-data": Figure("ablations.most_data_trials"),
 }
 
 #: Figures that only those presets have that name them.
@@ -87,8 +94,8 @@ def grid(
         system: only trials of this system.
         minutes: only trials with these novice dataset sizes.
         seeds: only trials with these seeds.
-        data: folder of the data, whose digests are part of a trial.
-        results: folder of the results, which also has digests.
+        data: folder of the data.
+        results: folder of the results.
         steps: only trials of these steps of the figure 'decisive'.
 
     Raises:
@@ -105,18 +112,19 @@ def grid(
     by_key: dict[str, Trial] = {}
     names = figures_of(study.preset) if figure == "all" else (figure,)
     for name in names:
-        make_trials, systems = FIGURES[name]
-        for figure_system in systems:
-            if system in (None, figure_system):
-                made = make_trials(study, figure_system)
+        for pair in FIGURES[name].pairs:
+            if system in (None, pair):
+                made = FIGURES[name].trials(study, pair)
                 by_key |= {trial.key: trial for trial in made}
     trials = list(by_key.values())
     if figure == "decisive":
-        trials = decisive.in_order(trials, study, steps)  # across systems
+        from companion.studies.decisive.design import in_order
+
+        trials = in_order(trials, study, steps)  # across systems
     elif steps is not None:
         raise ConfigError(f"the figure decisive alone has steps, not {figure}")
     if not trials:
-        known = dict.fromkeys(known for name in names for known in FIGURES[name][1])
+        known = dict.fromkeys(pair for name in names for pair in FIGURES[name].pairs)
         raise ConfigError(
             f"figure {figure} has no trials of {system}, only of {', '.join(known)}"
         )

@@ -23,7 +23,7 @@ _MODULES = {
     "read_drives": "recordings.reading",
     "fit": "fitting.fit",
     "compare": "comparison.run",
-    "load": "fitting.files",
+    "load": "fitting.model",
     "Model": "fitting.model",
 }
 __all__ = [*_MODULES]  # noqa: PLE0604

@@ -17,7 +17,7 @@ from companion.engine.execute import stored_as
 from companion.engine.library import Library
 from companion.engine.outcomes import outcome_of
 from companion.engine.pretrained import network_of, pretrained_folder, transferred
-from companion.engine.store import Failure, Outcome, Row
+from companion.engine.rows import Failure, Outcome, Row
 from companion.trials import Trial
 from ownrobot.methods import fine_tuning
 from ownrobot.methods.fine_tuning import (

@@ -14,7 +14,7 @@ from companion.engine.library import Library
 from companion.engine.outcomes import outcome_of
 from companion.engine.pretrained import start_of
 from companion.engine.provenance import THREADS, Provenance
-from companion.engine.store import Failure, Outcome, Row
+from companion.engine.rows import Failure, Outcome, Row
 from companion.numerics import versions
 from companion.trials import Trial
 from ownrobot.methods.fine_tuning import Pretrained, frozen_model

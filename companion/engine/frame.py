@@ -20,7 +20,7 @@ from docstring_parser import DocstringStyle
 from companion.engine import known_motion
 from companion.engine.known_motion import Known, again_elsewhere
 from companion.engine.provenance import Provenance
-from companion.engine.store import CURVES, Outcome, Row
+from companion.engine.rows import CURVES, Outcome, Row
 from companion.training import StudyTraining
 from companion.trials import Trial
 from sidm.body import Body

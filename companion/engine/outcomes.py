@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from companion.engine.library import Library
-from companion.engine.store import Outcome
+from companion.engine.rows import Outcome
 from companion.trials import Trial
 from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
 from sidm.learning.model import Predictor

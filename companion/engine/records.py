@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from companion.engine.datasets import digests_of
+from companion.engine.frame import records_frame
 from companion.engine.known_motion import refuse_mixed
 from companion.engine.lines import Lines
 from companion.engine.provenance import THREADS, Provenance, here, source
@@ -180,8 +181,6 @@ class Records(Generic[F]):
         Raises:
             OtherMotion: they were made with motion that differs by more than rounding.
         """
-        from companion.engine.frame import records_frame
-
         records = self.all() if abouts is None else self.stored(abouts)
         self.refuse_mixed(records)
         return records_frame(self.kind, records, self.folder)

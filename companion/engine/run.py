@@ -24,7 +24,8 @@ from companion.engine.datasets import collect_motion, refuse_missing_motion
 from companion.engine.execute import run_trial
 from companion.engine.known_motion import refuse_other_motion
 from companion.engine.records import StoreError, one_line
-from companion.engine.store import Failure, Results, Row
+from companion.engine.rows import Failure, Row
+from companion.engine.store import Results
 from companion.numerics import version_label
 from companion.trials import Dataset, Trial, motion_of
 from sidm.config import ConfigError

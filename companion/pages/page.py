@@ -121,7 +121,7 @@ class Page:
         chosen = str(preset or self._values.get("preset", "laptop"))
         words = ["companion", "run", "--preset", chosen, "--figure", figure, *more]
         systems = self._values.get("systems", [self.changed.get("system")])
-        _, known = FIGURES.get(figure, (None, systems))
+        known = FIGURES[figure].pairs if figure in FIGURES else systems
         single = len(systems) == 1 and systems[0] and systems[0] in known
         if single and "--system" not in more:
             words += ["--system", systems[0]]

@@ -143,7 +143,7 @@ def run_fit(arguments: argparse.Namespace) -> int:
 
 def _model_and_drives(arguments: argparse.Namespace) -> tuple[Model, list[Drive]]:
     """The model that a command names, and the drives of its robot."""
-    from ownrobot.fitting.files import load
+    from ownrobot.fitting.model import load
     from ownrobot.recordings import read_drives
 
     model = load(arguments.model)

@@ -51,7 +51,7 @@ def run_replay(arguments: argparse.Namespace) -> int:
 def _scene(path: Path, arguments: argparse.Namespace) -> Any:
     """The scene in a file, or the scene of one of the recorded drives in it."""
     from ownrobot.body_file import read_body
-    from ownrobot.fitting.files import load
+    from ownrobot.fitting.model import load
     from ownrobot.recordings import read_drives
     from ownrobot.replay.scene import drives_scene, predicted_scene
     from ownrobot.replay.scene_file import read_scene

@@ -46,7 +46,7 @@ class Fit(NamedTuple):
     """One fit of a comparison.
 
     Attributes:
-        method: a name in `rivals.methods.METHODS`
+        method: a name in `ownrobot.methods.registry.METHODS`
         repeat: number of the repeat; each divides the sessions anew and has a seed of
             its own
         fold: number of the part of the sessions that is held out

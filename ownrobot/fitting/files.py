@@ -9,13 +9,12 @@ import hashlib
 import json
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor
 
 from ownrobot.body_file import body_from_mapping, body_to_mapping
-from ownrobot.fitting.model import Model
 from ownrobot.fitting.score import Score
 from ownrobot.methods.forest import Forest
 from ownrobot.methods.gaussian_process import GaussianProcess, Posterior
@@ -33,6 +32,9 @@ from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.units import Standardisation
 from sidm.settings import Network
 from sidm.storage import write_atomically
+
+if TYPE_CHECKING:
+    from ownrobot.fitting.model import Model
 
 WEIGHTS, ABOUT = "model.safetensors", "model.json"
 UNITS = "units."  # begins the names of the units of least squares
@@ -132,17 +134,8 @@ def write_model(model: Model, folder: str | Path, force: bool = False) -> None:
     write_atomically(folder / ABOUT, lambda file: file.write(text.encode()))
 
 
-def load(folder: str | Path) -> Model:
-    """Read a model that `Model.save`, `ownrobot.fit(out=...)` or `ownrobot fit` wrote.
-
-    Raises:
-        ConfigError: the folder has no model, or the model is damaged; the message is
-            one line.
-
-    Examples:
-        >>> ownrobot.load("recordings/models/warthog")
-        Model('pretrain_finetune' of body 'skid-steered', from 9.1 min)
-    """
+def read_model(folder: str | Path) -> dict[str, Any]:
+    """The fields of the model in a folder, as `ownrobot.load` reads it."""
     from safetensors import SafetensorError
     from safetensors.torch import load as from_bytes
 
@@ -173,14 +166,13 @@ def load(folder: str | Path) -> Model:
         raise ConfigError(
             f"{folder}: the model is damaged ({first_line(error)}); fit it again"
         ) from None
-    return Model(
-        predictor.eval(),
-        body,
-        network=network,
-        scale=scale,
-        target_mean=mean,
-        **values,
-    )
+    return values | {
+        "predictor": predictor.eval(),
+        "body": body,
+        "network": network,
+        "scale": scale,
+        "target_mean": mean,
+    }
 
 
 def _checksum_of(about: dict[str, Any]) -> str:

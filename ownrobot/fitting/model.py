@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from ownrobot.fitting.arguments import drives_from
+from ownrobot.fitting.files import read_model, write_model
 from ownrobot.fitting.prediction import Steps, predict_steps
 from ownrobot.fitting.score import DriveLosses, Score
 from ownrobot.fitting.windows import common_length, cut, rollouts
@@ -45,7 +46,7 @@ class Model:
 
     predictor: Predictor
     body: Body  # what the robot's drives are made of
-    method: str  # a name in `rivals.methods.METHODS`
+    method: str  # a name in `ownrobot.methods.registry.METHODS`
     steps: int  # T, length of the windows that the model was fitted to
     minutes: float  # of the robot's motion used, training and test together
     test_loss: float  # equation (1) on the drives that stopped the training
@@ -296,6 +297,18 @@ class Model:
             ConfigError: `folder` is empty, a file, or has a model of another body.
             OSError: a file cannot be written; the message is one line.
         """
-        from ownrobot.fitting.files import write_model  # which imports this module
-
         write_model(self, folder, force)
+
+
+def load(folder: str | Path) -> Model:
+    """Read a model that `Model.save`, `ownrobot.fit(out=...)` or `ownrobot fit` wrote.
+
+    Raises:
+        ConfigError: the folder has no model, or the model is damaged; the message is
+            one line.
+
+    Examples:
+        >>> ownrobot.load("recordings/models/warthog")
+        Model('pretrain_finetune' of body 'skid-steered', from 9.1 min)
+    """
+    return Model(**read_model(folder))

@@ -81,7 +81,7 @@ def train(
         progress: called after each test.
         device: the device to compute on.
         start: initial weights by name, such as those of
-            `rivals.fine_tuning.pretrained_from`; drawn at random by default.
+            `ownrobot.methods.fine_tuning.pretrained_from`; drawn at random by default.
 
     Returns:
         The best model by test loss, with its learning curve. The result depends on
