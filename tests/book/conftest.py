@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from browser import chromium  # a module beside the book
+from browser import chromium
 from IPython.core.interactiveshell import InteractiveShell
 from pages import DESK, ROOT
 from places import copy_tree, one_at_a_time, shared_by_workers

@@ -1,7 +1,6 @@
 """Read rendered pages without a browser."""
 
 import re
-import sys
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,6 @@ from typing import Any
 import yaml
 
 ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "book"))  # for `import browser`
 DESK = {"width": 1280, "height": 900}  # size of a window, px
 
 LOADED = {  # tag -> attributes whose addresses a browser fetches by itself

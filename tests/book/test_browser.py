@@ -11,7 +11,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from browser import chromium  # a module beside the book
+from browser import chromium
 from pages import DESK, contents, watched
 
 from companion import Results, Study

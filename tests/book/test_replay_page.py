@@ -5,7 +5,7 @@ The robots move, and they move as stored.
 
 import numpy as np
 import pytest
-from browser import chromium  # a module beside the book
+from browser import chromium
 from pages import DESK, ROOT, watched
 from playwright.sync_api import sync_playwright
 from test_browser import PHONE
