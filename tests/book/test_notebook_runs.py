@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -11,11 +12,8 @@ from nbclient import NotebookClient
 from test_notebook import printed, write_notebook
 
 from companion.__main__ import main
-from companion.pages import notebook
-from companion.pages.notebook_runs import SECONDS
 from sidm import progress
 
-ROOT = Path(__file__).parents[2]
 PATIENCE = 3000  # tenths of a second until a cell stops waiting
 AWAIT = f"""
 import os
@@ -54,10 +52,13 @@ def kernels(project: Path) -> list[int]:
 
 
 def gone(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return True
+    """Whether a kernel ends; it looks for its parent now and then."""
+    for _ in range(PATIENCE):
+        try:
+            os.kill(process, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.1)
     return False
 
 
@@ -70,8 +71,7 @@ def test_they_run_side_by_side_on_one_thread_each(project, monkeypatch, capsys):
     assert main(["notebook", "all", "out", "--jobs", "2"]) == 0
     captured = capsys.readouterr()
     assert sorted(captured.out.splitlines()) == ["out/one.ipynb", "out/two.ipynb"]
-    bar = [line for line in captured.err.splitlines() if line.startswith("notebooks: ")]
-    assert " left" in bar[0] and bar[-1].startswith("notebooks: 100/100 %")
+    assert "notebooks: 2/2 notebook" in captured.err
     assert [printed(project / "out" / f"{name}.ipynb") for name in ("one", "two")] == [
         "1\n",
         "1\n",
@@ -91,7 +91,7 @@ def test_a_failure_stops_the_others_and_no_kernel_is_left(project, capsys):
     assert main(["notebook", "all", "out", "--jobs", "2"]) == 1
     captured = capsys.readouterr()
     assert captured.out == ""
-    [line] = captured.err.splitlines()
+    line = captured.err.splitlines()[-1]
     assert line.endswith(
         "1-fails.ipynb: cell 6 failed, ZeroDivisionError: division by zero; "
         "the run up to there is out/1-fails.ipynb"
@@ -108,7 +108,7 @@ def test_a_kernel_that_dies_is_a_failure(project, capsys):
     before = path.read_bytes()
     assert main(["notebook", "dies", "--in-place"]) == 1
     assert (
-        "cell 4 failed, its kernel died (out of memory?); the notebook is unchanged"
+        "dies.ipynb: its kernel died (out of memory?); the notebook is unchanged"
         in capsys.readouterr().err
     )
     assert path.read_bytes() == before
@@ -150,10 +150,6 @@ def test_notebooks_that_run_trials_do_it_in_turn(project):
     assert (project / "log").read_text().splitlines() == wanted
 
 
-def test_the_longest_are_notebooks_of_the_book():
-    assert set(SECONDS) <= {path.stem for path in notebook.notebooks(ROOT)}
-
-
 @pytest.mark.more
 def test_what_stands_in_the_environment_stays(project, monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "3")
@@ -165,7 +161,7 @@ def test_what_stands_in_the_environment_stays(project, monkeypatch):
 
 
 @pytest.mark.more
-@pytest.mark.parametrize(("failures", "status"), [(2, 0), (3, 1)])
+@pytest.mark.parametrize(("failures", "status"), [(2, 0), (30, 1)])
 def test_a_kernel_that_does_not_answer_is_started_again(
     project, monkeypatch, capsys, failures, status
 ):
