@@ -202,8 +202,8 @@ def _show_against(other: Any, store: Any) -> int:
 
     Then why other trials of `store` have no counterpart.
     """
-    from companion.statistics.intervals import Interval
     from companion.studies.reproduction import table, unmatched
+    from ownrobot.comparison.statistics import Interval
 
     points = table(other, store)
     for row in points.itertuples():

@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from companion.engine.store import Results
 from companion.grids import grid
 from companion.pages.page import Page
-from companion.statistics.intervals import Interval
 from companion.studies import ablations
 from companion.study import Study
 from companion.trials import Trial
+from ownrobot.comparison.statistics import Interval
 
 #: Ablated setting -> the figure whose grid has its trials; others have ITERATIONS.
 GRIDS = {"p_expert": "p-expert", "pixels": "pixels", "patience": "patience"}

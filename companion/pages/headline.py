@@ -20,11 +20,11 @@ from companion.grids import grid
 from companion.methods import COMPARED, FIGURE3, FOR_LITTLE
 from companion.pages.glue import glued, outputs
 from companion.statistics import claims
-from companion.statistics.intervals import significant
 from companion.statistics.savings import savings
 from companion.studies.decisive import verdicts
 from companion.studies.tuning import little_data_results
 from companion.study import Study
+from ownrobot.comparison.statistics import significant
 from sidm.systems import PAPER_SYSTEMS
 
 PRESET = "study"  # whose results the book shows

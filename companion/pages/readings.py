@@ -17,13 +17,14 @@ from companion.figures.style import system_label
 from companion.grids import grid
 from companion.methods import METHODS
 from companion.statistics import claims
-from companion.statistics.intervals import FEWEST_SEEDS, Interval
+from companion.statistics.intervals import FEWEST_SEEDS
 from companion.statistics.pairs import paired_comparison
 from companion.studies import ablations
 from companion.studies.decisive import verdicts
 from companion.studies.latent_space import measure
 from companion.studies.reproduction import with_repeats
 from companion.study import Study
+from ownrobot.comparison.statistics import Interval
 from sidm.systems import PAPER_SYSTEMS
 
 LITTLE = 5.0  # min of novice data

@@ -11,9 +11,10 @@ import numpy as np
 import pandas as pd
 
 from companion.methods import COMPARED
-from companion.statistics.intervals import Interval, interval
+from companion.statistics.intervals import interval
 from companion.statistics.pairs import complete, mean_difference, paired_comparison
 from companion.statistics.savings import savings
+from ownrobot.comparison.statistics import Interval
 from sidm.systems import PAPER_SYSTEMS
 
 REPRODUCED = "Reproduced"

@@ -20,7 +20,6 @@ import pandas as pd
 from companion.statistics.data_ratio import data_ratio
 from companion.statistics.efficiency import efficiency
 from companion.statistics.intervals import (
-    Interval,
     bootstrap,
     leave_one_out,
     mean_ratio,
@@ -28,6 +27,7 @@ from companion.statistics.intervals import (
 )
 from companion.statistics.pairs import Losses
 from companion.statistics.savings import savings_between
+from ownrobot.comparison.statistics import Interval
 from sidm.storage import read_record, write_record
 
 MINUTES = np.array([1.0, 2, 5, 20, 60, 120])

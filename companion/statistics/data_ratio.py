@@ -16,12 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from companion.statistics.efficiency import isotonic_fit, minutes_needed
-from companion.statistics.intervals import (
-    FEWEST_SEEDS,
-    Interval,
-    significant,
-    student,
-)
+from companion.statistics.intervals import FEWEST_SEEDS, student
+from ownrobot.comparison.statistics import Interval, significant
 
 NO_VALUE = "no value"  # of a ratio from too few seeds
 

@@ -6,57 +6,18 @@ the methods and the sizes, so resampling draws whole seeds and keeps these pairs
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
+from ownrobot.comparison.statistics import CONFIDENCE, Interval, mean_interval
+
 RESAMPLES = 2000
-CONFIDENCE = 0.95
 #: For a verdict. The interval of two seeds reaches 13 standard errors to either side.
 FEWEST_SEEDS = 3
 MANY_SEEDS = 20  # from this number on, seeds are resampled
 
 Statistic = Callable[[np.ndarray], float]
-
-
-class Interval(NamedTuple):
-    """An estimate with its 95 % interval."""
-
-    value: float
-    low: float
-    high: float
-
-    def __str__(self) -> str:
-        """The estimate with two significant digits."""
-        return self.text(2)
-
-    def text(self, digits: int) -> str:
-        """The value, and the ends of the interval in brackets where they are known.
-
-        Args:
-            digits: number of significant digits; there are no powers of ten.
-        """
-        value, low, high = (significant(number, digits) for number in self)
-        known = np.isfinite([self.low, self.high]).all()
-        return f"{value} ({low} to {high})" if known else value
-
-    def side(self, value: float) -> int:
-        """1 if the whole interval lies above a value, -1 if below, otherwise 0."""
-        return int(self.low > value) - int(self.high < value)
-
-
-def significant(number: float, digits: int) -> str:
-    """A number with so many significant digits, trailing zeros included.
-
-    There are no powers of ten: from 10 ** digits on it is a whole number.
-    """
-    rounded = float(f"{number:.{digits}g}")
-    if rounded == 0 or not np.isfinite(rounded):
-        return f"{rounded:g}"
-    decimals = digits - 1 - math.floor(math.log10(abs(rounded)))
-    return f"{rounded:.{max(decimals, 0)}f}"
 
 
 def bootstrap(
@@ -122,7 +83,7 @@ def leave_one_out(statistic: Statistic, samples: np.ndarray) -> Interval:
 
 def student(values: np.ndarray) -> Interval:
     """Mean of values (S,), one a seed, with Student's interval; NaN with one seed."""
-    return leave_one_out(lambda drawn: float(drawn.mean()), values)
+    return mean_interval(values)
 
 
 def p_value(ratio: Interval, seeds: int) -> float:

@@ -9,12 +9,8 @@ import numpy as np
 import pandas as pd
 
 from companion.methods import COMPARED
-from companion.statistics.intervals import (
-    Interval,
-    interval,
-    mean_ratio,
-    ratio_of_means,
-)
+from companion.statistics.intervals import interval, mean_ratio, ratio_of_means
+from ownrobot.comparison.statistics import Interval
 
 POINT = ("system", "novice_minutes")
 #: Column of a reference: whether its motion was simulated again on another machine.

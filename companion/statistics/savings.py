@@ -16,8 +16,9 @@ from companion.statistics.efficiency import (
     log_of_value,
     minutes_needed,
 )
-from companion.statistics.intervals import Interval, interval
+from companion.statistics.intervals import interval
 from companion.statistics.pairs import Losses, complete, paired_comparison
+from ownrobot.comparison.statistics import Interval
 
 NUMBERS = ["novice_minutes", "seeds", "loss", "ratio", "low", "high"]
 COLUMNS = ["system", "method", "against", *NUMBERS, "bound"]

@@ -24,12 +24,12 @@ from companion.figures.style import (
 )
 from companion.methods import CHOICES, COMPARED, LONG_PATIENCE, METHODS
 from companion.presets import Preset
-from companion.statistics.intervals import Interval
 from companion.statistics.pairs import POINT, paired_comparison
 from companion.statistics.tables import loss_summary
 from companion.studies.reproduction import with_repeats
 from companion.study import Study
 from companion.trials import Trial
+from ownrobot.comparison.statistics import Interval
 from sidm.config import ConfigError, replace
 from sidm.plots import finish, side_by_side, styled
 from sidm.shards import trajectories_for

@@ -16,12 +16,12 @@ from companion.figures.style import (
     system_label,
 )
 from companion.methods import BASELINES, COMPARED, FIGURE3, METHODS
-from companion.statistics.intervals import Interval
 from companion.statistics.pairs import paired_comparison
 from companion.studies.reproduction import with_repeats
 from companion.studies.throughput import Pace, seconds
 from companion.study import Study
 from companion.trials import Trial
+from ownrobot.comparison.statistics import Interval
 from sidm.plots import finish, side_by_side, styled
 from sidm.systems import PAPER_SYSTEMS
 

@@ -81,7 +81,7 @@ def _method_row(row: dict[str, Any]) -> dict[str, Any]:
     """The values of a method's row, with those that are no plain number as text."""
     interval = Interval(row["score"], row["low"], row["high"])
     saved = f"{row['data_bound']}{row['data_ratio']:.2g}"
-    texts = {"score": str(interval), "data_ratio": saved.replace("nan", "")}
+    texts = {"score": interval.text(3), "data_ratio": saved.replace("nan", "")}
     return _plain(row) | {"shown": texts}
 
 

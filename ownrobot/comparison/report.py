@@ -71,7 +71,7 @@ def _methods_table(comparison: Comparison) -> str:
         ("ratio to the first [95 %]", ("ratio", "ratio_low", "ratio_high")),
     ):
         rows = table[list(names)].itertuples(index=False)
-        shown[title] = [str(Interval(*row)) for row in rows]
+        shown[title] = [Interval(*row).text(3) for row in rows]
     return _table(shown.assign(**{"seconds of a fit": table.seconds}))
 
 

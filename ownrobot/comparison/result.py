@@ -204,7 +204,7 @@ class Comparison:
         titles = "loss [95 %]", "ratio to the first [95 %]"
         for title, names in zip(titles, columns, strict=True):
             values = self.table[list(names)].itertuples(index=False)
-            shown[title] = [str(Interval(*row)) for row in values]
+            shown[title] = [Interval(*row).text(3) for row in values]
         for name in ("spread", "position", "heading", "seconds"):
             if name in self.table:
                 shown[name] = [f"{value:.2g}" for value in self.table[name]]

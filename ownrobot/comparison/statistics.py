@@ -1,12 +1,13 @@
-"""Means over the fits of a comparison, with intervals that know that folds share data.
+"""Means with Student's intervals, also of fits that share data.
 
-The fits of several folds and repeats learn from the same sessions, so that their losses
-are not independent. The corrected resampled t-test (Nadeau and Bengio, Machine Learning
-52, 2003) adds to the variance of their mean the share of held-out to learnt data.
+Fits of several folds and repeats learn from the same sessions, so that their losses are
+not independent. The corrected resampled t-test (Nadeau and Bengio, Machine Learning 52,
+2003) adds to the variance of their mean the share of held-out to learnt data.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -16,34 +17,71 @@ FEWEST = 4  # fits of an interval
 
 
 class Interval(NamedTuple):
-    """A mean and its 95 % interval; the bounds are NaN below FEWEST values."""
+    """An estimate with its 95 % interval."""
 
     value: float
     low: float
     high: float
 
     def __str__(self) -> str:
-        if not np.isfinite(self.low):
-            return f"{self.value:.3g}"
-        return f"{self.value:.3g} ({self.low:.3g} to {self.high:.3g})"
+        """The estimate with two significant digits."""
+        return self.text(2)
+
+    def text(self, digits: int) -> str:
+        """The value, and the ends of the interval in brackets where they are known.
+
+        Args:
+            digits: number of significant digits; there are no powers of ten.
+        """
+        value, low, high = (significant(number, digits) for number in self)
+        known = np.isfinite([self.low, self.high]).all()
+        return f"{value} ({low} to {high})" if known else value
+
+    def side(self, value: float) -> int:
+        """1 if the whole interval lies above a value, -1 if below, otherwise 0."""
+        return int(self.low > value) - int(self.high < value)
+
+
+def significant(number: float, digits: int) -> str:
+    """A number with so many significant digits, trailing zeros included.
+
+    There are no powers of ten: from 10 ** digits on it is a whole number.
+    """
+    rounded = float(f"{number:.{digits}g}")
+    if rounded == 0 or not np.isfinite(rounded):
+        return f"{rounded:g}"
+    decimals = digits - 1 - math.floor(math.log10(abs(rounded)))
+    return f"{rounded:.{max(decimals, 0)}f}"
+
+
+def mean_interval(values: np.ndarray, shared: float = 0.0) -> Interval:
+    """The mean of values (n,) with Student's interval; NaN bounds with one value.
+
+    Args:
+        values: (n,).
+        shared: variance that the data which all values share add to the mean's, in
+            variances of one value; 0 for independent values.
+    """
+    from scipy.special import stdtrit  # here, since it takes long to import
+
+    values = np.asarray(values, float)
+    count, mean = len(values), float(values.mean())
+    if count < 2:
+        return Interval(mean, np.nan, np.nan)
+    error = values.std(ddof=1) * np.sqrt(1 / count + shared)
+    reach = float(stdtrit(count - 1, (1 + CONFIDENCE) / 2) * error)
+    return Interval(mean, mean - reach, mean + reach)
 
 
 def resampled_mean(values: np.ndarray, folds: int) -> Interval:
     """The mean of values (n,) from n fits, of which each holds out one of `folds`.
 
     Args:
-        values: (n,), one for each fit.
+        values: (n,), one for each fit; with fewer than FEWEST the bounds are NaN.
         folds: parts of the sessions; a fit learns from all others.
     """
-    from scipy import stats  # here, since it takes long to import
-
-    count, mean = len(values), float(np.mean(values))
-    if count < FEWEST:
-        return Interval(mean, np.nan, np.nan)
-    spread = float(np.std(values, ddof=1))
-    error = spread * np.sqrt(1 / count + 1 / (folds - 1))
-    width = float(stats.t.ppf((1 + CONFIDENCE) / 2, count - 1)) * error
-    return Interval(mean, mean - width, mean + width)
+    mean = mean_interval(values, 1 / (folds - 1))
+    return mean if len(values) >= FEWEST else Interval(mean.value, np.nan, np.nan)
 
 
 def resampled_loss(losses: np.ndarray, folds: int) -> Interval:

@@ -8,8 +8,8 @@ from companion import Results, Study
 from companion.grids import grid
 from companion.pages import all_savings
 from companion.statistics import claims
-from companion.statistics.intervals import Interval
 from companion.studies.decisive import verdicts
+from ownrobot.comparison.statistics import Interval
 
 ROOT = Path(__file__).parents[2]
 

@@ -18,10 +18,10 @@ from companion import Results, Study
 from companion.explorer import grid
 from companion.explorer.comparison import ROWS, robots_in_words, value_text
 from companion.figures.style import system_label
-from companion.statistics.intervals import Interval
 from companion.statistics.stopping_rules import RULES
 from companion.studies.decisive import verdicts
 from companion.studies.decisive.along import along_training
+from ownrobot.comparison.statistics import Interval
 from ownrobot.replay import ROBOTS
 
 PHONE = {"width": 375, "height": 800}

@@ -6,8 +6,8 @@ import pytest
 
 from companion import Results, Study
 from companion.pages import decisive_numbers
-from companion.statistics.intervals import Interval
 from companion.studies.decisive import search, verdicts
+from ownrobot.comparison.statistics import Interval
 
 ROOT = Path(__file__).parents[2]
 PUBLISHED = {

@@ -22,16 +22,11 @@ from companion.statistics.claims import (
     REPRODUCED,
 )
 from companion.statistics.data_ratio import DataRatio, data_ratio
-from companion.statistics.intervals import (
-    FEWEST_SEEDS,
-    Interval,
-    holm,
-    mean_ratio,
-    p_value,
-)
+from companion.statistics.intervals import FEWEST_SEEDS, holm, mean_ratio, p_value
 from companion.statistics.stopping_rules import RULES, apply_rule
 from companion.studies.decisive.arms import ALL_SEEDS, FINETUNING, RECIPES, arm
 from companion.study import Study
+from ownrobot.comparison.statistics import Interval
 from sidm.systems import PAPER_SYSTEMS
 
 AT = 5.0  # min of novice data at which data ratios are judged

@@ -13,8 +13,9 @@ from companion.engine.frame import of_trials
 from companion.figures.style import METHOD_STYLES
 from companion.methods import COMPARED
 from companion.statistics.claims import COLUMNS, claim_rows
-from companion.statistics.intervals import Interval, interval
+from companion.statistics.intervals import interval
 from companion.statistics.pairs import paired_comparison
+from ownrobot.comparison.statistics import Interval
 
 PAPER = "not measured"
 #: Short labels for methods whose label would fill a figure.

@@ -19,8 +19,8 @@ from companion.figures.style import (
     system_panels,
 )
 from companion.statistics.claims import claim_rows
-from companion.statistics.intervals import Interval
 from companion.statistics.pairs import paired_comparison
+from ownrobot.comparison.statistics import Interval
 from sidm.drives import CONTROL_STEP, QUATERNION
 from sidm.plots import finish, styled
 from sidm.systems import PAPER_SYSTEMS

@@ -23,7 +23,7 @@ from companion.statistics.claims import (
     ratio_verdicts,
     verdict,
 )
-from companion.statistics.intervals import Interval
+from ownrobot.comparison.statistics import Interval
 
 
 def test_verdicts_follow_the_rule_whatever_comes_out():

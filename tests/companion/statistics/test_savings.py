@@ -6,7 +6,6 @@ import pytest
 
 from companion import Study
 from companion.engine.frame import frame_of
-from companion.statistics.intervals import Interval
 from companion.statistics.pairs import complete
 from companion.statistics.savings import (
     efficiency_band,
@@ -15,6 +14,7 @@ from companion.statistics.savings import (
     savings_table,
 )
 from companion.studies import variants
+from ownrobot.comparison.statistics import Interval
 
 #: number of times that a method's data count
 RATIO = {"sidm": 4.0, "novice_only": 1.0, "pretrain_finetune": 8.0}

@@ -7,10 +7,11 @@ import pandas as pd
 import pytest
 
 from companion import Results, Study
-from companion.statistics.intervals import Interval, mean_ratio, p_value
+from companion.statistics.intervals import mean_ratio, p_value
 from companion.studies.decisive import ablated, figure4, further, sensitivity
 from companion.studies.decisive.arms import R_CAPS, arm, restricted
 from companion.studies.decisive.verdicts import ALONE_SIZES, END, RELEASED
+from ownrobot.comparison.statistics import Interval
 
 SPACING = 100_000  # samples between two tests
 EFFECT = {("p_expert", 0.9): 1.3}

@@ -155,7 +155,7 @@ def test_a_ratio_is_paired():
     second = np.exp(rng.normal(0, 2, 12))
     ratio = resampled_ratio(1.5 * second, second, folds=4)
     assert ratio == pytest.approx((1.5, 1.5, 1.5))
-    assert str(resampled_mean(np.array([2.0]), 4)) == "2"
+    assert resampled_mean(np.array([2.0]), 4).text(3) == "2.00"
 
 
 def made_comparison(losses, minutes=(1.0, 2.0), folds=4, repeats=2):
