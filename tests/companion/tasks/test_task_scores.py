@@ -86,7 +86,7 @@ def test_sizes_of_a_pair_of_robots_are_no_further_evidence():
     factor = mean_of(log_ratios(real).other).error / means[0].error
     assert factor == pytest.approx(np.sqrt(1 + 3 * 0.25 / 0.75))  # divided anew
     lone = results_frame(losses_of("robot", [1.0], [[0.5]]))
-    assert str(mean_of(log_ratios(lone).other).interval) == "0.5"
+    assert str(mean_of(log_ratios(lone).other).interval) == "0.50"
     assert np.isnan(mean_of(log_ratios(lone).other * np.nan).value)
 
 
