@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
 import pkgutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -71,6 +73,21 @@ OPT_IN = (
 FORMER = {"yardsticks": "references", "ample": "most-data"}
 
 
+def find_figure(name: str) -> Figure | None:
+    """The figure of a name: of FIGURES, or of a module of `studies` with `trials`.
+
+    The module of a figure 'my-study' is `studies/my_study.py`; it is about all pairs.
+    """
+    if name in FIGURES:
+        return FIGURES[name]
+    module = f"companion.studies.{name.replace('-', '_')}"
+    plain = name.replace("-", "").isalnum()
+    if not plain or importlib.util.find_spec(module) is None:
+        return None
+    has_trials = hasattr(importlib.import_module(module), "trials")
+    return Figure(f"{name.replace('-', '_')}.trials") if has_trials else None
+
+
 def figures_of(preset: Preset) -> tuple[str, ...]:
     """Names of a preset's figures, keys of FIGURES."""
     return preset.figures or tuple(name for name in FIGURES if name not in OPT_IN)
@@ -90,7 +107,7 @@ def grid(
 
     Args:
         preset: a Preset or the name of one.
-        figure: a key of FIGURES, or 'all' for all figures of the preset.
+        figure: a name that `find_figure` knows, or 'all' for all figures of the preset.
         system: only trials of this system.
         minutes: only trials with these novice dataset sizes.
         seeds: only trials with these seeds.
@@ -104,27 +121,27 @@ def grid(
     """
     if figure in FORMER:
         raise ConfigError(f"figure '{figure}' is called '{FORMER[figure]}' now")
-    if figure not in (*FIGURES, "all"):
+    if figure != "all" and find_figure(figure) is None:
         raise unknown_name(figure, (*FIGURES, "all"), kind="figure")
     if system is not None:
         find_system(system)
     study = Study(preset, data, results)
     by_key: dict[str, Trial] = {}
     names = figures_of(study.preset) if figure == "all" else (figure,)
-    for name in names:
-        for pair in FIGURES[name].pairs:
+    found = [one for one in map(find_figure, names) if one is not None]
+    for one in found:
+        for pair in one.pairs:
             if system in (None, pair):
-                made = FIGURES[name].trials(study, pair)
+                made = one.trials(study, pair)
                 by_key |= {trial.key: trial for trial in made}
     trials = list(by_key.values())
-    if figure == "decisive":
-        from companion.studies.decisive.design import in_order
-
-        trials = in_order(trials, study, steps)  # across systems
+    if figure == "decisive":  # its steps go across systems
+        in_order = pkgutil.resolve_name("companion.studies.decisive.design.in_order")
+        trials = in_order(trials, study, steps)
     elif steps is not None:
         raise ConfigError(f"the figure decisive alone has steps, not {figure}")
     if not trials:
-        known = dict.fromkeys(pair for name in names for pair in FIGURES[name].pairs)
+        known = dict.fromkeys(pair for one in found for pair in one.pairs)
         raise ConfigError(
             f"figure {figure} has no trials of {system}, only of {', '.join(known)}"
         )

@@ -16,7 +16,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from companion.grids import FIGURES, FORMER
+from companion.grids import FIGURES, FORMER, find_figure
 from companion.numerics import versions
 from companion.presets import Preset
 from companion.study import Study
@@ -133,9 +133,11 @@ def is_grid(name: str) -> bool:
     """
     if name in _FORMER:
         raise ConfigError(f"figure '{name}' is called '{_FORMER[name]}' now")
-    if name not in (*NAMES, "all"):
+    if name in (*STUDIES, *MEASUREMENTS):
+        return False
+    if name != "all" and find_figure(name) is None:
         raise unknown_name(name, (*NAMES, "all"), kind="figure")
-    return name in FIGURES or name == "all"
+    return True
 
 
 def collect_preset(study: Study, system: str, executor: Executor) -> None:

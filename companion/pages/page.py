@@ -12,7 +12,7 @@ from typing import Any
 from IPython.core.getipython import get_ipython
 from IPython.display import Markdown, display
 
-from companion.grids import FIGURES
+from companion.grids import find_figure
 from companion.pages.glue import glue, glued
 from companion.pages.markdown import made_here
 from companion.pages.notebook import enter_project, find_notebook, project_root
@@ -121,7 +121,8 @@ class Page:
         chosen = str(preset or self._values.get("preset", "laptop"))
         words = ["companion", "run", "--preset", chosen, "--figure", figure, *more]
         systems = self._values.get("systems", [self.changed.get("system")])
-        known = FIGURES[figure].pairs if figure in FIGURES else systems
+        found = find_figure(figure)
+        known = found.pairs if found else systems
         single = len(systems) == 1 and systems[0] and systems[0] in known
         if single and "--system" not in more:
             words += ["--system", systems[0]]

@@ -4,7 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from companion import Study, load_preset
+from companion import Study, grid, load_preset
 from companion.engine.provenance import Provenance, here
 from companion.engine.records import ProvenanceTimer, Records, key_of
 from companion.numerics import NUMERICS, versions
@@ -92,6 +92,8 @@ def test_a_record_says_what_it_depends_on():
 def test_what_is_run_goes_by_its_name():
     assert is_grid("3")
     assert is_grid("all")
+    assert is_grid("components")  # a module of studies that lists trials
+    assert grid("smoke", "components", "system1")
     assert not is_grid("driving")
     assert not is_grid("gap")
     with pytest.raises(
