@@ -14,28 +14,13 @@ Examples:
     True
 """
 
-import importlib
-from typing import Any
+from sidm.lazy import public
 
-#: Public name -> its module, which is imported when the name is first used, since
-#: PyTorch alone takes seconds to import.
+#: Module -> its public names.
 _MODULES = {
-    "read_drives": "recordings.reading",
-    "fit": "fitting.fit",
-    "compare": "comparison.run",
-    "load": "fitting.model",
-    "Model": "fitting.model",
+    "ownrobot.recordings.reading": "read_drives",
+    "ownrobot.fitting.fit": "fit",
+    "ownrobot.comparison.run": "compare",
+    "ownrobot.fitting.model": "load Model",
 }
-__all__ = [*_MODULES]  # noqa: PLE0604
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module 'ownrobot' has no attribute '{name}'")
-    module = importlib.import_module(f"ownrobot.{_MODULES[name]}")
-    value = globals()[name] = getattr(module, name)
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__all__, __getattr__, __dir__ = public(__name__, _MODULES)

@@ -11,36 +11,17 @@ Examples:
     (65, 13)
 """
 
-import importlib
-from typing import Any
+from sidm.lazy import public
 
 __version__ = "0.3.0"
 
-#: Public name -> its module, which is imported when the name is first used, since
-#: PyTorch alone takes seconds to import.
+#: Module -> its public names.
 _MODULES = {
-    "SYSTEMS": "systems",
-    "System": "systems",
-    "Robot": "systems",
-    "Terrain": "systems",
-    "Body": "body",
-    "Drive": "drives",
-    "Ground": "drives",
-    "Network": "settings",
-    "Training": "settings",
-    "simulate": "simulation.motion",
-    "train": "learning.training",
+    "sidm.systems": "SYSTEMS System Robot Terrain",
+    "sidm.body": "Body",
+    "sidm.drives": "Drive Ground",
+    "sidm.settings": "Network Training",
+    "sidm.simulation.motion": "simulate",
+    "sidm.learning.training": "train",
 }
-__all__ = [*_MODULES]  # noqa: PLE0604
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module 'sidm' has no attribute '{name}'")
-    module = importlib.import_module(f"sidm.{_MODULES[name]}")
-    value = globals()[name] = getattr(module, name)
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted([*__all__, "__version__"])
+__all__, __getattr__, __dir__ = public(__name__, _MODULES)

@@ -4,50 +4,19 @@ It does without PyBullet. A public name is imported when first used: who reads s
 curves, as of `stopping`, does without PyTorch.
 """
 
-import importlib
-from typing import Any
+from sidm.lazy import public
 
-#: Public name -> its module.
+#: Module -> its public names.
 _MODULES = {
-    "PAPER_NETWORK": "settings",
-    "RELEASED_NETWORK": "settings",
-    "SIDM": "learning.networks",
-    "CheckpointError": "learning.checkpoint",
-    "CurvePoint": "learning.training",
-    "Datasets": "learning.dataset",
-    "Decoder": "learning.networks",
-    "Discriminator": "learning.networks",
-    "DynamicsModel": "learning.model",
-    "Encoder": "learning.networks",
-    "Network": "settings",
-    "Standardisation": "learning.units",
-    "Trained": "learning.training",
-    "Training": "settings",
-    "TrainingError": "learning.training",
-    "Windows": "learning.dataset",
-    "encode_inputs": "learning.observation",
-    "integrate": "learning.observation",
-    "load_windows": "learning.dataset",
-    "novice_split": "shards",
-    "parameter_count": "learning.networks",
-    "robot_centred_map": "learning.observation",
-    "rollout": "learning.evaluation",
-    "rollout_errors": "learning.evaluation",
-    "train": "learning.training",
-    "transition": "learning.observation",
-    "validation_loss": "learning.evaluation",
-    "windows_of": "learning.dataset",
+    "sidm.settings": "PAPER_NETWORK RELEASED_NETWORK Network Training",
+    "sidm.learning.networks": "SIDM Decoder Discriminator Encoder parameter_count",
+    "sidm.learning.checkpoint": "CheckpointError",
+    "sidm.learning.training": "CurvePoint Trained TrainingError train",
+    "sidm.learning.dataset": "Datasets Windows load_windows windows_of",
+    "sidm.learning.model": "DynamicsModel",
+    "sidm.learning.units": "Standardisation",
+    "sidm.learning.observation": "encode_inputs integrate robot_centred_map transition",
+    "sidm.shards": "novice_split",
+    "sidm.learning.evaluation": "rollout rollout_errors validation_loss",
 }
-__all__ = [*_MODULES]  # noqa: PLE0604
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module 'sidm.learning' has no attribute '{name}'")
-    module = importlib.import_module(f"sidm.{_MODULES[name]}")
-    value = globals()[name] = getattr(module, name)
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__all__, __getattr__, __dir__ = public(__name__, _MODULES)
