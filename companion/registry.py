@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import functools
 import importlib
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,6 +19,7 @@ from companion.grids import FIGURES, FORMER, find_figure
 from companion.numerics import versions
 from companion.presets import Preset
 from companion.study import Study
+from companion.trials import Dataset, Trial, motion_of
 from sidm.config import ConfigError, unknown_name
 from sidm.pool import local_pool
 from sidm.storage import Damaged, read_record
@@ -29,23 +29,24 @@ from sidm.systems import SYSTEMS
 class RecordStudy(NamedTuple):
     """A study whose results are records."""
 
-    module_name: str
-    #: functions that simulate what its jobs need
-    collectors: tuple[str, ...] = ("collect_preset",)
+    name: str  # of its folder in `studies`
     pairs: tuple[str, ...] = tuple(SYSTEMS)  # pairs of robots that it is about
 
     @property
     def module(self) -> Any:
-        """The study's module, which has `jobs`, `measure` and `records`."""
-        return importlib.import_module(self.module_name)
+        """The study's module, which has `jobs`, `measure` and `records`.
 
-    @property
-    def collect(self) -> list[Callable[[Study, str, Executor], None]]:
-        """Functions that simulate motion for a study and a pair, on an executor."""
-        return [
-            collect_preset if name == "collect_preset" else getattr(self.module, name)
-            for name in self.collectors
-        ]
+        It has `motion` where a job needs other motion than that of its trial, and
+        `robots` where not all robots are those of known systems.
+        """
+        return importlib.import_module(f"companion.studies.{self.name}.measure")
+
+    def motion(self, job: Any) -> dict[Dataset, Sequence[int]]:
+        """The motion that a job needs: indices of trajectories of each dataset."""
+        if hasattr(self.module, "motion"):
+            return self.module.motion(job)
+        trial = job if isinstance(job, Trial) else getattr(job, "trial", None)
+        return {**motion_of([trial] if trial else [])}
 
 
 class Measurement(NamedTuple):
@@ -77,25 +78,15 @@ class Measurement(NamedTuple):
         return bool(self.kind) and record.get("numerics") != versions(self.kind)
 
 
-def _study(
-    name: str,
-    collectors: tuple[str, ...] = ("collect_preset",),
-    pairs: tuple[str, ...] = tuple(SYSTEMS),
-) -> RecordStudy:
-    return RecordStudy(f"companion.studies.{name}.measure", collectors, pairs)
-
-
 STUDIES = {
-    "latent-space": _study("latent_space", ("collect_preset", "collect_held_out")),
-    "adversary": _study("adversary", ("collect_fresh",)),
-    "recorded-targets": _study("recorded_targets", ("collect_proxies",)),
-    "driving": _study("driving"),
-    "uncertainty": _study("uncertainty"),
-    "several-experts": _study("several_experts", ("collect_preset", "collect_family")),
-    "real-robots": _study(
-        "real_robots",
-        collectors=(),
-        pairs=("husky to warthog", "warthog to husky", "hunter to warthog"),
+    "latent-space": RecordStudy("latent_space"),
+    "adversary": RecordStudy("adversary"),
+    "recorded-targets": RecordStudy("recorded_targets"),
+    "driving": RecordStudy("driving"),
+    "uncertainty": RecordStudy("uncertainty"),
+    "several-experts": RecordStudy("several_experts"),
+    "real-robots": RecordStudy(
+        "real_robots", ("husky to warthog", "warthog to husky", "hunter to warthog")
     ),
 }
 
@@ -140,13 +131,6 @@ def is_grid(name: str) -> bool:
     return True
 
 
-def collect_preset(study: Study, system: str, executor: Executor) -> None:
-    """Simulate what is missing of a preset's datasets for one system."""
-    from companion.engine.datasets import collect_datasets
-
-    collect_datasets(study.preset, [system], study.data, executor=executor)
-
-
 def run(
     name: str,
     preset: Preset,
@@ -176,37 +160,49 @@ def run(
         if MEASUREMENTS[name].is_stale(results) is not False:
             MEASUREMENTS[name].make(study, workers)
         return []
-    entry, pairs = STUDIES[name], pairs_of(name, pair)
-    study = run_study(name, study, pairs, workers)
-    missing = entry.module.records(results).missing(_jobs(entry, study, pairs))
-    return list(map(str, missing))
+    jobs = _jobs(STUDIES[name], study, pairs_of(name, pair))
+    run_jobs(name, jobs, workers, data, results)
+    return list(map(str, STUDIES[name].module.records(results).missing(jobs)))
 
 
-def run_study(
-    name: str, study: Study, pairs: Sequence[str], workers: int, **sizes: Any
-) -> Study:
-    """Simulate and measure what is missing of a study.
+def run_jobs(
+    name: str,
+    jobs: Iterable[Any],
+    workers: int = 2,
+    data: str | Path = "data",
+    results: str | Path = "results",
+    **options: Any,
+) -> None:
+    """Simulate the motion that missing jobs of a study need, and measure them.
 
     Args:
         name: a key of STUDIES.
-        study: preset and folders.
-        pairs: pairs of robots.
+        jobs: of the study's `jobs`.
         workers: number of processes.
-        **sizes: arguments of the study's `jobs` that are not its own.
-
-    Returns:
-        The study, which knows the collected data.
+        data: folder of the data.
+        results: folder of the results.
+        **options: further arguments of the study's `measure`.
     """
+    from companion.engine.datasets import collect_motion
+
     entry = STUDIES[name]
+    store = entry.module.records(results)
+    missing = store.missing(list(dict.fromkeys(jobs)))
+    needed: dict[Dataset, set[int]] = {}
+    for job in missing:
+        for dataset, which in entry.motion(job).items():
+            needed.setdefault(dataset, set()).update(which)
+    work = functools.partial(
+        entry.module.measure, data=Path(data).absolute(), **options
+    )
     with local_pool(workers) as pool:
-        for pair in pairs:
-            for collect in entry.collect:
-                collect(study, pair, pool)
-        work = functools.partial(entry.module.measure, data=study.data.absolute())
-        records = entry.module.records(study.results)
-        missing = records.missing(_jobs(entry, study, pairs, **sizes))
-        records.run(missing, work, pool, name)
-    return study
+        collect_motion(
+            {dataset: sorted(which) for dataset, which in needed.items()},
+            data,
+            executor=pool,
+            robots=getattr(entry.module, "robots", None),
+        )
+        store.run(missing, work, pool, name)
 
 
 def pairs_of(name: str, pair: str | None) -> Sequence[str]:
@@ -221,11 +217,9 @@ def pairs_of(name: str, pair: str | None) -> Sequence[str]:
     return pairs if pair is None else (pair,)
 
 
-def _jobs(
-    entry: RecordStudy, study: Study, pairs: Sequence[str], **sizes: Any
-) -> list[Any]:
+def _jobs(entry: RecordStudy, study: Study, pairs: Sequence[str]) -> list[Any]:
     """The jobs of a study for some pairs, each once, as several pairs may share one."""
-    jobs = (job for pair in pairs for job in entry.module.jobs(study, pair, **sizes))
+    jobs = (job for pair in pairs for job in entry.module.jobs(study, pair))
     return list(dict.fromkeys(jobs))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
@@ -119,6 +119,7 @@ def collect_motion(
     workers: int | None = None,
     executor: Executor | None = None,
     progress: bool = True,
+    robots: Callable[[Dataset], System | None] | None = None,
 ) -> dict[str, str]:
     """Simulate what is missing of some trajectories, as `collect_datasets` does.
 
@@ -128,19 +129,20 @@ def collect_motion(
         workers: processes; all cores when None.
         executor: a `concurrent.futures.Executor` instead of local processes.
         progress: whether to show bars.
+        robots: gives the system of a dataset, None for a known one.
 
     Returns:
         Name of each dataset -> digest of what was needed of it.
     """
     workers = workers or os.cpu_count() or 1
     pool = contextlib.nullcontext(executor) if executor else local_pool(workers)
+    digests = {}
     with pool as executor:
-        return {
-            dataset.name: digest(
-                collect_dataset(dataset, data, executor, progress, which)
-            )
-            for dataset, which in needed.items()
-        }
+        for dataset, which in needed.items():
+            system = robots(dataset) if robots else None
+            drives = collect_dataset(dataset, data, executor, progress, which, system)
+            digests[dataset.name] = digest(drives)
+    return digests
 
 
 def collect_dataset(

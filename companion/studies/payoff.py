@@ -21,6 +21,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
+from companion.engine.datasets import collect_dataset
 from companion.engine.records import read_or_empty
 from companion.figures.style import SIZE_STYLES, legend_below
 from companion.methods import CORES
@@ -28,14 +29,14 @@ from companion.numerics import versions
 from companion.statistics.savings import savings
 from companion.studies.overlap import NEIGHBOURS
 from companion.studies.real_robots.measure import PAIRS, robot
-from companion.studies.several_experts.family import collect_members, dataset
+from companion.studies.several_experts.family import dataset, robots
 from companion.studies.several_experts.results import MEMBER as MEMBER_ALONE
 from companion.study import Study
 from companion.trials import EXPERT_SEED, POOL_SEED
 from sidm.drives import QUATERNION, Drive, yaw_of
 from sidm.plots import finish, side_by_side, styled
 from sidm.pool import local_pool
-from sidm.shards import Collection, load
+from sidm.shards import Collection
 from sidm.storage import write_record
 from sidm.systems import FREE_SYSTEMS, PAPER_SYSTEMS
 
@@ -186,10 +187,9 @@ def pair_motions(
         return simulated_motion(drives)
 
     def family_member(system: str) -> PlanarMotion:
-        counts = {MEMBER: [TRAJECTORIES]}
-        collect_members(system, POLICY, counts, data, executor)
-        collection = dataset(system, MEMBER, POLICY, TRAJECTORIES).collection
-        return simulated_motion(load(data, collection, TRAJECTORIES))
+        member = dataset(system, MEMBER, POLICY, TRAJECTORIES)
+        drives = collect_dataset(member, data, executor, system=robots(member))
+        return simulated_motion(drives)
 
     for system in (*PAPER_SYSTEMS, *FREE_SYSTEMS):
         yield system, paper_robot(system, "expert"), paper_robot(system, "novice")

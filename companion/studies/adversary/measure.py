@@ -10,17 +10,15 @@ Figure 3, on motion of the decisive experiment.
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
 from typing import NamedTuple
 
-from companion.engine.datasets import collect_dataset, collect_datasets
 from companion.engine.records import records_of
 from companion.studies.decisive.recipes import on_fresh_motion, without_early_stopping
-from companion.studies.latent_space.measure import Diagnosis, held_out_expert, measure
+from companion.studies.latent_space.measure import Diagnosis, measure, motion
 from companion.study import Study
 from companion.trials import Trial
 
-__all__ = ["jobs", "measure", "records"]
+__all__ = ["jobs", "measure", "motion", "records"]
 
 MINUTES = 5.0  # of novice data
 SAMPLES = 500_000  # half the cap of Figure 3; the strongest take five times as long
@@ -83,11 +81,3 @@ def _with_strength(study: Study, strength: Strength) -> Study:
         discriminator_iterations=strength.discriminator,
         matching_iterations=strength.matching,
     )
-
-
-def collect_fresh(study: Study, system: str, executor: Executor | None = None) -> None:
-    """Simulate what is missing of the motion, the expert's held-out part included."""
-    fresh = on_fresh_motion(study)
-    collect_datasets(fresh.preset, [system], study.data, executor=executor)
-    for dataset in {held_out_expert(trial) for trial in jobs(study, system)}:
-        collect_dataset(dataset, study.data, executor)

@@ -8,17 +8,16 @@ results/latent_space.
 from __future__ import annotations
 
 import importlib.metadata
-from concurrent.futures import Executor
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from companion.engine.datasets import collect_dataset
 from companion.engine.provenance import Provenance
 from companion.engine.records import ProvenanceTimer, records_of
 from companion.study import Study
-from companion.trials import Dataset, Trial
+from companion.trials import Dataset, Trial, motion_of
 from sidm.config import ConfigError, config
 from sidm.systems import ROLES
 
@@ -82,12 +81,10 @@ def held_out_expert(trial: Trial) -> Dataset:
     return Dataset(collection=expert.collection, count=expert.count + validation.count)
 
 
-def collect_held_out(
-    study: Study, system: str, executor: Executor | None = None
-) -> None:
-    """Simulate the held-out motion of the expert that is missing."""
-    for dataset in {held_out_expert(trial) for trial in jobs(study, system)}:
-        collect_dataset(dataset, study.data, executor)
+def motion(trial: Trial) -> dict[Dataset, Sequence[int]]:
+    """The motion that a job needs, the held-out motion of the expert included."""
+    held_out = held_out_expert(trial)
+    return {**motion_of([trial]), held_out: range(held_out.count)}
 
 
 def measure(trial: Trial, data: str | Path = "data") -> Diagnosis:

@@ -10,12 +10,11 @@ import functools
 import itertools
 import time
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, Literal
 
 from companion.beyond.mirror import mirror_image
-from companion.engine.datasets import collect_dataset, digest_of
+from companion.engine.datasets import digest_of
 from companion.engine.library import dataset_windows
 from companion.engine.outcomes import as_lists, curve
 from companion.engine.pretrained import load_or_pretrain, settings_of, weights_folder
@@ -149,16 +148,9 @@ def proxies(preset: Preset, system: str) -> dict[str, Dataset]:
     }
 
 
-def collect_proxies(
-    study: Study, system: str, executor: Executor | None = None
-) -> None:
-    """Simulate the missing motion of the proxies.
-
-    Raises:
-        ImportError: PyBullet is not installed; the message is one line.
-    """
-    for dataset in proxies(study.preset, system).values():
-        collect_dataset(dataset, study.data, executor)
+def motion(about: Transfer) -> dict[Dataset, Sequence[int]]:
+    """The simulated motion that a job needs: both robots', whole."""
+    return {one: range(one.count) for one in about.datasets.values()}
 
 
 def jobs(

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping
-from concurrent.futures import Executor
-from pathlib import Path
+import re
 
-from companion.engine.datasets import collect_dataset
 from companion.trials import EXPERT_SEED, Dataset
 from sidm.config import replace
 from sidm.shards import Collection
@@ -34,24 +31,9 @@ def dataset(system: str, number: int, policy: str, count: int) -> Dataset:
     return Dataset(collection=collection, count=count)
 
 
-def collect_members(
-    system: str,
-    policy: str,
-    counts: Mapping[int, Iterable[int]],
-    data: str | Path,
-    executor: Executor,
-) -> None:
-    """Simulate the missing motion of family members.
-
-    Args:
-        system: name of the pair of robots whose ground it is.
-        policy: exploration policy.
-        counts: number of a member -> numbers of trajectories of its datasets.
-        data: folder of motion.
-        executor: runs the simulations.
-    """
-    for number, member_counts in counts.items():
-        pair = family_system(system, number)
-        for count in member_counts:
-            wanted = dataset(system, number, policy, count)
-            collect_dataset(wanted, data, executor, system=pair)
+def robots(wanted: Dataset) -> System | None:
+    """The system of a family member's dataset; None for another dataset."""
+    found = re.fullmatch(r"member(\d+)_\w+", wanted.collection.role)
+    if found is None:
+        return None
+    return family_system(wanted.collection.system, int(found[1]))

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Iterable, Mapping
-from concurrent.futures import Executor
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,10 +29,10 @@ from companion.engine.pretrained import settings_of, weights_folder
 from companion.engine.provenance import Provenance
 from companion.engine.records import ProvenanceTimer, by_field, records_of
 from companion.methods import FINER_TESTS, METHODS
-from companion.studies.several_experts.family import collect_members, dataset
+from companion.studies.several_experts.family import dataset, robots
 from companion.study import Study
 from companion.training import StudyTraining
-from companion.trials import Dataset, Trial
+from companion.trials import Dataset, Trial, motion_of
 from sidm.config import config, replace
 from sidm.learning import checkpoint
 from sidm.learning.arithmetic import one_thread
@@ -43,6 +42,8 @@ from sidm.learning.model import DynamicsModel
 from sidm.learning.training import Trained, train
 from sidm.learning.units import Standardisation
 from sidm.shards import split_indices
+
+__all__ = ["robots"]  # for those who collect
 
 #: numbers of experts; together they have as many minutes as the paper's expert alone
 COUNTS = (1, 2, 4, 8)
@@ -185,24 +186,10 @@ def jobs(
     return pretrainings
 
 
-def collect_family(
-    study: Study,
-    system: str,
-    executor: Executor,
-    wanted: Iterable[Pretraining] | None = None,
-) -> None:
-    """Simulate the missing motion of family members for some jobs, or for all."""
-    counts = members_needed(jobs(study, system) if wanted is None else wanted)
-    collect_members(system, study.preset.policy, counts, study.data, executor)
-
-
-def members_needed(wanted: Iterable[Pretraining]) -> dict[int, set[int]]:
-    """Number of a family member -> numbers of its trajectories that jobs need."""
-    counts: dict[int, set[int]] = {}
-    for job in wanted:
-        for number, member in enumerate(job.members):
-            counts.setdefault(number, set()).add(member.count)
-    return counts
+def motion(about: Pretraining) -> dict[Dataset, Sequence[int]]:
+    """The motion that a job needs: its trial's, and the members' whole."""
+    members = {one: range(one.count) for one in about.members}
+    return {**motion_of([about.trial]), **members}
 
 
 def load_experts(

@@ -1,15 +1,15 @@
 """Several experts: the family, its motion, and novices learnt with its SIDM."""
 
 import dataclasses
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
 from companion import Study
+from companion.engine.datasets import collect_motion
 from companion.engine.frame import frame_of, records_frame
 from companion.studies.several_experts import measure as x
-from companion.studies.several_experts.family import collect_members, dataset
+from companion.studies.several_experts.family import dataset, robots
 from companion.studies.several_experts.results import (
     MEMBER,
     PAPER_EXPERT,
@@ -17,8 +17,9 @@ from companion.studies.several_experts.results import (
     claims,
     table,
 )
+from companion.trials import Dataset
 from sidm.drives import STEPS
-from sidm.shards import load
+from sidm.shards import Collection, load
 from sidm.systems import LINEAR, LOGARITHMIC, ROLES, SYSTEMS, family_robot
 from tests.companion.conftest import made, write_motion
 
@@ -45,14 +46,18 @@ def test_the_family_spans_the_papers_robots():
 
 def test_a_members_motion_is_collected_once(tmp_path):
     """One shard of the first member of the family is collected."""
-    with ThreadPoolExecutor(1) as executor:
-        collect_members("system1", "held", {0: [1]}, tmp_path, executor)
-    (found,) = load(tmp_path, dataset("system1", 0, "held", 1).collection, 1)
+    wanted = {dataset("system1", 0, "held", 1): [0]}
+    for progress in (False, True):  # the second time there is nothing to do
+        collect_motion(wanted, tmp_path, 1, progress=progress, robots=robots)
+    (one,) = wanted
+    (found,) = load(tmp_path, one.collection, 1)
     assert found.states.shape == (STEPS + 1, 13)
     assert np.isfinite(found.states).all()
     assert len(found.discarded) == 4
-    # everything is done
-    collect_members("system1", "held", {0: [4]}, tmp_path, None)
+    assert (
+        robots(Dataset(collection=Collection(system="system1", role="expert"), count=1))
+        is None
+    )
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +78,9 @@ def test_all_experts_together_have_the_data_of_one(jobs, tiny):
         [whole // 2],
         [whole],
     ]
-    assert x.members_needed(jobs) == {0: {whole // 2, whole}}
+    needed = x.motion(jobs[2])
+    (member,) = jobs[2].members
+    assert len(needed[member]) == whole and len(needed) == 5
     assert all(job.fresh.frozen == "sidm" for job in jobs)
 
 
