@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import io
 import os
 import re
 import sys
@@ -111,6 +112,10 @@ def carry_out(
 
 def _to_open_pipe(parsed: argparse.Namespace) -> int:
     """Run the command; whoever reads its output may stop reading, as `head` does."""
+    if sys.stdout is None:  # it was closed by who started the command
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")
+    if isinstance(sys.stdout, io.TextIOWrapper):  # signs that a terminal lacks
+        sys.stdout.reconfigure(errors="replace")
     try:
         status = parsed.work(parsed)
         sys.stdout.flush()

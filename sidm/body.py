@@ -34,7 +34,7 @@ UNITS = {
         "rpm": math.pi / 30,
     },
     "number": {"1": 1.0, "%": 1e-2},
-    "time": {"s": 1.0, "ms": 1e-3},
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     "current": {"A": 1.0},
     "voltage": {"V": 1.0},
     "force": {"N": 1.0},

@@ -17,7 +17,7 @@ from ownrobot.commands.options import (
     seconds,
 )
 from ownrobot.commands.tables import csv_text, errors_text, worst_text, write_csv
-from sidm.config import ConfigError, hint, parse_changes
+from sidm.config import ConfigError, first_line, hint, parse_changes
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -193,6 +193,8 @@ def _figure_of(name: str) -> Callable[[pd.DataFrame], None] | None:
         from matplotlib.figure import Figure
 
         from ownrobot.fitting.report import figure
+    except ValueError as error:  # of the variable MPLBACKEND
+        raise ConfigError(f"Matplotlib cannot draw: {first_line(error)}") from None
     except ImportError:
         text = "note: no figure is drawn without Matplotlib: pip install 'sidm[plots]'"
         print(text, file=sys.stderr)

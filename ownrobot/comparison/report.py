@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from ownrobot.comparison.figures import drives_figure, horizons_figure, losses_figure
 from ownrobot.comparison.statistics import Interval
 from ownrobot.fitting.errors import ONE_STEP, OPEN_LOOP
 from ownrobot.fitting.splits import sessions_of
@@ -22,8 +21,6 @@ from sidm.drives import minutes_of
 from sidm.storage import write_atomically
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from ownrobot.comparison.result import Comparison
 
 WORST = 10  # drives in the table of the largest losses
@@ -38,11 +35,11 @@ def write_report(comparison: Comparison, path: Path) -> None:
         sentence=html.escape(comparison.verdict.sentence),
         about=html.escape(_about(comparison)),
         methods=_methods_table(comparison),
-        losses=_svg(losses_figure(comparison), "losses and learning curves"),
+        losses=_svg("losses_figure", comparison, "losses and learning curves"),
         components=_components_table(comparison),
         horizons=_horizons(comparison),
         method=html.escape(method),
-        drives=_svg(drives_figure(comparison), "losses of single drives"),
+        drives=_svg("drives_figure", comparison, "losses of single drives"),
         worst=_table(comparison.drive_losses(method).head(WORST)),
         repeats=_repeats_table(comparison),
         notes=_notes(comparison),
@@ -91,7 +88,7 @@ def _horizons(comparison: Comparison) -> str:
     errors = comparison.errors(comparison.methods[0])
     if not (errors.prediction == OPEN_LOOP).any():
         return ""
-    return _svg(horizons_figure(comparison), "open-loop errors")
+    return _svg("horizons_figure", comparison, "open-loop errors")
 
 
 def _repeats_table(comparison: Comparison) -> str:
@@ -133,10 +130,16 @@ def _table(frame: pd.DataFrame) -> str:
     return frame.to_html(index=False, border=0, float_format="{:.3g}".format)
 
 
-def _svg(figure: Figure, title: str) -> str:
-    """The figure as an image of the page."""
+def _svg(name: str, comparison: Comparison, title: str) -> str:
+    """A figure of `figures` as an image of the page; a line without Matplotlib."""
+    try:
+        from ownrobot.comparison import figures
+    except ImportError:
+        return f"<p>No figure of {title}: pip install 'sidm[plots]'.</p>"
     file = io.StringIO()
-    figure.savefig(file, format="svg", metadata={"Date": None})
+    getattr(figures, name)(comparison).savefig(
+        file, format="svg", metadata={"Date": None}
+    )
     image = file.getvalue()
     image = image[image.index("<svg") :]
     return f'<figure role="img" aria-label="{html.escape(title)}">{image}</figure>'

@@ -22,6 +22,7 @@ LARGEST = 1e15  # in SI units; no sensor measures a larger number
 #: than LEAST_PAUSE control steps.
 GAP, LEAST_PAUSE = 3.0, 1.5
 FASTER = 1.5  # largest ratio of the control steps' rate to that of recorded numbers
+SLOWEST = 0.2  # Hz, of rows of a robot; slower ones have times in another unit
 #: A position jumps in a step of more than JUMP metres that is also JUMP_RATIO times as
 #: long as the 90th percentile of the steps of all drives.
 JUMP, JUMP_RATIO = 1.0, 5.0
@@ -50,6 +51,20 @@ def refuse_numbers(
         )
 
 
+def refuse_angles(name: str, column: str, angles: np.ndarray) -> None:
+    """Refuse angles (R,), rad, that jump by more than a turn and a half.
+
+    Radians jump by one turn where they are wrapped; degrees jump by 360.
+    """
+    steps = np.abs(np.diff(angles))
+    row = int(steps.argmax()) if len(steps) else 0
+    if len(steps) and steps[row] > 3 * np.pi:
+        raise RecordingError(
+            f"{name}: '{column}' jumps by {steps[row]:.4g} rad after row {row + 1}; "
+            "is it in degrees? Name its unit"
+        )
+
+
 def refuse_times(name: str, time: np.ndarray) -> float:
     """Refuse times (R,), s, that do not increase.
 
@@ -68,11 +83,11 @@ def refuse_times(name: str, time: np.ndarray) -> float:
     back = np.flatnonzero(steps <= 0)
     if back.size:
         row = int(back[0])
-        what = "the same time as" if steps[row] == 0 else f"{-steps[row]:.4g} s before"
-        raise RecordingError(
-            f"{name}: row {row + 2} has {what} the row before it; "
-            "sort the rows, each time once"
-        )
+        fault, mend = "the same time as the row before it", "leave one of them out"
+        if steps[row] < 0:
+            fault = f"a time {-steps[row]:.4g} s before the row before it"
+            mend = "cut the file there, or name the parts in a column 'drive'"
+        raise RecordingError(f"{name}: row {row + 2} has {fault}; {mend}")
     return float(np.median(steps))
 
 
@@ -101,9 +116,12 @@ def refuse_slower(
     """
     for rate, what in ((row_rate, "rows come"), (pose_rate, "its pose is new")):
         if rate is not None and body.rate > FASTER * rate:
+            mend = f"write 'rate: {_plain_rate(rate)} Hz' in the body"
+            if rate < SLOWEST:
+                mend = "is 'time' in ms? Name its unit"
             raise RecordingError(
                 f"{name}: {what} at {rate:.3g} Hz, but body '{body.name}' has steps at "
-                f"{body.rate:g} Hz; write 'rate: {_plain_rate(rate)} Hz' in the body"
+                f"{body.rate:g} Hz; {mend}"
             )
 
 

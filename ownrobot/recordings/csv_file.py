@@ -10,7 +10,9 @@ The columns are those of the body's state and actions, in any order and in any u
 their kind. Three more columns have a meaning: `time` replaces the rate; `drive` changes
 where a new drive begins; drives of the same `session` are never divided between
 training and evaluation. All other columns are ignored. Semicolons or tabs may stand in
-place of the commas; numbers may then have decimal commas.
+place of the commas; numbers may then have decimal commas. A line `# rate` is not used
+where there is a column `time`; a time may be in s, ms, us or ns, or be two columns of
+seconds and nanoseconds.
 
 For a body with a height map, the header names a file of heights beside the CSV file
 (`heights`) and its grid's `spacing`.
@@ -21,68 +23,23 @@ from __future__ import annotations
 import csv
 import gzip
 import io
-import math
-import re
-import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from ownrobot.recordings.checks import LARGEST
+from ownrobot.recordings.csv_text import (
+    HEADER,
+    TextTable,
+    as_float,
+    read_text,
+    split_header,
+)
 from ownrobot.recordings.table import RecordingError, Table, unit_factors
 from sidm.body import SI, Body
-from sidm.config import first_line, unknown_name
+from sidm.config import first_line
 from sidm.drives import Drive, Ground
 from sidm.storage import write_atomically
-
-#: Name of a header's line -> what it says.
-HEADER = {
-    "rate": "rows a second, Hz",
-    "heights": "file of the ground's heights in m beside this, .csv without names or "
-    ".npy: a line along x for each y, the smallest first",
-    "spacing": "of the ground's grid, m",
-    "centre": "x and y of the ground's middle, m; 0 0 unless given",
-    "origin": "where the drives are from, for people",
-}
-SEPARATORS = {";": "semicolons", "\t": "tabs"}  # that may stand in place of commas
-#: A name and perhaps a unit in brackets; a file of numbers alone has none.
-TITLE = re.compile(r"\s*(.*?)\s*(?:\[(.*)\])?\s*")
-
-
-class TextTable(NamedTuple):
-    """A CSV file, read but not yet understood."""
-
-    path: Path
-    header: dict[str, str]
-    names: list[str]
-    units: list[str]  # '' where a column has none
-    cells: list[Sequence[str]]  # of each column
-    first: int  # number of the line with the first cells
-    decimal_commas: bool
-
-    def numbers(self, name: str, lenient: bool = False) -> np.ndarray:
-        """The numbers (R,) of a column; RecordingError names the first that is none.
-
-        If `lenient`, a cell that is no number is NaN.
-        """
-        cells = self.cells[self.names.index(name)]
-        if self.decimal_commas:
-            cells = [cell.replace(",", ".") for cell in cells]
-        values = np.array([_float(cell) for cell in cells])
-        bad = np.flatnonzero(~(np.abs(values) <= LARGEST)).tolist()
-        if lenient:
-            values[bad] = np.nan
-        elif bad:
-            line, cell = self.first + bad[0], cells[bad[0]]
-            beyond = np.isfinite(values[bad[0]])
-            fault = "beyond 1e15" if beyond else "no finite number"
-            raise RecordingError(
-                f"{self.path}: line {line}: '{cell}' of '{name}' is {fault}; "
-                "leave the line out"
-            )
-        return values
 
 
 def read_csv(path: Path, body: Body, lenient: bool = False) -> Table:
@@ -104,7 +61,9 @@ def read_csv(path: Path, body: Body, lenient: bool = False) -> Table:
     factors = unit_factors(str(path), names, text.units, body, timed)
     lenient = lenient and bool({"drive", "session"} & set(names))
     columns = {
-        name: text.numbers(name, lenient) * factor for name, factor in factors.items()
+        name: (text.elapsed(name) if name == "time" else text.numbers(name, lenient))
+        * factor
+        for name, factor in factors.items()
     }
     labels: dict[str, np.ndarray] = {
         name: np.array(text.cells[names.index(name)])
@@ -113,47 +72,12 @@ def read_csv(path: Path, body: Body, lenient: bool = False) -> Table:
     }
     rate = None if timed else rate_of(text)
     ground = _ground(path, header) if body.map_size else None
-    return Table(str(path), columns, labels, rate, ground)
+    return Table(str(path), columns, labels, rate, ground, text.notes)
 
 
 def rate_of(text: TextTable) -> float:
     """The rate in a file's header, Hz."""
     return _number(text.path, text.header, "rate", "Hz")
-
-
-def read_text(path: Path) -> TextTable:
-    """Read a file's header and cells; RecordingError names the first fault.
-
-    The cells are separated by commas, or by semicolons or tabs; with these, numbers may
-    have decimal commas.
-    """
-    header, lines, first = _split_header(path)
-    while lines and not lines[-1].strip():
-        lines.pop()
-    if not lines:
-        what = "after its header" if header else "the file is empty"
-        raise RecordingError(f"{path}: it has no rows of numbers: {what}")
-    given = (sign for sign in SEPARATORS if sign in lines[0] and "," not in lines[0])
-    separator = next(given, ",")
-    try:
-        rows = list(csv.reader(lines, delimiter=separator))
-    except csv.Error as error:
-        raise RecordingError(
-            f"{path}: no table of numbers ({error}); is a quotation mark left open?"
-        ) from None
-    titles = [TITLE.fullmatch(cell) for cell in rows[0]]
-    names = [match[1] for match in titles if match]
-    if all(math.isfinite(_float(name.replace(",", "."))) for name in names):
-        raise RecordingError(
-            f"{path}: line {first} has numbers; write the names and units of the "
-            "columns there, as 'x [m]'"
-        )
-    if len(rows) < 3:
-        only = "no rows" if len(rows) < 2 else "a single row"
-        raise RecordingError(f"{path}: it has {only} of numbers; a drive has many")
-    units = [(match[2] or "").strip() for match in titles if match]
-    cells = _cells(path, rows[1:], first + 1, names)
-    return TextTable(path, header, names, units, cells, first + 1, separator != ",")
 
 
 def heights_file(path: Path) -> Path | None:
@@ -162,83 +86,18 @@ def heights_file(path: Path) -> Path | None:
     None where the file names none or has no valid header.
     """
     try:
-        return path.parent / _split_header(path)[0]["heights"]
+        return path.parent / split_header(path)[0]["heights"]
     except (RecordingError, KeyError):
         return None
 
 
-def _split_header(path: Path) -> tuple[dict[str, str], list[str], int]:
-    """The header of a file, the lines after it, and the number of the first of them."""
-    opener = gzip.open if path.suffix == ".gz" else open
-    try:
-        with opener(path, "rt", encoding="utf-8-sig") as file:
-            lines = file.read().splitlines()
-    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
-        raise RecordingError(f"{path}: cannot be read as text ({error})") from None
-    others = (n for n, line in enumerate(lines) if not line.startswith("#"))
-    count = next(others, len(lines))
-    return _header(path, lines[:count]), lines[count:], count + 1
-
-
-def _header(path: Path, lines: Sequence[str]) -> dict[str, str]:
-    header: dict[str, str] = {}
-    for line in lines:
-        name, colon, value = line.lstrip("#").partition(":")
-        name = name.strip()
-        if not colon:
-            raise RecordingError(
-                f"{path}: '{line}' in the header is not '# name: value'"
-            )
-        if name not in HEADER:
-            raise RecordingError(f"{path}: {unknown_name(name, HEADER, 'the header')}")
-        if name in header:
-            raise RecordingError(f"{path}: the header has two lines '# {name}: ...'")
-        header[name] = value.strip()
-    return header
-
-
 def _number(path: Path, header: Mapping[str, str], name: str, unit: str) -> float:
-    number = _float(header[name].removesuffix(unit))
+    number = as_float(header[name].removesuffix(unit))
     if not 0 < number < float("inf"):
         raise RecordingError(
             f"{path}: '{name}: {header[name]}' is not a positive number in {unit}"
         )
     return number
-
-
-def _cells(
-    path: Path, rows: Sequence[Sequence[str]], first: int, names: Sequence[str]
-) -> list[Sequence[str]]:
-    """The columns of a table of text; `first` is the line number of its first row."""
-    for number, row in enumerate(rows, start=first):
-        if len(row) != len(names):
-            raise RecordingError(
-                f"{path}: line {number} has {len(row)} cells, "
-                f"not {len(names)}{_separator_hint(row, len(names))}"
-            )
-    return list(zip(*rows, strict=True))
-
-
-def _separator_hint(cells: Sequence[str], count: int) -> str:
-    """The end of a message where a line seems to have other separators than commas."""
-    line = ",".join(cells)
-    for sign, name in SEPARATORS.items():
-        if sign in line:
-            return (
-                f"; it seems to be separated by {name}: "
-                "use commas, and points in numbers"
-            )
-    if len(cells) == 2 * count:
-        return "; has it decimal commas? Use points, or semicolons between cells"
-    return "; write a cell for each name"
-
-
-def _float(text: str) -> float:
-    """The number in a text; NaN where the text is no number."""
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan
 
 
 def _ground(path: Path, header: Mapping[str, str]) -> Ground:

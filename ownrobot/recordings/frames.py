@@ -139,6 +139,8 @@ def refuse_other_turning(name: str, drives: Sequence[tuple[np.ndarray, float]]) 
         drives: states (R, 13) of all recorded rows, and their rate, Hz. Shaking that is
             faster than the control steps cannot be seen at their rate.
     """
+    if not drives:
+        return
     turned, rates, world_rates = _turning(drives)
     if len(turned) < FEWEST_WINDOWS:
         return

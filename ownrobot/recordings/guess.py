@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ownrobot.recordings import checks
-from ownrobot.recordings.csv_file import rate_of, read_text
+from ownrobot.recordings.csv_file import rate_of
+from ownrobot.recordings.csv_text import read_text
 from ownrobot.recordings.reading import drives_of_paths, files_of, is_bag
 from ownrobot.recordings.resampling import Rows, pose_rate
 from ownrobot.recordings.table import EXTRA, Findings, RecordingError
@@ -26,7 +27,7 @@ from sidm.drives import yaw_of
 RATE = 10.0  # Hz, of the guessed body where the recording has it
 #: Names of commands.
 COMMAND = re.compile(
-    r"(cmd|command|throttle|steer|brake|linear$|angular$|setpoint|action|control)"
+    r"(cmd|command|throttle|steer|brake|linear(_[yz])?$|angular(_[xy])?$|setpoint|action|control)"
     r".*|.*_(cmd|command|setpoint|reference|target|desired)",
     re.IGNORECASE,
 )
@@ -35,6 +36,7 @@ COUNTER = re.compile(r".*(time|stamp|secs|nsec).*|index|id|row|frame|", re.IGNOR
 #: Columns that say nothing about a robot in the plane, or what others say, too.
 BESIDE_PLANE = {"z", "roll", "pitch", "vz", "wx", "wy", "wz", "az"}
 BESIDE_POSE = {"x", "y", "z", "roll", "pitch", "yaw", "yaw_rate"}
+MOST_GAPS = 0.5  # share of a column's cells that are no numbers, from which it is none
 #: A robot leaves the plane if z or its tilt vary by more, m and rad.
 UNEVEN_Z, UNEVEN_TILT = 0.2, 0.15
 
@@ -93,7 +95,7 @@ def guess_body(path: str | Path, topics: Sequence[str] = ()) -> Guess:
     file = files_of(Path(path))[0]
     if is_bag(file):
         recording = _of_bag(file, topics)
-    elif ".csv" in file.suffixes:
+    elif ".csv" in file.name.lower():
         recording = _of_csv(file)
     else:
         raise RecordingError(f"{file}: a body is guessed from a CSV file or a ROS bag")
@@ -101,9 +103,10 @@ def guess_body(path: str | Path, topics: Sequence[str] = ()) -> Guess:
     left_out = dict(recording.left_out)
     columns = _columns(recording, pose, is_bag(file), left_out)
     if not recording.commands:
+        named = [*recording.numbers, *recording.left_out] or ["no column of numbers"]
         raise RecordingError(
             f"{file}: no column seems to be a command (command..., cmd..., throttle, "
-            f"steering); rename one of {', '.join(recording.numbers)}"
+            f"steering); rename one of {', '.join(named)}"
         )
     for number, time in enumerate(recording.time):
         checks.refuse_times(f"{file}: drive {number}", time)
@@ -131,6 +134,7 @@ def guess_body(path: str | Path, topics: Sequence[str] = ()) -> Guess:
 def _of_csv(path: Path) -> _Recording:
     """The columns of a CSV file."""
     text = read_text(path)
+    text.refuse_sparse()
     numbers, units, left_out = {}, {}, {}
     for name, unit in zip(text.names, text.units, strict=True):
         if name in EXTRA:
@@ -138,10 +142,12 @@ def _of_csv(path: Path) -> _Recording:
         if not re.fullmatch(r"[A-Za-z_]\w*", name) or text.names.count(name) > 1:
             left_out[name] = "rename it: each name once, of letters, digits and _"
             continue
-        try:
-            numbers[name], units[name] = text.numbers(name), unit or "1"
-        except RecordingError:
-            left_out[name] = "it has cells without a number"
+        values = text.numbers(name, lenient=True)
+        gaps = int(np.isnan(values).sum())
+        if gaps < MOST_GAPS * len(values):
+            numbers[name], units[name] = values, unit or "1"
+        else:
+            left_out[name] = f"{gaps} of its {len(values)} cells are no numbers"
     labels = [text.cells[text.names.index(n)] for n in EXTRA[1:] if n in text.names]
     changed = [[a != b for a, b in zip(c[1:], c[:-1], strict=True)] for c in labels]
     starts = (
@@ -149,7 +155,7 @@ def _of_csv(path: Path) -> _Recording:
     )
     if "time" in text.names:
         unit = text.units[text.names.index("time")]
-        time = text.numbers("time") * units_like("s").get(unit, 1.0)
+        time = text.elapsed("time") * units_like("s").get(unit, 1.0)
     else:
         rate = rate_of(text) if "rate" in text.header else RATE
         time = np.arange(len(text.cells[0])) / rate
@@ -162,12 +168,15 @@ def _of_bag(path: Path, topics: Sequence[str]) -> _Recording:
     from ownrobot.recordings.bags import bag_columns, read_topics  # an optional library
     from ownrobot.recordings.messages import unit_of
 
-    read = read_topics(path, topics)
-    wanted = list(read.pose | read.sensors | read.command)
+    parts, _ = read_topics(path, topics)
+    read = max(parts, key=lambda part: len(next(iter(part.pose.values())).times))
+    changing = (n for n, one in read.command.items() if np.ptp(one.values) > 0)
+    commands = [*changing] or [*read.command]
+    wanted = [*read.pose, *(n for n in read.sensors if n not in read.pose), *commands]
     numbers = bag_columns(path, read, wanted, "")
     time = numbers.pop("time")
     units = {name: unit_of(name) for name in wanted}
-    return _Recording(numbers, units, list(read.command), [time], {})
+    return _Recording(numbers, units, commands, [time], {})
 
 
 def _pose(recording: _Recording) -> tuple[Pose, str]:
@@ -240,6 +249,8 @@ def _rate(recording: _Recording, pose: Pose) -> tuple[float, str]:
         new = pose_rate(drives, values.shape[1])
         if new is not None and new < 0.9 * rows:
             rate, reason = new, f"{reason}, and its pose is new at {new:.3g} Hz"
+    if checks.SLOWEST > rate:
+        reason += "; is 'time' in ms?"
     if rate > RATE / 1.25:
         return RATE, f"rate: steps a second; {reason}"
     digit = 10.0 ** (math.floor(math.log10(rate)) - 1)

@@ -31,6 +31,10 @@ OFF, OFTEN, MEDIAN_OFF = np.radians(45), 0.8, np.radians(60)
 #: off alike: doubled angles have a mean vector of at least this length.
 ALONG, FEWEST_DRIVES, ALIKE = np.radians(30), 5, 0.7
 NAMED = 10  # drives that a note names
+#: The yaw of all drives together is judged by at least this many stretches in which the
+#: way is STRAIGHT times the path, if these go in several directions: the mean vector of
+#: doubled angles is shorter than ONE_WAY. A yaw whose vector is longer is constant.
+FEWEST_TOGETHER, STRAIGHT, ONE_WAY = 20, 0.97, 0.9
 #: Columns tell forwards from backwards if they explain this share of the variance, and
 #: in a stretch if they say at least CLEAR m/s.
 EXPLAINED, CLEAR = 0.7, 0.15
@@ -89,8 +93,7 @@ def check_headings(drives: Sequence[Drive], body: Body) -> Headings:
     limit = MEDIAN_OFF
     middle = np.array([np.median(np.abs(values)) for values in angles.values()])
     if np.median(middle) > ALONG:
-        together = np.exp(2j * np.concatenate(list(angles.values())))
-        if np.abs(together.mean()) < ALIKE:  # it goes in all directions
+        if _alike(np.concatenate(list(angles.values()))) < ALIKE:  # in all directions
             return Headings([], len(judged))
         limit = OFF if len(judged) >= FEWEST_DRIVES else limit
     off = [
@@ -101,14 +104,78 @@ def check_headings(drives: Sequence[Drive], body: Body) -> Headings:
     return Headings(off, len(judged))
 
 
+def yaw_fault(drives: Sequence[Drive], body: Body) -> str:
+    """What is wrong with the yaw of all drives of a file; '' where nothing is seen.
+
+    A yaw is constant while the robot drives in several directions, is positive to the
+    right, or is in another unit. What fits the directions of motion, as it is or but
+    for a constant, is no fault of this kind.
+    """
+    names = [name for name, _ in body.columns]
+    if body.pose == "none" or has_twist(body) or "vy" in names or not drives:
+        return ""
+    length = max(1, round(STRETCH * body.rate))
+    parts = [_straight(drive, body, length) for drive in drives]
+    directions, yaw = (np.concatenate(part) for part in zip(*parts, strict=True))
+    several = len(yaw) >= FEWEST_TOGETHER and _alike(directions) < ONE_WAY
+    if not several or _alike(directions - yaw) >= ALIKE:
+        return ""
+    if _alike(yaw) >= ONE_WAY:
+        return "yaw hardly changes, while the robot drives in several directions"
+    others = {
+        directions_fit: _alike(angles)
+        for directions_fit, angles in {
+            "turned to the right; it must be positive to the left": directions + yaw,
+            "in degrees": directions - np.radians(yaw),
+            "in radians, and called degrees": directions - np.degrees(yaw),
+        }.items()
+    }
+    best = max(others, key=others.__getitem__)
+    return f"yaw seems to be {best}" if others[best] >= ALIKE else ""
+
+
+def _straight(drive: Drive, body: Body, length: int) -> tuple[np.ndarray, np.ndarray]:
+    """Directions of motion and yaw (N,), rad, of straight stretches of a drive."""
+    xy = drive.states[:, :2]
+    if len(xy) <= length:
+        return np.zeros(0), np.zeros(0)
+    way = xy[length:] - xy[:-length]
+    steps = np.linalg.norm(np.diff(xy, axis=0), axis=1)
+    path = np.r_[0.0, np.cumsum(steps)]
+    reached = np.hypot(*way.T)
+    kept = (reached > LEAST_WAY) & (
+        reached > STRAIGHT * (path[length:] - path[:-length])
+    )
+    yaw = _yaw(drive, body)
+    middle = (yaw[length:] + yaw[:-length]) / 2
+    return np.arctan2(way[:, 1], way[:, 0])[kept], middle[kept]
+
+
+def _yaw(drive: Drive, body: Body) -> np.ndarray:
+    """Yaw (K + 1,), rad, without jumps."""
+    if body.pose == "planar":
+        return drive.states[:, 2]
+    return np.unwrap(yaw_of(drive.states[:, QUATERNION]))
+
+
+def _alike(angles: np.ndarray) -> float:
+    """Length of the mean vector of doubled angles: 1 where they are one axis."""
+    return float(np.abs(np.exp(2j * angles).mean())) if len(angles) else 0.0
+
+
 def drives_along_yaw(
     where: str, drives: list[Drive], body: Body, findings: Findings
 ) -> list[Drive]:
     """The drives of a file whose motion fits their yaw.
 
     Others are left out where faults are skipped, and told in a note otherwise. They are
-    refused where they are most of the file.
+    refused where they are most of the file, or where the yaw of all has one fault.
     """
+    if fault := yaw_fault(drives, body):
+        findings.add(
+            f"{where}: {fault} (a robot that moves sideways has a column 'vy')"
+        )
+        return []
     headings = check_headings(drives, body)
     if headings.most:
         degrees = float(np.median([abs(one.degrees) for one in headings.off]))
@@ -152,8 +219,7 @@ def _stretches(drive: Drive, body: Body) -> _Stretches:
     if len(columns) < length:
         empty = np.zeros(0)
         return _Stretches(empty, empty, np.zeros((0, columns.shape[1])))
-    planar = body.pose == "planar"
-    yaw = states[:, 2] if planar else np.unwrap(yaw_of(states[:, QUATERNION]))
+    yaw = _yaw(drive, body)
     way = states[length:, :2] - states[:-length, :2]
     turn = np.abs(yaw[length:] - yaw[:-length])
     middle = (yaw[length:] + yaw[:-length]) / 2

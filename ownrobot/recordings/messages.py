@@ -9,10 +9,10 @@ geometry_msgs/PoseStamped       x, y, z, qx, qy, qz, qw, yaw
 sensor_msgs/Imu                 wx, wy, wz, yaw_rate, ax, ay, az
 sensor_msgs/JointState          velocities, named after the joints; positions and
                                 efforts as `<joint>_position` and `<joint>_effort`
-geometry_msgs/Twist             the command: linear, angular
-geometry_msgs/TwistStamped      the command: linear, angular
-ackermann_msgs/AckermannDrive   the command: speed, steering_angle
-ackermann_msgs/                 the command: speed, steering_angle
+geometry_msgs/Twist             the command: linear (forward), linear_y, linear_z,
+geometry_msgs/TwistStamped      angular (about z), angular_x, angular_y
+ackermann_msgs/AckermannDrive   the command: speed, steering_angle, acceleration,
+ackermann_msgs/                 steering_angle_velocity
 AckermannDriveStamped
 std_msgs/Float64MultiArray      the command: command_0, command_1, ...
 std_msgs/Float32MultiArray      the command: command_0, command_1, ...
@@ -51,8 +51,10 @@ UNIT_OF_COLUMN = (
     | dict.fromkeys(("qx", "qy", "qz", "qw"), "1")
     | dict.fromkeys(("yaw", "steering_angle"), "rad")
     | dict.fromkeys(("vx", "vy", "vz", "linear", "speed"), "m/s")
+    | dict.fromkeys(("linear_y", "linear_z"), "m/s")
     | dict.fromkeys(("wx", "wy", "wz", "yaw_rate", "angular"), "rad/s")
-    | dict.fromkeys(("ax", "ay", "az"), "m/s2")
+    | dict.fromkeys(("angular_x", "angular_y", "steering_angle_velocity"), "rad/s")
+    | dict.fromkeys(("ax", "ay", "az", "acceleration"), "m/s2")
 )
 
 
@@ -104,15 +106,21 @@ def _joints(message: Any) -> dict[str, float]:
 
 def _twist(message: Any) -> dict[str, float]:
     twist = getattr(message, "twist", message)
-    return {"linear": twist.linear.x, "angular": twist.angular.z}
+    linear, angular = twist.linear, twist.angular
+    return {
+        "linear": linear.x,
+        "linear_y": linear.y,
+        "linear_z": linear.z,
+        "angular_x": angular.x,
+        "angular_y": angular.y,
+        "angular": angular.z,
+    }
 
 
 def _ackermann(message: Any) -> dict[str, float]:
     drive = getattr(message, "drive", message)
-    return {
-        "speed": float(drive.speed),
-        "steering_angle": float(drive.steering_angle),
-    }
+    names = ("speed", "steering_angle", "acceleration", "steering_angle_velocity")
+    return {name: float(getattr(drive, name)) for name in names}
 
 
 def _array(message: Any) -> dict[str, float]:

@@ -26,9 +26,9 @@ from sidm.drives import Drive
 if TYPE_CHECKING:
     import pandas as pd
 
-SUFFIXES = (".csv", ".csv.gz", ".npz")
+SUFFIXES = (".csv", ".csv.gz", ".csv.xz", ".npz")
 INNER = (".db3", ".mcap")  # files inside the folder of a ROS 2 bag
-ALIKE = (".csv", ".tsv", ".gz", ".npz", ".bag")  # of files that may be drives
+ALIKE = (".csv", ".tsv", ".gz", ".xz", ".npz", ".bag")  # of files that may be drives
 
 
 def read_drives(
@@ -116,6 +116,7 @@ def drives_of_paths(
         except RecordingError as error:
             findings.add(error)
             continue
+        findings.notes += [note for table in tables for note in table.notes]
         of_file = [d for table in tables for d in _drives(table, body, findings)]
         drives += drives_along_yaw(str(file), of_file, body, findings)
     return drives
@@ -174,7 +175,7 @@ def files_of(path: Path) -> list[Path]:
         raise RecordingError(no_such_file(path))
     if path.is_dir() and not is_bag(path):
         return _files_in(path)
-    if path.suffix in INNER:
+    if path.suffix in INNER and not is_bag(path):
         raise RecordingError(
             f"{path}: it is a file inside a ROS 2 bag; give the bag's folder, "
             f"{path.parent}"
@@ -187,7 +188,7 @@ def _files_in(folder: Path) -> list[Path]:
     files = sorted(
         file
         for file in folder.iterdir()
-        if file.name.endswith(SUFFIXES) or is_bag(file)
+        if file.name.lower().endswith(SUFFIXES) or is_bag(file)
     )
     if not files:
         inner = next((f.name for f in folder.iterdir() if f.suffix in INNER), "")
@@ -200,7 +201,7 @@ def _files_in(folder: Path) -> list[Path]:
                 else "give the folder that has them"
             )
         )
-    named = [heights_file(file) for file in files if ".csv" in file.name]
+    named = [heights_file(file) for file in files if ".csv" in file.name.lower()]
     heights = {file.resolve() for file in named if file}
     return [file for file in files if file.resolve() not in heights]
 
@@ -209,7 +210,7 @@ def _not_read(folder: Path, files: Sequence[Path]) -> list[Path]:
     """Files below a folder that look like drives and are not among those read."""
     if not folder.is_dir() or is_bag(folder):
         return []
-    heights = {heights_file(file) for file in files if ".csv" in file.name}
+    heights = {heights_file(file) for file in files if ".csv" in file.name.lower()}
     bags = [file for file in files if file.is_dir()]
     return sorted(
         file
@@ -230,17 +231,19 @@ def _tables(
         from ownrobot.recordings.bags import read_bag  # its library is optional
 
         return [read_bag(path, body, topics)]
-    if path.suffix == ".npz":
+    if path.suffix.lower() == ".npz":
         return read_npz(path, body)
-    if path.name.endswith(SUFFIXES):
+    if path.name.lower().endswith(SUFFIXES):
         return [read_csv(path, body, lenient)]
     raise RecordingError(f"{path}: drives are {', '.join(SUFFIXES)} or ROS bags")
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is a ROS bag: a file of ROS 1, or a folder of ROS 2."""
-    folder = path.is_dir() and (path / "metadata.yaml").is_file()
-    return path.suffix == ".bag" or folder
+    """Whether a path is a ROS bag: a file of ROS 1, a folder of ROS 2, a lone .mcap."""
+    about = "metadata.yaml"
+    lone = path.suffix == ".mcap" and not (path.parent / about).is_file()
+    folder = path.is_dir() and (path / about).is_file()
+    return path.suffix == ".bag" or folder or (lone and path.is_file())
 
 
 def _drives(table: Table, body: Body, findings: Findings) -> list[Drive]:

@@ -132,6 +132,8 @@ def rows_of(
     checks.refuse_numbers(where, states, actions, body)
     spacing = checks.refuse_times(where, time)
     angles = [i for i, (_, unit) in enumerate(body.state) if unit in UNITS["angle"]]
+    for column in angles:
+        checks.refuse_angles(where, body.state[column][0], states[:, column])
     states[:, angles] = np.unwrap(states[:, angles], axis=0)
     if body.pose == "spatial":
         states[:, 3:7] = checks.unit_quaternions(where, states[:, 3:7])

@@ -35,6 +35,7 @@ class Table(NamedTuple):
     labels: dict[str, np.ndarray]  # (R,) each, text: drive and session, where given
     rate: float | None  # Hz, where there is no column of time
     ground: Ground | None = None
+    notes: Sequence[str] = ()  # what was done with the file, one line each
 
 
 class Findings:

@@ -73,7 +73,7 @@ def test_the_commands_do_what_they_say(place):
     for made in (
         "mine.ipynb",
         "mine.html",
-        "_build/mine/trials",
+        "_build/mine/trials.jsonl",
         "model/model.safetensors",
         "evaluation.png",
         "comparison/report.html",
