@@ -59,12 +59,15 @@ def add_compare(add: AddCommand) -> None:
 def run_compare(arguments: argparse.Namespace) -> int:
     """Run `ownrobot compare`: print the table and the answer, and write the report."""
     from ownrobot.comparison.run import compare
+    from sidm.storage import write_atomically
 
     out = Path(arguments.out)
     if not arguments.out.strip() or (out.exists() and not out.is_dir()):
         raise ConfigError(f"'{out}' is no folder; name one for the comparison")
     if (out / "model.json").exists():
         raise ConfigError(f"{out} has a model; name another folder for the comparison")
+    out.mkdir(parents=True, exist_ok=True)
+    write_atomically(out / "comparison.csv", lambda file: None)  # before long work
     comparison = compare(
         arguments.drives,
         arguments.expert,
