@@ -236,7 +236,7 @@ def _add_header(
     name, colon, value = text.partition(":")
     name = name.strip()
     if not colon or name not in HEADER:
-        if colon and difflib.get_close_matches(name, HEADER):
+        if colon and difflib.get_close_matches(name, HEADER, cutoff=0.8):
             raise RecordingError(f"{path}: {unknown_name(name, HEADER, 'the header')}")
         comments.append(text)
     elif name in header:

@@ -120,18 +120,17 @@ def yaw_fault(drives: Sequence[Drive], body: Body) -> str:
     several = len(yaw) >= FEWEST_TOGETHER and _alike(directions) < ONE_WAY
     if not several or _alike(directions - yaw) >= ALIKE:
         return ""
+    others = {
+        "turned to the right; it must be positive to the left": directions + yaw,
+        "in degrees": directions - np.radians(yaw),
+        "in radians, and called degrees": directions - np.degrees(yaw),
+    }
+    best = max(others, key=lambda words: _alike(others[words]))
+    if _alike(others[best]) >= ALIKE:
+        return f"yaw seems to be {best}"
     if _alike(yaw) >= ONE_WAY:
         return "yaw hardly changes, while the robot drives in several directions"
-    others = {
-        directions_fit: _alike(angles)
-        for directions_fit, angles in {
-            "turned to the right; it must be positive to the left": directions + yaw,
-            "in degrees": directions - np.radians(yaw),
-            "in radians, and called degrees": directions - np.degrees(yaw),
-        }.items()
-    }
-    best = max(others, key=others.__getitem__)
-    return f"yaw seems to be {best}" if others[best] >= ALIKE else ""
+    return ""
 
 
 def _straight(drive: Drive, body: Body, length: int) -> tuple[np.ndarray, np.ndarray]:
