@@ -116,7 +116,7 @@ def fit(
         )
     _refuse(method, novice_drives, expert_drives)
     refuse_swapped(novice_drives, expert_drives)
-    _note_unused(method, settings)
+    _note_unused(method, settings, device)
     if out is not None:
         refuse_folder(out, novice_drives[0].body, force)
     learnt, held_out, folds = _split(novice_drives, test, seed, reading)
@@ -143,9 +143,10 @@ def fit(
     return model
 
 
-def _note_unused(method: str, settings: Mapping[str, Any]) -> None:
-    """Warn of single settings of a network where the method trains none."""
+def _note_unused(method: str, settings: Mapping[str, Any], device: str) -> None:
+    """Warn of settings and a device of networks where the method trains none."""
     config, unused = METHODS[method], [name for name in settings if name != "pixels"]
+    unused += [f"device {device}"] if device != "cpu" else []
     if unused and config.fit != "gradients" and not config.pretrained:
         text = f"'{method}' trains no network; without effect: {', '.join(unused)}"
         warnings.warn(Notice(text), stacklevel=3)

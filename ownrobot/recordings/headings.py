@@ -108,8 +108,7 @@ def yaw_fault(drives: Sequence[Drive], body: Body) -> str:
     """What is wrong with the yaw of all drives of a file; '' where nothing is seen.
 
     A yaw is constant while the robot drives in several directions, is positive to the
-    right, or is in another unit. What fits the directions of motion, as it is or but
-    for a constant, is no fault of this kind.
+    right, in another unit, or off by a constant.
     """
     names = [name for name, _ in body.columns]
     if body.pose == "none" or has_twist(body) or "vy" in names or not drives:
@@ -118,8 +117,13 @@ def yaw_fault(drives: Sequence[Drive], body: Body) -> str:
     parts = [_straight(drive, body, length) for drive in drives]
     directions, yaw = (np.concatenate(part) for part in zip(*parts, strict=True))
     several = len(yaw) >= FEWEST_TOGETHER and _alike(directions) < ONE_WAY
-    if not several or _alike(directions - yaw) >= ALIKE:
+    if not several:
         return ""
+    if _alike(directions - yaw) >= ALIKE:
+        off = float(np.angle(np.exp(2j * (directions - yaw)).mean()) / 2)
+        if abs(off) <= ALONG or len(drives) >= FEWEST_DRIVES:
+            return ""  # many drives are judged one by one
+        return f"yaw is {abs(np.degrees(off)):.0f} degrees off the direction of motion"
     others = {
         "turned to the right; it must be positive to the left": directions + yaw,
         "in degrees": directions - np.radians(yaw),
