@@ -9,13 +9,13 @@ from pathlib import Path
 
 from sidm.config import ConfigError
 
-_DRIVES = "drives: files, ROS bags, or folders of files"
+DRIVES = "drives: files, ROS bags, or folders of files; NAME=PATH names their session"
 
 
 def add_fit_options(command: argparse.ArgumentParser) -> None:
     """Add the drives of a novice, and of an expert if there are any."""
     command.add_argument(
-        "--novice", metavar="PATH", nargs="+", required=True, help=_DRIVES
+        "--novice", metavar="PATH", nargs="+", required=True, help=DRIVES
     )
     _add_expert_and_bodies(command)
     add_reading_options(command)
@@ -23,7 +23,7 @@ def add_fit_options(command: argparse.ArgumentParser) -> None:
 
 def add_comparison_options(command: argparse.ArgumentParser) -> None:
     """Add the drives of a robot by position, and of an expert if there are any."""
-    command.add_argument("drives", metavar="PATH", nargs="+", help=_DRIVES)
+    command.add_argument("drives", metavar="PATH", nargs="+", help=DRIVES)
     _add_expert_and_bodies(command)
     add_reading_options(command)
 
@@ -32,7 +32,7 @@ def add_model_options(command: argparse.ArgumentParser) -> None:
     """Add a model, and drives of its robot."""
     text = "folder of a model that 'ownrobot fit' made"
     command.add_argument("model", metavar="MODEL", help=text)
-    command.add_argument("drives", metavar="PATH", nargs="+", help=_DRIVES)
+    command.add_argument("drives", metavar="PATH", nargs="+", help=DRIVES)
     add_reading_options(command)
 
 
@@ -55,7 +55,10 @@ def add_reading_options(command: argparse.ArgumentParser) -> None:
 
 def refuse_inputs(outputs: Iterable[str | None], inputs: Iterable[str | None]) -> None:
     """Raise ConfigError for a file to write that has no name or is read, too."""
-    read = [Path(path) for path in inputs if path and Path(path).exists()]
+    from ownrobot.recordings.reading import session_and_path
+
+    given = [session_and_path(path)[1] for path in inputs if path]
+    read = [path for path in given if path.exists()]
     read += [file for path in read if path.is_dir() for file in path.rglob("*")]
     for output in outputs:
         if output is None:

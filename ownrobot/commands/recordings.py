@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ownrobot.command_line import AddCommand
-from ownrobot.commands.options import add_reading_options
+from ownrobot.commands.options import DRIVES, add_reading_options
 from sidm.config import ConfigError
 
 CHECK_EXAMPLES = """\
@@ -28,8 +28,7 @@ def add_check(add: AddCommand) -> None:
         "something is that 'ownrobot fit' would refuse."
     )
     check = add("check", run_check, text, CHECK_EXAMPLES)
-    text = "drives: files, ROS bags, or folders of files"
-    check.add_argument("drives", metavar="PATH", nargs="+", help=text)
+    check.add_argument("drives", metavar="PATH", nargs="+", help=DRIVES)
     text = "what the drives are made of, YAML"
     check.add_argument("--body", metavar="FILE", required=True, help=text)
     add_reading_options(check)
@@ -68,8 +67,8 @@ def _report(where: str, found: Mapping[str, Any], skip_bad: bool) -> list[str]:
     if found["drives"]:
         shortest, median, longest = found["steps"]
         lines = [
-            f"{where}: {found['drives']} drives without a fault of "
-            f"{found['sessions']} sessions, {found['minutes']:.3g} min",
+            f"{where}: {_count(found['drives'], 'drive')} without a fault of "
+            f"{_count(found['sessions'], 'session')}, {found['minutes']:.3g} min",
             f"{shortest} to {longest} steps of {1 / found['body_rate']:g} s in a drive,"
             f" median {median}; rows come at {found['row_rate']:.3g} Hz, and the body "
             f"has {found['body_rate']:g} Hz",
@@ -85,6 +84,10 @@ def _report(where: str, found: Mapping[str, Any], skip_bad: bool) -> list[str]:
     elif found["faults"] and found["drives"] and not skip_bad:
         lines.append("--skip-bad leaves out each drive or file that is wrong")
     return lines
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def _table(columns: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -24,7 +24,7 @@ from sidm.learning.model import Predictor
 from sidm.learning.networks import Memory
 from sidm.learning.stopping import CurvePoint
 from sidm.learning.training import Trained
-from sidm.learning.units import Standardisation
+from sidm.learning.units import Standardisation, divisor
 
 FOLDS = 5  # folds of the cross-validation, at most
 #: Penalties on the weights of the numbers themselves.
@@ -93,7 +93,8 @@ class LeastSquares(Predictor):
         if self.base is None:
             return numbers, inputs.new_zeros(*inputs.shape[:-1], self.targets), memory
         predicted, memory = self.base(role, inputs, maps, memory)
-        standard = (predicted - self.units.target_mean) / self.units.target_std
+        deviations = predicted - self.units.target_mean
+        standard = deviations / divisor(self.units.target_std)
         return torch.cat([numbers, standard], dim=-1), predicted, memory
 
     def functions(self, numbers: Tensor) -> Tensor:

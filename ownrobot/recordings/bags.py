@@ -1,55 +1,27 @@
 """Read drives from ROS bags, version 1 or 2, as tables.
 
-The module `messages` says which columns a message gives, `clocks` when it counts. The
-table has a row for each pose. Other sensors are interpolated, but not across a pause of
-theirs: the rows in it are left out. A command holds until the next one; a row has the
-mean of the commands until the next row.
+The module `topics` reads a bag, `messages` says which columns a message gives, `clocks`
+when it counts. The table has a row for each pose. Other sensors are interpolated, but
+not across a pause of theirs: the rows in it are left out. A command holds until the
+next one; a row has the mean of the commands until the next row.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
 
 from ownrobot.recordings import checks
 from ownrobot.recordings.checks import GAP
-from ownrobot.recordings.clocks import Messages, on_one_clock
-from ownrobot.recordings.messages import (
-    ACKERMANN,
-    ARRAYS,
-    COMMANDS,
-    POSES,
-    SENSORS,
-    Reader,
-)
 from ownrobot.recordings.table import RecordingError, Table
+from ownrobot.recordings.topics import Samples, Series, Topics, read_topics
 from sidm.body import Body
-from sidm.config import first_line, hint, unknown_name
+from sidm.config import hint
 
 QUATERNION = ("qx", "qy", "qz", "qw")
 LONG_PAUSE = 1.0  # s without a command, from which a note tells that the last one holds
-
-
-class Samples(NamedTuple):
-    """The numbers of one column, on the bag's clock."""
-
-    times: np.ndarray  # (N,) s, rising
-    values: np.ndarray  # (N,)
-
-
-Series = dict[str, Samples]  # the columns of one kind of topic
-
-
-class Topics(NamedTuple):
-    """The topics of a bag that are read, over a time in which its clock rises."""
-
-    pose: Series
-    sensors: Series
-    command: Series
 
 
 def read_bag(path: Path, body: Body, topics: Sequence[str] = ()) -> Table:
@@ -69,7 +41,7 @@ def read_bag(path: Path, body: Body, topics: Sequence[str] = ()) -> Table:
         ImportError: the library `rosbags` is not installed.
     """
     wanted = [name for name, _ in (*body.state, *body.actions)]
-    parts, notes = read_topics(path, topics)
+    parts, notes, session = read_topics(path, topics)
     pieces = [bag_columns(path, part, wanted, body.name) for part in parts]
     notes += _notes_of_commands(path, parts, wanted)
     columns = {n: np.concatenate([piece[n] for piece in pieces]) for n in pieces[0]}
@@ -82,19 +54,7 @@ def read_bag(path: Path, body: Body, topics: Sequence[str] = ()) -> Table:
         )
         numbers = np.arange(len(parts)).astype(str)
         labels["drive"] = np.repeat(numbers, lengths)
-    if session := _session(path):
-        labels["session"] = np.repeat([session], sum(lengths))
-    return Table(str(path), columns, labels, None, notes=notes)
-
-
-def _session(path: Path) -> str:
-    """The session of a bag that a recorder split into NAME_0, NAME_1, ...; else ''."""
-    found = re.fullmatch(r"(.+)_\d+(\.\w+)?", path.name)
-    if not found:
-        return ""
-    pattern = rf"{re.escape(found[1])}_\d+{re.escape(found[2] or '')}"
-    beside = [one for one in path.parent.iterdir() if re.fullmatch(pattern, one.name)]
-    return str(path.parent / found[1]) if len(beside) > 1 else ""
+    return Table(str(path), columns, labels, None, notes=notes, session=session)
 
 
 def _notes_of_commands(
@@ -127,178 +87,6 @@ def _notes_of_commands(
             f"{path}: commands pause for up to {longest:.3g} s; the last one is held"
         )
     return notes
-
-
-def read_topics(
-    path: Path, topics: Sequence[str] = ()
-) -> tuple[list[Topics], list[str]]:
-    """Read the pose, the sensors and the command of a bag; errors as in `read_bag`.
-
-    Returns:
-        The topics, in several parts where the clock of the poses goes back; and lines
-        about clocks and messages that are left out.
-    """
-    try:
-        from rosbags.highlevel import AnyReader, AnyReaderError
-        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-    except ImportError:
-        raise ImportError(
-            "ROS bags are read with the library rosbags: pip install rosbags"
-        ) from None
-    unreadable = OSError, ValueError, KeyError, IndexError, RuntimeError, AnyReaderError
-    types = get_typestore(Stores.ROS2_HUMBLE)
-    for name, definition in ACKERMANN.items():
-        types.register(get_types_from_msg(definition, name))
-    try:
-        with AnyReader([path], default_typestore=types) as reader:
-            bag = _Bag(path, reader, topics)
-            pose = bag.messages(POSES, "pose")
-            arrays = {} if bag.has(COMMANDS) else ARRAYS
-            command = bag.messages(COMMANDS | arrays, "command")
-            sensors = [
-                found
-                for message, read in SENSORS.items()
-                if (found := bag.optional({message: read}, message)) is not None
-            ]
-    except RecordingError:
-        raise
-    except unreadable as error:
-        raise RecordingError(
-            f"{path}: the bag cannot be read ({first_line(error)}); is it cut off?"
-        ) from None
-    except Exception as error:  # each storage format has errors of its own
-        raise RecordingError(
-            f"{path}: the bag is damaged ({first_line(error)}); copy it again, or "
-            "mend it with 'rosbag reindex' or 'ros2 bag reindex'"
-        ) from None
-    return _parts(path, [pose, command, *sensors])
-
-
-def _parts(path: Path, read: Sequence[Messages]) -> tuple[list[Topics], list[str]]:
-    """Pose, command and sensors on one clock, cut where that of the poses goes back."""
-    clocks, notes = on_one_clock(read)
-    notes = [f"{path}: {note}" for note in notes]
-    times = clocks[0]
-    same = _repeats(read[0], times)
-    if same.any():
-        what = "1 pose has" if same.sum() == 1 else f"{same.sum()} poses have"
-        notes.append(f"{path}: {what} the time of the pose before, and is left out")
-    times = np.where(same, np.nan, times)
-    kept = np.flatnonzero(np.isfinite(times))
-    back = kept[1:][np.diff(times[kept]) < 0]
-    limits = [-np.inf, *read[0].received[back], np.inf]
-    parts = []
-    for start, end in zip(limits, limits[1:], strict=False):
-        series = [
-            _series(one, np.where(_within(one, start, end), clock, np.nan))
-            for one, clock in zip(read, [times, *clocks[1:]], strict=True)
-        ]
-        merged: Series = {}
-        for sensor in series[2:]:
-            merged |= sensor
-        if series[0] and series[1]:
-            parts.append(Topics(series[0], merged, series[1]))
-    if not parts:
-        raise RecordingError(
-            f"{path}: its topics have no time in common; record them together"
-        )
-    return parts, notes
-
-
-def _within(one: Messages, start: float, end: float) -> np.ndarray:
-    """Which messages (N,) were received in [start, end)."""
-    return (one.received >= start) & (one.received < end)
-
-
-def _repeats(one: Messages, times: np.ndarray) -> np.ndarray:
-    """Which messages (N,) have the time of the message before."""
-    return np.r_[False, np.diff(times) == 0]
-
-
-def _series(one: Messages, times: np.ndarray) -> Series:
-    """The columns of a topic at rising times; of one time the last value counts."""
-    series = {}
-    for name, (rows, values) in one.columns.items():
-        at = times[rows]
-        there = np.flatnonzero(np.isfinite(at))
-        order = there[np.argsort(at[there], kind="stable")]
-        last = np.r_[np.diff(at[order]) > 0, True] if len(order) else order
-        if last.sum() > 1:
-            series[name] = Samples(at[order][last], values[order][last])
-    return series
-
-
-class _Bag:
-    """An open bag, of which all topics are read or only those named."""
-
-    def __init__(self, path: Path, reader: Any, topics: Sequence[str]):
-        self.path, self.reader = path, reader
-        known = {connection.topic for connection in reader.connections}
-        for name in topics:
-            if name not in known:
-                error = unknown_name(name, sorted(known), kind="topic")
-                raise RecordingError(f"{path}: {error}")
-        self.connections = [
-            connection
-            for connection in reader.connections
-            if not topics or connection.topic in topics
-        ]
-
-    def has(self, readers: dict[str, Reader]) -> bool:
-        """Whether a topic has messages of some types."""
-        return any(connection.msgtype in readers for connection in self.connections)
-
-    def messages(self, readers: dict[str, Reader], kind: str) -> Messages:
-        """Read the one topic with messages of some types; `kind` names it in errors."""
-        found = self.optional(readers, kind)
-        if found is None:
-            present = {f"{c.topic} ({c.msgtype})" for c in self.connections}
-            raise RecordingError(
-                f"{self.path}: no topic with a {kind} ({', '.join(readers)}); "
-                f"there are {', '.join(sorted(present)) or 'none'}"
-            )
-        return found
-
-    def optional(self, readers: dict[str, Reader], kind: str) -> Messages | None:
-        """Read the topic with messages of some types; None if there is none."""
-        connections = [c for c in self.connections if c.msgtype in readers]
-        names = sorted({connection.topic for connection in connections})
-        if len(names) > 1:
-            raise RecordingError(
-                f"{self.path}: {len(names)} topics with a {kind}, {', '.join(names)}; "
-                "name those that are meant with --topics"
-            )
-        if not names:
-            return None
-        received: list[float] = []
-        stamps: list[float] = []
-        found: dict[str, tuple[list[int], list[float]]] = {}
-        for connection, time, raw in self.reader.messages(connections=connections):
-            message = self.reader.deserialize(raw, connection.msgtype)
-            # a message of a topic may be without some columns, as those of joints
-            for name, value in readers[connection.msgtype](message).items():
-                rows, values = found.setdefault(name, ([], []))
-                rows.append(len(received))
-                values.append(value)
-            received.append(time * 1e-9)
-            stamps.append(_stamp(message))
-        if len(received) < 2:
-            raise RecordingError(
-                f"{self.path}: {len(received)} messages on {names[0]}, too few for a "
-                "drive"
-            )
-        return Messages(
-            names[0],
-            np.array(received),
-            np.array(stamps) if min(stamps) > 0 else None,
-            {name: (np.array(r), np.array(v)) for name, (r, v) in found.items()},
-        )
-
-
-def _stamp(message: Any) -> float:
-    """The time in a message's header, s; 0 without one."""
-    stamp = getattr(getattr(message, "header", None), "stamp", None)
-    return 0.0 if stamp is None else stamp.sec + stamp.nanosec * 1e-9
 
 
 def bag_columns(

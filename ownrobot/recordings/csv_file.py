@@ -32,9 +32,9 @@ from ownrobot.recordings.csv_text import (
     HEADER,
     TextTable,
     as_float,
-    read_text,
     split_header,
 )
+from ownrobot.recordings.exports import read_text
 from ownrobot.recordings.table import RecordingError, Table, unit_factors
 from sidm.body import SI, Body
 from sidm.config import first_line

@@ -36,8 +36,6 @@ HEADER = {
 SEPARATORS = {";": "semicolons", "\t": "tabs"}  # that may stand in place of commas
 #: A name and perhaps a unit in brackets; a file of numbers alone has none.
 TITLE = re.compile(r"\s*(.*?)\s*(?:\[(.*)\])?\s*")
-SECONDS = re.compile(r"(.*?)(secs?|seconds)", re.IGNORECASE)
-NANOSECONDS = re.compile(r"(.*?)(nsecs?|nanosecs?|nanoseconds)", re.IGNORECASE)
 SPARSE = 0.3  # share of empty cells from which a file has topics of several rates
 
 
@@ -109,7 +107,7 @@ class TextTable(NamedTuple):
             )
 
 
-def read_text(path: Path) -> TextTable:
+def text_of(path: Path) -> TextTable:
     """Read a file's header and cells; RecordingError names the first fault.
 
     The cells are separated by commas, or by semicolons or tabs; with these, numbers may
@@ -146,10 +144,8 @@ def read_text(path: Path) -> TextTable:
         notes.append(f"{path}: the last line is cut off, and is left out")
         rows, numbers = rows[:-1], numbers[:-1]
     cells = _cells(path, rows, numbers, names)
-    table = TextTable(
-        path, header, names, units, cells, numbers, separator != ",", tuple(notes)
-    )
-    return table if "time" in names else _with_time(table)
+    commas = separator != ","
+    return TextTable(path, header, names, units, cells, numbers, commas, tuple(notes))
 
 
 def _titles(
@@ -174,33 +170,6 @@ def _titles(
 
 def _are_numbers(cells: Sequence[str]) -> bool:
     return all(math.isfinite(as_float(cell.replace(",", "."))) for cell in cells)
-
-
-def _with_time(table: TextTable) -> TextTable:
-    """The table with its stamps as `time`, where they have other names."""
-    names, units = table.names, table.units
-    for name in ("timestamp", "stamp"):
-        if names.count(name) == 1 and units[names.index(name)]:
-            renamed = ["time" if one == name else one for one in names]
-            return table._replace(names=renamed)
-    seconds = {found[1]: n for n in names if (found := SECONDS.fullmatch(n))}
-    for name in names:
-        found = NANOSECONDS.fullmatch(name)
-        if not found or found[1] not in seconds:
-            continue
-        parts = [names.index(seconds[found[1]]), names.index(name)]
-        try:
-            whole = ([int(as_float(c)) for c in table.cells[n]] for n in parts)
-            stamps = [str(s * 10**9 + ns) for s, ns in zip(*whole, strict=True)]
-        except ValueError:
-            break
-        kept = [n for n in range(len(names)) if n not in parts]
-        return table._replace(
-            names=["time", *(names[n] for n in kept)],
-            units=["ns", *(units[n] for n in kept)],
-            cells=[stamps, *(table.cells[n] for n in kept)],
-        )
-    return table
 
 
 def split_header(

@@ -16,8 +16,13 @@ import numpy as np
 
 from ownrobot.recordings import checks
 from ownrobot.recordings.csv_file import rate_of
-from ownrobot.recordings.csv_text import read_text
-from ownrobot.recordings.reading import drives_of_paths, files_of, is_bag
+from ownrobot.recordings.exports import read_text
+from ownrobot.recordings.reading import (
+    drives_of_paths,
+    files_of,
+    is_bag,
+    session_and_path,
+)
 from ownrobot.recordings.resampling import Rows, pose_rate
 from ownrobot.recordings.table import EXTRA, Findings, RecordingError
 from sidm.body import POSES, TWIST, Body, Columns, Pose, units_like
@@ -92,7 +97,7 @@ def guess_body(path: str | Path, topics: Sequence[str] = ()) -> Guess:
         >>> guess.body.pose, guess.body.actions
         ('planar', (('throttle', '1'), ('steering', 'rad')))
     """
-    file = files_of(Path(path))[0]
+    file = files_of(session_and_path(path)[1])[0]
     if is_bag(file):
         recording = _of_bag(file, topics)
     elif ".csv" in file.name.lower():
@@ -165,10 +170,11 @@ def _of_csv(path: Path) -> _Recording:
 
 def _of_bag(path: Path, topics: Sequence[str]) -> _Recording:
     """The columns of a ROS bag."""
-    from ownrobot.recordings.bags import bag_columns, read_topics  # an optional library
+    from ownrobot.recordings.bags import bag_columns  # its library is optional
     from ownrobot.recordings.messages import unit_of
+    from ownrobot.recordings.topics import read_topics
 
-    parts, _ = read_topics(path, topics)
+    parts, _, _ = read_topics(path, topics)
     read = max(parts, key=lambda part: len(next(iter(part.pose.values())).times))
     changing = (n for n, one in read.command.items() if np.ptp(one.values) > 0)
     commands = [*changing] or [*read.command]

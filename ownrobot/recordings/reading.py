@@ -20,7 +20,7 @@ from ownrobot.recordings.npz_file import read_npz, write_npz
 from ownrobot.recordings.resampling import drives_of_pieces, pose_rate, recorded_drives
 from ownrobot.recordings.table import Findings, RecordingError, Table
 from sidm.body import SI, Body
-from sidm.config import hint, no_such_file
+from sidm.config import hint, no_such_file, replace
 from sidm.drives import Drive
 
 if TYPE_CHECKING:
@@ -41,10 +41,11 @@ def read_drives(
     """Read the drives of a file or a ROS bag, of all files of a folder, or of a table.
 
     Args:
-        path: of the file, the bag or the folder, or a sequence of such paths; or a
-            table in memory with columns as in a CSV file, in SI units: a row for each
-            time, with the columns `time`, s, and those of the body; `drive` or
-            `session` too where there are several drives.
+        path: of the file, the bag or the folder, or a sequence of such paths; in
+            'NAME=PATH', NAME is the session of all drives there. Or a table in memory
+            with columns as in a CSV file, in SI units: a row for each time, with the
+            columns `time`, s, and those of the body; `drive` or `session` too where
+            there are several drives.
         body: the robot's body, the YAML file that describes it, or the mapping in such
             a file.
         topics: names of the topics to read from bags that have several of a kind; all
@@ -91,14 +92,16 @@ def drives_of_paths(
 ) -> list[Drive]:
     """Drives of files, bags and folders; `findings` takes faults and notes."""
     findings.notes += notes_of_units(body)
-    files = []
-    for path in paths:
+    files, sessions = [], []
+    for given in paths:
+        session, path = session_and_path(given)
         try:
             found = files_of(path)
         except RecordingError as error:
             findings.add(error)
             continue
         files += found
+        sessions += [session] * len(found)
         if left := _not_read(path, found):
             findings.notes.append(
                 f"{path}: {len(left)} files are not read, as {left[0]}; drives are "
@@ -110,7 +113,7 @@ def drives_of_paths(
             f"{where}: topics are of ROS bags, and this is none; leave --topics out"
         )
     drives = []
-    for file in files:
+    for file, session in zip(files, sessions, strict=True):
         try:
             tables = list(_tables(file, body, topics, findings.skip))
         except RecordingError as error:
@@ -118,7 +121,8 @@ def drives_of_paths(
             continue
         findings.notes += [note for table in tables for note in table.notes]
         of_file = [d for table in tables for d in _drives(table, body, findings)]
-        drives += drives_along_yaw(str(file), of_file, body, findings)
+        read = drives_along_yaw(str(file), of_file, body, findings)
+        drives += [replace(d, session=session) for d in read] if session else read
     return drives
 
 
@@ -162,9 +166,17 @@ def as_paths(path: str | Path | Sequence[str | Path]) -> list[Path]:
     return list(map(Path, [path] if isinstance(path, (str, Path)) else path))
 
 
+def session_and_path(given: str | Path) -> tuple[str, Path]:
+    """The session and the path in 'NAME=PATH'; '' and the path where none is named."""
+    name, sign, path = str(given).partition("=")
+    named = sign and name and not Path(given).exists()
+    return (name, Path(path)) if named else ("", Path(given))
+
+
 def has_bags(path: str | Path | Sequence[str | Path]) -> bool:
     """Whether a ROS bag is among the files that `read_drives` would read."""
-    existing = [one for one in as_paths(path) if one.exists()]
+    read = [session_and_path(one)[1] for one in as_paths(path)]
+    existing = [one for one in read if one.exists()]
     inside = (part for one in existing if one.is_dir() for part in one.iterdir())
     return any(map(is_bag, [*existing, *inside]))
 

@@ -63,7 +63,7 @@ def recorded_drives(table: Table, body: Body, findings: Findings) -> Iterable[Re
         except RecordingError as error:
             findings.add(error)
             continue
-        session = str(sessions[rows[0]] or f"{table.name} {label}")
+        session = str(sessions[rows[0]] or table.session or f"{table.name} {label}")
         several = len(starts) or not table.labels
         name = f"{table.name} drive {label}" if several else table.name
         yield Recorded(where, name, session, numbers)

@@ -36,6 +36,7 @@ class Table(NamedTuple):
     rate: float | None  # Hz, where there is no column of time
     ground: Ground | None = None
     notes: Sequence[str] = ()  # what was done with the file, one line each
+    session: str = ""  # of all rows, where no label says it; '': each drive has its own
 
 
 class Findings:

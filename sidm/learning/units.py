@@ -13,12 +13,16 @@ from sidm.config import ConfigError
 from sidm.learning.dataset import Datasets, Windows
 from sidm.settings import Network
 
-#: standard deviation below which a component counts as constant and keeps its raw unit
+#: standard deviation below which a component counts as constant
 SMALLEST_STD = 1e-6
 
 
 class Standardisation(NamedTuple):
-    """Units in which the networks work: (raw - mean) / std."""
+    """Units in which the networks work: (raw - mean) / std.
+
+    A constant input or map keeps its raw unit, std 1. A constant target has std 0: the
+    networks predict its mean.
+    """
 
     input_mean: Tensor  # (X,) float32
     input_std: Tensor  # (X,)
@@ -46,9 +50,16 @@ class Standardisation(NamedTuple):
         count = min(maps_from, len(windows))
         maps = windows.first(maps_from).take(range(count)).maps
         map_mean, map_std = _moments(window.reshape(-1, 1) for window in maps)
-        inputs = _moments([windows.inputs.flatten(0, 1)])
-        targets = _moments([windows.targets.flatten(0, 1)])
-        return cls(*inputs, map_mean[0], map_std[0], *targets)
+        input_mean, input_std = _moments([windows.inputs.flatten(0, 1)])
+        target_mean, target_std = _moments([windows.targets.flatten(0, 1)])
+        return cls(
+            input_mean,
+            divisor(input_std),
+            map_mean[0],
+            divisor(map_std)[0],
+            target_mean,
+            target_std,
+        )
 
 
 #: one standardisation for all systems, or one for each by its role
@@ -80,15 +91,20 @@ def default_units(datasets: Datasets, network: Network) -> Units:
 def loss_weights(body: Body, units: Standardisation) -> Tensor | None:
     """Weights (Y,) of the components in equation (1).
 
-    They are 1 over the variance, or None where all are 1. A component that varies by
-    less than its sensor resolves has weight 0: it is rounding noise, and divided by its
-    variance it would be as much of the loss as any other.
+    They are 1 over the variance, or None where all are 1. A component that varies by no
+    more than its sensor resolves has weight 0, a constant one with it: it is rounding
+    noise, and divided by its variance it would be as much of the loss as any other.
     """
     if body.weights != "variance":
         return None
     std = units.target_std
-    unresolved = std < std.new_tensor(body.resolutions)
+    unresolved = std <= std.new_tensor(body.resolutions)
     return std.square().reciprocal().masked_fill(unresolved, 0.0)
+
+
+def divisor(std: Tensor) -> Tensor:
+    """Standard deviations to divide by: 1 where a component is constant."""
+    return torch.where(std > 0, std, 1.0)
 
 
 def role_units(units: Units, role: str) -> Standardisation:
@@ -97,7 +113,10 @@ def role_units(units: Units, role: str) -> Standardisation:
 
 
 def _moments(parts: Iterable[Tensor]) -> tuple[Tensor, Tensor]:
-    """Mean and standard deviation (K,), float32, of the rows of all `parts` (., K)."""
+    """Mean and standard deviation (K,), float32, of the rows of all `parts` (., K).
+
+    The standard deviation of a constant component is 0.
+    """
     count, total, squares = 0, torch.zeros(()), torch.zeros(())
     for part in parts:
         rows = part.double()
@@ -106,4 +125,4 @@ def _moments(parts: Iterable[Tensor]) -> tuple[Tensor, Tensor]:
         squares = squares + rows.square().sum(0)
     mean = total / max(count, 1)  # there may be no map at all
     std = (squares / max(count, 1) - mean.square()).clamp_min(0).sqrt()
-    return mean.float(), torch.where(std > SMALLEST_STD, std, 1.0).float()
+    return mean.float(), torch.where(std > SMALLEST_STD, std, 0.0).float()

@@ -3,17 +3,10 @@
 import numpy as np
 import pytest
 
-from ownrobot.recordings.bags import (
-    Samples,
-    Topics,
-    _held_means,
-    _notes_of_commands,
-    _parts,
-    _session,
-    bag_columns,
-)
+from ownrobot.recordings.bags import _held_means, _notes_of_commands, bag_columns
 from ownrobot.recordings.clocks import Messages, on_one_clock
 from ownrobot.recordings.table import RecordingError
+from ownrobot.recordings.topics import Samples, Topics, _parts
 
 TIME = np.arange(0, 30, 0.05)  # s, at which a robot was somewhere
 
@@ -123,11 +116,3 @@ def test_orientations_that_are_none_are_refused(length):
     with pytest.raises(RecordingError, match=f"length {length:.4g}, not 1"):
         bag_columns("bag", part, ["x", "y", "yaw", "linear"], "cart")
     assert "x" in bag_columns("bag", part, ["x", "linear"], "without yaw")
-
-
-def test_bags_that_a_recorder_split_are_one_session(tmp_path):
-    for name in ("run_2024_0.bag", "run_2024_1.bag", "other_0.bag", "drive.bag"):
-        (tmp_path / name).touch()
-    sessions = {one.name: _session(one) for one in tmp_path.iterdir()}
-    assert sessions["run_2024_0.bag"] == sessions["run_2024_1.bag"] != ""
-    assert sessions["other_0.bag"] == sessions["drive.bag"] == ""

@@ -117,7 +117,7 @@ def weaving(yaw_of, steps=400, wide=2.0) -> Drive:
     [
         (lambda yaw: yaw, ""),
         (lambda yaw: yaw + np.pi, ""),  # it drives backwards
-        (lambda yaw: yaw + 0.8, "46 degrees off"),
+        (lambda yaw: yaw + 0.8, "45 degrees off"),
         (lambda yaw: -yaw, "turned to the right"),
         (lambda yaw: np.pi / 2 - yaw, "turned to the right"),  # a compass
         (lambda yaw: 0 * yaw, "hardly changes"),
