@@ -63,9 +63,16 @@ def _scene(path: Path, arguments: argparse.Namespace) -> Any:
     model = load(arguments.model) if arguments.model else None
     if path.suffix == ".npz" and not (arguments.body or model):
         try:
-            return read_scene(path)
+            scene = read_scene(path)
         except Damaged:
             pass  # The file may hold recorded drives; reading them finds other faults.
+        else:
+            if arguments.shape or arguments.drive:
+                raise ConfigError(
+                    f"{path} is a scene, and --shape and --drive are of recorded "
+                    "drives; leave them out"
+                )
+            return scene
     body = model.body if model else ROVER
     if arguments.body:
         body = read_body(arguments.body)

@@ -30,7 +30,7 @@ from ownrobot.comparison.plan import (
 from ownrobot.comparison.result import Comparison, FitResult
 from ownrobot.comparison.store import read_result, write_fault, write_result
 from ownrobot.fitting.arguments import drives_from, refuse_swapped
-from ownrobot.fitting.settings import Settings, settings_with
+from ownrobot.fitting.settings import Settings, settings_with, without_effect
 from ownrobot.fitting.single import fit_drives, loss_scale, pretrained
 from ownrobot.fitting.windows import common_length
 from ownrobot.methods.registry import METHODS
@@ -153,8 +153,10 @@ def compare(
     if plan.repeats < repeats:
         parts = f"{plan.folds} sessions or drives"
         text = f"{parts} can be held out in one way: 1 repeat, not {repeats}"
-        warnings.warn(Notice(text), stacklevel=2)
-        notices.append(text)
+        _notice(text, notices)
+    if expert and not any(METHODS[name].needs_expert for name in plan.methods):
+        _notice("none of the methods learns from the expert's drives", notices)
+    _notice(without_effect(plan.methods, settings, novice_drives[0].body), notices)
     chosen = settings_with(network, training, settings)
     kept = None if folder is None else Path(folder)
     task = Task(plan, novice_drives, expert_drives, chosen, kept)
@@ -174,6 +176,13 @@ def compare(
     if not comparison.methods:
         raise ConfigError(faults[0])
     return comparison
+
+
+def _notice(text: str, notices: list[str]) -> None:
+    """Warn of a text that is not empty, and keep it for the report."""
+    if text:
+        warnings.warn(Notice(text), stacklevel=3)
+        notices.append(text)
 
 
 def _named(drives: list[Drive]) -> list[Drive]:

@@ -18,10 +18,9 @@ from ownrobot.fitting.files import ABOUT, refuse_folder
 from ownrobot.fitting.learning import refuse_method
 from ownrobot.fitting.model import Model
 from ownrobot.fitting.score import DriveLosses
-from ownrobot.fitting.settings import settings_with
+from ownrobot.fitting.settings import settings_with, without_effect
 from ownrobot.fitting.single import fit_drives
 from ownrobot.fitting.splits import Split, evaluation_splits
-from ownrobot.methods.registry import METHODS
 from sidm.config import ConfigError, Notice, first_line
 from sidm.drives import Drive
 from sidm.settings import Network, Training
@@ -116,7 +115,8 @@ def fit(
         )
     _refuse(method, novice_drives, expert_drives)
     refuse_swapped(novice_drives, expert_drives)
-    _note_unused(method, settings, device)
+    if text := without_effect([method], settings, novice_drives[0].body, device):
+        warnings.warn(Notice(text), stacklevel=2)
     if out is not None:
         refuse_folder(out, novice_drives[0].body, force)
     learnt, held_out, folds = _split(novice_drives, test, seed, reading)
@@ -141,15 +141,6 @@ def fit(
         with contextlib.suppress(OSError):  # another method's training stays
             (Path(out) / UNFINISHED).rmdir()
     return model
-
-
-def _note_unused(method: str, settings: Mapping[str, Any], device: str) -> None:
-    """Warn of settings and a device of networks where the method trains none."""
-    config, unused = METHODS[method], [name for name in settings if name != "pixels"]
-    unused += [f"device {device}"] if device != "cpu" else []
-    if unused and config.fit != "gradients" and not config.pretrained:
-        text = f"'{method}' trains no network; without effect: {', '.join(unused)}"
-        warnings.warn(Notice(text), stacklevel=3)
 
 
 def _note_seen(held_out: Sequence[Drive], expert: Sequence[Drive] | None) -> None:

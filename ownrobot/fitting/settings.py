@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from ownrobot.methods.registry import Method
+from ownrobot.methods.registry import METHODS, Method
+from sidm.body import Body
 from sidm.config import config, replace, unknown_name
 from sidm.settings import Network, Training
 
@@ -60,6 +61,10 @@ class Settings:
         )
 
 
+#: Settings of what encodes a height map.
+MAPS = {"pixels", "channels", "kernel"}
+
+
 def _names(kind: Any) -> set[str]:
     return {field.name for field in dataclasses.fields(kind)}
 
@@ -108,3 +113,31 @@ def settings_with(
     if training is not None:
         settings = replace(settings, training=training, tuned=())
     return settings.with_values(values)
+
+
+def without_effect(
+    methods: Sequence[str], values: Iterable[str], body: Body, device: str = "cpu"
+) -> str:
+    """A line that names settings which change nothing in any of some methods.
+
+    Args:
+        methods: names in `METHODS`.
+        values: names of settings.
+        body: of the robot that learns.
+        device: where networks are trained; cpu counts as no setting.
+
+    Returns:
+        The line; an empty text where each setting has an effect.
+    """
+    configs = [METHODS[name] for name in methods]
+    unused = [
+        name
+        for name in values
+        if not any(config.uses(name) for config in configs)
+        or (name in MAPS and not body.map_size)
+    ]
+    if device != "cpu" and not any(config.uses("hidden") for config in configs):
+        unused.append(f"device {device}")
+    if not unused:
+        return ""
+    return f"{', '.join(unused)}: without effect on {', '.join(methods)}"

@@ -10,6 +10,17 @@ from sidm.config import replace
 from sidm.settings import Training
 
 T = TypeVar("T", bound=Training)
+#: Settings of Algorithm 2, and of drawing the expert's data, by what they need.
+ADVERSARY = {
+    "discriminator_hidden",
+    "discriminator_batch",
+    "discriminator_iterations",
+    "discriminator_draw",
+    "matching_batch",
+    "matching_iterations",
+    "matching_optimiser",
+}
+DRAWING = {"p_expert", "system_draw"}
 Fit = Literal[
     "gradients",
     "least_squares",
@@ -65,6 +76,14 @@ class Method(NamedTuple):
         """Whether novice and expert must have the same body."""
         copied = self.pretrained and self.carried == "all"
         return self.residual or self.pooled or copied
+
+    def uses(self, setting: str) -> bool:
+        """Whether a setting of the networks or the training changes what it learns."""
+        if self.fit != "gradients" and not self.pretrained:
+            return setting == "pixels"
+        if setting in ADVERSARY:
+            return self.regularise
+        return self.expert or setting not in DRAWING
 
     def training(self, base: T, tuned: Mapping[str, Any] = MappingProxyType({})) -> T:
         """Settings of the method's training on the novice.
