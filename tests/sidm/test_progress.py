@@ -1,17 +1,23 @@
-"""Progress on a terminal and in a log."""
+"""Progress on a terminal, in a notebook and in a log."""
 
 import io
-import re
 import sys
 
+import pytest
 from tqdm import tqdm
 
-from sidm.progress import LogBar, progress_bar
+from sidm.progress import progress_bar
 
 
-def test_a_log_gets_whole_lines_with_the_time_left(monkeypatch, capsys):
-    now = [0.0]
-    monkeypatch.setattr("tqdm.std.time", lambda: now[0])
+@pytest.fixture
+def now(monkeypatch):
+    """The time that the bars see, s."""
+    time = [0.0]
+    monkeypatch.setattr("tqdm.std.time", lambda: time[0])
+    return time
+
+
+def test_a_log_gets_whole_lines_with_the_time_left(now, capsys):
     with progress_bar(10, "trials", "trial") as bar:
         for number in range(10):
             now[0] += 12.0
@@ -19,27 +25,24 @@ def test_a_log_gets_whole_lines_with_the_time_left(monkeypatch, capsys):
             bar.update()
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 4 and not any("\r" in line for line in lines)
-    assert (
-        lines[0] == "trials: 3/10 trial, 00:36 gone, 01:24 left, 12.00s/trial, loss=2"
-    )
-    assert re.match(r"trials: 10/10 trial, 02:00 gone, 00:00 left", lines[-1])
+    assert "3/10 trial, 00:36 gone, 01:24 left, 12.00s/trial, loss=2" in lines[0]
+    assert "10/10 trial, 02:00 gone, 00:00 left" in lines[-1]
 
 
-def test_short_or_unseen_work_writes_nothing(monkeypatch, capsys):
-    now = [0.0]
-    monkeypatch.setattr("tqdm.std.time", lambda: now[0])
-    for seconds, shown in ((1.0, True), (100.0, False)):
-        with progress_bar(3, "trials", "trial", shown=shown) as bar:
-            for _ in range(3):
-                now[0] += seconds
-                bar.update()
+@pytest.mark.parametrize(("seconds", "shown"), [(1.0, True), (100.0, False)])
+def test_short_or_unseen_work_writes_nothing(now, capsys, seconds, shown):
+    with progress_bar(3, "trials", "trial", shown=shown) as bar:
+        for _ in range(3):
+            now[0] += seconds
+            bar.update()
     assert capsys.readouterr().err == ""
 
 
-def test_a_terminal_gets_a_bar(monkeypatch):
-    assert isinstance(progress_bar(3, "trials", "trial", shown=False), LogBar)
+def test_a_terminal_gets_a_bar_unless_there_is_no_work(monkeypatch, capsys):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    assert type(progress_bar(3, "trials", "trial", shown=False)) is tqdm
+    with progress_bar(0, "trials", "trial") as bar:
+        assert type(bar) is tqdm
+    assert capsys.readouterr().err == ""
 
 
 def test_a_notebook_gets_a_bar(monkeypatch):
@@ -49,10 +52,3 @@ def test_a_notebook_gets_a_bar(monkeypatch):
     with progress_bar(2, "trials", "trial") as bar:
         bar.update(2)
     assert "trials: 100%" in stream.getvalue()
-
-
-def test_no_work_has_no_bar(monkeypatch, capsys):
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    with progress_bar(0, "trials", "trial"):
-        pass
-    assert capsys.readouterr().err == ""
