@@ -6,15 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from sidm.learning import (
-    Standardisation,
-    Windows,
-    encode_inputs,
-    load_windows,
-    robot_centred_map,
-    transition,
-    windows_of,
-)
+from sidm.learning import Standardisation, Windows, dataset, observation, windows_of
 from sidm.shards import SHARD_SIZE, Collection, ShardError, write_shard
 from sidm.terrain import generate_terrain
 
@@ -34,7 +26,7 @@ def stored(tmp_path, drives, small_terrain):
         write_shard(path, drives[first : first + SHARD_SIZE])
 
     def load(count: int, pixels: int = 8) -> Windows:
-        return load_windows(tmp_path, COLLECTION, count, small_terrain, pixels)
+        return dataset.load_windows(tmp_path, COLLECTION, count, small_terrain, pixels)
 
     return load
 
@@ -52,9 +44,9 @@ def test_windows_are_what_the_networks_see_of_drives(small_terrain, drives):
     heights = generate_terrain(small_terrain, 1)
     # three together round otherwise, and float32 more than both
     for found, expected, error in (
-        (motion.inputs, encode_inputs(states[:-1], actions), 1e-6),
-        (motion.targets, transition(states[:-1], states[1:]), 1e-6),
-        (motion.maps, robot_centred_map(heights, states[:-1], 8), 2e-3),
+        (motion.inputs, observation.encode_inputs(states[:-1], actions), 1e-6),
+        (motion.targets, observation.transition(states[:-1], states[1:]), 1e-6),
+        (motion.maps, observation.robot_centred_map(heights, states[:-1], 8), 2e-3),
     ):
         assert torch.allclose(found[1].double(), expected, atol=error)
 
@@ -69,9 +61,11 @@ def test_loaded_windows_are_those_of_the_drives_and_maps_are_computed_once(
             assert torch.equal(getattr(motion, name), getattr(expected, name))
         build = "sidm.terrain.generate_terrain"
         monkeypatch.setattr(build, lambda *_: pytest.fail("built a terrain again"))
-    before = cached(tmp_path)[0].read_bytes()
+    (path,) = cached(tmp_path)
+    assert path.name in Path("/proc/self/maps").read_text()  # maps stay in their file
+    before = path.read_bytes()
     motion.maps.zero_()
-    assert cached(tmp_path)[0].read_bytes() == before
+    assert path.read_bytes() == before
 
 
 def test_each_resolution_and_count_has_its_file(stored, tmp_path):
@@ -97,6 +91,7 @@ def test_damaged_maps_are_named(stored, tmp_path, content):
 def test_parts_of_windows_are_the_same_copied_or_not(make_motion):
     motion, chosen = make_motion(7), [4, 1, 5, 0]
     part, copy = motion.subset(chosen), motion.take(np.array(chosen))
+    assert part.stored_maps is motion.stored_maps
     assert torch.equal(copy.inputs, motion.inputs[chosen])
     assert torch.equal(part.inputs, copy.inputs)
     assert torch.equal(part.targets, copy.targets)
@@ -104,33 +99,6 @@ def test_parts_of_windows_are_the_same_copied_or_not(make_motion):
     assert torch.equal(part.first(2).take([1]).maps, motion.maps[[1]])
     assert [len(chunk) for chunk in motion.split(3)] == [3, 3, 1]
     assert len(motion.first(3)) == 3 and len(motion.first(30)) == 7
-
-
-def anonymous_memory() -> float:
-    """Memory of this process that no file backs, MiB."""
-    lines = Path("/proc/self/status").read_text().splitlines()
-    (line,) = (line for line in lines if line.startswith("RssAnon"))
-    return int(line.split()[1]) / 1024
-
-
-@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs Linux")
-def test_maps_stay_in_their_file(tmp_path):
-    """Reading from 96 MiB of maps needs memory for a batch, not for the maps.
-
-    A batch of half of the maps is 1.5 MiB, the half itself 48 MiB; the allocator needs
-    the rest.
-    """
-    count, steps, pixels, batch = 192, 64, 64, 3
-    np.save(tmp_path / "maps.npy", np.ones((count, steps, pixels, pixels), np.float16))
-    maps = torch.from_numpy(np.load(tmp_path / "maps.npy", mmap_mode="c"))
-    motion = Windows(torch.zeros(count, steps, 11), torch.zeros(count, steps, 13), maps)
-    part = motion.subset(range(0, count, 2))
-    part.take(range(batch))
-    before = anonymous_memory()
-    for start in range(64):
-        assert part.take(range(start, start + batch)).maps[0, 0, 0, 0] == 1
-    assert sum(len(chunk) for chunk in part.split(batch)) == count // 2
-    assert anonymous_memory() - before < 16
 
 
 def test_standardisation_is_numpys_mean_and_deviation(make_motion):

@@ -6,16 +6,8 @@ import pytest
 import torch
 
 from sidm import rotations
-from sidm.learning import (
-    DynamicsModel,
-    encode_inputs,
-    integrate,
-    robot_centred_map,
-    rollout,
-    rollout_errors,
-    validation_loss,
-)
-from sidm.learning.evaluation import EVALUATION_BATCH, mean_loss, window_losses
+from sidm.learning import DynamicsModel, evaluation, observation
+from sidm.learning.evaluation import rollout, rollout_errors
 
 
 @pytest.fixture
@@ -34,14 +26,16 @@ def scene(generator):
 
 @torch.no_grad()
 def test_validation_loss_is_the_mean_square_by_component(model, make_motion):
-    motion = make_motion(EVALUATION_BATCH + 3)
-    losses = validation_loss(model, motion)
+    motion = make_motion(evaluation.EVALUATION_BATCH + 3)
+    losses = evaluation.validation_loss(model, motion)
     predicted, _ = model("novice", motion.inputs, motion.maps)
     squares = (predicted - motion.targets).double().square()
     assert torch.allclose(losses, squares.mean((0, 1)), rtol=1e-4)
-    assert mean_loss(model, motion) == pytest.approx(float(losses.sum()), rel=1e-6)
+    assert evaluation.mean_loss(model, motion) == pytest.approx(
+        float(losses.sum()), rel=1e-6
+    )
     by_window = squares.sum(2).mean(1)
-    assert torch.allclose(window_losses(model, motion), by_window, rtol=1e-4)
+    assert torch.allclose(evaluation.window_losses(model, motion), by_window, rtol=1e-4)
 
 
 def test_rollout_step_by_step(model, scene):
@@ -52,11 +46,11 @@ def test_rollout_step_by_step(model, scene):
     assert torch.equal(predicted[:, 0], state)
     now, memory = state.double(), None
     for k in range(5):
-        inputs = encode_inputs(now, actions[:, k].double()).float()
-        maps = robot_centred_map(heights, now, 8).half()
+        inputs = observation.encode_inputs(now, actions[:, k].double()).float()
+        maps = observation.robot_centred_map(heights, now, 8).half()
         with torch.no_grad():
             step, memory = model("expert", inputs[:, None], maps[:, None], memory)
-        now = integrate(now, step[:, 0].double())
+        now = observation.integrate(now, step[:, 0].double())
         assert torch.allclose(predicted[:, k + 1], now.float(), atol=1e-5)
     alone = rollout(model, heights[1].numpy(), state[1], actions[1], 8, role="expert")
     # different rounding in float32 may give the next float16

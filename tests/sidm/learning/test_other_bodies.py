@@ -7,22 +7,11 @@ import numpy as np
 import pytest
 import torch
 
-from ownrobot.methods.fine_tuning import pretrained_from, pretraining_datasets
 from sidm.body import DRIVE, ROVER, TWIST, Body
 from sidm.config import ConfigError
-from sidm.learning import (
-    Training,
-    Windows,
-    encode_inputs,
-    integrate,
-    robot_centred_map,
-    rollout,
-    train,
-    transition,
-)
-from sidm.learning.dataset import Datasets, encode_windows
-from sidm.learning.evaluation import mean_loss, rollout_errors, validation_loss
-from sidm.learning.observation import convert_to_body
+from sidm.learning import Datasets, Training, Windows, evaluation, observation, train
+from sidm.learning.dataset import encode_windows
+from sidm.learning.observation import convert_to_body, integrate, transition
 from sidm.learning.trainer import Trainer
 from sidm.learning.units import default_units
 from tests.sidm.learning.test_observation import at, random_states
@@ -92,7 +81,9 @@ def test_integrating_a_transition_leads_to_the_next_state(body, rng):
     back = integrate(before, y, body)
     assert torch.allclose(transition(before, back, body), y, atol=1e-9)
     assert torch.allclose(back[:, body.pose_size :], after[:, body.pose_size :])
-    inputs = encode_inputs(states, torch.zeros(50, len(body.actions)).double(), body)
+    inputs = observation.encode_inputs(
+        states, torch.zeros(50, len(body.actions)).double(), body
+    )
     assert inputs.shape == (50, len(body.inputs))
 
 
@@ -113,7 +104,7 @@ def test_a_planar_robots_map_is_relative_to_the_ground_under_it():
     heights = np.tile(0.1 * np.arange(60), (60, 1))  # rises by 1 m a metre along x
     body = dataclasses.replace(TRACKED, map_size=1.0)
     states = torch.stack([double(0.4, 0.3, 0, 0, 0), double(-1.0, 0.2, 0, 0, 0)])
-    maps = robot_centred_map(heights, states, 4, 1.0, body=body)
+    maps = observation.robot_centred_map(heights, states, 4, 1.0, body=body)
     row = double(-0.375, -0.125, 0.125, 0.375)
     assert torch.allclose(maps, row.expand(2, 4, 4))
 
@@ -121,12 +112,12 @@ def test_a_planar_robots_map_is_relative_to_the_ground_under_it():
 def test_a_body_without_a_map_needs_no_ground(make_pair):
     model = Trainer(*make_pair(TRACKED, ROVER), Training(**ALONE), 0).model
     actions = torch.zeros(7, 2)
-    path = rollout(model, None, torch.zeros(5), actions, 16, body=TRACKED)
-    position, heading = rollout_errors(path, torch.zeros(8, 5), TRACKED)
+    path = evaluation.rollout(model, None, torch.zeros(5), actions, 16, body=TRACKED)
+    position, heading = evaluation.rollout_errors(path, torch.zeros(8, 5), TRACKED)
     assert torch.allclose(position, path[1:, :2].double().norm(dim=-1))
     assert torch.allclose(heading, path[1:, 2].double().abs(), atol=1e-6)
     with pytest.raises(ValueError, match=r"state \(B, 5\) .* not \(1, 4\) and"):
-        rollout(model, None, torch.zeros(4), actions, 16, body=TRACKED)
+        evaluation.rollout(model, None, torch.zeros(4), actions, 16, body=TRACKED)
 
 
 @pytest.mark.parametrize(
@@ -139,9 +130,11 @@ def test_a_pair_of_any_bodies_trains_and_the_same_seed_gives_the_same(
     sets, network = make_pair(novice, expert)
     training = dataclasses.replace(small_training, regularise=regularise)
     first, second = (train(sets, network, training, 3) for _ in range(2))
-    assert validation_loss(first.model, sets.validation).shape == (len(novice.targets),)
+    assert evaluation.validation_loss(first.model, sets.validation).shape == (
+        len(novice.targets),
+    )
     assert first.history == second.history
-    assert math.isfinite(mean_loss(first.model, sets.expert, "expert"))
+    assert math.isfinite(evaluation.mean_loss(first.model, sets.expert, "expert"))
 
 
 def test_the_mean_of_the_training_motion_costs_one_a_component(make_pair):
@@ -150,7 +143,9 @@ def test_the_mean_of_the_training_motion_costs_one_a_component(make_pair):
     model = Trainer(sets, network, Training(**ALONE), 0).model
     for parameter in model.decoders["novice"].dense[-1].parameters():
         parameter.data.zero_()
-    assert torch.allclose(validation_loss(model, sets.train), double(*[1] * 5), 0, 1e-4)
+    assert torch.allclose(
+        evaluation.validation_loss(model, sets.train), double(*[1] * 5), 0, 1e-4
+    )
 
 
 def test_units_are_each_systems_own_where_bodies_are_not_the_papers(make_pair):
@@ -159,26 +154,6 @@ def test_units_are_each_systems_own_where_bodies_are_not_the_papers(make_pair):
     for role, windows in (("novice", sets.train), ("expert", sets.expert)):
         mean = windows.targets.mean((0, 1))
         assert torch.allclose(units[role].target_mean, mean, atol=1e-6)
-
-
-@pytest.mark.parametrize("frozen", ["nothing", "sidm"])
-def test_a_pretrained_core_serves_a_novice_of_another_body(
-    make_pair, small_training, frozen
-):
-    sets, network = make_pair(TRACKED, ROVER)
-    alone = dataclasses.replace(small_training, **ALONE)
-    first = dataclasses.replace(network, novice_body=ROVER)
-    pretrained = train(pretraining_datasets(sets, 0), first, alone, 0)
-    core = pretrained_from(pretrained).core().weights
-    assert core and all(name.startswith("sidm.") for name in core)
-    alone = dataclasses.replace(alone, frozen=frozen)
-    fresh = Trainer(sets, network, alone, 0).weights()
-    begun = Trainer(sets, network, alone, 0, start=core).weights()
-    for name, weights in (fresh | dict(core)).items():
-        assert torch.equal(begun[name], weights), name
-    trained = train(sets, network, alone, 0, start=core).model.state_dict()
-    same = all(torch.equal(trained[name], core[name]) for name in core)
-    assert same == (frozen == "sidm")
 
 
 def test_what_only_one_body_knows_is_refused(make_pair, small_training):

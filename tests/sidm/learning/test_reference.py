@@ -1,4 +1,4 @@
-"""Both algorithms against a plain implementation, in the paper's and released form.
+"""The losses, and both algorithms against a plain implementation.
 
 The plain one follows the formulas, with default layouts, one step at a time. The
 released code has one optimiser that behaves as PyTorch did in 2020 (gradients stay and
@@ -7,6 +7,7 @@ that processes one system at a time.
 """
 
 import dataclasses
+import math
 
 import pytest
 import torch
@@ -14,27 +15,14 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from sidm.config import ConfigError
-from sidm.learning import Standardisation, Training, train
+from sidm.learning import Standardisation, Training, losses, train
 from sidm.learning.trainer import Trainer
 from sidm.learning.training import prediction_phase, regularisation_phase
 from tests.sidm.learning.test_other_bodies import TRACKED
 
 Weights = dict[str, Tensor]
-PAPER = dict(
-    p_expert=0.5,
-    batch=3,
-    prediction_iterations=4,
-    discriminator_iterations=3,
-    matching_iterations=3,
-    test_interval=10**6,
-)
-RELEASED = dict(
-    p_expert=0.5,
-    batch=2,
-    discriminator_batch=2,
-    matching_batch=2,
-    prediction_iterations=5,
-    test_interval=10**6,
+PAPER = dict(p_expert=0.5, test_interval=10**6)
+RELEASED = PAPER | dict(
     weight_decay=0.05,
     decay="l2",
     system_draw="iteration",
@@ -215,6 +203,35 @@ class Plain:
                 work()
 
 
+def test_prediction_loss_is_the_squared_norm():
+    target = torch.zeros(2, 3, 13)
+    predicted = target.clone()
+    predicted[0, 0, 0], predicted[0, 0, 12], predicted[1, 2, 5] = 3.0, 4.0, -2.0
+    expected = [[25.0, 0.0, 0.0], [0.0, 0.0, 4.0]]
+    assert losses.prediction_loss(predicted, target).tolist() == expected
+    with pytest.raises(ValueError, match=r"\(2, 3, 13\) and target \(3, 13\)"):
+        losses.prediction_loss(predicted, target[0])
+
+
+def test_discriminator_and_matching_losses_from_probabilities():
+    expert = torch.logit(torch.tensor([0.9, 0.5], dtype=torch.float64))
+    novice = torch.logit(torch.tensor([0.2, 0.7], dtype=torch.float64))
+    of_expert, of_novice = math.log(0.9 * 0.5) / 2, math.log(0.8 * 0.3) / 2
+    both = losses.expected_discriminator_loss(expert, novice)
+    assert float(both) == pytest.approx(-of_expert - of_novice)
+    assert float(losses.one_sided_loss(expert)) == pytest.approx(-of_expert)
+    one_sided = losses.one_sided_loss(novice_logits=novice)
+    assert float(one_sided) == pytest.approx(-of_novice)
+    matching = losses.expected_matching_loss(novice)
+    assert float(matching) == pytest.approx(-math.log(0.2 * 0.7) / 2)
+
+
+def test_losses_stay_finite_where_the_probability_rounds():
+    far = torch.tensor([200.0])
+    assert losses.discriminator_loss(-far, far).item() == pytest.approx(400.0)
+    assert losses.matching_loss(-far).item() == pytest.approx(200.0)
+
+
 @pytest.mark.parametrize("recipe", [PAPER, RELEASED], ids=["paper", "released"])
 def test_two_rounds_of_all_phases_are_the_plain_ones(make_trainer, recipe):
     """Adam divides by the size of a gradient, so rounding of small gradients shows."""
@@ -232,7 +249,7 @@ def test_two_rounds_of_all_phases_are_the_plain_ones(make_trainer, recipe):
                 assert error <= 3e-4 * weights[name].abs().max(), name
 
 
-def test_draws_without_replacement_go_through_all(make_trainer):
+def test_released_draws_go_through_all_windows_and_take_either_system(make_trainer):
     """Batches of the other system do not use up a system's order."""
     trainer = make_trainer(**RELEASED)
     seen: dict[str, list[int]] = {"novice": [], "expert": []}
@@ -244,10 +261,6 @@ def test_draws_without_replacement_go_through_all(make_trainer):
         assert len(drawn) > 2 * count and drawn[:count] != drawn[count : 2 * count]
         for start in range(0, len(drawn) - count, count):
             assert sorted(drawn[start : start + count]) == list(range(count))
-
-
-def test_one_system_for_the_discriminator_is_either(make_trainer):
-    trainer = make_trainer(**RELEASED)
     drawn = [trainer.sampler.discriminator_systems() for _ in range(400)]
     assert set(drawn) == {("expert",), ("novice",)}
     assert 160 < drawn.count(("expert",)) < 240

@@ -91,17 +91,6 @@ def test_patience_or_a_cap_ends_before_a_second_descent(limit, samples, seen):
     assert kept.ended == (limit != {"patience": 60})
 
 
-@pytest.mark.parametrize(("training_loss", "samples"), [(0.7, 10), (0.9, 80)])
-def test_weights_kept_by_the_released_rule(training_loss, samples, monkeypatch):
-    """The rule's 25,000 iterations are 3 here; the last test has the lowest loss."""
-    monkeypatch.setattr("sidm.learning.stopping.RELEASED_PATIENCE", 3)
-    losses = [1.0, *[2.0] * 6, -30.0]
-    training = [training_loss * abs(loss) for loss in losses]
-    rule = StoppingRule(stopping="released", samples_per_iteration=10)
-    kept = kept_weights(curve(losses, training), rule)
-    assert kept.samples == samples and kept.ended == (samples == 10)
-
-
 def test_lengths_keep_what_a_cap_keeps_and_nothing_without_a_test():
     losses = np.random.default_rng(0).uniform(1, 2, 40).round(1).tolist()
     run, lengths = curve(losses, iteration=3), list(range(10, 420))

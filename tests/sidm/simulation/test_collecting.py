@@ -1,4 +1,4 @@
-"""Collection: rules of an episode, resuming, independence of workers and order."""
+"""Collection: actions, rules of an episode, resuming, independence of workers."""
 
 import shutil
 from concurrent.futures import Executor, Future
@@ -9,8 +9,8 @@ import pytest
 from sidm.config import ConfigError, replace
 from sidm.drives import STEPS
 from sidm.shards import SHARD_SIZE, Collection, ShardError, digest
-from sidm.simulation import Simulator, collect, discards, simulate_trajectory
-from sidm.simulation.collecting import EpisodeRules, draw_attempt
+from sidm.simulation import POLICIES, Simulator, collect, draw_actions
+from sidm.simulation.collecting import EpisodeRules, draw_attempt, simulate_trajectory
 from sidm.storage import checksum
 from sidm.systems import SYSTEMS, System, Terrain
 from sidm.terrain import generate_terrain
@@ -66,7 +66,6 @@ def test_drives_have_their_length_order_and_terrain(collected):
         assert np.hypot(*drive.states[0, :2]) < 0.2
     assert checksum(drives[3].ground.heights) == drives[3].ground.checksum
     assert len({drive.ground.seed for drive in drives}) == len(drives)
-    assert set(discards(drives)) == {"stuck", "border", "rollover", "unstable"}
 
 
 def test_an_interrupted_collection_goes_on_and_ends_the_same(
@@ -140,3 +139,29 @@ def test_stuck_after_more_than_25_steps_in_one_place():
 )
 def test_border_rollover_and_instability_end_an_episode(where, cause):
     assert EpisodeRules(state(), 14.95).ended(state(**where)) == cause
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+def test_actions_are_bounded_and_seeded_and_only_held_ones_stand_still(policy):
+    drawn = [
+        draw_actions(policy, 64, np.random.default_rng(seed)) for seed in (1, 1, 2)
+    ]
+    assert drawn[0].shape == (64, 2) and np.abs(drawn[0]).max() <= 1
+    assert np.array_equal(drawn[0], drawn[1])
+    assert not np.array_equal(drawn[0], drawn[2])
+    assert (np.ptp(drawn[0], axis=0).max() == 0) == (policy == "held")
+
+
+def test_ornstein_uhlenbeck_throttle_has_the_stated_mean_and_steering_wanders_widely():
+    rngs = map(np.random.default_rng, range(60))
+    actions = np.stack([draw_actions("ornstein_uhlenbeck", 64, rng) for rng in rngs])
+    assert actions[..., 0].mean() == pytest.approx(0.2, abs=0.05)
+    # an unclipped throttle has the stationary deviation 0.025 / sqrt(2 * 0.0125)
+    deviation = 0.025 / np.sqrt(2 * 0.0125)
+    assert actions[:, 20:, 0].std() == pytest.approx(deviation, rel=0.25)
+    assert actions[:, -1, 1].std() > 0.5
+
+
+def test_an_unknown_policy_is_named_with_the_nearest():
+    with pytest.raises(ConfigError, match="ornstein_uhlenbek.*ornstein_uhlenbeck"):
+        draw_actions("ornstein_uhlenbek", 4, np.random.default_rng(0))

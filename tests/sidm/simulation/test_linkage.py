@@ -10,13 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from sidm.simulation import Simulator
-from sidm.simulation.dimensions import (
-    AXLES,
-    REAR_LEFT_RODS,
-    REAR_LEFT_TYRE,
-    SIDES,
-    mirror,
-)
+from sidm.simulation import dimensions as figures
+from sidm.simulation.dimensions import AXLES, REAR_LEFT_RODS
 from sidm.simulation.linkage import axle_joints, axle_pose, rods, twists
 from sidm.simulation.robot import urdf
 from sidm.simulation.suspension import Suspension
@@ -27,7 +22,8 @@ ROBOTS = SYSTEMS["system1"]
 
 def tyres(axle):
     """Centres (2, 3) of an axle's tyres with both struts at zero."""
-    return np.stack([mirror(axle, side) * REAR_LEFT_TYRE for side in SIDES])
+    left = figures.REAR_LEFT_TYRE
+    return np.stack([figures.mirror(axle, side) * left for side in figures.SIDES])
 
 
 def by_joints(joints, travel, points):

@@ -1,7 +1,6 @@
 """The simulator: contact with the ground, resets, determinism, stability, behaviour."""
 
 import io
-import multiprocessing
 
 import numpy as np
 import pybullet
@@ -64,12 +63,6 @@ def test_a_used_failed_or_visible_simulator_drives_as_a_new_one_does(rough):
             assert not np.isfinite(simulator.step((0.0, 0.0))).all()
             mend()
             assert np.array_equal(drive(simulator), expected)
-
-
-def test_another_process_drives_the_same_trajectory(rough):
-    with multiprocessing.get_context("spawn").Pool(1) as pool:
-        there = pool.apply(drive_anew, (rough,))
-    assert np.array_equal(drive_anew(rough), there)
 
 
 def test_save_and_restore_branch_exactly(rough):
