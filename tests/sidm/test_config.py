@@ -31,14 +31,6 @@ class Cart:
     spare: Wheel | None = None
 
 
-def test_a_configuration_is_frozen_and_keyword_only():
-    cart = Cart(length=1.0)
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        cart.length = 2.0
-    with pytest.raises(TypeError):
-        Cart(1.0)
-
-
 def test_an_unknown_name_gives_the_nearest_in_one_line():
     with pytest.raises(ConfigError, match="'lenght' in Cart; did you mean 'length'?"):
         Cart(lenght=1.0)

@@ -5,6 +5,7 @@ import torch
 from torch import nn
 
 from sidm.learning import Encoder, Network, convolution
+from sidm.learning.networks import seeded
 
 #: tolerance: sums of up to about 50,000 products run in another order
 ROUNDING = {torch.float32: 1e-4, torch.float64: 1e-12}
@@ -19,16 +20,8 @@ def one_thread():
 
 
 def layers_of(channels=(8, 4), kernel=4, dtype=torch.float32, slope=0.01):
-    first, second = channels
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(0)
-        made = nn.Sequential(
-            nn.Conv2d(1, first, kernel),
-            nn.LeakyReLU(slope),
-            nn.Conv2d(first, second, kernel),
-            nn.LeakyReLU(slope),
-        )
-    return made.to(dtype).to(memory_format=torch.channels_last)
+    network = Network(channels=channels, kernel=kernel, slope=slope)
+    return seeded(0, "encoder", lambda: Encoder(network)).convolutions.to(dtype)
 
 
 def numbers(*shape, dtype=torch.float32, seed=1) -> torch.Tensor:

@@ -44,11 +44,6 @@ def test_stops_when_patience_is_over(later):
     assert stopper.finished(50, 5)
 
 
-def test_the_cap_holds_before_any_test():
-    stopper = EarlyStopping("test_loss", 0.5, 10, 100)
-    assert not stopper.finished(99, 3) and stopper.finished(100, 3)
-
-
 @pytest.mark.parametrize(("training_loss", "ends"), [(0.7, True), (0.9, False)])
 def test_released_rule_waits_for_overfitting(training_loss, ends):
     stopper = EarlyStopping("released", 0.0, 1, 10**9)

@@ -1,15 +1,23 @@
-"""Algorithms 1 and 2: draws, seeds, tests, released variants, a small whole run."""
+"""Algorithms 1 and 2: draws, seeds, tests, checkpoints, a small whole run."""
 
 import dataclasses
 import itertools
 import math
 
+import numpy as np
 import pytest
 import torch
 from torch import nn
 
 from sidm.config import ConfigError
-from sidm.learning import Standardisation, Training, TrainingError, training
+from sidm.learning import (
+    CheckpointError,
+    Standardisation,
+    Training,
+    TrainingError,
+    checkpoint,
+    training,
+)
 from sidm.learning.dataset import Datasets
 from sidm.learning.evaluation import mean_loss, validation_loss
 from sidm.learning.stopping import COMPONENT_SPACING
@@ -21,10 +29,9 @@ def vector(module: nn.Module) -> torch.Tensor:
 
 @pytest.fixture
 def run(datasets, small_network, small_training):
-    def run(seed=0, sets=datasets, standardisation=None, progress=None, **changes):
+    def run(seed=0, sets=datasets, how=(), **changes):
         settings = dataclasses.replace(small_training, **changes)
-        how = dict(standardisation=standardisation, progress=progress)
-        return training.train(sets, small_network, settings, seed, **how)
+        return training.train(sets, small_network, settings, seed, **dict(how))
 
     return run
 
@@ -70,7 +77,7 @@ def test_methods_draw_the_same_novice_trajectories(make_trainer):
 
 def test_a_run_counts_samples_and_tests(run):
     seen = []
-    trained = run(progress=seen.append)
+    trained = run(how={"progress": seen.append})
     assert trained.iterations == 12 and trained.samples == 12 * 4 * 6
     assert not trained.stopped_early
     assert [tested.samples for tested in trained.history] == [96, 192, 288]
@@ -152,8 +159,8 @@ def test_a_novice_alone_needs_units_but_no_expert(run, datasets):
         run(sets=without)
     with pytest.raises(ConfigError, match="pass `standardisation`"):
         run(sets=without, **alone)
-    units = Standardisation.fit(datasets.expert)
-    assert run(sets=without, standardisation=units, **alone)[1:] == run(**alone)[1:]
+    units = {"standardisation": Standardisation.fit(datasets.expert)}
+    assert run(sets=without, how=units, **alone)[1:] == run(**alone)[1:]
 
 
 def test_a_loss_that_is_no_number_is_an_error(run, datasets):
@@ -178,3 +185,87 @@ def test_a_loss_that_is_no_number_is_an_error(run, datasets):
 def test_settings_that_no_run_can_have(name, value):
     with pytest.raises(ConfigError, match=f"Training.{name}"):
         Training(**{name: value})
+
+
+class Killed(Exception):
+    """Stands for the end of a process."""
+
+
+def kill_at(samples):
+    """A function that raises an error at the first test after so many samples."""
+
+    def progress(tested):
+        if tested.samples >= samples:
+            raise Killed
+
+    return progress
+
+
+def same(first, second):
+    weights = second.model.state_dict()
+    for name, one in first.model.state_dict().items():
+        assert torch.equal(one, weights[name]), name
+    assert first[1:] == second[1:]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"p_expert": 0.0, "regularise": False},
+        {
+            "matching_optimiser": "shared",
+            "decay": "l2",
+            "weight_decay": 0.05,
+            "zero_gradients": True,
+            "replacement": False,
+            "system_draw": "iteration",
+        },
+        {"matching": "reversal"},
+        {"matching": "mmd", "frozen": "sidm"},
+        {"mirror": True, "averaging": 0.9, "tether": 10.0},
+    ],
+)
+def test_a_killed_run_goes_on_bit_for_bit_and_a_finished_one_is_read(
+    run, tmp_path, changes
+):
+    how, changes = {"checkpoint": tmp_path}, changes | {"max_samples": 24 * 24}
+    whole = run(**changes)
+    for samples in (8 * 24, 20 * 24):
+        with pytest.raises(Killed):
+            run(how=how | {"progress": kill_at(samples)}, **changes)
+    same(run(how=how, **changes), whole)
+    same(run(how=how | {"progress": kill_at(0)}, **changes), whole)
+
+
+def test_a_checkpoint_of_another_run_is_refused(run, datasets, tmp_path):
+    how = {"checkpoint": tmp_path}
+    run(how=how)
+    for changes in ({"seed": 1}, {"learning_rate": 2e-3}):
+        with pytest.raises(CheckpointError, match="of another run; delete it") as error:
+            run(how=how, **changes)
+        assert "\n" not in str(error.value)
+    datasets.train.inputs[0, 0, 0] += 1
+    with pytest.raises(CheckpointError, match="of another run"):
+        run(how=how)
+
+
+@pytest.mark.parametrize("content", [b"", b"not a zip", b"PK\x03\x04 cut short"])
+def test_a_damaged_checkpoint_is_named(run, tmp_path, content):
+    (tmp_path / checkpoint.FILE).write_bytes(content)
+    words = f"{checkpoint.FILE}.*damaged.*delete it"
+    with pytest.raises(CheckpointError, match=words) as error:
+        run(how={"checkpoint": tmp_path})
+    assert "\n" not in str(error.value)
+
+
+def test_tensors_and_values_come_back_and_nothing_is_pickled(tmp_path):
+    tensors = {"a/b": torch.tensor([1.5, float("inf")]), "step": torch.tensor(3.0)}
+    values = {"loss": 0.1 + 0.2, "none": None, "list": [1, 2]}
+    checkpoint.write(tmp_path, tensors, values)
+    state, text = checkpoint.read(tmp_path)
+    assert text == values
+    assert all(torch.equal(state[name], tensor) for name, tensor in tensors.items())
+    with np.load(tmp_path / checkpoint.FILE, allow_pickle=False) as data:
+        assert all(data[name].dtype != object for name in data.files)
+    assert list(tmp_path.iterdir()) == [tmp_path / checkpoint.FILE]

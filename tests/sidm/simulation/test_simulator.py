@@ -137,24 +137,14 @@ def test_a_simulator_that_nobody_holds_is_freed():
             simulator.reset()
 
 
-def test_pictures_show_the_struts_between_chassis_and_axle(rough):
-    with Simulator(SYSTEMS["system1"].expert, rough, visible=True) as simulator:
-        simulator.reset()
-        image = simulator.picture(320, 240, distance=1.0)
-    blue = (image[..., 2] > 100) & (image[..., 0] < 40)
-    orange = (image[..., 0] > 120) & (image[..., 2] < 60)
-    assert blue.sum() > 100
-    struts, chassis = (np.flatnonzero(part.any(axis=0)) for part in (blue, orange))
-    # columns of the picture, beyond both ends of the chassis
-    assert struts.min() < chassis.min() and struts.max() > chassis.max()
-
-
-def test_a_film_follows_the_drive_and_becomes_a_gif(rough):
+def test_a_film_follows_the_drive_shows_its_struts_and_becomes_a_gif(rough):
     with Simulator(NOVICE, rough, visible=True) as simulator:
         simulator.reset()
         frames = film(simulator, np.tile([0.5, 0.0], (3, 1)), width=64, height=48)
         last = simulator.picture(64, 48)
+        struts = simulator.picture(320, 240, distance=1.0)
     assert frames.shape == (3, 48, 64, 3) and np.array_equal(frames[-1], last)
     assert not np.array_equal(frames[0], frames[-1])
+    assert ((struts[..., 2] > 100) & (struts[..., 0] < 40)).sum() > 100  # blue
     with Image.open(io.BytesIO(gif(frames))) as image:
         assert image.n_frames == 3 and image.info["duration"] == 100
