@@ -35,17 +35,8 @@ def test_a_file_says_what_a_planar_robot_sees_and_does(tmp_path):
     assert body.pixels(32) == 0 and body.weights == "variance"
     expected = (1e-4, 1e-3, 1e-4, pytest.approx(0.0349066), 1e-3, 1e-3)
     assert body.resolutions == expected
-
-
-@pytest.mark.parametrize(
-    "body",
-    [
-        Body(name="a", pose="none", columns=(("v", "m/s"),), actions=(("u", "1"),)),
-        dataclasses.replace(ROVER, resolution=(("left", 1e-3), ("wz", 0.1 / 3))),
-    ],
-)
-def test_lines_of_a_body_read_back_as_the_same(body):
-    assert body_from_mapping(body_to_mapping(body), "") == body
+    for one in (body, dataclasses.replace(ROVER, resolution=(("wz", 0.1 / 3),))):
+        assert body_from_mapping(body_to_mapping(one), "") == one
 
 
 @pytest.mark.parametrize(

@@ -5,20 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sidm import shards
 from sidm.config import ConfigError, replace
 from sidm.drives import PROBES, STEPS, GroundError, SimulatedGround, probe
-from sidm.shards import (
-    SHARD_SIZE,
-    Collection,
-    ShardError,
-    digest,
-    load,
-    novice_split,
-    read_shard,
-    simulated_drive,
-    trajectories_for,
-    write_shard,
-)
+from sidm.shards import SHARD_SIZE, Collection, ShardError, novice_split
 from sidm.storage import checksum, read_arrays, write_arrays
 from sidm.systems import SYSTEMS
 from sidm.terrain import generate_terrain
@@ -28,24 +18,26 @@ TERRAIN = SYSTEMS["system1"].terrain
 minutes = st.floats(0.1, 60)
 
 
-def fill(root, shards):
+def fill(root, count):
     """Write shards of made-up drives; returns the drives."""
     rng, made = np.random.default_rng(0), []
-    for i in range(SHARD_SIZE * shards):
+    for i in range(SHARD_SIZE * count):
         seed, heights = 2**62 - 1 - i, rng.uniform(0, 2, PROBES)
         ground = SimulatedGround(TERRAIN, seed, f"{i:016x}", heights)
         states = rng.normal(size=(STEPS + 1, 13)).astype(np.float32)
         actions = rng.uniform(-1, 1, (STEPS, 2)).astype(np.float32)
-        made.append(simulated_drive("rover", i, states, actions, ground, (i, 0, 1, 0)))
-    for k in range(shards):
+        made.append(
+            shards.simulated_drive("rover", i, states, actions, ground, (i, 0, 1, 0))
+        )
+    for k in range(count):
         path = COLLECTION.shard(root, k)
-        write_shard(path, made[SHARD_SIZE * k : SHARD_SIZE * (k + 1)])
+        shards.write_shard(path, made[SHARD_SIZE * k : SHARD_SIZE * (k + 1)])
     return made
 
 
 def test_what_is_written_is_read_without_pickle(tmp_path):
     made = fill(tmp_path, 2)
-    read = load(tmp_path, COLLECTION, SHARD_SIZE + 1)
+    read = shards.load(tmp_path, COLLECTION, SHARD_SIZE + 1)
     assert len(read) == SHARD_SIZE + 1
     for before, after in zip(made, read, strict=False):
         assert np.array_equal(before.states, after.states)
@@ -53,7 +45,9 @@ def test_what_is_written_is_read_without_pickle(tmp_path):
         assert np.array_equal(before.ground.probe, after.ground.probe)
         assert before.ground._replace(probe=0) == after.ground._replace(probe=0)
         assert (before.index, before.discarded) == (after.index, after.discarded)
-    assert digest(read) == digest(made[: len(read)]) != digest(made)
+    assert (
+        shards.digest(read) == shards.digest(made[: len(read)]) != shards.digest(made)
+    )
     files = sorted(COLLECTION.folder(tmp_path).iterdir())
     assert [path.name for path in files] == ["shard-00000.npz", "shard-00001.npz"]
     with np.load(files[0], allow_pickle=False) as data:
@@ -64,14 +58,14 @@ def test_a_damaged_foreign_or_missing_shard_is_named(tmp_path):
     fill(tmp_path, 1)
     path = COLLECTION.shard(tmp_path, 0)
     with pytest.raises(ShardError, match="shard-00001.npz.*collect"):
-        load(tmp_path, COLLECTION, SHARD_SIZE + 1)
+        shards.load(tmp_path, COLLECTION, SHARD_SIZE + 1)
     members = read_arrays(path)
     write_arrays(path, members | {"states": members["states"][:, :-1]})
     with pytest.raises(ShardError, match=r"states .* \(4, 64, 13\), not \(4, 65, 13\)"):
-        read_shard(path, TERRAIN)
+        shards.read_shard(path, TERRAIN)
     path.write_bytes(path.read_bytes()[:500])
     with pytest.raises(ShardError, match="damaged.*delete it") as caught:
-        read_shard(path, TERRAIN)
+        shards.read_shard(path, TERRAIN)
     assert str(path) in str(caught.value) and "\n" not in str(caught.value)
 
 
@@ -112,7 +106,7 @@ def test_a_split_is_three_to_one_and_lies_in_that_of_more_minutes(few, many, see
     assert small[0] <= large[0] and small[1] <= large[1]
     train, test = novice_split(600, few, seed)
     count = len({*train, *test})
-    assert len(train) + len(test) == count == trajectories_for(few)
+    assert len(train) + len(test) == count == shards.trajectories_for(few)
     assert len(train) >= 1 and len(test) >= 1 and abs(len(test) - count / 4) <= 0.5
     assert 0 <= min(*train, *test) and max(*train, *test) < 600
 
@@ -120,6 +114,6 @@ def test_a_split_is_three_to_one_and_lies_in_that_of_more_minutes(few, many, see
 def test_a_split_depends_on_the_seed_and_needs_a_pool():
     first, repeated, other = (novice_split(100, 5, k)[0].tolist() for k in (0, 0, 1))
     assert first == repeated != other
-    assert trajectories_for(0.01) == 2 and trajectories_for(120) == 1125
+    assert shards.trajectories_for(0.01) == 2 and shards.trajectories_for(120) == 1125
     with pytest.raises(ConfigError, match="are 47 trajectories, but the pool has 20"):
         novice_split(20, 5, 0)

@@ -13,15 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sidm.storage import (
-    Damaged,
-    read_arrays,
-    read_record,
-    sweep,
-    write_arrays,
-    write_atomically,
-    write_record,
-)
+from sidm import storage
+from sidm.storage import Damaged, read_arrays, read_record, write_record
 
 ARRAYS = {"numbers": np.arange(6.0).reshape(2, 3), "one": np.array(3)}
 VALUES = {"a": 0.1 + 0.2, "b": [1, None, 'x"\n'], "c": {"checksum": "none"}}
@@ -53,7 +46,7 @@ def zipped(content: bytes) -> io.BytesIO:
 
 def test_arrays_come_back_also_to_others(tmp_path):
     path = tmp_path / "new" / "a.npz"
-    write_arrays(path, ARRAYS)
+    storage.write_arrays(path, ARRAYS)
     with np.load(path, allow_pickle=False) as data:
         for found in (read_arrays(path), data):
             assert all(np.array_equal(found[name], ARRAYS[name]) for name in ARRAYS)
@@ -74,7 +67,7 @@ def test_records_come_back_a_line_a_value(tmp_path):
 )
 @pytest.mark.parametrize(
     ("write", "read", "content"),
-    [(write_arrays, read_arrays, ARRAYS), (write_record, read_record, VALUES)],
+    [(storage.write_arrays, read_arrays, ARRAYS), (write_record, read_record, VALUES)],
 )
 def test_a_flipped_bit_or_a_lost_end_is_seen(
     tmp_path, write, read, content, where, bit, cut
@@ -110,7 +103,7 @@ def test_a_full_disk_is_one_line_and_leaves_what_was(tmp_path, monkeypatch, fail
     if failing != "write":
         monkeypatch.setattr(os, failing, full)
     with pytest.raises(OSError, match=r"a\.json: cannot be written \(No space .*\)$"):
-        write_atomically(path, write)
+        storage.write_atomically(path, write)
     assert read_record(path) == {"x": 1} and os.listdir(tmp_path) == ["a.json"]
 
 
@@ -163,7 +156,7 @@ def test_what_killed_writers_left_is_swept(tmp_path):
         (tmp_path / name).write_text("half")
         if name != ".b.npz.x2.part":
             os.utime(tmp_path / name, (hour_ago, hour_ago))
-    sweep(tmp_path)
+    storage.sweep(tmp_path)
     assert sorted(os.listdir(tmp_path)) == [".b.npz.x2.part", "c.part"]
 
 
@@ -171,6 +164,6 @@ def test_a_pipe_stays_a_pipe(tmp_path):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
-    write_atomically(pipe, lambda stream: stream.write(b"through"))
+    storage.write_atomically(pipe, lambda stream: stream.write(b"through"))
     assert os.read(reader, 100) == b"through" and pipe.is_fifo()
     os.close(reader)

@@ -74,18 +74,17 @@ def test_each_resolution_and_count_has_its_file(stored, tmp_path):
     assert len(cached(tmp_path)) == 3
 
 
-@pytest.mark.parametrize("content", [b"", b"not an array", b"\x93NUMPY\x01\x00", None])
+@pytest.mark.parametrize("content", [b"", b"not an array", b"\x93NUMPY\x01\x00"])
 def test_damaged_maps_are_named(stored, tmp_path, content):
     stored(2)
     (path,) = cached(tmp_path)
-    if content is None:
-        np.save(path, np.zeros((1, 2), np.float16))
-    else:
-        path.write_bytes(content)
-    words = r"maps \(1, 2\) where \(2, 6, 8, 8\)" if content is None else "damaged"
-    with pytest.raises(ShardError, match=f"maps-8-.*{words}.*delete the file") as error:
+    path.write_bytes(content)
+    with pytest.raises(ShardError, match="maps-8-.*damaged.*delete the file") as error:
         stored(2)
     assert "\n" not in str(error.value)
+    np.save(path, np.zeros((1, 2), np.float16))
+    with pytest.raises(ShardError, match=r"maps \(1, 2\) where \(2, 6, 8, 8\)"):
+        stored(2)
 
 
 def test_parts_of_windows_are_the_same_copied_or_not(make_motion):

@@ -23,20 +23,13 @@ BIASES = {f"{part}.{layer}.bias" for part in PARTS for layer in PARTS[part]}
 
 
 def encoder_count(pixels: int) -> int:
-    """Number of the encoder's parameters.
-
-    It has two convolutions of kernel 4 with 8 and 4 channels, and two layers of 128
-    behind them.
-    """
+    """Convolutions of kernel 4 with 8 and 4 channels, then two layers of 128."""
     flat = 4 * (pixels - 6) ** 2 + 11
     return (8 * 16 + 8) + (4 * 8 * 16 + 4) + (flat + 1) * 128 + (128 + 1) * 128
 
 
 def lstm_count(layers: int, hidden: int) -> int:
-    """Number of parameters of an LSTM and the output layer of 64.
-
-    Each of four gates has weights to input and state and two biases.
-    """
+    """Four gates with weights to input and state and two biases; 64 outputs."""
     sizes = [128] + [hidden] * (layers - 1)
     return sum(4 * hidden * (size + hidden + 2) for size in sizes) + (hidden + 1) * 64
 

@@ -161,6 +161,7 @@ def test_what_only_one_body_knows_is_refused(make_pair, small_training):
     for changes, words in (
         ({"mirror": True}, "mirror knows"),
         ({"reduction": "mean"}, "reduction='mean'"),
+        ({"units": "raw"}, "units='raw' leaves 'tracked' no variance"),
     ):
         with pytest.raises(ConfigError, match=words):
             training = dataclasses.replace(small_training, **changes)

@@ -48,14 +48,11 @@ def collected(tmp_path_factory):
     return root, gather(root, 2 * SHARD_SIZE, executor=InOrder())
 
 
-def test_drives_have_their_length_order_and_terrain(collected):
+def test_drives_are_in_order_and_each_has_its_terrain(collected):
     _, drives = collected
     assert [drive.index for drive in drives] == list(range(2 * SHARD_SIZE))
-    for drive in drives:
-        assert drive.states.shape == (STEPS + 1, 13)
-        assert drive.states.dtype == np.float32
-        assert drive.actions.shape == (STEPS, 2)
-        assert np.hypot(*drive.states[0, :2]) < 0.2
+    assert {len(drive) for drive in drives} == {STEPS}
+    assert max(np.hypot(*drive.states[0, :2]) for drive in drives) < 0.2
     assert checksum(drives[3].ground.heights) == drives[3].ground.checksum
     assert len({drive.ground.seed for drive in drives}) == len(drives)
 
