@@ -4,7 +4,6 @@ import io
 import sys
 
 import pytest
-from tqdm import tqdm
 
 from sidm.progress import progress_bar
 
@@ -28,16 +27,12 @@ def test_a_log_gets_a_few_whole_lines(monkeypatch, capsys, seconds, shown, lines
         assert "10/10 trial, 02:00 gone, 00:00 left" in found[-1]
 
 
-def test_a_terminal_gets_a_bar_unless_there_is_no_work(monkeypatch, capsys):
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    with progress_bar(0, "trials", "trial") as bar:
-        assert type(bar) is tqdm
-    assert capsys.readouterr().err == ""
-
-
-def test_a_notebook_gets_a_bar(monkeypatch):
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_terminal_and_a_notebook_get_a_bar(monkeypatch, terminal):
     """The stream of a notebook is no terminal."""
-    stream = type("OutStream", (io.StringIO,), {"__module__": "ipykernel.iostream"})()
+    module = "somewhere" if terminal else "ipykernel.iostream"
+    stream = type("OutStream", (io.StringIO,), {"__module__": module})()
+    stream.isatty = lambda: terminal
     monkeypatch.setattr(sys, "stderr", stream)
     with progress_bar(2, "trials", "trial") as bar:
         bar.update(2)

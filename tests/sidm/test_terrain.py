@@ -9,7 +9,7 @@ from terrain_statistics import QUANTILES, statistics
 
 from sidm.config import ConfigError
 from sidm.systems import SYSTEMS, Terrain
-from sidm.terrain import generate_terrain, height_at, nearest_centres, perlin
+from sidm.terrain import generate_terrain, height_at, nearest_centres
 
 RECORDED = json.loads(
     (Path(__file__).parents[1] / "recorded" / "terrain_quantiles.json").read_text()
@@ -25,15 +25,6 @@ def test_a_seed_gives_one_terrain_with_a_level_start():
     angle = np.linspace(0, 2 * np.pi, 50)
     disc = height_at(heights, 0.85 * np.cos(angle), 0.85 * np.sin(angle))
     assert np.ptp(disc) < 1e-9
-
-
-def test_perlin_noise_vanishes_on_its_lattice_and_is_smooth():
-    x = np.linspace(-2, 2, 41)  # lattice points of frequency 2 are every 0.5 m
-    values = perlin(x, x[:, None], 2.0, np.random.default_rng(0))
-    assert np.abs(values[::5, ::5]).max() < 1e-12
-    assert 0.2 < np.abs(values).max() <= 1
-    fine = perlin(np.linspace(0, 1, 10001), np.zeros(1), 2.0, np.random.default_rng(1))
-    assert np.abs(np.diff(fine)).max() < 1e-3
 
 
 @pytest.mark.parametrize("count", [1, 40, 2000])

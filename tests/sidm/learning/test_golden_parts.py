@@ -1,7 +1,4 @@
-"""Parts of a training give the figures of today's versions.
-
-They are computed before any update, which would amplify rounding.
-"""
+"""Parts of a training, before any update, give the figures of today's versions."""
 
 import numpy as np
 import pytest

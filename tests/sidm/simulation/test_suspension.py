@@ -32,10 +32,7 @@ ASIDE = 0.25
 
 
 def heave(travel):
-    """Motion of the rear axle against the chassis a metre of q, at q = travel.
-
-    Returns the pose, the turn (3,), rad, and the shift (3,).
-    """
+    """Pose, turn (3,), rad, and shift (3,) of the rear axle a metre of q."""
     pose = axle_pose("rear", (travel, travel))
     twist = twists("rear", pose).sum(axis=0)
     return pose, twist[:3], twist[3:]
@@ -146,10 +143,7 @@ def test_static_sag_is_the_sprung_weight_on_four_struts_or_the_stop(name):
 
 
 def held_at(suspension, roll, steps):
-    """Torques on heave and roll after `steps` with the axle held at a roll, rad.
-
-    The heave is held at zero.
-    """
+    """Torques after `steps` with the axle held at a roll, rad, and at no heave."""
     for _ in range(steps):
         torques = suspension.torques(suspension.joints.heave_angle(0.0), 0.0, roll, 0.0)
     return torques
