@@ -138,3 +138,9 @@ def test_both_systems_begin_as_copies_of_a_start(small_network, make_motion, own
     expected = start("novice", motion.inputs, motion.maps)[0]
     for role in ("novice", "expert"):
         assert torch.equal(model(role, motion.inputs, motion.maps)[0], expected)
+    fresh, before = DynamicsModel(small_network, seed=7), model.state_dict()
+    core = {name: before[name] for name in before if name.startswith("sidm.")}
+    kept = fresh.state_dict()["encoders.novice.dense.0.weight"].clone()
+    fresh.initialise_from(core)  # encoders and decoders stay as they are
+    assert torch.equal(fresh.state_dict()["encoders.novice.dense.0.weight"], kept)
+    assert all(torch.equal(fresh.state_dict()[name], core[name]) for name in core)

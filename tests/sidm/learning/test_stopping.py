@@ -26,12 +26,6 @@ def feed(stopper: EarlyStopping, test_losses) -> list[bool]:
     ]
 
 
-def test_smoothing_by_hand():
-    stopper = EarlyStopping("test_loss", 0.5, 100, 1000)
-    assert feed(stopper, [4.0, 2.0, 3.5]) == [True, True, False]  # smoothed 4, 3, 3.25
-    assert (stopper.test_loss, stopper.best, stopper.best_samples) == (3.25, 3.0, 20)
-
-
 @pytest.mark.parametrize("later", [1.5, 1.0, float("nan")])
 def test_stops_when_patience_is_over(later):
     """An equal loss is no improvement, nor is one that is no number."""

@@ -8,6 +8,7 @@ import pytest
 
 from sidm.config import ConfigError, replace
 from sidm.drives import STEPS
+from sidm.pool import process_pool
 from sidm.shards import SHARD_SIZE, Collection, digest
 from sidm.simulation import POLICIES, Simulator, collect, draw_actions
 from sidm.simulation.collecting import EpisodeRules, draw_attempt, simulate_trajectory
@@ -69,7 +70,9 @@ def test_an_interrupted_collection_goes_on_and_ends_the_same(collected, tmp_path
 
 def test_other_processes_make_the_same(collected, tmp_path):
     _, whole = collected
-    assert digest(gather(tmp_path, SHARD_SIZE, workers=2)) == digest(whole[:SHARD_SIZE])
+    with process_pool(1) as pool:
+        drives = gather(tmp_path, SHARD_SIZE, executor=pool)
+    assert digest(drives) == digest(whole[:SHARD_SIZE])
 
 
 def test_robots_of_ones_own_drive_in_their_own_role(tmp_path):
