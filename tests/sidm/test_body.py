@@ -18,91 +18,56 @@ rate: 10 Hz
 
 def test_the_papers_body_has_11_inputs_and_13_targets():
     assert (len(ROVER.inputs), len(ROVER.targets), len(ROVER.state)) == (11, 13, 13)
-    assert ROVER.inputs[:3] == ("up x", "up y", "up z")
-    assert ROVER.inputs[-2:] == ("throttle", "steering")
-    assert ROVER.pixels(32) == 32 and ROVER.map_size == 5.0
+    assert ROVER.inputs[::3] == ("up x", "vx", "wx", "throttle")
+    assert ROVER.resolutions == (1e-4,) * 3 + (1e-6,) * 4 + (1e-3,) * 6
+    assert ROVER.pixels(32) == 32
+    assert dataclasses.replace(ROVER, map_size=3.0, map_pixels=16).pixels(32) == 16
 
 
 def test_a_file_says_what_a_planar_robot_sees_and_does(tmp_path):
-    (tmp_path / "warthog.yaml").write_text(WARTHOG)
-    body = read_body(tmp_path / "warthog.yaml")
+    path = tmp_path / "warthog.yaml"
+    path.write_text(WARTHOG + "resolution: {left: 1 mm, yaw_rate: 2deg/s}\n")
+    body = read_body(path)
+    columns = ("yaw_rate", "wheel_left", "wheel_right")
     assert body.name == "warthog"
-    assert body.inputs == (
-        "yaw_rate",
-        "wheel_left",
-        "wheel_right",
-        "command_left",
-        "command_right",
-    )
-    expected = ("forward", "left", "turn", "yaw_rate", "wheel_left", "wheel_right")
-    assert body.targets == expected
+    assert body.inputs == (*columns, "command_left", "command_right")
+    assert body.targets == ("forward", "left", "turn", *columns)
     assert body.pixels(32) == 0 and body.weights == "variance"
-
-
-@pytest.mark.parametrize(
-    "body",
-    [
-        ROVER,
-        Body(name="a", pose="none", columns=(("v", "m/s"),), actions=(("u", "1"),)),
-        dataclasses.replace(ROVER, resolution=(("left", 1e-3), ("wz", 0.1 / 3))),
-    ],
-)
-def test_lines_of_a_body_read_back_as_the_same(body):
-    assert body_from_mapping(body_to_mapping(body), "") == body
+    expected = (1e-4, 1e-3, 1e-4, pytest.approx(0.0349066), 1e-3, 1e-3)
+    assert body.resolutions == expected
+    for one in (body, dataclasses.replace(ROVER, resolution=(("wz", 0.1 / 3),))):
+        assert body_from_mapping(body_to_mapping(one), "") == one
 
 
 @pytest.mark.parametrize(
     "text, words",
     [
         (WARTHOG.replace("columns", "colums"), "did you mean 'columns'"),
-        (
-            WARTHOG.replace("wheel_left: rad/s", "wheel_left: "),
-            "'wheel_left' has no unit; write '1' for a plain number",
-        ),
+        (WARTHOG.replace("wheel_left: rad/s", "wheel_left: "), "has no unit"),
         (WARTHOG.replace("actions", "#"), "it has no actions"),
-        (
-            WARTHOG.replace("{command_left: rad/s, command_right: rad/s}", "{}"),
-            "it has no actions",
-        ),
         (WARTHOG.replace("command_left", "wheel_left"), "two columns 'wheel_left'"),
-        (WARTHOG.replace("yaw_rate", "yaw"), "two columns 'yaw'"),
         (WARTHOG.replace("yaw_rate", "yaw rate"), "letters, digits and _"),
-        (WARTHOG.replace("planar", "plane"), "did you mean 'planar'"),
-        (WARTHOG.replace("10 Hz", "fast"), "rate is a number in Hz"),
         (WARTHOG.replace("10 Hz", "0"), "rate must be positive"),
         (WARTHOG + "tilt: true\n", "tilt is seen in a spatial pose alone"),
         (WARTHOG + "map: 5 m\n", "map is 'none' or"),
-        (WARTHOG + "map: {size: 5 m, pixels: many}\n", "map_pixels"),
+        (WARTHOG + "map: {size: 0 m, pixels: 16}\n", "a map of 16 pixels on 0 m"),
         ("actions: {u: 1}\npose: none\n", "nothing to predict"),
         (
             "actions: {u: 1}\npose: none\ncolumns: {v: m/s}\nmap: {size: 5 m}\n",
             "a height map needs a pose",
         ),
-        ("actions: [u]\n", "lines of 'name: unit'"),
-        (WARTHOG + "resolution: 1 mm\n", "resolution is lines of 'name: value unit'"),
         (WARTHOG + "resolution: {lef: 1 mm}\n", "did you mean 'left'?"),
-        (
-            WARTHOG + "resolution: {left: 1}\n",
-            "the resolution of 'left' is a number in m or cm or mm, not 1",
-        ),
-        (WARTHOG + "resolution: {turn: 1 mm}\n", "'turn' is a number in rad or deg"),
-        (WARTHOG + "resolution: {turn: fine}\n", "'turn' is a number in rad or deg"),
-        (
-            WARTHOG + "resolution: {left: -1 mm}\n",
-            "must be from 0 to 1e+12, not -0.001",
-        ),
+        (WARTHOG + "resolution: {left: 1}\n", "'left' is a number in m or cm or mm"),
+        (WARTHOG + "resolution: {left: -1 mm}\n", "must be from 0 to 1e+12"),
         (WARTHOG + "rate: 20 Hz\n", "line 6: 'rate' is given twice; leave one out"),
-        (
-            WARTHOG.replace("yaw_rate:", "wheel_left:"),
-            "line 3: 'wheel_left' is given twice",
-        ),
         ("a: [", "no YAML"),
-        ("words", "lines of 'name: value'"),
+        (None, "there is no such file"),
     ],
 )
 def test_a_fault_is_one_line_that_names_file_and_fault(tmp_path, text, words):
     path = tmp_path / "robot.yaml"
-    path.write_text(text)
+    if text is not None:
+        path.write_text(text)
     with pytest.raises(ConfigError) as error:
         read_body(path)
     assert words in str(error.value)
@@ -110,38 +75,15 @@ def test_a_fault_is_one_line_that_names_file_and_fault(tmp_path, text, words):
     assert "\n" not in str(error.value)
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(ConfigError, match="none.yaml: there is no such file"):
-        read_body(tmp_path / "none.yaml")
-
-
-def test_a_body_with_a_map_says_its_own_pixels():
-    small = dataclasses.replace(ROVER, map_size=3.0, map_pixels=16)
-    assert small.pixels(32) == 16
-    with pytest.raises(ConfigError, match="a map of 16 pixels on 0 m"):
-        dataclasses.replace(ROVER, map_size=0.0, map_pixels=16)
-
-
-def test_resolutions_are_in_si_units_and_have_defaults(tmp_path):
-    path = tmp_path / "robot.yaml"
-    path.write_text(WARTHOG + "resolution: {left: 1 mm, yaw_rate: 2deg/s}\n")
-    body = read_body(path)
-    assert body.resolution == (("left", 1e-3), ("yaw_rate", pytest.approx(0.0349066)))
-    left, turn, yaw_rate, wheel = body.resolutions[1:5]
-    assert (left, turn, wheel) == (1e-3, 1e-4, 1e-3)
-    assert yaw_rate == pytest.approx(0.0349066)
-    assert ROVER.resolutions == (1e-4,) * 3 + (1e-6,) * 4 + (1e-3,) * 6
-
-
-def test_units_have_kinds_and_an_unknown_unit_stays_as_it_is():
+def test_an_unknown_unit_stays_as_it_is():
     body = Body(
         name="cart",
         pose="none",
-        columns=(("current", "A"), ("wheel", "rpm"), ("odour", "ou/m3")),
+        columns=(("wheel", "rpm"), ("odour", "ou/m3")),
         actions=(("throttle", "%"),),
     )
-    assert [SI[unit] for _, unit in body.columns] == ["A", "rad/s", "ou/m3"]
-    assert SI["%"] == "1" and units_like("ou/m3") == {"ou/m3": 1.0}
+    assert [SI[unit] for _, unit in body.columns] == ["rad/s", "ou/m3"]
+    assert units_like("ou/m3") == {"ou/m3": 1.0}
     assert units_like("rad/s")["rpm"] == pytest.approx(0.10471976)
     assert body.unknown_units == {"odour": "ou/m3"}
-    assert body.resolutions == (0, 1e-3, 0)
+    assert body.resolutions == (1e-3, 0)

@@ -31,35 +31,13 @@ class Cart:
     spare: Wheel | None = None
 
 
-def test_values_and_defaults():
-    cart = Cart(length=2)
-    assert cart.length == 2.0 and isinstance(cart.length, float)
-    assert cart.wheel.spokes == 3
-
-
-def test_frozen_and_keyword_only():
-    cart = Cart(length=1.0)
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        cart.length = 2.0
-    with pytest.raises(TypeError):
-        Cart(1.0)
-
-
-def test_unknown_name_gives_the_nearest():
-    with pytest.raises(
-        ConfigError, match="unknown name 'lenght' in Cart; did you mean 'length'?"
-    ):
+def test_an_unknown_name_gives_the_nearest_in_one_line():
+    with pytest.raises(ConfigError, match="'lenght' in Cart; did you mean 'length'?"):
         Cart(lenght=1.0)
-
-
-def test_the_message_is_one_line_whatever_was_typed():
-    assert "\n" not in str(unknown_name("a\nb", ["radius"], "Wheel"))
-
-
-def test_unknown_name_without_a_near_one_lists_the_known():
-    assert "known: radius, spokes" in str(
-        unknown_name("qqq", ["radius", "spokes"], "Wheel")
-    )
+    with pytest.raises(ConfigError, match="in Wheel; did you mean 'spokes'"):
+        from_mapping(Cart, {"length": 1, "wheel": {"spoke": 5}})
+    unlike = str(unknown_name("a\nb", ["radius", "spokes"], "Wheel"))
+    assert "known: radius, spokes" in unlike and "\n" not in unlike
 
 
 @pytest.mark.parametrize(
@@ -70,48 +48,29 @@ def test_unknown_name_without_a_near_one_lists_the_known():
         ("wheels", (1, 2.5)),
         ("wheels", 3),
         ("pair", (1,)),
-        ("pair", ("a", 1.0)),
+        ("colour", "gren"),
         ("name", 4),
         ("covered", 1),
         ("wheel", {"radius": 1.0}),
     ],
 )
-def test_wrong_type_names_the_field(field, value):
+def test_a_wrong_value_names_the_field(field, value):
     with pytest.raises(ConfigError, match=f"Cart.{field}") as caught:
         Cart(**({"length": 1.0} | {field: value}))
     assert "\n" not in str(caught.value)
 
 
-def test_wrong_choice_gives_the_nearest():
-    with pytest.raises(ConfigError, match="did you mean 'green'?"):
-        Cart(length=1.0, colour="gren")
-
-
 def test_an_integer_serves_as_float_and_a_list_as_tuple():
     cart = Cart(length=1, wheels=[4, 5, 6], pair=[1, 2])
-    assert cart.wheels == (4, 5, 6) and cart.pair == (1, 2.0)
+    assert cart == Cart(length=1.0, wheels=(4, 5, 6), pair=(1, 2.0))
+    assert hash(cart) == hash(Cart(length=1.0, wheels=(4, 5, 6), pair=(1, 2.0)))
+    assert isinstance(cart.length, float)
     with pytest.raises(ConfigError):
         Wheel(spokes=3.0)
 
 
-def test_equal_values_are_equal_and_hash_alike():
-    assert Cart(length=1) == Cart(length=1.0)
-    assert hash(Cart(length=1)) == hash(Cart(length=1.0))
-
-
-def test_from_mapping_nests():
-    cart = from_mapping(Cart, {"length": 2, "wheel": {"spokes": 5}, "wheels": [7]})
-    assert cart == Cart(length=2.0, wheel=Wheel(spokes=5), wheels=(7,))
-    assert from_mapping(Cart, to_mapping(cart)) == cart
-
-
 @pytest.mark.parametrize("spare", [None, Wheel(spokes=4)])
-def test_to_mapping_is_asdict(spare):
+def test_a_mapping_gives_the_same_configuration_back(spare):
     cart = Cart(length=2.0, wheels=(7, 8), pair=(1, 2.0), extra=("a", 1.0), spare=spare)
     assert repr(to_mapping(cart)) == repr(dataclasses.asdict(cart))
     assert from_mapping(Cart, to_mapping(cart)) == cart
-
-
-def test_from_mapping_names_the_inner_class():
-    with pytest.raises(ConfigError, match="in Wheel; did you mean 'spokes'"):
-        from_mapping(Cart, {"length": 1, "wheel": {"spoke": 5}})

@@ -13,21 +13,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sidm.storage import (
-    Damaged,
-    read_arrays,
-    read_record,
-    sweep,
-    write_arrays,
-    write_atomically,
-    write_record,
-)
+from sidm import storage
+from sidm.storage import Damaged, read_arrays, read_record, write_record
 
-ARRAYS = {
-    "numbers": np.arange(6.0).reshape(2, 3),
-    "words": np.array(["a", "bc"]),
-    "one": np.array(3),
-}
+ARRAYS = {"numbers": np.arange(6.0).reshape(2, 3), "one": np.array(3)}
+VALUES = {"a": 0.1 + 0.2, "b": [1, None, 'x"\n'], "c": {"checksum": "none"}}
 
 
 class Trap:
@@ -40,61 +30,65 @@ class Trap:
         return open, (self.path, "w")
 
 
-def sealed(archive: bytes) -> bytes:
+def sealed(archive: io.BytesIO) -> bytes:
     """An archive with the comment of this package's archives."""
-    body = archive[:-2] + (64).to_bytes(2, "little")
+    body = archive.getvalue()[:-2] + (64).to_bytes(2, "little")
     return body + sha256(body).hexdigest().encode()
+
+
+def zipped(content: bytes) -> io.BytesIO:
+    """An archive with one member of this content."""
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w") as made:
+        made.writestr("x.npy", content)
+    return archive
 
 
 def test_arrays_come_back_also_to_others(tmp_path):
     path = tmp_path / "new" / "a.npz"
-    write_arrays(path, ARRAYS)
+    storage.write_arrays(path, ARRAYS)
     with np.load(path, allow_pickle=False) as data:
         for found in (read_arrays(path), data):
-            assert all(
-                np.array_equal(found[name], array) for name, array in ARRAYS.items()
-            )
+            assert all(np.array_equal(found[name], ARRAYS[name]) for name in ARRAYS)
     assert os.listdir(path.parent) == ["a.npz"]
 
 
 def test_records_come_back_a_line_a_value(tmp_path):
-    values = {"a": 0.1 + 0.2, "b": [1, None, 'x"\n'], "c": {"checksum": "none"}}
-    write_record(tmp_path / "a.json", values)
-    assert read_record(tmp_path / "a.json") == values
-    assert len((tmp_path / "a.json").read_text().splitlines()) == 6
+    path = tmp_path / "a.json"
+    write_record(path, VALUES)
+    assert len(path.read_text().splitlines()) == 6
     with pytest.raises(ValueError, match="not JSON compliant"):
-        write_record(tmp_path / "a.json", {"a": float("nan")})
-    assert read_record(tmp_path / "a.json") == values
-    assert os.listdir(tmp_path) == ["a.json"]
+        write_record(path, {"a": float("nan")})
+    assert read_record(path) == VALUES and os.listdir(tmp_path) == ["a.json"]
 
 
 @given(
     where=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7), cut=st.booleans()
 )
 @pytest.mark.parametrize(
-    ("name", "write", "read"),
-    [("a.npz", write_arrays, read_arrays), ("a.json", write_record, read_record)],
+    ("write", "read", "content"),
+    [(storage.write_arrays, read_arrays, ARRAYS), (write_record, read_record, VALUES)],
 )
 def test_a_flipped_bit_or_a_lost_end_is_seen(
-    tmp_path, name, write, read, where, bit, cut
+    tmp_path, write, read, content, where, bit, cut
 ):
-    path = tmp_path / name
-    write(path, ARRAYS if write is write_arrays else {"x": [1.5, "y"], "z": {}})
-    content = bytearray(path.read_bytes())
-    place = int(where * len(content))
-    content[place] ^= 1 << bit
-    path.write_bytes(content[:place] if cut else content)
+    path = tmp_path / "a"
+    write(path, content)
+    found = bytearray(path.read_bytes())
+    place = int(where * len(found))
+    found[place] ^= 1 << bit
+    path.write_bytes(found[:place] if cut else found)
     with pytest.raises(Damaged) as caught:
         read(path)
     assert "\n" not in str(caught.value)
 
 
-def test_a_file_that_is_not_there(tmp_path):
-    for read in (read_arrays, read_record):
-        with pytest.raises(FileNotFoundError):
-            read(tmp_path / "none")
-        with pytest.raises(Damaged, match="directory"):
-            read(tmp_path)
+@pytest.mark.parametrize("read", [read_arrays, read_record])
+def test_a_folder_or_nothing_is_no_file(tmp_path, read):
+    with pytest.raises(FileNotFoundError):
+        read(tmp_path / "none")
+    with pytest.raises(Damaged, match="directory"):
+        read(tmp_path)
 
 
 @pytest.mark.parametrize("failing", ["write", "fsync", "replace"])
@@ -105,41 +99,31 @@ def test_a_full_disk_is_one_line_and_leaves_what_was(tmp_path, monkeypatch, fail
     def full(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
+    write = full if failing == "write" else lambda file: file.write(b"half")
     if failing != "write":
         monkeypatch.setattr(os, failing, full)
-    with pytest.raises(
-        OSError, match=r"a\.json: cannot be written \(No space left on device\)"
-    ) as caught:
-        write_atomically(
-            path, full if failing == "write" else lambda file: file.write(b"half")
-        )
-    assert "\n" not in str(caught.value)
+    with pytest.raises(OSError, match=r"a\.json: cannot be written \(No space .*\)$"):
+        storage.write_atomically(path, write)
     assert read_record(path) == {"x": 1} and os.listdir(tmp_path) == ["a.json"]
 
 
-def test_writing_follows_no_link_and_takes_no_name_of_others(tmp_path):
-    """A link in the file's place is replaced; its target stays as it is."""
-    (tmp_path / "inside").mkdir()
-    outside, path = tmp_path / "outside", tmp_path / "inside" / "a.json"
+def test_a_link_is_replaced_and_its_target_stays(tmp_path):
+    outside, path = tmp_path / "outside", tmp_path / "a.json"
     outside.write_text("mine")
     path.symlink_to(outside)
     write_record(path, {"x": 1})
     assert outside.read_text() == "mine"
-    assert not path.is_symlink()
-    assert read_record(path) == {"x": 1}
+    assert not path.is_symlink() and read_record(path) == {"x": 1}
 
 
 def test_a_pickle_disguised_as_arrays_is_not_opened(tmp_path):
     trap, archive = tmp_path / "sprung", io.BytesIO()
     np.savez(archive, x=np.array([Trap(trap)], object))
-    plain = io.BytesIO()
-    with zipfile.ZipFile(plain, "w") as made:
-        made.writestr("x.npy", pickle.dumps(Trap(trap)))
     for content in (
         pickle.dumps(Trap(trap)),
         archive.getvalue(),
-        sealed(archive.getvalue()),
-        sealed(plain.getvalue()),
+        sealed(archive),
+        sealed(zipped(pickle.dumps(Trap(trap)))),
     ):
         (tmp_path / "a.npz").write_bytes(content)
         with pytest.raises(Damaged):
@@ -147,65 +131,40 @@ def test_a_pickle_disguised_as_arrays_is_not_opened(tmp_path):
     assert not trap.exists()
 
 
-def test_an_archive_that_would_grow_is_not_unpacked(tmp_path):
+def test_a_file_that_would_grow_is_not_read(tmp_path):
     """Such archives are compressed, or their header promises 10**12 numbers."""
-    bomb = io.BytesIO()
+    bomb, header = io.BytesIO(), io.BytesIO()
     np.savez_compressed(bomb, x=np.zeros(1000))
-    header, promised = io.BytesIO(), io.BytesIO()
-    np.lib.format.write_array_header_1_0(
-        header, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)}
-    )
-    with zipfile.ZipFile(promised, "w") as made:
-        made.writestr("x.npy", header.getvalue())
-    for content in (bomb, promised):
-        (tmp_path / "a.npz").write_bytes(sealed(content.getvalue()))
+    promise = {"descr": "<f8", "fortran_order": False, "shape": (10**12,)}
+    np.lib.format.write_array_header_1_0(header, promise)
+    path = tmp_path / "a"
+    for archive in (bomb, zipped(header.getvalue())):
+        path.write_bytes(sealed(archive))
         with pytest.raises(Damaged):
-            read_arrays(tmp_path / "a.npz")
-
-
-def test_a_record_of_any_size_is_not_read(tmp_path):
-    with open(tmp_path / "a.json", "wb") as file:
-        file.truncate(2**30)
+            read_arrays(path)
+    for text in ("{}", "[" * 10**6):
+        path.write_text(text)
+        with pytest.raises(Damaged):
+            read_record(path)
+    os.truncate(path, 2**30)
     with pytest.raises(Damaged, match="larger than"):
-        read_record(tmp_path / "a.json")
-    (tmp_path / "a.json").write_text("[" * 10**6)
-    with pytest.raises(Damaged):
-        read_record(tmp_path / "a.json")
-
-
-@given(st.binary(max_size=400))
-def test_any_bytes_are_damaged(tmp_path, content):
-    (tmp_path / "a").write_bytes(content)
-    for read in (read_arrays, read_record):
-        with pytest.raises(Damaged) as caught:
-            read(tmp_path / "a")
-        assert "\n" not in str(caught.value)
+        read_record(path)
 
 
 def test_what_killed_writers_left_is_swept(tmp_path):
+    hour_ago = time.time() - 4000
     for name in (".a.npz.x1.part", ".b.npz.x2.part", "c.part"):
         (tmp_path / name).write_text("half")
-    hour_ago = time.time() - 4000
-    os.utime(tmp_path / ".a.npz.x1.part", (hour_ago, hour_ago))
-    os.utime(tmp_path / "c.part", (hour_ago, hour_ago))
-    sweep(tmp_path)
+        if name != ".b.npz.x2.part":
+            os.utime(tmp_path / name, (hour_ago, hour_ago))
+    storage.sweep(tmp_path)
     assert sorted(os.listdir(tmp_path)) == [".b.npz.x2.part", "c.part"]
-    sweep(tmp_path / "none")
 
 
 def test_a_pipe_stays_a_pipe(tmp_path):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
-    write_atomically(pipe, lambda stream: stream.write(b"through"))
+    storage.write_atomically(pipe, lambda stream: stream.write(b"through"))
     assert os.read(reader, 100) == b"through" and pipe.is_fifo()
     os.close(reader)
-
-
-def test_a_system_that_opens_no_folder_writes_all_the_same(tmp_path, monkeypatch):
-    def refuse(path, flags):
-        raise PermissionError(errno.EACCES, "Permission denied", str(path))
-
-    monkeypatch.setattr("sidm.storage.os.open", refuse)
-    write_record(tmp_path / "record.json", {"a": 1})
-    assert read_record(tmp_path / "record.json") == {"a": 1}

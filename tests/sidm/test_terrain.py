@@ -9,39 +9,26 @@ from terrain_statistics import QUANTILES, statistics
 
 from sidm.config import ConfigError
 from sidm.systems import SYSTEMS, Terrain
-from sidm.terrain import generate_terrain, height_at, nearest_centres, perlin
+from sidm.terrain import generate_terrain, height_at, nearest_centres
+
+RECORDED = json.loads(
+    (Path(__file__).parents[1] / "recorded" / "terrain_quantiles.json").read_text()
+)
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
-def test_heights_have_the_stated_shape_floor_and_level_start(name):
-    terrain = SYSTEMS[name].terrain
-    heights = generate_terrain(terrain, 3)
-    assert heights.shape == (300, 300)
-    assert heights.dtype == np.float64
+def test_a_seed_gives_one_terrain_with_a_level_start():
+    terrain = SYSTEMS["system1"].terrain
+    heights = generate_terrain(terrain, 5)
+    assert np.array_equal(heights, generate_terrain(terrain, 5))
+    assert not np.allclose(heights, generate_terrain(terrain, 6))
     assert heights.min() == 0
     angle = np.linspace(0, 2 * np.pi, 50)
     disc = height_at(heights, 0.85 * np.cos(angle), 0.85 * np.sin(angle))
     assert np.ptp(disc) < 1e-9
-    assert heights.std() > 0.05
 
 
-def test_same_seed_same_terrain_other_seed_another():
-    terrain = SYSTEMS["system1"].terrain
-    assert np.array_equal(generate_terrain(terrain, 5), generate_terrain(terrain, 5))
-    assert not np.allclose(generate_terrain(terrain, 5), generate_terrain(terrain, 6))
-
-
-def test_perlin_noise_vanishes_on_its_lattice_and_is_smooth():
-    x = np.linspace(-2, 2, 41)  # lattice points of frequency 2 are every 0.5 m
-    values = perlin(x, x[:, None], 2.0, np.random.default_rng(0))
-    assert np.abs(values[::5, ::5]).max() < 1e-12
-    assert 0.2 < np.abs(values).max() <= 1
-    fine = perlin(np.linspace(0, 1, 10001), np.zeros(1), 2.0, np.random.default_rng(1))
-    assert np.abs(np.diff(fine)).max() < 1e-3
-
-
-@pytest.mark.parametrize("count", [1, 7, 40, 2000])
-@pytest.mark.parametrize("size", [(1, 3), (8, 30), (61, 47)])
+@pytest.mark.parametrize("count", [1, 40, 2000])
+@pytest.mark.parametrize("size", [(1, 3), (61, 47)])
 def test_tiles_find_the_centre_that_is_nearest_to_each_point(count, size):
     rng = np.random.default_rng(count)
     x, y = (0.1 * np.arange(points) - 1 for points in size)
@@ -55,35 +42,14 @@ def test_surface_passes_through_the_grid_and_is_linear_on_each_triangle():
     heights = np.random.default_rng(0).uniform(size=(5, 7))
     x, y = (np.arange(7) - 3) * 0.1, (np.arange(5) - 2) * 0.1
     assert np.allclose(height_at(heights, x, y[:, None]), heights)
-    # the middle of a cell lies on the diagonal from (0, 1) to (1, 0)
-    assert height_at(heights, x[2] + 0.05, y[1] + 0.05) == pytest.approx(
-        (heights[1, 3] + heights[2, 2]) / 2
-    )
-    # centroids of both triangles
+    # centroids of both triangles of a cell, cut from (0, 1) to (1, 0)
     low = height_at(heights, x[2] + 0.1 / 3, y[1] + 0.1 / 3)
     assert low == pytest.approx((heights[1, 2] + heights[1, 3] + heights[2, 2]) / 3)
     high = height_at(heights, x[2] + 0.2 / 3, y[1] + 0.2 / 3)
     assert high == pytest.approx((heights[2, 3] + heights[1, 3] + heights[2, 2]) / 3)
-
-
-def test_outside_the_grid_the_border_holds():
-    heights = np.random.default_rng(0).uniform(size=(4, 4))
+    # outside of the grid the border holds
     assert height_at(heights, 9.0, 9.0) == pytest.approx(heights[-1, -1])
-    assert height_at(heights, -9.0, 0.05) == pytest.approx(heights[2, 0])
-
-
-def test_a_flat_recipe_is_flat():
-    assert (
-        np.ptp(
-            generate_terrain(Terrain(cell_height_scale=0.0, noise_height_scale=0.0), 1)
-        )
-        == 0
-    )
-
-
-RECORDED = json.loads(
-    (Path(__file__).parents[1] / "recorded" / "terrain_quantiles.json").read_text()
-)
+    assert height_at(heights, -9.0, 0.1) == pytest.approx(heights[3, 0])
 
 
 @pytest.mark.parametrize("name", SYSTEMS)

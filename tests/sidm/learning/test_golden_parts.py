@@ -1,7 +1,4 @@
-"""Parts of a training give the figures of today's versions.
-
-They are computed before any update, which would amplify rounding.
-"""
+"""Parts of a training, before any update, give the figures of today's versions."""
 
 import numpy as np
 import pytest
@@ -21,11 +18,8 @@ CLOSE = dict(rel=1e-4, abs=1e-6)  # float32 sums of some thousand terms
 
 def samples(rows: int, columns: int, shift: float = 0.0) -> torch.Tensor:
     """Numbers (rows, columns) that are the same on every processor."""
-    return torch.tensor(
-        np.sin(np.arange(rows * columns, dtype=float) * 1.7 + shift).reshape(
-            rows, columns
-        )
-    ).float()
+    angles = np.arange(rows * columns, dtype=float) * 1.7 + shift
+    return torch.tensor(np.sin(angles).reshape(rows, columns)).float()
 
 
 def test_every_loss_comes_to_its_figures(golden):
@@ -41,23 +35,16 @@ def test_every_loss_comes_to_its_figures(golden):
 
 
 @pytest.mark.parametrize(
-    ("name", "network"),
+    ("name", "changes"),
     [
-        ("scaled weights", Network(pixels=16, hidden=32)),
-        ("PyTorch's weights", Network(pixels=16, hidden=32, initialisation="pytorch")),
-        (
-            "the paper's layers",
-            Network(pixels=16, hidden=32, layers=PAPER_NETWORK.layers),
-        ),
+        ("scaled weights", {}),
+        ("PyTorch's weights", {"initialisation": "pytorch"}),
+        ("the paper's layers", {"layers": PAPER_NETWORK.layers}),
     ],
 )
-def test_fresh_networks_come_to_their_figures(
-    golden, make_trajectories, small_terrain, name, network
-):
-    """Trajectories and maps lead to losses and logits.
-
-    Losses are by component, logits are the discriminator's.
-    """
+def test_fresh_networks_come_to_their_figures(golden, make_trajectories, name, changes):
+    """Losses are by component, logits are the discriminator's."""
+    network = Network(pixels=16, hidden=32, **changes)
     motion = windows_of(make_trajectories(3), network.pixels)
     model = DynamicsModel(network, Standardisation.fit(motion), seed=0)
     with torch.no_grad():

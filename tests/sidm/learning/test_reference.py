@@ -1,44 +1,68 @@
-"""Both algorithms against a plain implementation.
+"""The losses, and both algorithms against a plain implementation.
 
-It follows the formulas, with default layouts, one step at a time.
+The plain one follows the formulas, with default layouts, one step at a time. The
+released code has one optimiser that behaves as PyTorch did in 2020 (gradients stay and
+are set to 0), L2 decay in the gradient, one system an iteration, and a discriminator
+that processes one system at a time.
 """
+
+import math
 
 import pytest
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from sidm.learning import Training, losses
 from sidm.learning.trainer import Trainer
 from sidm.learning.training import prediction_phase, regularisation_phase
 
-ITERATIONS = 12
 Weights = dict[str, Tensor]
+PAPER = dict(p_expert=0.5, test_interval=10**6)
+RELEASED = PAPER | dict(
+    weight_decay=0.05,
+    decay="l2",
+    system_draw="iteration",
+    matching_optimiser="shared",
+    reduction="mean",
+    units="raw",
+    zero_gradients=True,
+    replacement=False,
+    discriminator_draw="one",
+)
+
+
+def copied(weights) -> Weights:
+    return {name: one.detach().clone().requires_grad_() for name, one in weights}
+
+
+def dense(weights: Weights, name: str, values: Tensor) -> Tensor:
+    return values @ weights[f"{name}.weight"].T + weights[f"{name}.bias"]
+
+
+def leaky(values: Tensor) -> Tensor:
+    return F.leaky_relu(values, 0.01)
+
+
+def part_of(weights: Weights, start: str) -> Weights:
+    return {
+        name.removeprefix(start): tensor
+        for name, tensor in weights.items()
+        if name.startswith(start)
+    }
 
 
 def encoded(weights: Weights, role: str, inputs: Tensor, maps: Tensor) -> Tensor:
-    """Latent state-actions (T, latent) of a trajectory.
-
-    Inputs are (T, 11), maps (T, P, P).
-    """
-    part = {
-        name.removeprefix(f"encoders.{role}."): tensor
-        for name, tensor in weights.items()
-    }
+    """Latent state-actions (T, latent) of inputs (T, 11) and maps (T, P, P)."""
+    part = part_of(weights, f"encoders.{role}.")
     hidden = ((maps.float() - part["map_mean"]) / part["map_std"])[:, None]
     for layer in ("convolutions.0", "convolutions.2"):
-        kernel = part[f"{layer}.weight"].contiguous(
-            memory_format=torch.contiguous_format
-        )
-        hidden = F.leaky_relu(F.conv2d(hidden, kernel, part[f"{layer}.bias"]), 0.01)
+        kernel = part[f"{layer}.weight"].contiguous()
+        hidden = leaky(F.conv2d(hidden, kernel, part[f"{layer}.bias"]))
     numbers = (inputs - part["input_mean"]) / part["input_std"]
-    hidden = torch.cat(
-        [hidden.permute(0, 2, 3, 1).reshape(len(hidden), -1), numbers], dim=1
-    )
-    for layer in ("dense.0", "dense.2"):
-        hidden = F.leaky_relu(
-            hidden @ part[f"{layer}.weight"].T + part[f"{layer}.bias"], 0.01
-        )
-    return hidden
+    features = hidden.permute(0, 2, 3, 1).reshape(len(hidden), -1)
+    hidden = torch.cat([features, numbers], dim=1)
+    return leaky(dense(part, "dense.2", leaky(dense(part, "dense.0", hidden))))
 
 
 def remembered(weights: Weights, latents: Tensor, layers: int) -> Tensor:
@@ -59,224 +83,180 @@ def remembered(weights: Weights, latents: Tensor, layers: int) -> Tensor:
             cell = torch.sigmoid(forget) * cell + torch.sigmoid(take) * torch.tanh(new)
             output = torch.sigmoid(give) * torch.tanh(cell)
             rows[step] = output
-    hidden = (
-        torch.stack(rows) @ weights["sidm.output.0.weight"].T
-        + weights["sidm.output.0.bias"]
-    )
-    return F.leaky_relu(hidden, 0.01)
+    return leaky(dense(weights, "sidm.output.0", torch.stack(rows)))
 
 
 def decoded(weights: Weights, role: str, transitions: Tensor) -> Tensor:
     """State transitions (T, 13), raw units."""
-    part = {
-        name.removeprefix(f"decoders.{role}."): tensor
-        for name, tensor in weights.items()
-    }
-    hidden = F.leaky_relu(
-        transitions @ part["dense.0.weight"].T + part["dense.0.bias"], 0.01
-    )
-    return part["target_mean"] + part["target_std"] * (
-        hidden @ part["dense.2.weight"].T + part["dense.2.bias"]
-    )
+    part = part_of(weights, f"decoders.{role}.")
+    hidden = dense(part, "dense.2", leaky(dense(part, "dense.0", transitions)))
+    return part["target_mean"] + part["target_std"] * hidden
 
 
 def probability(weights: Weights, latents: Tensor) -> Tensor:
-    """Probability A(x), (T,), that latents (T, latent) are the expert's."""
-    hidden = F.leaky_relu(
-        latents @ weights["dense.0.weight"].T + weights["dense.0.bias"], 0.01
-    )
+    """Probability A(x) that latents (..., latent) are the expert's."""
     return torch.sigmoid(
-        hidden @ weights["dense.2.weight"].T + weights["dense.2.bias"]
-    )[:, 0]
+        dense(weights, "dense.2", leaky(dense(weights, "dense.0", latents)))
+    )
 
 
 class Adam:
-    """Adam with decoupled weight decay, after Loshchilov and Hutter (2019).
+    """Adam after Kingma and Ba (2015), with decoupled or L2 decay.
 
-    It moves weights that have a gradient.
+    It moves weights that have a gradient; in the released form also weights that had
+    one before.
     """
 
-    def __init__(self, weights: Weights, rate: float, decay: float) -> None:
-        self.weights, self.rate, self.decay = weights, rate, decay
-        self.moments = {
-            name: (0, torch.zeros_like(w), torch.zeros_like(w))
-            for name, w in weights.items()
-        }
+    def __init__(self, weights: Weights, training: Training) -> None:
+        self.weights, self.training = weights, training
+        self.moments: dict[str, tuple] = {}
 
-    def step(self, loss: Tensor) -> None:
-        gradients = torch.autograd.grad(
-            loss, list(self.weights.values()), allow_unused=True
-        )
+    def step(self, loss: Tensor, of: Weights) -> None:
+        rate, decay = self.training.learning_rate, self.training.weight_decay
+        found = torch.autograd.grad(loss, list(of.values()), allow_unused=True)
+        gradients = dict(zip(of, found, strict=True))
         with torch.no_grad():
-            for name, gradient in zip(self.weights, gradients, strict=True):
-                if gradient is not None:
-                    count, mean, square = self.moments[name]
-                    count, mean, square = (
-                        count + 1,
-                        0.9 * mean + 0.1 * gradient,
-                        0.999 * square + 0.001 * gradient**2,
-                    )
-                    self.moments[name] = count, mean, square
-                    self.weights[name] *= 1 - self.rate * self.decay
-                    scale = (square / (1 - 0.999**count)).sqrt() + 1e-8
-                    self.weights[name] -= self.rate * (mean / (1 - 0.9**count)) / scale
+            for name, weight in self.weights.items():
+                gradient, zero = gradients.get(name), torch.zeros_like(weight)
+                if gradient is None:
+                    if not self.training.zero_gradients or name not in self.moments:
+                        continue
+                    gradient = zero
+                if self.training.decay == "l2":
+                    gradient = gradient + decay * weight
+                else:
+                    weight *= 1 - rate * decay
+                count, mean, square = self.moments.get(name, (0, zero, zero))
+                count, mean = count + 1, 0.9 * mean + 0.1 * gradient
+                square = 0.999 * square + 0.001 * gradient**2
+                self.moments[name] = count, mean, square
+                scale = (square / (1 - 0.999**count)).sqrt() + 1e-8
+                weight -= rate * (mean / (1 - 0.9**count)) / scale
 
 
 class Plain:
     """Algorithms 1 and 2 on the batches that a trainer's sampler draws."""
 
     def __init__(self, trainer: Trainer) -> None:
-        self.sampler = trainer.sampler
-        self.training = trainer.training
+        self.sampler, self.training = trainer.sampler, trainer.training
         self.layers = trainer.network.layers
-        self.buffers = {
-            name: tensor.clone() for name, tensor in trainer.model.named_buffers()
-        }
-        self.weights = {
-            name: weights.detach().clone().requires_grad_()
-            for name, weights in trainer.model.named_parameters()
-        }
-        self.adversary = {
-            name: one.detach().clone().requires_grad_()
-            for name, one in trainer.discriminator.named_parameters()
-        }
-        how = self.training.learning_rate, self.training.weight_decay
-        encoder = {
+        self.buffers = dict(trainer.model.named_buffers())
+        self.weights = copied(trainer.model.named_parameters())
+        self.adversary = copied(trainer.discriminator.named_parameters())
+        self.encoder = {
             name: weight
             for name, weight in self.weights.items()
             if name.startswith("encoders.novice.")
         }
-        self.prediction = Adam(self.weights, *how)
-        self.discrimination = Adam(self.adversary, *how)
-        self.matching = Adam(encoder, *how)
+        self.prediction = self.matching = Adam(self.weights, self.training)
+        if self.training.matching_optimiser == "own":
+            self.matching = Adam(self.encoder, self.training)
+        self.discrimination = Adam(self.adversary, self.training)
 
     def latents(self, role: str, windows) -> list[Tensor]:
         values = self.weights | self.buffers
-        return [
-            encoded(values, role, *one)
-            for one in zip(windows.inputs, windows.maps, strict=True)
-        ]
+        pairs = zip(windows.inputs, windows.maps, strict=True)
+        return [encoded(values, role, *pair) for pair in pairs]
 
-    def predict(self) -> float:
-        """Run an iteration of Algorithm 1: one step down equation (1).
-
-        Returns the batch's mean loss before the step.
-        """
-        values, losses = self.weights | self.buffers, []
+    def predict(self) -> None:
+        """Run an iteration of Algorithm 1: one step down equation (1)."""
+        values, squares = self.weights | self.buffers, []
         for role, windows in self.sampler.batch().items():
-            for latents, targets in zip(
-                self.latents(role, windows), windows.targets, strict=True
-            ):
-                predicted = decoded(
-                    values, role, remembered(values, latents, self.layers)
-                )
-                losses.append(((predicted - targets) ** 2).sum(dim=1))
-        loss = torch.cat(losses).mean()
-        self.prediction.step(loss)
-        return float(loss.detach())
+            latents = self.latents(role, windows)
+            for latent, targets in zip(latents, windows.targets, strict=True):
+                transitions = remembered(values, latent, self.layers)
+                squares.append((decoded(values, role, transitions) - targets) ** 2)
+        loss = torch.stack(squares).mean()
+        if self.training.reduction == "sum":  # over the 13 components
+            loss = 13 * loss
+        self.prediction.step(loss, self.weights)
 
     def discriminate(self) -> None:
         """Run an iteration of Algorithm 2's first half: A steps down equation (2)."""
-        batch = self.sampler.discriminator_batch()
-        probabilities = {
-            role: torch.cat(
-                [
-                    probability(self.adversary, one.detach())
-                    for one in self.latents(role, windows)
-                ]
-            )
-            for role, windows in batch.items()
-        }
-        self.discrimination.step(
-            (
-                -probabilities["expert"].log() - (1 - probabilities["novice"]).log()
-            ).mean()
-        )
+        loss = torch.zeros(())
+        for role, windows in self.sampler.discriminator_batch().items():
+            latents = torch.stack(self.latents(role, windows)).detach()
+            of_expert = probability(self.adversary, latents)
+            right = of_expert if role == "expert" else 1 - of_expert
+            loss = loss - right.log().mean()
+        self.discrimination.step(loss, self.adversary)
 
-    def match(self) -> None:
+    def match(self) -> float:
         """Run an iteration of Algorithm 2's second half: E_n descends equation (4)."""
-        latents = self.latents("novice", self.sampler.matching_batch())
-        self.matching.step(
-            -torch.cat([probability(self.adversary, latent) for latent in latents])
-            .log()
-            .mean()
-        )
+        latents = torch.stack(self.latents("novice", self.sampler.matching_batch()))
+        loss = -probability(self.adversary, latents).log().mean()
+        self.matching.step(loss, self.encoder)
+        return float(loss.detach())
+
+    def phases(self) -> None:
+        for work, count in (
+            (self.predict, self.training.prediction_iterations),
+            (self.discriminate, self.training.discriminator_iterations),
+            (self.match, self.training.matching_iterations),
+        ):
+            found = [work() for _ in range(count)]
+        self.matching_loss = sum(found) / len(found)
 
 
-def test_equation_1_is_the_plain_one(make_trainer):
-    """`DynamicsModel.loss` of one system equals the plain loss.
-
-    So do the losses of a batch, which the SIDM processes at once.
-    """
-    trainer = make_trainer(p_expert=0.5, batch=8)
-    plain, batch = Plain(trainer), trainer.sampler.batch()
-    values = plain.weights | plain.buffers
-    latents = {role: trainer.encode(role, windows) for role, windows in batch.items()}
-    together = trainer.model.losses(batch, latents)
-    assert set(batch) == {"novice", "expert"}
-    for role, windows in batch.items():
-        expected = [
-            (
-                (decoded(values, role, remembered(values, one, plain.layers)) - targets)
-                ** 2
-            ).sum(1)
-            for one, targets in zip(
-                plain.latents(role, windows), windows.targets, strict=True
-            )
-        ]
-        for found in (trainer.model.loss(role, windows), together[role]):
-            assert torch.allclose(found, torch.stack(expected), rtol=1e-4, atol=1e-6)
+def test_prediction_loss_is_the_squared_norm():
+    target = torch.zeros(2, 3, 13)
+    predicted = target.clone()
+    predicted[0, 0, 0], predicted[0, 0, 12], predicted[1, 2, 5] = 3.0, 4.0, -2.0
+    expected = [[25.0, 0.0, 0.0], [0.0, 0.0, 4.0]]
+    assert losses.prediction_loss(predicted, target).tolist() == expected
+    with pytest.raises(ValueError, match=r"\(2, 3, 13\) and target \(3, 13\)"):
+        losses.prediction_loss(predicted, target[0])
 
 
-def test_training_is_the_plain_one(make_trainer):
-    options = dict(
-        p_expert=0.5,
-        batch=3,
-        prediction_iterations=1,
-        test_interval=10**6,
-        learning_rate=1e-3,
-    )
-    ours, plain = make_trainer(**options), Plain(make_trainer(**options))
-    probe = make_trainer(**options)
-    for _ in range(ITERATIONS):
-        probe.model.load_state_dict(ours.model.state_dict())
-        with torch.no_grad():
-            batch = probe.sampler.batch()
-            before = torch.cat(
-                [
-                    probe.model.loss(role, windows).flatten()
-                    for role, windows in batch.items()
-                ]
-            ).mean()
-        prediction_phase(ours)
-        assert float(before) == pytest.approx(plain.predict(), rel=1e-4)
+def test_discriminator_and_matching_losses_from_probabilities():
+    expert = torch.logit(torch.tensor([0.9, 0.5], dtype=torch.float64))
+    novice = torch.logit(torch.tensor([0.2, 0.7], dtype=torch.float64))
+    of_expert, of_novice = math.log(0.9 * 0.5) / 2, math.log(0.8 * 0.3) / 2
+    both = losses.expected_discriminator_loss(expert, novice)
+    assert float(both) == pytest.approx(-of_expert - of_novice)
+    assert float(losses.one_sided_loss(expert)) == pytest.approx(-of_expert)
+    one_sided = losses.one_sided_loss(novice_logits=novice)
+    assert float(one_sided) == pytest.approx(-of_novice)
+    matching = losses.expected_matching_loss(novice)
+    assert float(matching) == pytest.approx(-math.log(0.2 * 0.7) / 2)
+    far = torch.tensor([200.0])  # where the probability rounds
+    assert losses.discriminator_loss(-far, far).item() == pytest.approx(400.0)
+    assert losses.matching_loss(-far).item() == pytest.approx(200.0)
 
 
-def test_a_phase_of_each_algorithm_is_the_plain_one(make_trainer):
-    """All weights agree after a phase of Algorithm 1 and one of Algorithm 2."""
-    options = dict(
-        p_expert=0.5,
-        batch=3,
-        prediction_iterations=4,
-        discriminator_iterations=3,
-        matching_iterations=3,
-        test_interval=10**6,
-        learning_rate=1e-3,
-    )
-    ours, plain = make_trainer(**options), Plain(make_trainer(**options))
-    before = {
-        name: weights.detach().clone()
-        for name, weights in ours.model.named_parameters()
-    }
-    prediction_phase(ours)
-    regularisation_phase(ours)
-    for work, count in ((plain.predict, 4), (plain.discriminate, 3), (plain.match, 3)):
-        for _ in range(count):
-            work()
-    for name, one in ours.model.named_parameters():
-        moved = float((one.detach() - before[name]).abs().max())
-        assert float((one - plain.weights[name]).detach().abs().max()) < 0.02 * moved, (
-            name
-        )
-    for name, one in ours.discriminator.named_parameters():
-        assert torch.allclose(one, plain.adversary[name], atol=2e-5), name
+@pytest.mark.parametrize("recipe", [PAPER, RELEASED], ids=["paper", "released"])
+def test_two_rounds_of_all_phases_are_the_plain_ones(make_trainer, recipe):
+    """Adam divides by the size of a gradient, so rounding of small gradients shows."""
+    trainer, plain = make_trainer(**recipe), Plain(make_trainer(**recipe))
+    if recipe is RELEASED:  # in raw units
+        for name, buffer in plain.buffers.items():
+            assert buffer.unique() == (1 if name.endswith("_std") else 0), name
+    for _ in range(2):
+        prediction_phase(trainer)
+        regularisation_phase(trainer)
+        plain.phases()
+        assert trainer.matching_loss == pytest.approx(plain.matching_loss, rel=1e-4)
+        for module, weights in (
+            (trainer.model, plain.weights),
+            (trainer.discriminator, plain.adversary),
+        ):
+            for name, found in module.named_parameters():
+                error = (found - weights[name]).abs().max()
+                assert error <= 3e-4 * weights[name].abs().max(), name
+
+
+def test_released_draws_go_through_all_windows_and_take_either_system(make_trainer):
+    """Batches of the other system do not use up a system's order."""
+    trainer = make_trainer(**RELEASED)
+    seen: dict[str, list[int]] = {"novice": [], "expert": []}
+    for _ in range(60):
+        for role, which in trainer.sampler.batch_indices().items():
+            seen[role] += which.tolist()
+    for role, drawn in seen.items():
+        count = len(trainer.sampler.windows[role])
+        assert len(drawn) > 2 * count and drawn[:count] != drawn[count : 2 * count]
+        for start in range(0, len(drawn) - count, count):
+            assert sorted(drawn[start : start + count]) == list(range(count))
+    drawn = [trainer.sampler.discriminator_systems() for _ in range(400)]
+    assert set(drawn) == {("expert",), ("novice",)}
+    assert 160 < drawn.count(("expert",)) < 240

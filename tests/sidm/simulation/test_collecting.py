@@ -1,31 +1,32 @@
-"""Collection: rules of an episode, resuming, independence of workers and order."""
+"""Collection: actions, rules of an episode, resuming, independence of workers."""
 
-import dataclasses
-import json
 import shutil
 from concurrent.futures import Executor, Future
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from sidm.config import ConfigError
+from sidm.config import ConfigError, replace
 from sidm.drives import STEPS
-from sidm.shards import SHARD_SIZE, Collection, ShardError, digest, missing_shards
-from sidm.simulation import Simulator, collect, discards, simulate_trajectory
-from sidm.simulation.collecting import EpisodeRules, draw_attempt
+from sidm.pool import process_pool
+from sidm.shards import SHARD_SIZE, Collection, digest
+from sidm.simulation import POLICIES, Simulator, collect, draw_actions
+from sidm.simulation.collecting import EpisodeRules, draw_attempt, simulate_trajectory
 from sidm.storage import checksum
 from sidm.systems import SYSTEMS, System, Terrain
 from sidm.terrain import generate_terrain
 
 COLLECTION = Collection(system="system1", role="novice", seed=77)
+OWN = System(
+    name="mine",
+    novice=SYSTEMS["system1"].novice.replace(spring=20_000.0, throttle_scale=20.0),
+    expert=SYSTEMS["system2"].expert,
+    terrain=Terrain(cell_height_scale=0.1, size=120),
+)
 
 
 class InOrder(Executor):
-    """Executor that runs each shard at once, in this process.
-
-    If asked, it runs the last submitted shard first.
-    """
+    """Executor that runs each shard at once, in this process."""
 
     def __init__(self):
         self.submitted = []
@@ -37,77 +38,64 @@ class InOrder(Executor):
         return future
 
 
+def gather(root, count, **how):
+    return collect(root, COLLECTION, count, progress=False, **how)
+
+
 @pytest.fixture(scope="module")
 def collected(tmp_path_factory):
-    """Two shards that this process collected."""
+    """Two shards that this process collected: their folder and their drives."""
     root = tmp_path_factory.mktemp("data")
-    return root, collect(
-        root, COLLECTION, 2 * SHARD_SIZE, executor=InOrder(), progress=False
-    )
+    return root, gather(root, 2 * SHARD_SIZE, executor=InOrder())
 
 
-OWN = System(
-    name="mine",
-    novice=SYSTEMS["system1"].novice.replace(spring=20_000.0, throttle_scale=20.0),
-    expert=SYSTEMS["system2"].expert,
-    terrain=Terrain(cell_height_scale=0.1, size=120),
-)
+def test_drives_are_in_order_and_each_has_its_terrain(collected):
+    _, drives = collected
+    assert [drive.index for drive in drives] == list(range(2 * SHARD_SIZE))
+    assert {len(drive) for drive in drives} == {STEPS}
+    assert max(np.hypot(*drive.states[0, :2]) for drive in drives) < 0.2
+    assert checksum(drives[3].ground.heights) == drives[3].ground.checksum
+    assert len({drive.ground.seed for drive in drives}) == len(drives)
 
 
-@pytest.mark.parametrize(
-    "role", ["novice", pytest.param("expert", marks=pytest.mark.more)]
-)
-def test_robots_of_ones_own_drive_in_their_own_role(role, tmp_path):
-    """`simulate` gives the drives of each robot on its own ground, in any process."""
-    collection = Collection(system="mine", role=role, seed=3)
-    drive = simulate_trajectory(collection, 0, OWN)
-    number = sum(drive.discarded)
-    seed, yaw, actions = draw_attempt(collection, 0, number)
-    with Simulator(OWN.robot(role), generate_terrain(OWN.terrain, seed)) as simulator:
-        states = [
-            simulator.reset(0.0, 0.0, yaw),
-            *(simulator.step(action) for action in actions),
-        ]
+def test_an_interrupted_collection_goes_on_and_ends_the_same(collected, tmp_path):
+    root, whole = collected
+    COLLECTION.folder(tmp_path).mkdir(parents=True)
+    shutil.copy(COLLECTION.shard(root, 0), COLLECTION.folder(tmp_path))
+    rest = InOrder()
+    repeated = gather(tmp_path, 2 * SHARD_SIZE, executor=rest)
+    assert [arguments[2] for arguments in rest.submitted] == [1]
+    assert digest(repeated) == digest(whole)
+
+
+def test_other_processes_make_the_same(collected, tmp_path):
+    _, whole = collected
+    with process_pool(1) as pool:
+        drives = gather(tmp_path, SHARD_SIZE, executor=pool)
+    assert digest(drives) == digest(whole[:SHARD_SIZE])
+
+
+def test_robots_of_ones_own_drive_in_their_own_role(tmp_path):
+    collection, how = replace(COLLECTION, system="mine"), dict(executor=InOrder())
+    (drive,) = collect(tmp_path, collection, 1, progress=False, system=OWN, **how)
+    seed, yaw, actions = draw_attempt(collection, 0, sum(drive.discarded))
+    with Simulator(OWN.novice, generate_terrain(OWN.terrain, seed)) as simulator:
+        states = [simulator.reset(0.0, 0.0, yaw), *map(simulator.step, actions)]
     assert np.array_equal(drive.states, np.array(states, np.float32))
-    other = simulate_trajectory(
-        collection, 0, dataclasses.replace(OWN, novice=OWN.expert, expert=OWN.novice)
-    )
-    assert not np.array_equal(drive.states, other.states)
-    # as a worker process would
-    (first, *_) = collect(
-        tmp_path, collection, 2, workers=1, progress=False, system=OWN
-    )
-    assert np.array_equal(first.states, drive.states)
 
 
 def test_a_name_stands_for_one_pair(tmp_path):
-    own = Collection(system="mine", role="novice", seed=3)
+    own, swapped = replace(COLLECTION, system="mine"), replace(OWN, expert=OWN.novice)
     with pytest.raises(ConfigError, match="unknown system 'mine'"):
         simulate_trajectory(own, 0)
-    with pytest.raises(
-        ConfigError,
-        match="the collection is of 'system1', the robots given are of 'mine'",
-    ):
+    with pytest.raises(ConfigError, match="'system1', the robots given are of 'mine'"):
         simulate_trajectory(COLLECTION, 0, OWN)
-    with pytest.raises(
-        ConfigError,
-        match="'system1' is known with other robots, ground or physics; give yours",
-    ):
-        simulate_trajectory(COLLECTION, 0, dataclasses.replace(OWN, name="system1"))
-    collect(tmp_path, own, 0, progress=False, system=OWN)
-    collect(tmp_path, own, 0, progress=False, system=OWN)
-    with pytest.raises(
-        ConfigError,
-        match="has motion of other robots called 'mine'; "
-        "delete it or choose a new name",
-    ):
-        collect(
-            tmp_path,
-            own,
-            0,
-            progress=False,
-            system=dataclasses.replace(OWN, expert=OWN.novice),
-        )
+    with pytest.raises(ConfigError, match="'system1' is known with other robots"):
+        simulate_trajectory(COLLECTION, 0, replace(OWN, name="system1"))
+    for _ in range(2):
+        collect(tmp_path, own, 0, progress=False, system=OWN)
+    with pytest.raises(ConfigError, match="has motion of other robots called 'mine'"):
+        collect(tmp_path, own, 0, progress=False, system=swapped)
 
 
 def state(x=0.0, y=0.0, up=1.0, speed=0.0):
@@ -115,57 +103,6 @@ def state(x=0.0, y=0.0, up=1.0, speed=0.0):
     values[:2], values[7] = (x, y), speed
     values[3], values[6] = (0.0, 1.0) if up > 0 else (1.0, 0.0)
     return values
-
-
-def test_trajectories_have_their_length_order_and_terrain(collected):
-    _, trajectories = collected
-    assert [t.index for t in trajectories] == list(range(2 * SHARD_SIZE))
-    for t in trajectories:
-        assert t.states.shape == (STEPS + 1, 13)
-        assert t.states.dtype == np.float32
-        assert t.actions.shape == (STEPS, 2)
-        assert np.hypot(*t.states[0, :2]) < 0.2
-    t = trajectories[3]
-    assert checksum(t.ground.heights) == t.ground.checksum
-    assert len({t.ground.seed for t in trajectories}) == len(trajectories)
-    assert set(discards(trajectories)) == {"stuck", "border", "rollover", "unstable"}
-
-
-@pytest.fixture
-def first_shard(collected, tmp_path):
-    """Folder of a collection that was interrupted after its first shard."""
-    path = COLLECTION.shard(tmp_path, 0)
-    path.parent.mkdir(parents=True)
-    return Path(shutil.copy(COLLECTION.shard(collected[0], 0), path))
-
-
-def test_an_interrupted_collection_goes_on_and_ends_the_same(
-    collected, first_shard, tmp_path
-):
-    _, whole = collected
-    assert missing_shards(tmp_path, COLLECTION, 2 * SHARD_SIZE) == [1]
-    # temporary file that a killed worker leaves
-    stray = COLLECTION.folder(tmp_path) / ".shard-00001.npz.1.part"
-    stray.write_bytes(b"half")
-    rest = InOrder()
-    repeated = collect(
-        tmp_path, COLLECTION, 2 * SHARD_SIZE, executor=rest, progress=False
-    )
-    assert [arguments[2] for arguments in rest.submitted] == [1]
-    assert digest(repeated) == digest(whole)
-
-
-def test_other_processes_in_any_order_make_the_same(collected, tmp_path):
-    _, whole = collected
-    assert digest(
-        collect(tmp_path, COLLECTION, SHARD_SIZE, workers=2, progress=False)
-    ) == digest(whole[:SHARD_SIZE])
-
-
-def test_a_damaged_shard_is_named(first_shard, tmp_path):
-    first_shard.write_bytes(first_shard.read_bytes()[:-3000])
-    with pytest.raises(ShardError, match="shard-00000"):
-        collect(tmp_path, COLLECTION, 2, executor=InOrder(), progress=False)
 
 
 def test_stuck_after_more_than_25_steps_in_one_place():
@@ -176,18 +113,41 @@ def test_stuck_after_more_than_25_steps_in_one_place():
     assert not any(rules.ended(state(x=0.11 * k)) for k in range(100))
 
 
-def test_border_rollover_and_instability_end_an_episode():
-    assert EpisodeRules(state(), 14.95).ended(state(x=13.9)) is None
-    assert EpisodeRules(state(), 14.95).ended(state(y=-14.0)) == "border"
-    assert EpisodeRules(state(), 14.95).ended(state(up=-1)) == "rollover"
-    assert EpisodeRules(state(), 14.95).ended(state(speed=15.1)) == "unstable"
-    assert EpisodeRules(state(), 14.95).ended(state(x=np.nan)) == "unstable"
+@pytest.mark.parametrize(
+    ("where", "cause"),
+    [
+        ({"x": 13.9}, None),
+        ({"y": -14.0}, "border"),
+        ({"up": -1}, "rollover"),
+        ({"speed": 15.1}, "unstable"),
+        ({"x": np.nan}, "unstable"),
+    ],
+)
+def test_border_rollover_and_instability_end_an_episode(where, cause):
+    assert EpisodeRules(state(), 14.95).ended(state(**where)) == cause
 
 
-def test_a_collection_is_plain_data():
-    assert json.loads(json.dumps(vars(COLLECTION))) == {
-        "system": "system1",
-        "role": "novice",
-        "policy": "ornstein_uhlenbeck",
-        "seed": 77,
-    }
+@pytest.mark.parametrize("policy", POLICIES)
+def test_actions_are_bounded_and_seeded_and_only_held_ones_stand_still(policy):
+    drawn = [
+        draw_actions(policy, 64, np.random.default_rng(seed)) for seed in (1, 1, 2)
+    ]
+    assert drawn[0].shape == (64, 2) and np.abs(drawn[0]).max() <= 1
+    assert np.array_equal(drawn[0], drawn[1])
+    assert not np.array_equal(drawn[0], drawn[2])
+    assert (np.ptp(drawn[0], axis=0).max() == 0) == (policy == "held")
+
+
+def test_ornstein_uhlenbeck_throttle_has_the_stated_mean_and_steering_wanders_widely():
+    rngs = map(np.random.default_rng, range(60))
+    actions = np.stack([draw_actions("ornstein_uhlenbeck", 64, rng) for rng in rngs])
+    assert actions[..., 0].mean() == pytest.approx(0.2, abs=0.05)
+    # an unclipped throttle has the stationary deviation 0.025 / sqrt(2 * 0.0125)
+    deviation = 0.025 / np.sqrt(2 * 0.0125)
+    assert actions[:, 20:, 0].std() == pytest.approx(deviation, rel=0.25)
+    assert actions[:, -1, 1].std() > 0.5
+
+
+def test_an_unknown_policy_is_named_with_the_nearest():
+    with pytest.raises(ConfigError, match="ornstein_uhlenbek.*ornstein_uhlenbeck"):
+        draw_actions("ornstein_uhlenbek", 4, np.random.default_rng(0))

@@ -5,10 +5,12 @@ import pytest
 
 from sidm.simulation import POLICIES, Simulator
 from sidm.simulation.exploration import draw_actions
-from sidm.systems import FREE_PHYSICS, SYSTEMS, Physics
+from sidm.systems import FREE_PHYSICS, ROLES, SYSTEMS, Physics
 from sidm.terrain import generate_terrain
 
 ACTIONS = ((0.8, 0.5), (0.4, -1.0), (-0.6, 0.3), (1.0, 0.0), (0.2, 0.7))
+BRAKED = [f"{system} {role}" for system in SYSTEMS for role in ROLES]
+UNBRAKED = ["system1 novice unbraked", "system2 expert unbraked"]
 
 
 def waves() -> np.ndarray:
@@ -21,56 +23,31 @@ def waves() -> np.ndarray:
     return heights - heights.min()
 
 
-@pytest.mark.parametrize(
-    ("system", "role", "strut_motors"),
-    [
-        ("system1", "novice", True),
-        ("system1", "expert", True),
-        ("system2", "novice", True),
-        ("system2", "expert", True),
-        ("system1", "novice", False),
-        ("system2", "expert", False),
-    ],
-)
-def test_every_robot_comes_to_its_figures(golden, system, role, strut_motors):
+@pytest.mark.parametrize("name", BRAKED + UNBRAKED)
+def test_every_robot_comes_to_its_figures(golden, name):
     """States on smaller instruction sets differ by up to 1e-7.
 
     Where struts are free, they differ by 1e-5 after two steps and part sooner than with
     braked struts; so two steps are compared.
     """
-    with Simulator(
-        SYSTEMS[system].robot(role),
-        waves(),
-        Physics() if strut_motors else FREE_PHYSICS,
-    ) as simulator:
-        actions = ACTIONS if strut_motors else ACTIONS[:2]
-        states = [simulator.reset(yaw=0.7)] + [
-            simulator.step(np.array(action)) for action in actions
-        ]
+    system, role, *_ = name.split()
+    physics, actions, kind = Physics(), ACTIONS, "simulation"
+    if name in UNBRAKED:
+        physics, actions, kind = FREE_PHYSICS, ACTIONS[:2], "free_struts"
+    with Simulator(SYSTEMS[system].robot(role), waves(), physics) as simulator:
+        states = [simulator.reset(yaw=0.7), *map(simulator.step, actions)]
         figures = {
             "states": [state.tolist() for state in states],
             "struts": simulator.strut_positions.tolist(),
         }
-    kind = "simulation" if strut_motors else "free_struts"
-    golden.hold(
-        f"{system} {role}" + " unbraked" * (not strut_motors),
-        kind,
-        figures,
-        rel=0,
-        abs=1e-4,
-    )
+    golden.hold(name, kind, figures, rel=0, abs=1e-4)
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_every_ground_comes_to_its_figures(golden, system):
-    heights = generate_terrain(SYSTEMS[system].terrain, 5)
-    golden.hold(
-        f"{system} ground",
-        "simulation",
-        {"heights": heights[::40, ::40].tolist()},
-        rel=0,
-        abs=1e-7,
-    )
+    heights = generate_terrain(SYSTEMS[system].terrain, 5)[::40, ::40]
+    figures = {"heights": heights.tolist()}
+    golden.hold(f"{system} ground", "simulation", figures, rel=0, abs=1e-7)
 
 
 @pytest.mark.parametrize("policy", POLICIES)
