@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 import torch
 
+from sidm.body import Body
 from sidm.learning import Standardisation, Windows, dataset, observation, windows_of
+from sidm.learning.model import DynamicsModel
+from sidm.learning.units import loss_weights
 from sidm.shards import SHARD_SIZE, Collection, ShardError, write_shard
 from sidm.terrain import generate_terrain
 
@@ -103,16 +106,42 @@ def test_parts_of_windows_are_the_same_copied_or_not(make_motion):
 
 def test_standardisation_is_numpys_mean_and_deviation(make_motion):
     motion = make_motion(9)
-    motion.targets[..., 4] = 0.25
+    motion.targets[..., 4] = motion.inputs[..., 3] = 0.25
     units = Standardisation.fit(motion)
     for found, values in (
         (units.input_mean, motion.inputs.numpy().mean((0, 1))),
-        (units.input_std, motion.inputs.numpy().std((0, 1))),
+        (units.input_std[4:], motion.inputs.numpy().std((0, 1))[4:]),
         (units.target_std[:4], motion.targets.numpy().std((0, 1))[:4]),
         (units.map_mean, motion.maps.float().numpy().mean()),
         (units.map_std, motion.maps.float().numpy().std()),
     ):
         assert np.allclose(found, values, atol=1e-6) and found.dtype == torch.float32
-    assert units.target_std[4] == 1  # constant: in its raw unit
+    assert units.input_std[3] == 1  # constant: in its raw unit
+    assert units.target_std[4] == 0  # predicted as its mean
     few, first = Standardisation.fit(motion, 2), Standardisation.fit(motion.first(2))
     assert torch.equal(few.map_std, first.map_std)
+
+
+@pytest.mark.parametrize("size, weight", [(0.0, 0), (5e-5, 0), (2e-4, 2.5e7)])
+def test_components_that_no_sensor_resolves_have_no_weight(size, weight):
+    """`left` of a planar pose, m, whose sensor resolves 0.1 mm; 1/size^2 above that."""
+    body = Body(
+        name="cart",
+        pose="planar",
+        columns=(("v", "m/s"),),
+        actions=(("a", "1"),),
+    )
+    units = Standardisation.none(body)
+    units.target_std[body.targets.index("left")] = size
+    weights = dict(zip(body.targets, loss_weights(body, units).tolist(), strict=True))
+    assert weights.pop("left") == pytest.approx(weight)
+    assert set(weights.values()) == {1.0}
+
+
+def test_a_constant_component_is_predicted_as_its_mean(make_motion, small_network):
+    motion = make_motion(9)
+    motion.targets[..., 4] = 0.25
+    units = Standardisation.fit(motion)
+    model = DynamicsModel(small_network, {"novice": units, "expert": units})
+    predicted, _ = model("novice", motion.inputs, motion.maps)
+    assert (predicted[..., 4] == 0.25).all() and predicted[..., 3].std() > 0
