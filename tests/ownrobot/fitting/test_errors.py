@@ -20,9 +20,6 @@ CART = Body(
     columns=(("speed", "km/h"),),
     actions=(("throttle", "1"),),
 )
-LEVER = Body(
-    name="lever", pose="none", columns=(("rate", "rad/s"),), actions=(("current", "A"),)
-)
 
 
 class Constant(Predictor):
@@ -30,27 +27,26 @@ class Constant(Predictor):
 
     def __init__(self, transition):
         super().__init__()
-        self.transition = torch.nn.Parameter(
-            torch.tensor(transition), requires_grad=False
-        )
+        self.transition = torch.nn.Parameter(torch.tensor(transition), False)
 
     def loss_weights(self, role):
         return None
 
     def forward(self, role, inputs, maps, memory=None):
-        shape = (*inputs.shape[:2], len(self.transition))
-        return self.transition.expand(shape), memory
+        return self.transition.expand(*inputs.shape[:2], -1), memory
 
 
 def model_of(body, transition):
-    network = Network(novice_body=body, expert_body=body)
-    about = dict(method="mean", steps=20, minutes=1.0, test_loss=0.0, scale=None)
     return Model(
         predictor=Constant(transition),
         body=body,
-        network=network,
+        network=Network(novice_body=body, expert_body=body),
         target_mean=torch.zeros(len(body.targets)),
-        **about,
+        method="mean",
+        steps=20,
+        minutes=1.0,
+        test_loss=0.0,
+        scale=None,
     )
 
 
@@ -130,40 +126,12 @@ def test_open_loop_errors_are_those_of_each_horizon(drives):
     assert speed["nothing_changes"] == pytest.approx(rms(end - start), rel=1e-5)
 
 
-def test_a_robot_without_a_pose_has_horizons_too():
-    rng = np.random.default_rng(1)
-    drives = [
-        Drive(rng.random((13, 1)), rng.random((12, 1)), LEVER, name=f"{number}")
-        for number in range(3)
-    ]
-    table = model_of(LEVER, [0.5]).evaluate(drives)
-    assert set(table.quantity) == {"rate"} and table.unit.unique() == ["rad/s"]
-    ahead = table[table.prediction == OPEN_LOOP]
-    assert ahead.horizon.tolist() == pytest.approx([n / 10 for n in range(1, 9)])
-    last = np.array([drive.states[-1, 0] for drive in drives])
-    assert ahead.rmse.iloc[-1] == pytest.approx(rms(0.5 - last), rel=1e-5)
-
-
-def test_the_worst_drive_stands_first(drives):
-    model = model_of(CART, [0.1, 0.0, 0.0, 1.5])
-    table = model.evaluate_drives(drives)
-    assert table.loss.is_monotonic_decreasing
-    assert set(table.drive) == {"0", "1", "2"} and set(table.worst) == {"speed"}
-    drive = next(d for d in drives if d.name == table.drive[0])
-    assert model.loss([drive]) == pytest.approx(table.loss[0])
-    assert table.seconds.tolist() == [len(drives[int(n)]) / 10 for n in table.drive]
-
-
 def test_predictions_have_units_and_go_over_a_horizon(drives):
     model = model_of(CART, [0.1, 0.0, 0.02, 1.5])
     one = model.predict(drives)
-    assert list(one.columns[:4]) == [
-        "drive",
-        "time [s]",
-        "predicted forward [m]",
-        "predicted left [m]",
-    ]
-    assert len(one) == 71 and "actual speed [m/s]" in one
+    assert list(one.columns[:3]) == ["drive", "time [s]", "predicted forward [m]"]
+    speeds = np.concatenate([drive.states[1:, 3] for drive in drives])
+    assert np.allclose(one["actual speed [m/s]"], speeds)
     ahead = model.predict(drives, horizon=0.5, every=10)
     assert len(ahead) == 5 * (2 + 2 + 3) + 1  # the last start has one step
     rows = ahead[(ahead.drive == "2") & (ahead["start [s]"] == 1.0)]

@@ -6,14 +6,13 @@ import pytest
 
 import ownrobot
 import sidm
+from companion.pages.own_data import robot_drives
 from ownrobot.commands.tables import csv_text
-from ownrobot.demo import bundled_drives
 from ownrobot.fitting import fit as fitting
-from ownrobot.fitting.report import figure
-from ownrobot.recordings import RecordingError, read_drives, write_drives
-from sidm.body import Body
+from ownrobot.recordings import read_drives, write_drives
+from sidm.body import ROVER
 from sidm.config import ConfigError, Notice, replace
-from sidm.drives import Drive
+from sidm.drives import STEPS
 from tests.ownrobot.cart import CART, cart_drive
 
 
@@ -21,13 +20,14 @@ def drive_of(session, steps, seed, name="a", **turning):
     return cart_drive(np.random.default_rng(seed), steps, session, name, **turning)
 
 
-def sessions(lengths):
-    return [drive_of(f"{n}", steps, n, f"{n}") for n, steps in enumerate(lengths)]
+def sessions(lengths, **turning):
+    return [
+        drive_of(f"{n}", steps, n, f"{n}", **turning) for n, steps in enumerate(lengths)
+    ]
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_a_short_session_does_not_stop_a_fit(seed):
-    model = ownrobot.fit(sessions([640, 640, 640, 30]), test=0.25, seed=seed)
+def test_a_short_session_does_not_stop_a_fit():
+    model = ownrobot.fit(sessions([640, 640, 640, 30]), test=0.25)
     assert model.steps == 64 and model.held_out.drives == 4
 
 
@@ -38,75 +38,90 @@ def test_drives_without_names_count_each():
     assert found == expected and found.drives == 3 and found.standard_error > 0
 
 
-def test_the_demonstrations_drives_have_names_of_their_own():
-    drives = bundled_drives()
-    assert len({drive.name for drive in drives}) == len(drives)
-    assert drives[0].name.startswith("warthog.csv.gz drive ")
+FEW, MANY = sessions([80, 80]), sessions(12 * [80])
+PAIRS = [drive_of(f"{n // 2}", 80, n, f"{n}") for n in range(12)]
 
 
-def test_a_test_that_shares_sessions_is_noted():
-    drives = [drive_of(f"{n // 2}", 80, n, f"{n}") for n in range(12)]
-    with pytest.warns(Notice, match="test has sessions that the model learns from"):
-        ownrobot.fit(drives[::2], test=drives[1::2])
+@pytest.mark.parametrize(
+    ("arguments", "how", "words"),
+    [
+        ([PAIRS[::2]], {"test": PAIRS[1::2]}, "test has sessions that the model"),
+        (
+            [MANY, MANY, "least_squares_pooled"],
+            {"test": 0.25},
+            "3 of 3 drives held out are among the expert's",
+        ),
+        (
+            [FEW],
+            {"settings": {"hidden": 8, "pixels": 8, "batch": 4}},
+            "trains no network; without effect: hidden, batch",
+        ),
+        ([MANY[:6], MANY[6:], "mean"], {}, "mean does not learn from the expert's"),
+        (
+            [[*MANY, drive_of("z", 4, 0)]],
+            {},
+            "1 of 13 drives, 0.4% of the motion, are shorter",
+        ),
+        ([[*FEW, *FEW]], {}, "novice has 2 drives that are given twice"),
+    ],
+)
+def test_what_may_surprise_is_noted(arguments, how, words):
+    with pytest.warns(Notice, match=words):
+        ownrobot.fit(*arguments, **how)
 
 
-def test_an_expert_that_has_the_drives_held_out_is_noted():
-    drives = sessions(12 * [80])
-    with pytest.warns(Notice, match="3 of 3 drives held out are among the expert's"):
-        ownrobot.fit(drives, drives, "least_squares_pooled", test=0.25)
+def test_a_model_that_is_replaced_is_noted_and_another_methods_state_stays(tmp_path):
+    kept = tmp_path / fitting.UNFINISHED / "sidm" / "training" / "state"
+    kept.parent.mkdir(parents=True)
+    kept.write_text("hours of work")
+    ownrobot.fit(FEW, out=tmp_path)
+    with pytest.warns(Notice, match="the model there is replaced"):
+        ownrobot.fit(FEW, method="mean", out=tmp_path)
+    assert kept.read_text() == "hours of work"
 
 
-def test_settings_of_a_network_are_noted_where_there_is_none():
-    settings = {"hidden": 8, "pixels": 8, "batch": 4}
-    with pytest.warns(Notice, match="trains no network; without effect: hidden, batch"):
-        ownrobot.fit(sessions([80, 80]), method="least_squares", settings=settings)
+def with_resolution(drives, **resolution):
+    body = replace(CART, resolution=tuple(resolution.items()))
+    return [replace(drive, body=body) for drive in drives]
 
 
-def test_a_number_that_is_not_finite_is_one_line():
+def test_rounding_noise_has_no_weight_in_the_loss(rng):
+    """Without a resolution, noise of 1e-6 m would be most of what is left to learn."""
+    straight = sessions(12 * [80], turn=0.0)
+    for drive in straight:
+        drive.states[:, 1] += 1e-6 * rng.standard_normal(81)
+    with pytest.warns(Notice, match="^of body 'cart', left: varies by less than"):
+        model = ownrobot.fit(straight, test=0.25)
+    assert model.scale[1] == 0 and all(model.scale[[0, 3]])
+    noisy = ownrobot.fit(with_resolution(straight, left=0.0), test=0.25)
+    assert noisy.held_out.loss > 2 * model.held_out.loss
+    with pytest.warns(Notice, match="cart', forward"):
+        coarse = ownrobot.fit(with_resolution(straight, forward=10.0), method="mean")
+    assert coarse.scale[0] == 0
+    with pytest.raises(ConfigError, match="nothing of body 'cart' varies"):
+        ownrobot.fit(with_resolution(straight, forward=1e6, turn=1e6, speed=1e6))
+
+
+def test_a_number_that_is_not_finite_is_one_line(tmp_path):
     drives = sessions([80, 80])
     drives[1].states[7, 3] = np.nan
     with pytest.raises(ConfigError, match="'speed' of step 7 is not finite") as caught:
         ownrobot.fit(drives)
     assert "\n" not in str(caught.value) and "Drive('1'" in str(caught.value)
-
-
-def test_a_drive_may_be_made_of_lists():
-    drives = sessions(4 * [80])
-    lists = [
-        Drive(d.states.tolist(), d.actions.tolist(), CART, session=d.session)
-        for d in drives
-    ]
-    assert ownrobot.fit(lists).loss(drives) == ownrobot.fit(drives).loss(drives)
-
-
-def test_a_table_is_checked_like_a_file():
-    one = drive_of("a", 640, 0)
-    columns = [name for name, _ in (*CART.state, *CART.actions)]
-    rows = np.hstack([one.states, np.vstack([one.actions, one.actions[-1:]])])
-    table = pd.DataFrame(rows, columns=columns).assign(time=0.1 * np.arange(641))
-    with pytest.raises(RecordingError, match="the table: 'throttle' never changes"):
-        ownrobot.fit(table.assign(throttle=0.5), body=CART)
-    twice = pd.concat([table.assign(drive="a"), table.assign(drive="b")])
-    with pytest.warns(Notice, match="1 drives that are given twice"):
-        ownrobot.fit(twice, body=CART)
+    large = [replace(drive, states=drive.states * 1e25) for drive in FEW]
+    with pytest.raises(ConfigError, match="not finite"):
+        ownrobot.fit(large, method="mean", out=tmp_path / "model")
+    assert not (tmp_path / "model").exists()
 
 
 def test_positions_far_from_the_origin_keep_their_millimetres(tmp_path):
     far = drive_of("a", 80, 0)
     far.states[:, :2] += [500_000.0, 5_180_000.0]
-    model = ownrobot.fit(sessions([640, 640]))
-    table = model.predict([far], horizon=1.5)
-    text = csv_text(table).splitlines()[-1].split(",")
-    assert float(text[list(table).index("actual y [m]")]) == pytest.approx(
-        table["actual y [m]"].iloc[-1], abs=1e-4
-    )
-    assert csv_text(pd.DataFrame({"a": [0.5, 1e-9, 1500.0, 12.3456789]})).split() == [
-        "a",
-        "0.5",
-        "1e-09",
-        "1500",
-        "12.3457",
-    ]
+    table = ownrobot.fit(FEW).predict([far], horizon=1.5)
+    y = csv_text(table).splitlines()[-1].split(",")[list(table).index("actual y [m]")]
+    assert float(y) == pytest.approx(table["actual y [m]"].iloc[-1], abs=1e-4)
+    numbers = csv_text(pd.DataFrame({"a": [0.5, 1e-9, 1500.0, 12.3456789]})).split()
+    assert numbers == ["a", "0.5", "1e-09", "1500", "12.3457"]
     write_drives(tmp_path / "far.npz", [far, far], "a test")
     (back, _) = read_drives(tmp_path / "far.npz", CART)
     assert back.states == pytest.approx(far.states, abs=1e-6)
@@ -123,43 +138,13 @@ def test_a_predicted_yaw_is_within_half_a_turn_of_the_actual():
     assert path[0, 2] == 7 and np.abs(np.diff(path[:, 2])).max() < 1
 
 
-def test_an_unfinished_training_of_another_method_stays(tmp_path):
-    kept = tmp_path / "model" / fitting.UNFINISHED / "sidm" / "training" / "state"
-    kept.parent.mkdir(parents=True)
-    kept.write_text("hours of work")
-    ownrobot.fit(sessions([640, 640]), out=tmp_path / "model")
-    assert kept.read_text() == "hours of work"
-
-
-def test_a_column_called_position_is_no_error_of_the_position():
-    """A lever without a pose has no panels for errors open loop of its place."""
-    body = Body(
-        name="lever",
-        pose="none",
-        columns=(("position", "rad"),),
-        actions=(("throttle", "1"),),
-    )
-    drives = [
-        Drive(d.states[:, 3:], d.actions, body, session=d.session)
-        for d in sessions(4 * [80])
-    ]
-    table = ownrobot.fit(drives).evaluate(drives)
-    titles = [axes.get_title() for axes in figure(table).axes]
-    assert len(table) > 1 and "heading, open loop" not in titles
-
-
 def test_the_middle_of_the_ground_may_be_anywhere():
     """A model sees the same ground if robot and ground are moved alike."""
-    body = replace(CART, map_size=2.0, map_pixels=8)
+    body, shift = replace(CART, map_size=2.0, map_pixels=8), [30.0, -20.0, 0.0, 0.0]
     heights = 0.1 * np.random.default_rng(0).standard_normal((81, 81))
-    here, there = (
-        sidm.Ground(heights, 0.5, centre) for centre in ((0.0, 0.0), (30.0, -20.0))
-    )
+    here, there = (sidm.Ground(heights, 0.5, at) for at in ((0.0, 0.0), (30.0, -20.0)))
     drives = [replace(d, body=body, ground=here) for d in sessions([640, 640])]
-    moved = [
-        replace(d, states=d.states + [30.0, -20.0, 0.0, 0.0], ground=there)
-        for d in drives
-    ]
+    moved = [replace(d, states=d.states + shift, ground=there) for d in drives]
     settings = {"max_samples": 500, "hidden": 8}
     models = [
         ownrobot.fit(d, method="novice_only", settings=settings)
@@ -169,6 +154,17 @@ def test_the_middle_of_the_ground_may_be_anywhere():
         models[0].rollout(d[0].states[0], d[0].actions[:20], ground=d[0].ground)
         for d in (drives, moved)
     ]
-    assert paths[1] == pytest.approx(paths[0] + [30.0, -20.0, 0.0, 0.0], abs=1e-6)
+    assert paths[1] == pytest.approx(paths[0] + shift, abs=1e-6)
     losses = [model.loss(d) for model, d in zip(models, (drives, moved), strict=True)]
     assert losses[0] == pytest.approx(losses[1], rel=1e-4)
+
+
+def test_a_simulated_robot_goes_by_its_name(tmp_path):
+    """The robot is simulated, and its motion is a recording like any other."""
+    drives = robot_drives("system1 expert", ROVER, 0.2, tmp_path)
+    assert [len(drive) for drive in drives] == 2 * [STEPS]
+    write_drives(tmp_path / "its.npz", drives, "simulated")
+    back = robot_drives(str(tmp_path / "its.npz"), ROVER)
+    assert np.allclose(back[1].states, drives[1].states, atol=1e-6)
+    with pytest.raises(ConfigError, match="is no file.* mean 'system1 expert'?"):
+        robot_drives("system1 exprt", ROVER)

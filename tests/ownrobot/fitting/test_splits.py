@@ -1,77 +1,188 @@
-"""Splits keep sessions whole, and learn, stop and evaluate on different drives."""
+"""Windows of drives, and splits into drives to learn from, to stop by and to judge."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
 
+import ownrobot
+from ownrobot.fitting.score import DriveLosses, standard_error
 from ownrobot.fitting.splits import (
     divided,
+    evaluation_splits,
     folds,
-    groups_of,
     session_order,
     split,
     train_test_split,
 )
-from sidm.config import ConfigError
-from sidm.drives import Drive
+from ownrobot.fitting.windows import common_length, cut
+from ownrobot.recordings import read_drives
+from sidm.config import ConfigError, replace
+from sidm.drives import STEPS, Drive, Ground
+from sidm.learning import windows_of
 
 
-def drive(session: str, steps: int = 10) -> Drive:
-    return Drive(np.zeros((steps + 1, 13)), np.zeros((steps, 2)), session=session)
+def drive(session: str = "", steps: int = 10, name: str = "") -> Drive:
+    """A drive whose throttle counts its steps."""
+    actions = np.stack([np.arange(steps) / 1000, np.zeros(steps)], 1)
+    return Drive(np.zeros((steps + 1, 13)), actions, session=session, name=name)
 
 
-def sessions(drives):
-    return "".join(sorted(drive.session for drive in drives))
+def names(drives) -> set[str]:
+    return {one.name for one in drives}
 
 
-@pytest.mark.parametrize(
-    ("names", "share", "count"),
-    [("aabbccdd", 0.25, 1), ("aabbccdd", 0.5, 2), ("aabb", 0.01, 1), ("aabb", 1.0, 1)],
+@given(
+    st.lists(st.sampled_from("abcdef"), min_size=2, max_size=20),
+    st.floats(0.01, 1.0),
+    st.integers(0, 99),
 )
-def test_whole_sessions_are_held_out(names, share, count):
-    learn, held_out = split([drive(name) for name in names], share, seed=3)
-    assert not set(sessions(learn)) & set(sessions(held_out))
-    assert len(set(sessions(held_out))) == count
-    assert sessions(learn + held_out) == names
-
-
-def test_of_a_single_session_drives_are_held_out():
-    learn, held_out = split([drive("a") for _ in range(8)], 0.25, seed=0)
-    assert (len(learn), len(held_out)) == (6, 2)
-    with pytest.raises(ConfigError, match="a single drive leaves none to evaluate on"):
-        split([drive("a")], 0.3, seed=0)
-
-
-def test_each_session_is_held_out_in_one_fold():
-    drives = [drive(name) for name in "aabbccddee"]
-    parts = folds(drives, 3, seed=1)
-    assert sorted("".join(sessions(p.held_out) for p in parts)) == list("aabbccddee")
-    for learn, held_out in parts:
-        assert not set(sessions(learn)) & set(sessions(held_out))
-    assert len(folds(drives, 99, seed=0)) == 5
+def test_no_split_divides_a_session(sessions, share, seed):
+    """Of a single session, drives are held out."""
+    drives = [drive(one, name=f"{n}") for n, one in enumerate(sessions)]
+    parts = folds(drives, 3, seed)
+    for learn, held_out in (split(drives, share, seed), *parts):
+        assert learn and held_out and not names(learn) & names(held_out)
+        assert names(learn) | names(held_out) == names(drives)
+        if len(set(sessions)) > 1:
+            assert not {one.session for one in learn} & {d.session for d in held_out}
+    assert sum(len(part.held_out) for part in parts) == len(drives)
 
 
 def test_the_test_that_stops_training_has_other_sessions():
     drives = [drive(name) for name in "aabbccddeeff"]
-    train, test = train_test_split(drives, session_order(drives, 0))
-    assert not set(sessions(train)) & set(sessions(test))
-    assert len(set(sessions(test))) == 2  # every fourth, from the second
+    order = session_order(drives, 0)
+    train, test = train_test_split(drives, order)
+    assert len(train) == 8
+    assert {one.session for one in test} == {order[1], order[5]}
 
 
 def test_a_few_drives_of_one_session_are_divided():
     """A single long drive is parted, and no step of it is lost or used twice."""
-    long = Drive(
-        np.zeros((131, 13)), np.stack([np.arange(130.0), np.zeros(130)], 1) / 130
-    )
+    long = drive(steps=130)
     parts = divided([long], 20)
-    steps = np.concatenate([part.actions[:, 0] for part in parts])
-    assert np.array_equal(steps, long.actions[:, 0])
+    steps = np.concatenate([part.actions for part in parts])
+    assert np.array_equal(steps, long.actions)
     assert all(20 <= len(part) < 40 for part in parts)
     train, test = train_test_split(parts, session_order(parts, 0))
-    assert len(train) + len(test) == len(parts) == 6 and len(test) == 2
+    assert (len(train), len(test)) == (4, 2)
     enough = [drive("a") for _ in range(4)]
     assert divided(enough, 5) == enough
 
 
-def test_groups_are_sessions_or_the_drives_of_one():
-    assert groups_of([drive("a"), drive("b"), drive("a")]).tolist() == ["a", "b", "a"]
-    assert groups_of([drive("a"), drive("a")]).tolist() == ["0", "1"]
+def test_windows_are_those_that_a_simulated_robot_would_have(
+    make_trajectories, small_terrain
+):
+    drives = make_trajectories(3, steps=STEPS)
+    recorded = [
+        replace(one, ground=Ground(one.ground.heights, small_terrain.spacing))
+        for one in drives
+    ]
+    found, expected = windows_of(cut(recorded), 8), windows_of(drives, 8)
+    assert torch.allclose(found.inputs, expected.inputs, atol=1e-6)  # float32
+    assert torch.allclose(found.targets, expected.targets, atol=1e-6)
+    maps = found.maps.float(), expected.maps.float()
+    assert torch.allclose(*maps, atol=2e-3)  # float16
+
+
+@pytest.mark.parametrize(
+    ("lengths", "steps"),
+    [
+        ([500, 12], 64),  # 12 of 512 steps are 2 %
+        ([100, 12], 12),  # 12 of 112 steps are 11 %
+        ([40, 40, 30, 2], 30),  # 2 of 112 steps are 2 %, 32 are 29 %
+    ],
+)
+def test_short_drives_shorten_the_windows_only_if_they_are_many(lengths, steps):
+    drives = [drive(steps=length) for length in lengths]
+    assert common_length(drives) == steps
+    assert common_length([drive(steps=50)], drives) == min(50, steps)
+
+
+def test_the_last_window_may_overlap_so_that_no_step_is_lost():
+    windows = cut([drive(steps=150)], 64, overlap=True)
+    starts = [round(1000 * window.actions[0, 0]) for window in windows]
+    assert starts == [0, 64, 86] and {len(window) for window in windows} == {64}
+    assert len(cut([drive(steps=150)], 64)) == 2
+    assert len(cut([drive(steps=150)], 75, overlap=True)) == 2  # no overlap is needed
+    with pytest.raises(ConfigError, match="no drive of .* has 65 steps"):
+        cut(windows, 65)
+
+
+RECORDINGS = Path(__file__).parents[3] / "recordings"
+BODY, WARTHOG = RECORDINGS / "skid_steer.yaml", RECORDINGS / "warthog.csv.gz"
+
+
+@pytest.fixture(scope="module")
+def warthog():
+    return read_drives(WARTHOG, BODY)
+
+
+def names_of_sessions(drives):
+    return {drive.session for drive in drives}
+
+
+def test_many_sessions_are_held_out_once_and_few_in_folds(warthog):
+    ((learnt, held_out),) = evaluation_splits(warthog, 0.25, seed=0)
+    assert not names_of_sessions(learnt) & names_of_sessions(held_out)
+    assert len(learnt) + len(held_out) == len(warthog)
+    assert len(names_of_sessions(held_out)) == 24  # of 96
+    ((_, other),) = evaluation_splits(warthog, 0.25, seed=1)
+    assert names_of_sessions(other) != names_of_sessions(held_out)
+    few = warthog[:20]
+    splits = evaluation_splits(few, 0.25, seed=0)
+    assert len(names_of_sessions(few)) == 7 and len(splits) == 4
+    assert evaluation_splits(warthog[:1], 0.25, seed=0) == []
+
+
+def test_what_fit_says_is_what_evaluate_says(warthog, tmp_path):
+    """The score belongs to drives that do not change the model."""
+    ((learnt, held_out),) = evaluation_splits(warthog, 0.25, seed=0)
+    model = ownrobot.fit(warthog, test=0.25, out=tmp_path)
+    assert ownrobot.load(tmp_path).score(held_out) == model.held_out
+    assert model.held_out.loss == model.loss(held_out)
+    given = ownrobot.fit(learnt, test=held_out)
+    assert given.held_out == model.held_out
+    assert ownrobot.fit(learnt).held_out is None
+    assert model.held_out.loss < model.held_out.mean_loss
+
+
+def test_folds_judge_models_and_the_model_learns_from_all(warthog):
+    few = warthog[:20]
+    model = ownrobot.fit(few, test=0.25)
+    assert (model.held_out.folds, model.held_out.drives) == (4, 20)
+    losses = [
+        ownrobot.fit(learnt).losses(held_out)
+        for learnt, held_out in evaluation_splits(few, 0.25, seed=0)
+    ]
+    assert DriveLosses.joined(losses).score(4) == model.held_out
+    assert model.loss(few) == ownrobot.fit(few).loss(few)
+
+
+def test_the_standard_error_covers_the_loss_of_many_sessions():
+    """Windows of a session are alike: the error is that of the sessions' number."""
+    rng = np.random.default_rng(0)
+    groups = np.repeat(np.arange(30), rng.integers(1, 9, 30))
+    within = 0
+    for _ in range(400):
+        values = rng.normal(0, 1, 30)[groups] + rng.normal(0, 0.1, len(groups))
+        within += abs(values.mean()) < 2 * standard_error(values, groups)
+    assert 0.9 < within / 400 < 0.97
+    assert standard_error(np.ones(3), np.array(["a", "a", "a"])) is None
+
+
+def test_a_long_drive_counts_by_its_steps():
+    """The score is the mean over steps, as if each step stood for itself."""
+    rng = np.random.default_rng(1)
+    steps, components = rng.integers(1, 9, 6), rng.random((6, 3))
+    sessions = np.array(list("aabbcc"))
+    score = DriveLosses(components, 2 * components, steps, sessions, sessions).score()
+    single = np.repeat(components.sum(1), steps)
+    assert score.loss == pytest.approx(single.mean())
+    assert score.mean_loss == pytest.approx(2 * single.mean())
+    error = standard_error(single, np.repeat(sessions, steps))
+    assert score.standard_error == pytest.approx(error)
+    assert (score.drives, score.sessions) == (6, 3)

@@ -4,22 +4,12 @@ import numpy as np
 import pytest
 import torch
 
-from companion.beyond.mirror import INPUT_SIGNS, TARGET_SIGNS, mirror_image
 from ownrobot.methods import least_squares as ls
-from sidm.learning import DynamicsModel, Standardisation, validation_loss
-from sidm.learning.dataset import Datasets, Windows
+from ownrobot.methods.trivial import learn
+from sidm.body import ROVER
+from sidm.learning import Standardisation, validation_loss
+from sidm.learning.dataset import Datasets
 from sidm.learning.evaluation import rollout
-
-
-@pytest.fixture
-def base(small_network, datasets) -> DynamicsModel:
-    """An expert's model that has learnt nothing."""
-    units = Standardisation.fit(datasets.expert)
-    return (
-        DynamicsModel(small_network, units, roles=["novice"])
-        .eval()
-        .requires_grad_(False)
-    )
 
 
 @pytest.fixture
@@ -28,40 +18,23 @@ def many(make_motion) -> Datasets:
     return Datasets(make_motion(30, 1), make_motion(10, 2), make_motion(8, 3))
 
 
-@pytest.fixture
-def made(rng) -> ls.NormalEquations:
-    """Made-up data of 50 steps, 4 functions and the 13 components."""
-    rows, left = (torch.from_numpy(rng.normal(size=(50, size))) for size in (4, 13))
-    return ls.normal_equations(rows, left)
-
-
-def test_the_weights_are_those_of_ridge_regression(rng):
+def test_the_weights_and_the_loss_are_those_of_ridge_regression(rng):
     """NumPy's least squares with a row more for each penalty gives the same weights."""
-    rows = rng.normal(size=(50, 4))
-    left = rng.normal(size=(50, 13))
+    rows, left = rng.normal(size=(50, 4)), rng.normal(size=(50, 13))
     penalties = np.array([0.0, 0.1, 0.1, 2.0])
-    weights = ls.normal_equations(torch.from_numpy(rows), torch.from_numpy(left)).solve(
-        torch.from_numpy(penalties)
-    )
+    made = ls.normal_equations(torch.from_numpy(rows), torch.from_numpy(left))
+    weights = made.solve(torch.from_numpy(penalties))
     more = (
         np.vstack([rows, np.diag(np.sqrt(50 * penalties))]),
         np.vstack([left, np.zeros((4, 13))]),
     )
-    assert np.allclose(
-        weights.numpy(), np.linalg.lstsq(*more, rcond=None)[0], atol=1e-10
-    )
-
-
-def test_normal_equations_know_the_loss(rng, made):
-    rows, left = (torch.from_numpy(rng.normal(size=(20, size))) for size in (4, 13))
-    weights = torch.from_numpy(rng.normal(size=(4, 13)))
-    other = ls.normal_equations(rows, left)
-    assert other.loss(weights) == pytest.approx(
-        float((left - rows @ weights).square().sum(-1).mean())
-    )
-    both = made.plus(other)
-    assert both.steps == 70
-    assert both.without(other).loss(weights) == pytest.approx(made.loss(weights))
+    expected = np.linalg.lstsq(*more, rcond=None)[0]
+    assert np.allclose(weights.numpy(), expected, atol=1e-10)
+    loss = np.square(left - rows @ expected).sum(1).mean()
+    assert made.loss(weights) == pytest.approx(loss)
+    both = made.plus(made)
+    assert both.steps == 100
+    assert both.without(made).loss(weights) == pytest.approx(loss)
 
 
 def test_a_linear_law_is_found(many):
@@ -72,12 +45,17 @@ def test_a_linear_law_is_found(many):
     spread = many.validation.targets.var((0, 1))
     assert float(loss.sum()) < 0.01 * float(spread.sum())
     assert fitted.best_test_loss == pytest.approx(float(loss.sum()), rel=0.5)
-    assert fitted.samples == 40 * 6 and fitted.iterations == 0
+    far, edge = torch.full((1, 1, 11), 1e9), fitted.model.high[None, None]
+    maps = many.train.maps[:1, :1]  # what was never seen is held at the edge
+    assert torch.equal(*(fitted.model("novice", x, maps)[0] for x in (far, edge)))
 
 
 def test_the_cross_validated_loss_is_of_steps_that_were_not_seen(many, monkeypatch):
-    """One pair of penalties is fitted by hand without each fold, and tested on it."""
-    monkeypatch.setattr(ls, "PENALTIES", (0.1,))
+    """One pair of penalties is fitted by hand without each fold, and tested on it.
+
+    Penalties that drown the law are not taken.
+    """
+    monkeypatch.setattr(ls, "PENALTIES", (1e6, 0.1))
     monkeypatch.setattr(ls, "PRODUCT_PENALTIES", (10.0,))
     fitted = ls.fit(many, Standardisation.none())
     inputs, targets = (
@@ -94,91 +72,18 @@ def test_the_cross_validated_loss_is_of_steps_that_were_not_seen(many, monkeypat
     assert fitted.best_test_loss == pytest.approx(total / (40 * 6))
 
 
-def test_the_lowest_is_taken(many, monkeypatch):
-    """Some penalties drown the law, and one does not."""
-    lowest = {}
-    for grid in ((1e6,), (1e-4,), (1e6, 1e-4)):
-        monkeypatch.setattr(ls, "PENALTIES", grid)
-        lowest[grid] = ls.fit(many, Standardisation.none()).best_test_loss
-    assert lowest[(1e6, 1e-4)] == lowest[(1e-4,)] < 0.1 * lowest[(1e6,)]
+def test_nothing_changes_stays_where_it_is(datasets):
+    model = learn(datasets, ROVER, "nothing_changes").model
+    state = torch.tensor([1.0, 2.0, 3.0, 0.0, 0.0, 0.6, 0.8, *range(6)]).double()
+    path = rollout(model, torch.zeros(9, 9), state, torch.ones(5, 2), 8)
+    assert torch.allclose(path, state.expand(6, -1))
 
 
-def test_a_correction_is_added_to_the_base(datasets, base):
-    """The correction is zero at first; then it explains what the base leaves."""
-    units, seen = Standardisation.fit(datasets.expert), datasets.train
-    model = ls.LeastSquares(units, base)
-    predicted, memory = base("novice", seen.inputs, seen.maps)
-    found, carried = model("novice", seen.inputs, seen.maps)
-    assert torch.equal(found, predicted) and all(map(torch.equal, memory, carried))
-    fitted = ls.fit(datasets, units, base).model
-    alone, corrected = (
-        float(validation_loss(one, datasets.train).sum()) for one in (base, fitted)
-    )
-    assert corrected < 0.2 * alone
-    assert all(
-        torch.equal(tensor, base.state_dict()[name])
-        for name, tensor in fitted.base.state_dict().items()
-    )
-
-
-def test_with_mirror_images_left_and_right_are_alike(many):
-    """The symmetry is exact in symmetric units; without mirror images it is not."""
-    inputs, maps = many.validation.inputs, many.validation.maps
-    signs = torch.tensor(INPUT_SIGNS), torch.tensor(TARGET_SIGNS)
-    gaps = []
-    for image in (mirror_image, None):
-        fitted = ls.fit(many, Standardisation.none(), image=image).model
-        seen, turned = (
-            fitted("novice", one, maps)[0] for one in (inputs, inputs * signs[0])
-        )
-        gaps.append(float((turned - seen * signs[1]).abs().max()))
-    assert gaps[0] < 1e-4 < 1e-2 < gaps[1]
-
-
-def test_what_was_never_seen_is_held_at_the_edge(datasets):
-    fitted = ls.fit(datasets, Standardisation.none()).model
-    far = torch.full((1, 1, 11), 1e9)
-    edge = fitted.high[None, None]
-    maps = datasets.train.maps[:1, :1]
-    assert torch.equal(fitted("novice", far, maps)[0], fitted("novice", edge, maps)[0])
-
-
-def test_two_trajectories_are_enough(make_motion):
-    """A dataset has at least two: one for training and one for testing."""
-    fitted = ls.fit(
-        Datasets(make_motion(1, 1), make_motion(1, 2), make_motion(2, 3)),
-        Standardisation.none(),
-    )
-    assert np.isfinite(fitted.best_test_loss)
-
-
-@pytest.mark.parametrize("alone", [True, False])
-def test_it_rolls_out(datasets, base, alone):
-    """Rollouts work with and without a memory, until a number is infinite."""
-    fitted = ls.fit(
-        datasets, Standardisation.fit(datasets.expert), None if alone else base
-    ).model
-    state = torch.tensor(
-        [0, 0, 0.2, 0, 0, 0, 1, 0.5, 0, 0, 0, 0, 0], dtype=torch.float64
-    )
-    path = rollout(
-        fitted, torch.zeros(81, 81), state, torch.full((25, 2), 0.5), pixels=8
-    )
-    assert path.shape == (26, 13) and torch.isfinite(path).all()
-
-
-def test_parts_give_what_the_whole_does(many):
-    """Data that lie in a larger set are taken from it."""
-    whole = Windows(
-        *(
-            torch.cat([getattr(windows, name) for windows in many[:2]])
-            for name in ("inputs", "targets", "maps")
-        )
-    )
-    parts = many._replace(
-        train=whole.subset(range(30)), test=whole.subset(range(30, 40))
-    )
-    first, second = (
-        ls.fit(one, Standardisation.none()).model.weights for one in (many, parts)
-    )
-    assert torch.equal(first, second)
+def test_the_mean_is_the_training_datas(datasets):
+    train, test = datasets.train, datasets.test
+    trained = learn(datasets, ROVER, "mean", torch.ones(13))
+    predicted, _ = trained.model("novice", test.inputs, test.maps)
+    mean = train.targets.mean((0, 1))
+    assert torch.allclose(predicted, mean.expand_as(predicted))
+    loss = (test.targets - mean).square().sum(-1).mean()
+    assert torch.isclose(torch.tensor(trained.best_test_loss), loss)
