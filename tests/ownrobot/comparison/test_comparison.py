@@ -100,27 +100,25 @@ def test_an_interval_knows_that_folds_share_data():
     rng = np.random.default_rng(0)
     within = plain = ratios = 0
     trials, true = 400, 1 + 1 / 30
+    orders = [np.random.default_rng(repeat).permutation(40) for repeat in range(3)]
+    parts = [order[fold::4] for order in orders for fold in range(4)]
     for _ in range(trials):
         x = rng.normal(0, 1, 40)
         y = 0.5 * x + rng.normal(0, 1, 40)
-        losses, zeros = [], []
-        for repeat in range(3):
-            order = np.random.default_rng(repeat).permutation(40)
-            for fold in range(4):
-                held_out = order[fold::4]
-                learnt = np.setdiff1d(order, held_out)
-                slope = (x[learnt] @ y[learnt]) / (x[learnt] @ x[learnt])
-                losses.append(np.mean((y[held_out] - slope * x[held_out]) ** 2))
-                zeros.append(np.mean(y[held_out] ** 2))
-        interval = resampled_loss(np.array(losses), folds=4)
+        losses, zeros = np.zeros((2, 12))
+        for number, held_out in enumerate(parts):
+            learnt = np.setdiff1d(np.arange(40), held_out)
+            slope = (x[learnt] @ y[learnt]) / (x[learnt] @ x[learnt])
+            losses[number] = np.mean((y[held_out] - slope * x[held_out]) ** 2)
+            zeros[number] = np.mean(y[held_out] ** 2)
+        interval = resampled_loss(losses, folds=4)
         within += 0 < interval.low < true < interval.high
-        error = np.std(losses, ddof=1) / np.sqrt(len(losses))
-        plain += abs(np.mean(losses) - true) < 2.2 * error
-        ratio = resampled_ratio(np.array(losses), np.array(zeros), folds=4)
+        error = losses.std(ddof=1) / np.sqrt(12)
+        plain += abs(losses.mean() - true) < 2.2 * error
+        ratio = resampled_ratio(losses, zeros, folds=4)
         ratios += ratio.low < true / 1.25 < ratio.high  # predicting 0 costs 1.25
-    assert min(within, ratios) / trials > 0.9
-    assert plain / trials < 0.8
-    paired = resampled_ratio(1.5 * np.array(zeros), np.array(zeros), folds=4)
+    assert min(within, ratios) / trials > 0.9 and plain / trials < 0.8
+    paired = resampled_ratio(1.5 * zeros, zeros, folds=4)
     assert paired == pytest.approx((1.5, 1.5, 1.5))
 
 
@@ -215,12 +213,15 @@ def test_other_drives_settings_or_code_have_other_results(drives, monkeypatch):
     plan = plan_for(drives, None, ["least_squares"])
     task = run.Task(plan, drives, None, run.settings_with(), None)
     moved = dataclasses.replace(drives[0], states=drives[0].states + 0.1)
-    grounds = [sidm.Ground(np.full((4, 4), height), 0.5) for height in (0.0, 0.1)]
-    over = [[dataclasses.replace(d, ground=g) for d in drives] for g in grounds]
+    over = [
+        dataclasses.replace(moved, ground=sidm.Ground(np.full((4, 4), height), 0.5))
+        for height in (0.0, 0.1)
+    ]
     tasks = [
-        task,
-        task._replace(novice=[moved, *drives[1:]]),
-        *(task._replace(novice=novice) for novice in over),
+        *(
+            task._replace(novice=[one, *drives[1:]])
+            for one in (drives[0], moved, *over)
+        ),
         task._replace(expert=drives),
         task._replace(settings=run.settings_with(values={"hidden": 8})),
         task._replace(plan=plan._replace(seed=1)),
@@ -278,10 +279,12 @@ def test_a_method_that_learns_nothing_has_a_level_learning_curve(drives):
     assert level.drive_losses("nothing_changes").drive.nunique() == len(drives)
 
 
-def test_few_sessions_are_held_out_in_one_way():
+def test_few_sessions_are_held_out_in_one_way_and_too_few_not_learnt():
     with pytest.warns(Notice, match="3 sessions .*: 1 repeat, not 2"):
-        comparison = ownrobot.compare(cart_drives(3), **QUICK, shares=[1])
+        comparison = ownrobot.compare(cart_drives(3, 1), **QUICK)
+    assert any("with 25% of the data" in note for note in comparison.notes)
     assert any("1 repeat, not 2" in note for note in comparison.notes)
+    assert 0.25 not in set(comparison.curve.share)
     words = "3 fits are too few to compare methods: record more sessions"
     assert words in comparison.verdict.sentence
 
@@ -302,12 +305,3 @@ def test_pretrained_weights_are_those_of_the_settings(drives, monkeypatch):
         task = run.Task(plan, drives, drives, settings, None)
         found.append(run._start(task, "expert_only", drives, 0))
     assert made == [200, 6000] and found[0] == found[1] and found[0][1] > 0
-
-
-def test_fits_with_too_little_data_are_left_out():
-    with pytest.warns(Notice, match="with 25% of the data: .*too few"):
-        comparison = ownrobot.compare(
-            cart_drives(5, drives=1), **QUICK | {"repeats": 1}
-        )
-    assert comparison.methods and comparison.notes
-    assert 0.25 not in set(comparison.curve.share)

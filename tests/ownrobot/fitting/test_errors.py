@@ -6,20 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-import sidm
 from ownrobot.fitting.errors import ONE_STEP, OPEN_LOOP
 from ownrobot.fitting.model import WARM_UP, Model
-from sidm.body import Body
-from sidm.drives import Drive
+from sidm.config import ConfigError, replace
 from sidm.learning.model import Predictor
 from sidm.settings import Network
+from tests.ownrobot.cart import CART, cart_drive
 
-CART = Body(
-    name="cart",
-    pose="planar",
-    columns=(("speed", "km/h"),),
-    actions=(("throttle", "1"),),
-)
+IN_KMH = replace(CART, columns=(("speed", "km/h"),))
 
 
 class Constant(Predictor):
@@ -36,12 +30,12 @@ class Constant(Predictor):
         return self.transition.expand(*inputs.shape[:2], -1), memory
 
 
-def model_of(body, transition):
+def model_of(transition):
     return Model(
         predictor=Constant(transition),
-        body=body,
-        network=Network(novice_body=body, expert_body=body),
-        target_mean=torch.zeros(len(body.targets)),
+        body=IN_KMH,
+        network=Network(novice_body=IN_KMH, expert_body=IN_KMH),
+        target_mean=torch.zeros(4),
         method="mean",
         steps=20,
         minutes=1.0,
@@ -51,19 +45,15 @@ def model_of(body, transition):
 
 
 @pytest.fixture
-def drives():
+def drives(rng):
     """Drives of a cart that turns and changes its speed, of several lengths."""
-    rng = np.random.default_rng(0)
-    made = []
-    for number, steps in enumerate((20, 20, 31)):
-        speed = 1 + rng.random(steps + 1)
-        yaw = np.cumsum(0.1 * rng.standard_normal(steps + 1)) + number
-        x, y = np.cumsum(0.1 * speed * [np.cos(yaw), np.sin(yaw)], axis=1)
-        states = np.stack([x, y, yaw, speed], 1)
-        session = "ab"[number % 2]
-        actions = rng.random((steps, 1))
-        made.append(Drive(states, actions, CART, name=f"{number}", session=session))
-    return made
+    return [
+        replace(
+            cart_drive(rng, steps, "ab"[number % 2], f"{number}", turn=0.5, spin=0.1),
+            body=IN_KMH,
+        )
+        for number, steps in enumerate((20, 20, 31))
+    ]
 
 
 def moved(before, after):
@@ -78,7 +68,7 @@ def rms(values):
 
 
 def test_one_step_stands_beside_nothing_changes_and_the_mean(drives):
-    table = model_of(CART, [0.1, 0.0, 0.02, 1.5]).evaluate(drives)
+    table = model_of([0.1, 0.0, 0.02, 1.5]).evaluate(drives)
     table = table[table.prediction == ONE_STEP].set_index("quantity")
     pairs = [pair for d in drives for pair in zip(d.states, d.states[1:], strict=False)]
     actual = np.array([[*moved(a, b), b[3]] for a, b in pairs])
@@ -98,7 +88,7 @@ def test_one_step_stands_beside_nothing_changes_and_the_mean(drives):
 
 def test_open_loop_errors_are_those_of_each_horizon(drives):
     """All windows have 20 steps; the longest drive has two, which overlap."""
-    table = model_of(CART, [0.1, 0.0, 0.02, 1.5]).evaluate(drives)
+    table = model_of([0.1, 0.0, 0.02, 1.5]).evaluate(drives)
     ahead = table[(table.prediction == OPEN_LOOP) & (table.horizon.round(3) == 0.5)]
     ahead = ahead.set_index("quantity")
     starts = [(d, WARM_UP) for d in drives] + [(drives[2], 11 + WARM_UP)]
@@ -127,7 +117,7 @@ def test_open_loop_errors_are_those_of_each_horizon(drives):
 
 
 def test_predictions_have_units_and_go_over_a_horizon(drives):
-    model = model_of(CART, [0.1, 0.0, 0.02, 1.5])
+    model = model_of([0.1, 0.0, 0.02, 1.5])
     one = model.predict(drives)
     assert list(one.columns[:3]) == ["drive", "time [s]", "predicted forward [m]"]
     speeds = np.concatenate([drive.states[1:, 3] for drive in drives])
@@ -142,5 +132,5 @@ def test_predictions_have_units_and_go_over_a_horizon(drives):
     from_start = model.predict(drives, horizon=9.0)
     assert len(from_start) == 71  # up to the end of each drive
     for wrong in ({"horizon": 0.01}, {"horizon": 1.0, "every": 0}):
-        with pytest.raises(sidm.config.ConfigError, match="horizon|every"):
+        with pytest.raises(ConfigError, match="horizon|every"):
             model.predict(drives, **wrong)

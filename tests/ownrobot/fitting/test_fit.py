@@ -80,24 +80,16 @@ def test_a_model_is_the_same_after_it_was_kept(drives, tmp_path, method):
     assert np.isfinite(before.select_dtypes("number").to_numpy()).all()
 
 
-OWN = Training(p_expert=0.9, matching_iterations=20, weight_decay=0.01)
-
-
-@pytest.mark.parametrize(
-    ("how", "expected"),
-    [
-        ({"values": {"p_expert": 0.5}}, (0.5, 5, 0.0, 0.1)),
-        ({"training": OWN}, (0.9, 20, 0.0, 0.01)),
-    ],
-)
-def test_training_may_be_ones_own_as_a_whole_or_by_single_values(how, expected):
+def test_training_may_be_ones_own_as_a_whole_or_by_single_values():
     """Otherwise the tuned values of each method hold."""
-    chosen = settings.settings_with(**how)
-    with_sidm, alone = (
-        chosen.training_of(METHODS[name]) for name in ("sidm", "novice_only")
-    )
-    assert (with_sidm.p_expert, with_sidm.matching_iterations) == expected[:2]
-    assert (alone.p_expert, alone.weight_decay) == expected[2:]
+    few = settings.settings_with(values={"p_expert": 0.5})
+    whole = settings.settings_with(training=Training(p_expert=0.9, weight_decay=0.3))
+    for chosen, p_expert, weight_decay in ((few, 0.5, 0.1), (whole, 0.9, 0.3)):
+        with_sidm, alone = (
+            chosen.training_of(METHODS[name]) for name in ("sidm", "novice_only")
+        )
+        assert with_sidm.p_expert == p_expert and alone.p_expert == 0
+        assert alone.weight_decay == weight_decay
 
 
 def test_robots_of_two_bodies_are_learnt_together_but_not_copied(drives):
@@ -231,9 +223,6 @@ def test_an_unfinished_fit_goes_on_where_it_was(drives, tmp_path, monkeypatch):
     assert seen[6] > seen[3]  # resumed after the last stored phase
 
 
-SKID = read_body(RECORDINGS / "skid_steer.yaml")
-
-
 @pytest.fixture(scope="module")
 def small_model():
     drives = read_drives(RECORDINGS / "warthog.csv.gz", SKID)[:20]
@@ -276,12 +265,10 @@ def test_another_robots_model_is_not_replaced_by_mistake(small_model, tmp_path):
     assert ownrobot.load(tmp_path).body.name == "tractor"
 
 
-@pytest.mark.parametrize(
-    ("name", "value"), [("held_out", 5), ("scale", [0, -1]), ("method", "foo")]
-)
-def test_a_changed_file_of_a_model_is_found(small_model, tmp_path, name, value):
+@pytest.mark.parametrize("changes", [{"scale": [0, -1]}, {"method": "foo"}])
+def test_a_changed_file_of_a_model_is_found(small_model, tmp_path, changes):
     small_model.save(tmp_path)
     about = json.loads((tmp_path / "model.json").read_text())
-    (tmp_path / "model.json").write_text(json.dumps(about | {name: value}))
+    (tmp_path / "model.json").write_text(json.dumps(about | changes))
     with pytest.raises(ConfigError, match="model.json was changed"):
         ownrobot.load(tmp_path)

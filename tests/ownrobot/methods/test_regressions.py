@@ -19,13 +19,9 @@ from sidm.config import ConfigError, replace
 from sidm.learning import Datasets, Standardisation
 from sidm.learning.dataset import Windows
 from sidm.learning.evaluation import mean_loss, rollout
+from tests.ownrobot.cart import CART as PLAIN_CART
 
-CART = Body(
-    name="cart",
-    pose="planar",
-    columns=(("speed", "m/s"),),
-    actions=(("throttle", "1"), ("steering", "1")),
-)
+CART = replace(PLAIN_CART, actions=(("throttle", "1"), ("steering", "1")))
 POOLED = [name for name, method in METHODS.items() if method.pooled]
 CORRECTED = ["least_squares_corrected", "trees_corrected", "gp_corrected"]
 BENT = pytest.mark.parametrize("method", ["trees", "gp"])

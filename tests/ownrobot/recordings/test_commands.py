@@ -12,6 +12,7 @@ from ownrobot.body_file import read_body
 from ownrobot.fitting.arguments import drives_from
 from ownrobot.recordings import (
     RecordingError,
+    RecordingWarning,
     guess_body,
     inspect_drives,
     read_drives,
@@ -61,14 +62,24 @@ def test_check_says_what_is_there_and_what_is_wrong(warthog, capsys):
     assert "left out: warthog.csv.gz drive 22/0: it moves 79 degrees off" in out
 
 
-def test_check_fails_where_fit_would(folder, capsys):
+def test_check_fails_where_fit_would_and_names_all_faults(folder, capsys):
     options = ["drives", "--body", "cart.yaml"]
     assert main(["check", *options]) == 1
     lines = capsys.readouterr().out.splitlines()
     assert lines[-3].startswith("wrong: drives/b.csv: line 10: 'fast'")
+    assert lines[-2].startswith("wrong: drives/c.csv: 4 steps of 0.1 s")
     assert lines[-1] == "--skip-bad leaves out each drive or file that is wrong"
     assert main(["check", *options, "--skip-bad"]) == 0
     assert "left out: drives/b.csv" in capsys.readouterr().out
+    found = inspect_drives("drives", BODY)
+    assert json.loads(json.dumps(found)) == found  # plain data
+    with pytest.warns(RecordingWarning, match="left out: .*b.csv: line 10"):
+        (drive,) = read_drives("drives", BODY, skip_bad=True)
+    assert "a.csv" in drive.name
+    Path("drives/a.csv").unlink()
+    with pytest.raises(RecordingError, match="b.csv: line 10"):
+        read_drives("drives", BODY, skip_bad=True)
+    assert main(["check", *options]) == 1
 
 
 def test_a_guessed_body_reads_the_recording(warthog, capsys):
@@ -81,19 +92,6 @@ def test_a_guessed_body_reads_the_recording(warthog, capsys):
     assert capsys.readouterr().out == Path("guess.yaml").read_text()
     assert main(["body", "warthog.csv.gz", "--out", "guess.yaml"]) == 2
     assert "guess.yaml: there is such a file" in capsys.readouterr().err
-
-
-def test_all_faults_are_named_and_not_only_the_first(folder):
-    found = inspect_drives("drives", BODY)
-    assert found["drives"] == 1 and found["steps"] == [20, 20, 20]
-    first, second = found["faults"]
-    assert "b.csv: line 10" in first and "c.csv: 4 steps of 0.1 s" in second
-    wheel = found["columns"][4]
-    assert (wheel["name"], wheel["unit"], wheel["min"]) == ("wheel", "rad/s", 5)
-    assert json.loads(json.dumps(found)) == found  # plain data
-    Path("drives/a.csv").unlink()
-    found = inspect_drives("drives", BODY)
-    assert (found["drives"], found["columns"], found["steps"]) == (0, [], None)
 
 
 def test_a_guess_says_what_it_leaves_out(tmp_path):

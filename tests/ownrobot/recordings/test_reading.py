@@ -185,14 +185,6 @@ def test_a_time_hardly_longer_than_a_step_is_no_pause(write):
     assert len(read_drives(write(timed(time, circle(81, 50.0))), BODY)) == 1
 
 
-def test_drives_and_sessions_are_told_apart(write):
-    header, names, *lines = text(np.vstack(3 * [circle()])).splitlines()
-    labels = ["a,0"] * 41 + ["a,1"] * 41 + ["b,0"] * 41
-    labelled = [f"{k},{line}" for k, line in zip(labels, lines, strict=True)]
-    path = write("\n".join([header, f"session,drive,{names}", *labelled]))
-    assert [drive.session for drive in read_drives(path, BODY)] == ["a", "a", "b"]
-
-
 def test_what_is_written_in_si_units_reads_back(write, tmp_path):
     """A session may have a comma in its name."""
     body = replace(BODY, columns=(("yaw_rate", "deg/s"), ("wheel", "rad/s")))
@@ -301,26 +293,6 @@ def test_an_unknown_unit_is_kept_and_told(write):
         assert drive.states[0, 4] == 5
     with pytest.raises(RecordingError, match="'rad/s'; the body has it in rads/s"):
         read_drives(write(text()), body)
-
-
-def test_bad_files_are_left_out_when_asked(write, tmp_path):
-    write(text(), "a.csv")
-    write(put(10, 4, "fast"), "b.csv")
-    write(text(circle(9)), "c.csv")
-    with pytest.raises(RecordingError, match="b.csv: line 10"):
-        read_drives(tmp_path, BODY)
-    with pytest.warns(RecordingWarning) as notes:
-        (drive,) = read_drives(tmp_path, BODY, skip_bad=True)
-    assert "a.csv" in drive.name
-    first, second = (str(note.message) for note in notes)
-    assert first.startswith(f"left out: {tmp_path / 'b.csv'}: line 10")
-    assert second.startswith(f"left out: {tmp_path / 'c.csv'}: 4 steps of 0.1 s")
-    (tmp_path / "a.csv").unlink()
-    with (
-        pytest.raises(RecordingError, match="b.csv: line 10: 'fast'"),
-        pytest.warns(RecordingWarning),
-    ):
-        read_drives(tmp_path, BODY, skip_bad=True)
 
 
 @pytest.mark.parametrize(

@@ -195,6 +195,18 @@ def test_a_fault_is_named_in_one_line(tmp_path, fault):
     assert "\n" not in str(error.value)
 
 
+def test_a_member_that_is_missing_and_an_npy_file_are_named(tmp_path):
+    path, arrays = tmp_path / "a.npz", members()
+    del arrays["heights"]
+    np.savez(path, **arrays)
+    with pytest.raises(RecordingError, match="member 'heights' is missing"):
+        read_drives(path, ROVER)
+    with path.open("wb") as file:
+        np.save(file, circle())
+    with pytest.raises(RecordingError, match="it holds one array, as .npy files do"):
+        read_drives(path, ROVER)
+
+
 class Opened:
     """Makes a file when it is unpickled."""
 
@@ -211,18 +223,6 @@ def test_no_pickle_is_opened(tmp_path):
     with pytest.raises(RecordingError, match="cannot be read as .npz"):
         read_drives(tmp_path / "a.npz", ROVER)
     assert not (tmp_path / "opened").exists()
-
-
-def test_a_member_that_is_missing_and_an_npy_file_are_named(tmp_path):
-    arrays = members()
-    del arrays["heights"]
-    np.savez(tmp_path / "a.npz", **arrays)
-    with pytest.raises(RecordingError, match="member 'heights' is missing"):
-        read_drives(tmp_path / "a.npz", ROVER)
-    with open(tmp_path / "a.npz", "wb") as file:
-        np.save(file, circle())
-    with pytest.raises(RecordingError, match="it holds one array, as .npy files do"):
-        read_drives(tmp_path / "a.npz", ROVER)
 
 
 def write_csv(folder: Path, header: str) -> Path:

@@ -31,21 +31,16 @@ from ownrobot.replay.skeleton import (
     heave_curves,
     rover_skeleton,
 )
-from sidm.body import Body
-from sidm.config import ConfigError
+from sidm.config import ConfigError, replace
 from sidm.drives import Drive, Ground
 from sidm.simulation import Simulator
 from sidm.systems import Physics, Terrain
 from sidm.terrain import generate_terrain
+from tests.ownrobot.cart import CART
 
 RECORDINGS = Path(__file__).parents[3] / "recordings"
 GROUND = Terrain(cell_height_scale=0.35)
-PLANAR = Body(
-    name="cart",
-    pose="planar",
-    columns=(("speed", "m/s"),),
-    actions=(("left", "1"), ("right", "1")),
-)
+PLANAR = replace(CART, actions=(("left", "1"), ("right", "1")))
 
 
 @given(
@@ -92,22 +87,6 @@ def test_the_drawn_wheels_are_where_the_simulated_ones_are(motors):
             place, quaternion = client.getLinkState(body, joint, 0, 1)[4:6]
             assert origin == pytest.approx(place, abs=5e-4)
             assert (turn.inv() * Rotation.from_quat(quaternion)).magnitude() < 2e-3
-
-
-def test_struts_are_as_long_as_their_travel_says():
-    """On even ground the links do not give; at zero travel a strut is 0.16 m long."""
-    even = Terrain(cell_height_scale=0.0, noise_height_scale=0.0)
-    one = ride(ROBOTS["system2 expert"], even, 0, 0.0, steps=2, strut_motors=False)
-    skeleton, state = rover_skeleton(one.robot, False), one.states[-1]
-    frames = places(skeleton, state[:3], state[3:7], one.joints[-1])
-    rods = [rod for rod in skeleton["rods"] if rod["kind"] == "strut"]
-    for rod, strut in zip(rods, one.struts[-1], strict=True):
-        ends = [
-            frames[part][1] + frames[part][0].apply(point)
-            for part, point in rod["ends"]
-        ]
-        length = np.linalg.norm(ends[0] - ends[1])
-        assert length == pytest.approx(0.16 - strut, abs=1.5e-3)
 
 
 def test_the_heave_follows_from_the_struts():
@@ -213,11 +192,10 @@ def test_a_recorded_drive_rolls_over_level_ground(cart):
     assert track.joints[-1].mean() == pytest.approx(2.05 / husky.radius, rel=0.02)
 
 
-def test_a_body_without_a_pose_cannot_be_shown():
-    units = {"columns": (("v", "m/s"),), "actions": (("u", "1"),)}
-    belt = Body(name="belt", pose="none", **units)
+def test_a_body_without_a_pose_cannot_be_shown(cart):
+    belt = replace(PLANAR, name="belt", pose="none")
     with pytest.raises(ConfigError, match="'belt' has no pose"):
-        drives_scene([Drive(np.zeros((9, 1)), np.zeros((8, 1)), belt)])
+        drives_scene([replace(cart, states=cart.states[:, 3:], body=belt)])
 
 
 def test_the_command_writes_a_page_of_a_scene_and_of_recordings(
