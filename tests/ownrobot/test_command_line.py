@@ -22,7 +22,6 @@ FIT = f"fit --novice {WARTHOG} --body {SKID} --out model"
 
 @pytest.fixture(autouse=True)
 def small_folder(tmp_path, monkeypatch):
-    """A folder of empty files, which is the current one."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "drives").mkdir()
     for name in ("file", "drive.csv", "drives/0.csv"):

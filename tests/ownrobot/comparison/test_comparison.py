@@ -75,7 +75,6 @@ def test_what_is_compared_by_default_can_learn_the_robot(drives):
 
 
 def test_the_table_is_that_of_fits_by_hand(drives, comparison):
-    """The loss of a fold is that of a model which has not seen the fold."""
     losses = []
     for fit in (Fit("least_squares", r, f, 1.0) for r in (0, 1) for f in range(4)):
         learn, held_out = drives_of(comparison.plan, fit, drives)

@@ -17,8 +17,6 @@ IN_KMH = replace(CART, columns=(("speed", "km/h"),))
 
 
 class Constant(Predictor):
-    """Predicts the same transition (Y,) always."""
-
     def __init__(self, transition):
         super().__init__()
         self.transition = torch.nn.Parameter(torch.tensor(transition), False)
@@ -46,7 +44,6 @@ def model_of(transition):
 
 @pytest.fixture
 def drives(rng):
-    """Drives of a cart that turns and changes its speed, of several lengths."""
     return [
         replace(
             cart_drive(rng, steps, "ab"[number % 2], f"{number}", turn=0.5, spin=0.1),
@@ -57,7 +54,6 @@ def drives(rng):
 
 
 def moved(before, after):
-    """Forward, left and turn from one state to another."""
     dx, dy = after[:2] - before[:2]
     cos, sin = math.cos(before[2]), math.sin(before[2])
     return [cos * dx + sin * dy, cos * dy - sin * dx, after[2] - before[2]]

@@ -34,7 +34,6 @@ def few_samples(monkeypatch):
 
 @pytest.fixture(scope="module")
 def drives(tmp_path_factory):
-    """Drives of three robots from the first rows of their recordings."""
     folder, found = tmp_path_factory.mktemp("drives"), {}
     for name, body in {"warthog": SKID, "husky": SKID, "hunter": HUNTER}.items():
         with gzip.open(RECORDINGS / f"{name}.csv.gz", "rt") as file:
@@ -178,7 +177,6 @@ def test_the_commands_lead_from_file_to_predictions(
 
 
 def test_a_robot_on_rough_ground_is_learnt_with_its_map(tmp_path):
-    """The paper's body, from an .npz with grounds, is rolled out over the map."""
     path, out = tmp_path / "mine.npz", tmp_path / "model"
     write_drives(path, read_drives(RECORDINGS / "system1.npz", ROVER)[:5], "some")
     body = RECORDINGS / "rover.yaml"

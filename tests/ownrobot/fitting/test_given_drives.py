@@ -135,7 +135,6 @@ def test_a_predicted_yaw_is_within_half_a_turn_of_the_actual():
 
 
 def test_the_middle_of_the_ground_may_be_anywhere():
-    """A model sees the same ground if robot and ground are moved alike."""
     body, shift = replace(CART, map_size=2.0, map_pixels=8), [30.0, -20.0, 0.0, 0.0]
     heights = 0.1 * np.random.default_rng(0).standard_normal((81, 81))
     here, there = (sidm.Ground(heights, 0.5, at) for at in ((0.0, 0.0), (30.0, -20.0)))
@@ -156,7 +155,6 @@ def test_the_middle_of_the_ground_may_be_anywhere():
 
 
 def test_a_simulated_robot_goes_by_its_name(tmp_path):
-    """The robot is simulated, and its motion is a recording like any other."""
     drives = robot_drives("system1 expert", ROVER, 0.2, tmp_path)
     assert [len(drive) for drive in drives] == 2 * [STEPS]
     write_drives(tmp_path / "its.npz", drives, "simulated")

@@ -26,7 +26,6 @@ from sidm.learning import windows_of
 
 
 def drive(session: str = "", steps: int = 10, name: str = "") -> Drive:
-    """A drive whose throttle counts its steps."""
     actions = np.stack([np.arange(steps) / 1000, np.zeros(steps)], 1)
     return Drive(np.zeros((steps + 1, 13)), actions, session=session, name=name)
 

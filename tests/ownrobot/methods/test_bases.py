@@ -33,7 +33,6 @@ ALONE = Training(
 
 @pytest.fixture
 def base(datasets, small_network) -> DynamicsModel:
-    """A model of the expert."""
     sets = pretraining_datasets(datasets, 0)
     return train(sets, small_network, ALONE, 0).model.requires_grad_(False)
 
@@ -100,7 +99,6 @@ def test_the_loss_of_a_correction_is_that_of_the_sum(datasets, base, small_netwo
 
 
 def test_both_memories_are_carried_along(datasets, base, small_network):
-    """Single steps give the same as the whole trajectory."""
     both = Corrected(base, DynamicsModel(small_network, seed=5, roles=["novice"]))
     inputs, _, maps = (getattr(datasets.test, n) for n in ("inputs", "targets", "maps"))
     whole, _ = both("novice", inputs, maps)

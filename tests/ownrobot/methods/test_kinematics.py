@@ -11,18 +11,14 @@ import ownrobot
 from ownrobot.methods.drivetrain import Signal, drivetrain_of
 from ownrobot.methods.kinematics import identify
 from ownrobot.methods.trivial import learn
-from sidm.body import ROVER, Body
+from sidm.body import ROVER
 from sidm.config import ConfigError, replace
 from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.evaluation import mean_loss, rollout
+from tests.ownrobot.cart import planar
 
 RECORDINGS = Path(__file__).parents[3] / "recordings"
 RATE, LAG = 10.0, 0.4
-
-
-def planar(name: str, columns: dict[str, str], actions: dict[str, str]) -> Body:
-    units = {"columns": tuple(columns.items()), "actions": tuple(actions.items())}
-    return Body(name=name, pose="planar", **units)
 
 
 WHEELS = {"wheel_left": "rad/s", "wheel_right": "rad/s"}
@@ -55,7 +51,6 @@ def lagged(commands: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def held_commands(rng, *size: int) -> np.ndarray:
-    """Commands (N, T, K) in [-1, 1] that hold for five steps."""
     windows, steps, count = size
     drawn = rng.uniform(-1, 1, (windows, -(-steps // 5), count))
     return np.repeat(drawn, 5, axis=1)[:, :steps]
@@ -80,7 +75,6 @@ def datasets(inputs, targets) -> Datasets:
 
 
 def arc(speed, yaw_rate, offset=0.0):
-    """Forward, left and turn of a step."""
     forward, turn = speed / RATE, yaw_rate / RATE
     return forward, forward * turn / 2 + offset * turn, turn
 

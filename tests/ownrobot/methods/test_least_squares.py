@@ -14,7 +14,6 @@ from sidm.learning.evaluation import rollout
 
 @pytest.fixture
 def many(make_motion) -> Datasets:
-    """Enough motion of a law that is linear in the inputs to learn the law."""
     return Datasets(make_motion(30, 1), make_motion(10, 2), make_motion(8, 3))
 
 
@@ -51,10 +50,7 @@ def test_a_linear_law_is_found(many):
 
 
 def test_the_cross_validated_loss_is_of_steps_that_were_not_seen(many, monkeypatch):
-    """One pair of penalties is fitted by hand without each fold, and tested on it.
-
-    Penalties that drown the law are not taken.
-    """
+    """Each fold is tested by hand; penalties that drown the law are not taken."""
     monkeypatch.setattr(ls, "PENALTIES", (1e6, 0.1))
     monkeypatch.setattr(ls, "PRODUCT_PENALTIES", (10.0,))
     fitted = ls.fit(many, Standardisation.none())

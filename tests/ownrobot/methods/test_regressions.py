@@ -120,7 +120,6 @@ def test_a_curve_is_learnt_better_than_by_least_squares_and_driven(carts, method
 
 @BENT
 def test_the_memory_is_the_x_before(carts, method):
-    """Step by step, with the memory, the model predicts what it predicts at once."""
     model = learnt(method, carts).model
     inputs, maps = carts.test.inputs, carts.test.maps
     whole, _ = model("novice", inputs, maps)
@@ -133,7 +132,6 @@ def test_the_memory_is_the_x_before(carts, method):
 
 @BENT
 def test_regressions_see_the_ground(rng, method):
-    """The cart rolls downhill, which the map alone tells."""
     body = replace(CART, map_size=5.0, map_pixels=8)
     slope = torch.from_numpy(rng.uniform(-0.3, 0.3, (40, 10))).float()
     places = ((torch.arange(8) + 0.5) / 8 - 0.5) * 5.0
@@ -147,7 +145,6 @@ def test_regressions_see_the_ground(rng, method):
 
 
 def test_the_map_in_numbers():
-    """Of a tilted plane and a bowl, the numbers are their formulas'."""
     places = ((torch.arange(32) + 0.5) / 32 - 0.5) * 5.0
     y, x = torch.meshgrid(places, places, indexing="ij")
     surface = 0.3 + 0.2 * x - 0.1 * y + 0.5 * (x**2 + y**2) / 2

@@ -18,9 +18,10 @@ from ownrobot.recordings.frames import (
     refuse_other_velocities,
 )
 from ownrobot.recordings.headings import check_headings
-from sidm.body import ROVER, Body
+from sidm.body import ROVER
 from sidm.config import replace
 from sidm.drives import Drive
+from tests.ownrobot.cart import planar
 
 ROOT = Path(__file__).parents[3]
 RATES = slice(10, 13)  # of the state: wx, wy, wz
@@ -28,7 +29,6 @@ RATES = slice(10, 13)  # of the state: wx, wy, wz
 
 @pytest.fixture(scope="module", params=["system1", "system2"])
 def drives(request) -> list[Drive]:
-    """Every stored recording of a system; none may be refused."""
     return read_drives(ROOT / "recordings" / f"{request.param}.npz", ROVER)
 
 
@@ -37,7 +37,6 @@ def with_rates(states: np.ndarray, rates: np.ndarray) -> np.ndarray:
 
 
 def scaled(*factors: float):
-    """Function that multiplies the three angular velocities."""
     return lambda states: with_rates(states, states[:, RATES] * factors)
 
 
@@ -72,11 +71,7 @@ def fault_of(*drives: np.ndarray, rate: float = 10.0) -> str:
 
 @pytest.mark.parametrize("fault", CHANGES)
 def test_angular_velocities_that_are_read_wrongly_are_named(drives, fault):
-    """Short drives of one file name the fault together.
-
-    At least three of four longer drives are refused even alone: a level or straight one
-    looks nearly the same either way.
-    """
+    """A level or straight drive looks nearly the same either way."""
     together = fault_of(*(CHANGES[fault](drive.states[:15]) for drive in drives))
     assert fault in together or "lead where" in together
     alone = [bool(fault_of(CHANGES[fault](drive.states))) for drive in drives]
@@ -84,7 +79,6 @@ def test_angular_velocities_that_are_read_wrongly_are_named(drives, fault):
 
 
 def test_attitudes_that_are_inverted_are_not_taken(drives):
-    """The message does not blame the robot's gyroscope."""
     inverted = [drive.states * ([1.0] * 3 + [-1] * 3 + [1] * 7) for drive in drives]
     assert np.mean(["lead where" in fault_of(states) for states in inverted]) > 0.9
 
@@ -92,10 +86,7 @@ def test_attitudes_that_are_inverted_are_not_taken(drives):
 def turning(
     yaw_rate: float, rate: float = 10.0, shaking: float = 0.0, hertz: float = 7.0
 ) -> np.ndarray:
-    """States (R, 13) of a robot that turns at 1 m/s and shakes about its sideways axis.
-
-    The shaking has an amplitude in rad.
-    """
+    """States of a robot that turns at 1 m/s and shakes about its y axis, rad."""
     time = np.arange(round(rate * 7) + 1) / rate
     yaw, pitch = yaw_rate * time, shaking * np.sin(2 * np.pi * hertz * time)
     attitudes = Rotation.from_euler("ZY", np.stack([yaw, pitch], axis=1))
@@ -111,10 +102,7 @@ def turning(
 @pytest.mark.parametrize("rate", [10.0, 100.0])
 @pytest.mark.parametrize("hertz", [3.0, 6.3, 8.1, 12.0])
 def test_a_robot_that_shakes_is_taken(rate, hertz):
-    """Shaking by a degree may be faster than half the rate of control steps.
-
-    A sine that is sampled so slowly has the other sign.
-    """
+    """A sine that is sampled too slowly has the other sign."""
     for yaw_rate in (0.0, 0.3):
         assert fault_of(turning(yaw_rate, rate, 0.0175, hertz), rate=rate) == ""
 
@@ -136,10 +124,7 @@ def test_short_drives_noise_bias_and_standing_still_are_no_fault(drives, rng):
 
 
 def test_steering_to_the_left_is_noticed_in_a_file(drives):
-    """Twenty drives show the sign together, whatever the ground.
-
-    A drive that goes straight is not judged.
-    """
+    """Twenty drives show it together; one that goes straight is not judged."""
     refuse_other_steering("file", drives)
     for first in range(0, len(drives) - 19, 20):
         some = drives[first : first + 20]
@@ -151,12 +136,7 @@ def test_steering_to_the_left_is_noticed_in_a_file(drives):
 
 
 RECORDINGS = ROOT / "recordings"
-BODY = Body(
-    name="cart",
-    pose="planar",
-    columns=(("wheel", "rad/s"),),
-    actions=(("throttle", "1"),),
-)
+BODY = planar("cart", {"wheel": "rad/s"}, {"throttle": "1"})
 
 
 def cart_drive(rng: np.random.Generator, off: float = 0.0, steps: int = 60) -> Drive:

@@ -26,7 +26,6 @@ HELD = text(circle() * [1, 1, 1, 1, 1, 0])  # the command never changes
 
 @pytest.fixture
 def warthog(tmp_path, monkeypatch):
-    """A folder with the Warthog's recording and its body, which is the current one."""
     shutil.copy(ROOT / "warthog.csv.gz", tmp_path)
     shutil.copy(ROOT / "skid_steer.yaml", tmp_path / "robot.yaml")
     monkeypatch.chdir(tmp_path)
@@ -34,7 +33,6 @@ def warthog(tmp_path, monkeypatch):
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A folder of three files, two of which are faulty; it is the current one."""
     (tmp_path / "drives").mkdir()
     contents = {"a": text(), "b": put(10, 4, "fast"), "c": text(circle(9))}
     for name, content in contents.items():

@@ -13,15 +13,10 @@ from ownrobot.recordings import (
     read_drives,
     write_drives,
 )
-from sidm.body import Body
 from sidm.config import ConfigError, replace
+from tests.ownrobot.cart import planar
 
-BODY = Body(
-    name="cart",
-    pose="planar",
-    columns=(("yaw_rate", "rad/s"), ("wheel", "rad/s")),
-    actions=(("throttle", "%"),),
-)
+BODY = planar("cart", {"yaw_rate": "rad/s", "wheel": "rad/s"}, {"throttle": "%"})
 NAMES = "x [m],y [m],yaw [rad],yaw_rate [rad/s],wheel [rad/s],throttle [%]"
 RATE = "# rate: 20 Hz\n"
 
@@ -154,7 +149,6 @@ def test_a_rate_that_the_rows_do_not_have_is_refused(write, rows, rate, words):
 
 
 def paused(*pauses: float, count: int = 81) -> str:
-    """A file of the circle whose time stands still for a second at some times, s."""
     time = np.arange(count) / 20
     later = time + sum((time > pause).astype(float) for pause in pauses)
     return timed(later, circle(count))
@@ -322,7 +316,6 @@ def test_a_percent_sign_needs_quotation_marks(write):
 
 
 def table(rows: np.ndarray) -> pd.DataFrame:
-    """Rows (R, 6) at 20 Hz as a table in memory, in SI units."""
     names = [name for name, _ in (*BODY.state, *BODY.actions)]
     return pd.DataFrame(rows, columns=names).assign(time=np.arange(len(rows)) / 20)
 

@@ -18,10 +18,7 @@ TIMED = {"columns": [*NAMES, "time"], "units": [*PLAIN, "s"]}
 
 
 def circle(rate: float = 10.0, seconds: float = 7.0) -> np.ndarray:
-    """Rows (R, 15) of a robot on a circle about the origin, at 1 m/s and 0.5 rad/s.
-
-    Its body is 0.17 m above flat ground.
-    """
+    """Rows (R, 15) of a robot that turns left at 1 m/s, 0.17 m above flat ground."""
     time = np.arange(round(rate * seconds) + 1) / rate
     yaw = 0.5 * time
     rows = np.zeros((len(time), 15))
@@ -35,14 +32,12 @@ def circle(rate: float = 10.0, seconds: float = 7.0) -> np.ndarray:
 
 
 def changed(column: str, value: float, rows: slice | int = slice(None)) -> dict:
-    """Members of the circle with other numbers in a column."""
     numbers = circle()
     numbers[rows, NAMES.index(column)] = value
     return {"rows": numbers}
 
 
 def ground(**changes) -> Ground:
-    """A flat square of 8 m with its middle at the circle's."""
     return Ground(np.zeros((81, 81)), 0.1, (0.0, 2.0))._replace(**changes)
 
 
@@ -53,7 +48,6 @@ def hill() -> Ground:
 
 
 def uphill() -> np.ndarray:
-    """Rows of the circle at 0.17 m above the hill."""
     rows = circle()
     rows[:, 2] += height_at(hill().heights, rows[:, 0], rows[:, 1] - 2.0)
     rows[1:, 9] = np.diff(rows[:, 2]) * 10
@@ -85,7 +79,6 @@ def members(rows=None, where=None, header=None, **changes) -> dict:
 
 @pytest.fixture
 def made(tmp_path):
-    """A drive around the circle, or of other members, as it is read from its file."""
 
     def make(**changes) -> Drive:
         np.savez(tmp_path / "drive.npz", **members(**changes))
@@ -123,7 +116,6 @@ def test_a_hilly_drive_with_noise_is_taken(made, rng):
 
 
 def turned() -> np.ndarray:
-    """Rows of the circle with velocities in the world's frame."""
     rows, yaw = circle(seconds=30.0), 0.05 * np.arange(301)
     rows[:, 7:9] = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
     return rows
@@ -208,8 +200,6 @@ def test_a_member_that_is_missing_and_an_npy_file_are_named(tmp_path):
 
 
 class Opened:
-    """Makes a file when it is unpickled."""
-
     def __init__(self, path: Path):
         self.path = path
 
@@ -226,7 +216,6 @@ def test_no_pickle_is_opened(tmp_path):
 
 
 def write_csv(folder: Path, header: str) -> Path:
-    """Write the circle and its ground, as in the documentation."""
     np.savetxt(folder / "meadow.csv", ground().heights, delimiter=",")
     pairs = zip(NAMES, PLAIN, strict=True)
     titles = [name if unit == "1" else f"{name} [{unit}]" for name, unit in pairs]
@@ -237,7 +226,6 @@ def write_csv(folder: Path, header: str) -> Path:
 
 
 def test_a_csv_file_is_read_with_its_ground(tmp_path, made):
-    """The file of the ground is not read as a drive."""
     folder = tmp_path / "csv"
     folder.mkdir()
     path = write_csv(
@@ -263,10 +251,7 @@ def test_a_csv_file_is_read_with_its_ground(tmp_path, made):
 
 
 def test_drives_are_packed_and_come_back(tmp_path, made, rng):
-    """Numbers keep float32's seven digits, heights half a millimetre.
-
-    A shared ground is stored once; forty metres do not overflow.
-    """
+    """A shared ground is stored once, in whole millimetres; none overflows."""
     rough = made(where=ground(heights=rng.uniform(0, 0.1, (81, 81))))
     rows = circle()
     rows[:, 2] += 40.0

@@ -155,10 +155,7 @@ def test_rolling_wheels_turn_as_far_as_the_way_is_long():
 
 
 def test_a_robot_on_a_slope_is_tilted():
-    """Uphill along x the nose is up, which is negative pitch.
-
-    The same slope from the side is a roll.
-    """
+    """The nose is up, which is negative pitch; from the side it is a roll."""
     ground = Ground(np.tile(0.1 * np.arange(100) * 0.2, (100, 1)), 0.1)
     path = np.stack([np.linspace(-2, 2, 9), np.zeros(9)], axis=1)
     slope = np.arctan(0.2)
@@ -172,7 +169,6 @@ def test_a_robot_on_a_slope_is_tilted():
 
 @pytest.fixture
 def cart() -> Drive:
-    """A recorded drive in the plane."""
     time = np.arange(21) / 10
     speed = np.hypot(1, 0.2 * time)
     states = np.stack([time, 0.1 * time**2, np.arctan(0.2 * time), speed], axis=1)
