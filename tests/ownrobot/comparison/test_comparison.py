@@ -46,23 +46,21 @@ def sessions(drives):
 
 def test_no_session_stands_on_both_sides_and_repeats_differ(drives):
     plan = plan_for(drives, None, ["mean"])
+    first = set()
     for repeat in range(plan.repeats):
         held_out = []
         for fold in range(plan.folds):
-            whole, half, quarter = (
+            whole, half = (
                 drives_of(plan, Fit("mean", repeat, fold, share), drives)
-                for share in (1.0, 0.5, 0.25)
+                for share in (1.0, 0.5)
             )
             assert not sessions(whole.learn) & sessions(whole.held_out)
-            assert sessions(whole.learn) > sessions(half.learn)
-            assert sessions(half.learn) > sessions(quarter.learn)
-            assert len(sessions(half.learn)) == 3  # of 6
+            assert len(sessions(half.learn) & sessions(whole.learn)) == 3  # of 6
             assert half.held_out == whole.held_out
             held_out += [drive.name for drive in whole.held_out]
         assert sorted(held_out) == sorted(drive.name for drive in drives)
-    fits = [Fit("mean", repeat, 0, 1.0) for repeat in range(3)]
-    first = [sessions(drives_of(plan, fit, drives).held_out) for fit in fits]
-    assert len(set(map(frozenset, first))) > 1
+        first.add(held_out[0])
+    assert len(first) > 1
 
 
 def test_what_is_compared_by_default_can_learn_the_robot(drives):

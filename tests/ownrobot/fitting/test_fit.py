@@ -16,7 +16,6 @@ from ownrobot.body_file import read_body
 from ownrobot.fitting import settings, single
 from ownrobot.methods.registry import METHODS
 from ownrobot.recordings import read_drives, write_drives
-from sidm.body import ROVER
 from sidm.config import ConfigError, replace
 from sidm.learning import Network, Training, trainer
 
@@ -174,18 +173,6 @@ def test_the_commands_lead_from_file_to_predictions(
     write_drives("hunter.csv", drives["hunter"], "another robot")
     assert run("evaluate model hunter.csv") == 1
     assert "column 'command_left' of body" in capsys.readouterr().err
-
-
-def test_a_robot_on_rough_ground_is_learnt_with_its_map(tmp_path):
-    path, out = tmp_path / "mine.npz", tmp_path / "model"
-    write_drives(path, read_drives(RECORDINGS / "system1.npz", ROVER)[:5], "some")
-    body = RECORDINGS / "rover.yaml"
-    model = ownrobot.fit(path, method="novice_only", body=body, out=out)
-    table = ownrobot.load(out).evaluate(path)
-    assert model.body == ROVER and model.steps == 64
-    assert np.isfinite(table.rmse).all()
-    assert table[table.quantity == "position"].horizon.max() == pytest.approx(6.0)
-    assert len(model.predict(path)) == 5 * 64
 
 
 class Killed(Exception):

@@ -134,7 +134,7 @@ def test_a_predicted_yaw_is_within_half_a_turn_of_the_actual():
     assert path[0, 2] == 7 and np.abs(np.diff(path[:, 2])).max() < 1
 
 
-def test_the_middle_of_the_ground_may_be_anywhere():
+def test_robot_and_ground_may_be_anywhere_and_the_map_is_the_same():
     body, shift = replace(CART, map_size=2.0, map_pixels=8), [30.0, -20.0, 0.0, 0.0]
     heights = 0.1 * np.random.default_rng(0).standard_normal((81, 81))
     here, there = (sidm.Ground(heights, 0.5, at) for at in ((0.0, 0.0), (30.0, -20.0)))
@@ -152,6 +152,8 @@ def test_the_middle_of_the_ground_may_be_anywhere():
     assert paths[1] == pytest.approx(paths[0] + shift, abs=1e-6)
     losses = [model.loss(d) for model, d in zip(models, (drives, moved), strict=True)]
     assert losses[0] == pytest.approx(losses[1], rel=1e-4)
+    errors = [models[0].evaluate(part).rmse for part in (drives, moved)]
+    assert errors[0].to_numpy() == pytest.approx(errors[1].to_numpy(), rel=1e-3)
 
 
 def test_a_simulated_robot_goes_by_its_name(tmp_path):

@@ -1,6 +1,5 @@
 """Kinematic models find the parameters of synthetic drives, and drive with them."""
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ from ownrobot.methods.trivial import learn
 from sidm.body import ROVER
 from sidm.config import ConfigError, replace
 from sidm.learning.dataset import Datasets, Windows
-from sidm.learning.evaluation import mean_loss, rollout
+from sidm.learning.evaluation import mean_loss
 from tests.ownrobot.cart import planar
 
 RECORDINGS = Path(__file__).parents[3] / "recordings"
@@ -141,18 +140,6 @@ def test_a_bicycle_finds_wheelbase_and_throttle(rng):
     assert float(model.decay[0]) == pytest.approx(LAG, abs=1e-3)
     assert float(model.push[0, 0]) == pytest.approx(6.0 * LAG, abs=1e-2)
     assert trained.best_test_loss < 1e-4
-
-
-def test_a_car_drives_a_circle(rng):
-    """A turn of the steering leads around a circle of radius L / tan(steering)."""
-    model = identify(datasets(*car(rng, offset=0.0)), CAR, "ackermann").model
-    radius = 2.5 / math.tan(0.4)
-    state = torch.tensor([0.0, 0.0, 0.0, 3.0, 0.0])
-    actions = torch.tensor([[0.5, 0.4]]).expand(150, -1)  # a speed of 3 m/s
-    path = rollout(model, None, state, actions, 0, body=CAR)
-    distance = (path[:, :2] - torch.tensor([0.0, radius])).norm(dim=1)
-    assert np.allclose(distance, radius, rtol=0.02)
-    assert float(path[-1, 4]) == pytest.approx(3.0 / radius, rel=1e-2)
 
 
 @pytest.mark.parametrize("pose", ["spatial", "none"])

@@ -17,6 +17,7 @@ from ownrobot.recordings import (
     inspect_drives,
     read_drives,
 )
+from sidm.config import ConfigError
 from tests.ownrobot.recordings.test_bags import make_bag  # noqa: F401
 from tests.ownrobot.recordings.test_reading import BODY, circle, put, text, timed
 
@@ -132,6 +133,14 @@ def test_a_file_that_gives_no_body_is_one_line(folder, content, words, capsys):
     assert main(["body", "odd.csv"]) == 1
     said = capsys.readouterr().err
     assert words in said and said.count("\n") == 1
+
+
+def test_a_percent_sign_of_a_body_needs_quotation_marks(folder):
+    lines = Path("cart.yaml").read_text()
+    assert read_body("cart.yaml").actions[0] == ("throttle", "%")
+    Path("cart.yaml").write_text(lines.replace("'%'", "%"))
+    with pytest.raises(ConfigError, match="write a unit of % as '%'"):
+        read_body("cart.yaml")
 
 
 def test_several_files_are_read_together(folder):

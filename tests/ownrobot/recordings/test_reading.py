@@ -6,14 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ownrobot.body_file import read_body
 from ownrobot.recordings import (
     RecordingError,
     RecordingWarning,
     read_drives,
     write_drives,
 )
-from sidm.config import ConfigError, replace
+from sidm.config import replace
 from tests.ownrobot.cart import planar
 
 BODY = planar("cart", {"yaw_rate": "rad/s", "wheel": "rad/s"}, {"throttle": "%"})
@@ -305,14 +304,6 @@ def test_a_bad_drive_of_a_file_is_left_out_when_asked(write, bad, words):
     with pytest.warns(RecordingWarning, match="left out: .*drive 1: "):
         kept = read_drives(path, BODY, skip_bad=True)
     assert [drive.name[-1] for drive in kept] == ["0", "2"]
-
-
-def test_a_percent_sign_needs_quotation_marks(write):
-    lines = "pose: planar\ncolumns: {speed: m/s}\nactions: {throttle: %}\n"
-    with pytest.raises(ConfigError, match="write a unit of % as '%'"):
-        read_body(write(lines, "robot.yaml"))
-    path = write(lines.replace("%", "'%'"), "robot.yaml")
-    assert read_body(path).actions[0] == ("throttle", "%")
 
 
 def table(rows: np.ndarray) -> pd.DataFrame:
