@@ -109,10 +109,7 @@ def test_robots_of_two_bodies_are_learnt_together_but_not_copied(drives):
         ({"expert_body": SKID}, "but there is no expert"),
         ({"seed": -1}, "seed must be 0 or more, not -1"),
         ({"test": 1}, "a share below 1"),
-        (
-            {"body": HUNTER},
-            "skid-steered', whose actions differ from those of",
-        ),
+        ({"body": HUNTER}, "skid-steered', whose actions differ from those of"),
     ],
 )
 def test_what_cannot_be_fitted_is_one_line(drives, how, words):
@@ -227,14 +224,6 @@ def test_a_flipped_bit_is_found(small_model, tmp_path):
             ownrobot.load(tmp_path)
 
 
-def test_models_of_older_versions_have_no_checksum(small_model, tmp_path):
-    small_model.save(tmp_path)
-    about = json.loads((tmp_path / "model.json").read_text())
-    assert len(about.pop("sha256")) == len(about.pop("checksum")) == 64
-    (tmp_path / "model.json").write_text(json.dumps(about))
-    assert ownrobot.load(tmp_path).body == SKID
-
-
 def test_another_robots_model_is_not_replaced_by_mistake(small_model, tmp_path):
     """How the loss is weighed does not make another robot; damage may be replaced."""
     (tmp_path / "model.json").write_text("{")
@@ -250,10 +239,14 @@ def test_another_robots_model_is_not_replaced_by_mistake(small_model, tmp_path):
     assert ownrobot.load(tmp_path).body.name == "tractor"
 
 
-@pytest.mark.parametrize("changes", [{"scale": [0, -1]}, {"method": "foo"}])
-def test_a_changed_file_of_a_model_is_found(small_model, tmp_path, changes):
+def test_a_changed_file_of_a_model_is_found(small_model, tmp_path):
+    """Models of older versions have no checksum."""
     small_model.save(tmp_path)
-    about = json.loads((tmp_path / "model.json").read_text())
-    (tmp_path / "model.json").write_text(json.dumps(about | changes))
+    path = tmp_path / "model.json"
+    about = json.loads(path.read_text())
+    path.write_text(json.dumps(about | {"scale": [0, -1]}))
     with pytest.raises(ConfigError, match="model.json was changed"):
         ownrobot.load(tmp_path)
+    del about["sha256"], about["checksum"]
+    path.write_text(json.dumps(about))
+    assert ownrobot.load(tmp_path).body == SKID

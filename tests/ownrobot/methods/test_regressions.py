@@ -186,24 +186,16 @@ def test_another_robots_windows_count_in_no_fold(pair):
     assert fitted.best_test_loss < 0.05 < 1e3 < spoilt.best_test_loss
 
 
-OTHER = replace(CART, columns=(("speed", "m/s"), ("yaw_rate", "rad/s")))
-
-
-@pytest.mark.parametrize(
-    ("method", "expert", "words"),
-    [
+def test_what_needs_an_expert_of_one_body_or_a_library_is_one_line(monkeypatch):
+    other = replace(CART, columns=(("speed", "m/s"), ("yaw_rate", "rad/s")))
+    for method, expert, words in (
         ("trees_corrected", None, "learns from an expert's drives too.*take trees$"),
         ("corrected", None, "pass them, or take novice_only$"),
-        ("gp_corrected", OTHER, "corrects the expert's least squares.*take gp$"),
-        ("trees_pooled", OTHER, "samples of both robots as one.*take trees$"),
-    ],
-)
-def test_what_needs_an_expert_of_one_body_is_one_line(method, expert, words):
-    with pytest.raises(ConfigError, match=words):
-        refuse_method(method, CART, expert)
-
-
-def test_without_scikit_learn_a_line_says_so(monkeypatch):
+        ("gp_corrected", other, "corrects the expert's least squares.*take gp$"),
+        ("trees_pooled", other, "samples of both robots as one.*take trees$"),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            refuse_method(method, CART, expert)
     monkeypatch.setattr(boosting.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(ConfigError, match=r'pip install "sidm\[trees\]"'):
         refuse_method("gp", CART, None)

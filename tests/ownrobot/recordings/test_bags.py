@@ -146,11 +146,7 @@ def test_an_array_is_the_command_where_no_other_topic_is(make_bag):
     [
         ({"topics": ("/odom",)}, BODY, "no topic with a command (geometry_msgs/msg/T"),
         ({"topics": ("/cmd_vel",)}, BODY, "no topic with a pose"),
-        (
-            {"topics": ("/odom", "/other")},
-            BODY,
-            "2 topics with a pose, /odom, /other",
-        ),
+        ({"topics": ("/odom", "/other")}, BODY, "2 topics with a pose, /odom, /other"),
         (
             {"topics": ("/odom", "/wheels", "/motors")},
             BODY,

@@ -3,7 +3,6 @@
 import base64
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,11 +25,7 @@ from ownrobot.replay import (
 from ownrobot.replay.packing import pack, unpack
 from ownrobot.replay.scene import attitudes_on_ground, rolling_angles
 from ownrobot.replay.scene_file import scene_json
-from ownrobot.replay.skeleton import (
-    BOXES,
-    heave_curves,
-    rover_skeleton,
-)
+from ownrobot.replay.skeleton import BOXES, heave_curves, rover_skeleton
 from sidm.config import ConfigError, replace
 from sidm.drives import Drive, Ground
 from sidm.simulation import Simulator
@@ -38,7 +33,6 @@ from sidm.systems import Physics, Terrain
 from sidm.terrain import generate_terrain
 from tests.ownrobot.cart import CART
 
-RECORDINGS = Path(__file__).parents[3] / "recordings"
 GROUND = Terrain(cell_height_scale=0.35)
 PLANAR = replace(CART, actions=(("left", "1"), ("right", "1")))
 
