@@ -12,7 +12,11 @@ from ownrobot import __main__ as command_line
 from ownrobot.comparison import run
 from ownrobot.comparison.plan import Fit, drives_of, plan_for
 from ownrobot.comparison.result import Comparison, FitResult
-from ownrobot.comparison.statistics import resampled_loss, resampled_ratio
+from ownrobot.comparison.statistics import (
+    resampled_loss,
+    resampled_mean,
+    resampled_ratio,
+)
 from ownrobot.fitting.score import DriveLosses
 from ownrobot.recordings import write_drives
 from sidm.config import ConfigError, Notice
@@ -117,6 +121,7 @@ def test_an_interval_knows_that_folds_share_data():
     assert min(within, ratios) / trials > 0.9 and plain / trials < 0.8
     paired = resampled_ratio(1.5 * zeros, zeros, folds=4)
     assert paired == pytest.approx((1.5, 1.5, 1.5))
+    assert resampled_mean(np.array([2.0]), 4).text(3) == "2.00"
 
 
 NOISE = 0.02 * np.random.default_rng(0).standard_normal((3, 2, 8))
@@ -233,9 +238,8 @@ def test_other_drives_settings_or_code_have_other_results(drives, monkeypatch):
     assert len(keys) == len(tasks) + 2
 
 
-@pytest.mark.parametrize(
-    ("how", "words"),
-    [
+def test_what_cannot_be_compared_is_one_line(drives):
+    for how, words in (
         ({"methods": ["sidm"]}, "learns from an expert's drives too"),
         ({"folds": 1}, "folds must be at least 2"),
         ({"repeats": 0}, "repeats must be at least 1"),
@@ -243,11 +247,9 @@ def test_other_drives_settings_or_code_have_other_results(drives, monkeypatch):
         ({"workers": 0}, "workers must be at least 1"),
         ({"expert_body": "robot.yaml"}, "expert_body is given, but there is no exp"),
         ({"novice": cart_drives(1, 1)}, "a single drive leaves none to evaluate on"),
-    ],
-)
-def test_what_cannot_be_compared_is_one_line(drives, how, words):
-    with pytest.raises(ConfigError, match=words):
-        ownrobot.compare(**{"novice": drives} | how)
+    ):
+        with pytest.raises(ConfigError, match=words):
+            ownrobot.compare(**{"novice": drives} | how)
 
 
 def test_the_command_writes_tables_and_a_report(drives, tmp_path, monkeypatch, capsys):

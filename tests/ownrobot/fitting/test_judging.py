@@ -22,11 +22,11 @@ from ownrobot.fitting.splits import (
     train_test_split,
 )
 from ownrobot.fitting.windows import common_length, cut
+from ownrobot.methods.trivial import Trivial
 from ownrobot.recordings import read_drives
 from sidm.config import ConfigError, replace
 from sidm.drives import STEPS, Drive, Ground
 from sidm.learning import windows_of
-from sidm.learning.model import Predictor
 from sidm.settings import Network
 from tests.ownrobot.cart import CART, cart_drive
 
@@ -90,18 +90,15 @@ def test_windows_are_those_that_a_simulated_robot_would_have(
     assert torch.allclose(*maps, atol=2e-3)  # float16
 
 
-@pytest.mark.parametrize(
-    ("lengths", "steps"),
-    [
+def test_short_drives_shorten_the_windows_only_if_they_are_many():
+    for lengths, steps in (
         ([500, 12], 64),  # 12 of 512 steps are 2 %
         ([100, 12], 12),  # 12 of 112 steps are 11 %
         ([40, 40, 30, 2], 30),  # 2 of 112 steps are 2 %, 32 are 29 %
-    ],
-)
-def test_short_drives_shorten_the_windows_only_if_they_are_many(lengths, steps):
-    drives = [drive(steps=length) for length in lengths]
-    assert common_length(drives) == steps
-    assert common_length([drive(steps=50)], drives) == min(50, steps)
+    ):
+        drives = [drive(steps=length) for length in lengths]
+        assert common_length(drives) == steps
+        assert common_length([drive(steps=50)], drives) == min(50, steps)
 
 
 def test_the_last_window_may_overlap_so_that_no_step_is_lost():
@@ -193,21 +190,12 @@ def test_a_long_drive_counts_by_its_steps():
 IN_KMH = replace(CART, columns=(("speed", "km/h"),))
 
 
-class Constant(Predictor):
-    def __init__(self, transition):
-        super().__init__()
-        self.transition = torch.nn.Parameter(torch.tensor(transition), False)
-
-    def loss_weights(self, role):
-        return None
-
-    def forward(self, role, inputs, maps, memory=None):
-        return self.transition.expand(*inputs.shape[:2], -1), memory
-
-
 def model_of(transition):
+    """A model that predicts the same transition (4,) always."""
+    predictor = Trivial("mean", IN_KMH)
+    predictor.transition.copy_(torch.tensor(transition))
     return Model(
-        predictor=Constant(transition),
+        predictor=predictor,
         body=IN_KMH,
         network=Network(novice_body=IN_KMH, expert_body=IN_KMH),
         target_mean=torch.zeros(4),

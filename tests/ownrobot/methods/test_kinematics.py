@@ -173,18 +173,15 @@ ARM = replace(planar("arm", {"q": "rad"}, {"u": "1"}), pose="none")
 BENCH = replace(planar("bench", WHEELS, {"u": "1"}), pose="none")
 
 
-@pytest.mark.parametrize(
-    ("body", "model", "words"),
-    [
+def test_a_body_without_the_columns_is_refused_in_a_line():
+    for body, model, words in (
         (SKID, "ackermann", "looks for a speed .* and 'steering'; body 'skid' has"),
         (ARM, "differential_drive", "'left' and 'right' in .*columns q and actions"),
         (BENCH, "rotation_centres", "looks for a pose, a speed or a yaw rate"),
-    ],
-)
-def test_a_body_without_the_columns_is_refused_in_a_line(body, model, words):
-    with pytest.raises(ConfigError, match=words) as refusal:
-        drivetrain_of(body, model)
-    assert "\n" not in str(refusal.value)
+    ):
+        with pytest.raises(ConfigError, match=words) as refusal:
+            drivetrain_of(body, model)
+        assert "\n" not in str(refusal.value)
 
 
 @pytest.mark.more

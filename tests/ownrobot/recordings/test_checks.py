@@ -53,6 +53,7 @@ CHANGES = {
     "the world's frame": in_world_frame,
     # y is to the right and z down, of velocities too
     "as (wx, -wy, -wz)": lambda states: states * ([1.0] * 8 + [-1, -1, 1, -1, -1]),
+    "inverted attitudes": lambda states: states * ([1.0] * 3 + [-1] * 3 + [1] * 7),
     "by 'wx'; is it in the unit": scaled(DEGREES, 1, 1),
     "by 'wz'; is it in the unit": scaled(1, 1, DEGREES),
 }
@@ -76,11 +77,6 @@ def test_angular_velocities_that_are_read_wrongly_are_named(drives, fault):
     assert fault in together or "lead where" in together
     alone = [bool(fault_of(CHANGES[fault](drive.states))) for drive in drives]
     assert np.mean(alone) > 0.75
-
-
-def test_attitudes_that_are_inverted_are_not_taken(drives):
-    inverted = [drive.states * ([1.0] * 3 + [-1] * 3 + [1] * 7) for drive in drives]
-    assert np.mean(["lead where" in fault_of(states) for states in inverted]) > 0.9
 
 
 def turning(
@@ -165,12 +161,15 @@ def test_a_drive_of_several_that_is_off_is_found(rng, off):
     assert found.judged == 12
 
 
-def test_right_and_slipping_drives_are_not_found(rng):
-    """A drive may slip sideways by nearly half a right angle."""
+def test_right_drives_and_robots_that_slip_or_go_all_ways_are_not_found(rng):
     assert check_headings([cart_drive(rng) for _ in range(30)], BODY).off == []
     assert check_headings([cart_drive(rng)], BODY).off == []
-    slipping = [cart_drive(rng, off) for off in rng.uniform(-40, 40, 20)]
-    assert check_headings(slipping, BODY).off == []
+    for most in (40, 180):
+        drives = [cart_drive(rng, off) for off in rng.uniform(-most, most, 30)]
+        assert check_headings(drives, BODY).off == []
+    sideways = replace(BODY, columns=(("vy", "m/s"),))
+    turned = [replace(cart_drive(rng, 90), body=sideways) for _ in range(5)]
+    assert check_headings(turned, sideways).off == []
 
 
 @pytest.mark.parametrize("count", [1, 8])
@@ -183,14 +182,6 @@ def test_a_file_of_drives_that_are_off_is_refused(rng, tmp_path, count):
         "yaw; are yaw, x and y of one frame, and is yaw 0 along x",
     ):
         read_drives(path, BODY)
-
-
-def test_a_robot_that_goes_in_all_directions_is_not_judged(rng):
-    drives = [cart_drive(rng, off) for off in rng.uniform(-180, 180, 30)]
-    assert check_headings(drives, BODY).off == []
-    sideways = replace(BODY, columns=(("vy", "m/s"),))
-    turned = [replace(cart_drive(rng, 90), body=sideways) for _ in range(5)]
-    assert check_headings(turned, sideways).off == []
 
 
 #: Drives of the recordings in which the lidar's pose was matched wrongly -> degrees

@@ -139,20 +139,17 @@ def test_a_robot_that_stands_still_is_left_where_it_is(write):
     assert np.allclose(drive.states[5:10, :3], rows[10, :3])
 
 
-@pytest.mark.parametrize(
-    ("rows", "rate", "words"),
-    [
+def test_a_rate_that_the_rows_do_not_have_is_refused(write):
+    for rows, rate, words in (
         (circle(), 100.0, "rows come at 20 Hz, but body 'cart' has steps at 100 Hz; "),
         (slow_pose(2), 20.0, "its pose is new at 10 Hz, but body 'cart' has steps"),
         (slow_pose(5, count=101), 10.0, "its pose is new at 4 Hz, but body 'cart'"),
-    ],
-)
-def test_a_rate_that_the_rows_do_not_have_is_refused(write, rows, rate, words):
-    path = write(text(rows))
-    with pytest.raises(RecordingError, match=f"^{path}: {words}") as error:
-        read_drives(path, replace(BODY, rate=rate))
-    right = str(error.value).rpartition("write 'rate: ")[2].partition(" Hz")[0]
-    assert len(read_drives(path, replace(BODY, rate=float(right)))) == 1
+    ):
+        path = write(text(rows))
+        with pytest.raises(RecordingError, match=f"^{path}: {words}") as error:
+            read_drives(path, replace(BODY, rate=rate))
+        right = str(error.value).rpartition("write 'rate: ")[2].partition(" Hz")[0]
+        assert len(read_drives(path, replace(BODY, rate=float(right)))) == 1
 
 
 def paused(*pauses: float, count: int = 81) -> str:
@@ -172,17 +169,14 @@ def test_a_pause_makes_two_drives_of_one_session(write):
     assert np.allclose(second.states, circle(81)[31::2, :5], atol=1e-8)
 
 
-def test_pieces_that_are_too_short_are_left_out(write):
+def test_short_pieces_are_left_out_and_short_gaps_are_no_pause(write):
     with pytest.warns(RecordingWarning, match="2 pauses .*; 1 shorter than 8 steps"):
         assert len(read_drives(write(paused(1.5, 1.9)), BODY)) == 2
     path = write(paused(0.5, 1.0, 1.5, count=41))
     with pytest.raises(RecordingError, match="between its 3 pauses, 5 steps of 0.1 s"):
         read_drives(path, BODY)
-
-
-def test_a_time_hardly_longer_than_a_step_is_no_pause(write):
     time = np.arange(81) / 50
-    time[40:] += 0.1
+    time[40:] += 0.1  # hardly longer than a step
     assert len(read_drives(write(timed(time, circle(81, 50.0))), BODY)) == 1
 
 
@@ -296,22 +290,19 @@ def test_an_unknown_unit_is_kept_and_told(write):
         read_drives(write(text()), body)
 
 
-@pytest.mark.parametrize(
-    ("bad", "words"),
-    [
+def test_a_bad_drive_of_a_file_is_left_out_when_asked(write):
+    for bad, words in (
         (put(23, 0, "99"), "drive 1: .* m farther within one step"),
         (put(40, 5, "nan"), "'throttle' .* no.* finite"),
-    ],
-)
-def test_a_bad_drive_of_a_file_is_left_out_when_asked(write, bad, words):
-    parts = [whole.splitlines()[2:] for whole in (text(), bad, text())]
-    lines = [f"{number},{line}" for number, part in enumerate(parts) for line in part]
-    path = write("\n".join([f"{RATE}drive,{NAMES}", *lines]))
-    with pytest.raises(RecordingError, match=words):
-        read_drives(path, BODY)
-    with pytest.warns(RecordingWarning, match="left out: .*drive 1: "):
-        kept = read_drives(path, BODY, skip_bad=True)
-    assert [drive.name[-1] for drive in kept] == ["0", "2"]
+    ):
+        parts = [whole.splitlines()[2:] for whole in (text(), bad, text())]
+        lines = [f"{n},{line}" for n, part in enumerate(parts) for line in part]
+        path = write("\n".join([f"{RATE}drive,{NAMES}", *lines]))
+        with pytest.raises(RecordingError, match=words):
+            read_drives(path, BODY)
+        with pytest.warns(RecordingWarning, match="left out: .*drive 1: "):
+            kept = read_drives(path, BODY, skip_bad=True)
+        assert [drive.name[-1] for drive in kept] == ["0", "2"]
 
 
 def table(rows: np.ndarray) -> pd.DataFrame:
@@ -320,7 +311,7 @@ def table(rows: np.ndarray) -> pd.DataFrame:
 
 
 def test_a_table_in_memory_is_read_and_checked_like_a_file(write):
-    (drive,) = read_drives(table(circle()), BODY)
+    (drive,) = drives_from(table(circle()), BODY, "novice")
     (same,) = read_drives(write(text()), BODY)
     assert drive.states == pytest.approx(same.states, abs=1e-5)
     with pytest.raises(RecordingError, match="the table: .* of the other sign"):
@@ -424,23 +415,18 @@ def test_a_guess_says_what_it_leaves_out(tmp_path):
     assert len(read_drives(path, tmp_path / "robot.yaml")) == 1
 
 
-TIME = 0.1 * np.arange(41)
-
-
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
+def test_a_file_that_gives_no_body_is_one_line(folder, capsys):
+    time = 0.1 * np.arange(41)
+    for content, words in (
         (HELD, "no command changes; record drives"),
         (text().replace("throttle", "gas"), "no column seems to be a command"),
-        (timed(TIME // 0.2, circle()), "the same time as the row before it"),
-        (timed(-TIME, circle()), "s before the row before it"),
-    ],
-)
-def test_a_file_that_gives_no_body_is_one_line(folder, content, words, capsys):
-    Path("odd.csv").write_text(content)
-    assert main(["body", "odd.csv"]) == 1
-    said = capsys.readouterr().err
-    assert words in said and said.count("\n") == 1
+        (timed(time // 0.2, circle()), "the same time as the row before it"),
+        (timed(-time, circle()), "s before the row before it"),
+    ):
+        Path("odd.csv").write_text(content)
+        assert main(["body", "odd.csv"]) == 1
+        said = capsys.readouterr().err
+        assert words in said and said.count("\n") == 1
 
 
 def test_a_percent_sign_of_a_body_needs_quotation_marks(folder):
