@@ -5,12 +5,13 @@ import numpy as np
 from sidm.body import Body
 from sidm.drives import Drive
 
-CART = Body(
-    name="cart",
-    pose="planar",
-    columns=(("speed", "m/s"),),
-    actions=(("throttle", "1"),),
-)
+
+def planar(name: str, columns: dict[str, str], actions: dict[str, str]) -> Body:
+    units = {"columns": tuple(columns.items()), "actions": tuple(actions.items())}
+    return Body(name=name, pose="planar", **units)
+
+
+CART = planar("cart", {"speed": "m/s"}, {"throttle": "1"})
 
 
 def cart_drive(rng, steps, session="", name="", turn=0.05, spin=0.0):

@@ -1,6 +1,5 @@
 """Kinematic models find the parameters of synthetic drives, and drive with them."""
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -9,41 +8,25 @@ import torch
 
 import ownrobot
 from ownrobot.methods.drivetrain import Signal, drivetrain_of
-from ownrobot.methods.kinematics import Kinematics, identify
+from ownrobot.methods.kinematics import identify
 from ownrobot.methods.trivial import learn
-from sidm.body import ROVER, Body
+from sidm.body import ROVER
 from sidm.config import ConfigError, replace
 from sidm.learning.dataset import Datasets, Windows
-from sidm.learning.evaluation import mean_loss, rollout
+from sidm.learning.evaluation import mean_loss
+from tests.ownrobot.cart import planar
 
 RECORDINGS = Path(__file__).parents[3] / "recordings"
 RATE, LAG = 10.0, 0.4
-SKID = Body(
-    name="skid",
-    pose="planar",
-    columns=(("yaw_rate", "rad/s"), ("wheel_left", "rad/s"), ("wheel_right", "rad/s")),
-    actions=(("command_left", "rad/s"), ("command_right", "rad/s")),
-)
-FOUR_WHEELS = Body(
-    name="four",
-    pose="planar",
-    columns=tuple(
-        (f"{place}_wheel", "rad/s")
-        for place in ("front_right", "front_left", "rear_right", "rear_left")
-    ),
-    actions=(("left", "1"), ("right", "1")),
-)
-TWIST = Body(
-    name="bag",
-    pose="planar",
-    columns=(("vx", "m/s"), ("wz", "rad/s"), ("current", "1")),
-    actions=(("linear", "m/s"), ("angular", "rad/s")),
-)
-CAR = Body(
-    name="car",
-    pose="planar",
-    columns=(("speed", "m/s"), ("yaw_rate", "rad/s")),
-    actions=(("throttle", "1"), ("steering", "rad")),
+WHEELS = {"wheel_left": "rad/s", "wheel_right": "rad/s"}
+FOUR = [f"{place}_wheel" for place in "right_1 left_1 right_2 left_2".split()]
+COMMANDS = {"command_left": "rad/s", "command_right": "rad/s"}
+SKID = planar("skid", {"yaw_rate": "rad/s"} | WHEELS, COMMANDS)
+FOUR_WHEELS = planar("four", dict.fromkeys(FOUR, "rad/s"), {"left": "1", "right": "1"})
+LINEAR = {"linear": "m/s", "angular": "rad/s"}
+TWIST = planar("bag", {"vx": "m/s", "wz": "rad/s", "current": "1"}, LINEAR)
+CAR = planar(
+    "car", {"speed": "m/s", "yaw_rate": "rad/s"}, {"throttle": "1", "steering": "rad"}
 )
 
 
@@ -57,7 +40,6 @@ def lagged(commands: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def held_commands(rng, *size: int) -> np.ndarray:
-    """Commands (N, T, K) in [-1, 1] that hold for five steps."""
     windows, steps, count = size
     drawn = rng.uniform(-1, 1, (windows, -(-steps // 5), count))
     return np.repeat(drawn, 5, axis=1)[:, :steps]
@@ -82,7 +64,6 @@ def datasets(inputs, targets) -> Datasets:
 
 
 def arc(speed, yaw_rate, offset=0.0):
-    """Forward, left and turn of a step."""
     forward, turn = speed / RATE, yaw_rate / RATE
     return forward, forward * turn / 2 + offset * turn, turn
 
@@ -138,67 +119,26 @@ def car(rng, length=2.5, gain=6.0, offset=0.8):
     motion = arc(middle, middle * curvature, offset)
     yaw_rate = rng.normal(size=before.shape)  # of the step before, which says nothing
     inputs = [before, yaw_rate, commands[..., 0], steering]
-    return inputs, motion, after, after * curvature
+    return inputs, [*motion, after, after * curvature]
 
 
-def test_a_bicycle_finds_wheelbase_and_throttle(rng):
-    inputs, motion, speed, yaw_rate = car(rng)
-    sets = datasets(inputs, [*motion, speed, yaw_rate])
-    trained = identify(sets, CAR, "ackermann")
+@pytest.mark.parametrize("pose", ["planar", "spatial", "none"])
+def test_a_bicycle_finds_wheelbase_and_throttle(rng, pose):
+    """The turn is about z; what rises and tilts is the mean."""
+    inputs, (forward, left, turn, *columns) = car(rng)
+    half = [0 * turn + 0.01, 0 * turn, 0 * turn, np.sin(turn / 2), np.cos(turn / 2)]
+    changes = {"planar": [forward, left, turn], "spatial": [forward, left, *half]}
+    sets = datasets(inputs, [*changes.get(pose, []), *columns])
+    trained = identify(sets, replace(CAR, pose=pose), "ackermann")
     model = trained.model
-    assert np.allclose(model.jacobian, np.diag([1.0, 1 / 2.5]), atol=1e-3)
-    assert float(model.centre_offset) == pytest.approx(0.8, abs=1e-3)
+    assert trained.best_test_loss < 1e-4
+    assert float(model.jacobian[1, 1]) == pytest.approx(1 / 2.5, abs=1e-3)
     assert float(model.decay[0]) == pytest.approx(LAG, abs=1e-3)
     assert float(model.push[0, 0]) == pytest.approx(6.0 * LAG, abs=1e-2)
-    assert trained.best_test_loss < 1e-4
-
-
-def test_a_car_drives_a_circle(rng):
-    """A turn of the steering leads around a circle of radius L / tan(steering)."""
-    inputs, motion, speed, yaw_rate = car(rng, offset=0.0)
-    model = identify(
-        datasets(inputs, [*motion, speed, yaw_rate]), CAR, "ackermann"
-    ).model
-    radius = 2.5 / math.tan(0.4)
-    state = torch.tensor([0.0, 0.0, 0.0, 3.0, 0.0])
-    actions = torch.tensor([[0.5, 0.4]]).expand(150, -1)  # a speed of 3 m/s
-    path = rollout(model, None, state, actions, 0, body=CAR)
-    distance = (path[:, :2] - torch.tensor([0.0, radius])).norm(dim=1)
-    assert np.allclose(distance, radius, rtol=0.02)
-    assert float(path[-1, 4]) == pytest.approx(3.0 / radius, rel=1e-2)
-
-
-def test_motion_in_space_is_flat(rng):
-    """The turn is about z; what rises and tilts is the mean."""
-    body = Body(name="car", columns=CAR.columns, actions=CAR.actions)
-    inputs, (forward, left, turn), speed, yaw_rate = car(rng)
-    nothing = 0 * turn
-    quaternion = [nothing, nothing, np.sin(turn / 2), np.cos(turn / 2)]
-    targets = [forward, left, nothing + 0.01, *quaternion, speed, yaw_rate]
-    trained = identify(datasets(inputs, targets), body, "ackermann")
-    assert trained.best_test_loss < 1e-4
-    assert np.allclose(trained.model.rest, [0.01, 0.0, 0.0], atol=1e-6)
-    assert np.allclose(trained.model.jacobian, np.diag([1.0, 1 / 2.5]), atol=1e-3)
-
-
-def test_velocities_alone_are_enough(rng):
-    body = Body(name="car", pose="none", columns=CAR.columns, actions=CAR.actions)
-    inputs, _, speed, yaw_rate = car(rng)
-    trained = identify(datasets(inputs, [speed, yaw_rate]), body, "ackermann")
-    assert trained.best_test_loss < 1e-4
-
-
-def test_a_column_without_a_command_fades_to_its_mean(rng):
-    """A current of no use to the motion goes half of its way to 2 in a step."""
-    before = rng.uniform(0, 4, (8, 20))
-    commands = held_commands(rng, 8, 20, 2)
-    inputs = [before, before, before, *np.moveaxis(commands, 2, 0)]
-    after = before + 0.5 * (2.0 - before)
-    sets = datasets(inputs, [0 * before] * 3 + [before, before, after])
-    model = identify(sets, TWIST, "differential_drive").model
-    predicted, _ = model("novice", sets.test.inputs, sets.test.maps)
-    assert np.allclose(predicted[..., 5], sets.test.targets[..., 5], atol=1e-4)
-    assert np.allclose(predicted[..., 3], sets.test.inputs[..., 0], atol=1e-4)
+    if pose != "none":
+        assert float(model.centre_offset) == pytest.approx(0.8, abs=1e-3)
+    if pose == "spatial":
+        assert np.allclose(model.rest, [0.01, 0.0, 0.0], atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -209,6 +149,8 @@ def test_a_column_without_a_command_fades_to_its_mean(rng):
         (TWIST, "rotation_centres", "twist", ((0,), True), ((1,), True)),
         (CAR, "ackermann", "steered", ((0,), True), ((1,), False)),
         (ROVER, "ackermann", "steered", ((0,), True), ((1,), False)),
+        # a measured twist serves both kinds of robot
+        (CAR, "rotation_centres", "twist", ((0,), True), ((1,), True)),
     ],
 )
 def test_signals_are_found_by_names(body, model, kind, first, second):
@@ -218,65 +160,28 @@ def test_signals_are_found_by_names(body, model, kind, first, second):
 
 
 def test_commands_stand_for_what_is_not_measured():
-    body = Body(
-        name="plain",
-        pose="planar",
-        columns=(),
-        actions=(("cmd_vel", "m/s"), ("Left_Motor", "1"), ("right_motor", "1")),
-    )
+    body = replace(SKID, columns=(), actions=(("Left_Motor", "1"), ("right", "1")))
     found = drivetrain_of(body, "differential_drive")
-    assert found.first == Signal((1,), False, "") and found.followed == {}
+    assert found.first == Signal((0,), False, "") and found.followed == {}
     assert drivetrain_of(SKID, "rotation_centres").followed == {1: 0, 2: 1}
-    assert drivetrain_of(FOUR_WHEELS, "rotation_centres").followed == {}
-    found = drivetrain_of(CAR, "ackermann")
-    assert (found.speed, found.yaw_rate) == (None, 1)
-
-
-def test_a_voltage_is_no_speed():
-    columns = (("v", "V"), ("w", "W"), *SKID.columns)
+    columns = (("v", "V"), ("w", "W"), *SKID.columns)  # a voltage is no speed
     found = drivetrain_of(replace(SKID, columns=columns), "rotation_centres")
     assert (found.speed, found.yaw_rate, found.first.indices) == (None, 2, (3,))
 
 
-@pytest.mark.parametrize(
-    "body, model, words",
-    [
+ARM = replace(planar("arm", {"q": "rad"}, {"u": "1"}), pose="none")
+BENCH = replace(planar("bench", WHEELS, {"u": "1"}), pose="none")
+
+
+def test_a_body_without_the_columns_is_refused_in_a_line():
+    for body, model, words in (
         (SKID, "ackermann", "looks for a speed .* and 'steering'; body 'skid' has"),
-        (CAR, "rotation_centres", None),
-        (
-            Body(
-                name="arm", pose="none", columns=(("q", "rad"),), actions=(("u", "1"),)
-            ),
-            "differential_drive",
-            "'left' and 'right' in their names.*; body 'arm' has columns q and actions",
-        ),
-        (
-            Body(
-                name="bench",
-                pose="none",
-                columns=(("wheel_left", "rad/s"), ("wheel_right", "rad/s")),
-                actions=(("u", "1"),),
-            ),
-            "rotation_centres",
-            "looks for a pose, a speed or a yaw rate",
-        ),
-    ],
-)
-def test_a_body_without_the_columns_is_refused_in_a_line(body, model, words):
-    if words is None:  # a measured twist serves both kinds of robot
-        assert Kinematics(model, body).drivetrain.kind == "twist"
-        return
-    with pytest.raises(ConfigError, match=words) as refusal:
-        drivetrain_of(body, model)
-    assert "\n" not in str(refusal.value)
-
-
-def test_fit_refuses_before_it_learns():
-    drives = ownrobot.read_drives(
-        RECORDINGS / "warthog.csv.gz", body=RECORDINGS / "skid_steer.yaml"
-    )
-    with pytest.raises(ConfigError, match="ackermann looks for a speed"):
-        ownrobot.fit(drives[:20], method="ackermann")
+        (ARM, "differential_drive", "'left' and 'right' in .*columns q and actions"),
+        (BENCH, "rotation_centres", "looks for a pose, a speed or a yaw rate"),
+    ):
+        with pytest.raises(ConfigError, match=words) as refusal:
+            drivetrain_of(body, model)
+        assert "\n" not in str(refusal.value)
 
 
 @pytest.mark.more
