@@ -281,7 +281,12 @@ PAIRS = [drive_of(f"{n // 2}", 80, n, f"{n}") for n in range(12)]
         (
             [FEW],
             {"settings": {"hidden": 8, "pixels": 8, "batch": 4}},
-            "trains no network; without effect: hidden, batch",
+            "hidden, pixels, batch: without effect on least_squares",
+        ),
+        (
+            [FEW, None, "novice_only"],
+            {"settings": {"max_samples": 0, "p_expert": 0.5, "kernel": 3}},
+            "p_expert, kernel: without effect on novice_only",
         ),
         ([MANY[:6], MANY[6:], "mean"], {}, "mean does not learn from the expert's"),
         (
@@ -317,7 +322,7 @@ def test_rounding_noise_has_no_weight_in_the_loss(rng):
     straight = sessions(12 * [80], turn=0.0)
     for drive in straight:
         drive.states[:, 1] += 1e-6 * rng.standard_normal(81)
-    with pytest.warns(Notice, match="^of body 'cart', left: varies by less than"):
+    with pytest.warns(Notice, match="^of body 'cart', left, turn: varies by less"):
         model = ownrobot.fit(straight, test=0.25)
     assert model.scale[1] == 0 and all(model.scale[[0, 3]])
     noisy = ownrobot.fit(with_resolution(straight, left=0.0), test=0.25)
