@@ -37,6 +37,11 @@ def first_line(error: object) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0]
 
 
+def counted(number: int, what: str) -> str:
+    """A number of things: '1 drive', '2 drives'."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
 def hint(name: str, known: Iterable[str]) -> str:
     """A text with the nearest of the `known` names, or all of them if none is near."""
     known = list(known)

@@ -10,7 +10,7 @@ from typing import Any
 
 from ownrobot.command_line import AddCommand
 from ownrobot.commands.options import DRIVES, add_reading_options
-from sidm.config import ConfigError
+from sidm.config import ConfigError, counted
 
 CHECK_EXAMPLES = """\
   ownrobot check drives/ --body robot.yaml
@@ -67,8 +67,8 @@ def _report(where: str, found: Mapping[str, Any], skip_bad: bool) -> list[str]:
     if found["drives"]:
         shortest, median, longest = found["steps"]
         lines = [
-            f"{where}: {_count(found['drives'], 'drive')} without a fault of "
-            f"{_count(found['sessions'], 'session')}, {found['minutes']:.3g} min",
+            f"{where}: {counted(found['drives'], 'drive')} without a fault of "
+            f"{counted(found['sessions'], 'session')}, {found['minutes']:.3g} min",
             f"{shortest} to {longest} steps of {1 / found['body_rate']:g} s in a drive,"
             f" median {median}; rows come at {found['row_rate']:.3g} Hz, and the body "
             f"has {found['body_rate']:g} Hz",
@@ -84,10 +84,6 @@ def _report(where: str, found: Mapping[str, Any], skip_bad: bool) -> list[str]:
     elif found["faults"] and found["drives"] and not skip_bad:
         lines.append("--skip-bad leaves out each drive or file that is wrong")
     return lines
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def _table(columns: Sequence[Mapping[str, Any]]) -> list[str]:

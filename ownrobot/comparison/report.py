@@ -17,6 +17,7 @@ from ownrobot.fitting.splits import sessions_of
 from ownrobot.replay.scene import predicted_scene
 from ownrobot.replay.viewer import View
 from sidm import __version__
+from sidm.config import counted
 from sidm.drives import minutes_of
 from sidm.storage import write_atomically
 
@@ -54,9 +55,9 @@ def _about(comparison: Comparison) -> str:
     plan, drives = comparison.plan, comparison.drives
     sessions = len(set(sessions_of(drives)))
     return (
-        f"{len(drives)} drives of {sessions} sessions, {minutes_of(drives):.3g} min "
-        f"of body '{drives[0].body.name}'; {plan.folds} folds over sessions, "
-        f"{plan.repeats} repeats"
+        f"{counted(len(drives), 'drive')} of {counted(sessions, 'session')}, "
+        f"{minutes_of(drives):.3g} min of body '{drives[0].body.name}'; "
+        f"{plan.folds} folds over sessions, {plan.repeats} repeats"
     )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from ownrobot.body_file import as_body
 from ownrobot.recordings.reading import has_bags, is_table, read_drives
 from sidm.body import Body
-from sidm.config import ConfigError, Notice, replace
+from sidm.config import ConfigError, Notice, counted, replace
 from sidm.drives import Drive, Ground
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def _each_once(drives: list[Drive], argument: str) -> list[Drive]:
         different.setdefault(key, drive)
     if len(different) < len(drives):
         twice = len(drives) - len(different)
-        text = f"{argument} has {twice} drives that are given twice; each counts once"
+        text = f"{argument} has {counted(twice, 'drive')} given twice; each counts once"
         warnings.warn(Notice(text), stacklevel=4)
     return list(different.values())
 
@@ -166,7 +166,7 @@ def _with_body(drive: Drive, body: Body, argument: str) -> Drive:
         if value != expected[name]:
             raise ConfigError(
                 f"{argument} has drives of body '{drive.body.name}', "
-                f"whose {name} differ from those of body '{body.name}'"
+                f"which differs from body '{body.name}' in its {name}"
             )
     if not math.isclose(drive.body.rate, body.rate, rel_tol=1e-3):
         raise ConfigError(

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidm.config import config
+from sidm.config import config, counted
 
 
 @config
@@ -35,11 +35,12 @@ class Score:
     def __str__(self) -> str:
         error = self.standard_error
         spread = "" if error is None else f" ± {error:.2g} (standard error)"
-        count = f"{self.drives} drives of {self.sessions} sessions"
+        drives = counted(self.drives, "drive")
+        sessions = counted(self.sessions, "session")
         folds = f", in {self.folds} folds" if self.folds > 1 else ""
         mean = self.mean_loss
         trivial = "" if mean is None else f"; predicting the mean: {mean:.3g}"
-        return f"loss {self.loss:.3g}{spread} on {count}{folds}{trivial}"
+        return f"loss {self.loss:.3g}{spread} on {drives} of {sessions}{folds}{trivial}"
 
 
 class DriveLosses(NamedTuple):

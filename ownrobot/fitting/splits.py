@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ownrobot.fitting.windows import common_length, part_of
-from sidm.config import ConfigError
+from sidm.config import ConfigError, counted
 from sidm.drives import Drive
 from sidm.shards import TEST_EVERY
 
@@ -77,8 +77,8 @@ def train_test_split(
     is_test = numbers % TEST_EVERY == 1
     if not is_test.any() or is_test.all():
         raise ConfigError(
-            f"{len(drives)} drives of {len(sessions)} sessions are too few to learn "
-            "and to test: record more, or shorter drives"
+            f"{counted(len(drives), 'drive')} of {counted(len(sessions), 'session')} "
+            "are too few to learn and to test: record more, or shorter drives"
         )
     return _parted(drives, is_test)
 

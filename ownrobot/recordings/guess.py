@@ -125,7 +125,8 @@ def guess_body(path: str | Path, topics: Sequence[str] = ()) -> Guess:
     )
     body, constant, faults = _tried(file, body, topics)
     left_out |= dict.fromkeys(constant, "it never changes")
-    actions = " and ".join(name for name, _ in body.actions)
+    *others, last = [name for name, _ in body.actions]
+    actions = f"{', '.join(others)} and {last}" if others else last
     notes = [
         f"pose: {why_pose}",
         "columns: what the robot's sensors measure, and their units",

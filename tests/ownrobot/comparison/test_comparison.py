@@ -304,3 +304,13 @@ def test_pretrained_weights_are_those_of_the_settings(drives, monkeypatch):
         task = run.Task(plan, drives, drives, settings, None)
         found.append(run._start(task, "expert_only", drives, 0))
     assert made == [200, 6000] and found[0] == found[1] and found[0][1] > 0
+
+
+def test_what_has_no_effect_is_said_in_the_report(drives, tmp_path):
+    how = {"methods": ["mean"], "repeats": 1, "shares": [1], "progress": False}
+    with pytest.warns(Notice):
+        found = ownrobot.compare(drives, drives, settings={"hidden": 8}, **how)
+    found.report(tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text()
+    assert "none of the methods learns from the expert" in page
+    assert "hidden: without effect on mean" in page

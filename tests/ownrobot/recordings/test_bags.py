@@ -78,8 +78,10 @@ def make_bag(tmp_path):
         topics=("/odom", "/cmd_vel"),
         without: dict[str, tuple[float, float]] | None = None,
         turned: bool = False,
+        name: str = "drive",
+        start: float = 10.0,
     ):
-        path = tmp_path / ("drive.bag" if ros == 1 else "drive")
+        path = tmp_path / (f"{name}.bag" if ros == 1 else name)
         store = get_typestore(Stores.ROS1_NOETIC if ros == 1 else Stores.ROS2_HUMBLE)
         for name, definition in ACKERMANN.items():
             store.register(get_types_from_msg(definition, name))
@@ -91,8 +93,8 @@ def make_bag(tmp_path):
                 time = 0.05 * step
                 together = messages(store, time, turned)
                 for topic in topics:
-                    start, end = (without or {}).get(topic, (99, 99))
-                    if start < time < end:
+                    first, last = (without or {}).get(topic, (99, 99))
+                    if first < time < last:
                         continue
                     message = together[topic]
                     kind = message.__msgtype__
@@ -101,7 +103,7 @@ def make_bag(tmp_path):
                             topic, kind, typestore=store
                         )
                     early = 0.01 if topic == "/cmd_vel" else 0.0
-                    moment = int((10 + time - early) * 1e9)
+                    moment = int((start + time - early) * 1e9)
                     writer.write(connections[topic], moment, write(message, kind))
         return path
 
@@ -213,3 +215,14 @@ def test_a_body_that_is_guessed_from_a_bag_reads_it(make_bag, tmp_path):
     assert guess.left_out["vy"] == "it never changes"
     assert guess.left_out["left_wheel_effort"] == "N m; add it if it helps"
     assert inspect_drives(path, guess.body)["faults"] == []
+
+
+@pytest.mark.parametrize("ros", [1, 2])
+def test_bags_that_a_recorder_split_are_one_session(make_bag, ros):
+    """A bag lasts 4 s; the third begins much later, and the fourth goes on from it."""
+    starts = {"run_0": 10, "run_1": 14.05, "run_2": 100, "run_3": 104.05, "lone_7": 108}
+    paths = [make_bag(ros, name=name, start=start) for name, start in starts.items()]
+    sessions = [drive.session for drive in read_drives(paths, BODY)]
+    assert [sessions.index(one) for one in sessions] == [0, 0, 2, 2, 4]
+    named = [f"noon={path}" for path in paths[1:3]]
+    assert {d.session for d in read_drives(named, BODY)} == {"noon"}
