@@ -14,7 +14,6 @@ from companion.beyond.matching import (
 )
 from companion.beyond.mirror import mirrored
 from companion.beyond.weight_hooks import WARM_UP, PullToStart, WeightAverage
-from companion.training import StudyTraining
 from sidm.learning import Windows, encode_inputs, robot_centred_map, transition
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.training import prediction_phase, regularisation_phase
@@ -104,11 +103,6 @@ def test_the_encoders_feel_the_discriminators_gradient_reversed(make_trainer):
         assert torch.allclose(turned[role].grad, -0.3 * plain[role].grad, atol=1e-7)
     for one, weight in zip(of_discriminator, weights, strict=True):
         assert torch.allclose(one, weight.grad, atol=1e-7)
-
-
-def test_a_batch_of_one_system_has_nothing_to_tell_apart(make_trainer):
-    trainer = make_trainer(matching="reversal", p_expert=1.0)
-    assert float(GradientReversal(0.1).auxiliary_loss(trainer, encoded(trainer))) == 0.0
 
 
 def test_a_mirrored_motion_is_that_of_the_reflected_world(
@@ -208,13 +202,3 @@ def test_tests_see_the_average_and_training_goes_on_without_it(make_trainer):
     with trainer.hooks[0].testing():
         averaged = mean_loss(trainer.model, trainer.test)
     assert trainer.history[-1].test_loss == averaged != raw
-
-
-def test_settings_name_what_they_add():
-    def names(**changes):
-        return [type(hook).__name__ for hook in StudyTraining(**changes).hooks()]
-
-    assert names() == [] == names(matching="mmd", regularise=False)
-    expected = ["DistanceMatching", "PullToStart", "WeightAverage", "Mirroring"]
-    assert names(matching="coral", tether=1.0, averaging=0.5, mirror=True) == expected
-    assert names(matching="reversal") == ["GradientReversal"]

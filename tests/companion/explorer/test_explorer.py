@@ -17,7 +17,6 @@ from companion.explorer.live import (
     softer,
     with_picture,
 )
-from companion.explorer.views import rides_figure
 from companion.numerics import versions
 from ownrobot.replay import ROBOTS, Ride, find_robot, ride, tilt, weave
 from ownrobot.replay.packing import unpack
@@ -46,17 +45,6 @@ def test_tilt_is_that_of_the_euler_angles(pitch, roll):
     state = np.zeros(13)
     state[3:7] = Rotation.from_euler("ZYX", [70.0, pitch, roll], degrees=True).as_quat()
     assert tilt(state) == pytest.approx((pitch, roll))
-
-
-def test_the_figure_draws_what_was_ridden(rides):
-    height, _, travel, rear, _ = rides_figure(rides).axes
-    one = rides["system1 novice"]
-    for line, values in (
-        (height.lines[0], one.states[:, 2]),
-        (travel.lines[0], 1e3 * one.struts[:, 2]),
-        (rear.lines[1], 1e3 * one.struts[:, 1]),
-    ):
-        assert np.allclose(line.get_ydata(), values)
 
 
 def test_two_rides_at_once_are_those_one_after_the_other():

@@ -15,7 +15,7 @@ from companion.figures.curves import (
     learning_curves,
 )
 from companion.figures.paths import example, figure4
-from companion.methods import ALL_RELEASED, FIGURE3, RELEASED
+from companion.methods import ALL_RELEASED, RELEASED
 from companion.studies import choices
 
 
@@ -29,12 +29,6 @@ def test_figure3_draws_the_means_and_more_than_colour_tells_methods_apart(
     for look in ("get_linestyle", "get_marker"):
         assert len({getattr(line, look)() for line in (sidm, *others)}) == 3
     assert len(right.get_lines()) == 3
-
-
-def test_many_names_stand_once_below_the_plots(figure3_frame):
-    many = figure3(figure3_frame, methods=[*FIGURE3, "mirrored", "averaged"])
-    assert not any(axes.get_legend() for axes in many.axes)
-    assert len(many.legends[0].get_texts()) == 3
 
 
 def test_the_experts_model_alone_is_a_level(figure3_rows, laptop, make_row):
@@ -69,6 +63,10 @@ def test_the_efficiency_is_exact_where_both_curves_reach(figure3_frame):
     left = efficiency_curves(figure3_frame).axes[0]
     exact = next(line for line in left.get_lines() if line.get_label() == "ratio")
     assert exact.get_ydata() == pytest.approx(4)
+
+
+def test_each_trial_has_its_learning_curve(figure3_frame):
+    assert len(learning_curves(figure3_frame[:4]).axes[0].get_lines()) == 4
 
 
 def test_figure4_draws_means_and_paths(figure3_frame, laptop):

@@ -18,6 +18,7 @@ from companion.statistics.claims import (
     convergence_claim,
     figure3_claims,
     figure4_claims,
+    page_table,
     ratio_verdicts,
     verdict,
 )
@@ -53,6 +54,7 @@ def test_a_saving_of_four_is_in_the_papers_direction(figure3_frame):
     assert rows.verdict.tolist() == [DIRECTION] * 2 + [UNCLEAR] * 2 + [DIRECTION] * 2
     # fine-tuning has the loss without SIDM here
     assert rows.value[4] == pytest.approx(5**-0.5 * (1 - 0.5) * 1.01)
+    assert "nan" not in page_table(rows).to_string()
     deviations = figure4_claims(figure3_frame)
     assert deviations.verdict.tolist() == [DIRECTION] * 4
     assert (deviations.value < 0).all()

@@ -1,7 +1,6 @@
 """Two sides of results, seed by seed, and tables of stored trials."""
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from companion import Results, Study
@@ -17,7 +16,6 @@ from companion.statistics.tables import (
     costs,
     loss_summary,
     overview,
-    wide,
 )
 from companion.studies import ablations
 from sidm.config import replace
@@ -54,14 +52,6 @@ def test_ratios_are_of_means_paired_by_seed(frame, sides):
     assert (line.ratio, line.low, line.high) == pytest.approx((0.5, 0.5, 0.5))
     assert rows.iloc[1].lower == 1 and rows.iloc[1].low < 1 < rows.iloc[1].high
     assert page_table(rows).iloc[0, -1] == "0.500 (0.500 to 0.500)"
-
-
-def test_differences_are_of_pairs(sides):
-    """Losses 1, 2, 3 less 0.5, 1, 1.5."""
-    rows = paired_comparison(*sides, difference=True)
-    row = rows.iloc[0]
-    assert row.difference == pytest.approx(-1) and row.low < -1 < row.high
-    assert "difference (95 % interval)" in page_table(rows)
 
 
 def test_seeds_that_one_side_lacks_are_left_out(sides):
@@ -143,16 +133,3 @@ def test_an_overview_counts_what_is_stored_and_names_what_is_changed(
     assert any("(p_expert=0.25)" in text for text in lines)
     first = overview(store, laptop.figure3("system1"), laptop)[0]
     assert "stored 1 of 3  stale 0  loss 0.5" in first
-
-
-def test_a_wide_table_keeps_its_order_and_has_a_dash_where_nothing_is():
-    long = pd.DataFrame(
-        {
-            "size": [5, 5, 1],
-            "method": ["sidm", "alone", "sidm"],
-            "loss": ["0.3", "0.4", "0.5"],
-        }
-    )
-    table = wide(long, ["size"], "method", "loss")
-    assert table.columns.tolist() == ["size", "sidm", "alone"]
-    assert table.to_numpy().tolist() == [[5, "0.3", "0.4"], [1, "0.5", "-"]]

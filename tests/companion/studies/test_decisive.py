@@ -30,6 +30,7 @@ from companion.studies.decisive import (
     further,
     search,
     sensitivity,
+    stopping_charts,
     stopping_point,
     verdicts,
 )
@@ -45,7 +46,6 @@ from companion.studies.decisive.design import STEPS
 from companion.studies.decisive.verdicts import ALONE_SIZES, END, RELEASED, verdict_of
 from ownrobot.comparison.statistics import Interval
 from sidm.config import ConfigError
-from sidm.systems import SYSTEMS
 
 SPACING = 12_800  # samples between two tests
 EARLY = 40  # tests until the released rule has seen the first minimum
@@ -152,29 +152,6 @@ def test_nothing_stops_a_training_and_both_recipes_have_the_same_motion(study, c
         for method in ("sidm", "novice_only")
     )
     assert sidm <= alone  # paired
-
-
-def test_r_is_the_released_recipe(study):
-    one, two = (arm(study, "R", system, RECIPES["R"], [0])[0] for system in SYSTEMS)
-    expected = dict(
-        batch=2,
-        learning_rate=1e-4,
-        weight_decay=1e-5,
-        decay="l2",
-        reduction="mean",
-        units="raw",
-        zero_gradients=True,
-        replacement=False,
-        discriminator_draw="one",
-        system_draw="iteration",
-        matching_optimiser="shared",
-        prediction_iterations=100,
-        discriminator_iterations=20,
-        matching_iterations=20,
-        p_expert=0.5,
-    )
-    assert {name: getattr(two.training, name) for name in expected} == expected
-    assert one.training.p_expert == 0.75 and one.network.initialisation == "pytorch"
 
 
 def test_draws_are_the_same_everywhere():
@@ -292,6 +269,8 @@ def test_too_few_seeds_have_no_verdict(make_results):
     assert not verdicts.verdicts(none).seeds.any()
     contents = stopping_point.contents(none, none, along.along_training(none))
     assert contents["recipes"] == contents["lengths"] == contents["search"] == []
+    charts = stopping_charts.charts(contents["methods"])
+    assert {*charts} == {"losses", "figure3", "saving", "search"}
 
 
 SIZES = (1.0, 5.0, 20.0, 60.0, 120.0)
@@ -349,7 +328,7 @@ def test_steps_can_be_run_alone(study):
         grid("study", "3", steps=["A1"], **folders)
 
 
-WIDE = 100_000  # samples between two tests
+WIDE = 100_000  # the same, for steps E1 to E5
 EFFECT = {("p_expert", 0.9): 1.3}
 
 
@@ -440,7 +419,9 @@ def test_the_rivals_best_seed_lowers_the_ratio(study, put):
         if trial.seed == 3 and trial.novice_minutes >= 20:
             loss *= 0.8
         put(trial, loss)
-    frame = Results(study.results).frame(curves=True).assign(recipe="R")
+    # results of one recipe alone have the types that figures compute with
+    frame = verdicts.results(study, Results(study.results))
+    assert frame.validation_loss.dtype == float and set(frame.recipe) == {"R"}
     plain = sensitivity.ratio_at_best(frame, "system1", ())
     best = sensitivity.ratio_at_best(frame, "system1", ALONE_SIZES[2:])
     assert plain.value == pytest.approx(4, rel=0.15)

@@ -17,6 +17,7 @@ from companion.studies.recorded_targets.results import (
     best_alone,
     by_size,
     claims,
+    page_table,
     table,
 )
 from ownrobot.fitting.windows import grounds_of
@@ -130,6 +131,8 @@ def test_a_size_is_held_against_the_best_alone(made_up):
     nothing = rows.loc["pretrain_finetune", "expert", 0.0]
     assert np.isnan(nothing.saved) and nothing.worth == "at most 1 min"
     assert np.isnan(rows.saved["least_squares", "none", 1.0])
+    times = page_table(by_size(made_up, best))["times the data"]
+    assert {"1.6 (1.6 to 1.6)", "at most 1 min", "-"} <= set(times)
 
 
 @pytest.mark.parametrize(

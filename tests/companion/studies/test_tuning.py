@@ -148,14 +148,6 @@ def few(study, monkeypatch):
     return study
 
 
-def test_draws_of_trees_stay_within_their_ranges():
-    found = draws()
-    assert len(set(found)) == len(found) == 30
-    for growth in (one for chosen in found for one in chosen[2:] if one is not None):
-        assert 0.02 <= growth.rate <= 0.3 and 5 <= growth.samples <= 100
-        assert growth.leaves in tree_search.LEAVES
-
-
 def test_a_search_of_trees_goes_on_where_it_was_and_is_read(few):
     """A draw that is kept is not searched again."""
     kept = few.data / "checkpoints" / tree_search.NAME

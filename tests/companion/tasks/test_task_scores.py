@@ -13,6 +13,7 @@ from companion.tasks.figure import figure
 from companion.tasks.intervals import mean_of
 from companion.tasks.page import groups_of, write_page
 from companion.tasks.scores import (
+    data_ratio,
     log_ratios,
     mean_ratio,
     pairwise,
@@ -151,6 +152,26 @@ def test_who_is_apart_is_corrected_for_all_pairs():
     assert best.ratio.iloc[0] == pytest.approx(0.25, rel=0.1)
     corrected = holm(np.array([0.01, 0.04, 0.03]))
     assert corrected == pytest.approx([0.03, 0.06, 0.06])
+
+
+@pytest.mark.parametrize(
+    ("alone", "loss", "expected"),
+    [
+        ([1.0, 0.2, 0.05], 0.1, (2.0, "")),  # half the loss is worth twice the data
+        ([1.0, 0.5, 0.2], 0.1, (4.0, ">")),  # 20 minutes alone do not reach it
+        ([1.0, 0.5, 0.2], 2.0, (0.2, "<")),
+        ([1.0, 0.5, 0.55], 0.5, (1.0, "")),  # no more than the size that reached it
+    ],
+)
+def test_a_data_ratio_is_read_on_the_curve_of_training_alone(alone, loss, expected):
+    results = []
+    for minutes, value in zip((1.0, 5.0, 20.0), alone, strict=True):
+        task = Task(name=f"robot, {minutes:g} min", pair="system1", minutes=minutes)
+        results.append(made("novice_only", task, 0, value))
+        results.append(made("other", task, 0, loss))
+    frame = results_frame(results)
+    assert data_ratio(frame, "other") == (pytest.approx(expected[0]), expected[1])
+    assert np.isnan(data_ratio(frame, "none")[0])
 
 
 def test_the_page_holds_every_row(tmp_path):

@@ -271,6 +271,10 @@ def test_the_command_prints_the_table_and_checks_a_row(
     assert main(["bench", name, "--check", *results.split()]) == 1
     (line,) = [s for s in capsys.readouterr().out.splitlines() if "NOT the" in s]
     assert line.split()[0] == "position"
+    assert main(["bench", name, "--check", "--page", str(page)]) == 2
+    assert "--page and --csv write the table" in capsys.readouterr().err
+    assert main(["bench", "--list", "--tasks", TASK.name, *results.split()]) == 0
+    assert "jitter of the poses" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
