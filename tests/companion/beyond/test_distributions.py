@@ -28,12 +28,6 @@ from sidm.settings import Training
 HERE = torch.tensor([0, 0, 0.2, 0, 0, 0, 1, *[0] * 6], dtype=torch.float64)
 
 
-def test_likelihood_is_scipys(generator):
-    mean, std, values = torch.randn(5, 13), torch.rand(5, 13) + 0.1, torch.randn(5, 13)
-    expected = -stats.norm.logpdf(values.numpy(), mean.numpy(), std.numpy()).sum(-1)
-    assert Gaussian(mean, std).nll(values).numpy() == pytest.approx(expected, rel=1e-5)
-
-
 def test_draws_have_the_mean_and_spread_and_pass_gradients_on(generator):
     mean = torch.full((20000,), 2.0, requires_grad=True)
     std = torch.full((20000,), 0.5, requires_grad=True)

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from companion.explorer import grid, page
-from companion.explorer.comparison import at_stops, table_html, times
+from companion.explorer.comparison import table_html, times
 from companion.explorer.live import (
     SIZE,
     both_rides,
@@ -122,18 +122,6 @@ def standing(robot, struts, strut_motors=True):
     states[:, 6] = 1
     time, travel = 0.05 * np.arange(moments), np.array(struts) / 1000
     return Ride(robot, np.zeros((3, 3)), time, states, travel, joints, strut_motors)
-
-
-def test_struts_at_a_stop_are_named():
-    robot = ROBOTS["system1 novice"]
-    struts = [[0, -20, -19.9, -5], [0, 0, -5, 0.1], [0, 0, -5, -5], [0, 0, -5, -5]]
-    free, held = (standing(robot, struts, motors) for motors in (False, True))
-    told = at_stops(free).replace("\N{NO-BREAK SPACE}", " ")
-    assert told == (
-        "rear right 100 %, rear left 100 %, front right 25 %, front left 25 %"
-    )
-    assert at_stops(held).startswith("rear left 25"), "at its longest extension"
-    assert at_stops(standing(robot, [[0, 0, -5, -5]])) == "none"
 
 
 def test_the_table_escapes_names_and_has_units():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from companion import Results, Study
+from companion import Study
 from companion.engine.frame import frame_of
 from companion.statistics.pairs import (
     complete,
@@ -15,9 +15,7 @@ from companion.statistics.tables import (
     component_errors,
     costs,
     loss_summary,
-    overview,
 )
-from companion.studies import ablations
 from sidm.config import replace
 from sidm.learning.observation import TARGET_SIZE
 
@@ -122,14 +120,3 @@ def test_component_errors_are_roots_of_mean_squares():
     values = rows[["few", "many"]][:-1].astype(float)
     np.testing.assert_allclose(values, [[3.0, 1.0]] * TARGET_SIZE)
     assert rows.few.iloc[-1] == 9 * TARGET_SIZE
-
-
-def test_an_overview_counts_what_is_stored_and_names_what_is_changed(
-    figure3_rows, laptop, tmp_path
-):
-    store = Results(tmp_path)
-    store.put(figure3_rows[0])
-    lines = overview(store, ablations.p_expert(laptop, "system1"), laptop)
-    assert any("(p_expert=0.25)" in text for text in lines)
-    first = overview(store, laptop.figure3("system1"), laptop)[0]
-    assert "stored 1 of 3  stale 0  loss 0.5" in first

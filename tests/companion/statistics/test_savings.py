@@ -6,9 +6,7 @@ import pytest
 
 from companion import Study
 from companion.engine.frame import frame_of
-from companion.statistics.pairs import complete
 from companion.statistics.savings import (
-    efficiency_band,
     ratio_texts,
     savings,
     savings_table,
@@ -71,14 +69,6 @@ def test_a_level_curve_saves_nothing_at_its_right_end(make_row, laptop):
         frame_of(make_row(t, losses[t.method][t.novice_minutes]) for t in trials)
     )
     assert rows.ratio[2] == pytest.approx(4) and rows.ratio[3] == pytest.approx(1)
-
-
-def test_the_band_holds_the_curve(frame):
-    losses = complete(frame, "system1")
-    low, high = efficiency_band(
-        losses.minutes, losses.values, np.array([0.3, 0.2, 0.05])
-    )
-    assert np.all(low[:2] < 4) and np.all(high[:2] > 4) and np.isnan(low[2])
 
 
 def test_rivals_stand_side_by_side(frame, make_row, tmp_path):

@@ -8,10 +8,10 @@ import pytest
 from scipy import stats
 
 from companion.statistics.intervals import holm
-from companion.tasks.catalogue import TASKS, Task
+from companion.tasks.catalogue import Task
 from companion.tasks.figure import figure
 from companion.tasks.intervals import mean_of
-from companion.tasks.page import groups_of, write_page
+from companion.tasks.page import write_page
 from companion.tasks.scores import (
     data_ratio,
     log_ratios,
@@ -186,18 +186,6 @@ def test_the_page_holds_every_row(tmp_path):
     assert methods == ["good", "least_squares", "bad"]
     assert len(group["tasks"]["values"][0]) == len(group["names"]) == 5
     assert "http://" not in page and "https://" not in page
-
-
-def test_the_page_has_each_group_of_tasks_and_all():
-    names = ("system1, 5 min", "system1, 20 min", "husky to warthog, 5 min")
-    results = [made("mean", TASKS[name], 0, 1.0) for name in names]
-    groups = groups_of(results_frame(results))
-    assert groups == {
-        "recorded robots": [names[2]],
-        "struts held by motors": [*names[:2]],
-        "all tasks": [names[2], *names[:2]],
-    }
-    assert list(groups_of(results_frame(results[:2]))) == ["struts held by motors"]
 
 
 def test_the_figure_has_a_plot_for_each_pair_and_a_point_for_each_size():

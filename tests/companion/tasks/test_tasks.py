@@ -13,7 +13,6 @@ from companion.__main__ import main
 from companion.numerics import NUMERICS, versions
 from companion.tasks import catalogue
 from companion.tasks import run as run_module
-from companion.tasks.cards import card
 from companion.tasks.catalogue import GROUPS, TASKS, find_tasks, load_task
 from companion.tasks.methods import LibraryMethod, find_method
 from companion.tasks.run import check, newest, records, run
@@ -238,14 +237,6 @@ def test_tasks_have_names():
         find_tasks("system1, 5 mn")
     with pytest.raises(ConfigError, match="; all; husky to warthog, 0.8 min; "):
         find_tasks("nonsense")
-
-
-def test_a_card_says_what_is_predicted_from_what():
-    text = card(TASKS["system1, no map, 5 min"])
-    assert "5 min of the novice, 60 min of the expert" in text
-    assert "commands throttle, steering" in text and "exact" in text
-    real = card(TASK, [made("mean", TASK, 0, 6.0), made("mean", TASK, 1, 7.0)])
-    assert "the mean         loss 6.5" in real and "jitter of the poses" in real
 
 
 def test_the_command_prints_the_table_and_checks_a_row(
