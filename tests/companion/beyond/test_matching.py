@@ -105,6 +105,11 @@ def test_the_encoders_feel_the_discriminators_gradient_reversed(make_trainer):
         assert torch.allclose(one, weight.grad, atol=1e-7)
 
 
+def test_a_batch_of_one_system_has_nothing_to_tell_apart(make_trainer):
+    trainer = make_trainer(matching="reversal", p_expert=1.0)
+    assert float(GradientReversal(0.1).auxiliary_loss(trainer, encoded(trainer))) == 0.0
+
+
 def test_a_mirrored_motion_is_that_of_the_reflected_world(
     make_trajectories, small_terrain
 ):

@@ -1,6 +1,7 @@
 """Two sides of results, seed by seed, and tables of stored trials."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from companion import Study
@@ -15,6 +16,7 @@ from companion.statistics.tables import (
     component_errors,
     costs,
     loss_summary,
+    wide,
 )
 from sidm.config import replace
 from sidm.learning.observation import TARGET_SIZE
@@ -120,3 +122,11 @@ def test_component_errors_are_roots_of_mean_squares():
     values = rows[["few", "many"]][:-1].astype(float)
     np.testing.assert_allclose(values, [[3.0, 1.0]] * TARGET_SIZE)
     assert rows.few.iloc[-1] == 9 * TARGET_SIZE
+
+
+def test_a_wide_table_keeps_its_order_and_has_a_dash_where_nothing_is():
+    rows = [(5, "sidm", "0.3"), (5, "alone", "0.4"), (1, "sidm", "0.5")]
+    long = pd.DataFrame(rows, columns=["size", "method", "loss"])
+    table = wide(long, ["size"], "method", "loss")
+    assert table.columns.tolist() == ["size", "sidm", "alone"]
+    assert table.to_numpy().tolist() == [[5, "0.3", "0.4"], [1, "0.5", "-"]]
