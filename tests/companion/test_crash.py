@@ -15,12 +15,12 @@ def test_nothing_is_lost(tmp_path):
 
 
 def test_the_reader_would_see_half_a_file(tmp_path):
-    write_record(tmp_path / "a.json", {"x": list(range(100))})
+    path = tmp_path / "a.json"
+    write_record(path, {"x": list(range(100))})
     with reader(tmp_path, "*.json", read_record) as wrong:
         pass
     assert wrong == []
-    text = (tmp_path / "a.json").read_text()
-    (tmp_path / "a.json").write_text(text[:50])
+    path.write_text(path.read_text()[:50])
     with reader(tmp_path, "*.json", read_record) as wrong:
         while not wrong:
             pass

@@ -7,55 +7,45 @@ import pytest
 from companion import numerics
 from tests.golden import FILE, Golden
 
+CURVE = [[1.0, 2.0], [3.0, 4.0]]
+
 
 @pytest.fixture
-def file(tmp_path):
+def hold(tmp_path):
+    """Function that holds a loss against the stored one, 0.123."""
     path = tmp_path / "golden.json"
-    figures = {"loss": 0.123456789123, "curve": [[1.0, 2.0], [3.0, 4.0]]}
-    Golden(path, write=True).hold("one", "training", figures, rel=1e-8)
-    return path
+
+    def hold(loss, rel=0.001, write=False):
+        figures = {"loss": loss, "curve": CURVE}
+        Golden(path, write=write).hold("one", "training", figures, rel=rel)
+        return json.loads(path.read_text())["one"]
+
+    hold(0.123, write=True)
+    return hold
 
 
-def test_figures_are_held_to_their_tolerance(file):
-    Golden(file, write=False).hold(
-        "one", "training", {"loss": 0.124, "curve": [[1, 2], [3, 4.01]]}, rel=0.01
-    )
-    with pytest.raises(
-        AssertionError,
-        match=r"one: loss is 0.124.*raise NUMERICS\['training'\] .* 'make golden'",
-    ):
-        Golden(file, write=False).hold(
-            "one", "training", {"loss": 0.124, "curve": [[1, 2], [3, 4]]}, rel=0.001
-        )
+def test_figures_are_held_to_their_tolerance_and_not_written_over(hold):
+    hold(0.124, rel=0.01)
+    for write in (False, True):
+        with pytest.raises(
+            AssertionError,
+            match=r"one: loss is 0.2.*raise NUMERICS\['training'\] .* 'make golden'",
+        ):
+            hold(0.2, write=write)
+    assert hold(0.123)["figures"]["loss"] == 0.123
 
 
-def test_a_figure_of_todays_versions_is_not_written_over(file):
-    before = file.read_bytes()
-    with pytest.raises(AssertionError, match="one: loss is 0.2"):
-        Golden(file, write=True).hold(
-            "one", "training", {"loss": 0.2, "curve": [[1, 2], [3, 4]]}, rel=0.001
-        )
-    assert file.read_bytes() == before
-
-
-def test_a_raised_version_asks_for_new_figures(file, monkeypatch):
+def test_a_raised_version_asks_for_new_figures(hold, monkeypatch):
     monkeypatch.setitem(numerics.NUMERICS, "training", 2)
-    with pytest.raises(
-        AssertionError,
-        match="has no 'one' of today's versions; 'make golden' writes it",
-    ):
-        Golden(file, write=False).hold("one", "training", {"loss": 0.2}, rel=0.001)
-    Golden(file, write=True).hold("one", "training", {"loss": 0.2}, rel=0.001)
-    assert json.loads(file.read_text())["one"] == {
+    with pytest.raises(AssertionError, match="'make golden' writes it"):
+        hold(0.2)
+    assert hold(0.2, write=True) == {
         "numerics": numerics.versions("training"),
-        "figures": {"loss": 0.2},
+        "figures": {"loss": 0.2, "curve": CURVE},
     }
 
 
 def test_every_kind_of_work_has_golden_figures():
-    kinds = {
-        kind
-        for record in Golden(FILE, write=False).stored.values()
-        for kind in record["numerics"]
-    }
+    stored = Golden(FILE, write=False).stored.values()
+    kinds = {kind for record in stored for kind in record["numerics"]}
     assert kinds == set(numerics.NUMERICS)

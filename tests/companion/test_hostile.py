@@ -24,46 +24,23 @@ ROOT = Path(__file__).parents[2]
 KINDS = type(PRESETS["smoke"]), Network, Training
 NAMES = sorted({field.name for kind in KINDS for field in dataclasses.fields(kind)})
 NASTY = [
-    "nan",
+    *"|>%@`'\":-?*0~",
     ".nan",
     "-.inf",
-    ".inf",
-    "-1",
-    "0",
     "1e308",
     "1e999",
     "99999999999999999999",
     "true",
     "null",
-    "~",
-    "''",
-    "[]",
-    "[1, x]",
     "[nan]",
-    "{}",
     "{a: 1}",
     "../../x",
-    "/etc/passwd",
-    "1;2",
     "$(touch sprung)",
     "!!python/name:os.system",
     "!!python/object/apply:os.system ['touch sprung']",
     "&a [*a]",
-    "*a",
     "!!binary aGk=",
     "2026-11-21",
-    "0x10",
-    "1_0",
-    "|",
-    ">",
-    "%",
-    "@",
-    "`",
-    "'",
-    '"',
-    ":",
-    "- ",
-    "? ",
     "\x00",
 ]
 values = st.one_of(
@@ -72,13 +49,11 @@ values = st.one_of(
     st.floats().map(str),
     st.integers().map(str),
 )
+words = st.text(max_size=8)
 documents = st.recursive(
-    st.one_of(
-        st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=8)
-    ),
+    st.none() | st.booleans() | st.integers() | st.floats() | words,
     lambda inner: (
-        st.lists(inner, max_size=4)
-        | st.dictionaries(st.text(max_size=8), inner, max_size=4)
+        st.lists(inner, max_size=4) | st.dictionaries(words, inner, max_size=4)
     ),
     max_leaves=8,
 )
@@ -92,11 +67,6 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def assert_one_line(status: int, error: str) -> None:
-    assert status in (0, 1, 2)
-    assert error.count("\n") == (status != 0) and "Traceback" not in error, error
-
-
 def tree(folder: Path) -> set[Path]:
     return {path for path in folder.rglob("*") if path != folder / "inside"}
 
@@ -107,7 +77,9 @@ def run(words, capsys) -> int:
         status = main(words)
     except SystemExit as end:  # argparse
         status = end.code
-    assert_one_line(status, capsys.readouterr().err)
+    error = capsys.readouterr().err
+    assert status in (0, 1, 2)
+    assert error.count("\n") == (status != 0) and "Traceback" not in error, error
     return status
 
 
@@ -168,33 +140,16 @@ def test_any_parameter_file(folder, document):
         "().__class__.__base__.__subclasses__()",
         "open('sprung', 'w')",
         "list[int",
-        "f'{1}'",
         "[int for _ in [1]]",
-        "list[list",
         "int.__class__",
         "x" * 10**5,
     ],
 )
 def test_an_annotation_is_not_executed(folder, annotation):
     source, tags = f"x: {annotation} = 1  # help", {"tags": ["parameters"]}
-    cell = {
-        "cell_type": "code",
-        "id": "a",
-        "metadata": tags,
-        "execution_count": None,
-        "outputs": [],
-        "source": source,
-    }
+    cell = {"cell_type": "code", "metadata": tags, "outputs": [], "source": source}
     path = folder / "inside" / "x.ipynb"
-    text = {
-        "cells": [cell],
-        "metadata": {
-            "kernelspec": {"name": "python3", "language": "python", "display_name": "p"}
-        },
-        "nbformat": 4,
-        "nbformat_minor": 5,
-    }
-    path.write_text(json.dumps(text))
+    path.write_text(json.dumps({"cells": [cell], "metadata": {}, "nbformat": 4}))
     with pytest.raises(ConfigError) as caught:
         parameters.inspect(path)
     assert "\n" not in str(caught.value) and os.listdir(path.parent) == ["x.ipynb"]
@@ -207,15 +162,15 @@ def test_an_annotation_is_not_executed(folder, annotation):
 )
 @pytest.mark.parametrize("what", ["trials", "datasets", "failures"])
 def test_any_file_in_the_store(folder, capsys, content, what):
-    """`show` names a bad file, also one with a correct checksum."""
+    """`show` names a bad file in one line, also one with a correct checksum."""
     path = Path("results") / f"{what}.jsonl"
     path.parent.mkdir(exist_ok=True)
     path.write_bytes(content + b"\n")
-    assert run(["show", "--preset", "smoke"], capsys) in (0, 1, 2)
+    run(["show", "--preset", "smoke"], capsys)
     text = content.decode("latin1")
     for values in ({"key": text, "trial": text}, {"name": [text]}, {text: None}):
         path.write_text(line_of(values))
-        assert run(["show", "--preset", "smoke"], capsys) in (0, 1, 2)
+        run(["show", "--preset", "smoke"], capsys)
     path.unlink()
 
 

@@ -1,4 +1,4 @@
-"""Trials, presets and grids."""
+"""Trials, presets, grids, and what figures cost."""
 
 import dataclasses
 import json
@@ -9,13 +9,14 @@ from typing import get_args, get_type_hints
 import pytest
 import yaml
 
-from companion import METHODS, PRESETS, Study, Trial, grid, load_preset
+from companion import METHODS, PRESETS, Results, Study, Trial, grid, load_preset
+from companion.grids import figure_costs, figures_of
 from companion.methods import COMPARED, CORES, MIRRORED, RIVAL, VARIANTS
 from companion.presets import POLICIES
 from companion.studies import ablations, baselines, choices, duration, tuning, variants
 from sidm.body import ROVER
 from sidm.config import ConfigError, from_mapping, replace
-from sidm.systems import SYSTEMS
+from sidm.systems import FREE_SYSTEMS, SYSTEMS
 
 TRIAL = Trial(
     system="system1",
@@ -27,16 +28,24 @@ TRIAL = Trial(
     validation_minutes=1,
     rollouts=4,
 )
-OTHER = {
-    "system": "system2",
-    "method": "novice_only",
-    "novice_minutes": 2,
-    "seed": 1,
-    "pool_minutes": 3,
-    "expert_minutes": 4,
-    "validation_minutes": 2,
-    "rollouts": 5,
-    "policy": "sinusoid",
+ALONE = replace(TRIAL.training, p_expert=0.0, regularise=False)
+PRETRAINED = TRIAL.replace(training=ALONE, pretraining=ALONE)
+#: Trials that differ from TRIAL, or from another of these, in one field each.
+OTHERS = {
+    "system": TRIAL.replace(system="system2"),
+    "method": TRIAL.replace(method="novice_only"),
+    "novice_minutes": TRIAL.replace(novice_minutes=2),
+    "seed": TRIAL.replace(seed=1),
+    "pool_minutes": TRIAL.replace(pool_minutes=3),
+    "expert_minutes": TRIAL.replace(expert_minutes=4),
+    "validation_minutes": TRIAL.replace(validation_minutes=2),
+    "rollouts": TRIAL.replace(rollouts=5),
+    "policy": TRIAL.replace(policy="sinusoid"),
+    "motion": TRIAL.replace(motion="tuning"),
+    "pretraining": PRETRAINED,
+    "pretrained": PRETRAINED.replace(pretrained="sidm"),
+    "residual": PRETRAINED.replace(residual=True),
+    "fit": TRIAL.replace(training=ALONE, fit="least_squares"),
 }
 
 
@@ -53,165 +62,96 @@ def changed(value, kind):
     return value + 1 if isinstance(value, int) else value / 2 or 0.5
 
 
-def test_key_survives_json():
-    """A trial read from JSON is equal and has the same key.
+@pytest.mark.parametrize("trial", [TRIAL, OTHERS["fit"], OTHERS["motion"]])
+def test_a_trial_comes_back_from_json_with_its_key(trial):
+    values = trial.to_json()
+    later = {"motion", "fit", "pretrained"}  # keys of older results leave them out
+    default = {name for name in later if getattr(trial, name) == getattr(TRIAL, name)}
+    assert later - default == later & values.keys()
+    back = from_mapping(Trial, json.loads(json.dumps(values)))
+    assert back == trial
+    assert back.key == trial.key == trial.replace(novice_minutes=1.0).key
 
-    Ints may stand for floats.
-    """
-    back = from_mapping(Trial, json.loads(json.dumps(TRIAL.to_json())))
-    assert back == TRIAL
-    assert back.key == TRIAL.key == TRIAL.replace(novice_minutes=1.0).key
-    assert len(TRIAL.key) == 20
 
-
-def test_key_feels_every_field():
-    """Trials that differ in one value, also of network or training, have other keys."""
-    variants = [TRIAL] + [
-        TRIAL.replace(**{name: value}) for name, value in OTHER.items()
-    ]
+def test_a_key_feels_every_field():
+    trials = [TRIAL, *OTHERS.values()]
     for part in ("network", "training"):
         settings = getattr(TRIAL, part)
-        own = {
-            field.name: getattr(settings, field.name)
-            for field in dataclasses.fields(settings)
-        }
+        own = {f.name: getattr(settings, f.name) for f in dataclasses.fields(settings)}
         for name, kind in get_type_hints(type(settings)).items():
             other = type(settings)(**(own | {name: changed(own[name], kind)}))
-            variants.append(TRIAL.replace(**{part: other}))
+            trials.append(TRIAL.replace(**{part: other}))
     names = {field.name for field in dataclasses.fields(TRIAL)}
-    without = {
-        "training": dataclasses.replace(TRIAL.training, p_expert=0.0, regularise=False)
-    }
-    for residual in (False, True):
-        variants.append(
-            TRIAL.replace(**without, pretraining=without["training"], residual=residual)
-        )
-    variants += [
-        variants[-2].replace(pretraining=None, fit="least_squares"),
-        variants[-1].replace(fit="least_squares"),
-    ]
-    variants.append(TRIAL.replace(motion="tuning"))
-    core = TRIAL.replace(**without, pretraining=without["training"])
-    variants.append(core.replace(pretrained="sidm"))
-    assert names == {
-        *OTHER,
-        "network",
-        "training",
-        "pretraining",
-        "residual",
-        "fit",
-        "motion",
-        "pretrained",
-    }
-    assert len({trial.key for trial in variants}) == len(variants)
+    assert names == {*OTHERS, "network", "training"}
+    assert len({trial.key for trial in trials}) == len(trials)
 
 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        (
-            {"novice_minutes": 5},
-            r"novice_minutes must be above 0 and at most pool_minutes \(2\), not 5",
-        ),
+        ({"novice_minutes": 5}, r"at most pool_minutes \(2\), not 5"),
         ({"system": "system3"}, "unknown system 'system3'"),
         ({"rollouts": 0}, "rollouts must be at least 1, not 0"),
         ({"sede": 1}, "did you mean 'seed'"),
         ({"pretrained": "sidm"}, "goes with a pretraining, and not with residual"),
-        (
-            {"fit": "least_squares"},
-            "least_squares' stands alone, or is the residual of a pretraining",
-        ),
+        ({"fit": "least_squares"}, "stands alone, or is the residual"),
     ],
 )
 def test_trials_refuse_what_cannot_be_run(changes, words):
-    """The error says in one line which value is wrong."""
     with pytest.raises(ConfigError, match=words):
         from_mapping(Trial, TRIAL.to_json() | changes)
 
 
-def test_what_came_later_is_not_named_by_default():
-    """Keys of results that were stored before a field existed still hold."""
-    assert TRIAL.replace(motion="tuning").to_json()["motion"] == "tuning"
-    assert "motion" not in TRIAL.to_json()
-    alone = replace(TRIAL.training, p_expert=0.0, regularise=False)
-    solved = TRIAL.replace(training=alone, fit="least_squares")
-    assert "fit" not in TRIAL.to_json() and solved.to_json()["fit"] == "least_squares"
-    assert from_mapping(Trial, solved.to_json()) == solved
-
-
 def test_datasets_are_disjoint():
-    """Pool, validation, expert and rollouts come from four collections."""
     sets = TRIAL.datasets
     assert len({dataset.collection for dataset in sets.values()}) == 4
     assert sets["novice"].name == "system1/novice/ornstein_uhlenbeck/seed-0/19"
     assert sets["rollout"].collection.policy == "held" and sets["rollout"].count == 4
-    assert sets["expert"].collection.role == "expert"
-    assert sets["expert"].collection.seed == 2
 
 
 def test_presets_are_the_papers():
-    """The paper's Figure 3 has 320 trials.
-
-    The sizes of `laptop` are those of the table of presets.
-    """
     for name in ("paper", "released"):
         assert sum(trial.method in COMPARED for trial in grid(name)) == 320
     assert len(grid("laptop")) == 2 * 6 * 3 * 3  # systems, sizes, methods, seeds
     paper = load_preset("paper").network
     assert (paper.pixels, paper.layers, paper.hidden) == (300, 4, 1024)
+    folder = Path(__file__).parents[2] / "params"
+    found = {p.stem: yaml.safe_load(p.read_text()) for p in folder.glob("*.yaml")}
+    assert found.keys() == PRESETS.keys()
+    for name, values in found.items():
+        assert values["preset"] == name and values["run_missing"] == (name == "smoke")
 
 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"pixel": 64}, "unknown name 'pixel' in a preset; did you mean 'pixels'"),
-        (
-            {"regularise": False},
-            "unknown name 'regularise'",
-        ),  # which the methods set
+        ({"pixel": 64}, "'pixel' in a preset; did you mean 'pixels'"),
+        ({"regularise": False}, "unknown name 'regularise'"),  # which the methods set
         ({"seeds": "many"}, "'Preset.seeds' must be int"),
         ({"seeds": 0}, "seeds must be from 1 to 1000, not 0"),
         (
             {"novice_minutes_system1": [1, 600]},
-            "novice_minutes_system1 asks for 600, but pool_minutes_system1 is 120",
+            "asks for 600, but pool_minutes_system1 is 120",
         ),
         ({"policy": "orstein"}, "did you mean 'ornstein_uhlenbeck'"),
-        ({"expert_minutes": -5}, "expert_minutes must be positive"),
         ({"validation_minutes": float("nan")}, "validation_minutes"),
         ({"ablation_minutes": [0.0]}, "ablation_minutes must be positive"),
         ({"p_expert_system2": 2}, "p_expert_system2 must be from 0 to 1"),
-        ({"weight_decay": 1e999}, "weight_decay"),
         ({"tuned": [["sidm", "weight_decai", 0.1]]}, "did you mean 'weight_decay'"),
     ],
 )
 def test_presets_refuse_what_no_preset_can_have(changes, words):
-    """The error is one line and suggests the nearest right name."""
     with pytest.raises(ConfigError, match=words):
         load_preset("laptop", **changes)
 
 
-def test_presets_are_known_by_name():
-    with pytest.raises(ConfigError, match="did you mean 'laptop'"):
-        load_preset("lapto")
-
-
 def test_preset_changes_reach_network_and_training():
-    """Names of a preset lead to its parts, which have no name in common."""
-    changed = load_preset(
-        "laptop", pixels=64, max_samples=1000, seeds=5, p_expert_system2=0.25
-    )
-    assert (changed.network.pixels, changed.training.max_samples, changed.seeds) == (
-        64,
-        1000,
-        5,
-    )
-    assert changed.training_of(METHODS["sidm"], "system2").p_expert == 0.25
-    names = [
-        f.name
-        for part in (changed, changed.network, changed.training)
-        for f in dataclasses.fields(part)
-    ]
-    assert len(names) == len(set(names))
+    preset = load_preset("laptop", pixels=64, max_samples=1000, p_expert_system2=0.25)
+    assert (preset.network.pixels, preset.training.max_samples) == (64, 1000)
+    assert preset.training_of(METHODS["sidm"], "system2").p_expert == 0.25
+    parts = preset, preset.network, preset.training
+    names = Counter(f.name for part in parts for f in dataclasses.fields(part))
+    assert set(names.values()) == {1}
 
 
 def test_methods_differ_only_in_their_training():
@@ -225,36 +165,30 @@ def test_methods_differ_only_in_their_training():
         assert without.replace(method="sidm", training=with_sidm.training) == with_sidm
 
 
-def test_grids():
-    """Seeds pair the methods, and ablations share trials with Figure 3.
+def keys(trials):
+    return {trial.key for trial in trials}
 
-    Filters name what the grid has.
-    """
+
+def test_grids_share_trials_and_seeds_pair_the_methods():
     study = Study("laptop")
-    points = {
-        (t.novice_minutes, t.seed)
-        for t in study.figure3("system1")
-        if t.method == "sidm"
-    }
-    assert points == {
-        (t.novice_minutes, t.seed)
-        for t in study.figure3("system1")
-        if t.method == "novice_only"
-    }
-    figure3 = {t.key for t in study.figure3("system1")}
+    sidm, alone = (
+        {(t.novice_minutes, t.seed) for t in study.figure3("system1") if t.method == m}
+        for m in ("sidm", "novice_only")
+    )
+    assert sidm == alone
+    figure3 = keys(study.figure3("system1"))
     assert len(study.figure4()) == 2 * 3 * 10
-    assert len({t.key for t in study.figure4()} & figure3) == 2 * 3 * 3
-    # p_e of 0.75, three seeds
-    assert len({t.key for t in ablations.p_expert(study, "system1")} & figure3) == 3
-    # 100, 20 and 5 iterations
-    assert len({t.key for t in ablations.phases(study, "system1")} & figure3) == 3
-    for name in (ablations.pixels, ablations.patience):
-        # both methods
-        assert len({t.key for t in name(study, "system1")} & figure3) == 2 * 3
-    neighbours = baselines.trials(study, "system1")
-    # three methods, two sizes, and all data
-    assert len({t.key for t in neighbours} & figure3) == 3 * 2 * 3 + 3
-    assert {t.method for t in neighbours} == set(METHODS) - {
+    for trials, shared in (
+        (study.figure4(), 2 * 3 * 3),
+        (ablations.p_expert(study, "system1"), 3),  # p_e of 0.75, three seeds
+        (ablations.phases(study, "system1"), 3),  # 100, 20 and 5 iterations
+        (ablations.pixels(study, "system1"), 2 * 3),  # both methods
+        (ablations.patience(study, "system1"), 2 * 3),
+        # three methods, two sizes, and all data
+        (baselines.trials(study, "system1"), 3 * 2 * 3 + 3),
+    ):
+        assert len(keys(trials) & figure3) == shared
+    assert {t.method for t in baselines.trials(study, "system1")} == {*METHODS} - {
         *VARIANTS,
         *MIRRORED,
         *CORES,
@@ -262,95 +196,91 @@ def test_grids():
     }
     listed = variants.trials(study, "system1")
     # two at 20, 60, 120, too
-    assert len(listed) == len({t.key for t in listed}) == 15 * 4 * 3 + 2 * 3 * 3
-    assert {t.key for t in variants.correction(study, "system1")} < {
-        t.key for t in listed
-    }
+    assert len(listed) == len(keys(listed)) == 15 * 4 * 3 + 2 * 3 * 3
+    assert keys(variants.correction(study, "system1")) < keys(listed)
     assert len(grid("laptop", "3", "system2", minutes=[5, 20], seeds=[1])) == 2 * 3
-    assert {t.key for t in grid("laptop", "all")} >= figure3
-    with pytest.raises(
-        ConfigError, match="minutes 3 is not in this grid; it has 1, 2, 5, 20, 60, 120"
-    ):
-        grid("laptop", minutes=[3])
-    with pytest.raises(ConfigError, match="figure 4 has no trials of system2"):
-        grid("laptop", "4", "system2")
-    with pytest.raises(
-        ConfigError, match="figure 'yardsticks' is called 'references' now"
-    ):
-        grid("laptop", "yardsticks")
-    with pytest.raises(ConfigError, match="did you mean 'p-expert'"):
-        grid("laptop", "p_expert")
-    with pytest.raises(ConfigError, match="did you mean 'novice_only'"):
-        study.trial("system1", "novice-only", 5)
+    assert keys(grid("laptop", "all")) >= figure3
+
+
+@pytest.mark.parametrize(
+    ("words", "minutes", "message"),
+    [
+        ((), [3], "minutes 3 is not in this grid; it has 1, 2, 5, 20, 60, 120"),
+        (("4", "system2"), None, "figure 4 has no trials of system2"),
+        (("yardsticks",), None, "'yardsticks' is called 'references' now"),
+        (("p_expert",), None, "did you mean 'p-expert'"),
+    ],
+)
+def test_a_grid_names_what_it_has(words, minutes, message):
+    with pytest.raises(ConfigError, match=message):
+        grid("laptop", *words, minutes=minutes)
 
 
 def test_the_study_has_grids_of_its_own():
-    """Little data have more seeds.
-
-    Settings are chosen on motion that no figure uses.
-    """
+    """Little data have more seeds; settings are chosen on motion of no figure."""
     study = Study("study")
-    seeds = Counter(
-        t.novice_minutes for t in study.figure3("system2") if t.method == "sidm"
-    )
+    figures, laptop = (Study(name).figure3("system1") for name in ("study", "laptop"))
+    seeds = Counter(t.novice_minutes for t in figures if t.method == "sidm")
     assert seeds == {1: 10, 2: 5, 5: 10, 20: 5, 60: 5, 120: 5}
-    figures, laptop = (
-        {t.key: t for t in Study(name).figure3("system1")}
-        for name in ("study", "laptop")
-    )
-    assert laptop.keys() < figures.keys()
+    assert keys(laptop) < keys(figures)
     tried, long = tuning.trials(study, "system1"), duration.trials(study, "system1")
-    assert {t.datasets["expert"] for t in tried} == {
-        t.datasets["expert"] for t in figures.values()
-    }
+    experts = {t.datasets["expert"] for t in figures}
+    assert {t.datasets["expert"] for t in tried} == experts
     novices = [
-        {
-            t.datasets[kind]
-            for t in trials
-            for kind in ("novice", "validation", "rollout")
-        }
-        for trials in (figures.values(), tried, long)
+        {t.datasets[name] for t in some for name in ("novice", "validation", "rollout")}
+        for some in (figures, tried, long)
     ]
     assert len(novices[0]) == 3 and not novices[0] & (novices[1] | novices[2])
-    every = {d for t in [*figures.values(), *tried] for d in t.datasets.values()}
+    every = {d for t in [*figures, *tried] for d in t.datasets.values()}
     assert set(study.preset.all_datasets("system1")) == every
-    assert {t.training.batch for t in long} == {8}
-    assert all(t.training.patience == 2_500_000 for t in long)
-    chosen_by = [*tried, *long]
-    assert {t.key for t in chosen_by} < {t.key for t in grid("study", "all", "system1")}
-    assert not {t.key for t in choices.trials(study, "system1")} & {
-        t.key for t in grid("study", "all")
-    }
-
-
-def test_parameter_files_name_their_preset():
-    """params/NAME.yaml requests the preset NAME for the notebooks.
-
-    Only the smoke preset runs missing trials by itself.
-    """
-    folder = Path(__file__).parents[2] / "params"
-    found = {
-        path.stem: yaml.safe_load(path.read_text()) for path in folder.glob("*.yaml")
-    }
-    assert found.keys() == PRESETS.keys()
-    for name, values in found.items():
-        assert values["preset"] == name and values["run_missing"] == (name == "smoke")
+    assert {(t.training.batch, t.training.patience) for t in long} == {(8, 2_500_000)}
+    whole = keys(grid("study", "all"))
+    assert keys([*tried, *long]) < whole
+    assert not keys(choices.trials(study, "system1")) & whole
 
 
 def test_a_system_of_your_own_has_system_1s_sizes(monkeypatch):
-    """A third system can be listed, run and shown beside the paper's two."""
     system = dataclasses.replace(SYSTEMS["system1"], name="soft")
     monkeypatch.setitem(SYSTEMS, "soft", system)
     preset = load_preset("smoke")
     assert preset.pool_minutes("soft") == preset.pool_minutes_system1
     assert {trial.system for trial in Study(preset).figure3("soft")} == {"soft"}
-    assert (
-        Study(preset).trial("soft", "sidm", 0.5).training.p_expert
-        == preset.p_expert_system1
-    )
+    trial = Study(preset).trial("soft", "sidm", 0.5)
+    assert trial.training.p_expert == preset.p_expert_system1
 
 
 def test_the_policies_of_a_preset_are_those_of_the_simulation():
     from sidm.simulation import POLICIES as simulated
 
     assert set(POLICIES) == set(simulated)
+
+
+def test_robots_with_free_struts_have_motion_of_their_own():
+    """They have the p_e of the braked robots, and are in no other preset."""
+    free = grid(load_preset("study", p_expert_system2=0.125), "free-struts")
+    assert {trial.system for trial in free} == set(FREE_SYSTEMS)
+    shares = {t.system: t.training.p_expert for t in free if t.method == "sidm"}
+    assert shares["system2_free_struts"] == 0.125 != shares["system1_free_struts"]
+    every = grid("laptop", "all")
+    assert {trial.system for trial in every} == set(SYSTEMS)
+    experts = (
+        {t.datasets["expert"].collection for t in some} for some in (free, every)
+    )
+    assert next(experts).isdisjoint(next(experts))
+
+
+def test_a_figure_costs_what_its_stored_trials_took(tmp_path, make_row):
+    """A trial counts in each figure that uses it."""
+    store, study = Results(tmp_path), Study("smoke", tmp_path, tmp_path)
+    trials = study.points("system1", ["sidm", "novice_only"], [0.5])
+    rows = [make_row(trial, 1.0) for trial in trials]
+    for row in rows:
+        store.put(row)
+    costs = figure_costs(study, store)
+    assert costs.figure.tolist() == list(figures_of(study.preset))
+    lines = {one.figure: one for one in costs.itertuples(index=False)}
+    three = lines["3"]
+    assert (three.trials, three.stored, lines["4"].stored) == (12, 2, 2)
+    assert three.hours * 3600 == pytest.approx(sum(r.provenance.seconds for r in rows))
+    assert three.devices == (rows[0].provenance.device,)
+    assert lines["tuning"][2:] == (0, 0, 0, (), 0)

@@ -1,8 +1,9 @@
-"""Substitutes of the paper's adversary: distribution distances, gradient reversal."""
+"""Additions to the training loop: distances, reversal, mirror images, weights."""
 
 import numpy as np
 import pytest
 import torch
+from torch.nn.functional import softplus
 
 from companion.beyond.matching import (
     DISTANCES,
@@ -11,28 +12,17 @@ from companion.beyond.matching import (
     coral,
     mmd,
 )
+from companion.beyond.mirror import mirrored
+from companion.beyond.weight_hooks import WARM_UP, PullToStart, WeightAverage
+from sidm.learning import Windows, encode_inputs, robot_centred_map, transition
+from sidm.learning.evaluation import mean_loss
 from sidm.learning.training import prediction_phase, regularisation_phase
 
 
 def encoded(trainer):
     """Latents of a batch, by system."""
-    return {
-        role: trainer.encode(role, windows)
-        for role, windows in trainer.sampler.batch().items()
-    }
-
-
-def test_distances_grow_with_the_shift(generator):
-    first, second = torch.randn(2, 300, 5, generator=generator)
-    for distance in DISTANCES.values():
-        distances = [
-            float(distance(first, second + shift)) for shift in (0.0, 0.5, 2.0)
-        ]
-        assert distances == sorted(distances) and distances[2] > 5 * distances[0]
-        assert float(distance(first, first)) == pytest.approx(0.0, abs=1e-6)
-        assert float(distance(first, second)) == pytest.approx(
-            float(distance(second, first)), rel=1e-4
-        )
+    batch = trainer.sampler.batch()
+    return {role: trainer.encode(role, windows) for role, windows in batch.items()}
 
 
 def test_mmd_is_its_double_sum(generator):
@@ -42,10 +32,7 @@ def test_mmd_is_its_double_sum(generator):
     squares = ((both[:, None] - both[None]) ** 2).sum(-1)
     unit = np.sort(squares.ravel())[(squares.size - 1) // 2]
     signs = np.array([1 / 4] * 4 + [-1 / 5] * 5)
-    total = (
-        sum(signs @ np.exp(-squares / (width * unit)) @ signs for width in (0.5, 1, 2))
-        / 3
-    )
+    total = sum(signs @ np.exp(-squares / (w * unit)) @ signs for w in (0.5, 1, 2)) / 3
     assert float(mmd(first, second)) == pytest.approx(total, rel=1e-4)
 
 
@@ -63,80 +50,160 @@ def test_a_distance_changes_the_novices_encoder_alone_and_shrinks(
 ):
     trainer = make_trainer(matching=matching, matching_batch=6, learning_rate=3e-3)
     before = trainer.weights()
+    sides = {"expert": trainer.datasets.expert, "novice": trainer.datasets.train}
 
     def distance() -> float:
-        sides = [trainer.datasets.expert, trainer.datasets.train]
         with torch.no_grad():
-            latents = [
-                trainer.encode(r, m).flatten(0, 1)
-                for r, m in zip(("expert", "novice"), sides, strict=True)
-            ]
+            latents = [trainer.encode(r, m).flatten(0, 1) for r, m in sides.items()]
         return float(DISTANCES[matching](*latents))
 
     first, hook = distance(), DistanceMatching(matching)
     for _ in range(60):
         hook.iteration(trainer)
-    changed = {
-        name
-        for name, tensor in trainer.weights().items()
-        if not torch.equal(tensor, before[name])
-    }
+    after = trainer.weights()
+    changed = {name for name in after if not torch.equal(after[name], before[name])}
     assert changed and all(name.startswith("encoders.novice.") for name in changed)
     assert distance() < 0.6 * first
 
 
-def test_a_distance_needs_no_discriminator(make_trainer):
-    trainer = make_trainer(matching="mmd")
-    before = [p.clone() for p in trainer.discriminator.parameters()]
-    regularisation_phase(trainer)
-    assert all(
-        torch.equal(one, p)
-        for one, p in zip(before, trainer.discriminator.parameters(), strict=True)
-    )
-    assert trainer.accuracy is None
+@pytest.mark.parametrize(
+    ("matching", "phase", "learns"),
+    [("mmd", regularisation_phase, False), ("reversal", prediction_phase, True)],
+)
+def test_reversal_alone_teaches_the_discriminator(
+    make_trainer, matching, phase, learns
+):
+    trainer = make_trainer(matching=matching, p_expert=0.5)
+    weights = [*trainer.discriminator.parameters()]
+    before = [weight.clone() for weight in weights]
+    phase(trainer)
+    equal = [torch.equal(one, p) for one, p in zip(before, weights, strict=True)]
+    assert all(equal) != learns and (trainer.accuracy is not None) == learns
 
 
 def test_the_encoders_feel_the_discriminators_gradient_reversed(make_trainer):
     trainer = make_trainer(
         matching="reversal", reversal_weight=0.3, p_expert=0.5, batch=8
     )
+    weights = [*trainer.discriminator.parameters()]
     latents = encoded(trainer)
-    plain = {
-        role: latent.detach().clone().requires_grad_()
-        for role, latent in latents.items()
-    }
-    turned = {
-        role: one.detach().clone().requires_grad_() for role, one in latents.items()
-    }
-    logits = {role: trainer.discriminator.logits(one) for role, one in plain.items()}
+    plain, turned = (
+        {role: one.detach().clone().requires_grad_() for role, one in latents.items()}
+        for _ in range(2)
+    )
     loss = GradientReversal(0.3).auxiliary_loss(trainer, turned)
     loss.backward()
-    of_discriminator = [p.grad.clone() for p in trainer.discriminator.parameters()]
+    of_discriminator = [p.grad.clone() for p in weights]
     trainer.discriminator.zero_grad()
-    torch.nn.functional.softplus(-logits["expert"]).mean().backward(retain_graph=True)
-    torch.nn.functional.softplus(logits["novice"]).mean().backward()
+    logits = {role: trainer.discriminator.logits(one) for role, one in plain.items()}
+    expected = softplus(-logits["expert"]).mean() + softplus(logits["novice"]).mean()
+    expected.backward()
+    assert loss.item() == pytest.approx(expected.item())
     for role in plain:
         assert torch.allclose(turned[role].grad, -0.3 * plain[role].grad, atol=1e-7)
-    for one, parameter in zip(
-        of_discriminator, trainer.discriminator.parameters(), strict=True
-    ):
-        assert torch.allclose(one, parameter.grad, atol=1e-7)
-    softplus = torch.nn.functional.softplus
-    expected = softplus(-logits["expert"]).mean() + softplus(logits["novice"]).mean()
-    assert loss.item() == pytest.approx(expected.item())
-
-
-def test_reversal_teaches_the_discriminator_within_algorithm_1(make_trainer):
-    trainer = make_trainer(matching="reversal", p_expert=0.5)
-    before = [p.clone() for p in trainer.discriminator.parameters()]
-    prediction_phase(trainer)
-    assert any(
-        not torch.equal(one, p)
-        for one, p in zip(before, trainer.discriminator.parameters(), strict=True)
-    )
-    assert 0 <= trainer.accuracy <= 1
+    for one, weight in zip(of_discriminator, weights, strict=True):
+        assert torch.allclose(one, weight.grad, atol=1e-7)
 
 
 def test_a_batch_of_one_system_has_nothing_to_tell_apart(make_trainer):
     trainer = make_trainer(matching="reversal", p_expert=1.0)
     assert float(GradientReversal(0.1).auxiliary_loss(trainer, encoded(trainer))) == 0.0
+
+
+def test_a_mirrored_motion_is_that_of_the_reflected_world(
+    make_trajectories, small_terrain
+):
+    """Inputs, transitions and maps follow from geometry, without the table of signs."""
+    (drive,) = make_trajectories(1)
+    signs = torch.tensor([1, -1, 1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1.0]).double()
+
+    def motion(reflect: bool) -> Windows:
+        states = torch.tensor(drive.states).double()
+        actions = torch.tensor(drive.actions).double()
+        heights = drive.ground.heights
+        if reflect:  # y becomes -y
+            states, actions = states * signs, actions * torch.tensor([1, -1])
+            heights = heights[::-1].copy()
+        maps = robot_centred_map(heights, states[:-1], 8)
+        inputs = encode_inputs(states[:-1], actions)
+        return Windows(
+            inputs[None], transition(states[:-1], states[1:])[None], maps[None]
+        )
+
+    reflected, expected = mirrored(motion(False), torch.tensor([True])), motion(True)
+    assert torch.allclose(reflected.inputs, expected.inputs, atol=1e-9)
+    assert torch.allclose(reflected.targets, expected.targets, atol=1e-9)
+    # the two triangles of a cell meet on the other diagonal in the mirror image
+    error = float((reflected.maps - expected.maps).abs().max())
+    assert error < 0.1 < float(np.ptp(expected.maps.numpy()))
+
+
+def test_only_the_chosen_trajectories_turn_and_twice_is_back(make_motion):
+    motion, which = make_motion(4), torch.tensor([True, False, True, False])
+    once = mirrored(motion, which)
+    twice = mirrored(once, which)
+    for name in ("inputs", "targets", "maps"):
+        before, one, two = (getattr(some, name) for some in (motion, once, twice))
+        assert torch.equal(one[1::2], before[1::2]) and torch.equal(two, before)
+        assert not torch.equal(one[0], before[0])
+
+
+def test_mirror_images_are_drawn_in_pairs_and_leave_the_other_draws(make_trainer):
+    """A novice's trajectory is mirrored in batches with and without an expert's."""
+    settings = {"regularise": False, "batch": 8}
+    alone, both = (
+        make_trainer(p_expert=p, mirror=True, **settings) for p in (0.0, 0.5)
+    )
+    plain = make_trainer(p_expert=0.0, **settings)
+    images = 0
+    for _ in range(10):
+        one, other, unturned = (
+            trainer.sampler.batch_indices()["novice"].tolist()
+            for trainer in (alone, both, plain)
+        )
+        assert 0 < len(other) < 8 and all(place in one for place in other)
+        # the mirror images of six trajectories have the numbers from 6 on
+        assert [place % 6 for place in one] == unturned
+        images += sum(place >= 6 for place in one)
+    assert 20 < images < 60  # of 80
+
+
+def test_the_pull_is_a_share_of_the_way_back(make_trainer):
+    trainer, hook = make_trainer(learning_rate=0.01), PullToStart(10.0)
+    hook.begin(trainer)
+    weight = trainer.model.sidm.output[0].weight
+    before = weight.detach().clone()
+    weight.data += 2.0
+    hook.after_step(trainer)
+    assert torch.allclose(weight, before + 2.0 * 0.9, atol=1e-6)
+
+
+def test_the_average_is_that_of_its_formula(make_trainer):
+    """Early, the past has at most the weight n / (n + WARM_UP)."""
+    trainer, hook = make_trainer(), WeightAverage(0.9)
+    hook.begin(trainer)
+    weight = trainer.model.sidm.output[0].weight
+    expected = weight.detach().clone()
+    for number in range(1, 200):
+        weight.data += 0.1
+        hook.after_step(trainer)
+        past = min(0.9, number / (number + WARM_UP))
+        expected = past * expected + (1 - past) * weight.detach()
+    after = weight.detach().clone()
+    with hook.testing():
+        assert torch.allclose(weight, expected, atol=1e-4)
+        assert not torch.allclose(weight, after, atol=0.1)
+    assert torch.equal(weight, after)
+
+
+def test_tests_see_the_average_and_training_goes_on_without_it(make_trainer):
+    trainer, plain = make_trainer(averaging=0.5), make_trainer()
+    for one in (trainer, plain):
+        prediction_phase(one)
+    weights = plain.weights()
+    assert all(torch.equal(p, weights[name]) for name, p in trainer.weights().items())
+    trainer.run_test()
+    raw = mean_loss(trainer.model, trainer.test)
+    with trainer.hooks[0].testing():
+        averaged = mean_loss(trainer.model, trainer.test)
+    assert trainer.history[-1].test_loss == averaged != raw

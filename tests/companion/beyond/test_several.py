@@ -13,7 +13,7 @@ from companion.beyond.several import (
     train_several,
 )
 from sidm.config import ConfigError
-from sidm.learning import DynamicsModel, Standardisation, train
+from sidm.learning import DynamicsModel, Standardisation
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.training import prediction_phase
 
@@ -23,11 +23,10 @@ UNITS = Standardisation.none()
 @pytest.fixture
 def experts(make_motion):
     """Three robots of the same law with different gains."""
+    gains = {"expert": 1.5, "member0": 1.0, "member1": -1.0}
     return {
         name: make_motion(8, number, gain=gain)
-        for number, (name, gain) in enumerate(
-            {"expert": 1.5, "member0": 1.0, "member1": -1.0}.items()
-        )
+        for number, (name, gain) in enumerate(gains.items())
     }
 
 
@@ -39,10 +38,6 @@ def alone(small_training):
 
 
 def test_a_batch_is_drawn_from_all_and_all_learn(experts, small_network, alone):
-    """Every expert is drawn about as often.
-
-    After a phase every part has changed, and one curve holds all losses.
-    """
     trainer = several_trainer(experts, small_network, alone, 0, UNITS)
     before = {name: part.clone() for name, part in trainer.model.state_dict().items()}
     counts = dict.fromkeys(experts, 0)
@@ -53,11 +48,8 @@ def test_a_batch_is_drawn_from_all_and_all_learn(experts, small_network, alone):
     for _ in range(3):
         prediction_phase(trainer)
     after = trainer.model.state_dict()
-    assert set(experts) <= {
-        name.split(".")[1]
-        for name in after
-        if not torch.equal(after[name], before[name])
-    }
+    changed = {n.split(".")[1] for n in after if not torch.equal(after[n], before[n])}
+    assert set(experts) <= changed
     assert trainer.samples == 18 * 24 and len(trainer.history) == 4
 
 
@@ -75,52 +67,28 @@ def test_trajectories_to_stop_by_are_not_learnt_from(experts, small_network, alo
 def test_one_expert_alone_is_learnt_and_the_run_repeats(
     make_motion, small_network, alone
 ):
-    motion = make_motion(8, 1)
-    runs = [
-        train_several({"expert": motion}, small_network, alone, 0, UNITS)
-        for _ in range(2)
-    ]
-    assert runs[0].history == runs[1].history
-    assert runs[0].best_test_loss < runs[0].history[0].test_loss
+    motion = {"expert": make_motion(8, 1)}
+    one, two = (train_several(motion, small_network, alone, 0, UNITS) for _ in range(2))
+    assert one.history == two.history
+    assert one.best_test_loss < one.history[0].test_loss
 
 
-def test_a_novice_goes_on_from_the_nearest_expert(
-    experts, small_network, alone, make_motion, datasets
+def test_a_novice_goes_on_from_the_nearest_expert_or_with_fresh_parts(
+    experts, small_network, alone, make_motion
 ):
-    """The novice starts from the expert with its own law, and trains its parts."""
-    model = train_several(
-        experts,
-        small_network,
-        dataclasses.replace(alone, max_samples=24 * 400),
-        0,
-        UNITS,
-    ).model
+    longer = dataclasses.replace(alone, max_samples=24 * 400)
+    model = train_several(experts, small_network, longer, 0, UNITS).model
     novice = make_motion(4, 9, gain=-1.0)
     role = nearest_expert(model, novice)
     assert role == "member1"
-    start = expert_as_novice(model, role)
     own = DynamicsModel(small_network, UNITS, roles=["novice"])
-    own.initialise_from(start)
-    assert mean_loss(own.eval(), novice) == pytest.approx(
-        mean_loss(model, novice, role)
-    )
-    frozen = dataclasses.replace(alone, frozen="sidm")
-    after = train(
-        datasets, small_network, frozen, 0, standardisation=UNITS, start=start
-    ).model.state_dict()
-    assert all(
-        torch.equal(after[name], start[name])
-        for name in start
-        if name.startswith("sidm.")
-    )
-
-
-def test_fresh_parts_stand_around_the_same_sidm(experts, small_network, alone):
-    model = train_several(experts, small_network, alone, 0, UNITS).model
-    start = fresh_novice(model, small_network, UNITS, 3)
+    own.initialise_from(expert_as_novice(model, role))
+    loss = mean_loss(model, novice, role)
+    assert mean_loss(own.eval(), novice) == pytest.approx(loss)
+    fresh = fresh_novice(model, small_network, UNITS, 3)
     plain = DynamicsModel(small_network, UNITS, 3, ["novice"])
-    assert start.keys() == plain.state_dict().keys()
-    for name, part in start.items():
+    assert fresh.keys() == plain.state_dict().keys()
+    for name, part in fresh.items():
         source = model if name.startswith("sidm.") else plain
         assert torch.equal(part, source.state_dict()[name])
 

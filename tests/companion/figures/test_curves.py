@@ -1,84 +1,62 @@
 """Figures from made-up results whose answers are known."""
 
-import matplotlib.pyplot as plt
+import io
+
+import numpy as np
 import pytest
-from matplotlib.lines import Line2D
+from PIL import Image
 
 from companion.engine.frame import frame_of
+from companion.figures.animation import rollout_film
 from companion.figures.curves import (
     changed_choices,
     efficiency_curves,
     figure3,
     learning_curves,
 )
-from companion.methods import ALL_RELEASED, FIGURE3, METHODS, RELEASED
+from companion.figures.paths import example, figure4
+from companion.methods import ALL_RELEASED, RELEASED
 from companion.studies import choices
 
 
-def test_figure3_draws_the_means(figure3_frame):
-    """Both systems have log axes; each line is the mean over seeds.
-
-    More than colour tells methods apart.
-    """
-    figure = figure3(figure3_frame)
-    left, right = figure.axes
+def test_figure3_draws_the_means_and_more_than_colour_tells_methods_apart(
+    figure3_frame,
+):
+    left, right = figure3(figure3_frame).axes
     assert left.get_xscale() == left.get_yscale() == "log"
-    assert "(min)" in left.get_xlabel()
-    sidm, novice, finetuned = left.get_lines()
+    sidm, *others = left.get_lines()
     assert sidm.get_ydata() == pytest.approx(1.01 * (4 * sidm.get_xdata()) ** -0.5)
-    for look in (Line2D.get_linestyle, Line2D.get_marker):
-        assert len({look(line) for line in (sidm, novice, finetuned)}) == 3
-    assert len(right.get_lines()) == 3 and len(left.collections) == 3
-    assert not plt.get_fignums()
-
-
-def test_many_names_stand_below_the_plots(figure3_frame):
-    """Each name stands once, and none covers a curve."""
-    few = figure3(figure3_frame)
-    many = figure3(figure3_frame, methods=[*FIGURE3, "mirrored", "averaged"])
-    assert all(axes.get_legend() for axes in few.axes) and not few.legends
-    assert not any(axes.get_legend() for axes in many.axes)
-    assert [text.get_text() for text in many.legends[0].get_texts()] == [
-        METHODS[name].label for name in FIGURE3
-    ]
-    assert many.get_figheight() > few.get_figheight()
+    for look in ("get_linestyle", "get_marker"):
+        assert len({getattr(line, look)() for line in (sidm, *others)}) == 3
+    assert len(right.get_lines()) == 3
 
 
 def test_the_experts_model_alone_is_a_level(figure3_rows, laptop, make_row):
     trials = laptop.points("system1", ["expert_only"], [5])
-    alone = [
-        make_row(trial, loss) for trial, loss in zip(trials, (1, 2, 6), strict=True)
-    ]
+    alone = [make_row(t, loss) for t, loss in zip(trials, (1, 2, 6), strict=True)]
     left, right = figure3(frame_of([*figure3_rows, *alone])).axes
     assert left.get_lines()[-1].get_ydata() == pytest.approx([3, 3])
-    assert len(left.get_lines()) == 4
-    assert len(right.get_lines()) == 3
+    assert (len(left.get_lines()), len(right.get_lines())) == (4, 3)
 
 
 def test_changed_choices_stand_beside_ours(figure3_frame, power_law, laptop, make_row):
-    """Each of the paper's methods stands twice, with hollow marks and other words."""
-    trials = [
-        t
+    changed = frame_of(
+        make_row(t, 2 * power_law(t))
         for system in ("system1", "system2")
         for t in choices.changed(laptop, system, RELEASED)[ALL_RELEASED]
-    ]
-    changed = frame_of(make_row(t, 2 * power_law(t)) for t in trials)
+    )
     for axes in changed_choices(figure3_frame, changed, "as released").axes:
-        labels = [line.get_label() for line in axes.get_lines()]
+        lines = axes.get_lines()
+        labels = [line.get_label() for line in lines]
         assert labels[2:] == [f"{label}, as released" for label in labels[:2]]
-        hollow = [line.get_markerfacecolor() == "white" for line in axes.get_lines()]
+        hollow = [line.get_markerfacecolor() == "white" for line in lines]
         assert hollow == [False, False, True, True]
-        book_line, authors_line = axes.get_lines()[0], axes.get_lines()[2]
-        assert authors_line.get_ydata() == pytest.approx(2 * book_line.get_ydata())
+        assert lines[2].get_ydata() == pytest.approx(2 * lines[0].get_ydata())
 
 
-def test_figures_of_nothing_say_so():
-    """A figure is drawn even where nothing is stored."""
-    for draw in (figure3, efficiency_curves, learning_curves):
-        assert all(
-            axes.texts[0].get_text() == "no trials stored"
-            for axes in draw(frame_of([])).axes
-        )
+@pytest.mark.parametrize("draw", [figure3, figure4, efficiency_curves, learning_curves])
+def test_figures_of_nothing_say_so(draw):
+    assert draw(frame_of([])).axes[0].texts[0].get_text() == "no trials stored"
 
 
 def test_the_efficiency_is_exact_where_both_curves_reach(figure3_frame):
@@ -89,3 +67,38 @@ def test_the_efficiency_is_exact_where_both_curves_reach(figure3_frame):
 
 def test_each_trial_has_its_learning_curve(figure3_frame):
     assert len(learning_curves(figure3_frame[:4]).axes[0].get_lines()) == 4
+
+
+def test_figure4_draws_means_and_paths(figure3_frame, laptop):
+    """Six lines start at zero; six predicted paths stand beside the actual one."""
+    keys = [trial.key for trial in laptop.figure4()]
+    left, right = figure4(figure3_frame[figure3_frame.index.isin(keys)]).axes
+    lines = left.get_lines()
+    assert len(lines) == 6 and len(right.get_lines()) == 7
+    assert all(line.get_ydata()[0] == 0 for line in lines)
+    assert all(line.get_xdata()[-1] == pytest.approx(2.5) for line in lines)
+
+
+def test_an_example_is_held_against_all(laptop, make_row):
+    trials = laptop.points("system1", ["sidm"], (5.0,))
+    frame = frame_of(make_row(trial, 1.0) for trial in trials)
+    actual = tuple((0.1 * step, 0.0) for step in range(26))
+    ends = [(*actual[:-1], (2.5, 0.5 * (1 + seed))) for seed in frame.seed]
+    frame["example_actual"] = [actual] * len(frame)
+    frame["example_predicted"] = ends
+    mean = np.mean([errors[-1] for errors in frame.position_error])
+    assert example(frame, seed=1) == pytest.approx((2.5, 1.0, 1.0, mean))
+    assert example(frame, seed=9) is None
+
+
+def test_the_film_shows_every_step_in_real_time(figure3_frame):
+    """The film has 26 different pictures of 0.1 s; the last one is held."""
+    film = Image.open(io.BytesIO(rollout_film(figure3_frame, np.zeros((300, 300)))))
+    times, frames = [], set()
+    for number in range(film.n_frames):
+        film.seek(number)
+        times.append(film.info["duration"])
+        frames.add(film.convert("RGB").tobytes())
+    assert set(times[:-1]) == {100} and times[-1] > 1000 and len(frames) == 26
+    with pytest.raises(ValueError, match="no trial of seed 9"):
+        rollout_film(figure3_frame, np.zeros((300, 300)), seed=9)

@@ -7,7 +7,6 @@ import scipy.stats
 from companion.statistics import coverage
 from companion.statistics.efficiency import (
     efficiency,
-    efficiency_at_sizes,
     isotonic_fit,
     minutes_needed,
 )
@@ -25,7 +24,6 @@ MINUTES = np.array([1.0, 2, 5, 20, 60, 120])
 
 
 def test_bootstrap_agrees_with_scipy():
-    """The percentile interval of a mean is SciPy's, but for the random draws."""
     samples = np.random.default_rng(1).lognormal(size=12)
     interval = bootstrap(np.mean, samples, resamples=20_000)
     expected = scipy.stats.bootstrap(
@@ -40,21 +38,6 @@ def test_bootstrap_agrees_with_scipy():
     assert interval.high == pytest.approx(expected.high, rel=0.02)
 
 
-def test_bootstrap_keeps_pairs():
-    """A difference that is the same in every seed has an interval of no width."""
-    base = np.random.default_rng(1).normal(size=5)
-    interval = bootstrap(
-        lambda pairs: (pairs[:, 1] - pairs[:, 0]).mean(),
-        np.stack([base, base + 0.3], 1),
-    )
-    assert interval == pytest.approx((0.3, 0.3, 0.3))
-    assert bootstrap(np.mean, np.array([2.0])) == (2, 2, 2)
-
-
-def test_a_statistic_without_a_value_leaves_no_interval():
-    assert np.isnan(bootstrap(lambda s: np.nan, np.arange(6.0)).low)
-
-
 def test_leaving_one_out_of_a_mean_is_students_interval():
     samples = np.random.default_rng(1).normal(size=7)
     expected = scipy.stats.ttest_1samp(samples, 0).confidence_interval()
@@ -64,25 +47,17 @@ def test_leaving_one_out_of_a_mean_is_students_interval():
 
 
 def test_splits_of_the_same_data_count_for_less(rng):
-    """By hand: intervals of ten splits that test on a quarter are 2.08 times as wide.
-
-    They are compared with ten seeds that have data of their own.
-    """
     values = rng.normal(size=10)
     plain, split = interval(np.mean, values), interval(np.mean, values, held_out=0.25)
-    assert split.value == plain.value
     assert split.high - split.value == pytest.approx(
         np.sqrt(1 + 10 / 3) * (plain.high - plain.value)
-    )
-    assert np.sqrt(1 / 10 + 1 / 3) / np.sqrt(1 / 10) == pytest.approx(
-        np.sqrt(1 + 10 / 3)
     )
 
 
 def test_intervals_of_repeated_splits_hold_the_truth():
     """A mean is measured on a quarter of 40 sessions, split anew ten times.
 
-    Plain intervals contain the truth far less often than in 95 %.
+    Plain intervals hold the truth far less often than in 95 %.
     """
     rng, held = np.random.default_rng(0), np.zeros(2)
     for _ in range(200):
@@ -95,12 +70,12 @@ def test_intervals_of_repeated_splits_hold_the_truth():
 
 
 def test_intervals_of_degenerate_samples():
-    """Few seeds give no interval, ties one of no width, unreached levels none."""
     for few in ([2.0], [1.5, 2.5]):
         assert interval(np.mean, np.array(few)).text(3) == "2.00"
-    assert interval(np.mean, np.full(4, 2.0)) == (2, 2, 2)
-    assert interval(np.mean, np.full(40, 2.0)) == (2, 2, 2)
-    assert np.isnan(interval(lambda some: float("nan"), np.ones((5, 2)))).all()
+    for many in (4, 40):
+        assert interval(np.mean, np.full(many, 2.0)) == (2, 2, 2)
+    for many in (5, 40):
+        assert np.isnan(interval(lambda _: float("nan"), np.ones((many, 2)))).all()
 
 
 def test_many_seeds_are_resampled():
@@ -129,7 +104,6 @@ def test_coverage_is_as_stored():
 
 @pytest.mark.parametrize("name", coverage.ESTIMATORS)
 def test_estimators_keep_what_they_promise(name):
-    """Stored figures hold; 5 seeds without a saving are measured again and agree."""
     stored = (
         coverage.estimators(FILE).set_index(["estimator", "ratio", "seeds"]).loc[name]
     )
@@ -142,17 +116,12 @@ def test_estimators_keep_what_they_promise(name):
     )
 
 
-def test_falling_pools_what_rises():
-    """A falling curve is its own fit; a rise is levelled at the geometric mean."""
+def test_a_rise_is_levelled_at_the_geometric_mean():
     assert isotonic_fit([4, 2, 1]) == pytest.approx([4, 2, 1])
     assert isotonic_fit([4, 1, 2]) == pytest.approx([4, np.sqrt(2), np.sqrt(2)])
 
 
 def test_minutes_needed_reads_a_power_law():
-    """The answer for loss = minutes ** -1/2 is known.
-
-    Beyond the sizes it is a bound.
-    """
     curve = MINUTES**-0.5
     assert minutes_needed(MINUTES, curve, 10**-0.5) == (pytest.approx(10), "=")
     assert minutes_needed(MINUTES, curve, 2.0) == (1, "<=")
@@ -161,10 +130,7 @@ def test_minutes_needed_reads_a_power_law():
 
 
 def test_efficiency_of_shifted_curves():
-    """A method that needs a fourth of the data has ratio 4 where both curves reach.
-
-    Where one curve does not reach, the ratio is a bound.
-    """
+    """The ratio is 4 where both curves reach, elsewhere a bound."""
     sidm, novice = (4 * MINUTES) ** -0.5, MINUTES**-0.5
     ratios = efficiency(MINUTES, sidm, novice, [0.3, sidm[-1], 0.7, 2.0, 0.01])
     assert ratios.ratio[0] == pytest.approx(4) and ratios.bound[0] == "="
@@ -172,11 +138,5 @@ def test_efficiency_of_shifted_curves():
     assert ratios.ratio[1] == pytest.approx(1) and ratios.bound[1] == ">="
     # SIDM reaches this loss with the smallest size
     assert ratios.bound[2] == ">=" and ratios.ratio[2] == pytest.approx(0.7**-2)
-    assert ratios.bound[3] == "?"
-    assert ratios.bound[4] == "?"
+    assert ratios.bound[3:].tolist() == ["?", "?"]
     assert np.isnan(ratios.ratio[3:]).all()
-
-
-def test_losses_of_falling_curves_are_their_own_fit():
-    sidm, novice = (4 * MINUTES) ** -0.5, MINUTES**-0.5
-    assert efficiency_at_sizes(MINUTES, sidm, novice).loss == pytest.approx(sidm)

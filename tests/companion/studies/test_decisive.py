@@ -5,7 +5,9 @@ import dataclasses
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy.stats import ttest_1samp
 
 from companion import Results, Study, grid
 from companion.engine.frame import frame_of
@@ -17,19 +19,32 @@ from companion.statistics.claims import (
     REPRODUCED,
 )
 from companion.statistics.data_ratio import data_ratio
+from companion.statistics.intervals import mean_ratio, p_value
 from companion.statistics.stopping_rules import RULES
 from companion.studies.decisive import (
+    ablated,
     along,
     design,
+    figure4,
     figures,
+    further,
     search,
+    sensitivity,
     stopping_charts,
     stopping_point,
     verdicts,
 )
-from companion.studies.decisive.arms import FINETUNING, RECIPES, SEEDS, arm
+from companion.studies.decisive.arms import (
+    FINETUNING,
+    R_CAPS,
+    RECIPES,
+    SEEDS,
+    arm,
+    restricted,
+)
 from companion.studies.decisive.design import STEPS
-from companion.studies.decisive.verdicts import verdict_of
+from companion.studies.decisive.verdicts import ALONE_SIZES, END, RELEASED, verdict_of
+from ownrobot.comparison.statistics import Interval
 from sidm.config import ConfigError
 
 SPACING = 12_800  # samples between two tests
@@ -39,6 +54,21 @@ EARLY = 40  # tests until the released rule has seen the first minimum
 @pytest.fixture
 def study(tmp_path):
     return Study("study", tmp_path, tmp_path)
+
+
+def with_curve(row, loss, spacing):
+    """A row whose test and validation loss follow a curve."""
+    samples = len(loss) * spacing
+    every = {f"every_{name}_loss": tuple(loss) for name in ("test", "validation")}
+    outcome = dataclasses.replace(
+        row.outcome,
+        samples=samples,
+        iterations=samples // (row.trial.training.batch * 64),
+        test_spacing=spacing,
+        every_training_loss=tuple(0.5 * loss),
+        **every,
+    )
+    return dataclasses.replace(row, outcome=outcome)
 
 
 @pytest.fixture
@@ -60,33 +90,19 @@ def make_results(study, chosen, make_row):
 
     def row(trial, early, late):
         count = trial.training.max_samples // SPACING
-        middle, end = 1.5 * early, late
-        loss = np.full(count, middle)
-        loss[:EARLY] = np.linspace(2 * middle, early, EARLY)
-        loss[-20:] = end  # long enough for the smoothed loss to fall
-        made = make_row(trial, late)
-        every = {f"every_{name}_loss": tuple(loss) for name in ("test", "validation")}
-        every["every_training_loss"] = tuple(0.1 * loss)
-        outcome = dataclasses.replace(
-            made.outcome,
-            samples=count * SPACING,
-            iterations=count * SPACING // (trial.training.batch * 64),
-            test_spacing=SPACING,
-            **every,
-        )
-        return dataclasses.replace(made, outcome=outcome)
+        loss = np.full(count, 1.5 * early)
+        loss[:EARLY] = np.linspace(3 * early, early, EARLY)
+        loss[-20:] = late  # long enough for the smoothed loss to fall
+        return with_curve(make_row(trial, late), loss, SPACING)
 
-    def make(early, late, seeds=SEEDS, **only):
+    def make(early, late, seeds=SEEDS):
         parts = []
         for recipe, caps in RECIPES.items():
             for system in ("system1", "system2"):
                 trials = arm(study, recipe, system, caps, seeds)
-                parts.append(
-                    frame_of(
-                        row(t, early(t, recipe), late(t, recipe)) for t in trials
-                    ).assign(recipe=recipe)
-                )
-        return verdicts.pd.concat(parts)
+                rows = [row(t, early(t, recipe), late(t, recipe)) for t in trials]
+                parts.append(frame_of(rows).assign(recipe=recipe))
+        return pd.concat(parts)
 
     return make
 
@@ -98,15 +114,10 @@ def power(worth, level=1.0):
     """
 
     def loss(trial, recipe):
-        rng = np.random.default_rng(
-            [trial.seed, round(100 * trial.novice_minutes), len(trial.method)]
-        )
-        noise = 1 + 0.02 * np.cos(trial.seed) + 0.005 * rng.standard_normal()
-        return (
-            level
-            * noise
-            * (worth.get((recipe, trial.method), 1.0) * trial.novice_minutes) ** -0.25
-        )
+        key = [trial.seed, round(100 * trial.novice_minutes), len(trial.method)]
+        own = np.random.default_rng(key).standard_normal()
+        data = worth.get((recipe, trial.method), 1.0) * trial.novice_minutes
+        return level * (1 + 0.02 * np.cos(trial.seed) + 0.005 * own) * data**-0.25
 
     return loss
 
@@ -121,19 +132,10 @@ def line(table, verdict, system, method="sidm", minutes=5.0):
     return found
 
 
-def test_the_table_plans_what_it_says(study, chosen):
+def test_every_step_has_as_many_trainings_as_it_says(study, chosen):
     for step in STEPS:
-        trials = [trial for trial in step.trials(study) if not trial.solved]
-        assert len(trials) == len({trial.key for trial in trials}) == step.trainings, (
-            step.name
-        )
-
-
-def test_before_the_search_only_settings_are_unknown(study, monkeypatch):
-    monkeypatch.setattr(search, "BEST", {})
-    monkeypatch.setattr(search, "CHOSEN", {})
-    known = [sum(not trial.solved for trial in step.trials(study)) for step in STEPS]
-    assert known == [40, 0, 8, 40, 0, 40, 12, 0, 18, 30, 48, 6, 0, 15, 9]
+        keys = [trial.key for trial in step.trials(study) if not trial.solved]
+        assert len(keys) == len(set(keys)) == step.trainings, step.name
 
 
 def test_nothing_stops_a_training_and_both_recipes_have_the_same_motion(study, chosen):
@@ -143,55 +145,16 @@ def test_nothing_stops_a_training_and_both_recipes_have_the_same_motion(study, c
         for t in arm(study, recipe, "system1", caps, SEEDS)
     ]
     assert {t.motion for t in trials} == {"decisive"}
-    assert all(
-        trial.training.patience == trial.training.max_samples for trial in trials
-    )
+    assert all(t.training.patience == t.training.max_samples for t in trials)
     assert len({tuple(t.datasets.values()) for t in trials}) == 1
-    assert {t.training.validation_trajectories for t in trials} == {128}
-    assert all(128 <= trial.datasets["validation"].count for trial in trials)
-    sizes_and_seeds = {(t.novice_minutes, t.seed) for t in trials if t.method == "sidm"}
-    # paired
-    assert sizes_and_seeds <= {
-        (t.novice_minutes, t.seed) for t in trials if t.method == "novice_only"
-    }
-
-
-def test_r_is_the_released_recipe(study):
-    training = arm(study, "R", "system2", RECIPES["R"], [0])[0].training
-    expected = dict(
-        batch=2,
-        learning_rate=1e-4,
-        weight_decay=1e-5,
-        decay="l2",
-        reduction="mean",
-        units="raw",
-        zero_gradients=True,
-        replacement=False,
-        discriminator_draw="one",
-        system_draw="iteration",
-        matching_optimiser="shared",
-        prediction_iterations=100,
-        discriminator_iterations=20,
-        matching_iterations=20,
-        p_expert=0.5,
+    sidm, alone = (
+        {(t.novice_minutes, t.seed) for t in trials if t.method == method}
+        for method in ("sidm", "novice_only")
     )
-    assert {name: getattr(training, name) for name in expected} == expected
-    assert arm(study, "R", "system1", RECIPES["R"], [0])[0].training.p_expert == 0.75
-    assert (
-        arm(study, "R", "system1", RECIPES["R"], [0])[0].network.initialisation
-        == "pytorch"
-    )
-
-
-def test_what_decides_most_is_run_first(study):
-    trials = arm(study, "R", "system1", RECIPES["R"], SEEDS)
-    assert [t.novice_minutes for t in trials[:10]] == [5.0] * 10
-    assert [t.seed for t in trials[:4]] == [0, 0, 1, 1]
-    assert {t.novice_minutes for t in trials[10:30]} == {1.0, 20.0}
+    assert sidm <= alone  # paired
 
 
 def test_draws_are_the_same_everywhere():
-    """The draws are those of the stored search, number by number."""
     assert search.draw("sidm", 7).changes == {
         "initialisation": "pytorch",
         "batch": 4,
@@ -212,22 +175,16 @@ def test_draws_are_the_same_everywhere():
 
 
 def test_scores_are_by_least_squares_on_the_same_split(study, make_row):
-    trials = search.first_search(study)
-    hard = {trial.seed: 1 + trial.seed % 7 for trial in trials}  # factor of a split
-    good = {("sidm", 1004): 0.5, ("novice_only", 1003): 0.7}
-    rows = [
-        make_row(
-            t, hard[t.seed] * (1.0 if t.solved else good.get((t.method, t.seed), 0.9))
-        )
-        for t in trials
-    ]
+    good, rows = {("sidm", 1004): 0.5, ("novice_only", 1003): 0.7}, []
+    for t in search.first_search(study):
+        score = 1.0 if t.solved else good.get((t.method, t.seed), 0.9)
+        rows.append(make_row(t, score * (1 + t.seed % 7)))  # some splits are harder
     scores = search.scores(frame_of(rows)).groupby("method").first()
     assert scores.score.to_dict() == pytest.approx(
         {"sidm": 0.5, "novice_only": 0.7, FINETUNING: 0.9}
     )
-    assert (
-        scores.learning_rate["sidm"] == search.draw("sidm", 4).changes["learning_rate"]
-    )
+    best = search.draw("sidm", 4)
+    assert scores.learning_rate["sidm"] == best.changes["learning_rate"]
 
 
 def test_a_saving_that_a_longer_training_takes_away(make_results):
@@ -252,42 +209,8 @@ def test_a_saving_that_a_longer_training_takes_away(make_results):
     small = table[table.verdict == "S"]
     assert set(small[small.recipe == "R"].says) == {DIRECTION}
     assert set(small[small.recipe == "T"].says) == {NOT_SEEN}
-    assert small[small.recipe == "R"].value.tolist() == pytest.approx(
-        [20**-0.25] * 4, rel=0.03
-    )
-
-
-@pytest.mark.more
-def test_the_saving_shrinks_along_the_training(make_results, tmp_path):
-    """An early saving is gone at the end: the line ends at the point of the end."""
-    worth = {(recipe, "sidm"): 4.0 for recipe in RECIPES}
-    results = make_results(power(worth), power({}, level=0.5))
-    table = along.along_training(results)
-    line = table[
-        (table.recipe == "R") & (table.system == "system1") & (table.quantity == "data")
-    ]
-    points, line = (
-        line[line.rule != ""].set_index("rule"),
-        line[line.rule == ""].set_index("samples"),
-    )
-    assert line.value[line.index > 1e6].iloc[0] == pytest.approx(4, rel=0.1)
-    assert set(points.index) == set(RULES)
-    assert (
-        line.value.iloc[-1]
-        == pytest.approx(1, rel=0.1)
-        == pytest.approx(points.value["the end"], rel=0.1)
-    )
-    assert points.value["the released code's"] == pytest.approx(4, rel=0.1)
-    assert (
-        points.samples["this book's"]
-        < points.samples["the released code's"]
-        < points.samples["the end"]
-    )
-    figures.by_length(table).savefig(tmp_path / "length.png")
-    drawn = figures.by_rule(results, "T", "system2")
-    assert [len(axes.lines) for axes in drawn.axes] == [3] * 4
-    assert len(figures.by_length(table).axes) == 4
-    assert not len(along.along_training(results[:0]))
+    values = small[small.recipe == "R"].value.tolist()
+    assert values == pytest.approx([20**-0.25] * 4, rel=0.03)
 
 
 def unpacked(text):
@@ -296,13 +219,18 @@ def unpacked(text):
 
 @pytest.mark.more
 def test_the_page_has_the_published_numbers(make_results):
-    """What a rule keeps, Figure 3 and the savings are those of figures and verdicts."""
     worth = {(recipe, "sidm"): 4.0 for recipe in RECIPES}
     results = make_results(power(worth), power({}, level=0.5))
     draws = results[(results.recipe == "T") & (results.system == "system1")]
     saved = along.along_training(results)
     draws = draws.assign(seed=draws.seed + 1000)
     contents = stopping_point.contents(results, draws, saved)
+    points = saved[(saved.recipe == "R") & (saved.quantity == "data")]
+    points = points[points.system == "system1"].set_index("rule")
+    assert points.value["the released code's"] == pytest.approx(4, rel=0.1)
+    assert points.value["the end"] == pytest.approx(1, rel=0.1)
+    drawn = figures.by_rule(results, "T", "system2"), figures.by_length(saved)
+    assert all(axes.lines for figure in drawn for axes in figure.axes)
     judged = verdicts.verdicts(results)
     recipe = next(one for one in contents["recipes"] if one["id"] == "R-system1")
     chosen = results[(results.recipe == "R") & (results.system == "system1")]
@@ -323,63 +251,30 @@ def test_the_page_has_the_published_numbers(make_results):
     assert json.loads(json.dumps(contents, allow_nan=False))["rules"] == list(RULES)
 
 
-def test_the_page_without_results_is_empty(make_results):
-    none = make_results(power({}), power({}))[:0]
-    contents = stopping_point.contents(none, none, along.along_training(none))
-    assert contents["recipes"] == contents["lengths"] == contents["search"] == []
-    assert set(stopping_charts.charts(contents["methods"])) == {
-        "losses",
-        "figure3",
-        "saving",
-        "search",
-    }
-
-
-def test_harm_is_contrary(make_results):
+def test_harm_is_contrary_and_bounds_are_in_words(make_results):
     worth = {(recipe, "sidm"): 0.5 for recipe in RECIPES}
+    worth |= {(recipe, FINETUNING): 1e-6 for recipe in RECIPES}
     table = verdicts.verdicts(make_results(power(worth), power(worth)))
     assert set(table[table.method == "sidm"].says) == {CONTRARY}
     assert line(table, "R2", "system1").value == pytest.approx(0.5, rel=0.1)
+    page = verdicts.page_table(table)
+    bounds = page[page.Of == "fine-tuning, 5 min"]["Ours (95 % interval)"]
+    assert "at most 0.20" in set(bounds)
 
 
 def test_too_few_seeds_have_no_verdict(make_results):
     table = verdicts.verdicts(make_results(power({}), power({}), seeds=range(2)))
     assert set(table.says) == {NO_VERDICT} and set(table.seeds) == {2}
-    assert not verdicts.verdicts(
-        make_results(power({}), power({}), seeds=())
-    ).seeds.any()
+    none = make_results(power({}), power({}), seeds=())
+    assert not verdicts.verdicts(none).seeds.any()
+    contents = stopping_point.contents(none, none, along.along_training(none))
+    assert contents["recipes"] == contents["lengths"] == contents["search"] == []
+    charts = stopping_charts.charts(contents["methods"])
+    assert {*charts} == {"losses", "figure3", "saving", "search"}
 
 
 SIZES = (1.0, 5.0, 20.0, 60.0, 120.0)
 CURVE = np.array([0.5, 0.4, 0.3, 0.25, 0.2])
-
-
-def test_a_recipe_without_rows_takes_no_types_away(study, make_row, tmp_path):
-    """Results of one recipe alone have the types that figures compute with."""
-    trials = arm(study, "R", "system1", RECIPES["R"], range(3))
-    store = Results(tmp_path)
-    for trial in trials:
-        store.put(make_row(trial, 0.3))
-    stored = verdicts.results(study, store)
-    assert len(stored) == len(trials) and stored.validation_loss.dtype == float
-    assert len(verdicts.page_table(verdicts.verdicts(stored))) == 0
-
-
-def test_a_table_of_verdicts_for_a_page(make_results):
-    """Bounds are in words, and what is not run is left out."""
-
-    rival = power({})
-
-    def loss(trial, recipe):
-        """The SIDM is better than its rival can be, fine-tuning much worse."""
-        others = {"sidm": 0.01, FINETUNING: 9.0}
-        return others.get(trial.method) or rival(trial, recipe)
-
-    table = verdicts.page_table(verdicts.verdicts(make_results(loss, loss)))
-    ratios = table[table.Quantity == "data ratio"].set_index("Of")
-    ratios = ratios["Ours (95 % interval)"]
-    assert set(ratios["SIDM, 5 min"]) == {"at least 24"}
-    assert set(ratios["fine-tuning, 5 min"]) == {"at most 0.20"}
 
 
 def test_a_data_ratio_by_hand():
@@ -396,16 +291,14 @@ def test_a_curve_that_does_not_get_there_is_a_bound_without_a_value():
     assert above.text() == "at least 24 in 1 of 3 seeds, 18 to 21 in 2"
     shorter = data_ratio(SIZES[:-1], three[:, :-1], np.array([0.19, 0.21, 0.22]), 5.0)
     assert (shorter.low, shorter.high) == (pytest.approx(12), np.inf)
-    assert shorter.text() == "at least 12"
-    assert verdict_of(above) == verdict_of(shorter, 20.0) == NO_VERDICT
     below = data_ratio(SIZES, three, np.array([0.6, 0.55, 0.51]), 5.0)
     assert (below.low, below.high) == (0, pytest.approx(0.2))
-    assert verdict_of(below) == NO_VERDICT
     both = data_ratio(SIZES, three, np.array([0.6, 0.1, 0.3]), 5.0)
     assert both.text() == "at least 24 in 1 of 3 seeds, at most 0.20 in 1, 4.0 in 1"
-    assert verdict_of(both) == NO_VERDICT
     few = data_ratio(SIZES, three[:2], np.array([0.3, 0.3]), 5.0)
-    assert few.text() == "no value" and verdict_of(few) == NO_VERDICT
+    assert few.text() == "no value"
+    for ratio in (above, shorter, below, both, few):
+        assert verdict_of(ratio, 20.0) == NO_VERDICT
 
 
 def test_progress_counts_trainings_and_their_hours(study, make_row, tmp_path):
@@ -417,17 +310,12 @@ def test_progress_counts_trainings_and_their_hours(study, make_row, tmp_path):
     assert progress.planned.sum() == 358 + 103
     assert progress.core_hours["0"] == pytest.approx(36 / 3600)
     lines, unknown = design.overview_by_step(study, store, trials)
-    assert lines[0].startswith(
-        "step 0: search, system 1: 3 of 40 trainings stored, 0.0 core-hours"
-    )
-    planned = sum(step.trainings for step in STEPS)
-    assert unknown == planned - sum(
-        not trial.solved for step in STEPS for trial in step.trials(study)
-    )
+    assert lines[0].startswith("step 0: search, system 1: 3 of 40 trainings stored")
+    listed = (trial for step in STEPS for trial in step.trials(study))
+    assert unknown == 358 + 103 - sum(not trial.solved for trial in listed)
 
 
 def test_steps_can_be_run_alone(study):
-    """Trials keep their order; other figures and other names have no steps."""
     folders = dict(data=study.data, results=study.results)
     some = grid("study", "decisive", steps=["A2", "A1"], **folders)
     first, second = (design.STEPS[i].trials(study) for i in (3, 5))
@@ -438,3 +326,115 @@ def test_steps_can_be_run_alone(study):
         grid("study", "decisive", steps=["A3"], **folders)
     with pytest.raises(ConfigError, match="the figure decisive alone has steps"):
         grid("study", "3", steps=["A1"], **folders)
+
+
+WIDE = 100_000  # the same, for steps E1 to E5
+EFFECT = {("p_expert", 0.9): 1.3}
+
+
+@pytest.fixture
+def put(study, make_row):
+    """Function that stores a row whose loss falls until a million samples.
+
+    With `later`, the loss falls again after the cap of E1.
+    """
+
+    def put(trial, loss, later=None):
+        every = np.full(trial.training.max_samples // WIDE, loss)
+        every[:10] = np.linspace(2 * loss, loss, 10)
+        if later is not None:
+            every[further.ABLATION_CAPS[trial.system] // WIDE + 2 :] = later
+        row = make_row(trial, every[-1])
+        Results(study.results).put(with_curve(row, every, WIDE))
+
+    return put
+
+
+@pytest.fixture
+def results(study, put):
+    """Rows of E1 and R: one setting changes the loss, seeds differ a little.
+
+    R's trainings of system 2 gain only after the cap.
+    """
+    rng = np.random.default_rng(0)
+    seeds = 1 + 0.1 * rng.standard_normal(3)
+    for system in further.ABLATION_CAPS:
+        later = 0.1 if system == "system2" else None
+        caps = restricted(R_CAPS, {"sidm": (5.0,)})
+        for trial in arm(study, "R", system, caps, range(3)):
+            put(trial, 0.3 * seeds[trial.seed], later)
+        for setting, values in further.ABLATED.items():
+            for value in values:
+                if value == further.OF_R[setting][system]:
+                    continue
+                for seed in range(3):
+                    trial = further.ablated(study, system, setting, value, seed)
+                    noise = 1 + 0.002 * rng.standard_normal()
+                    effect = EFFECT.get((setting, value), 1)
+                    put(trial, 0.3 * seeds[seed] * effect * noise)
+    return ablated.results(study, Results(study.results))
+
+
+def test_one_setting_changes_at_a_time(study):
+    made = further.ablations(study)
+    assert len({trial.key for trial in made}) == 48
+    for trial in made:
+        training = trial.training
+        off_r = [
+            training.p_expert != further.OF_R["p_expert"][trial.system],
+            training.prediction_iterations != 100,
+            training.matching_iterations != 20 or not training.regularise,
+        ]
+        assert sum(off_r) == 1 and training.max_samples == training.patience
+
+
+def test_a_setting_is_held_against_r_seed_by_seed_at_one_cap(results):
+    """Settings without effect do not differ; R's gain beyond the cap does not count."""
+    table = ablated.table(results)
+    assert len(table) == 2 * 2 * 8 and (table.seeds == 3).all()
+    for row in table[table.rule.isin([END, RELEASED])].itertuples():
+        effect = EFFECT.get((row.setting, row.value), 1)
+        assert row.ratio == pytest.approx(effect, rel=0.005)
+        assert row.differs == (effect == 1.3) and row.low < row.ratio < row.high
+    assert len(ablated.figure(table[table.rule == END], table).axes) == 6
+    # without all settings nothing differs
+    few = ablated.table(results[(results.setting == "") | (results.value == 0.9)])
+    assert few.corrected.isna().all() and not few.differs.any()
+    assert ablated.table(results[results.seed == 0]).low.isna().all()
+
+
+def test_a_p_value_belongs_to_its_interval(rng):
+    """An interval that ends at 1 has a p-value of 0.05."""
+    assert p_value(Interval(2.0, 1.0, 4.0), 5) == pytest.approx(0.05)
+    logs = 0.1 + 0.2 * rng.standard_normal(6)
+    ratio = mean_ratio(np.exp(logs), np.ones(6))
+    assert p_value(ratio, 6) == pytest.approx(ttest_1samp(logs, 0).pvalue)
+    assert np.isnan(p_value(Interval(2.0, np.nan, np.nan), 1))
+
+
+def test_the_rivals_best_seed_lowers_the_ratio(study, put):
+    """Losses 1 / sqrt(minutes); one of five seeds is better from 20 minutes on."""
+    for trial in arm(study, "R", "system1", R_CAPS, range(5)):
+        loss = trial.novice_minutes**-0.5 / (2 if trial.method == "sidm" else 1)
+        if trial.seed == 3 and trial.novice_minutes >= 20:
+            loss *= 0.8
+        put(trial, loss)
+    # results of one recipe alone have the types that figures compute with
+    frame = verdicts.results(study, Results(study.results))
+    assert frame.validation_loss.dtype == float and set(frame.recipe) == {"R"}
+    plain = sensitivity.ratio_at_best(frame, "system1", ())
+    best = sensitivity.ratio_at_best(frame, "system1", ALONE_SIZES[2:])
+    assert plain.value == pytest.approx(4, rel=0.15)
+    assert best.value == pytest.approx(2.9, rel=0.05)
+    counted = sensitivity.ended_by_rule(frame)
+    assert counted.trainings.eq(5).all() and counted.ended.isin([0, 5]).all()
+
+
+def test_the_median_drive_is_shown():
+    """Predicted paths end 3, 1 and 2 m off."""
+    actual = np.zeros((3, 26, 13))
+    predicted = actual.copy()
+    predicted[:, -1, 0] = 3, 1, 2
+    paths = {"rollouts_predicted": predicted.tolist(), "rollouts_actual": actual}
+    rows = pd.DataFrame({name: [some] for name, some in paths.items()})
+    assert figure4.median_drive(rows) == 2

@@ -1,13 +1,10 @@
-"""Driving to goals: episodes, drivers, tables and figures."""
-
-import dataclasses
+"""Driving to goals: episodes, drivers and tables."""
 
 import numpy as np
 import pandas as pd
 import pytest
 import torch
 
-from companion import Study
 from companion.beyond.drivers import Driver, drive_episode, simulate_sequences
 from companion.beyond.planning import Planning
 from companion.engine.frame import records_frame
@@ -17,34 +14,8 @@ from sidm.simulation import Simulator
 from tests.companion.conftest import made
 
 
-@pytest.fixture(scope="module")
-def jobs(tiny, data, tmp_path_factory):
-    """A job of each driver; the model is of system 1 and the largest tiny dataset."""
-    study = Study(tiny, data, tmp_path_factory.mktemp("results"))
-    trial, corrected = (
-        study.trial("system1", method, 0.75) for method in ("sidm", "corrected")
-    )
-    plain = dict(system="system1", episodes=(0,), longest=0.5)
-    small = Planning(samples=3, elites=2, horizon=4, hold=2)
-    return {
-        "model": d.DriverTest(driver="model", trial=trial, planning=small, **plain),
-        "corrected": d.DriverTest(
-            driver="model", trial=corrected, planning=small, **plain
-        ),
-        "simulator": d.DriverTest(
-            driver="simulator",
-            trial=None,
-            planning=dataclasses.replace(small, replan=2),
-            **plain,
-        ),
-        "straight": d.DriverTest(driver="straight", trial=None, planning=None, **plain),
-    }
-
-
 def test_episodes_are_the_same_for_all_and_differ():
-    first = d.episode("system1", 0)
-    repeated = d.episode("system1", 0)
-    second = d.episode("system1", 1)
+    first, repeated, second = (d.episode("system1", number) for number in (0, 0, 1))
     assert np.array_equal(first.heights, repeated.heights)
     assert np.array_equal(first.goal, repeated.goal)
     assert not np.array_equal(first.heights, second.heights)
@@ -54,16 +25,15 @@ def test_episodes_are_the_same_for_all_and_differ():
 
 def test_trying_out_leaves_the_simulator_where_it_was():
     """Tried paths lead where real steps lead."""
-    actions = torch.tensor(
-        [[[0.5, 0.2], [0.5, 0.2]], [[-0.3, 0.0], [0.1, 0.9]]], dtype=torch.float64
-    )
-    one = d.episode("system1", 0)
-    with Simulator(d.find_system("system1").novice, one.heights) as simulator:
+    actions = torch.tensor([[[0.5, 0.2], [0.5, 0.2]], [[-0.3, 0.0], [0.1, 0.9]]])
+    heights = d.episode("system1", 0).heights
+    with Simulator(d.find_system("system1").novice, heights) as simulator:
         simulator.reset()
         simulator.step(np.array([0.4, 0.0]))
-        before, tried = simulator.state, simulate_sequences(simulator, actions).numpy()
+        before = simulator.state
+        tried = simulate_sequences(simulator, actions.double()).numpy()
         assert np.allclose(simulator.state, before, atol=1e-9)
-        for action in actions[0].numpy():
+        for action in actions[0].double().numpy():
             simulator.step(action)
         assert np.allclose(tried[0, -1], simulator.state, atol=1e-6)
         assert np.allclose(tried[:, 0], before, atol=1e-9)
@@ -97,61 +67,63 @@ class Toy:
         return self.state
 
     def ended(self, state):
-        return None if np.isfinite(state).all() else "unstable"
+        if not np.isfinite(state).all():
+            return "unstable"
+        return "rollover" if state[3] == 1 else None
 
 
-@pytest.mark.parametrize("beyond", ["lost", "rollover"])
-def test_what_falls_over_or_is_lost_is_tried_no_further(beyond):
-    """The robot stays at that place, upside down."""
-    actions = torch.tensor(
-        [[[0.8, 0], [0.8, 0], [0.8, 0]], [[0.1, 0], [0.1, 0], [0.1, 0]]],
-        dtype=torch.float64,
-    )
+@pytest.mark.parametrize(
+    ("beyond", "ended"), [("lost", "unstable"), ("rollover", "rollover")]
+)
+def test_what_falls_over_or_is_lost_goes_no_further(beyond, ended):
+    """A tried path stays there, upside down; a ride ends there, short of its goal."""
+    throttles = torch.tensor([[0.8, 0.8, 0.8], [0.1, 0.1, 0.1]], dtype=torch.float64)
+    actions = torch.stack([throttles, 0 * throttles], -1)
     tried = simulate_sequences(Toy(beyond), actions).numpy()
     assert np.isfinite(tried).all()
     assert tried[1, :, 0] == pytest.approx([0, 0.1, 0.2, 0.3])
     assert tried[0, 2:, 3].tolist() == [1, 1] and tried[0, 3, 0] == tried[0, 2, 0]
+    toy = Toy(beyond)
+    # straight ahead at throttle 0.6, two steps to 1.2 m
+    ride = drive_episode(toy, Driver(np.array([1.5, 0.0])), toy, 2.0)
+    assert ride.ended == ended and len(ride.actions) == 2
+    assert np.isfinite(ride.states).all()
 
 
-def test_a_ride_whose_numbers_are_lost_ends_there():
-    """The ride is kept up to that step.
+@pytest.fixture
+def driven(study):
+    """Function that makes up episodes of a driver: some arrive, the others are stuck.
 
-    A robot that falls over within reach of its goal has not arrived.
+    Call `driven(method, minutes, arrived)`; without minutes a driver has no model.
     """
-    toy = Toy("lost")
-    driver = Driver(np.array([3.0, 0.0]))  # straight ahead at throttle 0.6
-    lost = drive_episode(toy, driver, toy, 2.0)
-    assert lost.ended == "unstable"
-    assert len(lost.actions) == 2
-    assert np.isfinite(lost.states).all()
-    toy = Toy("rollover")
-    toy.ended = lambda state: "rollover" if state[3] == 1 else None
-    assert (
-        drive_episode(toy, Driver(np.array([1.5, 0.0])), toy, 2.0).ended == "rollover"
-    )
 
+    def make(method, minutes, arrived, episodes=10, seed=0):
+        path = tuple((0.1 * k, 0.05 * k) for k in range(30))
+        numbers = tuple(range(seed, 3 * episodes, 3))
+        trial = minutes and study.trial("system1", method, minutes, seed)
+        return made(
+            d.DrivingResult,
+            d.DriverTest(
+                system="system1",
+                driver="model" if minutes else method,
+                trial=trial or None,
+                planning=None if method == "straight" else Planning(),
+                episodes=numbers,
+                longest=0.5,
+            ),
+            ended=("arrived",) * arrived + ("stuck",) * (episodes - arrived),
+            seconds=(4.0,) * episodes,
+            length=(6.6,) * episodes,
+            away=(6.5,) * episodes,
+            top_speed=(1.5,) * episodes,
+            surprise=(0.1,) * episodes,
+            plans=0 if method == "straight" else 20,
+            plan_seconds=0.08,
+            slowest_plan_seconds=0.1,
+            paths=(path,) * sum(number < d.KEPT for number in numbers),
+        )
 
-def driven(
-    about: d.DriverTest, arrived: int, episodes: int = 10, seed: int = 0
-) -> d.DrivingResult:
-    """Made-up episodes: some robots arrive, the others are stuck."""
-    path = tuple((0.1 * k, 0.05 * k) for k in range(30))
-    numbers = tuple(range(seed, 3 * episodes, 3))
-    trial = about.trial and about.trial.replace(seed=seed)
-    return made(
-        d.DrivingResult,
-        dataclasses.replace(about, episodes=numbers, trial=trial),
-        ended=("arrived",) * arrived + ("stuck",) * (episodes - arrived),
-        seconds=(4.0,) * episodes,
-        length=(6.6,) * episodes,
-        away=(6.5,) * episodes,
-        top_speed=(1.5,) * episodes,
-        surprise=(0.1,) * episodes,
-        plans=0 if about.driver == "straight" else 20,
-        plan_seconds=0.08,
-        slowest_plan_seconds=0.1,
-        paths=(path,) * sum(number < d.KEPT for number in numbers),
-    )
+    return make
 
 
 def frame_of(found) -> pd.DataFrame:
@@ -159,15 +131,16 @@ def frame_of(found) -> pd.DataFrame:
 
 
 @pytest.fixture
-def made_up(jobs):
+def made_up(driven):
     """Results that improve with more data and with SIDM, in each of three seeds."""
-    results = []
-    for minutes, counts in ((0.25, (4, 2)), (0.75, (9, 7))):
-        for method, count in zip(("sidm", "novice_only"), counts, strict=True):
-            trial = jobs["model"].trial.replace(method=method, novice_minutes=minutes)
-            about = dataclasses.replace(jobs["model"], trial=trial)
-            results += [driven(about, count, seed=seed) for seed in range(3)]
-    return [*results, driven(jobs["straight"], 0), driven(jobs["simulator"], 10)]
+    counts = {("sidm", 0.25): 4, ("novice_only", 0.25): 2}
+    counts |= {("sidm", 0.75): 9, ("novice_only", 0.75): 7}
+    models = [
+        driven(*point, count, seed=seed)
+        for point, count in counts.items()
+        for seed in range(3)
+    ]
+    return [*models, driven("straight", 0, 0), driven("simulator", 0, 10)]
 
 
 def test_scores_are_shares_and_medians(made_up):
@@ -177,17 +150,11 @@ def test_scores_are_shares_and_medians(made_up):
     assert (best.method, best.novice_minutes, floor.driver) == expected
     assert (best.models, best.episodes, best.arrived) == (3, 30, 0.9)
     assert 0.74 < best.low < 0.75 and 0.96 < best.high < 0.97  # Wilson's interval
-    assert best.seconds == 4
-    assert best.detour == pytest.approx(1.1)
-    assert best.ends == "stuck 3"
-    assert best.length == 6.6
-    assert (best.often, best.seldom) == pytest.approx((12.5, 10))
-    assert (floor.often, floor.seldom) == (0, 0)
-    assert floor.arrived == 0
-    assert np.isnan(floor.seconds)
-    assert floor.ends == "stuck 10"
-    assert floor.models == 0
-    assert np.isnan(floor.surprise) and best.surprise == pytest.approx(0.1)
+    assert (best.seconds, best.length, best.ends) == (4, 6.6, "stuck 3")
+    found = (best.detour, best.often, best.seldom, best.surprise)
+    assert found == pytest.approx((1.1, 12.5, 10, 0.1))
+    assert (floor.often, floor.seldom, floor.arrived, floor.models) == (0, 0, 0, 0)
+    assert np.isnan([floor.seconds, floor.surprise]).all() and floor.ends == "stuck 10"
 
 
 def test_claims_pair_seeds(made_up):
@@ -207,21 +174,14 @@ def test_claims_pair_seeds(made_up):
         (((0, 0),) * 3, 0, 1, "Not seen"),
     ],
 )
-def test_one_model_that_differs_makes_no_verdict(jobs, pairs, more, chance, verdict):
-    """One differing model of three gives no verdict, for any number of episodes.
-
-    Neither do two that differ alike, nor models that never arrive.
-    """
-    trials = [
-        jobs["model"].trial.replace(method=method) for method in ("sidm", "novice_only")
+def test_one_model_that_differs_makes_no_verdict(driven, pairs, more, chance, verdict):
+    """Neither do two that differ alike, nor models that never arrive."""
+    results = [
+        driven(method, 0.75, count, 17, seed)
+        for seed, pair in enumerate(pairs)
+        for method, count in zip(("sidm", "novice_only"), pair, strict=True)
     ]
-    rows = table(
-        frame_of(
-            driven(dataclasses.replace(jobs["model"], trial=trial), count, 17, seed)
-            for seed, pair in enumerate(pairs)
-            for trial, count in zip(trials, pair, strict=True)
-        )
-    )
+    rows = table(frame_of(results))
     one = rivals(rows).iloc[0]
     assert (one.more, one.fewer) == (more, 0) and one.chance == pytest.approx(chance)
     judged = claims(rows)

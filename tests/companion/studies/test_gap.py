@@ -1,23 +1,22 @@
-"""The gap of expert and novice: components by hand, a measurement, stored results."""
+"""The distance of two robots before learning: gap, overlap, and what it pays."""
 
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from companion.numerics import versions
 from companion.studies import gap, overlap, payoff
-from sidm.storage import read_record
+from companion.studies.payoff import Group, PlanarMotion
+from sidm.storage import read_record, write_record
 from sidm.systems import FREE_SYSTEMS, SYSTEMS
 from tests.companion.conftest import RESULTS
 
 
 def test_components_are_told_in_the_frame_of_the_start():
-    """A metre along the heading is forward, whatever the heading.
-
-    A turn goes on across 180 degrees.
-    """
+    """A turn goes on across 180 degrees."""
     yaw = 3.0
     states = np.zeros((3, 13))
     for number, turn in enumerate((0.0, 0.1, 0.3)):
@@ -31,21 +30,14 @@ def test_components_are_told_in_the_frame_of_the_start():
 
 @pytest.mark.more
 def test_a_pair_is_measured_from_the_same_starts(tmp_path):
-    """The robots part with time.
-
-    The result does not depend on how many starts a worker drives.
-    """
+    """The result does not depend on how many starts a worker drives."""
     with ThreadPoolExecutor(1) as executor:
         gap.measure(executor, tmp_path, ["system1"], starts=3)
     table = gap.table(tmp_path)
     forward = table[table.component == "forward"].set_index("time")
     assert forward.gap[2.5] > forward.gap[0.5] > 0
-    assert len(table) == len(gap.COMPONENTS) * gap.STEPS
-    one = gap.simulate_components("system1", [1])
-    both = gap.simulate_components("system1", [0, 1])
+    one, both = (gap.simulate_components("system1", n) for n in ([1], [0, 1]))
     assert np.array_equal(one[:, 0], both[:, 1]) and not np.array_equal(one[0], one[1])
-    assert not len(gap.table(tmp_path / "nothing"))
-    assert gap.figure(gap.table(tmp_path / "nothing")).axes[0].texts
 
 
 @pytest.mark.parametrize(
@@ -57,15 +49,135 @@ def test_what_is_stored_is_of_todays_physics(study, kind):
     assert read_record(RESULTS / study.NAME)["numerics"] == versions(kind), repeated
 
 
-def test_robots_drive_sensibly():
+def test_stored_robots_drive_sensibly(tmp_path):
     """Robots with free struts move vertically less than rocks are high, in the mean."""
     table = gap.table(RESULTS)
     assert set(table.system) == {*SYSTEMS, *FREE_SYSTEMS}
     up = table[table.component == "up"]
     assert (up.gap < 0.2).all() and (up.spread < 0.2).all()
-    marks = [
-        line
-        for line in gap.figure(table).axes[0].get_lines()
-        if len(line.get_xdata()) == len(gap.COMPONENTS)
+    assert gap.figure(table).axes[0].has_data()
+    assert gap.figure(gap.table(tmp_path)).axes[0].texts
+
+
+@pytest.fixture
+def drawn():
+    """Function for inputs (N, 11) about a place and linear transitions (N, 13)."""
+    rng = np.random.default_rng(0)
+    law = rng.normal(size=(11, 13))
+
+    def draw(count, place=0.0):
+        inputs = place + rng.normal(size=(count, 11))
+        return inputs, inputs @ law
+
+    return draw
+
+
+def test_like_robots_cover_each_other(drawn):
+    both = overlap.neighbourhoods(drawn(2000), drawn(2000), drawn(1000))
+    expert, novice = both["expert"], both["novice"]
+    assert (
+        expert.uncovered == pytest.approx(0.05, abs=0.03) and novice.uncovered == 0.05
+    )
+    assert expert.distance == pytest.approx(novice.distance, rel=0.05)
+    assert expert.loss == pytest.approx(novice.loss, rel=0.1)
+
+
+def test_an_expert_that_was_elsewhere_covers_nothing(drawn):
+    both = overlap.neighbourhoods(drawn(500, place=9.0), drawn(500), drawn(300))
+    assert both["expert"].uncovered == 1
+    assert both["expert"].distance > 4 * both["novice"].distance
+
+
+def test_another_answer_costs_its_square(drawn):
+    """Each of the 13 components is off by 2, which adds 52."""
+    inputs, targets = drawn(800)
+    sides = (inputs, targets + 2), (inputs, targets), (inputs[:200], targets[:200])
+    both = overlap.neighbourhoods(*sides)
+    assert both["expert"].loss - both["novice"].loss == pytest.approx(52, abs=8)
+
+
+def test_an_overlap_that_is_measured_is_read(study, monkeypatch):
+    monkeypatch.setattr(overlap, "PAPER_SYSTEMS", ("system1",))
+    assert overlap.read(study.results) == {}
+    overlap.measure(study, study.results)
+    monkeypatch.setattr(overlap, "PAPER_SYSTEMS", ("system1", "added"))
+    stored = overlap.read(study.results)
+    assert list(stored) == ["system1"] and set(stored["system1"]) == {
+        "expert",
+        "novice",
+    }
+
+
+def drive(seed: int, speed: float = 1.0, pieces: int = 60) -> PlanarMotion:
+    """Drive of a robot whose speed and yaw rate follow its commands."""
+    rng = np.random.default_rng(seed)
+    actions = np.repeat(rng.uniform(-1, 1, (pieces, 4, 2)), 10, axis=1)
+    yaw = np.cumsum(np.pad(0.1 * actions[..., 1], ((0, 0), (1, 0))), axis=1)
+    way = 0.1 * speed * actions[..., 0]
+    steps_xy = np.stack([way * np.cos(yaw[:, :-1]), way * np.sin(yaw[:, :-1])], -1)
+    place = np.cumsum(np.pad(steps_xy, ((0, 0), (1, 0), (0, 0))), axis=1)
+    rate = np.pad(actions[..., 1], ((0, 0), (0, 1)), mode="edge")
+    return PlanarMotion(np.concatenate([place, yaw[..., None]], -1), rate, actions)
+
+
+def test_a_command_is_told_by_what_it_leads_to():
+    """A robot that is twice as fast has half the command for the same twist."""
+    slow, fast = (payoff.motion_samples(drive(0, speed)) for speed in (1.0, 2.0))
+    assert np.allclose(2 * slow.features[:, 3], fast.features[:, 3], atol=0.02)
+
+
+def test_a_like_robot_predicts_as_well_as_the_novice_and_one_that_slips_worse():
+    """A path that bends to the left shows neither in velocity nor in command."""
+    expert, novice = drive(1), drive(2)
+    poses = expert.poses.copy()
+    poses[..., 1] += np.linspace(0, 1, poses.shape[1]) ** 2
+    like, bent = (payoff.gap(e, novice) for e in (expert, expert._replace(poses=poses)))
+    assert like["displacement"] == pytest.approx(like["own_displacement"], rel=0.3)
+    assert bent["displacement"] > 1.5 * bent["own_displacement"]
+
+
+def results(**losses) -> pd.DataFrame:
+    """Three seeds of methods' losses, by minutes of data."""
+    lines = [
+        ("system1", method, minutes, seed, loss + seed / 1e4)
+        for method, some in losses.items()
+        for minutes, loss in some.items()
+        for seed in range(3)
     ]
-    assert len(marks) == 4
+    columns = ["system", "method", "novice_minutes", "seed", "validation_loss"]
+    return pd.DataFrame(lines, columns=columns)
+
+
+def test_savings_stand_beside_the_gap(tmp_path):
+    """Fine-tuning with one minute is as good as training alone with four."""
+    nothing = payoff.saved({"none": Group(results(novice_only={1.0: 4.0})[:0], 1.0)})
+    assert not len(payoff.table(payoff.gaps(tmp_path), nothing))
+    errors = {"displacement": 0.4, "heading": 0.9}
+    own = {"own_displacement": 0.1, "own_heading": 0.1}
+    found = {"system1": errors | own}
+    write_record(tmp_path / payoff.NAME, {"found": found})
+    gaps = payoff.gaps(tmp_path)
+    assert gaps.gap.tolist() == pytest.approx([6.0])
+    alone = {1.0: 4.0, 4.0: 2.0, 16.0: 1.0}
+    frame = results(novice_only=alone, pretrain_finetune={1.0: 2.0, 4.0: 1.0})
+    bodies = results(novice_only=alone, sidm=alone).assign(system="no map")
+    groups = {"alike": Group(frame, 1.0), "unlike": Group(bodies, 1.0, pair="system1")}
+    table = payoff.table(gaps, payoff.saved(groups))
+    rows = table.set_index(["kind", "method"])
+    assert rows.ratio["alike", "pretrain_finetune"] == pytest.approx(4, rel=0.01)
+    assert rows.ratio["unlike", "sidm"] == pytest.approx(1, rel=0.01)
+    assert (rows.gap == gaps.gap[0]).all()
+    assert all(axes.has_data() for axes in payoff.figure(table).axes)
+
+
+def test_one_expert_of_the_family_stands_beside_training_alone():
+    frame = results(novice_only={1.0: 4.0}, sidm={1.0: 3.0})
+    ways = {"system": "system1", "way": "all", "seed": 0, "novice_minutes": 1.0}
+    experts = {"experts": [payoff.MEMBER_ALONE, "2 experts"], "loss": [2.0, 1.0]}
+    families = payoff.family_of(frame, pd.DataFrame(experts | ways))
+    assert set(families.system) == {"family"}
+    tuned = families[families.method != "novice_only"]
+    assert tuned.validation_loss.tolist() == [2.0]
+    assert set(tuned.method) == {"pretrain_finetune"}
+    kinds = {"system1", "system2_free_struts", "family", "husky to warthog"}
+    assert set(payoff.gaps(RESULTS).pair) >= kinds

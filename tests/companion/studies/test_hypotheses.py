@@ -1,4 +1,4 @@
-"""Each hypothesis beside unchanged SIDM: paired ratios, verdicts, training losses."""
+"""Changes beside unchanged SIDM, and the claim about the corrected model."""
 
 import dataclasses
 
@@ -8,17 +8,16 @@ import pytest
 from companion import Results, Study, load_preset
 from companion import grid as figure
 from companion.engine.frame import frame_of
+from companion.studies import corrected_claim as claim
 from companion.studies import hypotheses as h
 
 STUDY = Study(load_preset("laptop"))
 
 
-@pytest.fixture
-def store(make_row, tmp_path):
-    """Results of four hypotheses with known ratios.
+def test_changes_have_verdicts_and_are_ranked_by_what_they_gain(make_row, tmp_path):
+    """One network halves the loss, stronger matching doubles it, MMD adds noise.
 
-    One network halves the loss; stronger matching doubles it; MMD changes nothing but
-    adds noise; CORAL has two seeds.
+    CORAL has two seeds; seeds are paired, so their common factor adds no noise.
     """
     factors = {
         "sidm": (1, 1, 1),
@@ -28,69 +27,36 @@ def store(make_row, tmp_path):
         "coral": (0.5, 0.6),
     }
     store = Results(tmp_path)
+    assert not len(h.ranking(h.table(h.frame(STUDY, store, ["system1"]), tmp_path)))
     for trial in STUDY.points("system1", list(factors), [5]):
         if trial.seed < len(factors[trial.method]):
-            store.put(
-                make_row(trial, factors[trial.method][trial.seed] * (1 + trial.seed))
-            )
-    return store
-
-
-def test_verdicts_follow_the_interval(store):
-    """Seeds are paired, so their common factor adds no noise.
-
-    Fewer than three seeds give no verdict.
-    """
-    table = h.table(h.frame(STUDY, store, ["system1"]), store.folder).set_index(
-        "change"
-    )
-    assert list(table.ratio) == sorted(table.ratio) and set(table.novice_minutes) == {5}
-    assert table.verdict.to_dict() == {
+            factor = factors[trial.method][trial.seed]
+            store.put(make_row(trial, factor * (1 + trial.seed)))
+    table = h.table(h.frame(STUDY, store, ["system1"]), tmp_path)
+    assert list(table.ratio) == sorted(table.ratio)
+    rows = table.set_index("change")
+    assert rows.verdict.to_dict() == {
         "joint training (one network)": "better",
         "SIDM, CORAL": "No verdict",
         "SIDM, MMD": "no difference seen",
         "SIDM, stronger matching": "worse",
     }
-    assert table.ratio["joint training (one network)"] == pytest.approx(0.5)
-    assert table.seeds["SIDM, CORAL"] == 2
+    assert rows.ratio["joint training (one network)"] == pytest.approx(0.5)
+    ranking = h.ranking(table)
+    assert ranking.change.tolist() == [c for c in rows.index if c != "SIDM, CORAL"]
+    assert ranking.better.tolist() == [1, 0, 0] and ranking.worse.tolist() == [0, 0, 1]
 
 
-def test_changes_are_ranked_by_what_they_gain(store):
-    ranking = h.ranking(
-        h.table(h.frame(STUDY, store, ["system1"]), store.folder)
-    ).set_index("change")
-    expected = ["joint training (one network)", "SIDM, MMD", "SIDM, stronger matching"]
-    assert list(ranking.index) == expected
-    assert list(ranking.better) == [1, 0, 0] and list(ranking.worse) == [0, 0, 1]
-    assert ranking.hypothesis["joint training (one network)"] == h.APART
-    assert set(ranking.comparisons) == {1}
-
-
-def test_nothing_stored_is_an_empty_table(tmp_path):
-    table = h.table(h.frame(STUDY, Results(tmp_path), ["system1", "system2"]), tmp_path)
-    assert len(table) == 0 and len(h.ranking(table)) == 0
-
-
-def test_every_change_is_another_trial_than_sidms():
-    base = {
-        t.key
-        for t in STUDY.points(
-            "system1", ["sidm"], STUDY.preset.novice_minutes("system1")
-        )
-    }
-    changes = list(h.changes(STUDY, "system1"))
+def test_every_change_is_another_trial_and_its_figure_has_it():
+    sizes = STUDY.preset.novice_minutes("system2")
+    base = {t.key for t in STUDY.points("system2", ["sidm"], sizes)}
+    changes = list(h.changes(STUDY, "system2"))
     points = [(c.change, t.novice_minutes, t.seed) for c in changes for t in c.trials]
     assert len(set(points)) == len(points) and len(changes) > 20
     for change in changes:
-        assert change.trials and not base & {t.key for t in change.trials}, (
-            change.change
-        )
-
-
-def test_the_figure_that_runs_a_change_has_its_trials():
-    for change in h.changes(STUDY, "system2"):
+        own = {trial.key for trial in change.trials}
         known = {trial.key for trial in figure(STUDY.preset, change.figure, "system2")}
-        assert {trial.key for trial in change.trials} <= known, change.change
+        assert own and not base & own and own <= known, change.change
 
 
 def test_parts_of_the_experts_are_held_against_the_novices_own():
@@ -100,45 +66,86 @@ def test_parts_of_the_experts_are_held_against_the_novices_own():
         "expert_decoder_loss": 4.0,
         "expert_path_loss": 2.0,
     }
-    models = [
-        losses | {"system": "system2", "novice_minutes": 20.0, "seed": seed}
-        for seed in range(3)
-    ]
-    lines = h.crossings(pd.DataFrame(models)).set_index("change")
-    assert lines.ratio.to_dict() == pytest.approx(
-        dict(zip(h.CROSSED.values(), (0.5, 2.0, 1.0), strict=True))
+    point = {"system": "system2", "novice_minutes": 20.0}
+    models = pd.DataFrame([losses | point | {"seed": seed} for seed in range(3)])
+    ratios = h.crossings(models).set_index("change").ratio.to_dict()
+    expected = zip(h.CROSSED.values(), (0.5, 2.0, 1.0), strict=True)
+    assert ratios == pytest.approx(dict(expected))
+
+
+@pytest.mark.parametrize(("stopped", "training"), [(True, 4.0), (False, 2.0)])
+def test_the_training_loss_is_that_near_the_kept_weights(make_row, stopped, training):
+    """These are the weights before the patience, or of the lowest smoothed loss."""
+    curve = dict(
+        curve_samples=(1, 2, 3, 4, 5, 6),
+        curve_test_loss=(3.0, 1.0, 2.0, 1.2, 1.2, 3.0),
+        curve_training_loss=(9.0, 5.0, 4.0, 3.0, 2.0, 1.0),
     )
-    assert set(lines.seeds) == {3}
-
-
-def test_what_was_learnt_by_heart(make_row):
-    """The training loss is that near the kept weights.
-
-    These are the weights before the patience, or of the lowest smoothed loss.
-    """
-    rows, stopped = [], []
+    rows = []
     for trial in STUDY.points("system1", ["novice_only", "sidm"], [5]):
-        row = make_row(trial, 3.0)
-        tests = (3.0, 1.0, 2.0, 1.2, 1.2, 3.0)
-        trainings = (9.0, 5.0, 4.0, 3.0, 2.0, 1.0)
-        curve = dict(
-            curve_samples=(1, 2, 3, 4, 5, 6),
-            curve_test_loss=tests,
-            curve_training_loss=trainings,
-        )
-        for some, samples in (
-            (rows, trial.training.max_samples),
-            (stopped, 3 + trial.training.patience),
-        ):
-            some.append(
-                dataclasses.replace(
-                    row,
-                    outcome=dataclasses.replace(row.outcome, samples=samples, **curve),
-                )
-            )
-    assert set(h.memorised(frame_of(stopped)).training) == {4.0}
+        settings, row = trial.training, make_row(trial, 3.0)
+        samples = 3 + settings.patience if stopped else settings.max_samples
+        outcome = dataclasses.replace(row.outcome, samples=samples, **curve)
+        rows.append(dataclasses.replace(row, outcome=outcome))
     table = h.memorised(frame_of(rows))
     assert list(table.method) == ["sidm", "novice_only"]
-    assert set(table.training) == {2.0}
-    assert set(table.validation) == {3.0}
-    assert set(table.ratio) == {1.5}
+    assert set(table.training) == {training} and set(table.ratio) == {3 / training}
+
+
+@pytest.fixture(scope="module")
+def every():
+    """All trials of the claim about the corrected model."""
+    return [t for pair in claim.PAIRS for t in claim.trials(Study("study"), pair)]
+
+
+@pytest.fixture
+def verdict_of(make_row):
+    """Function for the verdict if data of a method count `power` times, and its table.
+
+    The seed makes a little difference.
+    """
+
+    def verdict_of(trials, **power):
+        rows = []
+        for t in trials:
+            data = power.get(t.method, 1.0) * t.novice_minutes
+            rows.append(make_row(t, (1 + 0.01 * (t.seed % 100)) * data**-0.5))
+        table = claim.table(frame_of(rows))
+        return claim.verdict(table), table
+
+    return verdict_of
+
+
+def test_rivals_have_twice_the_data_and_nothing_was_chosen_by_any_of_it(every):
+    own, rivals = ({}, {})
+    for trial in every:
+        sizes = own if trial.method == claim.METHOD else rivals
+        sizes[trial.novice_minutes] = trial.method
+    assert {*own} == {*claim.SIZES} and {*rivals} == {2 * m for m in claim.SIZES}
+    assert {(t.motion, t.seed) for t in every} == {
+        ("claim", n) for n in range(100, 105)
+    }
+    kinds = "novice", "validation", "rollout"
+    seeds = {t.datasets[kind].collection.seed for t in every for kind in kinds}
+    assert seeds == {20, 21, 23}
+
+
+def test_the_claim_holds_where_the_best_rival_with_twice_the_data_is_worse(
+    every, verdict_of
+):
+    """The best rival is as good as 1.4 times its data, so that 2.8 times are needed."""
+    verdict, rows = verdict_of(every, corrected_averaged=3.0, pretrain_finetune=1.4)
+    assert verdict is True and set(rows.rival) == {"pretrain_finetune"}
+    assert rows.ratio.tolist() == pytest.approx([(2.8 / 3) ** 0.5] * len(rows))
+    verdict, rows = verdict_of(every, corrected_averaged=2.7, pretrain_finetune=1.4)
+    assert verdict is False and not rows.holds.any()
+
+
+def test_before_all_pairs_are_run_the_claim_can_only_fail(every, verdict_of):
+    some = [t for t in every if t.system != claim.PAIRS[-1]]
+    assert verdict_of(some, corrected_averaged=9.0)[0] is None
+    assert verdict_of(some)[0] is False
+    # the missing rival could have been the best
+    without = [t for t in every if t.method != claim.RIVALS[-1]]
+    verdict, rows = verdict_of(without, corrected_averaged=9.0)
+    assert verdict is None and not len(rows)

@@ -1,7 +1,4 @@
-"""Real robots: every method learns their recordings.
-
-Losses are of sessions that no method has seen; a table shows them.
-"""
+"""Real robots: sessions that no method has seen, and the jitter of their poses."""
 
 import numpy as np
 import pytest
@@ -14,64 +11,41 @@ from companion.studies.real_robots import results as r
 from ownrobot.fitting.splits import session_order, sessions_of, train_test_split
 from sidm.config import ConfigError, replace
 
-JOBS = {
-    (job.expert, job.method): job
-    for pair in m.PAIRS
-    for job in m.jobs(Study("smoke"), pair, (4, 8), 1)
-}
-
-
-JUDGED = [
-    ("", "rotation_centres"),
-    ("", "least_squares"),
-    ("hunter", "sidm"),
-    ("husky", "corrected"),
-]
-
 
 def test_sessions_are_never_parted():
     windows = m.robot("warthog", 19)
     order = session_order(windows, 3)
-    learning, testing = (
-        set(sessions_of(part)) for part in train_test_split(windows, order[:12])
-    )
+    parts = train_test_split(windows, order[:12])
+    learning, testing = (set(sessions_of(part)) for part in parts)
     assert not learning & testing and learning | testing == set(order[:12])
     more, _ = train_test_split(windows, order[:16])
     assert learning <= set(sessions_of(more))
 
 
 def test_a_study_is_asked_for_its_own_systems_alone(tmp_path):
+    smoke, folders = load_preset("smoke"), (tmp_path, tmp_path)
     with pytest.raises(ConfigError, match="is about husky to warthog"):
-        registry.run(
-            "real-robots", load_preset("smoke"), "system1", 1, tmp_path, tmp_path
-        )
-    assert registry.STUDIES["real-robots"].pairs == tuple(m.PAIRS)
+        registry.run("real-robots", smoke, "system1", 1, *folders)
 
 
 def test_jitter_is_found_in_a_smooth_path(rng):
-    """Noise is 2 cm, 1 cm and 0.01 rad on a curve of 20 steps.
+    """Noise is 2 cm, 1 cm and 0.01 rad on a curve, which does not count as jitter."""
+    windows = m.robot("warthog", 19)[:280]
+    yaw = np.tile(0.05 * np.arange(20), (280, 1))
+    still = np.zeros((3, 280, 20))
+    path = np.stack([2 * np.sin(yaw), 2 - 2 * np.cos(yaw), yaw, *still], -1)
 
-    The curve itself does not count as jitter.
-    """
-    windows, time = m.robot("warthog", 19)[:280], 0.1 * np.arange(20)
-    yaw = np.tile(0.5 * time, (280, 1))
-    smooth = np.stack(
-        [2 * np.sin(yaw), 2 - 2 * np.cos(yaw), yaw, *np.zeros((3, 280, 20))], -1
-    )
-    first = [
-        replace(one, states=path) for one, path in zip(windows, smooth, strict=True)
-    ]
+    def found(states):
+        pairs = zip(windows, states, strict=True)
+        return jitter.jitter([replace(one, states=some) for one, some in pairs])
+
+    assert found(path).max() < 1e-4
     size = (0.02, 0.01, 0.01)
-    assert jitter.jitter(first).max() < 1e-4
     forward, left, turn = (scale * rng.normal(size=yaw.shape) for scale in size)
-    noisy = smooth.copy()
-    noisy[..., 0] += np.cos(yaw) * forward - np.sin(yaw) * left
-    noisy[..., 1] += np.sin(yaw) * forward + np.cos(yaw) * left
-    noisy[..., 2] += turn
-    shaken = [
-        replace(one, states=path) for one, path in zip(windows, noisy, strict=True)
-    ]
-    assert jitter.jitter(shaken) == pytest.approx(size, rel=0.1)
+    path[..., 0] += np.cos(yaw) * forward - np.sin(yaw) * left
+    path[..., 1] += np.sin(yaw) * forward + np.cos(yaw) * left
+    path[..., 2] += turn
+    assert found(path) == pytest.approx(size, rel=0.1)
 
 
 def test_jitter_costs_at_least_half_of_what_it_costs_without_memory():
@@ -79,21 +53,17 @@ def test_jitter_costs_at_least_half_of_what_it_costs_without_memory():
     assert floor.loss[1] == 2 * floor.loss[0] and 0.1 < floor.loss[0] < 0.2
     assert 0.02 < floor.displacement[0] < floor.displacement[1] < 0.1
     assert floor.heading[1] > floor.heading[0]
-    floors = {"warthog": floor.loss, "husky": jitter.floor(m.robot("husky")).loss}
+    floors = {"warthog": floor.loss, "husky": floor.loss}
     figure = r.figure(m.records("results").frame(), "loss", floors)
-    assert [line.get_text() for line in figure.axes[-1].get_legend().get_texts()][
-        -1
-    ] == "jitter of the pose"
+    named = figure.axes[-1].get_legend().get_texts()
+    assert named[-1].get_text() == "jitter of the pose"
 
 
 @pytest.mark.parametrize("method", ["least_squares", "differential_drive"])
 def test_a_stored_result_made_again_is_the_stored_one(method):
     """All sizes of one seed agree but for rounding; only the recordings are needed."""
-    job = next(
-        one
-        for one in m.jobs(Study("laptop"), "husky to warthog")
-        if (one.method, one.seed) == (method, 0)
-    )
+    jobs = m.jobs(Study("laptop"), "husky to warthog")
+    job = next(one for one in jobs if (one.method, one.seed) == (method, 0))
     stored, repeated = m.records("results").get(job), m.measure(job)
     assert repeated.minutes == pytest.approx(stored.minutes)
     assert repeated.loss == pytest.approx(stored.loss, rel=1e-3)

@@ -24,10 +24,7 @@ def study(tiny, data, tmp_path):
 
 
 def test_the_stretch_holds_one_phase_of_each_algorithm(study, monkeypatch):
-    """The first test is at iteration 2.
-
-    The phase of Algorithm 2 follows iteration 4, and iteration 6 ends the stretch.
-    """
+    """From the first test, at iteration 2, to iteration 6."""
     phases, regularise = [], training.regularisation_phase
 
     def counted(trainer):
@@ -40,29 +37,28 @@ def test_the_stretch_holds_one_phase_of_each_algorithm(study, monkeypatch):
 
 
 def test_what_is_measured_is_read(study, tmp_path):
-    assert read(tmp_path, study.preset.name) == {}
-    assert "not measured" in pace_note(tmp_path, study.preset.name, "companion run")
-    measure(study, tmp_path, ["sidm", "pretrain_finetune"], rounds=2, beside="a film")
-    note = pace_note(tmp_path, study.preset.name, "companion run")
+    name, methods = study.preset.name, ["sidm", "pretrain_finetune"]
+    assert read(tmp_path, name) == {}
+    assert "not measured" in pace_note(tmp_path, name, "companion run")
+    measure(study, tmp_path, methods, rounds=2, beside="a film")
+    note = pace_note(tmp_path, name, "companion run")
     assert "in 2 rounds, on one core" in note and "beside a film" in note
-    stored = read(tmp_path, study.preset.name)
-    assert (
-        set(stored) == {"sidm", "pretrain_finetune"} and read(tmp_path, "paper") == {}
-    )
+    stored = read(tmp_path, name)
+    assert {*stored} == {*methods} and read(tmp_path, "paper") == {}
     assert all(0 < pace.lowest < pace.median < pace.highest for pace in stored.values())
 
 
-def test_samples_take_their_own_pace(study, make_row):
-    """Pretraining has the pace of one system alone; the made-up row has 300 samples."""
+def test_pretraining_has_the_pace_of_one_system_alone(study, make_row):
     paces = {
         "sidm": Pace(4.0, 3.0, 5.0),
         "pretrain_finetune": Pace(3.0, 2.0, 4.0),
         "novice_only": Pace(2.0, 1.0, 3.0),
     }
-    row = make_row(study.trial("system1", "pretrain_finetune", 0.25))
-    row = dataclasses.replace(
-        row, outcome=dataclasses.replace(row.outcome, pretraining_samples=1000)
+    tuned, sidm = (
+        make_row(study.trial("system1", method, 0.25))  # of 300 samples
+        for method in ("pretrain_finetune", "sidm")
     )
-    rows = frame_of([row, make_row(study.trial("system1", "sidm", 0.25))])
+    outcome = dataclasses.replace(tuned.outcome, pretraining_samples=1000)
+    rows = frame_of([dataclasses.replace(tuned, outcome=outcome), sidm])
     assert list(seconds(rows, paces)) == pytest.approx([0.3 * 3 + 1.0 * 2, 0.3 * 4])
     assert seconds(rows, {}).isna().all()

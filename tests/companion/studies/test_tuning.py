@@ -1,20 +1,23 @@
-"""Tries of the tuning: the methods of `laptop` follow from the stored tries."""
+"""Searches of settings: what was tried, and that the methods follow from it."""
 
 import dataclasses
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from companion import Results, Study, load_preset
 from companion.engine.frame import frame_of
 from companion.methods import FOR_LITTLE, METHODS
+from companion.numerics import versions
 from companion.statistics.savings import savings
+from companion.studies import tree_search
+from companion.studies.tree_search import best, draw, draws, read
 from companion.studies.tuning import (
     LITTLE,
     LITTLE_TRIES,
     LITTLE_WORTH,
     TRIES,
-    TUNED,
     TUNING_SEED,
     best_novice_only,
     frame,
@@ -25,118 +28,79 @@ from companion.studies.tuning import (
     table,
 )
 from companion.studies.tuning import trials as trials_of
+from ownrobot.methods import boosting
+from ownrobot.methods.boosting import Growth
+from sidm.storage import read_record, write_record
 from sidm.systems import SYSTEMS
 from tests.companion.conftest import RESULTS
 
-
-def test_every_method_is_tuned_with_the_same_number_of_tries(tiny, tmp_path):
-    """Tries use a seed that no figure has.
-
-    The expert's part of a method takes the tries' values.
-    """
-    trials = trials_of(
-        Study(tiny.replace(tuning_minutes=[0.5]), tmp_path, tmp_path), "system1"
-    )
-    assert len({len(tries) for tries in TRIES.values()}) == 1
-    assert {t.seed for t in trials} == {TUNING_SEED}
-    assert [t.method for t in trials] == [
-        method for method, tries in TRIES.items() for _ in tries
-    ]
-    assert all(
-        (t.pretraining is None) == (not METHODS[t.method].pretrained) for t in trials
-    )
-    assert len({t.key for t in trials}) == len(trials)
+STORED = Results(RESULTS)
 
 
-def test_the_lowest_test_loss_is_marked(tiny, make_row, tmp_path):
+def test_every_method_has_as_many_tries_and_the_lowest_test_loss_is_marked(
+    tiny, make_row, tmp_path
+):
     # so that the method uses the untuned base
     preset = tiny.replace(tuning_minutes=[0.5], test_interval=25)
     study, store = Study(preset, tmp_path, tmp_path), Results(tmp_path)
     trials = trials_of(study, "system1")
+    assert len({trial.key for trial in trials}) == len(trials) == 3 * 7
+    assert {trial.seed for trial in trials} == {TUNING_SEED}
+    assert not len(table(frame(study, store, ["system1"])))
     for number, trial in enumerate(trials):
         row = make_row(trial, 100 - number)  # the validation loss must not matter
-        # a tie of 3 and 4
-        outcome = dataclasses.replace(
-            row.outcome, best_test_loss=1.0 + abs(number - 3.5)
-        )
+        lost = 1.0 + abs(number - 3.5)  # a tie of 3 and 4
+        outcome = dataclasses.replace(row.outcome, best_test_loss=lost)
         store.put(dataclasses.replace(row, outcome=outcome))
     rows = table(frame(study, store, ["system1"]))
     assert rows.lowest[:7].tolist() == [number == 3 for number in range(7)]
     assert rows.lowest.sum() == 3
-    assert rows["try"][rows.used].tolist() == [
-        next(iter(tries)) for tries in TRIES.values()
-    ]
-    assert rows["try"].tolist() == [
-        words for tries in TRIES.values() for words in tries
-    ]
+    assert rows["try"].tolist() == [w for tries in TRIES.values() for w in tries]
+    assert rows["try"][rows.used].tolist() == [next(iter(t)) for t in TRIES.values()]
     assert rows["try"][6] == "weight decay 0.1"
     assert trials[6].training.weight_decay == 0.1
-    assert not len(table(frame(study, Results(tmp_path / "nothing"), ["system1"])))
 
 
 def test_the_study_has_tries_of_its_own_on_motion_of_their_own(tmp_path):
-    """Methods have equally many tries; SIDM tunes p_e; no method was tuned before."""
     trials = trials_of(Study("study", tmp_path, tmp_path), "system2")
-    counts = {len(its) for its in LITTLE_TRIES.values()}
-    assert len(trials) == 3 * counts.pop()
-    assert not counts
-    assert len({t.key for t in trials}) == len(trials)
-    assert {t.motion for t in trials} == {"tuning"}
-    assert {t.novice_minutes for t in trials} == {5}
-    assert {t.training.p_expert for t in trials if t.method == "sidm"} == {0.5, 0.9}
-    assert {t.training.matching_iterations for t in trials if t.method == "sidm"} == {
-        5,
-        20,
-        100,
-    }
+    (count,) = {len(tries) for tries in LITTLE_TRIES.values()}
+    assert len({t.key for t in trials}) == len(trials) == 3 * count
+    assert {(t.motion, t.novice_minutes) for t in trials} == {("tuning", 5)}
+    sidm = [t.training for t in trials if t.method == "sidm"]
+    assert {training.p_expert for training in sidm} == {0.5, 0.9}
 
 
 @pytest.mark.parametrize("method", TRIES)
 def test_the_laptop_is_tuned_to_its_best_tries(method):
     """By the rule, the lowest test loss on system 1 wins."""
-    preset, store = load_preset("laptop"), Results(RESULTS)
-    trials = [
-        t
-        for t in trials_of(Study("laptop", "no data", RESULTS), "system1")
-        if t.method == method
-    ]
-    losses = [row.outcome.best_test_loss for row in store.rows(trials)]
+    preset = load_preset("laptop")
+    trials = trials_of(Study("laptop", "no data", RESULTS), "system1")
+    trials = [trial for trial in trials if trial.method == method]
+    losses = [row.outcome.best_test_loss for row in STORED.rows(trials)]
     assert len(losses) == len(TRIES[method])
-    best = preset_of_try(preset, method, list(TRIES[method])[losses.index(min(losses))])
-    assert preset.training_of(METHODS[method], "system1") == best.training_of(
-        METHODS[method], "system1"
-    )
-    if METHODS[method].pretrained:
-        assert preset.pretraining_of(METHODS[method]) == best.pretraining_of(
-            METHODS[method]
-        )
+    chosen = list(TRIES[method])[losses.index(min(losses))]
+    one, tried = METHODS[method], preset_of_try(preset, method, chosen)
+    assert preset.training_of(one, "system1") == tried.training_of(one, "system1")
+    assert not one.pretrained or preset.pretraining_of(one) == tried.pretraining_of(one)
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
 @pytest.mark.parametrize("method", LITTLE_TRIES)
 def test_with_little_data_the_best_tries_at_five_minutes_are_taken(method, system):
     """A system's lowest test loss wins, unless Figure 3's setting is about as good."""
-    study, store = Study("study", "no data", RESULTS), Results(RESULTS)
+    study = Study("study", "no data", RESULTS)
     trials = [t for t in trials_of(study, system) if t.method == method]
-    losses = [row.outcome.best_test_loss for row in store.rows(trials)]
+    losses = [row.outcome.best_test_loss for row in STORED.rows(trials)]
     assert len(losses) == len(LITTLE_TRIES[method])
-    best = trials[losses.index(min(losses))]
+    ways = [(trial.training, trial.pretraining) for trial in trials]
     figure3 = study.points(system, [method], [5.0])[0]
-    same = [
-        t
-        for t in trials
-        if (t.training, t.pretraining) == (figure3.training, figure3.pretraining)
-    ]
-    (above,) = (losses[trials.index(t)] / min(losses) - 1 for t in same)
+    same = losses[ways.index((figure3.training, figure3.pretraining))]
     repeated = [t for t in little_data(study, system) if t.method == method]
-    assert (method in LITTLE[system]) == bool(repeated) == (above > LITTLE_WORTH)
-    if repeated:
-        assert len({t.key for t in repeated}) == 15
-        assert {t.seed for t in repeated} == set(range(5))
-        assert {(t.training, t.pretraining) for t in repeated} == {
-            (best.training, best.pretraining)
-        }
-        assert {t.motion for t in repeated} == {"figures"}
+    worth = same / min(losses) - 1 > LITTLE_WORTH
+    assert (method in LITTLE[system]) == bool(repeated) == worth
+    chosen = ways[losses.index(min(losses))]
+    assert {(t.training, t.pretraining) for t in repeated} <= {chosen}
+    assert {t.motion for t in repeated} <= {"figures"}
 
 
 def test_savings_are_beside_the_best_of_training_alone(make_row, tmp_path):
@@ -147,28 +111,75 @@ def test_savings_are_beside_the_best_of_training_alone(make_row, tmp_path):
     study, store = Study("study", tmp_path, tmp_path), Results(tmp_path)
 
     def row(trial, worth=1.0):
-        return make_row(
-            trial, (1 + 0.01 * trial.seed) * (worth * trial.novice_minutes) ** -0.5
-        )
+        loss = (worth * trial.novice_minutes) ** -0.5
+        return make_row(trial, (1 + 0.01 * trial.seed) * loss)
 
     figure3 = frame_of(row(t) for s in SYSTEMS for t in study.figure3(s))
     worth = {"sidm": 8.0, "novice_only": 2.0}
     for trial in (t for s in SYSTEMS for t in little_data(study, s)):
         store.put(row(trial, worth[trial.method]))
     little = little_data_results(study, store, SYSTEMS)
-    rows = savings(
-        pd.concat([little, best_novice_only(figure3, little)]), ["sidm" + FOR_LITTLE]
-    )
+    both = pd.concat([little, best_novice_only(figure3, little)])
+    rows = savings(both, ["sidm" + FOR_LITTLE])
     assert rows.drop_duplicates("system").ratio.tolist() == pytest.approx([8, 4])
 
 
 def test_the_settings_that_each_method_came_to():
     rows = settings(load_preset("laptop"))
-    assert list(rows.index) == ["p_expert", *TUNED] and list(rows) == list(TRIES)
     assert rows.novice_only.weight_decay == "0.1"
-    assert rows.novice_only.matching_iterations == "-"
-    assert rows.sidm.matching_iterations == "5"
+    assert rows.novice_only.matching_iterations == rows.novice_only.p_expert == "-"
     assert rows.sidm.p_expert == "0.75 (system 1), 0.5 (system 2)"
     assert rows.pretrain_finetune.learning_rate == "0.001, then 0.0001"
-    assert rows.novice_only.p_expert == "-"
-    assert rows.pretrain_finetune.patience == "150,000"
+
+
+@pytest.fixture
+def few(study, monkeypatch):
+    """A search of trees, of two draws a method on the tiny study's motion."""
+
+    def trial(study, seed):
+        return study.trial("system1", "least_squares", 0.75, seed)
+
+    monkeypatch.setattr(tree_search, "_trial", trial)
+    monkeypatch.setattr(tree_search, "DRAWS", {"trees": 2, "trees_corrected": 2})
+    monkeypatch.setattr(tree_search, "SEEDS", (0, 1))
+    monkeypatch.setattr(tree_search, "ROUNDS", 50)
+    monkeypatch.setattr(tree_search, "LEAVES", (3,))
+    monkeypatch.setattr(tree_search, "BEFORE", (Growth(50, leaves=3),) * 2)
+    return study
+
+
+def test_a_search_of_trees_goes_on_where_it_was_and_is_read(few):
+    """A draw that is kept is not searched again."""
+    kept = few.data / "checkpoints" / tree_search.NAME
+    done = {f"{draws()[0].method} {draws()[0].number}": [1.0, 2.0]}
+    write_record(kept, {"losses": done, "numerics": versions("fitting")})
+    tree_search.make(few, workers=1)
+    stored = read_record(few.results / tree_search.NAME)
+    assert stored["numerics"] == versions("fitting") and not kept.exists()
+    assert stored["trees"][0][1] == [1.0, 2.0] != stored["trees"][1][1]
+    table = read(few.results)
+    logs = np.log(stored["trees"][1][1]) - np.log(stored["least_squares"])
+    row = table[(table.method == "trees") & (table.number == 1)].iloc[0]
+    assert row.score == pytest.approx(np.exp(logs.mean()))
+    assert row.novice == draw("trees", 1).novice
+
+
+def test_the_lowest_score_is_chosen(tmp_path):
+    def row(method, number, losses):
+        chosen = draw(method, number)
+        return [[list(g) for g in chosen[2:] if g is not None], losses]
+
+    rows = {
+        "trees": [row("trees", 0, [0.9, 1.8]), row("trees", 1, [0.5, 3.0])],
+        "trees_corrected": [row("trees_corrected", n, [n + 1.0, 1.0]) for n in (0, 1)],
+    }
+    write_record(tmp_path / tree_search.NAME, rows | {"least_squares": [1.0, 2.0]})
+    chosen = best(tmp_path)
+    assert chosen["trees"].number == 1 and chosen["trees_corrected"].number == 0
+    assert read(tmp_path).score.iloc[0] == pytest.approx(np.sqrt(0.75))
+
+
+def test_trees_grow_with_what_the_search_chose():
+    chosen = best(RESULTS)
+    assert boosting.NOVICE == chosen["trees"].novice
+    assert (boosting.CORRECTION, boosting.EXPERT) == chosen["trees_corrected"][2:]
