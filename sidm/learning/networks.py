@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from sidm.body import ROVER, Body
 from sidm.learning import convolution
 from sidm.learning.seeds import derive
-from sidm.learning.units import Standardisation, loss_weights
+from sidm.learning.units import Standardisation, divisor, loss_weights
 from sidm.learning.weights import (
     scale_columns,
     scale_last,
@@ -165,9 +165,12 @@ class Decoder(nn.Module):
             scale_last(self.dense[-1])
         units = standardisation or Standardisation.none(body)
         self.register_buffer("target_mean", units.target_mean.clone())
-        self.register_buffer("target_std", units.target_std.clone())
+        weights, std = loss_weights(body, units), units.target_std
+        # a constant without weight in the loss is not learnt: its mean is predicted
+        std = divisor(std) if weights is None else std
+        self.register_buffer("target_std", std.clone())
         # not persistent: a decoder that starts from stored weights keeps its own
-        self.register_buffer("weights", loss_weights(body, units), persistent=False)
+        self.register_buffer("weights", weights, persistent=False)
 
     def forward(self, transitions: Tensor) -> Tensor:
         """State transitions y' (..., Y) of latent state transitions (..., 64)."""

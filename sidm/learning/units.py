@@ -20,8 +20,7 @@ SMALLEST_STD = 1e-6
 class Standardisation(NamedTuple):
     """Units in which the networks work: (raw - mean) / std.
 
-    A constant input or map keeps its raw unit, std 1. A constant target has std 0: the
-    networks predict its mean.
+    A constant input or map keeps its raw unit, std 1. A constant target has std 0.
     """
 
     input_mean: Tensor  # (X,) float32

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from sidm.body import Body
+from sidm.body import ROVER, Body
+from sidm.config import replace
 from sidm.learning import Standardisation, Windows, dataset, observation, windows_of
 from sidm.learning.model import DynamicsModel
 from sidm.learning.units import loss_weights
@@ -117,7 +118,7 @@ def test_standardisation_is_numpys_mean_and_deviation(make_motion):
     ):
         assert np.allclose(found, values, atol=1e-6) and found.dtype == torch.float32
     assert units.input_std[3] == 1  # constant: in its raw unit
-    assert units.target_std[4] == 0  # predicted as its mean
+    assert units.target_std[4] == 0
     few, first = Standardisation.fit(motion, 2), Standardisation.fit(motion.first(2))
     assert torch.equal(few.map_std, first.map_std)
 
@@ -141,7 +142,9 @@ def test_components_that_no_sensor_resolves_have_no_weight(size, weight):
 def test_a_constant_component_is_predicted_as_its_mean(make_motion, small_network):
     motion = make_motion(9)
     motion.targets[..., 4] = 0.25
-    units = Standardisation.fit(motion)
-    model = DynamicsModel(small_network, {"novice": units, "expert": units})
+    body = replace(ROVER, name="weighted", weights="variance")
+    network = replace(small_network, novice_body=body)
+    model = DynamicsModel(network, Standardisation.fit(motion), roles=["novice"])
     predicted, _ = model("novice", motion.inputs, motion.maps)
     assert (predicted[..., 4] == 0.25).all() and predicted[..., 3].std() > 0
+    assert model.loss_weights("novice")[4] == 0
